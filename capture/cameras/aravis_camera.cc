@@ -33,23 +33,22 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
   Problem problem;
   const size_t payload = arv_camera_get_payload(camera, problem);
   if (problem.happened() || payload < image_bytes) {
-    aravis::refuse(settings, "PayloadSize", std::to_string(image_bytes) + " bytes at least",
+    aravis::refuse(settings, "PayloadSize", "at least " + std::to_string(image_bytes) + " bytes",
                    problem.happened() ? problem.text() : std::to_string(payload));
   }
   return payload;
 }
 
-/// A frame waits so long for its missing packets. Frames behind it wait too, so it costs buffers;
-/// a shorter time gives up frames whose packets a busy host has only not looked at yet.
+/// Maximum time that Aravis waits for the missing packets of a frame. Later frames wait as well and
+/// occupy buffers. A shorter time would drop frames whose packets a busy host has not yet read.
 constexpr guint kFrameRetentionUs = 400'000;
 
-/// A packet socket hears all that passes on its interface until its filter is in place. Whatever it
-/// heard of other cameras by then, Aravis has thrown away after this time, if it had no buffer to
-/// make a frame of it.
-constexpr auto kStrangersGone = std::chrono::milliseconds(30);
+/// Until its filter is in place, a packet socket receives all packets of its interface, also those
+/// of other cameras. Aravis has no buffer for their frames yet, and discards them within this time.
+constexpr auto kForeignPacketTime = std::chrono::milliseconds(30);
 
-/// Room for four frames of a camera in the socket, where packets do not come by packet socket; the
-/// kernel gives what net.core.rmem_max allows.
+/// Sets the receive buffer of a plain UDP socket to four frames, at most 64 MiB; a packet socket
+/// ignores it. The kernel limits it to net.core.rmem_max.
 void set_receiver(ArvStream* stream, size_t payload, bool resend) {
   if (!ARV_IS_GV_STREAM(stream)) return;
   const int room = static_cast<int>(std::min<size_t>(4 * payload, 64 << 20));
@@ -59,10 +58,11 @@ void set_receiver(ArvStream* stream, size_t payload, bool resend) {
                "frame-retention", kFrameRetentionUs, nullptr);
 }
 
-/// Called by Aravis' heartbeat thread.
+/// Aravis calls this function on its heartbeat thread.
 void on_control_lost(ArvDevice*, gpointer lost) { *static_cast<std::atomic<bool>*>(lost) = true; }
 
-/// The pixels of a buffer that arrived whole and is what was asked for.
+/// The pixels of a complete buffer. Empty if the buffer is incomplete or has another size or
+/// format.
 std::optional<Image> image_of(ArvBuffer* buffer, ImageSize size, PixelFormat format) {
   if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS ||
       arv_buffer_get_image_width(buffer) != size.width ||
@@ -89,7 +89,7 @@ class AravisCamera::Link {
       : camera_(aravis::open(settings)), lost_(lost) {
     ArvDevice* device = arv_camera_get_device(camera_.get());
     if (ARV_IS_GV_DEVICE(device) && !arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
-      aravis::refuse(settings, "control", "this program", "another program that has it");
+      aravis::refuse(settings, "control", "this program", "another program that controls it");
     }
     aravis::write_settings(settings, camera_.get());
     size_ = image_size(settings, camera_.get());
@@ -102,7 +102,7 @@ class AravisCamera::Link {
   ~Link() {
     if (on_lost_) g_signal_handler_disconnect(arv_camera_get_device(camera_.get()), on_lost_);
     if (stream_ && !lost_) {
-      Problem problem;  // a camera that does not answer any more has stopped, too
+      Problem problem;  // ignored: a camera that no longer answers does not stream either
       arv_camera_stop_acquisition(camera_.get(), problem);
     }
   }
@@ -110,23 +110,24 @@ class AravisCamera::Link {
   ImageSize size() const { return size_; }
   ArvStream* stream() const { return stream_.get(); }
 
-  /// Frames for which there was no buffer.
+  /// Number of frames of this camera for which there was no buffer.
   int64_t underruns() const {
     guint64 all = 0;
     arv_stream_get_statistics(stream_.get(), nullptr, nullptr, &all);
-    return static_cast<int64_t>(all) - strangers_;
+    return static_cast<int64_t>(all) - foreign_underruns_;
   }
 
-  /// Of the camera's clock from its PTP master; empty while it is not in step, or where PTP is not
-  /// asked for. Asks the camera, twice in a while.
+  /// Offset of the camera's clock from its PTP master. Empty while the clock is not synchronised,
+  /// or if PTP is off. Queries the camera at most every kPtpQueryPeriod and otherwise returns the
+  /// last value.
   std::optional<Duration> ptp_offset() {
-    if (!ptp_ || Monotonic::now() < next_ptp_look_) return ptp_offset_;
-    next_ptp_look_ = Monotonic::now() + kPtpEvery;
+    if (!ptp_ || Monotonic::now() < next_ptp_query_) return ptp_offset_;
+    next_ptp_query_ = Monotonic::now() + kPtpQueryPeriod;
     ptp_offset_ = ptp_->offset();
     return ptp_offset_;
   }
 
-  /// By the chunk data of a frame; empty where it has none.
+  /// Exposure time in microseconds from the chunk data of a frame; empty if it has none.
   std::optional<double> exposure_us(ArvBuffer* buffer) {
     if (!chunks_ || !arv_buffer_has_chunks(buffer)) return {};
     Problem problem;
@@ -136,7 +137,7 @@ class AravisCamera::Link {
   }
 
  private:
-  static constexpr Duration kPtpEvery = std::chrono::seconds(2);
+  static constexpr Duration kPtpQueryPeriod = std::chrono::seconds(2);
 
   void stream(const StudioCamera& settings, size_t payload) {
     Problem problem;
@@ -144,8 +145,8 @@ class AravisCamera::Link {
     if (!stream_ || problem.happened())
       aravis::refuse(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);
-    if (settings.packet_socket) std::this_thread::sleep_for(kStrangersGone);
-    strangers_ = underruns();
+    if (settings.packet_socket) std::this_thread::sleep_for(kForeignPacketTime);
+    foreign_underruns_ = underruns();
     for (int i = 0; i < settings.buffers; ++i) {
       arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(payload));
     }
@@ -157,14 +158,14 @@ class AravisCamera::Link {
   }
 
   Owned<ArvCamera> camera_;
-  Owned<ArvStream> stream_;  // goes before the camera that feeds it
+  Owned<ArvStream> stream_;  // destroyed before the camera, which feeds it
   Owned<ArvChunkParser> chunks_;
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
-  int64_t strangers_ = 0;  ///< frames of other cameras, for which there was no buffer
+  int64_t foreign_underruns_ = 0;  ///< caused by frames of other cameras, before the first buffer
   ImageSize size_;
   std::optional<Ptp> ptp_;
-  MonotonicInstant next_ptp_look_{};
+  MonotonicInstant next_ptp_query_{};
   std::optional<Duration> ptp_offset_;
 };
 
@@ -188,7 +189,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
         std::chrono::duration_cast<std::chrono::microseconds>(deadline - Monotonic::now());
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
     read_statistics();
-    tell_ptp(link_->ptp_offset());
+    store_ptp_offset(link_->ptp_offset());
     if (!buffer) return {};
     CameraFrame frame;
     frame.received = Monotonic::now();
@@ -208,7 +209,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
   return {};
 }
 
-void AravisCamera::tell_ptp(std::optional<Duration> offset) {
+void AravisCamera::store_ptp_offset(std::optional<Duration> offset) {
   has_ptp_offset_ = offset.has_value();
   if (offset) ptp_offset_ = *offset;
 }

@@ -1,4 +1,4 @@
-// A GigE Vision (or USB3 Vision) camera through Aravis.
+// Camera backend for GigE Vision and USB3 Vision, based on Aravis.
 #pragma once
 
 #include <atomic>
@@ -10,10 +10,11 @@
 
 namespace v3d {
 
-/// Chosen by StudioCamera::address: an IP address is asked directly; anything else is the serial
-/// number, looked for on the network. start() takes control of the camera, writes every setting and
-/// reads it back; a camera that has another value then is refused. With `ptp` it streams once its
-/// clock is in step. With `chunk_data` frames carry the camera's own account of their exposure.
+/// StudioCamera::address selects the camera: an IP address is opened directly; any other text is a
+/// serial number, for which start() searches the network. start() takes control of the camera,
+/// writes every setting and reads it back. It throws InputError if a value differs. With `ptp` the
+/// camera streams after its clock is synchronised. With `chunk_data` each frame carries the
+/// exposure time that the camera measured.
 class AravisCamera : public Camera {
  public:
   explicit AravisCamera(StudioCamera settings);
@@ -28,9 +29,9 @@ class AravisCamera : public Camera {
   PixelFormat format() const override { return settings_.pixel_format; }
 
  private:
-  class Link;  ///< the Aravis objects, from start() to stop()
+  class Link;  ///< the Aravis objects; exists from start() to stop()
   void read_statistics();
-  void tell_ptp(std::optional<Duration> offset);
+  void store_ptp_offset(std::optional<Duration> offset);
 
   const StudioCamera settings_;
   ImageSize size_;
@@ -43,7 +44,7 @@ class AravisCamera : public Camera {
   std::atomic<int64_t> packets_missing_ = 0;
   std::atomic<bool> has_ptp_offset_ = false;
   std::atomic<Duration> ptp_offset_ = Duration{};
-  std::atomic<double> exposure_us_ = 0;  ///< of the last frame that told; 0: none has
+  std::atomic<double> exposure_us_ = 0;  ///< of the last frame that reported it; 0: none did
   std::atomic<bool> lost_ = false;
 };
 

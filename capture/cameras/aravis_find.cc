@@ -28,21 +28,21 @@ std::string serials_found() {
     const char* serial = arv_get_device_serial_nbr(i);
     list += (list.empty() ? "" : ", ") + std::string(serial ? serial : "?");
   }
-  return list.empty() ? "no camera at all" : list;
+  return list.empty() ? "no camera" : list;
 }
 
 Owned<ArvCamera> open_by_address(const StudioCamera& settings) {
   Problem problem;
   Owned<ArvCamera> camera(arv_camera_new(settings.address.c_str(), problem));
   if (!camera || problem.happened()) {
-    throw InputError("camera " + settings.name + ": nothing answers at " + settings.address + " (" +
+    throw InputError("camera " + settings.name + ": no answer from " + settings.address + " (" +
                      problem.text() + ")");
   }
   return camera;
 }
 
-/// Asks the network only when the list of the last time does not lead to the camera: a search takes
-/// a second, and a node opens many cameras.
+/// Searches the network only if the device list of the last search does not lead to the camera: a
+/// search takes one second, and a node opens many cameras.
 Owned<ArvCamera> open_by_serial(const StudioCamera& settings) {
   const std::lock_guard lock(device_list_mutex());
   std::string cause;
@@ -59,7 +59,7 @@ Owned<ArvCamera> open_by_serial(const StudioCamera& settings) {
       "camera " + settings.name + ": " +
       (cause.empty()
            ? "no camera has the serial number '" + settings.address + "'; found: " + serials_found()
-           : "serial number " + settings.address + " was found, but " + cause));
+           : "found serial number " + settings.address + ", but cannot open it: " + cause));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Finds a camera on the network or the bus and takes control of it. For capture/aravis_*.cc only.
+// Device discovery with Aravis: finds and opens a camera. For capture/cameras/aravis_*.cc only.
 #pragma once
 
 #include "base/config/studio_file.h"
@@ -6,8 +6,10 @@
 
 namespace v3d::aravis {
 
-/// By `settings.address`: an IPv4 address, or else a serial number. Any thread; searches one at a
-/// time. Throws InputError that names the camera and what was found in its place.
+/// Opens the camera that `settings.address` names: an IPv4 address, otherwise a serial number.
+///
+/// Throws InputError with the name of the camera and the serial numbers that were found.
+/// Thread-safe; only one search runs at a time.
 Owned<ArvCamera> open(const StudioCamera& settings);
 
 }  // namespace v3d::aravis

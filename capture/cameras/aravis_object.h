@@ -1,4 +1,5 @@
-// Ownership and errors of Aravis' objects (GObject) as C++ has them. For capture/aravis_*.cc only.
+// RAII wrappers for Aravis objects (GObject) and errors (GError). For capture/cameras/aravis_*.cc
+// only.
 #pragma once
 
 #include <arv.h>
@@ -14,7 +15,7 @@ struct Unref {
 template <class T>
 using Owned = std::unique_ptr<T, Unref>;
 
-/// Where one call of Aravis puts its error; frees it.
+/// The GError of one Aravis call. The destructor frees it.
 class Problem {
  public:
   Problem() = default;
@@ -29,6 +30,7 @@ class Problem {
   GError* error_ = nullptr;
 };
 
+/// Reports whether the camera has a GenICam feature. False if the query fails.
 inline bool has_feature(ArvCamera* camera, const char* feature) {
   Problem problem;
   return arv_camera_is_feature_available(camera, feature, problem) && !problem.happened();

@@ -24,7 +24,7 @@ std::string Ptp::status() const {
   return problem.happened() || !status ? "no answer" : status;
 }
 
-bool Ptp::in_step() const {
+bool Ptp::is_synchronised() const {
   const std::string now = status();
   return now == "Slave" || now == "Master";
 }
@@ -34,7 +34,7 @@ std::optional<Duration> Ptp::offset() const {
   arv_camera_execute_command(camera_, names_.latch, latched);
   Problem asked;
   const gint64 offset = arv_camera_get_integer(camera_, names_.offset, asked);
-  return in_step() && !asked.happened() ? std::optional(Duration(offset)) : std::nullopt;
+  return is_synchronised() && !asked.happened() ? std::optional(Duration(offset)) : std::nullopt;
 }
 
 }  // namespace v3d::aravis

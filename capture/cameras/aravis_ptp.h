@@ -1,4 +1,4 @@
-// A camera's clock under PTP (IEEE 1588). For capture/aravis_*.cc only.
+// PTP (IEEE 1588) state of a camera's clock. For capture/cameras/aravis_*.cc only.
 #pragma once
 
 #include <arv.h>
@@ -10,7 +10,7 @@
 
 namespace v3d::aravis {
 
-/// What the features of PTP are called: by the SFNC since version 2.2, and by cameras before.
+/// GenICam names of the PTP features: SFNC 2.2 and later, or the older Gev names.
 struct PtpNames {
   const char* enable;
   const char* status;
@@ -18,19 +18,19 @@ struct PtpNames {
   const char* offset;
 };
 
-/// Asks the camera each time; the camera must outlive it. One thread.
+/// Every call queries the camera. The camera must outlive this object. Not thread-safe.
 class Ptp {
  public:
-  /// Empty where the camera has none.
+  /// Empty if the camera has no PTP.
   static std::optional<Ptp> of(ArvCamera* camera);
 
   const char* enable_feature() const { return names_.enable; }
   const char* status_feature() const { return names_.status; }
-  /// "Slave", "Master", "Listening", ...
+  /// The state that the camera reports: "Slave", "Master", "Listening", ...; "no answer" on error.
   std::string status() const;
-  /// The master of the studio is in step with itself.
-  bool in_step() const;
-  /// Of the camera's clock from its master; empty while it is not in step.
+  /// The clock is a synchronised slave, or the master of the studio.
+  bool is_synchronised() const;
+  /// Offset of the camera's clock from its master. Empty while it is not synchronised.
   std::optional<Duration> offset() const;
 
  private:

@@ -12,21 +12,21 @@
 namespace v3d::aravis {
 namespace {
 
-/// A camera has so long to agree with the others on a master and to follow it.
-constexpr Duration kPtpWithin = std::chrono::seconds(20);
-constexpr Duration kPtpLook = std::chrono::milliseconds(100);
+/// Maximum time for a camera to select a PTP master together with the others, and to follow it.
+constexpr Duration kPtpTimeout = std::chrono::seconds(20);
+constexpr Duration kPtpPollPeriod = std::chrono::milliseconds(100);
 
-/// Writes settings and reads them back.
+/// Writes settings to the camera and reads them back.
 class Setup {
  public:
   Setup(const StudioCamera& settings, ArvCamera* camera) : settings_(settings), camera_(camera) {}
 
   void all() {
-    stop_what_runs();
+    stop_acquisition();
     choose("AcquisitionMode", "Continuous");
     choose("PixelFormat", std::string(name(settings_.pixel_format)));
-    choose_if_there("ExposureAuto", "Off");
-    choose_if_there("GainAuto", "Off");
+    choose_if_supported("ExposureAuto", "Off");
+    choose_if_supported("GainAuto", "Off");
     exposure();
     gain();
     trigger();
@@ -41,14 +41,14 @@ class Setup {
     aravis::refuse(settings_, feature, wanted, got);
   }
 
-  bool there(const char* feature) const { return has_feature(camera_, feature); }
+  bool supports(const char* feature) const { return has_feature(camera_, feature); }
 
-  /// A program that died left the camera acquiring: it would go on sending to that program, and
-  /// its format is locked.
-  void stop_what_runs() {
+  /// If a program crashed, the camera still acquires: it sends its images to that program, and its
+  /// pixel format is locked.
+  void stop_acquisition() {
     Problem problem;
     arv_camera_stop_acquisition(camera_, problem);
-    if (problem.happened()) refuse("AcquisitionStop", "a camera at rest", problem.text());
+    if (problem.happened()) refuse("AcquisitionStop", "a stopped camera", problem.text());
   }
 
   void choose(const char* feature, const std::string& wanted) {
@@ -61,11 +61,12 @@ class Setup {
     if (wanted != got) refuse(feature, wanted, got);
   }
 
-  void choose_if_there(const char* feature, const std::string& wanted) {
-    if (there(feature)) choose(feature, wanted);
+  void choose_if_supported(const char* feature, const std::string& wanted) {
+    if (supports(feature)) choose(feature, wanted);
   }
 
-  /// Cameras round to their own steps: `tolerance` is what we let them.
+  /// Writes a number and reads it back. Cameras round values to their own steps; an error up to
+  /// `tolerance` is accepted.
   template <class Set, class Get>
   void number(const char* feature, double wanted, double tolerance, Set set, Get get) {
     Problem setting;
@@ -96,18 +97,18 @@ class Setup {
         [&](GError** e) { return arv_camera_get_gain(camera_, e); });
   }
 
-  /// The mode comes last: a camera that is switched on first would expose at the edges of whatever
-  /// line it listened to before.
+  /// Writes the trigger mode last: otherwise the camera would expose at the edges of the line that
+  /// was selected before.
   void trigger() {
     Problem clear;
     arv_camera_clear_triggers(camera_, clear);
     if (clear.happened()) refuse("TriggerMode", "Off", clear.text());
-    choose_if_there("TriggerSelector", "FrameStart");
+    choose_if_supported("TriggerSelector", "FrameStart");
     choose("TriggerSource", settings_.trigger_line);
     if (settings_.trigger_edge == Edge::kFalling) {
       choose("TriggerActivation", "FallingEdge");
     } else {
-      choose_if_there("TriggerActivation", "RisingEdge");
+      choose_if_supported("TriggerActivation", "RisingEdge");
     }
     choose("TriggerMode", "On");
   }
@@ -116,7 +117,8 @@ class Setup {
     if (settings_.packet_size == 0) {
       Problem problem;
       arv_camera_gv_auto_packet_size(camera_, problem);
-      if (problem.happened()) refuse("packet size", "the largest that passes", problem.text());
+      if (problem.happened())
+        refuse("packet size", "the largest that the network passes", problem.text());
     } else {
       number(
           "GevSCPSPacketSize", settings_.packet_size, 0,
@@ -130,10 +132,10 @@ class Setup {
                                                   : ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
   }
 
-  /// Given in ticks of the camera's clock, so it may come back a tick short. A camera without the
-  /// register has no delay.
+  /// The register counts ticks of the camera's clock, so the value read back may be one tick less.
+  /// A camera without the register has no delay.
   void packet_delay() {
-    if (!there("GevSCPD") && settings_.packet_delay_ns == 0) return;
+    if (!supports("GevSCPD") && settings_.packet_delay_ns == 0) return;
     number(
         "GevSCPD (ns)", settings_.packet_delay_ns, 100,
         [&](GError** e) { arv_camera_gv_set_packet_delay(camera_, settings_.packet_delay_ns, e); },
@@ -151,20 +153,21 @@ class Setup {
     if (get.happened() || !on) refuse(feature, "true", get.happened() ? get.text() : "false");
   }
 
-  /// Streams only when its clock is in step: a clock that is set right in the middle of a take
-  /// makes its frames suspect.
+  /// Waits until the clock is synchronised: a clock that steps during a take makes frames suspect.
   void follow_ptp() {
     const std::optional<Ptp> ptp = Ptp::of(camera_);
     if (!ptp) refuse("ptp", "PtpEnable", "a camera without it");
     switch_on(ptp->enable_feature());
-    const MonotonicInstant deadline = Monotonic::now() + kPtpWithin;
-    while (!ptp->in_step() && Monotonic::now() < deadline) std::this_thread::sleep_for(kPtpLook);
-    if (!ptp->in_step()) refuse(ptp->status_feature(), "Slave or Master", ptp->status());
+    const MonotonicInstant deadline = Monotonic::now() + kPtpTimeout;
+    while (!ptp->is_synchronised() && Monotonic::now() < deadline)
+      std::this_thread::sleep_for(kPtpPollPeriod);
+    if (!ptp->is_synchronised()) refuse(ptp->status_feature(), "Slave or Master", ptp->status());
   }
 
-  /// Time stamp and frame number stand in front of every image anyway; the exposure does not.
+  /// Requests the exposure time. Every image already has its time stamp and frame number.
   void chunk_data() {
-    if (!there("ChunkModeActive")) refuse("chunk_data", "ChunkModeActive", "a camera without it");
+    if (!supports("ChunkModeActive"))
+      refuse("chunk_data", "ChunkModeActive", "a camera without it");
     switch_on("ChunkModeActive");
     choose("ChunkSelector", "ExposureTime");
     switch_on("ChunkEnable");

@@ -1,4 +1,4 @@
-// Puts a camera's settings into it. For capture/aravis_*.cc only.
+// Writes the studio file's settings to a camera. For capture/cameras/aravis_*.cc only.
 #pragma once
 
 #include <arv.h>
@@ -9,11 +9,12 @@
 
 namespace v3d::aravis {
 
-/// Writes every setting and reads it back; the camera is at rest then. With `ptp` it returns when
-/// the camera's clock is in step. Throws InputError by refuse().
+/// Stops acquisition, writes every setting and reads it back. With `ptp` it waits until the
+/// camera's clock is synchronised, at most 20 s. Throws InputError (see refuse()) if a value
+/// differs.
 void write_settings(const StudioCamera& settings, ArvCamera* camera);
 
-/// Throws InputError: "camera cam07: Gain (dB): wanted 3.0, got 1.0".
+/// Throws InputError such as "camera cam07: Gain (dB): wanted 3.0, got 1.0".
 [[noreturn]] void refuse(const StudioCamera& settings, const std::string& feature,
                          const std::string& wanted, const std::string& got);
 

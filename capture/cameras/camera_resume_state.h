@@ -1,4 +1,4 @@
-// What is known of a camera from before this process began, where a take goes on through it.
+// State of a camera in a running take, restored after a restart of the process.
 #pragma once
 
 #include <optional>
@@ -9,10 +9,10 @@
 namespace v3d {
 
 struct CameraResumeState {
-  std::vector<KnownFrame> frames;     ///< the last ones without doubt, by this host's clock of now
-  std::optional<Duration> latency{};  ///< the least from a pulse to the arrival of its frame
+  std::vector<KnownFrame> frames;     ///< the last non-suspect frames; times of this host's clock
+  std::optional<Duration> latency{};  ///< minimum time from a pulse to the arrival of its frame
   int64_t delivered = 0;              ///< frames of the take
-  int64_t suspect = 0;                ///< of these
+  int64_t suspect = 0;                ///< suspect frames among these
 };
 
 }  // namespace v3d

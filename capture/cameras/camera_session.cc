@@ -11,9 +11,9 @@ namespace {
 
 constexpr int kQuietPeriods = 2;
 constexpr int kSilentPeriods = 3;
-/// Frames that are held back go on their way when no more follow for so long after the train.
-constexpr Duration kLongestHold = std::chrono::milliseconds(300);
-/// Frames of a train that the latency is learnt from: so few that its clock cannot have drifted.
+/// Held frames are delivered if no further frame arrives within this time.
+constexpr Duration kMaxHold = std::chrono::milliseconds(300);
+/// Number of frames of a train that measure the latency: few enough for the clock not to drift.
 constexpr size_t kLatencyFrames = 2 * kStartFrames;
 
 }  // namespace
@@ -24,24 +24,25 @@ CameraSession::CameraSession(std::string camera, CameraWorker::Factory make_came
       make_camera_(std::move(make_camera)),
       options_(std::move(options)) {}
 
-void CameraSession::arm(Duration period, bool edges_are_told) {
+void CameraSession::arm(Duration period, bool edges_are_reported) {
   disarm();
   period_ = period;
   matcher_.emplace(period);
   start_ = {.period = period, .latency = latency_};
-  edges_are_told_ = edges_are_told;
+  edges_are_reported_ = edges_are_reported;
   last_frame_ = options_.now();
-  punctual_ = 0;
+  latency_frames_ = 0;
   counts_.frames = counts_.suspect = 0;
   counts_.last_pulse = -1;
 }
 
-void CameraSession::rejoin(Duration period, bool edges_are_told, const CameraResumeState& past) {
-  arm(period, edges_are_told);
+void CameraSession::rejoin(Duration period, bool edges_are_reported,
+                           const CameraResumeState& past) {
+  arm(period, edges_are_reported);
   joins_late_ = ready_ = expecting_ = true;
-  goes_on_ = !past.frames.empty();
-  if (goes_on_) {
-    matcher_->go_on_from(past.frames);
+  resumes_take_ = !past.frames.empty();
+  if (resumes_take_) {
+    matcher_->resume_from(past.frames);
     counts_.last_pulse = past.frames.back().pulse;
   }
   latency_ = start_.latency = past.latency;
@@ -53,11 +54,11 @@ void CameraSession::disarm() {
   matcher_.reset();
   held_.clear();
   labelled_.clear();
-  ready_ = begun_ = expecting_ = missing_ = joins_late_ = goes_on_ = false;
+  ready_ = running_ = expecting_ = missing_ = joins_late_ = resumes_take_ = false;
 }
 
 void CameraSession::pulse_at(const PulseEdge& edge) {
-  if (!matcher_ || begun_ || !ready_) return;
+  if (!matcher_ || running_ || !ready_) return;
   if (!start_.edge) {
     expecting_ = true;
     last_frame_ = std::max(last_frame_, edge.at);
@@ -66,51 +67,52 @@ void CameraSession::pulse_at(const PulseEdge& edge) {
 }
 
 std::optional<Frame> CameraSession::step() {
-  if (!held_.empty()) begin(false);
-  if (labelled_.empty()) go_on();
+  if (!held_.empty()) label_first_frames(false);
+  if (labelled_.empty()) advance();
   if (labelled_.empty()) return {};
   Frame frame = std::move(labelled_.front());
   labelled_.pop_front();
   return frame;
 }
 
-void CameraSession::go_on() {
+void CameraSession::advance() {
   if (!camera_) {
     if (options_.now() >= retry_at_) open();
     return;
   }
-  if (auto frame = camera_->wait(next_look())) return hear(std::move(*frame));
+  if (auto frame = camera_->wait(wait_deadline())) return receive(std::move(*frame));
   const MonotonicInstant now = options_.now();
   check_quiet(now);
   check_loss(now);
 }
 
-/// A loss is noticed when it is due.
-MonotonicInstant CameraSession::next_look() const {
+/// Time until which step() waits for a frame: at most one step, and not beyond the time at which a
+/// silent camera counts as lost.
+MonotonicInstant CameraSession::wait_deadline() const {
   const MonotonicInstant now = options_.now();
-  const MonotonicInstant latest = now + (matcher_ ? kLongestStep : kIdleStep);
+  const MonotonicInstant latest = now + (matcher_ ? kMaxStep : kIdleStep);
   const MonotonicInstant lost_at = last_frame_ + kSilentPeriods * period_;
   return expecting_ && lost_at > now ? std::min(lost_at, latest) : latest;
 }
 
-void CameraSession::hear(CameraFrame frame) {
+void CameraSession::receive(CameraFrame frame) {
   last_frame_ = frame.received;
   last_counter_ = frame.counter;
   const int64_t damaged = camera_->statistics().damaged;
-  const int64_t broken = damaged - std::exchange(damaged_at_last_, damaged);
+  const int64_t new_damaged = damaged - std::exchange(damaged_at_last_, damaged);
   if (!in_take()) return;
   missing_ = false;
   text_.clear();
-  begun_ = begun_ || frame.pulse;
-  if (begun_) {
+  running_ = running_ || frame.pulse;
+  if (running_) {
     if (frame.pulse) expecting_ = true;
     const PulseMatch found = match(frame);
     return deliver(std::move(frame), found);
   }
   expecting_ = true;
-  if (held_.empty() && !joins_late_) start_.broken = broken;
+  if (held_.empty() && !joins_late_) start_.damaged = new_damaged;
   held_.push_back(std::move(frame));
-  begin(!edges_are_told_);
+  label_first_frames(!edges_are_reported_);
 }
 
 void CameraSession::open() {
@@ -137,7 +139,7 @@ void CameraSession::close() {
 }
 
 void CameraSession::check_quiet(MonotonicInstant now) {
-  if (!matcher_ || ready_ || begun_ || now - last_frame_ < kQuietPeriods * period_) return;
+  if (!matcher_ || ready_ || running_ || now - last_frame_ < kQuietPeriods * period_) return;
   ready_ = true;
   missing_ = false;
   text_.clear();
@@ -149,16 +151,16 @@ void CameraSession::check_quiet(MonotonicInstant now) {
 void CameraSession::check_loss(MonotonicInstant now) {
   if (camera_->lost()) return reopen("stopped answering");
   const Duration silence = now - last_frame_;
-  if (!held_.empty() && silence >= std::min<Duration>(kSilentPeriods * period_, kLongestHold)) {
-    begin(true);
+  if (!held_.empty() && silence >= std::min<Duration>(kSilentPeriods * period_, kMaxHold)) {
+    label_first_frames(true);
   }
   if (!expecting_ || silence < kSilentPeriods * period_) return;
   const std::string why = "no frame for " + std::to_string(kSilentPeriods) + " pulses";
-  miss(why);
+  report_missing(why);
   if (silence >= options_.reopen_after) reopen(why);
 }
 
-void CameraSession::miss(const std::string& why) {
+void CameraSession::report_missing(const std::string& why) {
   if (missing_) return;
   missing_ = true;
   ++counts_.losses;
@@ -168,11 +170,12 @@ void CameraSession::miss(const std::string& why) {
 }
 
 void CameraSession::reopen(const std::string& why) {
-  if (!held_.empty()) begin(true);
-  miss(why);
+  if (!held_.empty()) label_first_frames(true);
+  report_missing(why);
   close();
   if (matcher_) matcher_->reopened();
-  // A camera lost before the first pulse has to be quiet again; afterwards the pulses tell.
+  // A camera that was lost before the first pulse must be quiet again. Later, the times of the
+  // pulses identify the first frame.
   if (!start_.edge && !joins_late_) ready_ = false;
   retry_at_ = options_.now();
 }
@@ -185,26 +188,27 @@ std::vector<FrameStamp> CameraSession::held_stamps() const {
   return stamps;
 }
 
-/// A take goes on: the pulses that are heard of tell when frames arrive, whatever the time between.
-void CameraSession::begin_late(bool no_more) {
-  const bool knows = start_.edge && start_.edge->is_timed && latency_;
-  const bool may_learn = edges_are_told_ && latency_ && !no_more && held_.size() < kStartFrames;
-  if (!knows && may_learn) return;
-  if (knows) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);
-  begun_ = true;
+/// First frames after a restart in a take: the times of reported pulses predict the arrival of
+/// frames, however long the interruption was.
+void CameraSession::label_resumed_frames(bool no_more) {
+  const bool is_known = start_.edge && start_.edge->is_timed && latency_;
+  const bool may_wait = edges_are_reported_ && latency_ && !no_more && held_.size() < kStartFrames;
+  if (!is_known && may_wait) return;
+  if (is_known) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);
+  running_ = true;
   deliver_held(0);
 }
 
-void CameraSession::begin(bool no_more) {
-  if (goes_on_) return begin_late(no_more);
+void CameraSession::label_first_frames(bool no_more) {
+  if (resumes_take_) return label_resumed_frames(no_more);
   const auto start = find_start(held_stamps(), start_, no_more);
   if (!start) return;
-  begun_ = true;
+  running_ = true;
   matcher_->begin(start->pulse, start->certain);
   deliver_held(start->strays);
 }
 
-/// `strays`: so many at the front are of no pulse.
+/// Delivers all held frames. The first `strays` of them belong to no pulse and are suspect.
 void CameraSession::deliver_held(size_t strays) {
   for (size_t i = 0; !held_.empty(); ++i) {
     CameraFrame frame = std::move(held_.front());
@@ -222,10 +226,11 @@ PulseMatch CameraSession::match(const CameraFrame& frame) {
 }
 
 void CameraSession::learn_latency(int64_t pulse, MonotonicInstant received) {
-  if (!start_.edge || punctual_ == kLatencyFrames) return;
+  if (!start_.edge || latency_frames_ == kLatencyFrames) return;
   const Duration latency = latency_of(received, pulse, *start_.edge, period_);
-  least_latency_ = punctual_ == 0 ? latency : std::min(least_latency_, latency);
-  if (++punctual_ >= kStartFrames) latency_ = std::min(latency_.value_or(latency), least_latency_);
+  min_latency_ = latency_frames_ == 0 ? latency : std::min(min_latency_, latency);
+  if (++latency_frames_ >= kStartFrames)
+    latency_ = std::min(latency_.value_or(latency), min_latency_);
 }
 
 void CameraSession::deliver(CameraFrame frame, PulseMatch match) {
@@ -250,7 +255,7 @@ CameraState CameraSession::state() const {
   if (missing_) return CameraState::kLost;
   if (!camera_) return CameraState::kOpening;
   if (!matcher_) return CameraState::kIdle;
-  if (begun_) return CameraState::kRunning;
+  if (running_) return CameraState::kRunning;
   return ready_ ? CameraState::kReady : CameraState::kSettling;
 }
 

@@ -1,5 +1,4 @@
-// What a camera worker does, one step at a time and without a thread: tests drive it with a
-// scripted camera and a clock of their own.
+// State machine of one camera: opens it, labels its frames, detects its loss and reopens it.
 #pragma once
 
 #include <deque>
@@ -18,90 +17,96 @@
 
 namespace v3d {
 
-/// One thread. Time is what `now` says; a step takes at most kLongestStep of it in a take, and
-/// kIdleStep otherwise (opening a camera aside).
+/// CameraWorker calls step() in a loop on its thread. Tests call it with a scripted camera and a
+/// simulated clock. Not thread-safe.
 ///
-/// The first frames of a train are held back until it is known which pulse they are of: mostly not
-/// at all, at most kStartFrames.
+/// CameraWorkerOptions::now is the clock. A step takes at most kMaxStep in a take and at most
+/// kIdleStep otherwise, except for the time to open a camera.
+///
+/// The first frames of a train are held until their pulse is known: mostly none, at most
+/// kStartFrames.
 class CameraSession {
  public:
-  static constexpr Duration kLongestStep = std::chrono::milliseconds(20);
+  static constexpr Duration kMaxStep = std::chrono::milliseconds(20);
   static constexpr Duration kIdleStep = std::chrono::milliseconds(200);
 
   CameraSession(std::string camera, CameraWorker::Factory make_camera, CameraWorkerOptions options);
 
-  void arm(Duration period, bool edges_are_told);
-  void rejoin(Duration period, bool edges_are_told, const CameraResumeState& past);
-  /// A pulse of the train. From the first one on, a frame is due.
+  /// See CameraWorker::arm() and CameraWorker::rejoin().
+  void arm(Duration period, bool edges_are_reported);
+  void rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past);
+  /// Reports a pulse of the train. Frames are expected from the first pulse on.
   void pulse_at(const PulseEdge& edge);
   void train_ended() { expecting_ = false; }
   void disarm();
 
-  /// Does what is due: opens the camera, or waits for a frame. Returns a frame that belongs to the
-  /// take.
+  /// Opens the camera or waits for a frame. Returns a labelled frame of the take, if there is one.
   std::optional<Frame> step();
 
-  /// Nothing to do before this instant (a camera that could not be opened); in the past otherwise.
+  /// Time of the next attempt to open the camera. It lies in the past if step() may be called now.
   MonotonicInstant idle_until() const { return retry_at_; }
 
-  /// Lets the camera go. The next step() opens it again.
+  /// Closes the camera. The next step() opens it again.
   void close();
 
-  /// `dropped` is not known here.
+  /// CameraWorkerStatus::dropped is 0; CameraWorker sets it.
   CameraWorkerStatus status() const;
 
  private:
-  void go_on();
+  void advance();
   void open();
   void reopen(const std::string& why);
-  void miss(const std::string& why);
+  void report_missing(const std::string& why);
   void check_quiet(MonotonicInstant now);
   void check_loss(MonotonicInstant now);
-  MonotonicInstant next_look() const;
-  void hear(CameraFrame frame);
-  /// Labels the frames that are held back, when it is known which pulse the first is.
-  void begin(bool no_more);
-  void begin_late(bool no_more);
+  MonotonicInstant wait_deadline() const;
+  void receive(CameraFrame frame);
+  /// Labels the held frames if the pulse of the first one is known. `no_more`: do not wait for
+  /// further frames.
+  void label_first_frames(bool no_more);
+  void label_resumed_frames(bool no_more);
   void deliver_held(size_t strays);
   std::vector<FrameStamp> held_stamps() const;
   void deliver(CameraFrame frame, PulseMatch match);
   PulseMatch match(const CameraFrame& frame);
   void learn_latency(int64_t pulse, MonotonicInstant received);
   CameraState state() const;
-  bool in_take() const { return matcher_ && (ready_ || begun_); }
+  bool in_take() const { return matcher_ && (ready_ || running_); }
 
   const std::string name_;
   const CameraWorker::Factory make_camera_;
   const CameraWorkerOptions options_;
 
-  std::unique_ptr<Camera> camera_;  ///< empty when not streaming
+  std::unique_ptr<Camera> camera_;  ///< empty if not streaming
   MonotonicInstant retry_at_{};
-  CameraStatistics link_before_;  ///< of the times it was opened before this one
+  CameraStatistics link_before_;  ///< sum over the previous times the camera was open
   std::string text_;
 
-  // The take; empty matcher: none.
+  // State of the take. Without a take matcher_ is empty.
   Duration period_{};
   std::optional<PulseMatcher> matcher_;
   StartEvidence start_;
-  bool edges_are_told_ = false;
-  bool joins_late_ = false;        ///< a train that runs already
-  bool goes_on_ = false;           ///< and the matcher knows frames from before
-  std::deque<CameraFrame> held_;   ///< the first frames, not yet labelled
-  std::deque<Frame> labelled_;     ///< on their way out
-  MonotonicInstant last_frame_{};  ///< or when it was armed or opened
+  bool edges_are_reported_ = false;
+  bool joins_late_ = false;        ///< rejoins a train that is already running
+  bool resumes_take_ = false;      ///< rejoins with frames from before the restart in the matcher
+  std::deque<CameraFrame> held_;   ///< first frames, not yet labelled
+  std::deque<Frame> labelled_;     ///< frames that step() returns next
+  MonotonicInstant last_frame_{};  ///< arrival of the last frame, or time of arm() or open()
   std::optional<uint64_t> last_counter_;
-  int64_t damaged_at_last_ = 0;  ///< damaged frames until the last whole one, or until the quiet
-  bool ready_ = false;           ///< quiet
-  bool begun_ = false;           ///< a frame of the take has come
-  bool expecting_ = false;       ///< pulses come
-  bool missing_ = false;         ///< lost, and no frame since
+  int64_t damaged_at_last_ = 0;  ///< count of damaged frames at the last complete one or at ready
+  bool ready_ = false;           ///< the camera was silent for kQuietPeriods after arm()
+  bool running_ = false;         ///< frames of the take are delivered
+  bool expecting_ = false;       ///< pulses are running, so frames must arrive
+  bool missing_ = false;         ///< reported as lost, and no frame has arrived since
 
-  /// From a pulse to the arrival of its frame, the least of kStartFrames and more; bridges trains.
+  /// Minimum time from a pulse to the arrival of its frame, of at least kStartFrames frames. Kept
+  /// from train to train.
   std::optional<Duration> latency_;
-  Duration least_latency_{};  ///< of this train
-  size_t punctual_ = 0;       ///< frames of this train that least_latency_ is of
+  Duration min_latency_{};     ///< minimum of this train
+  size_t latency_frames_ = 0;  ///< number of frames of this train in min_latency_
 
-  CameraWorkerStatus counts_;  ///< frames, suspect, losses, last_loss, last_pulse, size, format
+  /// Valid fields: frames, suspect, losses, last_loss, last_pulse, size, format.
+  CameraWorkerStatus counts_;
 };
 
 }  // namespace v3d

@@ -33,7 +33,7 @@ class CameraWorker::Impl {
   Impl(std::string camera, Factory make_camera, CameraWorkerOptions options)
       : name_(camera),
         options_(options),
-        pilot_(std::move(camera), std::move(make_camera), std::move(options)),
+        session_(std::move(camera), std::move(make_camera), std::move(options)),
         thread_([this] { run(); }) {}
 
   ~Impl() {
@@ -49,38 +49,38 @@ class CameraWorker::Impl {
 
   const std::string& camera() const { return name_; }
 
-  void arm(Duration period, bool edges_are_told) {
+  void arm(Duration period, bool edges_are_reported) {
     const std::lock_guard lock(mutex_);
-    ask([=](CameraSession& pilot) { pilot.arm(period, edges_are_told); });
+    ask([=](CameraSession& session) { session.arm(period, edges_are_reported); });
     status_.frames = status_.suspect = dropped_ = 0;
     status_.last_pulse = -1;
-    announce(CameraState::kSettling);
+    start_take(CameraState::kSettling);
   }
 
-  void rejoin(Duration period, bool edges_are_told, const CameraResumeState& past) {
+  void rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past) {
     const std::lock_guard lock(mutex_);
-    ask([=](CameraSession& pilot) { pilot.rejoin(period, edges_are_told, past); });
+    ask([=](CameraSession& session) { session.rejoin(period, edges_are_reported, past); });
     status_.frames = past.delivered;
     status_.suspect = past.suspect;
     dropped_ = 0;
-    announce(CameraState::kReady);
+    start_take(CameraState::kReady);
   }
 
   void pulse_at(const PulseEdge& edge) {
     const std::lock_guard lock(mutex_);
-    if (status_.state == CameraState::kRunning) return;  // it knows
-    ask([edge](CameraSession& pilot) { pilot.pulse_at(edge); });
+    if (status_.state == CameraState::kRunning) return;  // the first pulse is already known
+    ask([edge](CameraSession& session) { session.pulse_at(edge); });
   }
 
   void train_ended() {
     const std::lock_guard lock(mutex_);
-    ask([](CameraSession& pilot) { pilot.train_ended(); });
+    ask([](CameraSession& session) { session.train_ended(); });
   }
 
   void disarm() {
     const std::lock_guard lock(mutex_);
-    ask([](CameraSession& pilot) { pilot.disarm(); });
-    announce(CameraState::kIdle);
+    ask([](CameraSession& session) { session.disarm(); });
+    start_take(CameraState::kIdle);
   }
 
   std::optional<Frame> take(MonotonicInstant deadline) {
@@ -112,8 +112,9 @@ class CameraWorker::Impl {
     changed_.notify_all();
   }
 
-  /// What status() says until the thread has done what it was asked: never the take before.
-  void announce(CameraState state) {
+  /// Starts a new take number and sets the state that status() reports until the thread has handled
+  /// the request. So status() and take() never return data of the previous take.
+  void start_take(CameraState state) {
     ++take_;
     queue_.clear();
     const bool streaming =
@@ -124,23 +125,23 @@ class CameraWorker::Impl {
   void run() {
     std::unique_lock lock(mutex_);
     while (!quit_) {
-      for (const Request& request : std::exchange(requests_, {})) request(pilot_);
+      for (const Request& request : std::exchange(requests_, {})) request(session_);
       const int64_t take = take_;
       lock.unlock();
-      auto frame = pilot_.step();
-      const CameraWorkerStatus status = pilot_.status();
+      auto frame = session_.step();
+      const CameraWorkerStatus status = session_.status();
       lock.lock();
-      if (take != take_) continue;  // what this step brought belongs to the take before
+      if (take != take_) continue;  // the result of this step belongs to the previous take
       status_ = status;
       if (frame) deliver(std::move(*frame));
-      const Duration idle = pilot_.idle_until() - options_.now();
+      const Duration idle = session_.idle_until() - options_.now();
       if (idle > Duration::zero()) {
         changed_.wait_for(lock, idle, [&] { return quit_ || !requests_.empty(); });
       }
     }
-    // Here, so that cameras that no longer answer are waited for all at once.
+    // Closes the camera on this thread: so several cameras that no longer answer close in parallel.
     lock.unlock();
-    pilot_.close();
+    session_.close();
   }
 
   void deliver(Frame frame) {
@@ -154,15 +155,15 @@ class CameraWorker::Impl {
 
   const std::string name_;
   const CameraWorkerOptions options_;
-  CameraSession pilot_;  ///< the thread's own
+  CameraSession session_;  ///< used by thread_ only
 
-  mutable std::mutex mutex_;  ///< everything below
+  mutable std::mutex mutex_;  ///< protects everything below
   std::condition_variable changed_;
   std::deque<Request> requests_;
   std::deque<Frame> queue_;
   CameraWorkerStatus status_;
   int64_t dropped_ = 0;
-  int64_t take_ = 0;  ///< counts arm() and disarm()
+  int64_t take_ = 0;  ///< number of calls of arm(), rejoin() and disarm()
   bool quit_ = false;
 
   std::thread thread_;
@@ -174,9 +175,11 @@ CameraWorker::CameraWorker(std::string camera, Factory make_camera, CameraWorker
 CameraWorker::~CameraWorker() = default;
 void CameraWorker::end() { impl_->end(); }
 const std::string& CameraWorker::camera() const { return impl_->camera(); }
-void CameraWorker::arm(Duration period, bool edges_are_told) { impl_->arm(period, edges_are_told); }
-void CameraWorker::rejoin(Duration period, bool edges_are_told, const CameraResumeState& past) {
-  impl_->rejoin(period, edges_are_told, past);
+void CameraWorker::arm(Duration period, bool edges_are_reported) {
+  impl_->arm(period, edges_are_reported);
+}
+void CameraWorker::rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past) {
+  impl_->rejoin(period, edges_are_reported, past);
 }
 void CameraWorker::pulse_at(const PulseEdge& edge) { impl_->pulse_at(edge); }
 void CameraWorker::train_ended() { impl_->train_ended(); }

@@ -1,5 +1,4 @@
-// One camera of a node, kept going by a thread of its own: opened, armed, its frames labelled with
-// pulses, reopened when it is lost.
+// Capture thread of one camera: opens it, labels its frames with pulses, reopens it after a loss.
 #pragma once
 
 #include <cstdint>
@@ -18,76 +17,78 @@
 namespace v3d {
 
 enum class CameraState : uint8_t {
-  kOpening,   ///< not streaming yet; `text` says what it last failed for
-  kIdle,      ///< streaming; frames are thrown away
-  kSettling,  ///< armed; waiting until no frame came for two periods
-  kReady,     ///< armed and quiet: the next exposure is pulse 0
+  kOpening,   ///< not streaming yet; CameraWorkerStatus::text is the reason of the last failure
+  kIdle,      ///< streaming; frames are dropped
+  kSettling,  ///< armed; waits until no frame has arrived for two periods
+  kReady,     ///< armed and quiet: the next exposure is of pulse 0
   kRunning,   ///< labelled frames are delivered
-  kLost,      ///< in a train, but silent for three periods; or not answering, being opened again
+  kLost,      ///< silent for three periods of a train, or not answering and being reopened
 };
 std::string_view name(CameraState state);
 
 struct CameraWorkerStatus {
   CameraState state = CameraState::kOpening;
-  std::string text;       ///< one line: what is wrong, else empty
-  CameraStatistics link;  ///< since the worker began, over all times it was opened
-  int64_t frames = 0;     ///< labelled since arm()
-  int64_t suspect = 0;    ///< of these, with a label in doubt
-  int64_t dropped = 0;    ///< of these, thrown away because the queue was full
-  int64_t losses = 0;     ///< times the camera was lost since the worker began
-  std::string last_loss;  ///< what was noticed the last time: "no frame for 3 pulses after pulse 9"
+  std::string text;       ///< current error in one line; empty if there is none
+  CameraStatistics link;  ///< since the worker started, over all times the camera was open
+  int64_t frames = 0;     ///< frames labelled since arm()
+  int64_t suspect = 0;    ///< frames among these with an uncertain label
+  int64_t dropped = 0;    ///< frames among these that were dropped because the queue was full
+  int64_t losses = 0;     ///< times the camera was lost since the worker started
+  std::string last_loss;  ///< text of the last loss: "no frame for 3 pulses after pulse 9"
   int64_t last_pulse = -1;
   ImageSize size;  ///< after the camera was first opened
   PixelFormat format = PixelFormat::kMono8;
 };
 
 struct CameraWorkerOptions {
-  size_t queue_frames = 16;                        ///< the oldest is dropped when it is full
-  Duration retry_after = std::chrono::seconds(1);  ///< between two tries to open
-  /// A camera that is silent for so long in a train is opened again. Longer than the three periods
-  /// after which it counts as lost: a host that stalls must not throw healthy cameras away.
+  size_t queue_frames = 16;                        ///< a full queue drops its oldest frame
+  Duration retry_after = std::chrono::seconds(1);  ///< between two attempts to open the camera
+  /// A camera that is silent for this time in a train is opened again. This takes longer than the
+  /// three periods after which it counts as lost: a stalled host must not close working cameras.
   Duration reopen_after = std::chrono::seconds(1);
   std::function<MonotonicInstant()> now = Monotonic::now;
 };
 
-/// The order of a take: arm() -> kReady -> (pulses on) frames -> (pulses off) train_ended() ->
-/// take() until empty -> disarm(). All functions may be called from any thread and return at once,
-/// except that take() waits and the destructor joins (it takes as long as the camera takes to
-/// answer or to time out).
+/// Order of calls in a take: arm() -> kReady -> (pulses on) frames -> (pulses off) train_ended() ->
+/// take() until empty -> disarm(). Thread-safe. Functions return immediately, except take(), which
+/// waits, and the destructor, which joins the thread: it waits until the camera answers or times
+/// out.
 class CameraWorker {
  public:
   using Factory = std::function<std::unique_ptr<Camera>()>;
-  /// Opens in the background. An InputError of the factory or of Camera::start() becomes `text`.
+  /// Opens the camera in the background. CameraWorkerStatus::text reports an InputError of the
+  /// factory or of Camera::start().
   CameraWorker(std::string camera, Factory make_camera, CameraWorkerOptions options = {});
   ~CameraWorker();
-  /// Lets the thread close the camera and end, so that the destructors of several workers need not
-  /// wait in turn: a camera that no longer answers takes seconds.
+  /// Requests the thread to close the camera and end. After this call on several workers, their
+  /// destructors wait in parallel: a camera that no longer answers takes seconds to close.
   void end();
   CameraWorker(const CameraWorker&) = delete;
   CameraWorker& operator=(const CameraWorker&) = delete;
 
   const std::string& camera() const;
 
-  /// Forgets the take before: empties the queue, counts from zero, waits for two quiet periods.
-  /// `edges_are_told`: pulse_at() will be called; the first frames wait a little for it.
-  void arm(Duration period, bool edges_are_told = false);
-  /// Instead of arm() and the quiet: pulses run already, and this camera's frames of before are
-  /// known. Frames that come while nobody can tell their pulse for certain are suspect.
-  void rejoin(Duration period, bool edges_are_told, const CameraResumeState& past);
-  /// A pulse of the train; the first ones are enough. Says which pulse the first frame is of, and
-  /// that a frame is due.
+  /// Starts a take: empties the queue, resets the counters, waits for two periods without a frame.
+  /// `edges_are_reported`: pulse_at() will be called; the first frames are held until then.
+  void arm(Duration period, bool edges_are_reported = false);
+  /// Joins a running take after a restart, instead of arm(). Pulses run already, and `past` holds
+  /// this camera's earlier frames. Frames are suspect until their pulse is certain.
+  void rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past);
+  /// Reports a pulse of the train; the first pulses are sufficient. It identifies the pulse of the
+  /// first frame, and from then on frames are expected.
   void pulse_at(const PulseEdge& edge);
-  /// The generator was stopped: from here on silence is no loss. Frames on their way still come.
+  /// The generator was stopped: from now on silence is no loss. Frames in flight are still
+  /// delivered.
   void train_ended();
-  /// Back to idle; frames that nobody took are thrown away.
+  /// Returns to idle and drops the frames in the queue.
   void disarm();
 
-  /// The next labelled frame (raw: roi is the whole image, no mask), waiting until `deadline`;
-  /// empty when none came.
+  /// Waits until `deadline` for the next labelled frame. Empty if none arrived. The frame is raw:
+  /// its roi is the whole image, and it has no mask.
   std::optional<Frame> take(MonotonicInstant deadline);
 
   CameraWorkerStatus status() const;
-  /// Frames that wait for take().
+  /// Number of frames in the queue.
   int64_t waiting() const;
 
  private:

@@ -8,10 +8,10 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kShortestSilence = std::chrono::seconds(1);
+constexpr Duration kMinSilence = std::chrono::seconds(1);
 constexpr int kSilentPeriods = 3;
-/// A frame that waits to be labelled is looked at so often.
-constexpr Duration kLook = std::chrono::milliseconds(5);
+/// Interval at which a frame that waits for its pulse is checked.
+constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
 
 }  // namespace
 
@@ -37,7 +37,7 @@ void FreeRunningCamera::stop() {
   phase_.reset();
 }
 
-/// A train may have another rate than the one before, and has another phase.
+/// Resets the phase at a new train, and restarts the camera if the pulse rate changed.
 void FreeRunningCamera::follow_train() {
   const int64_t train = pulses_.trains();
   if (std::exchange(train_, train) != train) phase_.reset();
@@ -45,7 +45,7 @@ void FreeRunningCamera::follow_train() {
   try {
     start();
   } catch (const InputError&) {
-    lost_ = true;  // whoever starts it again hears why
+    lost_ = true;  // the next start() by the caller throws the same error
   }
 }
 
@@ -60,12 +60,13 @@ std::optional<CameraFrame> FreeRunningCamera::wait(MonotonicInstant deadline) {
 }
 
 void FreeRunningCamera::receive(MonotonicInstant deadline) {
-  const MonotonicInstant until = held_.empty() ? deadline : std::min(deadline, now_() + kLook);
+  const MonotonicInstant until =
+      held_.empty() ? deadline : std::min(deadline, now_() + kPollPeriod);
   if (auto frame = camera_->wait(until)) {
     last_ = frame->received;
     held_.push_back(std::move(*frame));
   }
-  lost_ = now_() - last_ > std::max<Duration>(kShortestSilence, kSilentPeriods * period_);
+  lost_ = now_() - last_ > std::max<Duration>(kMinSilence, kSilentPeriods * period_);
 }
 
 std::optional<CameraFrame> FreeRunningCamera::labelled() {
@@ -77,7 +78,7 @@ std::optional<CameraFrame> FreeRunningCamera::labelled() {
     held_.pop_front();
     if (!place->pulse) continue;
     phase_ = place->phase;
-    told_phase_ = place->phase;
+    reported_phase_ = place->phase;
     has_phase_ = true;
     frame.pulse = place->pulse;
     return frame;
@@ -87,7 +88,7 @@ std::optional<CameraFrame> FreeRunningCamera::labelled() {
 
 CameraStatistics FreeRunningCamera::statistics() const {
   CameraStatistics statistics = camera_->statistics();
-  if (has_phase_) statistics.phase = told_phase_.load();
+  if (has_phase_) statistics.phase = reported_phase_.load();
   return statistics;
 }
 

@@ -1,4 +1,4 @@
-// A camera that nothing triggers, in a studio of pulses.
+// Adapter for a free-running camera: labels each frame with the nearest pulse.
 #pragma once
 
 #include <atomic>
@@ -11,21 +11,22 @@
 
 namespace v3d {
 
-/// Delivers the frames of a camera that runs at the rate of the pulses, on its own clock, each with
-/// the pulse that was nearest to it (PulseTimes::find), and none while there are no pulses: so it
-/// is quiet between takes as a triggered camera is. It is not synchronous, and does not look so:
-/// the phase is in the statistics, and where the camera's clock has slipped by a period against the
-/// pulses, a pulse has no frame, or two. A frame waits for the pulse after it, a camera's silence
-/// of a second is its loss.
+/// The camera runs at the pulse rate, on its own clock. Each frame gets the nearest pulse
+/// (PulseTimes::find). Frames without a pulse are dropped, so that the camera is silent between
+/// takes, as a triggered camera is.
 ///
-/// Requires that device times of the camera are of this host's CLOCK_MONOTONIC.
+/// The camera is not synchronous: statistics() reports its phase. After its clock has drifted by a
+/// period against the pulses, a pulse has no frame, or two. A frame may wait for the pulse after
+/// it. The camera counts as lost after a silence of 1 s or 3 periods, whichever is longer.
+///
+/// Requires that device times of the camera are this host's CLOCK_MONOTONIC.
 class FreeRunningCamera : public Camera {
  public:
-  /// How the camera is told its rate, Hz: for the next start().
+  /// Sets the frame rate of the camera, Hz, for its next start().
   using SetRate = std::function<void(double rate_hz)>;
   using Now = std::function<MonotonicInstant()>;
 
-  /// `pulses` outlives the camera.
+  /// `pulses` must outlive this object.
   FreeRunningCamera(std::unique_ptr<Camera> camera, SetRate set_rate, const PulseTimes& pulses,
                     Now now = Monotonic::now);
 
@@ -46,14 +47,14 @@ class FreeRunningCamera : public Camera {
   const SetRate set_rate_;
   const PulseTimes& pulses_;
   const Now now_;
-  Duration period_{};             ///< that it runs at
-  int64_t train_ = 0;             ///< that phase_ is of
-  std::deque<CameraFrame> held_;  ///< not labelled yet, the oldest first
-  MonotonicInstant last_{};       ///< frame, or start
+  Duration period_{};             ///< of the camera's frames
+  int64_t train_ = 0;             ///< number of the train that phase_ belongs to
+  std::deque<CameraFrame> held_;  ///< not labelled yet, oldest first
+  MonotonicInstant last_{};       ///< arrival of the last frame, or time of start()
   std::optional<Duration> phase_;
   std::atomic<bool> lost_ = false;
   std::atomic<bool> has_phase_ = false;
-  std::atomic<Duration> told_phase_ = Duration{};
+  std::atomic<Duration> reported_phase_ = Duration{};
 };
 
 }  // namespace v3d

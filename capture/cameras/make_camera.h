@@ -1,4 +1,4 @@
-// The camera that a studio file asks for.
+// Factory of cameras: selects the backend by the studio file.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace v3d {
 
-/// Does not touch the camera: start() does. `pulses` of the node label the frames of a camera that
-/// runs free, and outlive it.
+/// Creates the camera object without accessing the device; start() opens it. `pulses`, the pulses
+/// of this node, label the frames of a free-running camera and must outlive it.
 std::unique_ptr<Camera> make_camera(const StudioCamera& settings, const PulseTimes& pulses);
 
 }  // namespace v3d

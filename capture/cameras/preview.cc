@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-/// The colours of the four samples of a quad, row by row; all 1 (green) stands for grey.
+/// The colour channels of the four samples of a quad, row by row. A grey image has 1 everywhere.
 struct QuadColours {
   std::array<int, 4> channel{1, 1, 1, 1};
   bool grey = true;

@@ -1,4 +1,4 @@
-// Small pictures for people.
+// Preview images and masks at half resolution.
 #pragma once
 
 #include "base/image/image.h"
@@ -6,11 +6,12 @@
 
 namespace v3d {
 
-/// RGB8 of half the width and height: every 2x2 quad becomes one pixel, which in a Bayer image
-/// holds every colour. A last odd row or column is left out. Requires at least 2x2 pixels. Pure.
+/// RGB8 image of half the width and height: every 2x2 quad, which in a Bayer image holds all
+/// colours, becomes one pixel. A last odd row or column is left out.
+/// Requires at least 2x2 pixels. Pure function.
 Image preview_of(ImageView raw);
 
-/// The same of a silhouette: foreground where any pixel of the quad is. Pure.
+/// Mask of half the width and height: foreground where any pixel of the 2x2 quad is. Pure function.
 Mask preview_mask(const Mask& mask);
 
 }  // namespace v3d

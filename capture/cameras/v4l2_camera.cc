@@ -20,9 +20,9 @@ namespace {
 
 constexpr uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 constexpr double kExposureStepUs = 100;  ///< the unit of V4L2_CID_EXPOSURE_ABSOLUTE
-/// Clock and place in the frame of a time stamp.
+/// Flags of a time stamp: its clock, and the place in the frame where it is taken.
 constexpr uint32_t kStamp = V4L2_BUF_FLAG_TIMESTAMP_MASK | V4L2_BUF_FLAG_TSTAMP_SRC_MASK;
-/// Of a rate: a camera of 29.97 frames a second is none of 30.
+/// Relative error of a frame rate. It distinguishes 29.97 Hz from 30 Hz.
 constexpr double kRateTolerance = 2e-4;
 
 std::string text_of(uint32_t fourcc) {
@@ -43,13 +43,13 @@ std::string number(double value) {
   return text.data();
 }
 
-/// Writes settings and reads them back.
+/// Writes settings to the camera and reads them back.
 class Setup {
  public:
   Setup(const StudioCamera& settings, std::optional<double> free_rate_hz, V4l2Device& device)
       : settings_(settings), free_rate_hz_(free_rate_hz), device_(device) {}
 
-  /// Returns the format that the camera has then.
+  /// Writes all settings. Returns the format that the camera then has.
   v4l2_pix_format all() const {
     capabilities();
     const v4l2_pix_format format = image_format();
@@ -80,7 +80,7 @@ class Setup {
     const uint32_t has =
         (caps.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? caps.device_caps : caps.capabilities;
     if ((has & V4L2_CAP_VIDEO_CAPTURE) == 0 || (has & V4L2_CAP_STREAMING) == 0) {
-      refuse(settings_.address, "a device that streams images", "one that does not");
+      refuse(settings_.address, "a device that streams images", "another kind of device");
     }
   }
 
@@ -88,7 +88,7 @@ class Setup {
     v4l2_format format{};
     format.type = kCapture;
     ask("image format", VIDIOC_G_FMT, &format);
-    // In parentheses, or it is the macro of the kernel.
+    // The parentheses select the function instead of the kernel's macro.
     const uint32_t fourcc = (v4l2_fourcc)(settings_.pixel_format);
     const ImageSize size = settings_.size.value_or(
         ImageSize{static_cast<int>(format.fmt.pix.width), static_cast<int>(format.fmt.pix.height)});
@@ -124,7 +124,7 @@ class Setup {
     return list.empty() ? "none" : list;
   }
 
-  bool there(uint32_t id) const {
+  bool supports(uint32_t id) const {
     v4l2_queryctrl query{};
     query.id = id;
     return device_.control(VIDIOC_QUERYCTRL, &query) == 0 &&
@@ -146,7 +146,7 @@ class Setup {
     control("trigger_control " + hexadecimal(id), id, settings_.trigger_value);
   }
 
-  /// Of a camera that runs free.
+  /// Sets the frame rate of a free-running camera, Hz.
   void rate(double hz) const {
     v4l2_streamparm parameters{};
     parameters.type = kCapture;
@@ -163,16 +163,17 @@ class Setup {
     const double got =
         interval.numerator == 0 ? 0 : double{1} * interval.denominator / interval.numerator;
     if (std::abs(got - hz) > kRateTolerance * hz) {
-      refuse("rate, for it runs free", number(hz) + " Hz", number(got) + " Hz");
+      refuse("frame rate of a free-running camera", number(hz) + " Hz", number(got) + " Hz");
     }
   }
 
-  /// A camera without these controls has a fixed exposure or none of its own (a frame grabber).
+  /// Sets the exposure time. A camera without these controls has a fixed exposure, or is a frame
+  /// grabber.
   void exposure() const {
-    if (there(V4L2_CID_EXPOSURE_AUTO)) {
+    if (supports(V4L2_CID_EXPOSURE_AUTO)) {
       control("exposure_auto", V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL);
     }
-    if (!there(V4L2_CID_EXPOSURE_ABSOLUTE)) return;
+    if (!supports(V4L2_CID_EXPOSURE_ABSOLUTE)) return;
     const auto steps = static_cast<int32_t>(std::lround(settings_.exposure_us / kExposureStepUs));
     control("exposure_us / 100", V4L2_CID_EXPOSURE_ABSOLUTE, std::max(steps, 1), 1 + steps / 100);
   }
@@ -204,7 +205,7 @@ class V4l2Camera::Stream {
 
   ~Stream() {
     uint32_t type = kCapture;
-    device_->control(VIDIOC_STREAMOFF, &type);  // what is gone has stopped, too
+    device_->control(VIDIOC_STREAMOFF, &type);  // error ignored: a removed device has stopped
   }
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
@@ -214,7 +215,7 @@ class V4l2Camera::Stream {
   }
   bool wait(MonotonicInstant deadline) { return device_->wait(deadline); }
 
-  /// The errno of the kernel, or 0.
+  /// Takes a filled buffer from the driver. Returns 0 or an errno.
   int dequeue(v4l2_buffer& buffer) {
     buffer = {};
     buffer.type = kCapture;
@@ -224,12 +225,14 @@ class V4l2Camera::Stream {
   }
   int enqueue(v4l2_buffer& buffer) { return device_->control(VIDIOC_QBUF, &buffer); }
 
-  /// Stamped by the same clock and at the same place of the frame as was said at first.
-  bool is_stamped_as_ever(const v4l2_buffer& buffer) const {
+  /// The time stamp is of the same clock, and taken at the same place in the frame, as the driver
+  /// reported at the start.
+  bool has_expected_stamp(const v4l2_buffer& buffer) const {
     return (buffer.flags & kStamp) == stamp_;
   }
 
-  /// The pixels of a buffer that arrived whole.
+  /// The pixels of a complete buffer, without row padding. Empty if the buffer is too short or the
+  /// driver marks it as erroneous.
   std::optional<Image> image(const v4l2_buffer& buffer) const {
     const std::span<const uint8_t> bytes = buffers_[buffer.index];
     const size_t row = byte_count({size().width, 1}, pixel_format_);
@@ -297,11 +300,11 @@ std::optional<CameraFrame> V4l2Camera::wait(MonotonicInstant deadline) {
     v4l2_buffer buffer{};
     const int error = stream_->dequeue(buffer);
     if (error == EAGAIN) continue;
-    if (error != 0) {  // ENODEV: it is gone; EIO: the driver has given the stream up
+    if (error != 0) {  // ENODEV: the device was removed; EIO: the driver stopped the stream
       lost_ = true;
       return {};
     }
-    if (!stream_->is_stamped_as_ever(buffer)) {
+    if (!stream_->has_expected_stamp(buffer)) {
       lost_ = true;
       ++damaged_;
       return {};
@@ -310,13 +313,13 @@ std::optional<CameraFrame> V4l2Camera::wait(MonotonicInstant deadline) {
     frame.received = Monotonic::now();
     frame.device_time = DeviceInstant(std::chrono::seconds(buffer.timestamp.tv_sec) +
                                       std::chrono::microseconds(buffer.timestamp.tv_usec));
-    // 32 bits that wrap; a frame never comes half a round late.
+    // The 32-bit sequence number wraps. Frames are never out of order by half of its range.
     const auto before = static_cast<uint32_t>(counter_.value_or(buffer.sequence));
     counter_ = counter_.value_or(buffer.sequence) +
                static_cast<uint64_t>(int64_t{static_cast<int32_t>(buffer.sequence - before)});
     frame.counter = *counter_;
     auto image = stream_->image(buffer);
-    // A driver that does not take its buffer back would run out of them.
+    // If the driver does not take the buffer back, it would run out of buffers.
     if (stream_->enqueue(buffer) != 0) lost_ = true;
     if (image) {
       ++completed_;

@@ -1,4 +1,4 @@
-// A camera behind the kernel's V4L2: USB Video Class, frame grabbers, sensors on a board.
+// Camera backend for Linux V4L2: USB Video Class, frame grabbers, on-board sensors.
 #pragma once
 
 #include <atomic>
@@ -11,22 +11,23 @@
 
 namespace v3d {
 
-/// Chosen by StudioCamera::address, a device path (take one of /dev/v4l/by-id/, which stays the
-/// same). start() writes every setting and reads it back; a camera that has another value then is
-/// refused. V4L2 has no standard for triggers: the studio file names the control that switches this
-/// camera's trigger on. Without one it runs free, at the rate of run_free().
+/// StudioCamera::address is a device path; prefer one in /dev/v4l/by-id/, which stays the same.
+/// start() writes every setting and reads it back. It throws InputError if a value differs. V4L2
+/// has no standard for triggers: the studio file names the control that switches the trigger on.
+/// Without one the camera runs free, at the rate set by run_free().
 ///
-/// The device time is the host's CLOCK_MONOTONIC, stamped by the driver (another clock is refused)
-/// at the start of the exposure or, by most drivers, at the end of the frame: later by a constant.
-/// Every frame must say that it was stamped as the first one. A frame that the driver marks as
-/// erroneous or that is too short is counted as damaged. After a disconnect, a fatal error of the
-/// stream or a change of the time stamps the camera is lost(); stop() closes all of it.
+/// The device time is the driver's time stamp, of the host's CLOCK_MONOTONIC; start() rejects
+/// another clock. Drivers take it at the start of the exposure or, mostly, at the end of the frame:
+/// later by a constant. All frames must be stamped in the same way. A frame that is too short, or
+/// that the driver marks as erroneous, counts as damaged. After a disconnect, a fatal stream error
+/// or a change of the time stamps the camera is lost(). stop() closes the device.
 class V4l2Camera : public Camera {
  public:
   explicit V4l2Camera(StudioCamera settings, V4l2Opener open = open_v4l2_device);
   ~V4l2Camera() override;
 
-  /// For the next start(), of a camera without trigger control: refused when it has no such rate.
+  /// Sets the frame rate, Hz, for the next start() of a camera without trigger control. start()
+  /// throws InputError if the camera cannot run at this rate.
   void run_free(double rate_hz) { free_rate_hz_ = rate_hz; }
 
   void start() override;
@@ -38,7 +39,7 @@ class V4l2Camera : public Camera {
   PixelFormat format() const override { return settings_.pixel_format; }
 
  private:
-  class Stream;  ///< the open device and its buffers, from start() to stop()
+  class Stream;  ///< the open device and its buffers; exists from start() to stop()
 
   const StudioCamera settings_;
   const V4l2Opener open_;

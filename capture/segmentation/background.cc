@@ -1,4 +1,4 @@
-// The background model: the mean and the spread of every sample over the plates.
+// Learns a background model: mean and standard deviation of every sample over the plates.
 #include "capture/segmentation/background.h"
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 void check(const std::vector<ImageView>& plates) {
   if (plates.size() < 2) {
     throw InputError("background: " + std::to_string(plates.size()) +
-                     " plates; right would be 2 or more");
+                     " plates; expected 2 or more");
   }
   for (const ImageView& plate : plates) {
     if (plate.size != plates[0].size || plate.format != plates[0].format) {
@@ -26,7 +26,7 @@ void check(const std::vector<ImageView>& plates) {
   }
 }
 
-/// The mean of the plates, each brought to brightness 1 by its gain.
+/// Mean of the plates, each divided by its gain.
 std::vector<float> mean_of(const std::vector<ImageView>& plates, const std::vector<float>& gains) {
   std::vector<float> mean(plates[0].bytes.size());
   for (size_t p = 0; p < plates.size(); ++p) {
@@ -61,7 +61,7 @@ float gain_of(ImageView plate, const std::vector<float>& mean) {
   return static_cast<float>(brightness_ratio(plate, fixed)) / kUnitGain;
 }
 
-/// As the files keep it, so that a model just learnt and the same one loaded segment alike.
+/// Rounds to the precision of the files, so that a learnt and a loaded model give the same masks.
 void round_to_file(std::vector<float>& values) {
   for (float& v : values) v = std::round(std::clamp(v, 0.0F, 255.0F) * 256) / 256;
 }
@@ -71,9 +71,9 @@ void round_to_file(std::vector<float>& values) {
 BackgroundModel learn_background(const std::vector<ImageView>& plates) {
   check(plates);
   std::vector<float> gains(plates.size(), 1.0F);
-  const std::vector<float> rough = mean_of(plates, gains);
+  const std::vector<float> unscaled_mean = mean_of(plates, gains);
   std::transform(plates.begin(), plates.end(), gains.begin(),
-                 [&](const ImageView& plate) { return gain_of(plate, rough); });
+                 [&](const ImageView& plate) { return gain_of(plate, unscaled_mean); });
   BackgroundModel model;
   model.size = plates[0].size;
   model.format = plates[0].format;

@@ -14,8 +14,8 @@
 namespace v3d {
 namespace {
 
-/// Some samples of a row; the scales are BackgroundTable's.
-struct Stretch {
+/// Consecutive samples of a row. The scales are those of BackgroundTable.
+struct SampleRun {
   const uint8_t* seen;
   const uint16_t* plates;
   const uint8_t* sharpness;
@@ -23,10 +23,10 @@ struct Stretch {
   size_t samples;
 };
 
-struct Pace {
+struct StepParameters {
   uint16_t gain;
   int sharpness_shift;
-  uint16_t farthest;  ///< distance at which a sample still learns, in the table's steps
+  uint16_t max_distance;  ///< maximum distance of a sample that is learnt, in the table's steps
 };
 
 }  // namespace
@@ -39,35 +39,35 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr int kSixteenth = 3;      ///< as a shift of 1/128 to 1/256 grey value
+constexpr int kStepShift = 3;  ///< 1/16: from a difference in 1/128 to a step in 1/256 grey value
 constexpr uint16_t kMaxStep = 64;  ///< 1/256 grey value
-constexpr uint16_t kMaxAway = 8 * 256;
+constexpr uint16_t kMaxDrift = 8 * 256;
 constexpr uint16_t kWhite = 255 * 256;
 
-void step(const Stretch& at, const Pace& pace) {
+void step(const SampleRun& at, const StepParameters& parameters) {
   const hn::CappedTag<uint16_t, 32> shorts;
   const hn::Rebind<uint8_t, decltype(shorts)> bytes;
-  const auto most_step = hn::Set(shorts, kMaxStep);
+  const auto max_step = hn::Set(shorts, kMaxStep);
   for (size_t i = 0; i < at.samples; i += hn::Lanes(shorts)) {
-    // Registers reach beyond the last sample, but only these are written.
+    // Vectors extend beyond the last sample; only the samples within are written.
     const auto within = hn::FirstN(shorts, at.samples - i);
     const auto mean = hn::LoadU(shorts, at.mean + i);
     const auto plate = hn::LoadU(shorts, at.plates + i);
     const auto sharp = hn::ShiftLeftSame(hn::PromoteTo(shorts, hn::LoadU(bytes, at.sharpness + i)),
-                                         pace.sharpness_shift);
+                                         parameters.sharpness_shift);
     const auto seen = hn::ShiftLeft<7>(hn::PromoteTo(shorts, hn::LoadU(bytes, at.seen + i)));
     const auto expected =
-        hn::Min(hn::MulHigh(mean, hn::Set(shorts, pace.gain)), hn::Set(shorts, kMaxExpected));
+        hn::Min(hn::MulHigh(mean, hn::Set(shorts, parameters.gain)), hn::Set(shorts, kMaxExpected));
     const auto above = hn::SaturatedSub(seen, expected);
     const auto below = hn::SaturatedSub(expected, seen);
     const auto distance = hn::MulHigh(hn::Or(above, below), sharp);
-    const auto is_far = hn::Gt(distance, hn::Set(shorts, pace.farthest));
-    const auto raised = hn::Add(mean, hn::Min(hn::ShiftRight<kSixteenth>(above), most_step));
+    const auto is_far = hn::Gt(distance, hn::Set(shorts, parameters.max_distance));
+    const auto raised = hn::Add(mean, hn::Min(hn::ShiftRight<kStepShift>(above), max_step));
     const auto moved =
-        hn::SaturatedSub(raised, hn::Min(hn::ShiftRight<kSixteenth>(below), most_step));
-    const auto away = hn::Add(hn::ShiftRight<2>(plate), hn::Set(shorts, kMaxAway));
-    const auto highest = hn::Min(hn::SaturatedAdd(plate, away), hn::Set(shorts, kWhite));
-    const auto limited = hn::Min(hn::Max(moved, hn::SaturatedSub(plate, away)), highest);
+        hn::SaturatedSub(raised, hn::Min(hn::ShiftRight<kStepShift>(below), max_step));
+    const auto drift = hn::Add(hn::ShiftRight<2>(plate), hn::Set(shorts, kMaxDrift));
+    const auto highest = hn::Min(hn::SaturatedAdd(plate, drift), hn::Set(shorts, kWhite));
+    const auto limited = hn::Min(hn::Max(moved, hn::SaturatedSub(plate, drift)), highest);
     hn::BlendedStore(limited, hn::AndNot(is_far, within), shorts, at.mean + i);
   }
 }
@@ -84,7 +84,7 @@ HWY_EXPORT(step);
 
 constexpr int kCellWidth = 32;  ///< pixels
 constexpr int kCellHeight = 16;
-constexpr float kFarthest = 3;  ///< spreads
+constexpr float kMaxDistance = 3;  ///< spreads
 
 int columns_of(ImageSize size) { return (size.width + kCellWidth - 1) / kCellWidth; }
 int rows_of(ImageSize size) { return (size.height + kCellHeight - 1) / kCellHeight; }
@@ -119,12 +119,12 @@ void BackgroundAdaptation::follow(ImageView image, const Mask& mask, uint32_t ga
                                   BackgroundTable& table) {
   V3D_CHECK(image.size == table.size && image.format == table.format && mask.size() == table.size);
   mark_busy_cells(mask);
-  const Pace pace{static_cast<uint16_t>(gain), table.sharpness_shift,
-                  static_cast<uint16_t>(kFarthest * table.steps_per_spread)};
+  const StepParameters parameters{static_cast<uint16_t>(gain), table.sharpness_shift,
+                                  static_cast<uint16_t>(kMaxDistance * table.steps_per_spread)};
   const int columns = columns_of(table.size);
   const size_t row_samples = static_cast<size_t>(table.size.width) * table.channels;
   const size_t cell_samples = static_cast<size_t>(kCellWidth) * table.channels;
-  // Registers may not read beyond the image: its last samples are looked at elsewhere.
+  // Vector loads must not read beyond the image, so its last samples are copied to tail_.
   tail_.resize(cell_samples + BackgroundTable::kReach);
   for (int y = 0; y < table.size.height; ++y) {
     const uint8_t* busy = &busy_[static_cast<size_t>(y / kCellHeight) * columns];
@@ -139,7 +139,7 @@ void BackgroundAdaptation::follow(ImageView image, const Mask& mask, uint32_t ga
         seen = tail_.data();
       }
       HWY_DYNAMIC_DISPATCH(step)
-      ({seen, &plates_[at], &table.sharpness[at], &table.mean[at], samples}, pace);
+      ({seen, &plates_[at], &table.sharpness[at], &table.mean[at], samples}, parameters);
     }
   }
 }

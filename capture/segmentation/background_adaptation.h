@@ -1,4 +1,4 @@
-// Lets the background follow the light: the sun comes round, lamps grow warm.
+// Adapts the background model to slow changes of the light, such as sun or warming lamps.
 #pragma once
 
 #include <cstdint>
@@ -10,32 +10,32 @@
 
 namespace v3d {
 
-/// Slow, and within bounds, so that nobody is ever learnt into the background, however long he
-/// stands:
-/// - only samples that lie about where the background is expected learn, no more than 3 spreads
-///   away, and none within a cell of the mask, 16 pixels at the least: no cloth that is nearly the
-///   wall's colour, and no shadow that is more than noise;
-/// - a sample's mean moves by a sixteenth of the difference, and by 1/4 grey value at most;
-/// - in all it goes no further than a quarter and 8 grey values from the plates.
-/// The means alone change: how far light drifts tells nothing of a sample's noise.
+/// Updates are slow and bounded, so that a performer who stands still is never learnt:
+/// - Only samples within 3 spreads of the expected background are updated, and none within a cell
+///   of the mask, at least 16 pixels. This excludes cloth of nearly the wall's colour, and shadows
+///   darker than noise.
+/// - A sample's mean moves by 1/16 of the difference, at most by 1/4 grey value.
+/// - In total it moves away from the plates by at most a quarter plus 8 grey values.
+/// Only means change; drift of the light says nothing about a sample's noise.
+/// Not thread-safe.
 class BackgroundAdaptation {
  public:
   explicit BackgroundAdaptation(const BackgroundTable& plates) : plates_(plates.mean) {}
 
-  /// Moves the table's means towards the image. Requires: mask is what the table makes of the image
-  /// in its brightness `gain`. Integers only: every processor gives the same table.
+  /// Moves the table's means towards the image. Requires that `mask` is the segmentation of `image`
+  /// by the table at brightness `gain`. Integer arithmetic: every processor gives the same table.
   void follow(ImageView image, const Mask& mask, uint32_t gain, BackgroundTable& table);
 
-  /// Back to the plates.
+  /// Restores the means of the plates.
   void forget(BackgroundTable& table) const { table.mean = plates_; }
 
  private:
   void mark_busy_cells(const Mask& mask);
 
-  std::vector<uint16_t> plates_;  ///< BackgroundTable::mean as it was
-  std::vector<uint8_t> busy_;     ///< per cell: the mask has foreground in it, or around it
-  std::vector<uint8_t> occupied_;
-  std::vector<uint8_t> tail_;  ///< the last samples of an image
+  std::vector<uint16_t> plates_;   ///< initial BackgroundTable::mean
+  std::vector<uint8_t> busy_;      ///< per cell: foreground in the cell or in a neighbour
+  std::vector<uint8_t> occupied_;  ///< per cell: foreground in the cell
+  std::vector<uint8_t> tail_;      ///< the last samples of an image
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Background models on disk.
+// Reads and writes background models.
 
 #include <algorithm>
 #include <array>
@@ -42,17 +42,17 @@ std::string read_plate_file(const fs::path& path, uint64_t max_bytes) {
   return io::value_or_throw(io::read_file(path, max_bytes, io::OpenMode::kReadWithinFolder));
 }
 
-/// Values of a picture of the wanted kind; sets `size` when it is not known yet.
+/// Reads the values of an image of `format`. Sets `size` if it is empty, otherwise checks it.
 std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSize& size) {
   const DeepImage picture = decode_png(read_plate_file(path, kMaxPlatePictureBytes), path);
   const int channels = bytes_per_pixel(format);
   if (picture.channels != channels) {
-    throw InputError(path.string() + ": right would be 16 bits and " + std::to_string(channels) +
+    throw InputError(path.string() + ": expected 16 bits and " + std::to_string(channels) +
                      " channel(s) for " + std::string(name(format)));
   }
   if (size == ImageSize{}) size = picture.size;
   if (size != picture.size) {
-    throw InputError(path.string() + ": is not of the size of the mean image, " +
+    throw InputError(path.string() + ": size differs from that of the mean image, " +
                      format_size(size));
   }
   std::vector<float> values;
@@ -64,9 +64,9 @@ std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSi
 void load_info(const fs::path& path, BackgroundModel& model) {
   const TomlTable table = TomlTable::parse(read_plate_file(path, kMaxTakeTextBytes), path);
   const auto format = pixel_format_from_name(table.text("pixel_format"));
-  if (!format) table.fail("pixel_format", "is not known; right would be e.g. \"BayerRG8\"");
+  if (!format) table.fail("pixel_format", "is not known; expected e.g. \"BayerRG8\"");
   const auto key = chroma_key_from_name(table.text_or("chroma_key", name(ChromaKey::kNone)));
-  if (!key) table.fail("chroma_key", "is not known; right would be none, green or blue");
+  if (!key) table.fail("chroma_key", "is not known; expected none, green or blue");
   table.refuse_unknown();
   model.format = *format;
   model.key = *key;

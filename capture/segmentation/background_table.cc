@@ -11,13 +11,15 @@ namespace {
 
 constexpr float kMinSpread = 0.5F;  ///< grey values
 constexpr float kMaxSpread = 64;
-constexpr float kSaturated = 248;  ///< a lamp: how bright it is cannot be seen, so it seems not to
-constexpr float kSaturatedSpread = 10;  ///< flicker with the light it gives
-constexpr float kSharpest = 255;
-constexpr float kMaxSteps = 8;  ///< per spread: 16 spreads fit the squares of a quad
+/// Above this grey value a sample is saturated, such as a lamp. Its measured spread is too small,
+/// because flicker is not visible in it; kSaturatedSpread replaces it.
+constexpr float kSaturated = 248;
+constexpr float kSaturatedSpread = 10;
+constexpr float kMaxSharpness = 255;
+constexpr float kMaxSteps = 8;  ///< per spread: the squared distances of a quad fit 16 spreads
 
-/// Grey values by which the background changes from one pixel to the next, at its steepest: half
-/// the difference to the neighbours of the same colour, which in a Bayer image are two pixels away.
+/// Maximum slope of the background, in grey values per pixel. In a Bayer image it is half the
+/// difference to the neighbours of the same colour, which are two pixels away.
 float slope(const BackgroundModel& model, int channels, int x, int y, int channel) {
   const int step = is_bayer(model.format) ? 2 : 1;
   const auto at = [&](int u, int v) {
@@ -35,11 +37,11 @@ float slope(const BackgroundModel& model, int channels, int x, int y, int channe
   return steepest / static_cast<float>(step);
 }
 
-/// Grey values by which the key's colour stands out in a quad, and how many times the others.
-constexpr float kKeyGrey = 16;
-constexpr float kKeyTimes = 1.25F;
+/// Minimum difference between the key's channel and the others, in grey values, and minimum ratio.
+constexpr float kMinKeyDifference = 16;
+constexpr float kMinKeyRatio = 1.25F;
 
-/// The mean colour of a quad.
+/// Mean colour (red, green, blue) of the quad at (x, y).
 std::array<float, 3> colour_of_quad(const BackgroundModel& model, int x, int y) {
   std::array<float, 3> sum{};
   std::array<int, 3> count{};
@@ -66,7 +68,7 @@ std::array<float, 3> colour_of_quad(const BackgroundModel& model, int x, int y) 
 bool has_colour_of(ChromaKey key, const std::array<float, 3>& colour) {
   const float own = colour[key == ChromaKey::kGreen ? 1 : 2];
   const float other = std::max(colour[0], colour[key == ChromaKey::kGreen ? 2 : 1]);
-  return own - other >= kKeyGrey && own >= kKeyTimes * other;
+  return own - other >= kMinKeyDifference && own >= kMinKeyRatio * other;
 }
 
 Mask keyed_quads(const BackgroundModel& model) {
@@ -91,8 +93,8 @@ BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOpti
   V3D_CHECK(model.mean.size() == samples && model.spread.size() == samples);
   mean.resize(samples + kReach);
   sharpness.resize(samples + kReach);
-  const float least = std::clamp(options.noise_floor, kMinSpread, kMaxSpread);
-  const float scale = kSharpest * least;  // of 1 / spread; 512 of it are a step to the spread
+  const float min_spread = std::clamp(options.noise_floor, kMinSpread, kMaxSpread);
+  const float scale = kMaxSharpness * min_spread;  // of 1 / spread; 512 make 1 step per spread
   sharpness_shift = static_cast<int>(std::floor(std::log2(512 * kMaxSteps / scale)));
   sharpness_shift = std::max(sharpness_shift, 0);
   steps_per_spread = std::ldexp(scale / 512, sharpness_shift);
@@ -103,7 +105,7 @@ BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOpti
         const float grey = std::clamp(model.mean[i], 0.0F, 255.0F);
         mean[i] = static_cast<uint16_t>(std::lround(grey * 256));
         const float floor = model.mean[i] > kSaturated ? kSaturatedSpread : kMinSpread;
-        const float noise = std::max({model.spread[i], least, floor});
+        const float noise = std::max({model.spread[i], min_spread, floor});
         const float moved = options.shake * slope(model, channels, x, y, c);
         const float spread = std::min(std::sqrt(noise * noise + moved * moved), kMaxSpread);
         sharpness[i] = static_cast<uint8_t>(std::lround(scale / spread));

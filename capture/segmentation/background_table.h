@@ -1,4 +1,4 @@
-// The background as the inner loop of the segmentation reads it: three bytes a sample.
+// Background model in fixed point for the inner loop of the segmentation: three bytes a sample.
 #pragma once
 
 #include <cstddef>
@@ -11,32 +11,32 @@
 
 namespace v3d {
 
-/// What the brightest sample shows: where the light is more, the sensor saturates.
+/// Expected value of a saturated sample, in 1/128 grey value.
 inline constexpr uint16_t kMaxExpected = 255 << 7;
 
-/// Samples in the order of the image's bytes, and kReach more, so that a whole register may be read
-/// from any sample on.
+/// Samples are in the order of the image's bytes. kReach further ones follow, so that a vector load
+/// at any sample stays inside the array.
 ///
-/// The scales are chosen so that a row is worked through in 16-bit lanes. What the image should
-/// show, e, and what it shows, s, are in 1/128 grey value:
+/// The scales let a row be processed in 16-bit SIMD lanes. With the expected value e and the
+/// image's value s in 1/128 grey value:
 ///   e = min(mean * gain >> 16, kMaxExpected)      (gain: see brightness_ratio())
 ///   distance = |s - e| * (sharpness << sharpness_shift) >> 16
-/// so distances are counted in `steps_per_spread` to the spread.
+/// A distance of one spread is `steps_per_spread`.
 struct BackgroundTable {
   static constexpr size_t kReach = 256;
 
-  /// Requires a spread per mean, and as many as an image of the model's size and format has.
+  /// Requires one mean and one spread for each sample of an image of the model's size and format.
   BackgroundTable(const BackgroundModel& model, const SegmentOptions& options);
 
   ImageSize size;
   PixelFormat format;
   int channels;                    ///< samples per pixel
   std::vector<uint16_t> mean;      ///< 1/256 grey value
-  std::vector<uint8_t> sharpness;  ///< the inverse of the spread; the least spread has 255
+  std::vector<uint8_t> sharpness;  ///< inverse of the spread; 255 for the minimum spread
   int sharpness_shift;
   float steps_per_spread;  ///< 4 to 8
-  /// Bit (x, y): the quad of pixels x, x + 1 and rows y, y + 1 has the key's colour. Of size 0 x 0
-  /// without a key.
+  /// Bit (x, y): the quad of columns x, x + 1 and rows y, y + 1 has the key's colour. Size 0 x 0 if
+  /// there is no key.
   Mask keyed;
 };
 

@@ -1,4 +1,4 @@
-// How bright an image is as a whole, against an expectation of it.
+// Brightness ratio of an image to its background model.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,10 @@ namespace v3d {
 inline constexpr uint32_t kUnitGain =
     32768;  ///< brightness ratios are fixed-point numbers of 1/32768
 
-/// The ratio of the image's samples to `mean` (per sample, 1/256 grey value) that most of them
-/// agree on to a few per cent, from a regular subset: what the performer covers disagrees with
-/// itself and has no say. Limited to [0.5, 1.9]. Pure.
+/// Mode of the ratios of the image's samples to `mean` (per sample, 1/256 grey value), in units of
+/// 1 / kUnitGain, limited to [0.5, 1.9]. It uses a regular subset of the samples. Samples of the
+/// performer have scattered ratios and do not change the mode. kUnitGain if there are too few
+/// usable samples. Pure function.
 uint32_t brightness_ratio(ImageView image, std::span<const uint16_t> mean);
 
 }  // namespace v3d

@@ -1,6 +1,6 @@
 #include "capture/segmentation/differing_quads.h"
 
-// Registers of unknown length cannot be kept in arrays.
+// Vectors of unknown length cannot be kept in arrays.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "capture/segmentation/differing_quads.cc"
@@ -18,13 +18,14 @@
 namespace v3d {
 namespace {
 
-/// Two rows of an image and of the background, from their first samples.
+/// First samples of two rows of the image and of the background.
 struct RowPair {
   const uint8_t* seen[2];
   const uint16_t* mean[2];
 };
 
-/// What the vectorised part works with; lengths are whole words of the mask and a pixel more.
+/// Parameters and buffers of the vectorised part. Buffers hold whole words of the mask plus a
+/// pixel.
 struct QuadSearch {
   const QuadTest& test;
   uint16_t gain;
@@ -47,7 +48,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 constexpr size_t kWord = 64;
 
 using Shorts = hn::CappedTag<uint16_t, 32>;
-// Where a division is needed, so many lanes as there are floats in a register.
+// For divisions: as many lanes as a vector holds floats.
 using Floats = hn::CappedTag<float, 16>;
 using Ints = hn::RebindToSigned<Floats>;
 using FewShorts = hn::Rebind<uint16_t, Floats>;
@@ -62,7 +63,7 @@ HWY_INLINE uint64_t bits_of(D tag, hn::Mask<D> lanes) {
   return bits;
 }
 
-/// The samples of as many pixels as there are lanes, one register per channel.
+/// Loads the samples of as many pixels as there are lanes, one vector per channel.
 template <int kChannels, class D>
 HWY_INLINE void load(D shorts, const uint8_t* from, hn::Vec<D> (&to)[kChannels]) {
   const hn::Rebind<uint8_t, D> bytes;
@@ -85,7 +86,7 @@ HWY_INLINE void load(D shorts, const uint16_t* from, hn::Vec<D> (&to)[kChannels]
   }
 }
 
-/// What the image should show, 1/128 grey value: no more than a sample can hold.
+/// Expected values in 1/128 grey value, limited to the range of a sample.
 template <class D>
 HWY_INLINE hn::Vec<D> expectation(D shorts, hn::Vec<D> mean, uint16_t gain) {
   return hn::Min(hn::MulHigh(mean, hn::Set(shorts, gain)), hn::Set(shorts, kMaxExpected));
@@ -96,7 +97,7 @@ HWY_INLINE V difference(V a, V b) {
   return hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a));
 }
 
-/// The sum of the squared distances of each pixel's samples.
+/// Sum of the squared distances of each pixel's samples.
 template <int kChannels>
 HWY_INLINE hn::Vec<Shorts> evidence(const QuadSearch& search, const uint8_t* seen,
                                     const uint16_t* mean, const uint8_t* sharpness) {
@@ -111,7 +112,7 @@ HWY_INLINE hn::Vec<Shorts> evidence(const QuadSearch& search, const uint8_t* see
     const V expected = expectation(shorts, m[c], search.gain);
     const V grey = difference(hn::ShiftLeft<7>(s[c]), expected);
     const V scaled = hn::MulHigh(grey, hn::ShiftLeftSame(k[c], search.sharpness_shift));
-    const V distance = hn::Min(scaled, hn::Set(shorts, search.test.far));
+    const V distance = hn::Min(scaled, hn::Set(shorts, search.test.max_distance));
     sum = hn::Add(sum, hn::Mul(distance, distance));
   }
   return sum;
@@ -138,7 +139,7 @@ HWY_INLINE hn::Vec<FewShorts> ratio(hn::Vec<FewShorts> a, hn::Vec<FewShorts> b, 
   return hn::DemoteTo(FewShorts(), hn::ConvertTo(Ints(), limited));
 }
 
-/// Which of the quads from pixel x on are the background in another light.
+/// Bits of the quads from pixel x on that are background in another light.
 template <int kChannels>
 HWY_INLINE uint64_t relit(const QuadSearch& search, const LightTest& test, const RowPair& rows,
                           size_t x) {
@@ -151,7 +152,7 @@ HWY_INLINE uint64_t relit(const QuadSearch& search, const LightTest& test, const
     load<kChannels>(shorts, rows.mean[n / 2] + i, expected[n]);
     for (V& e : expected[n]) e = expectation(shorts, e, search.gain);
   }
-  // Of the whole quad: grey values seen, and a quarter of those expected, in 1/32.
+  // Sums over the quad: grey values seen, and a quarter of those expected in 1/32 grey value.
   V seen_sum = hn::Zero(shorts);
   V expected_sum = hn::Zero(shorts);
   for (int c = 0; c < kChannels; ++c) {
@@ -160,10 +161,10 @@ HWY_INLINE uint64_t relit(const QuadSearch& search, const LightTest& test, const
     expected_sum = hn::Add(expected_sum, hn::ShiftRight<2>(hn::AverageRound(upper, lower)));
     for (const auto& pixel : seen) seen_sum = hn::Add(seen_sum, pixel[c]);
   }
-  const V least_expected = hn::Set(shorts, 32 * kChannels);
-  const V factor = ratio(seen_sum, hn::Max(expected_sum, least_expected), 32768.0F * 32 / 4);
-  const V limited = hn::Min(hn::Max(factor, hn::Set(shorts, test.least_factor)),
-                            hn::Set(shorts, test.most_factor));
+  const V min_expected = hn::Set(shorts, 32 * kChannels);
+  const V factor = ratio(seen_sum, hn::Max(expected_sum, min_expected), 32768.0F * 32 / 4);
+  const V limited =
+      hn::Min(hn::Max(factor, hn::Set(shorts, test.min_factor)), hn::Set(shorts, test.max_factor));
   const V part = hn::MulHigh(hn::ShiftLeft<4>(seen_sum), hn::Set(shorts, test.allowed_part));
   const V allowed = hn::Add(hn::Set(shorts, test.allowed), part);
   V unexplained = hn::Zero(shorts);
@@ -176,10 +177,10 @@ HWY_INLINE uint64_t relit(const QuadSearch& search, const LightTest& test, const
   return bits_of(shorts, hn::And(hn::Eq(limited, factor), hn::Eq(unexplained, hn::Zero(shorts))));
 }
 
-/// Takes what is the background in another light out of `differs`, bits of as many quads as there
-/// are Shorts.
+/// Clears the bits of quads that are background in another light. `differs` holds one bit per lane
+/// of Shorts.
 template <int kChannels>
-HWY_INLINE uint64_t spare_relit(const QuadSearch& search, const LightTest& test,
+HWY_INLINE uint64_t clear_relit(const QuadSearch& search, const LightTest& test,
                                 const RowPair& rows, size_t x, uint64_t differs) {
   const size_t lanes = hn::Lanes(FewShorts());
   const uint64_t one_register = (uint64_t{1} << lanes) - 1;
@@ -190,7 +191,8 @@ HWY_INLINE uint64_t spare_relit(const QuadSearch& search, const LightTest& test,
   return differs;
 }
 
-/// Quads between the last two measured rows. keyed: those of the studio's colour, or null.
+/// Flags the quads between the last two measured rows. keyed: bits of the quads with the colour of
+/// the chroma key, or null.
 template <int kChannels>
 void flag_row(const QuadSearch& search, const RowPair& rows, const uint64_t* keyed,
               uint64_t* differs) {
@@ -203,12 +205,12 @@ void flag_row(const QuadSearch& search, const RowPair& rows, const uint64_t* key
       const uint16_t* column = search.columns + w * kWord + n;
       const auto sum = hn::Add(hn::LoadU(shorts, column), hn::LoadU(shorts, column + 1));
       uint64_t bits = bits_of(shorts, hn::Gt(sum, limit));
-      if (bits != 0 && search.test.spares_shadows) {
-        bits = spare_relit<kChannels>(search, search.test.shadow, rows, w * kWord + n, bits);
+      if (bits != 0 && search.test.ignores_shadows) {
+        bits = clear_relit<kChannels>(search, search.test.shadow, rows, w * kWord + n, bits);
       }
       if (const uint64_t asked = keyed ? bits & keyed[w] >> n : 0; asked != 0) {
         bits &=
-            ~asked | spare_relit<kChannels>(search, search.test.key, rows, w * kWord + n, asked);
+            ~asked | clear_relit<kChannels>(search, search.test.key, rows, w * kWord + n, asked);
       }
       word |= bits << n;
     }
@@ -239,10 +241,10 @@ namespace {
 HWY_EXPORT(measure_any_row);
 HWY_EXPORT(flag_any_row);
 
-constexpr float kMaxEvidence = 60000;  ///< of a quad; what lies far away must still exceed it
-constexpr uint16_t kFar = 127;         ///< four squares fit 16 bits
-constexpr uint16_t kFarRgb = 73;       ///< twelve squares fit 16 bits
-constexpr float kLightNoise = 2.5F;    ///< noise floors that noise may add to a relit sample
+constexpr float kMaxEvidence = 60000;     ///< maximum limit of a quad; limited distances exceed it
+constexpr uint16_t kMaxDistance = 127;    ///< four squares fit 16 bits
+constexpr uint16_t kMaxDistanceRgb = 73;  ///< twelve squares fit 16 bits
+constexpr float kLightNoise = 2.5F;       ///< noise of a relit sample, in noise floors
 
 /// The sum of `freedom` squared normal deviates that is as improbable as one deviate of `level`
 /// (Wilson and Hilferty's cube root).
@@ -258,18 +260,18 @@ uint16_t to_fixed(float value, float scale) {
 
 }  // namespace
 
-LightTest::LightTest(float least, float most, float chroma, int channels, float noise_floor)
-    : least_factor(to_fixed(least, 32768)),
-      most_factor(to_fixed(most, 32768)),
+LightTest::LightTest(float lowest, float highest, float chroma, int channels, float noise_floor)
+    : min_factor(to_fixed(lowest, 32768)),
+      max_factor(to_fixed(highest, 32768)),
       allowed(to_fixed(kLightNoise * noise_floor, 64)),
       allowed_part(to_fixed(chroma / static_cast<float>(channels), 65536)) {}
 
 QuadTest::QuadTest(const BackgroundTable& background, const SegmentOptions& options)
-    : far(background.channels == 3 ? kFarRgb : kFar),
-      spares_shadows(background.format != PixelFormat::kMono8),
+    : max_distance(background.channels == 3 ? kMaxDistanceRgb : kMaxDistance),
+      ignores_shadows(background.format != PixelFormat::kMono8),
       shadow(options.shadow_min, 1 + (1 - options.shadow_min) / 4, options.shadow_chroma,
              background.channels, options.noise_floor),
-      key(options.key_min, options.key_most, options.key_chroma, background.channels,
+      key(options.key_min, options.key_max, options.key_chroma, background.channels,
           options.noise_floor) {
   const float steps = background.steps_per_spread;
   const float improbable =

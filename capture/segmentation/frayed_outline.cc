@@ -11,10 +11,11 @@
 namespace v3d {
 namespace {
 
-constexpr int kLongestNotch = 8;  // pixels: of random losses of half the outline 0.4 % are longer
-/// So many notches for each pixel of the outline. A loss of half the outline makes 0.12 to 0.17.
-constexpr double kFrayed = 0.1;
-constexpr int kNear = 2;  // pixels from the outline
+constexpr int kMaxNotchLength = 8;  // pixels: if half the outline is lost, 0.4 % of gaps are longer
+/// Minimum notches per pixel of a frayed outline. Random loss of half the outline gives 0.12 to
+/// 0.17.
+constexpr double kMinNotchDensity = 0.1;
+constexpr int kOutlineMargin = 2;  // pixels from the outline
 
 struct Step {
   int x = 0;
@@ -23,7 +24,7 @@ struct Step {
 constexpr Step operator*(int n, Step s) { return {n * s.x, n * s.y}; }
 constexpr Step operator+(Step a, Step b) { return {a.x + b.x, a.y + b.y}; }
 
-/// To the side on which the foreground lies, and along the outline.
+/// Directions to the side of the foreground and along the outline.
 struct Facing {
   Step inward;
   Step along;
@@ -31,12 +32,13 @@ struct Facing {
 constexpr Facing kFacings[] = {
     {{0, 1}, {1, 0}}, {{0, -1}, {1, 0}}, {{1, 0}, {0, 1}}, {{-1, 0}, {0, 1}}};
 
-/// 64 pixels of a mask at a time. All is background outside the image.
+/// Access to a mask by words of 64 pixels. Pixels outside the image are background.
 class Words {
  public:
   explicit Words(const Mask& mask) : mask_(mask) {}
 
-  /// Bits of the pixels that lie a step of less than 64 pixels from those of word `w` of row `y`.
+  /// Bits of the pixels at offset `step` from those of word `w` of row `y`. Requires an offset of
+  /// less than 64 pixels.
   uint64_t at(size_t w, int y, Step step) const {
     const int from = y + step.y;
     if (from < 0 || from >= mask_.size().height) return 0;
@@ -52,7 +54,7 @@ class Words {
   const Mask& mask_;
 };
 
-/// Calls visit(w, y, image): `image` are the bits of the word that are pixels.
+/// Calls visit(w, y, image) for every word in `box`. `image`: the bits of the word that are pixels.
 template <class Visit>
 void for_each_word(const Mask& mask, const Rect& box, const Visit& visit, int every_row = 1) {
   if (box.empty()) return;
@@ -73,12 +75,12 @@ Rect wider(const Rect& box, int by) {
   return {box.x0 - by, box.y0 - by, box.width + 2 * by, box.height + 2 * by};
 }
 
-/// Background with foreground inward of it, where `smooth` has its outline.
+/// Dents: background pixels on the outline of `smooth` with foreground inward of them.
 class Dents {
  public:
   Dents(const Mask& raw, const Mask& smooth) : raw_(raw), smooth_(smooth) {}
 
-  bool may_be(size_t w, int y) const {
+  bool may_exist(size_t w, int y) const {
     return ((smooth_.at(w, y, {0, 1}) ^ smooth_.at(w, y, {0, -1})) |
             (smooth_.at(w, y, {1, 0}) ^ smooth_.at(w, y, {-1, 0}))) != 0;
   }
@@ -93,7 +95,7 @@ class Dents {
   Words smooth_;
 };
 
-/// Where one background pixel at most is among the eight neighbours.
+/// Pixels with at most one background pixel among the eight neighbours.
 uint64_t surrounded(const Words& words, size_t w, int y) {
   uint64_t one = 0, two = 0;
   for (int v = -1; v <= 1; ++v) {
@@ -116,16 +118,16 @@ Mask without_specks_inside(const Mask& mask, const Rect& box) {
   return filled;
 }
 
-/// The pixels of a mask one by one; all is background outside the image.
+/// A pixel of the mask. Pixels outside the image are background.
 bool is_set(const Mask& mask, Step at) {
   return at.x >= 0 && at.y >= 0 && at.x < mask.size().width && at.y < mask.size().height &&
          mask.get(at.x, at.y);
 }
 
-/// The length of the notch that begins at `first` and goes on by `along`; 0 where there is none.
+/// Length of the notch that starts at `first` and continues by `along`; 0 if there is none.
 int notch_length(const Mask& mask, Step first, Step along, Step inward) {
   if (!is_set(mask, first + -1 * along)) return 0;
-  for (int n = 1; n <= kLongestNotch; ++n) {
+  for (int n = 1; n <= kMaxNotchLength; ++n) {
     const Step here = first + n * along;
     if (is_set(mask, here)) return n;
     if (!is_set(mask, here + inward)) return 0;
@@ -160,7 +162,7 @@ Mask filled_notches(const Mask& mask, const Rect& box) {
   return filled;
 }
 
-/// One or two pixels that stand alone on an outline are noise of the outside.
+/// Removes bumps of one or two pixels on the outline, which are noise of the background.
 Mask without_bumps(const Mask& mask, const Rect& box) {
   Mask flat = mask;
   const Words words(mask);
@@ -181,13 +183,13 @@ Mask without_bumps(const Mask& mask, const Rect& box) {
   return flat;
 }
 
-/// By pixels of the outline; of every so many rows.
+/// Notches per pixel of the outline, counted in every `every`-th row.
 double notches_per_pixel(const Mask& raw, const Mask& smooth, int every) {
   const Words found(raw), outlined(smooth);
   const Dents dents(raw, smooth);
   int64_t outline = 0, notches = 0;
-  const auto look = [&](size_t w, int y, uint64_t image) {
-    if (!dents.may_be(w, y)) return;
+  const auto count_notches = [&](size_t w, int y, uint64_t image) {
+    if (!dents.may_exist(w, y)) return;
     for (const auto& [in, along] : kFacings) {
       outline += std::popcount(~outlined.at(w, y, {}) & outlined.at(w, y, in) & image);
       const uint64_t begins = dents.at(w, y, in) & found.at(w, y, -1 * along) & image;
@@ -197,7 +199,7 @@ double notches_per_pixel(const Mask& raw, const Mask& smooth, int every) {
     }
   };
   const ImageSize size = smooth.size();
-  for_each_word(smooth, {0, 0, size.width, size.height}, look, every);
+  for_each_word(smooth, {0, 0, size.width, size.height}, count_notches, every);
   return static_cast<double>(notches) / static_cast<double>(std::max<int64_t>(1, outline));
 }
 
@@ -205,15 +207,15 @@ double notches_per_pixel(const Mask& raw, const Mask& smooth, int every) {
 
 bool is_frayed(const Mask& raw, const Mask& smooth) {
   V3D_CHECK(raw.size() == smooth.size());
-  // Most outlines are clean, and a few rows tell.
-  return notches_per_pixel(raw, smooth, 8) > kFrayed / 2 &&
-         notches_per_pixel(raw, smooth, 1) > kFrayed;
+  // A test of a few rows first: most outlines are clean.
+  return notches_per_pixel(raw, smooth, 8) > kMinNotchDensity / 2 &&
+         notches_per_pixel(raw, smooth, 1) > kMinNotchDensity;
 }
 
 Mask without_notches(const Mask& raw, const Mask& smooth) {
   V3D_CHECK(raw.size() == smooth.size());
-  const Rect box = wider(smooth.bounding_box(), kNear);
-  const Mask near = intersection_of(raw, dilate(smooth, kNear));
+  const Rect box = wider(smooth.bounding_box(), kOutlineMargin);
+  const Mask near = intersection_of(raw, dilate(smooth, kOutlineMargin));
   return without_bumps(filled_notches(without_specks_inside(near, box), box), box);
 }
 

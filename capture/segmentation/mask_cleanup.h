@@ -1,4 +1,4 @@
-// What is done to the mask that a segmenter has found.
+// Cleanup of a segmented mask: smoothing, removal of small pieces and holes, repair of outlines.
 #pragma once
 
 #include <cstddef>
@@ -12,19 +12,19 @@
 
 namespace v3d {
 
-/// Makes it smooth, drops pieces of foreground that are too small or unwanted, fills small holes.
-/// Where the outline turns out to be frayed, its notches are filled first. Keeps its working memory
-/// between masks, but for frayed ones. One thread.
+/// Smooths the mask, drops foreground pieces that are too small or unwanted, fills small holes. If
+/// the outline is frayed, it fills the notches first. Keeps its working memory between masks,
+/// except for frayed ones. Not thread-safe.
 class MaskCleanup {
  public:
-  /// `is_unwanted(pieces, i)`: whether the i-th piece goes whatever its size.
+  /// `is_unwanted(pieces, i)`: true if the i-th piece is to be dropped whatever its size.
   template <class IsUnwanted>
   void clean(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
     raw_ = mask;
-    smoothen(mask, options, is_unwanted);
+    clean_once(mask, options, is_unwanted);
     if (!is_frayed(raw_, mask)) return;
     mask = without_notches(raw_, mask);
-    smoothen(mask, options, is_unwanted);
+    clean_once(mask, options, is_unwanted);
   }
   void clean(Mask& mask, const SegmentOptions& options) {
     clean(mask, options, [](const MaskComponents&, size_t) { return false; });
@@ -32,7 +32,7 @@ class MaskCleanup {
 
  private:
   template <class IsUnwanted>
-  void smoothen(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
+  void clean_once(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
     take_majority(mask);
     pieces_.find(mask);
     for (size_t i = 0; i < pieces_.count(); ++i) {

@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kFarLeft = std::numeric_limits<int>::min();
 constexpr int kFarRight = std::numeric_limits<int>::max();
-/// What the outside is joined to.
+/// Gap 0 represents the outside: it always reaches the border.
 constexpr uint32_t kOutside = 0;
 
 bool reaches_outside(const Run& gap) { return gap.begin == kFarLeft || gap.end == kFarRight; }
@@ -32,7 +32,7 @@ void MaskHoles::find_gaps(std::span<const Run> runs) {
   if (y >= 0) gaps_.push_back({y, end, kFarRight});
 }
 
-/// Gaps [above, here) and [here, end) are rows that follow each other.
+/// Joins touching gaps of two consecutive rows: gaps [above, here) and [here, end).
 void MaskHoles::join_rows(size_t above, size_t here, size_t end) {
   const size_t upper_end = here;
   while (above < upper_end && here < end) {
@@ -41,7 +41,7 @@ void MaskHoles::join_rows(size_t above, size_t here, size_t end) {
     if (upper.begin < lower.end && lower.begin < upper.end) {
       sets_.unite(static_cast<uint32_t>(above), static_cast<uint32_t>(here));
     }
-    // Who ends first touches no more.
+    // The gap that ends first touches no further gap.
     if (upper.end < lower.end) {
       ++above;
     } else {
@@ -66,7 +66,7 @@ void MaskHoles::join_touching() {
     const bool follows = here > 0 && gaps_[here].y == gaps_[above].y + 1;
     if (follows) {
       join_rows(above, here, end);
-    } else {  // an empty row, or the border, lies between
+    } else {  // the rows are separated by an empty row or the border
       open(above, here);
       open(here, end);
     }

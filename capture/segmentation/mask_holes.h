@@ -1,4 +1,4 @@
-// Holes in a mask's foreground.
+// Fills small holes in the foreground of a mask.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@
 
 namespace v3d {
 
-/// Keeps its working memory between masks. One thread.
+/// Keeps its working memory between masks. Not thread-safe.
 class MaskHoles {
  public:
-  /// Fills pieces of background (four neighbours) of fewer than `max_hole` pixels that do not touch
-  /// the border. `runs` are those of the mask, from the top row to the bottom, each from left to
-  /// right; empty ones are passed over.
+  /// Fills 4-connected background pieces of fewer than `max_hole` pixels that do not touch the
+  /// border. `runs` are the foreground runs of the mask, sorted by row, then by column. Empty runs
+  /// are ignored.
   void fill_small(Mask& mask, std::span<const Run> runs, int max_hole);
 
  private:
@@ -24,8 +24,8 @@ class MaskHoles {
   void join_touching();
   void join_rows(size_t above, size_t here, size_t end);
 
-  /// Background between two runs of a row, and to both sides of all: what lies there belongs to the
-  /// outside.
+  /// Background between two runs of a row, and left and right of all runs. The outer gaps belong to
+  /// the outside.
   std::vector<Run> gaps_;
   std::vector<int64_t> area_;
   UnionFind sets_;

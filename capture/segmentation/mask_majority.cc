@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-// 64 pixels at a time: numbers are kept bit by bit in separate words.
+// Bit-sliced arithmetic on 64 pixels at a time: each bit of a number has its own word.
 
 constexpr size_t kMaxWords = kMaxImageSide / 64;
 
@@ -22,7 +22,7 @@ struct TwoBits {
 
 TwoBits add(uint64_t a, uint64_t b, uint64_t c) { return {a ^ b ^ c, (a & b) | (c & (a ^ b))}; }
 
-/// Where three numbers of 0 to 3 sum up to 5 or more.
+/// Bits of the pixels whose three numbers (0 to 3 each) add up to 5 or more.
 uint64_t at_least_five(TwoBits a, TwoBits b, TwoBits c) {
   const TwoBits ones = add(a.ones, b.ones, c.ones);           // weighs 1, carry 2
   const TwoBits twos = add(a.twos, b.twos, c.twos);           // weighs 2, carry 4
@@ -32,7 +32,7 @@ uint64_t at_least_five(TwoBits a, TwoBits b, TwoBits c) {
   return eight | (four & (two | ones.ones));
 }
 
-/// How many of each pixel of a row and its neighbours left and right are set.
+/// For each pixel of a row: how many of it and its left and right neighbours are set (0 to 3).
 struct CountedRow {
   bool empty;
   std::array<uint64_t, kMaxWords> ones, twos;
@@ -40,7 +40,8 @@ struct CountedRow {
   TwoBits at(size_t w) const { return {ones[w], twos[w]}; }
 };
 
-/// `last` is the last bit of the row in its last word; beyond the ends the row goes on as it ends.
+/// Counts a row. `last` is the last bit of the row in its last word. The end pixels are repeated
+/// beyond the row.
 void count(std::span<const uint64_t> row, int last, CountedRow& counted) {
   const size_t words = row.size();
   counted.empty = std::all_of(row.begin(), row.end(), [](uint64_t w) { return w == 0; });
@@ -73,7 +74,7 @@ void take_majority(Mask& mask) {
   count(mask.row(0), last, *here);
   count(mask.row(0), last, *above);
   for (int y = 0; y < height; ++y) {
-    // The row below is still what it was; beyond the last one the mask goes on as it ends.
+    // The row below is still unmodified. Beyond the last row, that row is repeated.
     if (y + 1 < height) {
       count(mask.row(y + 1), last, *below);
     } else {

@@ -5,11 +5,12 @@
 namespace v3d {
 namespace {
 
-constexpr int64_t kSampled = 64;  ///< pixels of a piece that are looked at
-/// Percent of them that must be background. Of a moved edge three pixels wide one column lies
-/// across the edge; in a Bayer image, which is searched in steps of two, it may be found nowhere.
-constexpr int64_t kMaxOf = 60;
+constexpr int64_t kMaxSamples = 64;  ///< pixels of a piece that are tested
+/// Percent of them that must be background. Of a moved edge three pixels wide, one column lies
+/// across the edge. In a Bayer image, which is searched in steps of two, it may have no match.
+constexpr int64_t kMinBackgroundPercent = 60;
 
+/// Searches the expected background near a quad of the image.
 class Search {
  public:
   Search(ImageView image, const ExpectedBackground& background, int reach)
@@ -19,8 +20,9 @@ class Search {
         step_(is_bayer(image.format) ? 2 : 1),
         reach_(reach / step_ * step_) {}
 
-  /// The quad at (x, y) is what the model expects of some place within reach, of the same colours.
-  bool finds(int x, int y) const {
+  /// True if the quad at (x, y) matches the background expected at a place within reach. Only
+  /// places with the same order of colours are compared.
+  bool has_match(int x, int y) const {
     const int right = image_.size.width - 2;
     const int bottom = image_.size.height - 2;
     x = std::min(x, right);
@@ -28,14 +30,14 @@ class Search {
     for (int v = y - reach_; v <= y + reach_; v += step_) {
       for (int u = x - reach_; u <= x + reach_; u += step_) {
         if (u < 0 || v < 0 || u > right || v > bottom) continue;
-        if (looks_alike(x, y, u, v)) return true;
+        if (matches_at(x, y, u, v)) return true;
       }
     }
     return false;
   }
 
  private:
-  bool looks_alike(int x, int y, int u, int v) const {
+  bool matches_at(int x, int y, int u, int v) const {
     uint32_t sum = 0;
     for (int row = 0; row < 2 && sum <= background_.quad_limit; ++row) {
       const uint8_t* seen = image_.row(y + row) + x * channels_;
@@ -59,36 +61,39 @@ class Search {
   ImageView image_;
   const ExpectedBackground& background_;
   int channels_;
-  int step_;  ///< between places whose samples have the same colours
+  int step_;  ///< between places with the same order of colours, pixels
   int reach_;
 };
 
-/// What is known of a piece while its runs go by.
+/// Counts the tested pixels of a piece that match the background, run by run.
 class Evidence {
  public:
   explicit Evidence(int64_t area)
-      : stride_(std::max<int64_t>(1, area / kSampled)), samples_((area + stride_ - 1) / stride_) {}
+      : stride_(std::max<int64_t>(1, area / kMaxSamples)),
+        samples_((area + stride_ - 1) / stride_) {}
 
-  void look_at(const Run& run, const Search& search) {
+  void test_run(const Run& run, const Search& search) {
     const int64_t end = passed_ + run.end - run.begin;
-    for (; next_ < end && !settled(); next_ += stride_) {
+    for (; next_ < end && !is_decided(); next_ += stride_) {
       const auto x = static_cast<int>(run.begin + next_ - passed_);
-      ++looked_;
-      found_ += search.finds(x, run.y) ? 1 : 0;
+      ++tested_;
+      matching_ += search.has_match(x, run.y) ? 1 : 0;
     }
     passed_ = end;
   }
-  /// Even if the rest were background, it would not be enough.
-  bool settled() const { return (looked_ - found_) * 100 > samples_ * (100 - kMaxOf); }
-  bool is_background() const { return found_ * 100 >= looked_ * kMaxOf; }
+  /// True if the piece cannot be background, even if all remaining pixels match.
+  bool is_decided() const {
+    return (tested_ - matching_) * 100 > samples_ * (100 - kMinBackgroundPercent);
+  }
+  bool is_background() const { return matching_ * 100 >= tested_ * kMinBackgroundPercent; }
 
  private:
   int64_t stride_;
-  int64_t samples_;     ///< pixels to look at
-  int64_t next_ = 0;    ///< the next of them, counted through the piece's runs
-  int64_t passed_ = 0;  ///< pixels gone by
-  int64_t looked_ = 0;
-  int64_t found_ = 0;
+  int64_t samples_;       ///< pixels to test
+  int64_t next_ = 0;      ///< next pixel to test, counted along the piece's runs
+  int64_t passed_ = 0;    ///< pixels of the runs so far
+  int64_t tested_ = 0;    ///< pixels tested
+  int64_t matching_ = 0;  ///< pixels that match the background
 };
 
 }  // namespace
@@ -98,8 +103,8 @@ bool is_moved_background(const MaskComponents& pieces, size_t piece, ImageView i
   const Search search(image, background, reach);
   Evidence evidence(pieces.area(piece));
   pieces.for_each_run(piece, [&](const Run& run) {
-    evidence.look_at(run, search);
-    return !evidence.settled();
+    evidence.test_run(run, search);
+    return !evidence.is_decided();
   });
   return evidence.is_background();
 }

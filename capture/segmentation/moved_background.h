@@ -1,8 +1,8 @@
-// Background that is not where it was: a lamp seen by a camera that sank a little, a carpet's edge
-// that someone walked on.
+// Suppresses foreground pieces that are displaced background, such as a carpet's edge that moved,
+// or a lamp seen by a camera that sank a little.
 // Source: Elgammal, Harwood, Davis: "Non-parametric Model for Background Subtraction" (ECCV 2000),
-// section 4, suppression of false detections; here by whole pieces, so that a performer loses no
-// pixel where his colour happens to be the background's.
+// section 4, suppression of false detections. Here it decides on whole pieces, so that a performer
+// loses no pixel whose colour equals the background's.
 #pragma once
 
 #include <cstddef>
@@ -14,16 +14,16 @@
 
 namespace v3d {
 
-/// What an image should show.
+/// The background that an image should show.
 struct ExpectedBackground {
   const BackgroundTable& table;
-  uint32_t gain;        ///< of the image's brightness, see brightness_ratio()
-  uint32_t quad_limit;  ///< squared distance beyond which a quad differs, see QuadTest
+  uint32_t gain;        ///< brightness of the image, see brightness_ratio()
+  uint32_t quad_limit;  ///< squared distance above which a quad differs, see QuadTest::limit
 };
 
-/// Whether a piece of foreground shows little else than background from no more than `reach` pixels
-/// away, in x and in y. Pure; looks at a sample of the piece, so the time does not grow with its
-/// area.
+/// True if at least 60 % of a foreground piece match background at most `reach` pixels away in x
+/// and in y. It tests up to 64 pixels of the piece, so the time does not depend on its area. Pure
+/// function.
 bool is_moved_background(const MaskComponents& pieces, size_t piece, ImageView image,
                          const ExpectedBackground& background, int reach);
 

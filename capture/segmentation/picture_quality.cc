@@ -11,7 +11,7 @@ constexpr uint8_t kDark = 5;
 
 ImageSize half_of(ImageSize size) { return {size.width / 2, size.height / 2}; }
 
-/// A quad is the sum of all samples of 2x2 pixels.
+/// Adds the samples of every 2x2 pixels to a quad: an image at half size.
 template <class Sample, class Sum>
 void add_quads(std::span<const Sample> samples, ImageSize size, int channels,
                std::vector<Sum>& quads) {
@@ -28,7 +28,7 @@ void add_quads(std::span<const Sample> samples, ImageSize size, int channels,
   }
 }
 
-/// Variance of the Laplacian of quads / `per_grey`.
+/// Variance of the Laplacian of the quads, divided by `per_grey`, in grey values squared.
 template <class Sum>
 double laplacian_variance(const std::vector<Sum>& quads, ImageSize half, double per_grey) {
   const auto width = static_cast<ptrdiff_t>(half.width);

@@ -1,4 +1,4 @@
-// Whether a camera's pictures are well exposed and sharp.
+// Exposure and focus measures of a camera's images.
 #pragma once
 
 #include <cstdint>
@@ -10,23 +10,23 @@
 namespace v3d {
 
 struct PictureQuality {
-  double clipped = 0;  ///< share of samples so bright that the camera cannot tell more (250 and up)
-  double dark = 0;     ///< share of samples that are lost in the noise (up to 5)
-  double mean_grey = 0;
-  /// Variance of the Laplacian of the mean picture at half size, in grey values squared: falls
-  /// steeply as a lens leaves its focus (Pech-Pacheco et al., "Diatom autofocusing in brightfield
-  /// microscopy", 2000). Of one scene only: another scene has another.
+  double clipped = 0;    ///< share of saturated samples (250 and above)
+  double dark = 0;       ///< share of samples within the noise (up to 5)
+  double mean_grey = 0;  ///< grey value
+  /// Variance of the Laplacian of the mean image at half size, in grey values squared. It falls
+  /// steeply when the lens is out of focus. Values of different scenes are not comparable.
+  /// Source: Pech-Pacheco et al., "Diatom autofocusing in brightfield microscopy", 2000.
   double focus = 0;
 };
 
-/// Gathers frames of one size and format. The frames' mean is what is judged for focus, since noise
-/// would pass for detail. One thread.
+/// Accumulates images of one size and format. Focus is measured on their mean, because noise of a
+/// single image would count as detail. Not thread-safe.
 class PictureStatistics {
  public:
-  /// Pixels of another size or format than the first picture's are passed over.
+  /// Adds an image. Ignores it if its size or format differs from the first one's.
   void add(ImageView picture);
   int64_t pictures() const { return pictures_; }
-  /// All zero when there was no picture.
+  /// All zero if there was no image.
   PictureQuality result() const;
 
  private:
@@ -36,10 +36,10 @@ class PictureStatistics {
   int64_t clipped_ = 0;
   int64_t dark_ = 0;
   int64_t sum_ = 0;
-  std::vector<uint32_t> quads_;  ///< sums over the pictures, at half size
+  std::vector<uint32_t> quads_;  ///< sums over the images, at half size
 };
 
-/// PictureQuality::focus of the empty studio, of which the plates are the mean.
+/// PictureQuality::focus of the empty studio, measured on the model's means.
 double focus_of(const BackgroundModel& model);
 
 }  // namespace v3d

@@ -1,20 +1,22 @@
-// What the segmentation can be told.
+// Parameters of the segmentation.
 #pragma once
 
 namespace v3d {
 
+/// Spreads are standard deviations of a sample over the plates (BackgroundModel::spread).
 struct SegmentOptions {
-  float threshold = 4.5F;    ///< a sample differs when it is so many spreads from the mean
-  float noise_floor = 2.0F;  ///< the least spread assumed, grey values, 0.5 to 64
-  float shake = 0.25F;  ///< pixels that the camera may have moved since the plates count one spread
-  float shadow_min = 0.5F;      ///< a shadow keeps at least this part of the brightness
-  float shadow_chroma = 0.06F;  ///< and its colour to this much
-  float key_min = 0.25F;  ///< where the background has the key's colour: at least this part of the
-  float key_most = 1.9F;  ///< brightness, at most this, less than 2,
-  float key_chroma = 0.12F;  ///< and the colour to this much, is background
-  int moved = 4;      ///< pieces that show background from up to so many pixels away are background
-  int min_area = 64;  ///< smaller foreground pieces are dropped, pixels
-  int max_hole = 160;  ///< smaller holes are filled, pixels
+  float threshold = 4.5F;    ///< distance from the mean at which a sample differs, in spreads
+  float noise_floor = 2.0F;  ///< minimum spread, grey values, 0.5 to 64
+  float shake = 0.25F;       ///< camera movement since the plates that counts as 1 spread, pixels
+  float shadow_min = 0.5F;   ///< minimum brightness of a shadow, as a part of the background's
+  float shadow_chroma = 0.06F;  ///< maximum change of colour in a shadow, as a part of brightness
+  // Where the background has the colour of the chroma key, samples within these are background.
+  float key_min = 0.25F;     ///< minimum brightness, as a part of the background's
+  float key_max = 1.9F;      ///< maximum brightness, as a part of the background's, less than 2
+  float key_chroma = 0.12F;  ///< maximum change of colour, as a part of brightness
+  int moved = 4;       ///< maximum displacement of background that is still background, pixels
+  int min_area = 64;   ///< minimum area of a foreground piece, pixels
+  int max_hole = 160;  ///< area from which a hole is kept, pixels
 };
 
 }  // namespace v3d

@@ -10,12 +10,12 @@
 namespace v3d {
 namespace {
 
-/// Bits whose neighbour at x - 1 is set; beyond the left border counts as set.
+/// Bits whose left neighbour is set. Outside the left border counts as set.
 uint64_t from_left(std::span<const uint64_t> row, size_t w) {
   return (row[w] << 1) | (w > 0 ? row[w - 1] >> 63 : 1);
 }
 
-/// The pixels that belong to nothing but differing quads.
+/// The pixels all of whose quads differ.
 Mask combine(const Mask& quads) {
   Mask mask(quads.size());
   const int height = mask.size().height;

@@ -1,4 +1,4 @@
-// Segmentation: raw image (Bayer, mono or RGB) to silhouette.
+// Background subtraction: raw image (Bayer, mono or RGB) to silhouette.
 #pragma once
 
 #include <cstdint>
@@ -14,44 +14,48 @@
 
 namespace v3d {
 
-/// Deterministic; keeps its working memory between calls (no allocation in steady state
-/// but the mask). One thread per segmenter.
+/// Segments the images of one camera. Deterministic. Keeps its working memory between calls: in the
+/// steady state it allocates only the mask. Not thread-safe.
 ///
-/// Evidence is joint: what counts is a quad, two by two neighbouring pixels, which in a Bayer image
-/// holds every colour. A quad differs when the sum of its squared distances from the mean, in
-/// spreads, is as improbable as one sample `threshold` spreads away. A pixel is foreground when all
-/// quads it belongs to differ, which leaves straight edges and single-pixel lines where they are.
-/// A quad whose samples all kept the same part of their brightness is a shadow (or a small
-/// highlight) and does not differ; grey images have no colour to tell a shadow by, so there a
-/// shadow is foreground. Where the background has the colour of its chroma key, a quad of that
-/// colour in any light does not differ: neither folds and dark corners of the cloth nor light that
-/// changes do, and what stands before it keeps its own colour, also where the cloth shines upon it.
-/// The image's brightness as a whole is brought to that of the model first. Pieces of foreground
-/// that are background which moved a little (is_moved_background()) go.
+/// Method, in this order:
+///   - The brightness of the whole image is scaled to that of the model (brightness_ratio()).
+///   - Quads (2x2 neighbouring pixels) are tested, because in a Bayer image they hold all colours.
+///     A quad differs if the sum of its squared distances from the mean, in spreads, is as
+///     improbable as one sample `threshold` spreads away.
+///   - A quad whose samples all kept the same part of their brightness is a shadow or a small
+///     highlight, and does not differ. Grey images have no colour, so a shadow is foreground there.
+///   - Where the background has the colour of the chroma key, a quad of that colour in any light
+///     does not differ. So folds, dark corners and changing light on the cloth are background. The
+///     performer keeps his own colour, also where the cloth reflects on him.
+///   - A pixel is foreground if all quads that contain it differ. This preserves straight edges and
+///     lines one pixel wide.
+///   - Foreground pieces that are displaced background are dropped (is_moved_background()).
 ///
-/// The background follows the light slowly (BackgroundAdaptation), from every 32nd pulse of a take,
-/// and so that a mask can be made again from the recorded take: it depends on the plates, the image
-/// and the frames that stand before it in the camera's log, on nothing else. The rule: who segments
-/// asks for every frame that is in the log, in the order of the log, whether the segmenter
-/// learns_from() its pulse, and if so has it segmented and learnt, whatever else becomes of it.
+/// The background model adapts slowly to the light (BackgroundAdaptation), at every 32nd pulse of a
+/// take. A mask can be reproduced from the recorded take: it depends only on the plates, the image
+/// and the earlier frames in the camera's log. For this, the caller must call learns_from() for
+/// every frame in the log, in the log's order. If it returns true, the caller must segment and
+/// learn() the frame, whatever else happens to it.
 class Segmenter {
  public:
   Segmenter(const BackgroundModel& model, const SegmentOptions& options);
-  /// Requires: image of the model's size and format.
+  /// The silhouette of the image; empty if the image is smaller than 2x2 pixels.
+  /// Requires an image of the model's size and format.
   Mask segment(ImageView image);
 
-  /// Pulses that have no place behind the last one that was learnt are never learnt.
+  /// True for every 32nd pulse that is later than the last learnt one.
   bool learns_from(int64_t pulse) const { return pulse % kLearnEvery == 0 && pulse > learnt_; }
-  /// Requires: learns_from(pulse), and mask is what segment() has just made of this image.
+  /// Adapts the model to the image. Requires learns_from(pulse), and that `mask` is the result of
+  /// the last segment() call, for this image.
   void learn(int64_t pulse, ImageView image, const Mask& mask);
-  /// Starts again from the plates.
+  /// Restores the model of the plates.
   void forget();
 
   ImageSize size() const { return table_.size; }
   PixelFormat format() const { return table_.format; }
 
  private:
-  static constexpr int64_t kLearnEvery = 32;  ///< pulses: about a second
+  static constexpr int64_t kLearnEvery = 32;  ///< pulses; about one second
 
   SegmentOptions options_;
   BackgroundTable table_;
@@ -59,7 +63,7 @@ class Segmenter {
   DifferingQuads quads_;
   MaskCleanup cleanup_;
   BackgroundAdaptation adaptation_;
-  int64_t learnt_ = -1;  ///< the last pulse that was
+  int64_t learnt_ = -1;  ///< last learnt pulse
 };
 
 }  // namespace v3d

@@ -5,13 +5,13 @@
 namespace v3d {
 namespace {
 
-constexpr double kPeriodDoubt =
-    200e-6;                          ///< of the nominal period: two crystals, one warm, one cold
-constexpr double kWander = 0.02e-6;  ///< of the period, from one pulse to the next
+// Both as a part of the nominal period.
+constexpr double kPeriodUncertainty = 200e-6;  ///< initial error: two crystals, one warm, one cold
+constexpr double kPeriodDrift = 0.02e-6;       ///< change from one pulse to the next
 
 double square(double x) { return x * x; }
 
-/// A device may say anything, so differences wrap.
+/// a - b. Wraps around, because a device may send any value.
 double difference(int64_t a, int64_t b) {
   return static_cast<double>(
       static_cast<int64_t>(static_cast<uint64_t>(a) - static_cast<uint64_t>(b)));
@@ -22,21 +22,21 @@ double difference(int64_t a, int64_t b) {
 PulseFit::PulseFit(Duration period, double jitter)
     : nominal_(static_cast<double>(period.count())),
       stamp_variance_(square(jitter * nominal_)),
-      wander_variance_(square(kWander * nominal_)),
+      drift_variance_(square(kPeriodDrift * nominal_)),
       period_(nominal_),
-      period_variance_(square(kPeriodDoubt * nominal_)) {}
+      period_variance_(square(kPeriodUncertainty * nominal_)) {}
 
 void PulseFit::begin(int64_t pulse, int64_t instant_ns) {
-  begun_ = true;
+  started_ = true;
   pulse_ = pulse;
   instant_ = instant_ns;
-  rest_ = 0;
+  fraction_ = 0;
   instant_variance_ = stamp_variance_;
   covariance_ = 0;
 }
 
 double PulseFit::pulse_at(int64_t instant_ns) const {
-  const double since = difference(instant_ns, instant_) - rest_;
+  const double since = difference(instant_ns, instant_) - fraction_;
   return static_cast<double>(pulse_) + since / period_;
 }
 
@@ -44,7 +44,7 @@ double PulseFit::periods(int64_t from_ns, int64_t to_ns) const {
   return difference(to_ns, from_ns) / period_;
 }
 
-double PulseFit::doubt(int64_t pulse) const {
+double PulseFit::stddev(int64_t pulse) const {
   const double n = std::abs(static_cast<double>(pulse - pulse_));
   const double variance =
       instant_variance_ + 2 * n * covariance_ + n * n * period_variance_ + stamp_variance_;
@@ -54,25 +54,26 @@ double PulseFit::doubt(int64_t pulse) const {
 void PulseFit::learn(int64_t pulse, int64_t instant_ns) {
   if (pulse <= pulse_) return;
   const auto n = static_cast<double>(pulse - pulse_);
-  // Predict: n periods later.
-  const double ahead = rest_ + n * period_;
+  // Prediction, n periods later.
+  const double predicted = fraction_ + n * period_;
   instant_variance_ += 2 * n * covariance_ + n * n * period_variance_;
   covariance_ += n * period_variance_;
-  period_variance_ += n * wander_variance_;
-  // Correct by what was seen.
-  const double surprise = difference(instant_ns, instant_) - ahead;
+  period_variance_ += n * drift_variance_;
+  // Correction by the measured time.
+  const double innovation = difference(instant_ns, instant_) - predicted;
   const double total = instant_variance_ + stamp_variance_;
   const double instant_gain = instant_variance_ / total;
   const double period_gain = covariance_ / total;
-  const double now = ahead + instant_gain * surprise;
-  period_ += period_gain * surprise;
+  const double corrected = predicted + instant_gain * innovation;
+  period_ += period_gain * innovation;
   period_variance_ -= period_gain * covariance_;
   covariance_ *= 1 - instant_gain;
   instant_variance_ *= 1 - instant_gain;
-  // The instant stays whole nanoseconds, so that no number grows with the length of the train.
-  const double whole = std::floor(now);
+  // instant_ is an integer and fraction_ below 1, so precision does not depend on the train's
+  // length.
+  const double whole = std::floor(corrected);
   instant_ += static_cast<int64_t>(whole);
-  rest_ = now - whole;
+  fraction_ = corrected - whole;
   pulse_ = pulse;
 }
 

@@ -1,5 +1,4 @@
-// Which pulse exposed a frame. By the camera's clock, cross-checked with the camera's frame
-// counter; where the two disagree, the time of arrival decides which of them to believe.
+// Assigns frames to pulses by the camera's clock, its frame counter and the time of arrival.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +10,11 @@
 
 namespace v3d {
 
-/// What is known of an exposure when its frame is here.
+/// Times and counter of a received frame.
 struct FrameStamp {
-  DeviceInstant exposed;
-  uint64_t counter = 0;  ///< unwrapped
-  MonotonicInstant received;
+  DeviceInstant exposed;      ///< on the camera's clock
+  uint64_t counter = 0;       ///< unwrapped frame number
+  MonotonicInstant received;  ///< on this host's clock
 };
 
 struct PulseMatch {
@@ -23,106 +22,113 @@ struct PulseMatch {
   bool suspect = false;
 };
 
-/// A frame whose pulse is known without doubt.
+/// A frame with a certain pulse.
 struct KnownFrame {
   FrameStamp stamp;
   int64_t pulse = 0;
 };
 
-/// Pure: no clock, no I/O. Which pulse the first frame is has to be known (train_start.h finds it).
-/// Then there are three witnesses of a frame's pulse:
-///   - its device time, which a running linear fit maps to pulses: exact while the clock runs on;
-///   - its counter: exact while every pulse is one exposure;
-///   - its arrival, mapped by a fit of its own: never early, but late by whatever the host and the
-///     network hesitate.
-/// A frame on whose pulse the first two agree has that pulse. Anything else (the camera missed a
-/// trigger or saw one that was none, its clock was stepped, it began anew) is in doubt, and so are
-/// the frames that follow: until the old agreement is back, or until frames in a row have advanced
-/// alike by clock, counter and arrival. Their arrival then tells their pulse: with the second frame
-/// where the clock or the counter agrees with it, with the ninth where both must have begun anew.
+/// The matcher uses no clock and no I/O. The pulse of the first frame must be known; train_start.h
+/// finds it. Three independent sources give the pulse of each later frame:
+///   - its device time, by a linear fit of times to pulses: exact while the clock keeps running;
+///   - its counter: exact while every pulse makes one exposure;
+///   - its arrival, by a second fit: never early, but delayed by host and network.
 ///
-/// A frame is suspect when
-///   - it is in doubt; its label is the likeliest one;
-///   - it is not later than every frame before it (a duplicate, a straggler);
-///   - the camera was silent for so long that the fit says little;
-///   - it is not certain which pulse the first frame is: then all frames of the take are.
+/// If the device time and the counter agree, the frame has that pulse. Otherwise the frame is
+/// suspect: the camera missed a trigger or detected a false one, its clock stepped, or it
+/// restarted. The frames after it are suspect as well until one of these is true:
+///   - device time and counter agree as before;
+///   - frames in a row advance equally by clock, counter and arrival. Then the arrival gives their
+///     pulse. The second such frame is sufficient if the clock or the counter agrees with the
+///     arrival, and the ninth if both must have restarted.
 ///
-/// A matcher that goes on from frames that another process had labelled (go_on_from) does not know
-/// the counter, and how long it was away. Where the camera's clock and the arrival agree on the
-/// next frame's pulse, it has that pulse. A clock that began anew is outvoted by the arrival as
-/// above, but one that seems to have gone on and says otherwise is not: then all stays in doubt.
+/// A frame is suspect if
+///   - the sources disagree as above; its label is the most likely pulse;
+///   - it is not later than every frame before it: a duplicate, or a frame out of order;
+///   - the camera was silent for so long that the fit is imprecise;
+///   - the pulse of the first frame is uncertain: then all frames of the take are suspect.
 ///
-/// A label that is not suspect is right as long as: the device clock runs within 200 ppm of the
-/// generator's and wanders by less than 0.1 ppm a second; time stamps jitter by at most a tenth of
-/// a period, arrivals (delays apart) by at most three tenths; an exposure that no pulse made is at
-/// least 0.35 periods away from all of them; at most 250 pulses in a row are
-/// without a frame; and no two of the witnesses err by the same whole number of pulses at the same
-/// time (a clock stepped back by as many periods as triggers were missed; after a disagreement,
-/// two frames in a row that are both late by the same whole number of periods).
+/// A matcher that resumes from frames which another process labelled (resume_from) knows neither
+/// the counter nor the length of the interruption. If the camera's clock and the arrival agree on
+/// the pulse of the next frame, the frame has that pulse. If the clock restarted, the arrival
+/// decides as above. If the clock seems to have kept running and contradicts the arrival, all
+/// frames stay suspect.
+///
+/// A label that is not suspect is right if all of these are true:
+///   - The device clock is within 200 ppm of the generator's and drifts by less than 0.1 ppm per
+///     second.
+///   - Time stamps jitter by at most 0.1 periods, and arrivals, delays aside, by at most 0.3.
+///   - An exposure without a pulse is at least 0.35 periods away from every pulse.
+///   - At most 250 pulses in a row have no frame.
+///   - No two sources err by the same whole number of pulses at the same time. Examples: a clock
+///     steps back by as many periods as triggers were missed; after a disagreement, two frames in a
+///     row are late by the same whole number of periods.
 class PulseMatcher {
  public:
   explicit PulseMatcher(Duration period);
 
-  /// The next frame is the first, and of this pulse; unless `certain`, all may be shifted.
+  /// Starts a take: the next frame is the first one and belongs to `first_pulse`. Unless `certain`,
+  /// all labels may be shifted, and all frames are suspect.
   void begin(int64_t first_pulse, bool certain) {
     last_pulse_ = first_pulse;
-    start_unknown_ = !certain;
+    start_uncertain_ = !certain;
   }
 
   /// Labels the next frame.
   PulseMatch label(const FrameStamp& frame);
 
-  /// The camera was opened again: its counter began anew, and its clock may have.
+  /// The camera was opened again: its counter restarted, and its clock may have.
   void reopened() { reopened_ = begun(); }
 
-  /// The take goes on, after these of its frames: rising pulses, at least one. Instead of begin().
-  void go_on_from(std::span<const KnownFrame> frames);
-  /// By what is known of the pulses, a frame of this one would arrive then.
+  /// Resumes a take after `frames`, instead of begin(). Requires at least one frame; their pulses
+  /// must rise.
+  void resume_from(std::span<const KnownFrame> frames);
+  /// Sets the expected arrival of the frame of `pulse`, from the times of pulses and the latency.
   void expect(int64_t pulse, MonotonicInstant arrival);
 
  private:
-  /// A row of frames that advanced alike by all witnesses, in doubt.
-  struct Row {
+  /// Consecutive suspect frames that advance equally by all sources.
+  struct Run {
     FrameStamp last;
     int64_t pulse = 0;  ///< of `last`, by arrival
     int confirmations = 0;
   };
-  /// What the witnesses say of one frame.
+  /// The pulse of one frame according to each source.
   struct Evidence {
     double by_clock = 0;
     int64_t clock_pulse = 0;  ///< nearest to by_clock
-    bool between = false;     ///< by_clock is near no pulse
+    bool off_pulse = false;   ///< by_clock is near no pulse
     int64_t by_counter = 0;
     double by_arrival = 0;
   };
 
   bool begun() const { return fit_.begun(); }
   PulseMatch first(const FrameStamp& frame);
-  Evidence weigh(const FrameStamp& frame) const;
-  bool agreed(const Evidence& e) const;
+  Evidence evaluate(const FrameStamp& frame) const;
+  bool is_consistent(const Evidence& e) const;
   PulseMatch accept(int64_t pulse, const FrameStamp& frame);
-  PulseMatch doubt(const Evidence& e, const FrameStamp& frame);
-  bool clock_objects(const Evidence& e) const;
-  void lengthen_row(const Evidence& e, const FrameStamp& frame);
-  bool row_convinces(const Evidence& e) const;
-  int64_t likeliest(const Evidence& e) const;
-  /// From here on counted anew: `frame` is `pulse`.
-  void settle(int64_t pulse, const FrameStamp& frame);
+  PulseMatch handle_inconsistent(const Evidence& e, const FrameStamp& frame);
+  bool clock_contradicts(const Evidence& e) const;
+  void extend_run(const Evidence& e, const FrameStamp& frame);
+  bool run_is_conclusive(const Evidence& e) const;
+  int64_t most_likely_pulse(const Evidence& e) const;
+  /// Restarts clock fit and counter at `frame`, which belongs to `pulse`.
+  void resynchronise(int64_t pulse, const FrameStamp& frame);
   void learn_arrival(int64_t pulse, MonotonicInstant received);
 
-  PulseFit fit_;                ///< device clock to pulses
-  PulseFit arrivals_;           ///< host clock to pulses, latency included
-  int punctual_ = 0;            ///< frames that arrived as arrivals_ says since it began
-  double lateness_ = 0;         ///< of the last frame, periods
-  int steadily_late_ = 0;       ///< frames in a row
-  bool start_unknown_ = false;  ///< all pulses may be shifted
-  bool reopened_ = false;       ///< and not yet settled
-  bool was_away_ = false;       ///< goes on from what another process labelled; not yet settled
-  int stragglers_ = 0;          ///< in a row
-  bool astray_ = false;         ///< neither clock nor counter is believed until settled
-  std::optional<Row> row_;
-  int64_t last_pulse_ = 0;     ///< the latest that was labelled without doubt; before: the first
-  uint64_t last_counter_ = 0;  ///< of the frame with last_pulse_
+  PulseFit fit_;                  ///< device clock to pulses
+  PulseFit arrivals_;             ///< host clock to pulses, latency included
+  int on_time_frames_ = 0;        ///< frames on time since arrivals_ started, at most 8
+  double delay_ = 0;              ///< of the last frame, periods
+  int steadily_late_ = 0;         ///< late frames in a row with the same delay
+  bool start_uncertain_ = false;  ///< all labels may be shifted
+  bool reopened_ = false;         ///< reopened and not yet resynchronised
+  bool resumed_ = false;          ///< resumed from another process and not yet resynchronised
+  int stragglers_ = 0;            ///< late or duplicate frames in a row
+  bool unreliable_ = false;       ///< clock and counter are not used until resynchronised
+  std::optional<Run> run_;
+  int64_t last_pulse_ = 0;     ///< latest pulse that is not suspect; at the start the first pulse
+  uint64_t last_counter_ = 0;  ///< of the frame of last_pulse_
 };
 
 }  // namespace v3d

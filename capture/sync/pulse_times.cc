@@ -6,7 +6,7 @@
 namespace v3d {
 namespace {
 
-constexpr size_t kKept = 256;
+constexpr size_t kMaxPulses = 256;
 
 int64_t whole_periods(Duration d, Duration period) {
   return std::llround(static_cast<double>(d.count()) / static_cast<double>(period.count()));
@@ -17,20 +17,20 @@ int64_t whole_periods(Duration d, Duration period) {
 void PulseTimes::begin(Duration period) {
   const std::lock_guard lock(mutex_);
   period_ = period;
-  begun_ = true;
+  running_ = true;
   ++trains_;
   pulses_.clear();
 }
 
 void PulseTimes::end() {
   const std::lock_guard lock(mutex_);
-  begun_ = false;
+  running_ = false;
 }
 
 void PulseTimes::add(int64_t pulse, MonotonicInstant at) {
   const std::lock_guard lock(mutex_);
   pulses_.push_back({pulse, at});
-  if (pulses_.size() > kKept) pulses_.pop_front();
+  if (pulses_.size() > kMaxPulses) pulses_.pop_front();
 }
 
 int64_t PulseTimes::trains() const {
@@ -52,30 +52,30 @@ const PulseTimes::Pulse& PulseTimes::nearest_to(MonotonicInstant at) const {
   return at - before->at <= after->at - at ? *before : *after;
 }
 
-std::optional<PulsePlace> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
-                                           MonotonicInstant now) const {
+std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
+                                             MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  if (!begun_) return PulsePlace{};
+  if (!running_) return NearestPulse{};
   const bool all_known = now - at > period_ / 2 + kSenseLatency;
-  if (pulses_.empty()) return all_known ? std::optional(PulsePlace{}) : std::nullopt;
+  if (pulses_.empty()) return all_known ? std::optional(NearestPulse{}) : std::nullopt;
 
   const Pulse& nearest = nearest_to(at);
   Duration phase = at - nearest.at;
   int64_t periods = whole_periods(phase, period_);
   phase -= periods * period_;
-  const int64_t follows = before ? whole_periods(phase - *before, period_) : 0;
-  const bool stays =
-      before && std::abs((phase - follows * period_).count()) <= period_.count() * 6 / 10;
-  if (stays) {
-    periods += follows;
-    phase -= follows * period_;
+  const int64_t shift = before ? whole_periods(phase - *before, period_) : 0;
+  const bool keeps_phase =
+      before && std::abs((phase - shift * period_).count()) <= period_.count() * 6 / 10;
+  if (keeps_phase) {
+    periods += shift;
+    phase -= shift * period_;
   }
   const Pulse& last = pulses_.back();
   const int64_t pulse = nearest.number + periods;
-  const bool surely = last.at > at || stays || phase < period_ * 4 / 10;
-  if (!all_known && (pulse > last.number || !surely)) return std::nullopt;
-  if (pulse < 0 || pulse > last.number) return PulsePlace{};
-  return PulsePlace{.pulse = pulse, .phase = phase};
+  const bool certain = last.at > at || keeps_phase || phase < period_ * 4 / 10;
+  if (!all_known && (pulse > last.number || !certain)) return std::nullopt;
+  if (pulse < 0 || pulse > last.number) return NearestPulse{};
+  return NearestPulse{.pulse = pulse, .phase = phase};
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// When the pulses were: what labels the frames of cameras that run free.
+// Times of the sensed pulses of a train. They label the frames of free-running cameras.
 #pragma once
 
 #include <cstdint>
@@ -10,39 +10,40 @@
 
 namespace v3d {
 
-/// Which pulse an exposure belongs to.
-struct PulsePlace {
-  std::optional<int64_t> pulse = {};  ///< empty: none was near
-  Duration phase{};                   ///< the exposure's, after that pulse; may be negative
+/// The pulse nearest to an exposure.
+struct NearestPulse {
+  std::optional<int64_t> pulse = {};  ///< empty: no pulse within half a period
+  Duration phase{};                   ///< from the pulse to the exposure; may be negative
 };
 
-/// The pulses of a train by this host's clock, as far as they have been sensed. Any thread.
+/// The latest 256 sensed pulses of a train, with times of this host's clock. Thread-safe.
 class PulseTimes {
  public:
-  /// What sensed a pulse tells of it within this time.
+  /// Maximum time from a pulse to the call of add().
   static constexpr Duration kSenseLatency = std::chrono::milliseconds(250);
 
   explicit PulseTimes(Duration period) : period_(period) {}
 
-  /// A train of this period may come; forgets the one before.
+  /// Starts a train of this period and drops the pulses of the previous one.
   void begin(Duration period);
-  /// No pulse comes any more.
+  /// Ends the train: no further pulse follows.
   void end();
-  /// A pulse was sensed; numbers and times rise.
+  /// Adds a sensed pulse. Numbers and times must rise.
   void add(int64_t pulse, MonotonicInstant at);
 
-  /// Of the train, or of the last one.
+  /// Period of the current or last train.
   Duration period() const;
-  /// How many trains have begun.
+  /// Number of trains started so far.
   int64_t trains() const;
 
-  /// The pulse nearest to `at`, if one lies within half a period. A camera slides along the pulses:
-  /// so that frames half-way between two of them do not jump to and fro, a frame stays with the
-  /// pulse that follows on from `before`, the phase of the frame before it, until it is six tenths
-  /// of a period away. A pulse that was not sensed between two that were has its place, too. Empty
-  /// as long as a pulse that is heard of later may still change the answer.
-  std::optional<PulsePlace> find(MonotonicInstant at, std::optional<Duration> before,
-                                 MonotonicInstant now) const;
+  /// The pulse nearest to `at`, if one lies within half a period.
+  ///
+  /// `before` is the phase of the previous frame of the camera. It gives hysteresis: a frame keeps
+  /// the pulse next to that of the previous frame until it is 0.6 periods away from it. So frames
+  /// half-way between two pulses do not alternate. A pulse that was not sensed, between two sensed
+  /// ones, counts as well. Empty while a pulse that is reported later may change the result.
+  std::optional<NearestPulse> find(MonotonicInstant at, std::optional<Duration> before,
+                                   MonotonicInstant now) const;
 
  private:
   struct Pulse {
@@ -51,11 +52,11 @@ class PulseTimes {
   };
   const Pulse& nearest_to(MonotonicInstant at) const;
 
-  mutable std::mutex mutex_;  ///< everything below
+  mutable std::mutex mutex_;  ///< protects everything below
   Duration period_;
-  bool begun_ = false;
+  bool running_ = false;
   int64_t trains_ = 0;
-  std::deque<Pulse> pulses_;  ///< the latest
+  std::deque<Pulse> pulses_;  ///< the latest ones, in order
 };
 
 }  // namespace v3d

@@ -1,5 +1,4 @@
-// Which pulse the first frame of a train is. The quiet before it says that it is one of the first;
-// the camera's counter and the pulses themselves say which.
+// Finds the pulse of the first frame of a train by the camera's counter and the times of pulses.
 #pragma once
 
 #include <cstddef>
@@ -12,52 +11,55 @@
 
 namespace v3d {
 
-/// A pulse that was seen on the sense line, or commanded where there is none, by this host's clock.
+/// A pulse that was sensed, or commanded if there is no sense line. Time of this host's clock.
 struct PulseEdge {
   int64_t pulse = 0;
   MonotonicInstant at;
-  bool is_timed = true;  ///< else `at` is when it was heard of: another host's clock does not fit
+  bool is_timed = true;  ///< false: `at` is the arrival of a message of an unsynchronised host
 };
 
-/// How long after its pulse a frame arrived.
+/// Time from a pulse to the arrival of its frame. `edge` is any pulse of the train.
 Duration latency_of(MonotonicInstant received, int64_t pulse, const PulseEdge& edge,
                     Duration period);
 
-/// What is known of the train besides its frames. Anything may be unknown.
+/// Data about the train besides its frames. Optional fields may be unknown.
 struct StartEvidence {
   Duration period{};
   std::optional<PulseEdge> edge{};
-  /// One more than that of the last exposure before the quiet.
+  /// Counter of the last exposure before the silent interval, plus 1.
   std::optional<uint64_t> counter_of_pulse_0{};
-  /// Exposures that arrived broken before the first whole frame.
-  int64_t broken = 0;
-  /// The least that the camera's frames took from their pulses to their arrival in trains before.
+  /// Number of damaged frames before the first complete one.
+  int64_t damaged = 0;
+  /// Minimum time from a pulse to the arrival of its frame in previous trains of this camera.
   std::optional<Duration> latency{};
 };
 
 struct TrainStart {
-  size_t strays = 0;     ///< frames at the front that arrived before pulse 0: of no pulse
+  size_t strays = 0;     ///< frames at the front that arrived before pulse 0 and belong to no pulse
   int64_t pulse = 0;     ///< of the first frame after them
-  bool certain = false;  ///< else all labels of the train may be shifted
+  bool certain = false;  ///< false: all labels of the train may be shifted
 };
 
-/// So many frames tell all that frames can.
+/// Maximum number of frames that find_start() needs.
 inline constexpr size_t kStartFrames = 8;
 
-/// `frames`: the first of the train, in order of arrival. Empty while more of them would tell more;
-/// never with kStartFrames, or when these are all that there are for now (`no_more`).
+/// Finds the pulse of the first frame of a train.
 ///
-/// Nothing arrives before its pulse. So frames that came within a period of pulse 0 settle it:
-/// the first is of pulse 0, whatever else was lost. Otherwise there are two witnesses: how many
-/// exposures the counter says are lost, and what pulse the arrival is of if it took as long as
-/// in trains before. Where they agree that nothing is lost it is settled. Where they agree that
-/// something is, or the counter says nothing, most of kStartFrames frames have to be as punctual as
-/// the earliest. Where they go on to disagree, it is not certain.
+/// `frames` are the first frames of the train, in order of arrival. Returns empty while further
+/// frames would help. It never does so with kStartFrames frames, or with `no_more`: these are all
+/// frames for now.
 ///
-/// What cannot be known: that the camera missed the first trigger altogether (or in a train without
-/// any edge, that a first frame was lost whose counter is not known), while the latency is unknown
-/// or an edge is. An edge that was sensed on another host has to be right within a tenth of a
-/// period.
+/// No frame arrives before its pulse. So if a frame arrived less than a period after pulse 0, the
+/// first frame is of pulse 0, whatever was lost. Otherwise two sources give the pulse:
+///   - the counter: the number of lost exposures;
+///   - the arrival, if the latency is that of previous trains.
+/// If both agree that nothing was lost, the result is certain. If both agree that frames were lost,
+/// or the counter is unknown, most of kStartFrames frames must be as early as the earliest. If the
+/// sources disagree, the result is not certain.
+///
+/// Limits: a missed first trigger is not detected if the latency is unknown or no pulse time is
+/// known. Without a pulse time and a counter, a lost first frame is not detected either. The time
+/// of a pulse that another host sensed must be right within 0.1 periods.
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames,
                                      const StartEvidence& evidence, bool no_more);
 

@@ -1,4 +1,4 @@
-// The real Aravis path against Aravis' own simulated camera, in one process.
+// AravisCamera with the simulated camera of Aravis, in one process.
 #include "capture/cameras/aravis_camera.h"
 
 #include <arv.h>
@@ -31,25 +31,25 @@ struct Unref {
   void operator()(gpointer object) const { g_object_unref(object); }
 };
 
-/// A camera at 127.0.0.11 that is triggered by writing its software-trigger register.
+/// Simulated camera at 127.0.0.11. Its software-trigger register triggers it.
 class FakeCamera {
  public:
-  /// `description`: a GenICam file, in place of Aravis' own.
+  /// `description`: a GenICam file; null: that of Aravis.
   explicit FakeCamera(const char* description = nullptr)
       : camera_(arv_gv_fake_camera_new_full("127.0.0.11", "V3D-0001", description)) {
-    // How often it looks for a trigger, Hz.
-    if (running()) arv_fake_camera_set_trigger_frequency(inside(), 400);
+    // Rate at which it polls the trigger register, Hz.
+    if (running()) arv_fake_camera_set_trigger_frequency(device(), 400);
   }
 
   bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
-  ArvFakeCamera* inside() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }
+  ArvFakeCamera* device() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }
   uint32_t read(uint32_t address) const {
     uint32_t value = 0;
-    arv_fake_camera_read_register(inside(), address, &value);
+    arv_fake_camera_read_register(device(), address, &value);
     return value;
   }
   void write(uint32_t address, uint32_t value) const {
-    arv_fake_camera_write_register(inside(), address, value);
+    arv_fake_camera_write_register(device(), address, value);
   }
   void trigger() const { write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1); }
   void unplug() { camera_.reset(); }
@@ -70,7 +70,7 @@ StudioCamera settings() {
   return camera;
 }
 
-std::string refusal(const StudioCamera& wanted) {
+std::string start_error(const StudioCamera& wanted) {
   AravisCamera camera(wanted);
   return test::message_of<InputError>([&] { camera.start(); });
 }
@@ -94,7 +94,7 @@ TEST(AravisCamera, writes_the_settings_into_the_camera) {
   EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_ACQUISITION), 0U);
 }
 
-TEST(AravisCamera, is_found_by_its_serial_number) {
+TEST(AravisCamera, finds_the_camera_by_its_serial_number) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.address = "V3D-0001";
@@ -127,7 +127,7 @@ TEST(AravisCamera, receives_one_frame_for_every_trigger) {
   EXPECT_EQ(camera->statistics().damaged, 0);
 }
 
-TEST(AravisCamera, receives_by_plain_socket_where_asked_to) {
+TEST(AravisCamera, receives_through_a_plain_socket_if_configured) {
   const FakeCamera fake;
   fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 128);  // a frame that fits the default socket buffer
   StudioCamera wanted = settings();
@@ -138,7 +138,7 @@ TEST(AravisCamera, receives_by_plain_socket_where_asked_to) {
   EXPECT_TRUE(camera.wait(in(seconds(10))));
 }
 
-TEST(AravisCamera, can_be_stopped_and_started_again) {
+TEST(AravisCamera, starts_again_after_a_stop) {
   const FakeCamera fake;
   AravisCamera camera(settings());
   for (int round = 0; round < 3; ++round) {
@@ -150,24 +150,25 @@ TEST(AravisCamera, can_be_stopped_and_started_again) {
   }
 }
 
-TEST(AravisCamera, names_the_camera_and_the_setting_that_it_refuses) {
+TEST(AravisCamera, names_the_camera_and_the_rejected_setting) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.trigger_line = "Line7";
-  EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("cam07"), HasSubstr("TriggerSource: wanted Line7")));
+  EXPECT_THAT(start_error(wanted),
+              AllOf(HasSubstr("cam07"), HasSubstr("TriggerSource: wanted Line7")));
   wanted = settings();
   wanted.gain_db = 1.5;
-  EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
+  EXPECT_THAT(start_error(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
 }
 
-TEST(AravisCamera, that_cannot_expose_at_the_falling_edge_is_refused) {
+TEST(AravisCamera, rejects_a_falling_edge_trigger_that_the_camera_lacks) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.trigger_edge = Edge::kFalling;
-  EXPECT_THAT(refusal(wanted), HasSubstr("TriggerActivation: wanted FallingEdge"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("TriggerActivation: wanted FallingEdge"));
 }
 
-TEST(AravisCamera, follows_ptp_and_tells_how_well) {
+TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
   const test::TemporaryFolder folder;
   const std::string description = folder / "genicam.xml";
   std::ofstream(description) << sim::genicam_xml();
@@ -191,14 +192,14 @@ TEST(AravisCamera, follows_ptp_and_tells_how_well) {
   const auto deadline = in(seconds(20));
   while (camera.statistics().ptp_offset && Monotonic::now() < deadline)
     camera.wait(in(milliseconds(50)));
-  EXPECT_FALSE(camera.statistics().ptp_offset) << "it is not in step any more";
+  EXPECT_FALSE(camera.statistics().ptp_offset) << "the clock is no longer synchronised";
 }
 
 constexpr uint32_t kChunkModeActive = 0x320;
 constexpr uint32_t kChunkEnable = 0x324;
 constexpr uint32_t kExposureChunk = 0x1003;
 
-/// The simulated camera's description, of a camera that can tell its exposure; `chunk`: which.
+/// GenICam description of the simulated camera with the chunk `chunk`.
 std::string genicam_with_chunk(const std::string& chunk) {
   std::string xml = sim::genicam_xml();
   const std::string last = "</RegisterDescription>";
@@ -225,7 +226,7 @@ std::string genicam_with_chunk(const std::string& chunk) {
   return xml;
 }
 
-TEST(AravisCamera, tells_the_exposure_that_the_camera_sends_with_its_images) {
+TEST(AravisCamera, reports_the_exposure_time_in_the_chunk_data) {
   const test::TemporaryFolder folder;
   const std::string description = folder / "genicam.xml";
   std::ofstream(description) << genicam_with_chunk("ExposureTime");
@@ -239,7 +240,7 @@ TEST(AravisCamera, tells_the_exposure_that_the_camera_sends_with_its_images) {
   camera.start();
   EXPECT_EQ(fake.read(kChunkModeActive), 1U);
   EXPECT_EQ(fake.read(kChunkEnable), 1U);
-  EXPECT_FALSE(camera.statistics().exposure_us) << "before it has sent an image";
+  EXPECT_FALSE(camera.statistics().exposure_us) << "before the first image";
   const auto [width, height] = camera.size();
   const std::vector<uint8_t> pixels(static_cast<size_t>(width) * height, 77);
   test::NetworkBytes payload;
@@ -249,11 +250,11 @@ TEST(AravisCamera, tells_the_exposure_that_the_camera_sends_with_its_images) {
   sender.send_image(1, camera.size(), payload.bytes(), 8000 - 36);
   const auto frame = camera.wait(in(seconds(10)));
   ASSERT_TRUE(frame);
-  EXPECT_EQ(frame->image.bytes, pixels) << "the chunks are no part of the image";
+  EXPECT_EQ(frame->image.bytes, pixels) << "the image does not contain the chunks";
   EXPECT_EQ(camera.statistics().exposure_us, 2498.5);
 }
 
-/// Until the end, another camera sends small images to a port where nobody listens.
+/// Another camera. Until the end of the test it sends small images to a closed port.
 class Neighbour {
  public:
   explicit Neighbour(ImageSize size)
@@ -274,7 +275,7 @@ class Neighbour {
   std::jthread thread_;
 };
 
-TEST(AravisCamera, hears_no_other_camera_while_it_is_opened) {
+TEST(AravisCamera, ignores_packets_of_other_cameras_while_it_opens) {
   const FakeCamera fake;
   fake.write(ARV_FAKE_CAMERA_REGISTER_WIDTH, 64);
   fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 64);
@@ -289,7 +290,7 @@ TEST(AravisCamera, hears_no_other_camera_while_it_is_opened) {
   EXPECT_GT(neighbour.sent(), 1000);
 }
 
-TEST(AravisCamera, that_cannot_tell_its_exposure_is_refused_where_that_is_asked_for) {
+TEST(AravisCamera, rejects_chunk_data_without_an_exposure_time) {
   const test::TemporaryFolder folder;
   const std::string description = folder / "genicam.xml";
   std::ofstream(description) << genicam_with_chunk("CRC");
@@ -297,52 +298,52 @@ TEST(AravisCamera, that_cannot_tell_its_exposure_is_refused_where_that_is_asked_
   StudioCamera wanted = settings();
   wanted.trigger_line = "Line1";
   wanted.chunk_data = true;
-  EXPECT_THAT(refusal(wanted), HasSubstr("ChunkSelector: wanted ExposureTime"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("ChunkSelector: wanted ExposureTime"));
 }
 
-TEST(AravisCamera, without_ptp_or_chunk_data_is_refused_where_they_are_asked_for) {
+TEST(AravisCamera, rejects_a_camera_without_the_configured_ptp_or_chunk_data) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.ptp = true;
-  EXPECT_THAT(refusal(wanted), HasSubstr("ptp: wanted PtpEnable, got a camera without it"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("ptp: wanted PtpEnable, got a camera without it"));
   wanted = settings();
   wanted.chunk_data = true;
-  EXPECT_THAT(refusal(wanted), HasSubstr("chunk_data: wanted ChunkModeActive"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("chunk_data: wanted ChunkModeActive"));
 }
 
-TEST(AravisCamera, that_another_program_has_is_refused_until_that_program_lets_go) {
+TEST(AravisCamera, rejects_a_camera_while_another_program_controls_it) {
   const FakeCamera fake;
   AravisCamera first(settings());
   first.start();
-  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("another program")));
+  EXPECT_THAT(start_error(settings()), AllOf(HasSubstr("cam07"), HasSubstr("another program")));
   first.stop();
   AravisCamera second(settings());
   EXPECT_NO_THROW(second.start());
 }
 
-TEST(AravisCamera, that_still_sends_to_a_program_that_died_is_stopped_and_started_again) {
+TEST(AravisCamera, restarts_a_camera_that_still_streams_to_a_crashed_program) {
   const FakeCamera fake;
   AravisCamera camera(settings());
   fake.write(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 1);
-  fake.write(0x0d00, 1);  // GevSCPHostPort: nobody listens there
+  fake.write(0x0d00, 1);  // GevSCPHostPort: a closed port
   camera.start();
   fake.trigger();
   EXPECT_TRUE(camera.wait(in(seconds(5))));
 }
 
-TEST(AravisCamera, says_which_cameras_there_are_when_the_serial_number_is_unknown) {
+TEST(AravisCamera, lists_the_cameras_found_if_the_serial_number_is_unknown) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.address = "V3D-9999";
-  EXPECT_THAT(refusal(wanted),
+  EXPECT_THAT(start_error(wanted),
               AllOf(HasSubstr("cam07"), HasSubstr("V3D-9999"), HasSubstr("V3D-0001")));
 }
 
-TEST(AravisCamera, says_when_nothing_answers_at_the_address) {
-  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("127.0.0.11")));
+TEST(AravisCamera, reports_an_address_that_does_not_answer) {
+  EXPECT_THAT(start_error(settings()), AllOf(HasSubstr("cam07"), HasSubstr("127.0.0.11")));
 }
 
-TEST(AravisCamera, is_lost_when_it_disappears_and_found_when_it_is_back) {
+TEST(AravisCamera, detects_a_disconnect_and_opens_the_camera_again) {
   FakeCamera fake;
   AravisCamera camera(settings());
   camera.start();

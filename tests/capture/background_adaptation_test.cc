@@ -27,7 +27,7 @@ Mask mask_of_body() {
   return mask;
 }
 
-/// The wall, by `sun` brighter on its left side.
+/// The wall, brighter on its left side by the part `sun`.
 Scene lit(double sun) {
   return [=](int x, int y) {
     const Colour c = wall(x, y);
@@ -39,7 +39,7 @@ Scene in_front_of(const Scene& behind, const Scene& cloth) {
   return [=](int x, int y) { return kBody.contains(x, y) ? cloth(x, y) : behind(x, y); };
 }
 Colour yellow_cloth(int, int) { return {180, 150, 60}; }
-/// Hardly another colour than the wall's.
+/// Nearly the wall's colour.
 Colour faint_cloth(int x, int y) {
   const Colour c = wall(x, y);
   return {c[0] + 24, c[1] + 9, c[2]};
@@ -55,13 +55,13 @@ class BackgroundAdaptationTest : public testing::TestWithParam<PixelFormat> {
     ASSERT_TRUE(segmenter_.learns_from(pulse));
     segmenter_.learn(pulse, image.view(), segmenter_.segment(image.view()));
   }
-  /// Ten minutes of a scene that changes with the part of the time that has passed.
+  /// Learns ten minutes of a scene that changes with the elapsed part of that time.
   void record(const std::function<Scene(double)>& scene) {
     for (int64_t pulse = 0; pulse < kTenMinutes; pulse += kLearnEvery) {
       learn(pulse, photograph(scene(double(pulse) / kTenMinutes), pulse));
     }
   }
-  /// Ten minutes of a scene that does not change, though its noise does.
+  /// Learns ten minutes of a constant scene with changing noise.
   void record_still(const Scene& scene) {
     std::vector<Image> images;
     for (int64_t seed = 0; seed < 8; ++seed) images.push_back(photograph(scene, seed));
@@ -78,8 +78,8 @@ INSTANTIATE_TEST_SUITE_P(Formats, BackgroundAdaptationTest,
                                          PixelFormat::kRGB8),
                          [](const auto& format) { return std::string(name(format.param)); });
 
-TEST_P(BackgroundAdaptationTest, follows_the_sun_that_brightens_a_part_of_the_wall_by_a_fifth) {
-  EXPECT_GT(segment(lit(0.2)).count(), 1000);  // as who does not follow sees it
+TEST_P(BackgroundAdaptationTest, follows_sunlight_that_brightens_part_of_the_wall_by_20_percent) {
+  EXPECT_GT(segment(lit(0.2)).count(), 1000);  // without adaptation
   record([&](double passed) {
     EXPECT_EQ(segment(lit(0.2 * passed)).count(), 0) << passed;
     return lit(0.2 * passed);
@@ -89,7 +89,7 @@ TEST_P(BackgroundAdaptationTest, follows_the_sun_that_brightens_a_part_of_the_wa
   EXPECT_GT(intersection_over_union(mask, mask_of_body()), 0.99);
 }
 
-TEST_P(BackgroundAdaptationTest, does_not_learn_who_stands_still_for_ten_minutes) {
+TEST_P(BackgroundAdaptationTest, does_not_learn_a_performer_who_stands_still_for_ten_minutes) {
   for (const Scene& cloth : {Scene(yellow_cloth), Scene(faint_cloth)}) {
     segmenter_.forget();
     const Scene standing = in_front_of(wall, cloth);
@@ -97,11 +97,11 @@ TEST_P(BackgroundAdaptationTest, does_not_learn_who_stands_still_for_ten_minutes
     EXPECT_GT(intersection_over_union(at_first, mask_of_body()), 0.9);
     record_still(standing);
     EXPECT_GT(intersection_over_union(segment(standing), at_first), 0.98);
-    EXPECT_EQ(segment(wall).count(), 0);  // nor is he missed when he is gone
+    EXPECT_EQ(segment(wall).count(), 0);  // the wall behind was not learnt either
   }
 }
 
-TEST_P(BackgroundAdaptationTest, does_not_learn_the_shadow_of_who_stands_still) {
+TEST_P(BackgroundAdaptationTest, does_not_learn_the_shadow_of_a_still_performer) {
   const auto shaded = [](int x, int y) {
     const Colour c = wall(x, y);
     const double light = x >= 100 && y > 60 ? 0.75 : 1;
@@ -111,7 +111,7 @@ TEST_P(BackgroundAdaptationTest, does_not_learn_the_shadow_of_who_stands_still) 
   EXPECT_EQ(segment(wall).count(), 0);
 }
 
-TEST_P(BackgroundAdaptationTest, goes_a_quarter_from_the_plates_and_no_further) {
+TEST_P(BackgroundAdaptationTest, limits_the_change_to_a_quarter_of_the_plates) {
   record([](double passed) { return lit(0.8 * passed); });
   EXPECT_GT(segment(lit(0.8)).count(), 1000);
 }
@@ -133,12 +133,12 @@ TEST_P(BackgroundAdaptationTest, learns_nothing_within_sixteen_pixels_of_the_mas
       const ptrdiff_t to = from + ptrdiff_t{33} * plates.channels;
       EXPECT_TRUE(std::equal(table.mean.begin() + from, table.mean.begin() + to,
                              plates.mean.begin() + from))
-          << "row " << y << " round " << u << ", " << v;
+          << "row " << y << " near " << u << ", " << v;
     }
   }
 }
 
-TEST_P(BackgroundAdaptationTest, learns_nothing_that_is_far_from_what_is_expected) {
+TEST_P(BackgroundAdaptationTest, learns_no_sample_far_from_its_expected_value) {
   const Scene another = [](int x, int y) {
     const Colour c = wall(x, y);
     return Colour{c[0] + 40, c[1] + 40, c[2] + 40};
@@ -149,7 +149,7 @@ TEST_P(BackgroundAdaptationTest, learns_nothing_that_is_far_from_what_is_expecte
   EXPECT_EQ(table.mean, plates.mean);
 }
 
-TEST_P(BackgroundAdaptationTest, learns_nothing_from_what_saturates) {
+TEST_P(BackgroundAdaptationTest, learns_no_saturated_sample) {
   const auto with_lamp = [](double light) {
     return [=](int x, int y) {
       const Colour c = x < kSunnyWidth ? Colour{250, 250, 250} : wall(x, y);
@@ -172,7 +172,7 @@ TEST_P(BackgroundAdaptationTest, learns_nothing_from_what_saturates) {
   }
 }
 
-TEST_P(BackgroundAdaptationTest, forgets_all_at_once) {
+TEST_P(BackgroundAdaptationTest, restores_the_plates_after_forget) {
   const Mask before = segment(in_front_of(lit(0.2), yellow_cloth));
   record([](double passed) { return lit(0.2 * passed); });
   EXPECT_NE(segment(in_front_of(lit(0.2), yellow_cloth)), before);
@@ -188,16 +188,16 @@ TEST_P(BackgroundAdaptationTest, is_the_same_on_every_instruction_set) {
   BackgroundTable expected = plates;
   BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, expected);
   EXPECT_NE(expected.mean, plates.mean);
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
+  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
+    hwy::SetSupportedTargetsForTest(targets & -targets);
     BackgroundTable table = plates;
     BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, table);
     hwy::SetSupportedTargetsForTest(0);
-    EXPECT_EQ(table.mean, expected.mean) << hwy::TargetName(rest & -rest);
+    EXPECT_EQ(table.mean, expected.mean) << hwy::TargetName(targets & -targets);
   }
 }
 
-TEST(SegmenterLearns, from_one_pulse_in_32_and_never_goes_back) {
+TEST(Segmenter, learns_from_every_32nd_pulse_in_rising_order) {
   Segmenter segmenter(learn_wall(kSize, PixelFormat::kMono8), {});
   const Image image = photograph(kSize, PixelFormat::kMono8, wall, 1);
   EXPECT_TRUE(segmenter.learns_from(0));

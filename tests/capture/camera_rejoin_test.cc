@@ -1,4 +1,4 @@
-// A camera whose take another process has begun.
+// CameraSession that rejoins a take which another process started.
 
 #include <gtest/gtest.h>
 
@@ -13,12 +13,12 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// A train of which another process has labelled the first frames. 25 Hz.
-class RejoiningPilotTest : public SensedCameraPilotTest {
+/// A train at 25 Hz, of which another process labelled the first frames.
+class RejoiningCameraSessionTest : public SensedCameraSessionTest {
  protected:
   static constexpr int64_t kKnown = 60;
 
-  /// The pulses have run for `gap` more when this process is ready.
+  /// Rejoins after `gap` further pulses, and plays 39 periods.
   void rejoin_after(int64_t gap) {
     script_->start_train(kKnown + gap + 40);
     for (int64_t pulse = 0; pulse < kKnown; ++pulse) {
@@ -29,18 +29,18 @@ class RejoiningPilotTest : public SensedCameraPilotTest {
            pulse});
     }
     past_.delivered = kKnown;
-    if (!forgets_latency_) past_.latency = Script::kLatency;
-    if (knows_nothing_) past_ = {};
+    if (!latency_is_unknown_) past_.latency = Script::kLatency;
+    if (state_is_empty_) past_ = {};
     script_->now = script_->exposure(kKnown + gap) - milliseconds(1);
     script_->device_zero += clock_jumps_;
-    told_train_ = script_->train;
-    told_ = kKnown + gap;
-    pilot_->rejoin(Script::kPeriod, sensed_, past_);
+    reported_train_ = script_->train;
+    reported_pulses_ = kKnown + gap;
+    session_->rejoin(Script::kPeriod, sensed_, past_);
     play(39 * Script::kPeriod);
     EXPECT_GE(frames_.size(), 35U);
-    EXPECT_EQ(mislabelled_silently(), 0);
+    EXPECT_EQ(mislabelled_without_suspicion(), 0);
   }
-  int mislabelled_silently() const {
+  int mislabelled_without_suspicion() const {
     return static_cast<int>(std::ranges::count_if(frames_, [](const Frame& f) {
       return !f.label.suspect && f.label.pulse % 256 != f.image.bytes[0];
     }));
@@ -52,19 +52,19 @@ class RejoiningPilotTest : public SensedCameraPilotTest {
   CameraResumeState past_;
   Duration latency_ = Script::kLatency;
   Duration clock_jumps_{};
-  bool forgets_latency_ = false;
-  bool knows_nothing_ = false;
+  bool latency_is_unknown_ = false;
+  bool state_is_empty_ = false;
 };
 
-TEST_F(RejoiningPilotTest, labels_every_frame_rightly_where_the_camera_s_clock_has_gone_on) {
+TEST_F(RejoiningCameraSessionTest, labels_every_frame_correctly_if_the_camera_clock_kept_running) {
   rejoin_after(100);
   EXPECT_EQ(suspect(), 0);
   EXPECT_EQ(mislabelled(), 0);
-  EXPECT_EQ(pilot_->status().frames, kKnown + std::ssize(frames_)) << "of the take";
-  EXPECT_EQ(pilot_->status().losses, 0);
+  EXPECT_EQ(session_->status().frames, kKnown + std::ssize(frames_)) << "of the take";
+  EXPECT_EQ(session_->status().losses, 0);
 }
 
-TEST_F(RejoiningPilotTest, finds_its_place_again_after_minutes) {
+TEST_F(RejoiningCameraSessionTest, labels_frames_correctly_again_after_minutes) {
   script_->device_zero += seconds(5);
   rejoin_after(20'000);
   EXPECT_EQ(frames_.back().label.pulse % 256, frames_.back().image.bytes[0]);
@@ -72,7 +72,7 @@ TEST_F(RejoiningPilotTest, finds_its_place_again_after_minutes) {
   EXPECT_FALSE(frames_.back().label.suspect);
 }
 
-TEST_F(RejoiningPilotTest, believes_a_camera_with_a_new_clock_when_its_arrivals_have_proved_it) {
+TEST_F(RejoiningCameraSessionTest, accepts_a_restarted_camera_clock_after_enough_arrivals) {
   clock_jumps_ = -std::chrono::hours(3);
   rejoin_after(100);
   EXPECT_TRUE(frames_.front().label.suspect);
@@ -80,30 +80,31 @@ TEST_F(RejoiningPilotTest, believes_a_camera_with_a_new_clock_when_its_arrivals_
   EXPECT_FALSE(frames_.back().label.suspect);
 }
 
-/// Either the camera's clock was set, or this host's: nobody can tell.
-TEST_F(RejoiningPilotTest, stays_in_doubt_where_a_clock_that_went_on_contradicts_the_arrivals) {
+/// Either the camera's clock or this host's was set; the matcher cannot distinguish the two.
+TEST_F(RejoiningCameraSessionTest,
+       suspects_all_frames_if_a_running_clock_contradicts_the_arrivals) {
   clock_jumps_ = 3 * Script::kPeriod;
   rejoin_after(100);
   EXPECT_EQ(suspect(), std::ssize(frames_));
 }
 
-TEST_F(RejoiningPilotTest, stays_in_doubt_where_no_frame_is_known_from_before) {
-  knows_nothing_ = true;
+TEST_F(RejoiningCameraSessionTest, suspects_all_frames_without_frames_from_before_the_restart) {
+  state_is_empty_ = true;
   rejoin_after(100);
   EXPECT_EQ(suspect(), std::ssize(frames_));
 }
 
-TEST_F(RejoiningPilotTest, goes_by_the_camera_s_clock_where_nothing_senses_the_pulses) {
+TEST_F(RejoiningCameraSessionTest, labels_frames_by_the_camera_clock_without_a_sense_line) {
   sensed_ = false;
-  forgets_latency_ = true;
+  latency_is_unknown_ = true;
   rejoin_after(100);
   EXPECT_EQ(suspect(), 0);
   EXPECT_EQ(mislabelled(), 0);
 }
 
-TEST_F(RejoiningPilotTest, knows_its_limits_where_nothing_senses_the_pulses) {
+TEST_F(RejoiningCameraSessionTest, suspects_all_frames_after_minutes_without_a_sense_line) {
   sensed_ = false;
-  forgets_latency_ = true;
+  latency_is_unknown_ = true;
   rejoin_after(20'000);
   EXPECT_EQ(suspect(), std::ssize(frames_));
 }

@@ -17,8 +17,8 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// A camera on the real clock whose frames the test hands in.
-struct Hand {
+/// Frames that the test passes to a camera on the real clock.
+struct FrameSource {
   std::mutex mutex;
   std::condition_variable changed;
   std::deque<CameraFrame> frames;
@@ -36,18 +36,18 @@ struct Hand {
   }
 };
 
-class HandFedCamera : public Camera {
+class FedCamera : public Camera {
  public:
-  explicit HandFedCamera(std::shared_ptr<Hand> hand) : hand_(std::move(hand)) {}
+  explicit FedCamera(std::shared_ptr<FrameSource> source) : source_(std::move(source)) {}
   void start() override {}
   void stop() override {}
   std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
-    std::unique_lock lock(hand_->mutex);
-    hand_->changed.wait_for(lock, deadline - Monotonic::now(),
-                            [&] { return !hand_->frames.empty(); });
-    if (hand_->frames.empty()) return {};
-    CameraFrame frame = std::move(hand_->frames.front());
-    hand_->frames.pop_front();
+    std::unique_lock lock(source_->mutex);
+    source_->changed.wait_for(lock, deadline - Monotonic::now(),
+                              [&] { return !source_->frames.empty(); });
+    if (source_->frames.empty()) return {};
+    CameraFrame frame = std::move(source_->frames.front());
+    source_->frames.pop_front();
     return frame;
   }
   CameraStatistics statistics() const override { return {}; }
@@ -56,7 +56,7 @@ class HandFedCamera : public Camera {
   PixelFormat format() const override { return PixelFormat::kMono8; }
 
  private:
-  std::shared_ptr<Hand> hand_;
+  std::shared_ptr<FrameSource> source_;
 };
 
 bool eventually(const std::function<bool()>& condition) {
@@ -75,21 +75,21 @@ class CameraWorkerTest : public testing::Test {
     options.queue_frames = queue_frames;
     options.reopen_after = std::chrono::hours(1);
     return std::make_unique<CameraWorker>(
-        "cam07", [h = hand_] { return std::make_unique<HandFedCamera>(h); }, options);
+        "cam07", [h = source_] { return std::make_unique<FedCamera>(h); }, options);
   }
   bool ready(CameraWorker& worker) {
     worker.arm(milliseconds(1));
     return eventually([&] { return worker.status().state == CameraState::kReady; });
   }
 
-  std::shared_ptr<Hand> hand_ = std::make_shared<Hand>();
+  std::shared_ptr<FrameSource> source_ = std::make_shared<FrameSource>();
 };
 
-TEST_F(CameraWorkerTest, hands_over_labelled_frames_in_order) {
+TEST_F(CameraWorkerTest, delivers_labelled_frames_in_order) {
   const auto w = worker(16);
   ASSERT_TRUE(ready(*w));
   for (int64_t pulse = 0; pulse < 100; ++pulse) {
-    hand_->expose();
+    source_->expose();
     const auto frame = w->take(Monotonic::now() + seconds(20));
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->label.pulse, pulse);
@@ -101,7 +101,7 @@ TEST_F(CameraWorkerTest, hands_over_labelled_frames_in_order) {
 TEST_F(CameraWorkerTest, drops_the_oldest_frames_of_a_full_queue_and_counts_them) {
   const auto w = worker(4);
   ASSERT_TRUE(ready(*w));
-  for (int i = 0; i < 10; ++i) hand_->expose();
+  for (int i = 0; i < 10; ++i) source_->expose();
   ASSERT_TRUE(eventually([&] { return w->status().frames == 10; }));
   EXPECT_EQ(w->status().dropped, 6);
   for (int64_t pulse = 6; pulse < 10; ++pulse) {
@@ -109,25 +109,25 @@ TEST_F(CameraWorkerTest, drops_the_oldest_frames_of_a_full_queue_and_counts_them
   }
 }
 
-TEST_F(CameraWorkerTest, forgets_the_take_before_when_it_is_armed_again) {
+TEST_F(CameraWorkerTest, discards_the_previous_take_when_it_is_armed_again) {
   const auto w = worker(16);
   for (int take = 0; take < 5; ++take) {
     ASSERT_TRUE(ready(*w));
     EXPECT_EQ(w->status().frames, 0);
-    hand_->expose();
+    source_->expose();
     const auto frame = w->take(Monotonic::now() + seconds(20));
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->label.pulse, 0);
-    hand_->expose();
+    source_->expose();
     ASSERT_TRUE(eventually([&] { return w->status().frames == 2; }));
   }
 }
 
-TEST_F(CameraWorkerTest, keeps_frames_that_come_while_the_train_ends) {
+TEST_F(CameraWorkerTest, keeps_frames_that_arrive_while_the_train_ends) {
   const auto w = worker(1000);
   ASSERT_TRUE(ready(*w));
   for (int i = 0; i < 500; ++i) {
-    hand_->expose();
+    source_->expose();
     if (i % 10 == 0) w->train_ended();
   }
   ASSERT_TRUE(eventually([&] { return w->status().frames == 500; }));
@@ -136,38 +136,39 @@ TEST_F(CameraWorkerTest, keeps_frames_that_come_while_the_train_ends) {
   }
 }
 
-TEST_F(CameraWorkerTest, tells_in_its_text_what_the_factory_threw) {
+TEST_F(CameraWorkerTest, reports_the_error_of_the_factory_in_its_text) {
   const CameraWorker w(
       "cam07", []() -> std::unique_ptr<Camera> { throw InputError("camera cam07: no such kind"); });
   EXPECT_TRUE(eventually([&] { return w.status().text == "camera cam07: no such kind"; }));
   EXPECT_EQ(w.status().state, CameraState::kOpening);
 }
 
-TEST_F(CameraWorkerTest, ends_at_any_moment_and_closes_its_camera) {
+TEST_F(CameraWorkerTest, ends_at_any_time_and_closes_its_camera) {
   const MonotonicInstant begin = Monotonic::now();
   for (int i = 0; i < 50; ++i) {
     const auto w = worker(4);
     if (i % 3 > 0) w->arm(milliseconds(1));
-    if (i % 3 > 1) hand_->expose();
+    if (i % 3 > 1) source_->expose();
   }
-  EXPECT_EQ(hand_.use_count(), 1) << "a camera or its factory is left";
-  EXPECT_LT(Monotonic::now() - begin, seconds(20)) << "one waited for a frame or for reopening";
+  EXPECT_EQ(source_.use_count(), 1) << "a camera or its factory still exists";
+  EXPECT_LT(Monotonic::now() - begin, seconds(20))
+      << "a worker waited for a frame or for reopening";
 }
 
-/// Cameras that take as long to close as it takes until all are being closed.
+/// State of cameras whose destructors wait for each other, at most 10 s.
 struct Closing {
   std::mutex mutex;
   std::condition_variable changed;
-  int cameras = 0;
-  bool together = true;
+  int cameras = 0;       ///< cameras that are being closed
+  bool together = true;  ///< all cameras closed in parallel
 };
 
-class SlowlyClosedCamera : public HandFedCamera {
+class SlowlyClosedCamera : public FedCamera {
  public:
   static constexpr int kCameras = 3;
 
-  SlowlyClosedCamera(std::shared_ptr<Hand> hand, Closing& closing)
-      : HandFedCamera(std::move(hand)), closing_(closing) {}
+  SlowlyClosedCamera(std::shared_ptr<FrameSource> source, Closing& closing)
+      : FedCamera(std::move(source)), closing_(closing) {}
   ~SlowlyClosedCamera() override {
     std::unique_lock lock(closing_.mutex);
     ++closing_.cameras;
@@ -182,12 +183,12 @@ class SlowlyClosedCamera : public HandFedCamera {
   Closing& closing_;
 };
 
-TEST_F(CameraWorkerTest, told_to_end_close_their_cameras_all_at_once) {
+TEST_F(CameraWorkerTest, close_their_cameras_in_parallel_after_end) {
   Closing closing;
   std::vector<std::unique_ptr<CameraWorker>> workers;
   for (int i = 0; i < SlowlyClosedCamera::kCameras; ++i) {
     workers.push_back(std::make_unique<CameraWorker>(
-        "cam07", [&] { return std::make_unique<SlowlyClosedCamera>(hand_, closing); }));
+        "cam07", [&] { return std::make_unique<SlowlyClosedCamera>(source_, closing); }));
     ASSERT_TRUE(eventually([&] { return workers[i]->status().state == CameraState::kIdle; }));
   }
   for (const auto& worker : workers) worker->end();

@@ -1,5 +1,5 @@
-// A green studio: cloth in folds, lamps that change, a floor that is not green, and performers upon
-// whom the cloth shines.
+// Segmentation with a chroma key: folded green cloth, changing lamps, a grey floor, and light that
+// the cloth reflects on the performer.
 #include <gtest/gtest.h>
 
 #include "base/image/mask_morphology.h"
@@ -12,7 +12,7 @@ namespace {
 constexpr ImageSize kSize{240, 160};
 constexpr int kFloor = 140;  ///< grey from this row on
 
-/// The cloth hangs in folds that move: `shift` pixels; `light`: of the lamps.
+/// Colour of the cloth, whose folds move by `shift` pixels. `light`: brightness of the lamps.
 Colour cloth(int x, double light, double shift) {
   const double fold = 0.8 + 0.12 * std::sin(0.15 * (x + shift));
   return {46 * light * fold, 150 * light * fold, 58 * light * fold};
@@ -20,13 +20,13 @@ Colour cloth(int x, double light, double shift) {
 Scene empty_studio(double light, double shift) {
   return [=](int x, int y) { return y < kFloor ? cloth(x, light, shift) : Colour{90, 92, 88}; };
 }
-/// The same and lit unevenly: one lamp has gone, another was turned up.
+/// The empty studio lit unevenly: one lamp is off, another brighter.
 Colour other_light(int x, int y) {
   return y < kFloor ? cloth(x, 0.6 + 0.002 * x, 12) : Colour{72, 73.6, 70.4};
 }
 
-/// Five stripes of a person: skin, white, black, a warm grey, and a cloth of a green that is not
-/// the studio's. `spill`: what the studio's cloth adds.
+/// Five stripes of a person: skin, white, black, a warm grey, and a green unlike the studio's.
+/// `spill`: part of the cloth's light that is reflected on the person.
 constexpr Colour kStripes[] = {
     {190, 140, 118}, {215, 212, 208}, {24, 22, 24}, {120, 105, 95}, {120, 150, 60}};
 bool is_person(int x, int y) { return x >= 40 && x < 190 && y >= 20 && y < 130; }
@@ -59,12 +59,12 @@ INSTANTIATE_TEST_SUITE_P(Formats, GreenStudio,
                                          PixelFormat::kRGB8),
                          [](const auto& format) { return std::string(name(format.param)); });
 
-TEST_P(GreenStudio, is_background_in_any_light_and_any_folds_where_it_is_keyed) {
+TEST_P(GreenStudio, is_background_in_any_light_and_folds_with_a_chroma_key) {
   EXPECT_GT(segment(other_light, ChromaKey::kNone).count(), 2000);
   EXPECT_EQ(segment(other_light, ChromaKey::kGreen).count(), 0);
 }
 
-TEST_P(GreenStudio, leaves_the_person_whole_also_where_the_cloth_shines_upon_him) {
+TEST_P(GreenStudio, keeps_a_person_whole_in_light_reflected_by_the_cloth) {
   Mask truth(kSize);
   for (int y = 20; y < 130; ++y) truth.fill_row(y, 40, 190);
   for (const double spill : {0.0, 0.1, 0.2}) {
@@ -73,12 +73,13 @@ TEST_P(GreenStudio, leaves_the_person_whole_also_where_the_cloth_shines_upon_him
   }
 }
 
-TEST_P(GreenStudio, keys_only_what_has_the_colour) {
+TEST_P(GreenStudio, applies_the_key_only_to_its_colour) {
   const auto on_the_floor = [](int x, int y) {
     return y >= kFloor && x > 100 && x < 140 ? Colour{60, 130, 70} : other_light(x, y);
   };
   const Mask mask = segment(on_the_floor, ChromaKey::kGreen);
-  EXPECT_NEAR(static_cast<double>(mask.count()), 39 * 20, 80) << "green upon grey is somebody";
+  EXPECT_NEAR(static_cast<double>(mask.count()), 39 * 20, 80)
+      << "green in front of grey is foreground";
   EXPECT_GT(segment(other_light, ChromaKey::kBlue).count(), 2000);
 }
 

@@ -1,11 +1,11 @@
-// Counts what this test program asks of the heap.
+// Counts the heap allocations of the test program.
 #pragma once
 
 #include <cstdint>
 
 namespace v3d::test {
 
-/// Calls of operator new since the program began, by any thread.
+/// Number of calls of operator new since the program started, by all threads.
 int64_t allocations();
 
 }  // namespace v3d::test

@@ -15,7 +15,7 @@ namespace {
 
 constexpr ImageSize kSize{330, 250};
 
-/// A figure of straight lines of many directions, and round ones.
+/// A figure with straight edges in many directions and round ones.
 Mask figure() {
   Mask mask(kSize);
   for (int y = 0; y < kSize.height; ++y) {
@@ -68,8 +68,8 @@ bool get(const Mask& mask, int x, int y) {
   return x >= 0 && y >= 0 && x < mask.size().width && y < mask.size().height && mask.get(x, y);
 }
 
-/// The notches that go through a background pixel by one direction: pixel by pixel, as the header
-/// has them.
+/// True if the background pixel lies in a notch along (dx, dy), as frayed_outline.h defines it.
+/// (inx, iny) is the direction to the foreground.
 bool is_in_notch(const Mask& mask, int x, int y, int dx, int dy, int inx, int iny) {
   int ends[2];
   for (const int side : {0, 1}) {
@@ -106,11 +106,11 @@ Mask specks_filled(const Mask& mask) {
   Mask filled = mask;
   for (int y = 0; y < mask.size().height; ++y) {
     for (int x = 0; x < mask.size().width; ++x) {
-      int around = 0;
+      int neighbours = 0;
       for (int v = -1; v <= 1; ++v) {
-        for (int u = -1; u <= 1; ++u) around += (u != 0 || v != 0) && get(mask, x + u, y + v);
+        for (int u = -1; u <= 1; ++u) neighbours += (u != 0 || v != 0) && get(mask, x + u, y + v);
       }
-      if (around >= 7) filled.set(x, y);
+      if (neighbours >= 7) filled.set(x, y);
     }
   }
   return filled;
@@ -138,18 +138,18 @@ Mask bumps_levelled(const Mask& mask) {
   return flat;
 }
 
-TEST(FrayedOutline, regains_most_of_what_it_lost_and_hardly_more) {
+TEST(FrayedOutline, regains_most_lost_pixels_and_gains_few_others) {
   const Mask whole = figure();
   for (const unsigned seed : {1U, 2U, 3U}) {
     const Mask torn = frayed(whole, 0.5, seed);
-    const Mask mended = cleaned(torn);
+    const Mask repaired = cleaned(torn);
     const auto lost = difference_of(whole, smooth(torn)).count();
-    EXPECT_LT(difference_of(whole, mended).count(), lost / 2);
-    EXPECT_LT(difference_of(mended, whole).count(), lost / 20);
+    EXPECT_LT(difference_of(whole, repaired).count(), lost / 2);
+    EXPECT_LT(difference_of(repaired, whole).count(), lost / 20);
   }
 }
 
-TEST(FrayedOutline, is_told_from_a_clean_one_and_from_noise_of_one_pixel_in_twenty) {
+TEST(FrayedOutline, is_detected_unlike_a_clean_one_or_5_percent_noise) {
   const Mask whole = figure();
   EXPECT_FALSE(is_frayed(whole, smooth(whole)));
   for (const unsigned seed : {1U, 2U, 3U}) {
@@ -163,7 +163,7 @@ TEST(FrayedOutline, is_told_from_a_clean_one_and_from_noise_of_one_pixel_in_twen
   EXPECT_FALSE(is_frayed(Mask(kSize), Mask(kSize)));
 }
 
-TEST(FrayedOutline, leaves_a_thin_gap_between_two_limbs_open) {
+TEST(FrayedOutline, repair_keeps_a_thin_gap_between_two_limbs_open) {
   for (const int width : {2, 3, 4, 6}) {
     Mask whole = figure();
     Mask gap(kSize);
@@ -171,27 +171,27 @@ TEST(FrayedOutline, leaves_a_thin_gap_between_two_limbs_open) {
     whole = difference_of(whole, gap);
     const Mask torn = frayed(whole, 0.5, 5);
     ASSERT_TRUE(is_frayed(torn, smooth(torn)));
-    const Mask mended = cleaned(torn);
+    const Mask repaired = cleaned(torn);
     for (int y = 66; y < 144; ++y) {
       int open = 0;
-      for (int x = 90; x < 90 + width; ++x) open += !mended.get(x, y);
+      for (int x = 90; x < 90 + width; ++x) open += !repaired.get(x, y);
       EXPECT_GT(open, 0) << width << " pixels wide, row " << y;
     }
   }
 }
 
-TEST(FrayedOutline, leaves_a_slender_thing_beside_it_as_it_is) {
+TEST(FrayedOutline, repair_keeps_a_thin_object_beside_it) {
   Mask torn = frayed(figure(), 0.5, 6);
   for (int y = 60; y < 140; ++y) torn.fill_row(y, 310, 312);
   ASSERT_TRUE(is_frayed(torn, smooth(torn)));
-  const Mask mended = cleaned(torn);
+  const Mask repaired = cleaned(torn);
   for (int y = 62; y < 138; ++y) {
-    EXPECT_TRUE(mended.get(310, y) && mended.get(311, y)) << y;
-    EXPECT_FALSE(mended.get(309, y) || mended.get(312, y)) << y;
+    EXPECT_TRUE(repaired.get(310, y) && repaired.get(311, y)) << y;
+    EXPECT_FALSE(repaired.get(309, y) || repaired.get(312, y)) << y;
   }
 }
 
-RC_GTEST_PROP(FrayedOutline, is_filled_exactly_where_looking_pixel_by_pixel_finds_notches, ()) {
+RC_GTEST_PROP(FrayedOutline, repair_equals_a_pixel_by_pixel_implementation, ()) {
   const ImageSize size{*rc::gen::inRange(1, 200), *rc::gen::inRange(1, 30)};
   const unsigned seed = *rc::gen::arbitrary<unsigned>();
   Mask solid(size);

@@ -1,4 +1,4 @@
-// A camera that runs free against pulses and a clock that the test plays.
+// FreeRunningCamera with simulated pulses and a simulated clock.
 #include "capture/cameras/free_running_camera.h"
 
 #include <gtest/gtest.h>
@@ -16,20 +16,20 @@ using std::chrono::seconds;
 
 constexpr Duration kPeriod = milliseconds(40);
 
-/// What the camera does; time passes while it is waited for.
+/// State of the simulated camera. Time advances only in Camera::wait().
 struct Bench {
   MonotonicInstant now{seconds(1000)};
-  std::deque<MonotonicInstant> exposures;  ///< that are to come
+  std::deque<MonotonicInstant> exposures;  ///< future exposures
   double rate_hz = 0;
   int starts = 0;
-  bool refuses = false;
+  bool rejects_start = false;  ///< start() throws
 };
 
 class TickingCamera : public Camera {
  public:
   explicit TickingCamera(Bench& bench) : bench_(bench) {}
   void start() override {
-    if (bench_.refuses) throw InputError("camera cam01: rate: wanted 30, got 25");
+    if (bench_.rejects_start) throw InputError("camera cam01: rate: wanted 30, got 25");
     ++bench_.starts;
   }
   void stop() override {}
@@ -59,7 +59,7 @@ class FreeRunningCameraTest : public testing::Test {
     camera_.start();
     pulses_.begin(kPeriod);
   }
-  /// Frames from now on, for so long.
+  /// Schedules frames at the nominal rate, from the start of the test.
   void run_for(int64_t frames) {
     for (int64_t i = 0; i < frames; ++i) bench_.exposures.push_back(start_ + i * kPeriod);
   }
@@ -80,7 +80,7 @@ class FreeRunningCameraTest : public testing::Test {
                             [this] { return bench_.now; }};
 };
 
-TEST_F(FreeRunningCameraTest, is_quiet_until_there_are_pulses_and_after_them) {
+TEST_F(FreeRunningCameraTest, delivers_no_frames_before_and_after_the_pulses) {
   run_for(100);
   EXPECT_TRUE(labels_until(start_ + milliseconds(500)).empty());
   for (int64_t pulse = 0; pulse < 10; ++pulse) {
@@ -91,11 +91,11 @@ TEST_F(FreeRunningCameraTest, is_quiet_until_there_are_pulses_and_after_them) {
   EXPECT_EQ(camera_.statistics().phase, Duration(-milliseconds(7)));
 }
 
-TEST_F(FreeRunningCameraTest, takes_no_phase_over_from_the_train_before) {
+TEST_F(FreeRunningCameraTest, does_not_reuse_the_phase_of_the_previous_train) {
   run_for(200);
   std::vector<int64_t> all(20);
   std::iota(all.begin(), all.end(), 0);
-  // At the brink of what would follow on from the phase of the train before.
+  // Phases at the limit of the hysteresis with respect to the previous train.
   for (const Duration phase : {Duration(milliseconds(12)), Duration(-milliseconds(16))}) {
     pulses_.begin(kPeriod);
     const MonotonicInstant first = bench_.now + milliseconds(400);
@@ -108,27 +108,27 @@ TEST_F(FreeRunningCameraTest, takes_no_phase_over_from_the_train_before) {
   }
 }
 
-TEST_F(FreeRunningCameraTest, leaves_the_pulses_without_a_frame_whose_frames_were_lost) {
+TEST_F(FreeRunningCameraTest, skips_the_pulses_of_lost_frames) {
   run_for(100);
   for (int64_t pulse = 0; pulse < 90; ++pulse) pulses_.add(pulse, start_ + pulse * kPeriod);
   bench_.exposures.erase(bench_.exposures.begin() + 3, bench_.exposures.begin() + 6);
   EXPECT_EQ(labels_until(start_ + milliseconds(330)), (std::vector<int64_t>{0, 1, 2, 6, 7, 8}));
 }
 
-TEST_F(FreeRunningCameraTest, takes_the_rate_of_the_take) {
+TEST_F(FreeRunningCameraTest, runs_at_the_rate_of_the_take) {
   EXPECT_NEAR(bench_.rate_hz, 25, 1e-9);
   pulses_.begin(milliseconds(100));
   camera_.wait(bench_.now + milliseconds(20));
   EXPECT_NEAR(bench_.rate_hz, 10, 1e-9);
   EXPECT_EQ(bench_.starts, 2);
-  bench_.refuses = true;
+  bench_.rejects_start = true;
   pulses_.begin(milliseconds(33));
   camera_.wait(bench_.now + milliseconds(20));
   EXPECT_TRUE(camera_.lost());
   EXPECT_THROW(camera_.start(), InputError);
 }
 
-TEST_F(FreeRunningCameraTest, is_lost_when_no_frame_comes_though_there_are_no_pulses) {
+TEST_F(FreeRunningCameraTest, is_lost_without_frames_even_if_there_are_no_pulses) {
   run_for(10);
   labels_until(start_ + seconds(1));
   EXPECT_FALSE(camera_.lost());

@@ -24,7 +24,7 @@ Mask random_mask(ImageSize size, double density, unsigned seed) {
   return mask;
 }
 
-/// Any size, also not a multiple of 64, and any density.
+/// Random mask of any size, also not a multiple of 64, and any density.
 Mask any_mask() {
   const ImageSize size{*rc::gen::inRange(1, 200), *rc::gen::inRange(1, 40)};
   return random_mask(size, *rc::gen::inRange(0, 101) * 0.01, *rc::gen::arbitrary<unsigned>());
@@ -37,14 +37,14 @@ void drop_small_pieces(Mask& mask, int min_area, MaskComponents& pieces) {
   }
 }
 
-/// Beyond the border the mask goes on as it ends.
+/// A pixel of the mask. Border pixels are repeated outside the mask.
 bool get(const Mask& mask, int x, int y) {
   return mask.get(std::clamp(x, 0, mask.size().width - 1),
                   std::clamp(y, 0, mask.size().height - 1));
 }
 
-/// Areas of the connected pieces of `value`, per pixel (0 elsewhere), pixel by pixel. Pieces that
-/// touch the border count as endless where `border_is_endless`.
+/// For each pixel, the area of its connected piece of `value` (0 elsewhere), by flood fill. With
+/// `border_is_endless` pieces that touch the border have a very large area.
 std::vector<int64_t> areas(const Mask& mask, bool value, bool diagonal, bool border_is_endless) {
   const ImageSize size = mask.size();
   std::vector<int64_t> area(size.pixels());
@@ -78,7 +78,7 @@ std::vector<int64_t> areas(const Mask& mask, bool value, bool diagonal, bool bor
   return area;
 }
 
-RC_GTEST_PROP(MaskCleanup, majority_is_what_counting_gives, ()) {
+RC_GTEST_PROP(MaskCleanup, majority_equals_a_count_of_pixels, ()) {
   const Mask before = any_mask();
   Mask after = before;
   take_majority(after);
@@ -95,7 +95,7 @@ RC_GTEST_PROP(MaskCleanup, majority_is_what_counting_gives, ()) {
   RC_ASSERT(after == expected);
 }
 
-RC_GTEST_PROP(MaskCleanup, drops_exactly_the_pieces_that_flooding_finds_small, ()) {
+RC_GTEST_PROP(MaskCleanup, drops_exactly_the_small_pieces_of_a_flood_fill, ()) {
   const Mask before = any_mask();
   const int min_area = *rc::gen::inRange(0, 60);
   const auto area = areas(before, true, true, false);
@@ -108,13 +108,13 @@ RC_GTEST_PROP(MaskCleanup, drops_exactly_the_pieces_that_flooding_finds_small, (
   MaskComponents pieces;
   drop_small_pieces(after, min_area, pieces);
   RC_ASSERT(after == expected);
-  // What it says is left are the runs of what is left.
+  // The remaining runs must be those of the remaining pieces.
   Mask left(before.size());
   for (const Run& run : pieces.runs()) left.fill_row(run.y, run.begin, run.end);
   RC_ASSERT(left == expected);
 }
 
-RC_GTEST_PROP(MaskCleanup, fills_exactly_the_holes_that_flooding_finds_small, ()) {
+RC_GTEST_PROP(MaskCleanup, fills_exactly_the_small_holes_of_a_flood_fill, ()) {
   const Mask before = any_mask();
   const int max_hole = *rc::gen::inRange(0, 60);
   const auto area = areas(before, false, false, true);
@@ -130,7 +130,7 @@ RC_GTEST_PROP(MaskCleanup, fills_exactly_the_holes_that_flooding_finds_small, ()
   RC_ASSERT(after == expected);
 }
 
-RC_GTEST_PROP(MaskCleanup, fills_the_holes_of_what_was_left_of_a_mask_and_remembers_no_other, ()) {
+RC_GTEST_PROP(MaskCleanup, fills_holes_of_the_remaining_pieces_without_state_of_other_masks, ()) {
   MaskComponents pieces;
   MaskHoles holes;
   for (int i = 0; i < 3; ++i) {
@@ -145,7 +145,7 @@ RC_GTEST_PROP(MaskCleanup, fills_the_holes_of_what_was_left_of_a_mask_and_rememb
   }
 }
 
-TEST(MaskCleanup, majority_leaves_a_line_of_two_pixels_alone) {
+TEST(MaskCleanup, majority_keeps_a_line_of_two_pixels) {
   Mask mask({100, 20});
   mask.fill_row(8, 0, 100);
   mask.fill_row(9, 0, 100);
@@ -154,7 +154,7 @@ TEST(MaskCleanup, majority_leaves_a_line_of_two_pixels_alone) {
   EXPECT_EQ(mask, before);
 }
 
-TEST(MaskCleanup, takes_an_empty_mask) {
+TEST(MaskCleanup, accepts_an_empty_mask) {
   Mask mask;
   take_majority(mask);
   MaskComponents pieces;

@@ -12,9 +12,9 @@ namespace {
 constexpr ImageSize kSize{200, 150};
 constexpr Rect kLamp{140, 10, 40, 12};
 constexpr Rect kBody{60, 40, 50, 90};
-constexpr int kCarpet = 25;  // its edge
+constexpr int kCarpet = 25;  // x of its edge, pixels
 
-/// The wall, a carpet before it and a lamp; what is movable stands so many pixels away.
+/// The wall with a carpet in front of it and a lamp, both displaced by so many pixels.
 Scene room(int moved_x, int moved_y) {
   return [=](int x, int y) {
     if (x < kCarpet + moved_x && y > 60) return Colour{60, 55, 110};
@@ -50,7 +50,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, MovedBackground,
                                          PixelFormat::kBayerGB8, PixelFormat::kRGB8),
                          [](const auto& format) { return std::string(name(format.param)); });
 
-TEST_P(MovedBackground, is_foreground_only_to_who_does_not_look_beside_it) {
+TEST_P(MovedBackground, is_foreground_only_without_a_search_radius) {
   for (const int moved : {-4, -3, 3, 4}) {
     const Scene scene = room(moved, moved);
     EXPECT_GT(segment(scene, 0).count(), 300) << moved;
@@ -58,11 +58,11 @@ TEST_P(MovedBackground, is_foreground_only_to_who_does_not_look_beside_it) {
   }
 }
 
-TEST_P(MovedBackground, is_foreground_when_it_moved_far) {
+TEST_P(MovedBackground, is_foreground_if_it_moved_far) {
   EXPECT_GT(segment(room(12, 12)).count(), 500);
 }
 
-TEST_P(MovedBackground, is_known_again_when_the_lamps_are_dimmed) {
+TEST_P(MovedBackground, is_detected_under_dimmed_lamps) {
   const Scene dimmed = [moved = room(3, 3)](int x, int y) {
     const Colour c = moved(x, y);
     return Colour{0.85 * c[0], 0.85 * c[1], 0.85 * c[2]};
@@ -71,7 +71,7 @@ TEST_P(MovedBackground, is_known_again_when_the_lamps_are_dimmed) {
   EXPECT_EQ(segment(dimmed).count(), 0);
 }
 
-TEST_P(MovedBackground, is_known_again_where_the_lamp_saturates) {
+TEST_P(MovedBackground, is_detected_if_the_lamp_saturates) {
   const auto brighter = [](int moved) {
     return [=](int x, int y) {
       const Colour c = room(moved, moved)(x, y);
@@ -82,32 +82,32 @@ TEST_P(MovedBackground, is_known_again_where_the_lamp_saturates) {
   EXPECT_EQ(segment(brighter(4)).count(), 0);
 }
 
-TEST_P(MovedBackground, is_compared_colour_with_the_same_colour) {
+TEST_P(MovedBackground, is_compared_with_samples_of_the_same_colour) {
   const Scene green = [](int, int) { return Colour{80, 140, 80}; };
   model_ = learn_scene(kSize, GetParam(), green);
   const Mask mask = segment(with(kBody, {140, 80, 140}, green));
   EXPECT_GT(intersection_over_union(mask, mask_of(kBody)), 0.99);
 }
 
-TEST_P(MovedBackground, leaves_the_performer_in_the_room_to_the_pixel) {
+TEST_P(MovedBackground, keeps_the_performer_to_the_pixel) {
   const Mask mask = segment(with(kBody, {220, 200, 220}, room(3, 3)));
   EXPECT_GT(intersection_over_union(mask, mask_of(kBody)), 0.99);
 }
 
-TEST_P(MovedBackground, does_not_swallow_a_performer_beside_it_in_its_colours) {
-  const Rect beside{kCarpet - 10, 70, 40, 60};  // a good half of him is not before the carpet
+TEST_P(MovedBackground, keeps_a_performer_beside_it_in_its_colours) {
+  const Rect beside{kCarpet - 10, 70, 40, 60};  // more than half is not in front of the carpet
   const Mask mask = segment(with(beside, {60, 55, 110}, room(0, 0)));
   EXPECT_GE(mask.count(), 25 * 60 * 9 / 10);
 }
 
-TEST_P(MovedBackground, does_not_swallow_a_blade_before_its_edge) {
+TEST_P(MovedBackground, keeps_a_blade_in_front_of_its_edge) {
   const Rect blade{kCarpet - 1, 65, 3, 60};
   const Mask mask = segment(with(blade, {215, 225, 225}, room(0, 0)));
   EXPECT_GT(intersection_over_union(mask, mask_of(blade)), 0.8);
 }
 
-TEST(MovedBackgroundPieces, are_judged_one_by_one_up_to_the_corners_of_the_image) {
-  const Image image(kSize, PixelFormat::kMono8);  // black before black, but for one grey column
+TEST(MovedBackgroundPieces, are_tested_one_by_one_up_to_the_corners_of_the_image) {
+  const Image image(kSize, PixelFormat::kMono8);  // black; the model is black but for one column
   BackgroundModel model{kSize, PixelFormat::kMono8, {}, {}};
   model.mean.assign(kSize.pixels(), 0);
   model.spread.assign(kSize.pixels(), 2);
@@ -126,8 +126,8 @@ TEST(MovedBackgroundPieces, are_judged_one_by_one_up_to_the_corners_of_the_image
   const auto moved = [&](size_t piece, int reach) {
     return is_moved_background(pieces, piece, image.view(), background, reach);
   };
-  // The column (the second piece) is one wide, so that a quad's own place is never like it: only
-  // reach finds black beside it.
+  // The column (the second piece) is one pixel wide, so a quad never matches its own place. Only a
+  // search finds the black beside it.
   for (const size_t corner : {0U, 2U}) EXPECT_TRUE(moved(corner, 0)) << corner;
   EXPECT_FALSE(moved(1, 0));
   EXPECT_TRUE(moved(1, 2));

@@ -9,7 +9,7 @@ namespace {
 
 constexpr ImageSize kSize{160, 120};
 
-/// Stripes, seen by a lens whose blur reaches over `blur` pixels.
+/// Stripes blurred by a lens over `blur` pixels.
 Colour stripes(int x, double blur) {
   const double grey = 120 + 80 * std::exp(-blur * blur / 8) * std::sin(1.1 * x);
   return {grey, grey, grey};
@@ -37,7 +37,7 @@ TEST(PictureQuality, measures_shares_of_clipped_and_dark_samples) {
   EXPECT_DOUBLE_EQ(statistics.result().mean_grey, 121.3);
 }
 
-TEST(PictureQuality, falls_as_the_lens_leaves_its_focus) {
+TEST(PictureQuality, focus_falls_as_the_lens_defocuses) {
   for (const auto format : {PixelFormat::kMono8, PixelFormat::kBayerRG8, PixelFormat::kRGB8}) {
     const double sharp = quality_of(format, 0, 1, 20).focus;
     const double soft = quality_of(format, 2, 1, 20).focus;
@@ -47,13 +47,13 @@ TEST(PictureQuality, falls_as_the_lens_leaves_its_focus) {
   }
 }
 
-TEST(PictureQuality, takes_no_noise_for_detail) {
+TEST(PictureQuality, focus_does_not_count_noise_as_detail) {
   const double quiet = quality_of(PixelFormat::kBayerRG8, 0, 1, 40).focus;
   const double noisy = quality_of(PixelFormat::kBayerRG8, 0, 6, 40).focus;
   EXPECT_NEAR(noisy / quiet, 1, 0.05);
 }
 
-TEST(PictureQuality, is_the_same_of_the_plates_of_an_empty_studio) {
+TEST(PictureQuality, focus_of_a_background_model_equals_that_of_images) {
   std::vector<Image> plates;
   std::vector<ImageView> views;
   for (unsigned i = 0; i < 16; ++i) {
@@ -65,7 +65,7 @@ TEST(PictureQuality, is_the_same_of_the_plates_of_an_empty_studio) {
   EXPECT_NEAR(quality_of(PixelFormat::kBayerRG8, 1, 1.5, 40).focus / plates_focus, 1, 0.05);
 }
 
-TEST(PictureQuality, is_zero_without_pictures_and_passes_over_other_sizes) {
+TEST(PictureQuality, is_zero_without_images_and_ignores_other_sizes) {
   PictureStatistics statistics;
   EXPECT_EQ(statistics.result().focus, 0);
   statistics.add(Image({10, 10}, PixelFormat::kMono8).view());

@@ -1,4 +1,4 @@
-// A pilot before a scripted camera, for the tests of what pilots do.
+// Test fixtures: CameraSession with a scripted camera.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -12,20 +12,21 @@
 
 namespace v3d {
 
-/// A pilot on the script's clock.
-class CameraPilotTest : public testing::Test {
+/// A session with a scripted camera, on the script's clock.
+class CameraSessionTest : public testing::Test {
  protected:
-  CameraPilotTest() {
+  CameraSessionTest() {
     CameraWorkerOptions options;
     options.now = [s = script_] { return s->now; };
-    pilot_ = std::make_unique<CameraSession>(
+    session_ = std::make_unique<CameraSession>(
         "cam07", [s = script_] { return std::make_unique<ScriptedCamera>(s); }, options);
   }
 
-  /// Steps until the state is reached; false after `limit` of the script's time.
+  /// Steps until the state is reached. False if this takes longer than `limit` of the script's
+  /// time.
   bool reach(CameraState state, Duration limit = std::chrono::seconds(30)) {
     const MonotonicInstant deadline = script_->now + limit;
-    while (pilot_->status().state != state) {
+    while (session_->status().state != state) {
       if (script_->now > deadline) return false;
       step();
     }
@@ -33,17 +34,17 @@ class CameraPilotTest : public testing::Test {
   }
 
   void step() {
-    if (pilot_->idle_until() > script_->now) script_->now = pilot_->idle_until();
-    if (sensed_) tell_edges();
-    if (auto frame = pilot_->step()) frames_.push_back(std::move(*frame));
+    if (session_->idle_until() > script_->now) script_->now = session_->idle_until();
+    if (sensed_) report_edges();
+    if (auto frame = session_->step()) frames_.push_back(std::move(*frame));
   }
 
-  void tell_edges() {
-    if (script_->train != told_train_) told_ = 0;
-    told_train_ = script_->train;
-    for (; told_train_ && told_ < script_->pulses; ++told_) {
-      if (script_->exposure(told_) > script_->now) return;
-      pilot_->pulse_at({.pulse = told_, .at = script_->exposure(told_)});
+  void report_edges() {
+    if (script_->train != reported_train_) reported_pulses_ = 0;
+    reported_train_ = script_->train;
+    for (; reported_train_ && reported_pulses_ < script_->pulses; ++reported_pulses_) {
+      if (script_->exposure(reported_pulses_) > script_->now) return;
+      session_->pulse_at({.pulse = reported_pulses_, .at = script_->exposure(reported_pulses_)});
     }
   }
 
@@ -53,13 +54,13 @@ class CameraPilotTest : public testing::Test {
   }
 
   void make_ready() {
-    pilot_->disarm();
+    session_->disarm();
     ASSERT_TRUE(reach(CameraState::kIdle));
-    pilot_->arm(Script::kPeriod, sensed_);
+    session_->arm(Script::kPeriod, sensed_);
     ASSERT_TRUE(reach(CameraState::kReady));
   }
 
-  /// Frames whose label is not the pulse that their picture shows.
+  /// Number of frames whose label differs from the pulse that their image shows.
   int mislabelled() const {
     int wrong = 0;
     for (const Frame& f : frames_) wrong += f.label.pulse % 256 != f.image.bytes[0];
@@ -67,24 +68,24 @@ class CameraPilotTest : public testing::Test {
   }
 
   std::shared_ptr<Script> script_ = std::make_shared<Script>();
-  std::unique_ptr<CameraSession> pilot_;
+  std::unique_ptr<CameraSession> session_;
   std::vector<Frame> frames_;
-  bool sensed_ = false;  ///< the camera is told of pulses
-  std::optional<MonotonicInstant> told_train_;
-  int64_t told_ = 0;
+  bool sensed_ = false;  ///< pulses are reported to the session
+  std::optional<MonotonicInstant> reported_train_;
+  int64_t reported_pulses_ = 0;
 };
 
-/// With a line that senses the pulses, and a train behind it, as the background is.
-class SensedCameraPilotTest : public CameraPilotTest {
+/// A session with a sense line. train_before() records a first train, which gives the latency.
+class SensedCameraSessionTest : public CameraSessionTest {
  protected:
-  SensedCameraPilotTest() { sensed_ = true; }
+  SensedCameraSessionTest() { sensed_ = true; }
 
   void train(int64_t pulses) {
     make_ready();
     frames_.clear();
     script_->start_train(pulses);
     play((pulses + 1) * Script::kPeriod);
-    pilot_->train_ended();
+    session_->train_ended();
     play(std::chrono::seconds(1));
   }
   void train_before() {

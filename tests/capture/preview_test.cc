@@ -5,10 +5,10 @@
 namespace v3d {
 namespace {
 
-TEST(Preview, makes_one_pixel_of_a_quad_that_holds_every_colour) {
+TEST(Preview, converts_a_quad_of_all_colours_to_one_pixel) {
   for (const PixelFormat format : {PixelFormat::kBayerRG8, PixelFormat::kBayerGR8,
                                    PixelFormat::kBayerGB8, PixelFormat::kBayerBG8}) {
-    Image raw({6, 5}, format);  // the last row has no partner
+    Image raw({6, 5}, format);  // the last row has no second row
     for (int y = 0; y < 5; ++y) {
       for (int x = 0; x < 6; ++x) {
         raw.row(y)[x] = static_cast<uint8_t>(50 * (bayer_channel(format, x, y) + 1));
@@ -20,7 +20,7 @@ TEST(Preview, makes_one_pixel_of_a_quad_that_holds_every_colour) {
   }
 }
 
-TEST(Preview, averages_what_is_grey_or_has_its_colours_already) {
+TEST(Preview, averages_the_pixels_of_grey_and_rgb_images) {
   Image mono({2, 2}, PixelFormat::kMono8);
   mono.bytes = {10, 20, 30, 40};
   EXPECT_EQ(preview_of(mono.view()).bytes, (std::vector<uint8_t>{25, 25, 25}));
@@ -29,7 +29,7 @@ TEST(Preview, averages_what_is_grey_or_has_its_colours_already) {
   EXPECT_EQ(preview_of(rgb.view()).bytes, (std::vector<uint8_t>{20, 100, 200}));
 }
 
-TEST(Preview, keeps_what_is_one_pixel_thin_in_the_mask) {
+TEST(Preview, keeps_a_single_pixel_of_the_mask) {
   Mask mask({8, 6});
   mask.set(5, 3);
   const Mask small = preview_mask(mask);

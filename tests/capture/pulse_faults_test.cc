@@ -1,5 +1,5 @@
-// A thousand cameras in trouble, ten thousand frames each: no frame may get a wrong pulse number
-// without being suspect.
+// Randomised faults of PulseMatcher: 1000 simulated cameras with 10,000 frames each. Every frame
+// with a wrong pulse number must be suspect.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,37 +22,38 @@ constexpr int kScripts = 1000;
 constexpr int kFramesOfScript = 10'000;
 
 enum class Fault {
-  kLost,       ///< frames lost in transport
-  kMissed,     ///< triggers that the camera did not see
+  kLost,       ///< frames are lost in transport
+  kMissed,     ///< the camera does not detect triggers
   kExtra,      ///< an exposure between two pulses
-  kDuplicate,  ///< a frame comes again, later
-  kReordered,  ///< a frame comes after those that follow it
-  kLate,       ///< a frame is delivered late, and those behind it wait
-  kStall,      ///< the host stands still; what was exposed comes at once
-  kStepped,    ///< the device clock
-  kCounted,    ///< the counter jumps, or begins anew
-  kCycled,     ///< the camera begins anew, unnoticed
-  kReopened,   ///< it was lost and opened again; its clock went on
-  kReplaced,   ///< it was lost and opened again; its clock began anew
+  kDuplicate,  ///< a frame arrives again later
+  kReordered,  ///< a frame arrives after those that follow it
+  kLate,       ///< a frame is delivered late and delays those after it
+  kStall,      ///< the host stalls; then all exposed frames arrive at once
+  kStepped,    ///< the device clock steps
+  kCounted,    ///< the counter jumps or restarts
+  kCycled,     ///< the camera restarts unnoticed
+  kReopened,   ///< the camera is lost and reopened; its clock keeps running
+  kReplaced,   ///< the camera is lost and reopened; its clock restarts
 };
 constexpr int kFaults = 12;
 
-/// Faults of one witness hide those of another when they err alike; the matcher says so.
+// Equal errors of clock and counter are a documented limit of PulseMatcher. So faults of one and
+// faults of the other are at least kMinDistance pulses apart.
 bool of_clock(Fault f) { return f == Fault::kStepped; }
 bool of_counter(Fault f) {
   return f == Fault::kMissed || f == Fault::kExtra || f == Fault::kCounted || f == Fault::kReopened;
 }
-constexpr int64_t kApart = 200;  ///< pulses between them
+constexpr int64_t kMinDistance = 200;
 
-/// A camera, its way to the host, and a random script of what happens to both.
+/// Simulated camera and transport with random faults.
 class FaultyCamera {
  public:
   static constexpr int64_t kNoPulse = -1;
 
   struct Arrival {
-    FrameStamp stamp;          ///< its counter as the camera sends it
-    int64_t pulse = 0;         ///< that exposed it
-    bool opened_anew = false;  ///< the camera was opened again before this frame
+    FrameStamp stamp;       ///< with the counter as the camera sends it
+    int64_t pulse = 0;      ///< true pulse of the frame
+    bool reopened = false;  ///< the camera was reopened before this frame
   };
 
   explicit FaultyCamera(unsigned seed) : random_(seed) {
@@ -60,13 +61,13 @@ class FaultyCamera {
     host_rate_ = 1 + uniform(-100, 100) * 1e-6;
     device_offset_ns_ = std::llround(uniform(0, 1e15));
     jitter_ = uniform(0, 0.1);
-    hesitation_ = uniform(0, 0.3);
-    wide_ = chance(0.3);
+    arrival_jitter_ = uniform(0, 0.3);
+    is_64_bit_ = chance(0.3);
     exposures_ = whole(0, 200'000);
     next_fault_ = whole(100, 500);
   }
 
-  /// The frames that the next pulse brings: none, one or several.
+  /// The frames that arrive at the next pulse: none, one or several.
   std::deque<Arrival> next() {
     arrivals_.clear();
     if (pulse_ == next_fault_) begin_fault();
@@ -76,13 +77,13 @@ class FaultyCamera {
   }
 
   int64_t faults() const { return faults_; }
-  /// The last fault that began.
-  std::string story() const {
+  /// Description of the last fault.
+  std::string last_fault() const {
     return "fault " + std::to_string(static_cast<int>(fault_)) + " at pulse " +
            std::to_string(fault_pulse_);
   }
-  /// No fault begins any more.
-  void spare() { next_fault_ = -1; }
+  /// Starts no further fault.
+  void stop_faults() { next_fault_ = -1; }
 
  private:
   double uniform(double low, double high) {
@@ -97,10 +98,10 @@ class FaultyCamera {
     ++faults_;
     next_fault_ += chance(0.2) ? whole(1, 10) : whole(1, 400);
     fault_ = static_cast<Fault>(whole(0, kFaults - 1));
-    if (of_clock(fault_) && pulse_ < counter_erred_ + kApart) fault_ = Fault::kDuplicate;
-    if (of_counter(fault_) && pulse_ < clock_erred_ + kApart) fault_ = Fault::kDuplicate;
-    if (of_clock(fault_)) clock_erred_ = pulse_;
-    if (of_counter(fault_)) counter_erred_ = pulse_;
+    if (of_clock(fault_) && pulse_ < last_counter_fault_ + kMinDistance) fault_ = Fault::kDuplicate;
+    if (of_counter(fault_) && pulse_ < last_clock_fault_ + kMinDistance) fault_ = Fault::kDuplicate;
+    if (of_clock(fault_)) last_clock_fault_ = pulse_;
+    if (of_counter(fault_)) last_counter_fault_ = pulse_;
     fault_pulse_ = pulse_;
     switch (fault_) {
       case Fault::kLost:
@@ -119,10 +120,10 @@ class FaultyCamera {
         hold_for_ = whole(1, 3);
         break;
       case Fault::kLate:
-        free_again_ = static_cast<double>(pulse_) + uniform(0, 3);
+        delayed_until_ = static_cast<double>(pulse_) + uniform(0, 3);
         break;
       case Fault::kStall:
-        free_again_ = static_cast<double>(pulse_) + uniform(1, 60);
+        delayed_until_ = static_cast<double>(pulse_) + uniform(1, 60);
         break;
       case Fault::kStepped:
         step_clock();
@@ -132,21 +133,21 @@ class FaultyCamera {
         break;
       case Fault::kCycled:
         lose(whole(10, 100));
-        counter_anew_ = clock_anew_ = true;
+        counter_restarts_ = clock_restarts_ = true;
         break;
       case Fault::kReopened:
       case Fault::kReplaced:
         lose(whole(3, 100));
-        opened_anew_ = counter_anew_ = true;
-        clock_anew_ = fault_ == Fault::kReplaced;
+        reopened_ = counter_restarts_ = true;
+        clock_restarts_ = fault_ == Fault::kReplaced;
         break;
     }
   }
 
   void step_clock() {
-    constexpr std::array kLongest = {1.0, 5.0, 1e3, 1e9};
-    double periods = uniform(-1, 1) * kLongest[static_cast<size_t>(whole(0, 3))];
-    // A shorter step is no more than jitter.
+    constexpr std::array kMaxSteps = {1.0, 5.0, 1e3, 1e9};
+    double periods = uniform(-1, 1) * kMaxSteps[static_cast<size_t>(whole(0, 3))];
+    // Rounds half of the steps, and all that are as small as jitter, up to whole periods.
     if (chance(0.5) || std::abs(periods) < 0.26)
       periods = std::copysign(std::ceil(std::abs(periods)), periods);
     device_offset_ns_ += std::llround(periods * static_cast<double>(kPeriod.count()));
@@ -154,10 +155,10 @@ class FaultyCamera {
 
   void lose(int64_t frames) { lose_ = std::max(lose_, frames); }
 
-  /// After the frames that were lost.
-  void begin_anew() {
-    if (std::exchange(counter_anew_, false)) exposures_ = 0;
-    if (std::exchange(clock_anew_, false)) {
+  /// Restarts counter and clock after the lost frames.
+  void restart_counter_and_clock() {
+    if (std::exchange(counter_restarts_, false)) exposures_ = 0;
+    if (std::exchange(clock_restarts_, false)) {
       device_offset_ns_ = -std::llround(static_cast<double>(pulse_ * kPeriod.count()));
     }
   }
@@ -175,7 +176,7 @@ class FaultyCamera {
   void exposure(double when, int64_t pulse) {
     ++exposures_;
     if (lose_ > 0) {
-      if (--lose_ == 0) begin_anew();
+      if (--lose_ == 0) restart_counter_and_clock();
       return;
     }
     const auto period = static_cast<double>(kPeriod.count());
@@ -184,7 +185,7 @@ class FaultyCamera {
     a.stamp.exposed =
         from_ns<DeviceClock>(device_offset_ns_ + std::llround((when + uniform(-jitter_, jitter_)) *
                                                               period * device_rate_));
-    a.stamp.counter = static_cast<uint64_t>(wide_ ? exposures_ : (exposures_ - 1) % 65535 + 1);
+    a.stamp.counter = static_cast<uint64_t>(is_64_bit_ ? exposures_ : (exposures_ - 1) % 65535 + 1);
     hand_over(a, when);
   }
 
@@ -206,47 +207,47 @@ class FaultyCamera {
   }
 
   void deliver(Arrival a, double when) {
-    delivered_ = std::max({delivered_, free_again_, when + uniform(0, hesitation_)});
+    delivered_ = std::max({delivered_, delayed_until_, when + uniform(0, arrival_jitter_)});
     a.stamp.received = from_ns<Monotonic>(
         std::llround(delivered_ * static_cast<double>(kPeriod.count()) * host_rate_));
-    a.opened_anew = std::exchange(opened_anew_, false);
+    a.reopened = std::exchange(reopened_, false);
     arrivals_.push_back(a);
   }
 
   std::mt19937 random_;
-  double device_rate_, host_rate_, jitter_, hesitation_;
+  double device_rate_, host_rate_, jitter_, arrival_jitter_;
   int64_t device_offset_ns_;
-  bool wide_;          ///< counts with 64 bits
-  int64_t exposures_;  ///< since the camera began
+  bool is_64_bit_;     ///< the counter has 64 bits
+  int64_t exposures_;  ///< since the camera started
 
   int64_t pulse_ = 0;
   int64_t next_fault_;
   Fault fault_ = Fault::kLost;
   int64_t fault_pulse_ = -1000;
   int64_t faults_ = 0;
-  int64_t clock_erred_ = -1000;    ///< last, pulse
-  int64_t counter_erred_ = -1000;  ///< last, pulse
+  int64_t last_clock_fault_ = -1000;    ///< pulse of the last fault of the clock
+  int64_t last_counter_fault_ = -1000;  ///< pulse of the last fault of the counter
   int64_t lose_ = 0;
-  bool counter_anew_ = false;
-  bool clock_anew_ = false;
+  bool counter_restarts_ = false;
+  bool clock_restarts_ = false;
   int64_t miss_ = 0;
   bool extra_ = false;
   int64_t hold_for_ = 0;
   std::optional<Arrival> held_;
   int64_t copy_after_ = -1;
   std::optional<Arrival> copy_;
-  bool opened_anew_ = false;
-  double free_again_ = 0;  ///< the host, pulses
-  double delivered_ = 0;   ///< the last frame, pulses
+  bool reopened_ = false;
+  double delayed_until_ = 0;  ///< end of the host's delay, in pulses
+  double delivered_ = 0;      ///< arrival of the last frame, in pulses
   std::deque<Arrival> arrivals_;
 };
 
-/// The host's side of a script.
+/// Result of one simulated camera.
 struct Score {
   int64_t frames = 0;
   int64_t suspect = 0;
   int64_t faults = 0;
-  std::string wrong;   ///< the first frame that got a wrong number silently
+  std::string wrong;   ///< first frame with a wrong number that was not suspect; empty: none
   bool clear = false;  ///< the last frame was not suspect
 };
 
@@ -256,9 +257,9 @@ Score play(unsigned seed) {
   FrameCounter counter;
   Score score;
   while (score.frames < kFramesOfScript) {
-    if (score.frames > kFramesOfScript - 500) camera.spare();
+    if (score.frames > kFramesOfScript - 500) camera.stop_faults();
     for (const FaultyCamera::Arrival& a : camera.next()) {
-      if (a.opened_anew) {
+      if (a.reopened) {
         matcher.reopened();
         counter = {};
       }
@@ -270,7 +271,8 @@ Score play(unsigned seed) {
       score.clear = !match.suspect;
       if (match.pulse != a.pulse && !match.suspect && score.wrong.empty()) {
         score.wrong = "script " + std::to_string(seed) + ": pulse " + std::to_string(a.pulse) +
-                      " was called " + std::to_string(match.pulse) + " after " + camera.story();
+                      " was labelled " + std::to_string(match.pulse) + " after " +
+                      camera.last_fault();
       }
     }
   }
@@ -292,7 +294,7 @@ TEST(PulseFaults, no_frame_of_ten_million_gets_a_wrong_pulse_number_silently) {
   }
   EXPECT_GE(frames, 10'000'000);
   EXPECT_GE(faults, 50'000);
-  EXPECT_LT(suspect, 3 * faults) << "suspicion must not outlive its reason";
+  EXPECT_LT(suspect, 3 * faults) << "frames after a fault stay suspect for too long";
 }
 
 }  // namespace

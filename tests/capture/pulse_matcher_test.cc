@@ -27,14 +27,14 @@ PulseMatcher running() {
   return matcher;
 }
 
-TEST(PulseMatcher, calls_the_first_frame_pulse_0) {
+TEST(PulseMatcher, labels_the_first_frame_as_pulse_0) {
   PulseMatcher matcher(kPeriod);
   const PulseMatch match = matcher.label(frame(1234.5, 77));
   EXPECT_EQ(match.pulse, 0);
   EXPECT_FALSE(match.suspect);
 }
 
-TEST(PulseMatcher, counts_from_where_it_is_told_to_begin_and_suspects_all_if_that_is_not_certain) {
+TEST(PulseMatcher, counts_from_the_first_pulse_and_suspects_all_frames_if_it_is_uncertain) {
   for (const bool certain : {true, false}) {
     PulseMatcher matcher(kPeriod);
     matcher.begin(3, certain);
@@ -46,14 +46,14 @@ TEST(PulseMatcher, counts_from_where_it_is_told_to_begin_and_suspects_all_if_tha
   }
 }
 
-TEST(PulseMatcher, leaves_out_the_pulse_whose_frame_was_lost_in_transport) {
+TEST(PulseMatcher, skips_the_pulse_of_a_frame_lost_in_transport) {
   PulseMatcher matcher = running();
   const PulseMatch match = matcher.label(frame(12, 112));
   EXPECT_EQ(match.pulse, 12);
   EXPECT_FALSE(match.suspect);
 }
 
-TEST(PulseMatcher, suspects_the_frame_after_a_trigger_that_the_camera_missed) {
+TEST(PulseMatcher, suspects_the_frame_after_a_missed_trigger) {
   PulseMatcher matcher = running();
   const PulseMatch match = matcher.label(frame(11, 110));
   EXPECT_EQ(match.pulse, 11);
@@ -71,23 +71,23 @@ TEST(PulseMatcher, suspects_an_exposure_a_quarter_of_a_period_before_its_pulse) 
   EXPECT_TRUE(matcher.label(frame(9.76, 110)).suspect);
 }
 
-TEST(PulseMatcher, suspects_a_camera_that_began_anew_as_it_had_begun_before) {
+TEST(PulseMatcher, suspects_a_restarted_camera_that_repeats_its_clock_and_counter) {
   PulseMatcher matcher = running();
   EXPECT_TRUE(matcher.label({at(0), 100, frame(40, 0).received}).suspect);
-  // A duplicate and a late frame by clock and counter; but nothing is so late.
+  // A duplicate or late frame by clock and counter, but the arrival is too late for that.
   EXPECT_TRUE(matcher.label({at(15), 115, frame(55, 0).received}).suspect);
 }
 
-TEST(PulseMatcher, is_not_taken_in_by_a_new_clock_that_fits_by_chance_in_the_end) {
+TEST(PulseMatcher, suspects_a_restarted_clock_that_matches_by_chance_later) {
   PulseMatcher matcher = running();
   matcher.reopened();
-  // The clock is one period ahead; the frame of pulse 30 comes twice.
+  // The clock is one period ahead, and the frame of pulse 30 arrives twice.
   EXPECT_TRUE(matcher.label({at(31), 1, frame(30, 0).received}).suspect);
   EXPECT_TRUE(matcher.label({at(32), 2, frame(31, 0).received}).suspect);
   EXPECT_TRUE(matcher.label({at(31), 1, frame(31.2, 0).received}).suspect);
 }
 
-TEST(PulseMatcher, labels_a_late_frame_of_a_camera_opened_again_by_its_clock_and_suspects_it) {
+TEST(PulseMatcher, labels_a_late_frame_of_a_reopened_camera_by_its_clock_and_suspects_it) {
   for (const double late : {0.6, 1.4, 5.0}) {
     PulseMatcher matcher = running();
     matcher.reopened();
@@ -98,7 +98,7 @@ TEST(PulseMatcher, labels_a_late_frame_of_a_camera_opened_again_by_its_clock_and
   }
 }
 
-TEST(PulseMatcher, labels_a_frame_of_a_camera_whose_clock_began_anew_by_its_arrival) {
+TEST(PulseMatcher, labels_a_frame_by_its_arrival_after_a_restart_of_the_clock) {
   for (const double clock : {-400.0, 0.0, 12.0, 31.0, 1e6}) {
     PulseMatcher matcher = running();
     matcher.reopened();
@@ -108,7 +108,7 @@ TEST(PulseMatcher, labels_a_frame_of_a_camera_whose_clock_began_anew_by_its_arri
   }
 }
 
-TEST(PulseMatcher, lets_the_counter_decide_where_the_time_is_in_doubt) {
+TEST(PulseMatcher, labels_a_frame_by_its_counter_if_its_time_is_between_pulses) {
   PulseMatcher matcher = running();
   const PulseMatch late = matcher.label(frame(10.6, 110));
   EXPECT_EQ(late.pulse, 10);
@@ -118,7 +118,7 @@ TEST(PulseMatcher, lets_the_counter_decide_where_the_time_is_in_doubt) {
   EXPECT_FALSE(next.suspect);
 }
 
-TEST(PulseMatcher, suspects_a_duplicate_and_a_straggler) {
+TEST(PulseMatcher, suspects_a_duplicate_and_an_out_of_order_frame) {
   PulseMatcher matcher = running();
   const PulseMatch duplicate = matcher.label(frame(9, 109));
   EXPECT_EQ(duplicate.pulse, 9);
@@ -134,8 +134,8 @@ TEST(PulseMatcher, suspects_the_first_frame_after_a_very_long_silence) {
   EXPECT_TRUE(matcher.label(frame(100'000, 100'100)).suspect);
 }
 
-/// Labels of 20 frames from pulse 10 on, with the clock `stepped` by so many periods and the
-/// counter moved on by `moved`.
+/// Labels of 20 frames from pulse 10 on, after a step of the clock by `stepped` periods and of the
+/// counter by `moved`.
 std::vector<PulseMatch> labels_after(double stepped, int64_t moved) {
   PulseMatcher matcher = running();
   std::vector<PulseMatch> found;
@@ -147,7 +147,7 @@ std::vector<PulseMatch> labels_after(double stepped, int64_t moved) {
   return found;
 }
 
-TEST(PulseMatcher, suspects_the_frame_after_a_step_of_the_clock_and_goes_on_rightly) {
+TEST(PulseMatcher, suspects_only_the_first_frame_after_a_step_of_the_clock) {
   for (const double stepped : {-1000.0, -3.0, -1.0, -0.5, 0.5, 1.0, 2.5, 7.0, 1e6}) {
     const std::vector<PulseMatch> found = labels_after(stepped, 0);
     for (int k = 0; k < 20; ++k) {
@@ -157,7 +157,7 @@ TEST(PulseMatcher, suspects_the_frame_after_a_step_of_the_clock_and_goes_on_righ
   }
 }
 
-TEST(PulseMatcher, suspects_the_frame_after_a_jump_of_the_counter_and_goes_on_rightly) {
+TEST(PulseMatcher, suspects_only_the_first_frame_after_a_jump_of_the_counter) {
   for (const int64_t moved : {-110, -1, 1, 5, 5000}) {
     const std::vector<PulseMatch> found = labels_after(0, moved);
     for (int k = 0; k < 20; ++k) {
@@ -167,7 +167,7 @@ TEST(PulseMatcher, suspects_the_frame_after_a_jump_of_the_counter_and_goes_on_ri
   }
 }
 
-TEST(PulseMatcher, is_slower_to_believe_that_clock_and_counter_both_began_anew) {
+TEST(PulseMatcher, suspects_eight_frames_if_clock_and_counter_both_restart) {
   const std::vector<PulseMatch> found = labels_after(-500, -110);
   for (int k = 0; k < 20; ++k) EXPECT_EQ(found[k].suspect, k < 8) << k;
   EXPECT_EQ(found.back().pulse, 29);
@@ -182,9 +182,9 @@ TEST(PulseMatcher, does_not_suspect_frames_that_are_only_late) {
   }
 }
 
-TEST(PulseMatcher, stays_in_doubt_while_frames_come_late) {
+TEST(PulseMatcher, suspects_frames_while_they_arrive_late) {
   PulseMatcher matcher = running();
-  for (int k = 11; k < 30; ++k) {  // it missed the trigger of pulse 10
+  for (int k = 11; k < 30; ++k) {  // the camera missed the trigger of pulse 10
     EXPECT_TRUE(matcher.label(frame(k, 99 + k, 30.0 - k)).suspect);
   }
   for (int k = 30; k < 40; ++k) {
@@ -194,7 +194,7 @@ TEST(PulseMatcher, stays_in_doubt_while_frames_come_late) {
   }
 }
 
-TEST(PulseMatcher, does_not_drift_off_in_a_hundred_thousand_pulses) {
+TEST(PulseMatcher, labels_a_hundred_thousand_pulses_without_drift) {
   for (const double ppm : {-200.0, 0.0, 200.0}) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> jitter(-0.1, 0.1);

@@ -37,7 +37,7 @@ TEST(PulseTimes, finds_the_nearest_pulse_and_none_before_and_after_the_train) {
   EXPECT_EQ(found(times, pulse_at(3)), std::nullopt);
 }
 
-TEST(PulseTimes, knows_the_place_of_a_pulse_that_was_not_sensed) {
+TEST(PulseTimes, interpolates_a_pulse_that_was_not_sensed) {
   PulseTimes gap(kPeriod);
   gap.begin(kPeriod);
   for (const int64_t pulse : {0, 1, 5, 6}) gap.add(pulse, pulse_at(pulse));
@@ -46,7 +46,7 @@ TEST(PulseTimes, knows_the_place_of_a_pulse_that_was_not_sensed) {
   }
 }
 
-TEST(PulseTimes, waits_for_a_pulse_that_may_be_heard_of_later) {
+TEST(PulseTimes, waits_for_a_pulse_that_may_be_reported_later) {
   PulseTimes times(kPeriod);
   times.begin(kPeriod);
   const MonotonicInstant at = pulse_at(0) - milliseconds(10);
@@ -60,7 +60,7 @@ TEST(PulseTimes, waits_for_a_pulse_that_may_be_heard_of_later) {
             std::nullopt);
 }
 
-/// The numbers that a camera's frames get, in their order.
+/// Pulse numbers of a camera's frames, in order.
 std::vector<int64_t> numbers(const PulseTimes& times, const std::vector<MonotonicInstant>& frames) {
   std::vector<int64_t> result;
   std::optional<Duration> before;
@@ -73,7 +73,7 @@ std::vector<int64_t> numbers(const PulseTimes& times, const std::vector<Monotoni
   return result;
 }
 
-RC_GTEST_PROP(PulseTimes, labels_frames_half_way_between_pulses_in_their_order_without_gap, ()) {
+RC_GTEST_PROP(PulseTimes, labels_frames_half_way_between_pulses_in_order_without_gaps, ()) {
   PulseTimes times(kPeriod);
   times.begin(kPeriod);
   for (int64_t pulse = 0; pulse < 200; ++pulse) times.add(pulse, pulse_at(pulse));
@@ -86,7 +86,7 @@ RC_GTEST_PROP(PulseTimes, labels_frames_half_way_between_pulses_in_their_order_w
   for (size_t i = 1; i < got.size(); ++i) RC_ASSERT(got[i] == got[i - 1] + 1);
 }
 
-RC_GTEST_PROP(PulseTimes, slips_by_one_pulse_and_no_more_where_a_camera_is_slow_or_fast, ()) {
+RC_GTEST_PROP(PulseTimes, slips_by_exactly_one_pulse_if_a_camera_is_slow_or_fast, ()) {
   PulseTimes times(kPeriod);
   times.begin(kPeriod);
   for (int64_t pulse = 0; pulse < 250; ++pulse) times.add(pulse, pulse_at(pulse));

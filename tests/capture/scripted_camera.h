@@ -1,4 +1,4 @@
-// A camera that follows a script on a clock that moves only when somebody waits.
+// Simulated camera with scripted faults. Its clock advances only in wait() and start().
 #pragma once
 
 #include <algorithm>
@@ -12,28 +12,28 @@
 
 namespace v3d {
 
-/// The studio round one camera. All times are on one clock, `now`.
+/// Pulses, faults and clock of one simulated camera. All times are on the clock `now`.
 struct Script {
   static constexpr Duration kPeriod = std::chrono::milliseconds(40);
   static constexpr Duration kLatency = std::chrono::milliseconds(9);
 
   MonotonicInstant now = from_ns<Monotonic>(5'000'000'000);
 
-  // The pulse train, if any.
+  // Pulse train; empty if there is none.
   std::optional<MonotonicInstant> train;
   int64_t pulses = 0;
 
   // The camera.
   bool plugged = true;
-  bool silent = false;  ///< streams nothing, but answers
+  bool silent = false;  ///< answers, but streams no frames
   Duration opening_takes = std::chrono::milliseconds(0);
-  Duration device_zero = std::chrono::hours(3);  ///< of its clock
+  Duration device_zero = std::chrono::hours(3);  ///< offset of the device clock from `now`
   uint64_t counter = 100;                        ///< of the next exposure
-  std::set<int64_t> damaged;                     ///< pulses whose frames arrive broken
-  std::set<int64_t> vanished;                    ///< pulses whose frames leave no trace
-  std::set<int64_t> missed;                      ///< pulses that the camera does not see
-  Duration first_is_late{};                      ///< the first frame of every opening, by so much
-  int opened = 0;
+  std::set<int64_t> damaged;                     ///< pulses whose frames arrive damaged
+  std::set<int64_t> vanished;                    ///< pulses whose frames are lost without a count
+  std::set<int64_t> missed;                      ///< pulses that the camera does not detect
+  Duration first_is_late{};                      ///< extra delay of the first frame after start()
+  int opened = 0;                                ///< number of successful start() calls
 
   MonotonicInstant exposure(int64_t pulse) const { return *train + pulse * kPeriod; }
   void start_train(int64_t count) {
@@ -48,7 +48,7 @@ class ScriptedCamera : public Camera {
 
   void start() override {
     script_->now += script_->opening_takes;
-    if (!script_->plugged) throw InputError("camera cam07: nothing answers");
+    if (!script_->plugged) throw InputError("camera cam07: no answer");
     ++script_->opened;
     opened_at_ = script_->now;
   }
@@ -86,7 +86,7 @@ class ScriptedCamera : public Camera {
   PixelFormat format() const override { return PixelFormat::kMono8; }
 
  private:
-  /// The first pixel shows the pulse that exposed it.
+  /// A frame whose first pixel is the pulse number modulo 256.
   CameraFrame frame(int64_t pulse, uint64_t counter) {
     ++statistics_.completed;
     CameraFrame f;

@@ -16,7 +16,7 @@ namespace {
 constexpr ImageSize kSize{200, 150};
 constexpr Rect kBody{60, 30, 70, 90};
 
-/// In front of the wall, `inside` where `shape` holds.
+/// A scene that shows `inside` where `shape` is true, and otherwise the wall.
 Scene in_front(const std::function<bool(int, int)>& shape, const Scene& inside) {
   return [=](int x, int y) { return shape(x, y) ? inside(x, y) : wall(x, y); };
 }
@@ -43,7 +43,7 @@ std::string format_name(const testing::TestParamInfo<PixelFormat>& format) {
   return std::string(name(format.param));
 }
 
-/// In every kind of picture.
+/// Tests for every pixel format.
 class SegmenterTest : public testing::TestWithParam<PixelFormat> {
  protected:
   Mask segment(const Scene& scene, unsigned seed = 1) {
@@ -59,7 +59,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, SegmenterTest,
                                          PixelFormat::kBayerBG8, PixelFormat::kRGB8),
                          format_name);
 
-TEST_P(SegmenterTest, sees_nothing_in_the_empty_studio) {
+TEST_P(SegmenterTest, finds_nothing_in_the_empty_studio) {
   for (unsigned seed = 1; seed <= 20; ++seed) EXPECT_EQ(segment(wall, seed).count(), 0) << seed;
 }
 
@@ -77,7 +77,7 @@ TEST_P(SegmenterTest, keeps_a_sword_of_three_pixels_whole) {
   EXPECT_EQ(mask.bounding_box().width, 160);
 }
 
-TEST_P(SegmenterTest, follows_the_lamps_when_they_flicker) {
+TEST_P(SegmenterTest, compensates_flickering_lamps) {
   for (const double brightness : {0.85, 0.97, 1.04, 1.15}) {
     EXPECT_EQ(segment(dimmed(brightness)).count(), 0) << brightness;
     const auto performer = [&](int x, int y) {
@@ -87,7 +87,7 @@ TEST_P(SegmenterTest, follows_the_lamps_when_they_flicker) {
   }
 }
 
-TEST_P(SegmenterTest, expects_no_more_of_a_white_wall_than_a_sample_can_hold) {
+TEST_P(SegmenterTest, limits_the_expected_value_of_a_white_wall_to_the_sample_range) {
   const auto half_white = [](double brightness) {
     return [=](int x, int y) {
       const Colour c = x < 100 ? wall(x, y) : Colour{236, 240, 232};
@@ -132,11 +132,11 @@ TEST_P(SegmenterTest, gives_the_same_mask_on_every_instruction_set) {
   const Image image = photograph(kSize, GetParam(), half_shaded, 3, 4.0);
   const Mask mask = segmenter_.segment(image.view());
   EXPECT_GT(mask.count(), 1000);
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
+  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
+    hwy::SetSupportedTargetsForTest(targets & -targets);
     const Mask again = segmenter_.segment(image.view());
     hwy::SetSupportedTargetsForTest(0);
-    EXPECT_EQ(again, mask) << hwy::TargetName(rest & -rest);
+    EXPECT_EQ(again, mask) << hwy::TargetName(targets & -targets);
   }
 }
 
@@ -152,29 +152,29 @@ class ColourSegmenterTest : public SegmenterTest {};
 INSTANTIATE_TEST_SUITE_P(Formats, ColourSegmenterTest,
                          testing::Values(PixelFormat::kBayerRG8, PixelFormat::kRGB8), format_name);
 
-TEST_P(ColourSegmenterTest, takes_a_shadow_for_background) {
+TEST_P(ColourSegmenterTest, classifies_a_shadow_as_background) {
   for (const double light : {0.6, 0.7, 0.85}) {
     const Mask mask = segment(in_front(in_body, dimmed(light)));
     EXPECT_LT(mask.count(), 0.03 * mask_of(in_body).count()) << light;
   }
 }
 
-TEST_P(ColourSegmenterTest, takes_a_small_highlight_for_background) {
+TEST_P(ColourSegmenterTest, classifies_a_small_highlight_as_background) {
   const Mask mask = segment(in_front(in_body, dimmed(1.1)));
   EXPECT_LT(mask.count(), 0.03 * mask_of(in_body).count());
 }
 
-TEST_P(ColourSegmenterTest, takes_what_is_too_dark_for_a_shadow_for_a_performer) {
+TEST_P(ColourSegmenterTest, classifies_pixels_too_dark_for_a_shadow_as_foreground) {
   const Mask mask = segment(in_front(in_body, dimmed(0.35)));
   EXPECT_GT(intersection_over_union(mask, mask_of(in_body)), 0.97);
 }
 
-TEST_P(ColourSegmenterTest, sees_a_colour_as_bright_as_the_wall) {
+TEST_P(ColourSegmenterTest, finds_a_colour_as_bright_as_the_wall) {
   const Mask mask = segment(in_front(in_body, red_cloth));
   EXPECT_GT(intersection_over_union(mask, mask_of(in_body)), 0.98);
 }
 
-TEST(Segmenter, takes_images_of_one_row_or_one_column_for_empty) {
+TEST(Segmenter, returns_an_empty_mask_for_images_of_one_row_or_column) {
   for (const ImageSize size : {ImageSize{1, 10}, ImageSize{10, 1}, ImageSize{1, 1}}) {
     BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
     model.mean.assign(size.pixels(), 100);
@@ -184,7 +184,7 @@ TEST(Segmenter, takes_images_of_one_row_or_one_column_for_empty) {
   }
 }
 
-TEST(Segmenter, works_on_widths_that_are_no_multiple_of_a_word) {
+TEST(Segmenter, accepts_widths_that_are_no_multiple_of_a_word) {
   for (const int width : {2, 3, 63, 64, 65, 127, 128, 129}) {
     const ImageSize size{width, 40};
     BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
@@ -202,7 +202,7 @@ TEST(Segmenter, works_on_widths_that_are_no_multiple_of_a_word) {
   }
 }
 
-TEST(LearnBackground, gives_mean_and_spread) {
+TEST(LearnBackground, computes_mean_and_spread) {
   const Image dark = photograph(
       {64, 64}, PixelFormat::kMono8,
       [](int, int) {
@@ -224,7 +224,7 @@ TEST(LearnBackground, gives_mean_and_spread) {
   EXPECT_NEAR(model.spread[10 * 64 + 10], std::sqrt(3.0), 0.01);
 }
 
-TEST(LearnBackground, does_not_take_flicker_for_noise) {
+TEST(LearnBackground, does_not_count_flicker_as_noise) {
   std::vector<Image> plates;
   for (int i = 0; i < 10; ++i) {
     plates.push_back(photograph(kSize, PixelFormat::kMono8, dimmed(0.95 + 0.01 * i), i, 1));
@@ -237,7 +237,7 @@ TEST(LearnBackground, does_not_take_flicker_for_noise) {
   EXPECT_LT(sum / static_cast<double>(model.spread.size()), 1.5);
 }
 
-TEST(LearnBackground, refuses_plates_that_do_not_fit_together) {
+TEST(LearnBackground, rejects_plates_of_different_size_or_format) {
   const Image a(kSize, PixelFormat::kMono8);
   const Image b({100, 150}, PixelFormat::kMono8);
   const Image c(kSize, PixelFormat::kBayerRG8);
@@ -250,7 +250,7 @@ TEST(LearnBackground, refuses_plates_that_do_not_fit_together) {
   EXPECT_THROW(learn_background({a.view(), cut}), InputError);
 }
 
-TEST(Brightness, is_the_ratio_that_most_of_the_image_shows) {
+TEST(Brightness, is_the_ratio_of_most_samples) {
   const std::vector<uint16_t> mean(kSize.pixels(), 100 * 256);
   const auto picture = [](int x, int) {
     return x < 80 ? Colour{10, 10, 10} : Colour{120, 120, 120};
@@ -259,7 +259,7 @@ TEST(Brightness, is_the_ratio_that_most_of_the_image_shows) {
   EXPECT_NEAR(brightness_ratio(image.view(), mean) / double(kUnitGain), 1.2, 0.01);
 }
 
-TEST(Brightness, of_an_image_that_tells_nothing_is_one) {
+TEST(Brightness, is_one_for_an_image_without_usable_samples) {
   const std::vector<uint16_t> dark(kSize.pixels(), 3 * 256);
   EXPECT_EQ(brightness_ratio(Image(kSize, PixelFormat::kMono8).view(), dark), kUnitGain);
 }

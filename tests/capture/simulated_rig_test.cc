@@ -1,4 +1,4 @@
-// The segmentation of the simulated studio against the performer's true silhouette.
+// Compares the segmentation of the simulated studio with the true silhouette.
 #include <gtest/gtest.h>
 
 #include <vector>

@@ -1,4 +1,4 @@
-// A wall that a camera sees, with texture and noise, for the tests of the segmentation.
+// Synthetic images of a textured wall with noise, for the tests of the segmentation.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ inline Colour wall(int x, int y) {
   return {70 * light, 120 * light, 90 * light};
 }
 
-/// A picture in any format of what `scene` shows, with noise of `sigma`.
+/// Image of `scene` in `format`, with Gaussian noise of `sigma` grey values.
 inline Image photograph(ImageSize size, PixelFormat format,
                         const std::function<Colour(int, int)>& scene, unsigned seed,
                         double sigma = 1.5) {

@@ -15,7 +15,7 @@ constexpr uint64_t kCounter = 500;  ///< of pulse 0
 
 Duration periods(double n) { return Duration(std::llround(n * 40e6)); }
 
-/// Pulse 0 was at 1 s.
+/// Time of a pulse; pulse 0 is at 1 s.
 MonotonicInstant at(double pulse) { return from_ns<Monotonic>(1'000'000'000) + periods(pulse); }
 
 FrameStamp frame(double pulse, uint64_t counter, double latency) {
@@ -55,17 +55,17 @@ void expect(const std::optional<TrainStart>& start, int64_t pulse, bool certain)
   EXPECT_EQ(start->certain, certain);
 }
 
-TEST(TrainStart, is_pulse_0_where_the_frame_came_before_pulse_1) {
+TEST(TrainStart, is_pulse_0_if_the_frame_arrives_before_pulse_1) {
   expect(find_start(frames(0, 1, 0.5), sensed(), false), 0, true);
 }
 
-TEST(TrainStart, is_pulse_0_there_even_if_the_counter_shows_that_a_frame_was_lost) {
+TEST(TrainStart, is_pulse_0_before_pulse_1_even_if_the_counter_shows_a_lost_frame) {
   StartEvidence evidence = counted();
-  evidence.counter_of_pulse_0 = kCounter - 1;  // the last one of the train before
+  evidence.counter_of_pulse_0 = kCounter - 1;  // the last frame of the previous train
   expect(find_start(frames(0, 1, 0.5), evidence, false), 0, true);
 }
 
-TEST(TrainStart, is_what_counter_and_arrival_agree_on) {
+TEST(TrainStart, is_the_pulse_on_which_counter_and_arrival_agree) {
   for (const int64_t lost : {0, 1, 5}) {
     for (const double latency : {0.2, 0.8, 1.6, 2.3}) {
       const size_t enough = lost == 0 ? 1 : kStartFrames;
@@ -83,13 +83,13 @@ TEST(TrainStart, waits_for_a_frame_that_is_not_late) {
   expect(find_start(seen, known(0.4), false), 0, true);
 }
 
-TEST(TrainStart, is_not_certain_where_a_lost_frame_may_be_of_this_train_or_the_one_before) {
+TEST(TrainStart, is_not_certain_if_a_lost_frame_may_belong_to_the_previous_train) {
   EXPECT_FALSE(find_start(frames(1, kStartFrames - 1, 0.4), counted(), false));
   expect(find_start(frames(1, kStartFrames, 0.4), counted(), false), 1, false);
   expect(find_start(frames(1, 3, 0.4), counted(), true), 1, false);
 }
 
-TEST(TrainStart, is_not_certain_where_counter_and_arrival_go_on_to_disagree) {
+TEST(TrainStart, is_not_certain_if_counter_and_arrival_keep_disagreeing) {
   std::vector<FrameStamp> seen = frames(1, kStartFrames, 0.4);  // the trigger of pulse 0 was missed
   for (FrameStamp& f : seen) --f.counter;
   const auto start = find_start(seen, known(0.4), false);
@@ -97,7 +97,7 @@ TEST(TrainStart, is_not_certain_where_counter_and_arrival_go_on_to_disagree) {
   EXPECT_FALSE(start->certain);
 }
 
-TEST(TrainStart, is_told_by_many_arrivals_where_the_counter_began_anew) {
+TEST(TrainStart, is_found_by_many_arrivals_if_the_counter_restarted) {
   StartEvidence evidence = known(0.4);
   evidence.counter_of_pulse_0.reset();
   EXPECT_FALSE(find_start(frames(30, kStartFrames - 1, 0.4), evidence, false));
@@ -105,13 +105,13 @@ TEST(TrainStart, is_told_by_many_arrivals_where_the_counter_began_anew) {
   expect(find_start(frames(30, 2, 0.4), evidence, true), 30, false);
 }
 
-TEST(TrainStart, does_not_depend_on_which_pulse_it_is_told_of) {
+TEST(TrainStart, does_not_depend_on_which_pulse_is_reported) {
   StartEvidence evidence = known(0.4);
   evidence.edge = PulseEdge{.pulse = 2, .at = at(2)};
   expect(find_start(frames(1, kStartFrames, 0.4), evidence, false), 1, true);
 }
 
-TEST(TrainStart, is_not_certain_where_the_host_stood_still) {
+TEST(TrainStart, is_not_certain_if_the_host_stalled) {
   StartEvidence evidence = known(0.4);
   evidence.counter_of_pulse_0.reset();
   std::vector<FrameStamp> seen = frames(0, kStartFrames, 0.4);
@@ -121,13 +121,13 @@ TEST(TrainStart, is_not_certain_where_the_host_stood_still) {
   EXPECT_FALSE(start->certain);
 }
 
-TEST(TrainStart, counts_broken_frames) {
+TEST(TrainStart, counts_damaged_frames) {
   StartEvidence evidence = counted();
-  evidence.broken = 2;
+  evidence.damaged = 2;
   expect(find_start(frames(2, 1, 0.4), evidence, false), 2, true);
 }
 
-TEST(TrainStart, comes_after_exposures_that_no_pulse_made) {
+TEST(TrainStart, skips_exposures_without_a_pulse) {
   std::vector<FrameStamp> seen = {frame(-1.7, kCounter, 0.4)};
   EXPECT_FALSE(find_start(seen, counted(), false));
   seen.push_back(frame(0, kCounter + 1, 0.4));
@@ -136,22 +136,22 @@ TEST(TrainStart, comes_after_exposures_that_no_pulse_made) {
   EXPECT_EQ(start->strays, 1U);
 }
 
-TEST(TrainStart, is_left_to_the_counter_where_no_pulse_is_heard_of) {
+TEST(TrainStart, is_found_by_the_counter_if_no_pulse_is_reported) {
   StartEvidence evidence = counted();
   evidence.edge.reset();
   EXPECT_FALSE(find_start(frames(0, 1, 0.4), evidence, false));
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
   expect(find_start(frames(2, kStartFrames, 0.4), evidence, false), 2, false);
-  evidence.broken = 2;
+  evidence.damaged = 2;
   expect(find_start(frames(2, 1, 0.4), evidence, true), 2, true);
-  evidence.counter_of_pulse_0 = kCounter + 1000;  // it makes no sense
+  evidence.counter_of_pulse_0 = kCounter + 1000;  // an invalid value
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, false);
   evidence.counter_of_pulse_0.reset();
-  evidence.broken = 0;
+  evidence.damaged = 0;
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
 }
 
-/// A camera whose frames take `latency`, with what can go wrong at the start of a train.
+/// First frames of a train with random latency, delays, losses and missed triggers.
 struct RandomStart {
   std::vector<FrameStamp> seen;
   StartEvidence evidence = sensed();
@@ -163,13 +163,13 @@ struct RandomStart {
     };
     const auto chance = [&](double p) { return uniform(0, 1) < p; };
     const double latency = uniform(0.05, 2.5);
-    const double stall = chance(0.2) ? uniform(0, 10) : 0;  // the host stands still so long
+    const double stall = chance(0.2) ? uniform(0, 10) : 0;  // the host stalls for so many periods
     int64_t lost = chance(0.3) ? static_cast<int64_t>(uniform(1, 4)) : 0;
     const bool missed = chance(0.1);
-    const uint64_t before = chance(0.2) ? 1 : 0;  // lost at the end of the train before
+    const uint64_t before = chance(0.2) ? 1 : 0;  // frames lost at the end of the previous train
     if (!chance(0.2)) evidence.counter_of_pulse_0 = kCounter - before;
     if (!chance(0.2)) evidence.latency = periods(latency + uniform(0, 0.2));
-    // What cannot be known, as the header says.
+    // Excludes the case that train_start.h lists as a limit.
     if (missed && !evidence.latency && latency > 0) lost = 0;
     first = lost + (missed && evidence.latency ? 1 : 0);
     for (int64_t k = 0; seen.size() < kStartFrames; ++k) {
@@ -195,7 +195,7 @@ TEST(TrainStart, is_never_certain_of_a_wrong_pulse_in_a_million_trains) {
       if (!start) continue;
       certain += start->certain;
       ASSERT_TRUE(!start->certain || start->pulse == t.first)
-          << "train " << train << ": pulse " << t.first << " was called " << start->pulse;
+          << "train " << train << ": pulse " << t.first << " was labelled " << start->pulse;
       break;
     }
   }

@@ -1,4 +1,4 @@
-// The V4L2 camera against a kernel that the test plays.
+// V4l2Camera with a simulated kernel driver.
 #include "capture/cameras/v4l2_camera.h"
 
 #include <gmock/gmock.h>
@@ -27,7 +27,7 @@ using testing::HasSubstr;
 constexpr uint32_t kTrigger = 0x009a0914;
 constexpr uint32_t kStride = 8;  ///< of images 6 wide
 
-/// What the driver does next when a buffer is asked for.
+/// Result of one VIDIOC_DQBUF call.
 struct Delivery {
   uint32_t sequence = 0;
   int64_t us = 0;
@@ -36,7 +36,7 @@ struct Delivery {
   int error = 0;  ///< of VIDIOC_DQBUF
 };
 
-/// A driver, kept between the times it is opened.
+/// State of the simulated driver; it outlives the opened devices.
 struct Driver {
   uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   uint32_t format = V4L2_PIX_FMT_YUYV;
@@ -45,17 +45,17 @@ struct Driver {
   std::vector<uint32_t> formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_GREY};
   uint32_t clock = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::map<uint32_t, int32_t> controls = {{kTrigger, 0}, {V4L2_CID_EXPOSURE_ABSOLUTE, 333}};
-  bool obeys = true;  ///< takes control values as they are
+  bool stores_controls = true;  ///< stores written control values
   uint32_t parm_capability = V4L2_CAP_TIMEPERFRAME;
   v4l2_fract interval{1, 30};
-  std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< takes the nearest
+  std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< Hz; it selects the nearest one
   int queue_error = 0;
 
   std::deque<Delivery> deliveries;
   std::array<std::array<uint8_t, kStride * 4>, 8> memory{};
   std::deque<uint32_t> queued;
   bool streaming = false;
-  int open = 0;  ///< devices that are
+  int open = 0;  ///< number of open devices
 };
 
 class ScriptedDevice : public V4l2Device {
@@ -87,7 +87,8 @@ class ScriptedDevice : public V4l2Device {
         return known(static_cast<v4l2_queryctrl*>(argument)->id);
       case VIDIOC_S_CTRL: {
         const auto& value = *static_cast<v4l2_control*>(argument);
-        if (driver_.obeys && known(value.id) == 0) driver_.controls[value.id] = value.value;
+        if (driver_.stores_controls && known(value.id) == 0)
+          driver_.controls[value.id] = value.value;
         return known(value.id);
       }
       case VIDIOC_G_CTRL: {
@@ -189,7 +190,7 @@ class V4l2CameraTest : public testing::Test {
                       : (errno = ENODEV, std::unique_ptr<ScriptedDevice>());
     });
   }
-  std::string refusal() {
+  std::string start_error() {
     return test::message_of<InputError>([&] { camera()->start(); });
   }
 
@@ -213,7 +214,7 @@ TEST_F(V4l2CameraTest, writes_the_settings_into_the_camera) {
   EXPECT_EQ(driver_.open, 0);
 }
 
-TEST_F(V4l2CameraTest, gives_every_frame_its_time_its_counter_and_rows_without_padding) {
+TEST_F(V4l2CameraTest, delivers_frames_with_time_counter_and_rows_without_padding) {
   driver_.deliveries = {{.sequence = 7, .us = 12'000'040}, {.sequence = 9, .us = 12'080'040}};
   const auto c = camera();
   c->start();
@@ -223,22 +224,22 @@ TEST_F(V4l2CameraTest, gives_every_frame_its_time_its_counter_and_rows_without_p
   EXPECT_EQ(first->image.bytes, std::vector<uint8_t>(6 * 4, 7));
   const auto second = c->wait({});
   ASSERT_TRUE(second);
-  EXPECT_EQ(second->counter, first->counter + 2) << "a frame that the driver dropped shows";
+  EXPECT_EQ(second->counter, first->counter + 2) << "a frame that the driver dropped is counted";
   EXPECT_FALSE(c->wait({}));
-  EXPECT_EQ(driver_.queued.size(), 4U) << "every buffer is given back";
+  EXPECT_EQ(driver_.queued.size(), 4U) << "every buffer is returned to the driver";
   EXPECT_EQ(c->statistics().completed, 2);
 }
 
-TEST_F(V4l2CameraTest, counts_on_when_the_sequence_number_wraps) {
+TEST_F(V4l2CameraTest, unwraps_the_sequence_number) {
   driver_.deliveries = {{.sequence = 0xffffffff}, {.sequence = 0}, {.sequence = 0xffffffff}};
   const auto c = camera();
   c->start();
   const uint64_t before = c->wait({})->counter;
   EXPECT_EQ(c->wait({})->counter, before + 1);
-  EXPECT_EQ(c->wait({})->counter, before) << "a straggler";
+  EXPECT_EQ(c->wait({})->counter, before) << "an out-of-order frame";
 }
 
-TEST_F(V4l2CameraTest, counts_erroneous_and_short_frames_as_damaged_and_delivers_them_not) {
+TEST_F(V4l2CameraTest, counts_erroneous_and_short_frames_as_damaged_and_drops_them) {
   constexpr uint32_t kBroken = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_ERROR;
   driver_.deliveries = {{.sequence = 1, .flags = kBroken},
                         {.sequence = 2, .bytes = kStride * 3},
@@ -254,7 +255,7 @@ TEST_F(V4l2CameraTest, counts_erroneous_and_short_frames_as_damaged_and_delivers
   EXPECT_FALSE(c->lost());
 }
 
-TEST_F(V4l2CameraTest, is_lost_when_it_disappears_and_found_when_it_is_back) {
+TEST_F(V4l2CameraTest, detects_a_disconnect_and_opens_the_camera_again) {
   for (const int error : {ENODEV, EIO}) {
     driver_.deliveries = {{.sequence = 1}, {.error = error}, {.sequence = 2}};
     auto c = camera();
@@ -262,7 +263,7 @@ TEST_F(V4l2CameraTest, is_lost_when_it_disappears_and_found_when_it_is_back) {
     EXPECT_TRUE(c->wait({}));
     EXPECT_FALSE(c->wait({}));
     EXPECT_TRUE(c->lost());
-    EXPECT_FALSE(c->wait({})) << "nothing more is asked of a lost camera";
+    EXPECT_FALSE(c->wait({})) << "a lost camera is not accessed";
     c->stop();
     EXPECT_EQ(driver_.open, 0);
     plugged_ = false;
@@ -275,7 +276,7 @@ TEST_F(V4l2CameraTest, is_lost_when_it_disappears_and_found_when_it_is_back) {
   }
 }
 
-TEST_F(V4l2CameraTest, is_lost_when_its_frames_are_stamped_otherwise_than_at_first) {
+TEST_F(V4l2CameraTest, is_lost_if_the_kind_of_time_stamps_changes) {
   constexpr uint32_t kAtStart = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
   for (const uint32_t flags : {kAtStart, uint32_t{V4L2_BUF_FLAG_TIMESTAMP_COPY}}) {
     driver_.deliveries = {{.sequence = 1}, {.sequence = 2, .flags = flags}};
@@ -289,10 +290,10 @@ TEST_F(V4l2CameraTest, is_lost_when_its_frames_are_stamped_otherwise_than_at_fir
   driver_.deliveries = {{.sequence = 1, .flags = kAtStart}};
   const auto c = camera();
   c->start();
-  EXPECT_TRUE(c->wait({})) << "at the start of the exposure, from the first frame on";
+  EXPECT_TRUE(c->wait({})) << "time stamps at the start of the exposure from the first frame on";
 }
 
-TEST_F(V4l2CameraTest, runs_free_at_the_rate_of_the_pulses_or_is_refused) {
+TEST_F(V4l2CameraTest, runs_free_at_the_pulse_rate_or_rejects_the_rate) {
   settings_.trigger_control.reset();
   const auto rated = [&](double hz) {
     auto c = camera();
@@ -305,40 +306,42 @@ TEST_F(V4l2CameraTest, runs_free_at_the_rate_of_the_pulses_or_is_refused) {
   const auto refused = [&](double hz) {
     return test::message_of<InputError>([&] { rated(hz)->start(); });
   };
-  EXPECT_THAT(refused(30), HasSubstr("rate, for it runs free: wanted 30 Hz, got 29.97"));
+  EXPECT_THAT(refused(30),
+              HasSubstr("frame rate of a free-running camera: wanted 30 Hz, got 29.97"));
   driver_.parm_capability = 0;
   EXPECT_THAT(refused(25), HasSubstr("a camera whose rate cannot be set"));
 }
 
-TEST_F(V4l2CameraTest, is_lost_when_the_driver_does_not_take_a_buffer_back) {
+TEST_F(V4l2CameraTest, is_lost_if_the_driver_does_not_take_a_buffer_back) {
   const auto c = camera();
   c->start();
   driver_.deliveries = {{.sequence = 1}};
   driver_.queue_error = EINVAL;
-  EXPECT_TRUE(c->wait({})) << "this frame is whole";
+  EXPECT_TRUE(c->wait({})) << "this frame is complete";
   EXPECT_TRUE(c->lost());
 }
 
-TEST_F(V4l2CameraTest, names_the_camera_and_the_setting_that_it_refuses) {
+TEST_F(V4l2CameraTest, names_the_camera_and_the_rejected_setting) {
   driver_.formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_MJPEG};
-  EXPECT_THAT(refusal(),
+  EXPECT_THAT(start_error(),
               HasSubstr("cam07: pixel_format: wanted Mono8, got YUYV; it has YUYV, MJPG"));
   driver_ = {};
-  driver_.obeys = false;
-  EXPECT_THAT(refusal(), HasSubstr("exposure_us / 100: wanted 20, got 333"));
+  driver_.stores_controls = false;
+  EXPECT_THAT(start_error(), HasSubstr("exposure_us / 100: wanted 20, got 333"));
   driver_ = {};
   driver_.controls.erase(kTrigger);
-  EXPECT_THAT(refusal(), HasSubstr("trigger_control 0x009a0914: wanted 3, got Invalid argument"));
+  EXPECT_THAT(start_error(),
+              HasSubstr("trigger_control 0x009a0914: wanted 3, got Invalid argument"));
   driver_ = {};
   driver_.clock = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;
-  EXPECT_THAT(refusal(), HasSubstr("time stamps: wanted CLOCK_MONOTONIC"));
+  EXPECT_THAT(start_error(), HasSubstr("time stamps: wanted CLOCK_MONOTONIC"));
   driver_ = {};
   driver_.capabilities = V4L2_CAP_VIDEO_OUTPUT;
-  EXPECT_THAT(refusal(), HasSubstr("a device that streams images"));
+  EXPECT_THAT(start_error(), HasSubstr("a device that streams images"));
   driver_ = {};
   settings_.size = ImageSize{1024, 768};
-  EXPECT_THAT(refusal(), HasSubstr("size: wanted 1024x768, got 6x4"));
-  EXPECT_EQ(driver_.open, 0) << "what is refused is closed";
+  EXPECT_THAT(start_error(), HasSubstr("size: wanted 1024x768, got 6x4"));
+  EXPECT_EQ(driver_.open, 0) << "a rejected device is closed";
 }
 
 }  // namespace
