@@ -22,7 +22,7 @@ using VertexTriangle = std::array<uint32_t, 3>;
 struct FrameContent {
   /// `step`: half a voxel of the volume. Without a volume: the step of the lattice to which
   /// vertices are rounded.
-  FrameFacts facts;
+  FrameMetadata facts;
   /// The volume whose discrete marching cubes surface is the mesh. Null for any other mesh; its
   /// vertices must be numbered in the order in which the triangles first use them.
   const BrickVolume* volume = nullptr;
@@ -47,7 +47,7 @@ struct EncoderOptions {
 
 /// A decoded mesh; every decoder returns the same bits.
 struct DecodedFrame {
-  FrameFacts facts;
+  FrameMetadata facts;
   int64_t key_pulse = 0;  ///< pulse of the key frame where decoding of this frame must start
   std::vector<VertexPosition> positions;
   std::vector<VertexTriangle> triangles;

@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-bool facts_fit(const FrameFacts& facts) {
+bool facts_fit(const FrameMetadata& facts) {
   const auto fits = [](const std::string& name) {
     return !name.empty() && name.size() <= FrameLimits::kNameBytes;
   };
@@ -23,7 +23,7 @@ bool facts_fit(const FrameFacts& facts) {
 /// Rounds positions to lattice numbers. Empty when a number is too large or a position is not
 /// finite.
 std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPosition> positions,
-                                                    const FrameFacts& facts) {
+                                                    const FrameMetadata& facts) {
   constexpr double kMaxNumber = 1 << 29;
   std::vector<VertexValues> numbers(positions.size());
   for (size_t v = 0; v < positions.size(); ++v) {

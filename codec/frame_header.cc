@@ -79,7 +79,7 @@ bool flags_are_valid(const FrameHeader& h) {
   return (h.flags & ~kKnown) == 0 && explicit_key && inter_coloured;
 }
 
-bool facts_are_valid(const FrameFacts& f) {
+bool facts_are_valid(const FrameMetadata& f) {
   const bool finite = std::all_of(f.origin.begin(), f.origin.end(),
                                   [](double metres) { return std::isfinite(metres); });
   return f.missing <= FrameLimits::kCameras && f.pulse >= 0 && finite && std::isfinite(f.step) &&

@@ -20,7 +20,7 @@ struct FrameLimits {
 };
 
 /// Metadata of a frame.
-struct FrameFacts {
+struct FrameMetadata {
   int64_t pulse = 0;
   /// Start of exposure, ns, CLOCK_REALTIME of the trigger's node; 0: unknown.
   int64_t exposure_ns = 0;
@@ -36,7 +36,7 @@ struct FrameHeader {
   static constexpr size_t kBytes = 128;
   static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8;
 
-  FrameFacts facts;  ///< without the names of the cameras
+  FrameMetadata facts;  ///< without the names of the cameras
   uint16_t cameras = 0;
   uint16_t flags = 0;
   uint16_t subdivision = 1;  ///< lattice steps in half a voxel

@@ -34,7 +34,7 @@ std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdi
 
 namespace {
 
-float position(const FrameFacts& facts, int axis, int64_t number) {
+float position(const FrameMetadata& facts, int axis, int64_t number) {
   return static_cast<float>(facts.origin[axis] + static_cast<double>(number) * facts.step);
 }
 

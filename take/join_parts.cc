@@ -122,7 +122,7 @@ std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger&
 
 }  // namespace
 
-const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts) {
+const TakePaths* part_with_most_meshes(const std::vector<TakePaths>& parts) {
   const TakePaths* best = nullptr;
   size_t max_meshes = 0;
   for (const TakePaths& part : parts) {
@@ -149,7 +149,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
     ledgers.push_back(part.ledger);
   }
   for (const TakePaths& part : parts) link_shared_files(part, into);
-  if (const TakePaths* meshes = part_with_meshes(parts))
+  if (const TakePaths* meshes = part_with_most_meshes(parts))
     link_if_present(meshes->mesh(), into.mesh());
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
@@ -158,7 +158,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   Ledger ledger = merge(ledgers);
   ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;
-  save_whole_account(into, info, std::move(ledger));
+  save_account_or_throw(into, info, std::move(ledger));
   return info;
 }
 

@@ -10,9 +10,9 @@ namespace v3d {
 /// Joins `parts` into the new take folder `into`, and returns its take.toml.
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
-/// that sensed the most pulses, the meshes of part_with_meshes() and one ledger (merge()). Files
-/// are hard-linked where the file system permits it, and copied elsewhere; the parts do not change.
-/// A part of a node that only reconstructs has no take.toml.
+/// that sensed the most pulses, the meshes of part_with_most_meshes() and one ledger (merge()).
+/// Files are hard-linked where the file system permits it, and copied elsewhere; the parts do not
+/// change. A part of a node that only reconstructs has no take.toml.
 ///
 /// Throws InputError when no part has a take.toml, when a part contains a symbolic link, and when
 /// the parts contradict each other: different names, rates or calibrations, or one camera in two
@@ -21,6 +21,6 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 
 /// The part whose mesh.v3d has the most meshes, the first of them when several have as many; null
 /// when no part has a mesh.v3d.
-const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts);
+const TakePaths* part_with_most_meshes(const std::vector<TakePaths>& parts);
 
 }  // namespace v3d

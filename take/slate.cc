@@ -56,7 +56,7 @@ Slate parse_slate(std::string_view text, const std::filesystem::path& path) {
   slate.take = table.text_or("take", "");
   slate.note = table.text_or("note", "");
   slate.mark = read_mark(table);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return slate;
 }
 

@@ -86,7 +86,7 @@ TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& pat
   info.software_version = table.text("software_version");
   info.started = from_ns<Realtime>(table.integer("started_ns"));
   info.cameras = read_cameras(table);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return info;
 }
 

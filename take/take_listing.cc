@@ -42,7 +42,7 @@ std::string_view TakeListing::verdict() const {
   return info.state == TakeState::kRecovered ? "recovered" : "complete";
 }
 
-TakeListing look_at_take(const TakePaths& paths) {
+TakeListing read_take_listing(const TakePaths& paths) {
   TakeListing take;
   take.paths = paths;
   take.info = load_take_info(paths);
@@ -65,7 +65,7 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
     const TakePaths paths{entry};
     try {
       if (!file_exists(paths.info())) continue;
-      takes.push_back(look_at_take(paths));
+      takes.push_back(read_take_listing(paths));
     } catch (const InputError& error) {
       on_unreadable(error);
     }

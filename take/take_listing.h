@@ -31,7 +31,7 @@ struct TakeListing {
 
 /// Reads the listing of one take. Throws InputError when the folder is not a take, or one of its
 /// files cannot be read.
-TakeListing look_at_take(const TakePaths& paths);
+TakeListing read_take_listing(const TakePaths& paths);
 
 /// The takes in `folder`, oldest first. Skips a take that cannot be read, and calls `on_unreadable`
 /// with the error. Throws InputError when `folder` is not a folder.

@@ -76,7 +76,7 @@ TakeLock::~TakeLock() {
   if (fd_) remove_working_file(path_);
 }
 
-std::string recorder_of(const TakePaths& paths) {
+std::string take_lock_holder(const TakePaths& paths) {
   const auto entries = io::list_folder(paths.folder);
   for (const fs::path& entry : entries.value_or(std::vector<fs::path>())) {
     if (!entry.filename().string().starts_with(".") || entry.extension() != kExtension) continue;

@@ -43,6 +43,6 @@ class TakeLock {
 
 /// The process that holds a lock of any node on this take: "process 812 on cap01". Empty when none
 /// does.
-std::string recorder_of(const TakePaths& paths);
+std::string take_lock_holder(const TakePaths& paths);
 
 }  // namespace v3d

@@ -10,7 +10,7 @@ void check_train(const PulseTrain& train, const std::string& source) {
     throw InputError(source + ": " + what + "; right would be " + right);
   };
   const double rate = train.rate_hz;
-  if (!is_pulse_rate(rate)) throw InputError(source + ": " + impossible_pulse_rate(rate));
+  if (!is_pulse_rate(rate)) throw InputError(source + ": " + pulse_rate_error(rate));
   if (train.width <= Duration::zero() || train.width >= period_of(rate)) {
     reject("pulse width " + std::to_string(train.width.count()) + " ns at " + std::to_string(rate) +
                " Hz",

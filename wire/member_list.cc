@@ -29,7 +29,7 @@ Member read_member(const TomlTable& table) {
   const auto key = PublicKey::from_text(table.text("public_key"));
   if (!key) table.fail("public_key", "expected 64 hexadecimal digits");
   member.key = *key;
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return member;
 }
 
@@ -106,7 +106,7 @@ MemberList parse_member_list(std::string_view text, const std::filesystem::path&
   const std::vector<TomlTable> members = table.tables("member");
   if (members.size() > kMaxMembers) table.fail("member", "expected 1000 entries at most");
   for (const TomlTable& member : members) add_member(member, list.members);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return list;
 }
 

@@ -78,7 +78,7 @@ std::string_view name(CommandVerb verb);
 
 /// V3D_COMMAND. Idempotent: when a node receives the same (sender, counter) again, it repeats its
 /// reply and does not repeat the action. A node executes a command only if it holds a nonce that
-/// this node published recently (CommandGate).
+/// this node published recently (CommandReplayFilter).
 struct CommandMessage {
   RealtimeInstant sent;
   std::string sender;   ///< unique for each run of the sending tool
@@ -115,7 +115,7 @@ struct ReplyMessage {
 };
 
 /// V3D_SESSION: a receiver asks whether a session, that is one sending socket, is alive; the
-/// session answers (SessionGate).
+/// session answers (SessionReplayFilter).
 struct SessionMessage {
   RealtimeInstant sent;
   uint32_t session = 0;  ///< the session that is asked or answers

@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-static_assert(crypto_auth_BYTES == kSealSize);
+static_assert(crypto_auth_BYTES == kCommandMacSize);
 static_assert(crypto_auth_KEYBYTES == kKeySize);
 
 constexpr KeyKind kKind{
@@ -45,15 +45,15 @@ void StudioKey::save(const std::filesystem::path& path, const char* group) const
   save_key_file(path, *secret_, kKind, group);
 }
 
-void StudioKey::seal(Bytes& message) const {
-  V3D_CHECK(message.size() > kSealSize);
-  const size_t size = message.size() - kSealSize;
+void StudioKey::add_mac(Bytes& message) const {
+  V3D_CHECK(message.size() > kCommandMacSize);
+  const size_t size = message.size() - kCommandMacSize;
   crypto_auth(message.data() + size, message.data(), size, secret_->data());
 }
 
-bool StudioKey::has_sealed(std::span<const uint8_t> message) const {
-  if (message.size() <= kSealSize) return false;
-  const size_t size = message.size() - kSealSize;
+bool StudioKey::has_valid_mac(std::span<const uint8_t> message) const {
+  if (message.size() <= kCommandMacSize) return false;
+  const size_t size = message.size() - kCommandMacSize;
   return crypto_auth_verify(message.data() + size, message.data(), size, secret_->data()) == 0;
 }
 

@@ -16,7 +16,7 @@ namespace v3d {
 /// Size of the MAC, bytes. The MAC is the last field (`mac`) of an encoded message:
 /// HMAC-SHA-512-256 (crypto_auth of libsodium) of all bytes before it. These start with the type of
 /// the message, so the MAC of a reply is not valid for a command.
-inline constexpr size_t kSealSize = 32;
+inline constexpr size_t kCommandMacSize = 32;
 
 /// A secret of 256 bits, the same on every PC of a studio. File format: wire/key_file.h. Copies
 /// share one SecretBuffer, which is overwritten when the last copy is destroyed.
@@ -36,9 +36,9 @@ class StudioKey {
   void save(const std::filesystem::path& path, const char* group = "v3d") const;
 
   /// Sets the MAC of an encoded command or reply.
-  void seal(Bytes& message) const;
+  void add_mac(Bytes& message) const;
   /// Returns whether the MAC of an encoded message is right, in constant time.
-  bool has_sealed(std::span<const uint8_t> message) const;
+  bool has_valid_mac(std::span<const uint8_t> message) const;
 
   /// Derives a separate key for another `purpose`: keyed BLAKE2b of that text.
   SecretBuffer derive(std::string_view purpose) const;
@@ -58,9 +58,9 @@ int64_t random_nonce();
 
 /// Returns the encoded message with its MAC.
 template <class M>
-Bytes encode_sealed(const M& message, const StudioKey& key) {
+Bytes encode_with_mac(const M& message, const StudioKey& key) {
   Bytes bytes = encode(message);
-  key.seal(bytes);
+  key.add_mac(bytes);
   return bytes;
 }
 

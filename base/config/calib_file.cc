@@ -90,7 +90,7 @@ ColourResponse read_colour(const TomlTable& camera) {
 
 RigidTransform read_cam_from_world(const TomlTable& camera) {
   const Eigen::Vector3d translation = read_vector(camera, "translation");
-  if (!camera.is_rows("rotation")) {
+  if (!camera.is_array_of_arrays("rotation")) {
     return RigidTransform::from_rodrigues(read_vector(camera, "rotation"), translation);
   }
   constexpr double kRounding = 1e-6;

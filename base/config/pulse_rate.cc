@@ -5,7 +5,7 @@
 
 namespace v3d {
 
-std::string impossible_pulse_rate(double hz) {
+std::string pulse_rate_error(double hz) {
   std::array<char, 128> text{};
   std::snprintf(text.data(), text.size(),
                 "a pulse rate of %g Hz is not possible; expected %g to %g Hz", hz, kMinPulseRateHz,

@@ -13,6 +13,6 @@ constexpr bool is_pulse_rate(double hz) { return hz >= kMinPulseRateHz && hz <= 
 
 /// Error message for a rate outside the range: "a pulse rate of 5000 Hz is not possible; expected
 /// 0.01 to 1000 Hz".
-std::string impossible_pulse_rate(double hz);
+std::string pulse_rate_error(double hz);
 
 }  // namespace v3d

@@ -126,7 +126,7 @@ void read_nodes(const TomlTable& file, Studio& studio) {
       table.fail("name", "two nodes are named '" + name + "'");
     }
     studio.nodes.push_back({name, read_public_key(table, "public_key", "v3dctl key node")});
-    table.refuse_unknown();
+    table.reject_unknown_fields();
   }
   if (studio.nodes.empty()) {
     file.fail("node", "missing: expected one [[node]] per PC");
@@ -138,7 +138,7 @@ void read_cameras(const TomlTable& file, Studio& studio) {
   if (file.has("camera_defaults")) {
     const TomlTable table = file.table("camera_defaults");
     read_camera_settings(table, studio, defaults);
-    table.refuse_unknown();
+    table.reject_unknown_fields();
   }
   for (const TomlTable& table : file.tables("camera")) {
     StudioCamera camera = defaults;
@@ -153,7 +153,7 @@ void read_cameras(const TomlTable& file, Studio& studio) {
     }
     camera.address = table.text("address");
     read_camera_settings(table, studio, camera);
-    table.refuse_unknown();
+    table.reject_unknown_fields();
     check_consistency(table, camera);
     studio.cameras.push_back(std::move(camera));
   }
@@ -175,7 +175,7 @@ StudioLine read_sense(const TomlTable& table) {
       {{"rising", false}, {"falling", true}}};
   StudioLine line = read_line(table);
   line.active_low = choice(table, "edge", "rising", kEdges);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return line;
 }
 
@@ -246,7 +246,7 @@ void read_scpi(const TomlTable& table, StudioTrigger& trigger) {
   if (table.has("gate")) {
     const TomlTable gate = table.table("gate");
     trigger.gate = read_driven_line(gate);
-    gate.refuse_unknown();
+    gate.reject_unknown_fields();
   }
 }
 
@@ -272,7 +272,7 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   }
   if (trigger.kind == TriggerKind::kGpio) trigger.output = read_driven_line(table);
   if (trigger.kind == TriggerKind::kScpi) read_scpi(table, trigger);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 /// Free-running cameras need a sense line on their own node: the frames get the numbers of the
@@ -281,7 +281,7 @@ void require_sensed_trigger(const TomlTable& file, const Studio& studio) {
   const auto tables = file.tables("camera");
   for (size_t i = 0; i < tables.size(); ++i) {
     const StudioCamera& camera = studio.cameras[i];
-    if (!camera.runs_free()) continue;
+    if (!camera.is_free_running()) continue;
     const std::string prefix = "missing, so " + camera.name + " is free-running; ";
     if (camera.node != studio.trigger.node) {
       tables[i].fail("trigger_control", prefix + "connect it to the trigger's node, " +
@@ -300,7 +300,7 @@ void read_space(const TomlTable& file, Studio& studio) {
   if ((studio.space.bounds.size().array() <= 0).any()) {
     table.fail("max", "expected values above min in x, y and z");
   }
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 /// Each group needs its own port: a socket receives all groups of its port that any process of its
@@ -349,7 +349,7 @@ void read_network(const TomlTable& file, Studio& studio) {
   studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
   read_members(table, studio);
   studio.network.metrics = table.text_or("metrics", studio.network.metrics);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 void read_storage(const TomlTable& file, Studio& studio) {
@@ -363,7 +363,7 @@ void read_storage(const TomlTable& file, Studio& studio) {
     table.fail("signing_key",
                "missing: with a member list, nodes need this key to sign their replies");
   }
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 /// The field `node`, or `nodes` when several nodes share the pulses.
@@ -391,7 +391,7 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   r.quality = choice(table, "quality", "live", kQualities);
   r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
   r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 void read_viewer(const TomlTable& file, Studio& studio) {
@@ -405,7 +405,7 @@ void read_viewer(const TomlTable& file, Studio& studio) {
   studio.viewer.control = table.boolean_or("control", studio.viewer.control);
   studio.viewer.operator_token =
       resolve(studio, table.text_or("operator_token", studio.viewer.operator_token.string()));
-  table.refuse_unknown();
+  table.reject_unknown_fields();
 }
 
 }  // namespace
@@ -443,7 +443,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_storage(file, studio);
   read_reconstruction(file, studio);
   read_viewer(file, studio);
-  file.refuse_unknown();
+  file.reject_unknown_fields();
   return studio;
 }
 

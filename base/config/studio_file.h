@@ -50,7 +50,7 @@ struct StudioCamera {
 
   /// True for a free-running camera: it has no trigger, and each frame gets the sensed pulse
   /// nearest in time.
-  bool runs_free() const { return kind == CameraKind::kV4l2 && !trigger_control; }
+  bool is_free_running() const { return kind == CameraKind::kV4l2 && !trigger_control; }
 };
 
 enum class TriggerKind { kSimulated, kGpio, kScpi };

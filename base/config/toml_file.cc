@@ -101,7 +101,7 @@ bool TomlTable::is_text(std::string_view key) const {
   return node != nullptr && node->is_string();
 }
 
-bool TomlTable::is_rows(std::string_view key) const {
+bool TomlTable::is_array_of_arrays(std::string_view key) const {
   const toml::node* node = node_->find(key);
   const toml::array* array = node != nullptr ? node->as_array() : nullptr;
   return array != nullptr && !array->empty() && array->front().is_array();
@@ -241,7 +241,7 @@ void TomlTable::fail_here(const std::string& message) const {
   node_->fail(node_->table->source(), message);
 }
 
-void TomlTable::refuse_unknown() const {
+void TomlTable::reject_unknown_fields() const {
   for (const auto& [key, value] : *node_->table) {
     if (node_->read_keys.find(key.str()) == node_->read_keys.end()) {
       node_->fail(

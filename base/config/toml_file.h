@@ -12,9 +12,9 @@ namespace v3d {
 
 /// A table of a parsed file, whose fields are read by name.
 /// A field that is missing or has another type throws InputError ("studio.toml:12:
-/// camera.exposure_us: expected a number, found a string"). refuse_unknown() rejects fields that
-/// were never read, so that a misspelt field is not ignored.
-/// Copies are cheap and keep the parsed file alive. Use from one thread.
+/// camera.exposure_us: expected a number, found a string"). reject_unknown_fields() rejects fields
+/// that were never read, so that a misspelt field is not ignored. Copies are cheap and keep the
+/// parsed file alive. Use from one thread.
 class TomlTable {
  public:
   static TomlTable load(const std::filesystem::path& path);
@@ -24,7 +24,7 @@ class TomlTable {
   bool has(std::string_view key) const;
   bool is_text(std::string_view key) const;
   /// True for an array whose first element is an array, as rows() reads.
-  bool is_rows(std::string_view key) const;
+  bool is_array_of_arrays(std::string_view key) const;
 
   std::string text(std::string_view key) const;
   std::string text_or(std::string_view key, std::string_view fallback) const;
@@ -50,7 +50,7 @@ class TomlTable {
   /// Throws InputError for the table itself: "file:line: message".
   [[noreturn]] void fail_here(const std::string& message) const;
   /// Throws InputError for a field that was never read; the message lists the known fields.
-  void refuse_unknown() const;
+  void reject_unknown_fields() const;
 
  private:
   struct Node;

@@ -24,7 +24,7 @@ enum ExitStatus : int {
   kExitDone = 0,
   kExitFailed = 1,
   kExitBadInput = 2,
-  kExitNotWhole = 3,  ///< done, but the result is incomplete or a check failed
+  kExitIncomplete = 3,  ///< done, but the result is incomplete or a check failed
 };
 
 /// "`what`: <text of the current errno>", e.g. "path: No such file or directory".

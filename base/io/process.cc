@@ -113,7 +113,7 @@ void kill_process(pid_t child) {
   wait_for_process(child);
 }
 
-void become_program(const std::string& path, const std::vector<std::string>& words) {
+void exec_program(const std::string& path, const std::vector<std::string>& words) {
   execv(path.c_str(), pointers_to(words).data());
 }
 

@@ -40,6 +40,6 @@ void kill_process(pid_t child);
 
 /// Replaces this process by the program at `path` (execv). `words`: its argv. Returns only on
 /// failure, with errno.
-void become_program(const std::string& path, const std::vector<std::string>& words);
+void exec_program(const std::string& path, const std::vector<std::string>& words);
 
 }  // namespace v3d

@@ -67,7 +67,7 @@ void load_info(const fs::path& path, BackgroundModel& model) {
   if (!format) table.fail("pixel_format", "is not known; expected e.g. \"BayerRG8\"");
   const auto key = chroma_key_from_name(table.text_or("chroma_key", name(ChromaKey::kNone)));
   if (!key) table.fail("chroma_key", "is not known; expected none, green or blue");
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   model.format = *format;
   model.key = *key;
 }

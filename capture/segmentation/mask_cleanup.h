@@ -5,9 +5,9 @@
 
 #include "base/image/mask.h"
 #include "base/image/mask_components.h"
-#include "capture/segmentation/frayed_outline.h"
 #include "capture/segmentation/mask_holes.h"
 #include "capture/segmentation/mask_majority.h"
+#include "capture/segmentation/outline_repair.h"
 #include "capture/segmentation/segment_options.h"
 
 namespace v3d {

@@ -8,8 +8,8 @@
 #include "capture/segmentation/background.h"
 #include "capture/segmentation/background_adaptation.h"
 #include "capture/segmentation/background_table.h"
-#include "capture/segmentation/differing_quads.h"
 #include "capture/segmentation/mask_cleanup.h"
+#include "capture/segmentation/quad_difference.h"
 #include "capture/segmentation/segment_options.h"
 
 namespace v3d {

@@ -56,7 +56,7 @@ std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<
                                              MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
   if (!running_) return NearestPulse{};
-  const bool all_known = now - at > period_ / 2 + kSenseLatency;
+  const bool all_known = now - at > period_ / 2 + kMaxSenseDelay;
   if (pulses_.empty()) return all_known ? std::optional(NearestPulse{}) : std::nullopt;
 
   const Pulse& nearest = nearest_to(at);

@@ -20,7 +20,7 @@ struct NearestPulse {
 class PulseTimes {
  public:
   /// Maximum time from a pulse to the call of add().
-  static constexpr Duration kSenseLatency = std::chrono::milliseconds(250);
+  static constexpr Duration kMaxSenseDelay = std::chrono::milliseconds(250);
 
   explicit PulseTimes(Duration period) : period_(period) {}
 

@@ -42,13 +42,13 @@ class ChannelPattern {
 class Bus::Impl {
  public:
   Impl(const std::string& url, const std::vector<std::string>& frame_groups, ChannelList channels,
-       MessageSeal& seal)
+       MessageAuthenticator& authenticator)
       : frame_urls_(frame_groups),
-        seal_(seal),
+        authenticator_(authenticator),
         sender_(url),
         common_(std::make_shared<MulticastReceiver>(url)),
         receiver_(
-            std::move(channels), seal,
+            std::move(channels), authenticator,
             [this](std::string_view channel) { return is_wanted(channel); }, session_port()) {
     for (const std::string& group : frame_urls_) {
       frame_senders_.push_back(std::make_unique<MulticastSender>(group));
@@ -69,12 +69,13 @@ class Bus::Impl {
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes, bool with_mac) {
     if (!with_mac) return sender_.send(channel, bytes, nullptr);
-    const auto key = seal_.members().key_for(channel);
-    return sender_.send(channel, bytes, seal_.mac().get(), key ? &*key : nullptr);
+    const auto key = authenticator_.members().key_for(channel);
+    return sender_.send(channel, bytes, authenticator_.mac().get(), key ? &*key : nullptr);
   }
 
   bool publish_signed(const std::string& channel, std::span<const uint8_t> bytes) {
-    const bool with_mac = seal_.covers_commands() || needs_fragments(channel, bytes.size());
+    const bool with_mac =
+        authenticator_.requires_command_macs() || needs_fragments(channel, bytes.size());
     return publish(channel, bytes, with_mac);
   }
 
@@ -82,10 +83,10 @@ class Bus::Impl {
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
     if (frame_urls_.empty()) return publish(channel, bytes, true);
     const size_t group = FrameNumbers::group_of(pulse, frame_senders_.size());
-    return frame_senders_[group]->send(channel, bytes, seal_.mac().get());
+    return frame_senders_[group]->send(channel, bytes, authenticator_.mac().get());
   }
 
-  void hear_frames(const FrameGroupSet& groups) {
+  void join_frame_groups(const FrameGroupSet& groups) {
     const std::lock_guard lock(mutex_);
     for (size_t i = 0; i < joined_groups_.size(); ++i) {
       if (!groups.contains(i)) {
@@ -135,7 +136,7 @@ class Bus::Impl {
   void deliver(const ReceivedMessage& message) const {
     const std::lock_guard lock(mutex_);
     for (const Topic& topic : topics_) {
-      const bool takes = message.is_accepted || topic.accept == Accept::kUnverifiedToo;
+      const bool takes = message.is_accepted || topic.accept == Accept::kIncludingUnverified;
       if (takes && topic.channels.matches(message.channel)) topic.handler(message);
     }
   }
@@ -201,7 +202,7 @@ class Bus::Impl {
   }
 
   const std::vector<std::string> frame_urls_;
-  MessageSeal& seal_;
+  MessageAuthenticator& authenticator_;
   MulticastSender sender_;
   std::vector<std::unique_ptr<MulticastSender>> frame_senders_;
   mutable std::mutex mutex_;  ///< guards the four below; held while handlers run
@@ -236,12 +237,12 @@ std::string receive_buffer_problem(const std::string& lcm_url) {
 
 Bus::Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups,
          ChannelList channels)
-    : impl_(std::make_unique<Impl>(lcm_url, frame_groups, std::move(channels), seal_)) {}
+    : impl_(std::make_unique<Impl>(lcm_url, frame_groups, std::move(channels), authenticator_)) {}
 Bus::~Bus() = default;
 bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
   return impl_->publish(channel, bytes, false);
 }
-bool Bus::publish_sealed(const std::string& channel, std::span<const uint8_t> message) {
+bool Bus::publish_authenticated(const std::string& channel, std::span<const uint8_t> message) {
   return impl_->publish(channel, message, true);
 }
 bool Bus::publish_command(std::span<const uint8_t> message) {
@@ -255,7 +256,7 @@ bool Bus::publish_frame(int64_t pulse, const std::string& channel,
                         std::span<const uint8_t> message) {
   return impl_->publish_frame(pulse, channel, message);
 }
-void Bus::hear_frames(const FrameGroupSet& groups) { impl_->hear_frames(groups); }
+void Bus::join_frame_groups(const FrameGroupSet& groups) { impl_->join_frame_groups(groups); }
 ReceptionCounts Bus::reception() const { return impl_->reception(); }
 Bus::Listening Bus::subscribe(const std::string& channels, Handler handler, Accept accept) {
   return impl_->subscribe(channels, std::move(handler), accept);

@@ -15,8 +15,8 @@
 #include "daemon/bus/bounded_queue.h"
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/frame_groups.h"
+#include "daemon/bus/message_authenticator.h"
 #include "daemon/bus/message_receiver.h"
-#include "daemon/bus/message_seal.h"
 #include "daemon/bus/sequence.h"
 #include "wire/channels.h"
 #include "wire/codec.h"
@@ -34,8 +34,8 @@ struct ReceptionCounts {
 class Bus {
  public:
   /// `lcm_url` and `frame_groups` are as in the studio file; no frame group is joined before
-  /// hear_frames(). `channels`: the channels that are received. Throws InputError with the remedy
-  /// when the network cannot be reached (usually because a multicast route is missing).
+  /// join_frame_groups(). `channels`: the channels that are received. Throws InputError with the
+  /// remedy when the network cannot be reached (usually because a multicast route is missing).
   explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {},
                ChannelList channels = {});
   ~Bus();
@@ -47,22 +47,22 @@ class Bus {
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
   /// Sends each datagram with a MAC when there is a studio key. When members are required and the
   /// channel's messages are signed, appends the signature of this process (MemberSignatures).
-  bool publish_sealed(const std::string& channel, std::span<const uint8_t> message);
+  bool publish_authenticated(const std::string& channel, std::span<const uint8_t> message);
   /// Sends a command or reply, which contains its own MAC or signature. Each datagram gets a MAC
-  /// too when the message has several, or after MessageSeal::cover_commands().
+  /// too when the message has several, or after MessageAuthenticator::require_command_macs().
   bool publish_command(std::span<const uint8_t> message);
   bool publish_reply(std::span<const uint8_t> message);
-  MessageSeal& seal() { return seal_; }
+  MessageAuthenticator& authenticator() { return authenticator_; }
   ReceptionCounts reception() const;
 
   /// Number of frame groups; 1 when frames use the common group.
   size_t frame_groups() const;
-  /// Sends like publish_sealed(), to the frame group of the pulse.
+  /// Sends like publish_authenticated(), to the frame group of the pulse.
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> message);
   /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
   /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use
   /// the common group. Throws InputError when a group cannot be joined.
-  void hear_frames(const FrameGroupSet& groups);
+  void join_frame_groups(const FrameGroupSet& groups);
 
   /// Owns the registration of a handler. The destructor waits until the handler has returned and
   /// removes it. Must be destroyed before the bus.
@@ -81,15 +81,15 @@ class Bus {
   /// Runs on the handling thread. Must be short, must not throw and must not subscribe. The views
   /// in the message are valid during the call only.
   using Handler = std::function<void(const ReceivedMessage&)>;
-  enum class Accept : uint8_t { kAccepted, kUnverifiedToo };
+  enum class Accept : uint8_t { kAccepted, kIncludingUnverified };
   /// `channels`: the name of one channel, or a common prefix followed by ".*".
   [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler,
                                     Accept accept = Accept::kAccepted);
 
  private:
   class Impl;
-  MessageSeal seal_;
-  std::unique_ptr<Impl> impl_;  ///< last member: its threads use `seal_`
+  MessageAuthenticator authenticator_;
+  std::unique_ptr<Impl> impl_;  ///< last member: its threads use `authenticator_`
 };
 
 /// One line with the remedy when the kernel grants a smaller receive buffer than `lcm_url`

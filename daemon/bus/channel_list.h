@@ -17,13 +17,13 @@ struct ChannelKind {
   enum class Of { kStudio, kNodes, kCameras } of = Of::kStudio;
   size_t max_bytes = 0;  ///< of a message, including a trailer if there is one
   /// Messages contain their own MAC (wire/studio_key.h) or signature. Messages of one datagram then
-  /// need no other MAC, unless MessageSeal::cover_commands() was called.
+  /// need no other MAC, unless MessageAuthenticator::require_command_macs() was called.
   bool holds_own_mac = false;
   /// Unverified messages are delivered too, marked as such: an operator must see the health of a
   /// node that has no key.
   bool is_shown_unverified = false;
-  /// Accepted only from a session that has answered a question (SessionGate), because nodes act on
-  /// the message.
+  /// Accepted only from a session that has answered a question (SessionReplayFilter), because nodes
+  /// act on the message.
   bool needs_answer = false;
   /// SessionMessage, which receivers exchange. Its nonces prove that it is recent.
   bool is_of_sessions = false;

@@ -51,23 +51,24 @@ CredentialPaths credentials_of_operator(const Studio& studio) {
   return paths;
 }
 
-CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials, MessageSeal& seal)
+CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials,
+                                 MessageAuthenticator& authenticator)
     : paths_(std::move(paths)),
       authority_(paths_.members.empty()
                      ? std::nullopt
                      : std::optional(PublicKey::parse(paths_.authority, "network.authority"))),
       credentials_(credentials),
-      seal_(seal),
+      authenticator_(authenticator),
       signs_(!paths_.node.empty()) {
   if (paths_.members.empty()) return;
   credentials_.require_members();
-  seal_.cover_commands();
-  seal_.members().require();
+  authenticator_.require_command_macs();
+  authenticator_.members().require();
 }
 
 std::string CredentialFiles::poll(MonotonicInstant now) {
   credentials_.discard_old_key(now);
-  seal_.discard_old_key(now);
+  authenticator_.discard_old_key(now);
   std::string changes =
       try_to([&] { return read_studio_key(now); }, "studio key", key_.has_value(), key_problem_);
   if (paths_.members.empty()) return changes;
@@ -105,7 +106,7 @@ std::string CredentialFiles::read_studio_key(MonotonicInstant now) {
   const bool is_first = !key_;
   key_ = read;
   credentials_.set_studio_key(read, now);
-  seal_.set_key(read, now);
+  authenticator_.set_key(read, now);
   if (is_first) return "";
   return paths_.studio_key.string() +
          ": a new studio key; messages carry it in 10 s, and the old one is accepted for 20 s";
@@ -121,7 +122,7 @@ std::string CredentialFiles::read_members() {
   members_ = read;
   members_text_ = text;
   credentials_.set_members(read);
-  seal_.members().set_members(read);
+  authenticator_.members().set_members(read);
   if (is_first) return "";
   return paths_.members.string() + ": member list " + std::to_string(read->serial) + " is in force";
 }
@@ -133,7 +134,7 @@ std::string CredentialFiles::read_signing_key() {
   const bool is_first = !own_;
   own_ = read.public_key();
   credentials_.set_signing_key(read);
-  seal_.members().set_signing_key(read);
+  authenticator_.members().set_signing_key(read);
   return is_first ? "" : paths_.signing_key.string() + ": a new " + std::string(kind.name);
 }
 

@@ -10,7 +10,7 @@
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
 #include "daemon/bus/credentials.h"
-#include "daemon/bus/message_seal.h"
+#include "daemon/bus/message_authenticator.h"
 
 namespace v3d {
 
@@ -31,10 +31,11 @@ CredentialPaths credentials_of_operator(const Studio& studio);
 /// previous contents stay in use. One thread.
 class CredentialFiles {
  public:
-  /// Passes the keys and the list to `credentials` and `seal`, which must outlive this object. A
-  /// node reads its signing key with the first poll(), an operator after start_signing(). Throws
-  /// InputError when the authority is not a public key.
-  CredentialFiles(CredentialPaths paths, Credentials& credentials, MessageSeal& seal);
+  /// Passes the keys and the list to `credentials` and `authenticator`, which must outlive this
+  /// object. A node reads its signing key with the first poll(), an operator after start_signing().
+  /// Throws InputError when the authority is not a public key.
+  CredentialFiles(CredentialPaths paths, Credentials& credentials,
+                  MessageAuthenticator& authenticator);
 
   /// Makes poll() read the signing key too. To be called before the process sends commands.
   void start_signing() { signs_ = true; }
@@ -62,7 +63,7 @@ class CredentialFiles {
   const CredentialPaths paths_;
   const std::optional<PublicKey> authority_;
   Credentials& credentials_;
-  MessageSeal& seal_;
+  MessageAuthenticator& authenticator_;
   bool signs_;
   std::optional<StudioKey> key_;
   std::shared_ptr<const MemberList> members_;

@@ -67,7 +67,7 @@ bool Credentials::is_complete() const {
   return studio_keys_.has_key() && (!requires_members_ || (members_ && signing_key_));
 }
 
-Bytes Credentials::seal(Bytes message, MonotonicInstant now) const {
+Bytes Credentials::authenticate(Bytes message, MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
   if (requires_members_) {
     V3D_CHECK(signing_key_.has_value());
@@ -75,7 +75,7 @@ Bytes Credentials::seal(Bytes message, MonotonicInstant now) const {
   }
   const StudioKey* const key = studio_keys_.sending(now);
   V3D_CHECK(key != nullptr);
-  key->seal(message);
+  key->add_mac(message);
   return message;
 }
 
@@ -98,9 +98,9 @@ std::optional<ReplyMessage> Credentials::open_reply(std::span<const uint8_t> byt
 bool Credentials::has_mac(std::span<const uint8_t> message, MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
   const StudioKey* const newest = studio_keys_.newest();
-  if (newest != nullptr && newest->has_sealed(message)) return true;
+  if (newest != nullptr && newest->has_valid_mac(message)) return true;
   const StudioKey* const old = studio_keys_.old(now);
-  return old != nullptr && old->has_sealed(message);
+  return old != nullptr && old->has_valid_mac(message);
 }
 
 /// Null unless members are required: set_members() has no effect without require_members().

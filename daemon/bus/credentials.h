@@ -50,7 +50,7 @@ class Credentials {
   bool is_complete() const;
 
   /// Appends a MAC or signature to an encoded command or reply. Requires is_complete().
-  Bytes seal(Bytes message, MonotonicInstant now) const;
+  Bytes authenticate(Bytes message, MonotonicInstant now) const;
   /// Verifies a command. Decodes nothing.
   OpenedCommand open_command(std::span<const uint8_t> bytes, MonotonicInstant now) const;
   /// Verifies and decodes a reply; empty when it is not authentic or malformed.

@@ -36,23 +36,24 @@ void EventSender::send(Severity severity, const std::string& subject, const std:
                      : severity == Severity::kWarning ? spdlog::level::warn
                                                       : spdlog::level::err;
   spdlog::log(level, "{}: {}", subject, sentence);
-  bus_.publish_sealed(kEventChannel, encode(EventMessage{.sent = Realtime::now(),
-                                                         .seq = seq_++,
-                                                         .node = node_,
-                                                         .severity = severity,
-                                                         .subject = subject,
-                                                         .text = sentence}));
+  bus_.publish_authenticated(kEventChannel, encode(EventMessage{.sent = Realtime::now(),
+                                                                .seq = seq_++,
+                                                                .node = node_,
+                                                                .severity = severity,
+                                                                .subject = subject,
+                                                                .text = sentence}));
 }
 
-void EventSender::keep_told(Severity severity, const std::string& subject, const std::string& text,
-                            const std::string& advice, MonotonicInstant now) {
+void EventSender::report_condition(Severity severity, const std::string& subject,
+                                   const std::string& text, const std::string& advice,
+                                   MonotonicInstant now) {
   Condition& condition = conditions_[subject];
   if (text == condition.text) return;
   const bool is_same = split_number(text).words == split_number(condition.text).words;
   if (!is_same) condition.number = {};
   condition.text = text;
   if (text.empty()) return send(Severity::kInfo, subject, "the problem has ended");
-  const bool is_due = condition.number.is_news(split_number(text).number, now);
+  const bool is_due = condition.number.is_report_due(split_number(text).number, now);
   if (is_due || !is_same) send(severity, subject, text, advice);
 }
 

@@ -20,8 +20,8 @@ class EventSender {
   /// Reports a condition that lasts; to be called repeatedly. Sends an event when `text` differs
   /// from the previous call for `subject`, and once, as info, when it becomes empty. When only the
   /// first number in the text differs, EventThrottle limits the events.
-  void keep_told(Severity severity, const std::string& subject, const std::string& text,
-                 const std::string& advice, MonotonicInstant now = Monotonic::now());
+  void report_condition(Severity severity, const std::string& subject, const std::string& text,
+                        const std::string& advice, MonotonicInstant now = Monotonic::now());
 
  private:
   Bus& bus_;

@@ -16,7 +16,7 @@ class EventThrottle {
 
   /// Returns true when an event for `count`, which is not 0, is due; then `count` counts as
   /// reported.
-  bool is_news(int64_t count, MonotonicInstant now) {
+  bool is_report_due(int64_t count, MonotonicInstant now) {
     const bool is_large_change = count >= 2 * reported_ || 2 * count <= reported_;
     if (count == reported_ || (!is_large_change && now - reported_at_ < kAgainAfter)) return false;
     reported_ = count;

@@ -57,10 +57,10 @@ MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts
 
 }  // namespace
 
-MessageReceiver::MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
-                                 SessionPort sessions)
+MessageReceiver::MessageReceiver(ChannelList channels, MessageAuthenticator& authenticator,
+                                 Wanted wanted, SessionPort sessions)
     : channels_(std::move(channels)),
-      seal_(seal),
+      authenticator_(authenticator),
       wanted_(std::move(wanted)),
       sessions_(std::move(sessions)) {}
 
@@ -69,7 +69,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t>
   const auto datagram = parse_datagram(bytes);
   if (!datagram) {
     ++malformed_;
-    seal_.report(kMalformed);
+    authenticator_.report(kMalformed);
     return std::nullopt;
   }
   const ChannelKind* kind = nullptr;
@@ -81,12 +81,12 @@ std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t>
     }
     if (datagram->message_size > kind->max_bytes) {
       ++oversized_;
-      seal_.report(kOversized);
+      authenticator_.report(kOversized);
       return std::nullopt;
     }
   }
-  return seal_.is_required() ? receive_authentic(*datagram, kind, now)
-                             : receive_anything(*datagram, kind, source);
+  return authenticator_.is_required() ? receive_authentic(*datagram, kind, now)
+                                      : receive_anything(*datagram, kind, source);
 }
 
 std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram& datagram,
@@ -95,15 +95,16 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   const bool is_first = kind != nullptr;
   const bool is_of_sessions = datagram.is_whole() && kind->is_of_sessions;
   if (datagram.is_whole() && !is_of_sessions && !wanted_(datagram.channel)) return std::nullopt;
-  const bool is_verified_later = kind != nullptr && kind->holds_own_mac && !seal_.covers_commands();
+  const bool is_verified_later =
+      kind != nullptr && kind->holds_own_mac && !authenticator_.requires_command_macs();
   if (datagram.is_whole() && is_verified_later) return pass(datagram.channel, datagram.data);
   const DatagramParts parts = split_trailer(datagram);
-  if (parts.trailer && gate_.is_received(stamp_of(datagram, *parts.trailer))) {
-    if (is_first) seal_.count_replayed();
+  if (parts.trailer && filter_.is_received(stamp_of(datagram, *parts.trailer))) {
+    if (is_first) authenticator_.count_replayed();
     return std::nullopt;
   }
   if (!is_authentic(datagram, parts, now.monotonic)) {
-    seal_.count_unverified();
+    authenticator_.count_unverified();
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
     return ReceivedMessage{datagram.channel, without_signature(*kind, parts.data), false};
   }
@@ -123,18 +124,18 @@ std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& d
                                                                const ReceiverTime& now) {
   const bool is_first = kind != nullptr;
   const Signer signer = claimed_signer(datagram, kind, parts.data);
-  if (!gate_.is_recent(stamp, now)) {
-    seal_.count_stale();
+  if (!filter_.is_recent(stamp, now)) {
+    authenticator_.count_stale();
     ask(stamp, signer, now);
     return std::nullopt;
   }
   const bool needs_answer = is_first && kind->needs_answer && can_answer(signer);
-  if (needs_answer && !gate_.has_answered(stamp.session, signer)) {
+  if (needs_answer && !filter_.has_answered(stamp.session, signer)) {
     ask(stamp, signer, now);
     return std::nullopt;
   }
   if (is_first && !wanted_(datagram.channel)) {
-    gate_.note(stamp, now);
+    filter_.note(stamp, now);
     reassembly_.drop(identity_of(datagram, parts, stamp.session));
     return std::nullopt;
   }
@@ -151,32 +152,32 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
                                                        const SessionStamp& stamp,
                                                        const ReceiverTime& now) {
   const ChannelKind& kind = *channels_.find(message.channel);
-  const MemberSignatures& members = seal_.members();
+  const MemberSignatures& members = authenticator_.members();
   if (kind.is_signed() && members.are_required()) {
     const VerifiedMessage verified =
         members.verify(message.bytes, origin_of(message.channel, stamp), kind,
                        channels_.owner_of(message.channel));
     message.bytes = verified.message;
     if (!verified.problem.empty()) {
-      seal_.count_unsigned(verified.problem);
+      authenticator_.count_unsigned(verified.problem);
       message.is_accepted = false;
       return kind.is_shown_unverified ? std::optional(message) : std::nullopt;
     }
-    if (gate_.is_answered_by_other(stamp.session, verified.signer)) {
-      seal_.count_stale();
+    if (filter_.is_answered_by_other(stamp.session, verified.signer)) {
+      authenticator_.count_stale();
       ask(stamp, verified.signer, now);
       return std::nullopt;
     }
   }
   message.bytes = without_signature(kind, message.bytes);
-  gate_.note(stamp, now);
+  filter_.note(stamp, now);
   return message;
 }
 
 /// The key id in the signature of a message of one datagram. Does not verify the signature.
 Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKind* kind,
                                        std::span<const uint8_t> data) const {
-  if (!datagram.is_whole() || !seal_.members().are_required()) return std::nullopt;
+  if (!datagram.is_whole() || !authenticator_.members().are_required()) return std::nullopt;
   if (!kind->is_signed() && !kind->holds_own_mac) return std::nullopt;
   const auto split = split_signature(data);
   return split ? Signer(split->key_id) : std::nullopt;
@@ -184,14 +185,14 @@ Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKi
 
 /// False when members are required and none has this key: the message will be rejected.
 bool MessageReceiver::can_answer(const Signer& signer) const {
-  const MemberSignatures& members = seal_.members();
+  const MemberSignatures& members = authenticator_.members();
   return !members.are_required() || (signer && members.knows(*signer));
 }
 
 // --- sessions -----------------------------------------------------------------------------------
 
 void MessageReceiver::drop_old_questions() {
-  if (std::exchange(forgotten_, gate_.forgotten()) != gate_.forgotten()) questions_ = {};
+  if (std::exchange(forgotten_, filter_.forgotten()) != filter_.forgotten()) questions_ = {};
 }
 
 void MessageReceiver::ask(const SessionStamp& stamp, const Signer& signer,
@@ -219,10 +220,11 @@ void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const ui
   drop_old_questions();
   const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
   if (!signer || !questions_.answers(answer.session, answer.nonce, now.monotonic, *signer)) return;
-  gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = stamp.sent}, now,
-               *signer);
+  filter_.accept({.session = answer.session, .sequence = answer.newest, .sent = stamp.sent}, now,
+                 *signer);
   const Duration ahead = stamp.sent - now.realtime;
-  if (std::chrono::abs(ahead) > SessionGate::kAhead) seal_.report(clocks_differ(ahead));
+  if (std::chrono::abs(ahead) > SessionReplayFilter::kAhead)
+    authenticator_.report(clocks_differ(ahead));
 }
 
 /// The signer of an answer. Empty when members are required and the signature is missing or wrong.
@@ -231,14 +233,14 @@ std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& ans
                                                        std::span<const uint8_t> bytes,
                                                        const SessionStamp& stamp,
                                                        MonotonicInstant now) {
-  if (!seal_.members().are_required()) return Signer{};
+  if (!authenticator_.members().are_required()) return Signer{};
   const auto split = split_signature(bytes);
   const Signer claimed = split ? Signer(split->key_id) : std::nullopt;
   if (!questions_.is_pending(answer.session, answer.nonce, now, claimed)) return std::nullopt;
-  const VerifiedMessage verified = seal_.members().verify(bytes, origin_of(kSessionChannel, stamp),
-                                                          *kind_of(kSessionChannel), "");
+  const VerifiedMessage verified = authenticator_.members().verify(
+      bytes, origin_of(kSessionChannel, stamp), *kind_of(kSessionChannel), "");
   if (verified.problem.empty()) return verified.signer;
-  seal_.count_unsigned(verified.problem);
+  authenticator_.count_unsigned(verified.problem);
   return std::nullopt;
 }
 
@@ -282,7 +284,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
 
 bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts,
                                    MonotonicInstant now) const {
-  return parts.trailer && seal_.verify(datagram.head, parts.data, *parts.trailer, now);
+  return parts.trailer && authenticator_.verify(datagram.head, parts.data, *parts.trailer, now);
 }
 
 std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datagram,

@@ -10,9 +10,9 @@
 
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/datagram.h"
-#include "daemon/bus/message_seal.h"
+#include "daemon/bus/message_authenticator.h"
 #include "daemon/bus/reassembly.h"
-#include "daemon/bus/session_gate.h"
+#include "daemon/bus/session_replay_filter.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -28,7 +28,7 @@ struct ReceivedMessage {
 };
 
 /// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete
-/// messages. MessageSeal counts the others.
+/// messages. MessageAuthenticator counts the others.
 struct DatagramCounts {
   int64_t malformed = 0;   ///< not LCM's format, or not consistent
   int64_t foreign = 0;     ///< on a channel that is not in the ChannelList
@@ -48,8 +48,8 @@ struct SessionPort {
 };
 
 /// Verifies datagrams in this order: structure (parse_datagram()); channel and size (fragments
-/// after the first have no channel); not received before; MAC; recent (SessionGate). Only then is a
-/// fragment stored for reassembly, in memory of fixed size. A rejected datagram causes no
+/// after the first have no channel); not received before; MAC; recent (SessionReplayFilter). Only
+/// then is a fragment stored for reassembly, in memory of fixed size. A rejected datagram causes no
 /// allocation and at most one hash of its bytes (two while a studio key is replaced, see
 /// KeyRotation).
 ///
@@ -69,7 +69,7 @@ class MessageReceiver {
   /// reassembly.
   using Wanted = std::function<bool(std::string_view channel)>;
 
-  MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
+  MessageReceiver(ChannelList channels, MessageAuthenticator& authenticator, Wanted wanted,
                   SessionPort sessions = {});
 
   /// Returns the message that `datagram` completes; valid until the next call. `source`: address
@@ -116,12 +116,12 @@ class MessageReceiver {
   void skip(const Sequence& message);
 
   ChannelList channels_;
-  MessageSeal& seal_;
+  MessageAuthenticator& authenticator_;
   const Wanted wanted_;
   const SessionPort sessions_;
-  SessionGate gate_;
+  SessionReplayFilter filter_;
   SessionQuestions questions_;
-  int64_t forgotten_ = 0;  ///< SessionGate::forgotten() when the questions were asked
+  int64_t forgotten_ = 0;  ///< SessionReplayFilter::forgotten() when the questions were asked
   MonotonicInstant answers_since_;
   int answers_ = 0;
   Reassembly reassembly_;

@@ -14,7 +14,7 @@
 
 #include "base/io/unique_fd.h"
 #include "daemon/bus/datagram.h"
-#include "daemon/bus/message_seal.h"
+#include "daemon/bus/message_authenticator.h"
 
 namespace v3d {
 

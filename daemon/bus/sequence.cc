@@ -47,7 +47,7 @@ SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeIns
   return {.received = 1, .lost = missed};
 }
 
-void SequenceTracker::listen_anew(const std::string& key) {
+void SequenceTracker::start_new_count(const std::string& key) {
   if (senders_.size() == kMaxKeys && !senders_.contains(key)) return;
   Sender& sender = senders_[key];
   sender = {.newest = -1, .counts = sender.counts, .from_start = false};

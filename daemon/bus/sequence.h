@@ -34,7 +34,7 @@ class SequenceTracker {
   void note(const std::string& key, int64_t seq, RealtimeInstant sent);
 
   /// Starts a new count for `key`: messages that were sent before this call do not count as lost.
-  void listen_anew(const std::string& key);
+  void start_new_count(const std::string& key);
 
   /// The counts of one key; total() is the sum over all keys.
   SequenceCounts of(const std::string& key) const;

@@ -14,7 +14,7 @@ namespace {
 constexpr Duration kDrainTimeout = std::chrono::seconds(15);
 constexpr Duration kMaxIdleTime = std::chrono::seconds(1);
 /// Longest time from the end of a pulse until it is read from the sense line.
-constexpr Duration kSenseLatency = std::chrono::milliseconds(100);
+constexpr Duration kMaxSenseDelay = std::chrono::milliseconds(100);
 /// Time to collect the plates of the background, in addition to the duration of their train.
 constexpr Duration kPlateTimeout = std::chrono::seconds(15);
 
@@ -151,7 +151,7 @@ bool ActiveTake::pulses_are_complete(bool is_idle) const {
   if (pulses_->sensed() < commanded() && !is_idle) return false;
   // The sense line reports a pulse at its end, which may be after the generator was turned off.
   return !trigger.sensor_count_is_better() ||
-         Monotonic::now() - train_ended_at_ >= plan_.train.width + kSenseLatency;
+         Monotonic::now() - train_ended_at_ >= plan_.train.width + kMaxSenseDelay;
 }
 
 bool ActiveTake::is_drained() const {

@@ -89,16 +89,16 @@ void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessag
 }
 
 void CameraMonitor::report_missing(const std::string& camera, int64_t missing, int64_t due) {
-  if (missing == 0 || !reported_[camera].missing.is_news(missing, Monotonic::now())) return;
+  if (missing == 0 || !reported_[camera].missing.is_report_due(missing, Monotonic::now())) return;
   events_.send(Severity::kWarning, camera,
                format_count(missing) + " frames missing of " + format_count(due) + " pulses",
                advice::kFramesMissing);
 }
 
 void CameraMonitor::report_suspect(const std::string& camera, const CameraWorkerStatus& status) {
-  const bool is_news =
-      status.suspect > 0 && reported_[camera].suspect.is_news(status.suspect, Monotonic::now());
-  if (!is_news) return;
+  const bool is_report_due = status.suspect > 0 && reported_[camera].suspect.is_report_due(
+                                                       status.suspect, Monotonic::now());
+  if (!is_report_due) return;
   events_.send(Severity::kWarning, camera,
                format_count(status.suspect) +
                    " frames with a suspect pulse number, the last near " +

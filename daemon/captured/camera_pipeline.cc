@@ -21,7 +21,7 @@ CameraPipeline::CameraPipeline(CameraWorker& worker, Setup setup, Shared shared)
       path_(setup.log),
       is_resumed_(setup.resume),
       segmenter_(std::move(setup.segmenter)),
-      log_(setup.log, is_resumed_ ? LogOpening::kGoOn : LogOpening::kNew, setup.hashing),
+      log_(setup.log, is_resumed_ ? LogOpening::kContinue : LogOpening::kNew, setup.hashing),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {

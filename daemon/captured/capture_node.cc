@@ -30,7 +30,7 @@ constexpr int64_t kLatePeriods = 5;
 /// Rejects implausible values, because commands come from the network.
 void check_order(const CommandMessage& order) {
   if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
-    throw InputError(impossible_pulse_rate(order.rate_hz));
+    throw InputError(pulse_rate_error(order.rate_hz));
   }
   const bool learns = order.verb == CommandVerb::kBackground;
   if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {
@@ -173,7 +173,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   } catch (const std::exception&) {
     cameras_.disarm();
     const TakePaths paths = take_paths(studio_, take);
-    if (!recorder_of(paths).empty()) throw;  // another process of this node records the take
+    if (!take_lock_holder(paths).empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
     recover_reopened_take(paths, node_);
     throw;
@@ -301,7 +301,7 @@ double CaptureNode::bytes_per_second() const {
 std::string CaptureNode::check_disks() {
   NodeTake* const recording = take_->recording();
   if (recording == nullptr) return "";
-  events_.keep_told(Severity::kAlarm, "queue", recording->queue_warning(), advice::kQueue);
+  events_.report_condition(Severity::kAlarm, "queue", recording->queue_warning(), advice::kQueue);
   const std::string here = recording->disk_stop_reason();
   disk_is_full_ = !here.empty();
   const std::string elsewhere = disk_monitor_ ? disk_monitor_->full_node() : "";
@@ -381,20 +381,21 @@ void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) c
 
 void CaptureNode::report_warnings(const TakeCounts& counts) {
   if (take_ && take_->recording() != nullptr) {
-    events_.keep_told(Severity::kAlarm, "disk", take_->recording()->disk_warning(), advice::kDisk);
+    events_.report_condition(Severity::kAlarm, "disk", take_->recording()->disk_warning(),
+                             advice::kDisk);
   }
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
-  events_.keep_told(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
-  events_.keep_told(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",
-                    advice::kSenseLine);
-  events_.keep_told(Severity::kWarning, "pulses", senses ? take_->pulses().warning() : "",
-                    advice::kPulses);
-  events_.keep_told(Severity::kWarning, "live picture",
-                    counts.pulses_not_live == 0
-                        ? ""
-                        : format_count(counts.pulses_not_live) +
-                              " pulses without live picture: this PC is busy recording them",
-                    advice::kLivePicture);
+  events_.report_condition(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
+  events_.report_condition(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",
+                           advice::kSenseLine);
+  events_.report_condition(Severity::kWarning, "pulses", senses ? take_->pulses().warning() : "",
+                           advice::kPulses);
+  events_.report_condition(Severity::kWarning, "live picture",
+                           counts.pulses_not_live == 0
+                               ? ""
+                               : format_count(counts.pulses_not_live) +
+                                     " pulses without live picture: this PC is busy recording them",
+                           advice::kLivePicture);
 }
 
 std::string CaptureNode::trigger_warning(const TakeCounts& counts) const {

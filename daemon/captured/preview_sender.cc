@@ -32,7 +32,7 @@ void PreviewSender::send(int64_t pulse, ImageView raw, const Mask* mask) {
                          .mask = {},
                          .jpeg = encode_jpeg(small.view(), kQuality)};
   if (mask != nullptr) message.mask = preview_mask(*mask);
-  bus_.publish_sealed(preview_channel(camera_), encode(message));
+  bus_.publish_authenticated(preview_channel(camera_), encode(message));
 }
 
 }  // namespace v3d

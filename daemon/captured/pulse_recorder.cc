@@ -34,7 +34,7 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
       numbers_(setup.train),
       known_(known_pulses(take_, setup.resume)) {
   if (!setup.log.empty()) {
-    log_.emplace(setup.log, setup.resume ? LogOpening::kGoOn : LogOpening::kNew);
+    log_.emplace(setup.log, setup.resume ? LogOpening::kContinue : LogOpening::kNew);
   }
   if (sensor_ != nullptr) {
     sensor_->reset();
@@ -69,14 +69,14 @@ void PulseRecorder::run() {
 void PulseRecorder::resend_last() {
   if (resends_left_ == 0) return;
   --resends_left_;
-  bus_.publish_sealed(kPulseChannel, last_message_);
+  bus_.publish_authenticated(kPulseChannel, last_message_);
 }
 
 void PulseRecorder::record(const PulseMessage& pulse) {
   if (log_) log_->write(pulse);
   if (sensor_ != nullptr) {
     last_message_ = encode(pulse);
-    bus_.publish_sealed(kPulseChannel, last_message_);
+    bus_.publish_authenticated(kPulseChannel, last_message_);
     resends_left_ = kResends;
   }
   const std::lock_guard lock(mutex_);

@@ -39,7 +39,7 @@ void run(const v3d::Studio& studio, const std::string& node) {
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
-  bus.seal().insist();
+  bus.authenticator().require_authentication();
   v3d::CaptureNode capture(studio, node, bus);
   v3d::NodeLoop loop(
       {node, "v3d-captured", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,

@@ -1,5 +1,6 @@
 // The control state machine of a node, and the record of replies that makes commands idempotent.
-// Pure. CommandGate authenticates commands before; StudioCoordinator is the operator's side.
+// Pure. CommandReplayFilter authenticates commands before; StudioCoordinator is the operator's
+// side.
 #pragma once
 
 #include <cstdint>
@@ -70,7 +71,7 @@ class Controller {
   std::string mismatch(const CommandMessage& command) const;
   bool asks_for_last_take(const CommandMessage& command) const;
 
-  /// Equals that of CommandGate. The least recent sender is removed first.
+  /// Equals that of CommandReplayFilter. The least recent sender is removed first.
   static constexpr size_t kMaxSenders = 64;
 
   const std::string node_;

@@ -38,7 +38,7 @@ class NodeProtocol {
     controller_.remember(take, text, detail);
   }
 
-  /// Executes a command that the CommandGate admitted.
+  /// Executes a command that the CommandReplayFilter admitted.
   void on_command(const CommandMessage& command);
   /// Handles reports of the delegate and timeouts. Call it after each command, and at next_poll().
   /// `has_key`: messages are verified, so that the node may rejoin a take that other nodes report.

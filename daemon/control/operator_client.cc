@@ -107,10 +107,10 @@ class OperatorClient::Impl {
         trigger(studio.trigger.node),
         stamp(make_sender()),
         bus(studio.network.lcm_url, {}, ChannelList(studio)),
-        files(credentials_of_operator(studio), credentials, bus.seal()),
+        files(credentials_of_operator(studio), credentials, bus.authenticator()),
         not_verified(read_credentials()),
         healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(),
-                Bus::Accept::kUnverifiedToo),
+                Bus::Accept::kIncludingUnverified),
         events(bus, kEventChannel, kQueue) {}
 
   /// Why there is no studio key; empty if there is one. Monitoring works without.
@@ -150,7 +150,7 @@ class OperatorClient::Impl {
 
   void send(CommandMessage message) {
     stamp.apply(message, Realtime::now());
-    bus.publish_command(credentials.seal(encode(message), Monotonic::now()));
+    bus.publish_command(credentials.authenticate(encode(message), Monotonic::now()));
   }
 
   void remember(const HealthMessage& health) {

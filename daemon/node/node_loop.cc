@@ -24,11 +24,11 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& delegate)
       protocol_(
           identity_.node, delegate, [this](ReplyMessage reply) { publish(std::move(reply)); },
           Monotonic::now()),
-      gate_(identity_.node),
-      files_(identity_.credentials, gate_.credentials(), bus.seal()),
+      filter_(identity_.node),
+      files_(identity_.credentials, filter_.credentials(), bus.authenticator()),
       commands_(
           bus, kCommandChannel, kCommandQueue,
-          [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Monotonic::now()); }),
+          [this](const ReceivedMessage& in) { return filter_.admit(in.bytes, Monotonic::now()); }),
       name_monitor_(bus, identity_.node),
       metrics_(serve_metrics(identity_.metrics)),
       watchdog_(service::watchdog_period()),
@@ -64,18 +64,18 @@ void NodeLoop::run_once() {
   feed_watchdog();
 }
 
-void NodeLoop::on_command(const CommandGate::Admitted& admitted) {
+void NodeLoop::on_command(const CommandReplayFilter::Admitted& admitted) {
   const CommandMessage& command = admitted.command;
   spdlog::debug("{} {} from {} #{}", name(command.verb), command.take, command.sender,
                 command.counter);
-  if (!admitted.is_current) return publish(gate_.nonce_reply(command, Monotonic::now()));
+  if (!admitted.is_current) return publish(filter_.nonce_reply(command, Monotonic::now()));
   if (!reject_for_duplicate_name(command)) protocol_.on_command(command);
 }
 
 /// Both processes with this name reject new orders. A running take continues, and can be stopped.
 bool NodeLoop::reject_for_duplicate_name(const CommandMessage& command) {
   if (name_alarm_.empty() || !is_order(command.verb)) return false;
-  ReplyMessage reply = gate_.nonce_reply(command, Monotonic::now());
+  ReplyMessage reply = filter_.nonce_reply(command, Monotonic::now());
   reply.outcome = ReplyMessage::Outcome::kRefused;
   reply.text = name_alarm_;
   publish(std::move(reply));
@@ -92,9 +92,9 @@ void NodeLoop::publish(ReplyMessage reply) {
   // Without a key no command was accepted, so there is nothing to reply to.
   if (!files_.is_ready()) return;
   const MonotonicInstant now = Monotonic::now();
-  reply.nonce = gate_.nonce(now);
+  reply.nonce = filter_.nonce(now);
   reply.sent = Realtime::now();
-  bus_.publish_reply(gate_.credentials().seal(encode(reply), now));
+  bus_.publish_reply(filter_.credentials().authenticate(encode(reply), now));
 }
 
 void NodeLoop::publish_health() {
@@ -110,7 +110,7 @@ void NodeLoop::publish_health() {
   report_counts(health);
   report_problem(health);
   check_name(health);
-  bus_.publish_sealed(health_channel(identity_.node), encode(health));
+  bus_.publish_authenticated(health_channel(identity_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
@@ -149,7 +149,7 @@ void NodeLoop::check_clock(HealthMessage& health) {
 }
 
 void NodeLoop::report_counts(HealthMessage& health) const {
-  const CommandCounts counts = gate_.counts();
+  const CommandCounts counts = filter_.counts();
   const auto value = [&](const char* name, int64_t n) {
     health.values[name] = static_cast<double>(n);
   };
@@ -161,7 +161,7 @@ void NodeLoop::report_counts(HealthMessage& health) const {
   value("commands_without_nonce", counts.without_nonce);
   value("commands_replayed", counts.replayed);
   value("commands_unkeyed", counts.unkeyed);
-  const SealCounts messages = bus_.seal().counts();
+  const RejectionCounts messages = bus_.authenticator().counts();
   value("messages_forged", messages.forged);
   value("messages_unkeyed", messages.unkeyed);
   value("messages_unsigned", messages.not_signed);
@@ -177,8 +177,8 @@ void NodeLoop::report_counts(HealthMessage& health) const {
 
 void NodeLoop::report_problem(HealthMessage& health) const {
   std::string problem = credential_problem();
-  if (problem.empty()) problem = gate_.problem(Monotonic::now());
-  if (problem.empty()) problem = bus_.seal().trouble(Realtime::now());
+  if (problem.empty()) problem = filter_.problem(Monotonic::now());
+  if (problem.empty()) problem = bus_.authenticator().trouble(Realtime::now());
   // Problems of the delegate go first, unless nothing works without credentials.
   const bool is_free =
       health.state != NodeState::kFault && (health.text.empty() || !files_.is_ready());

@@ -10,7 +10,7 @@
 #include "daemon/bus/bus.h"
 #include "daemon/bus/credential_files.h"
 #include "daemon/control/clock_monitor.h"
-#include "daemon/control/command_gate.h"
+#include "daemon/control/command_replay_filter.h"
 #include "daemon/control/node_delegate.h"
 #include "daemon/control/node_protocol.h"
 #include "daemon/control/ptp_monitor.h"
@@ -48,7 +48,7 @@ class NodeLoop {
   void run_once();
 
  private:
-  void on_command(const CommandGate::Admitted& admitted);
+  void on_command(const CommandReplayFilter::Admitted& admitted);
   bool reject_for_duplicate_name(const CommandMessage& command);
   void check_name(HealthMessage& health);
   MonotonicInstant next_deadline() const;
@@ -68,9 +68,9 @@ class NodeLoop {
   Bus& bus_;
   NodeDelegate& delegate_;
   NodeProtocol protocol_;
-  CommandGate gate_;
+  CommandReplayFilter filter_;
   CredentialFiles files_;
-  Subscription<CommandGate::Admitted> commands_;
+  Subscription<CommandReplayFilter::Admitted> commands_;
   NameMonitor name_monitor_;
   std::string name_alarm_;  ///< empty: no other process has this node's name
   int64_t clock_steps_ = 0;

@@ -281,24 +281,25 @@ void ReconNode::report_health(HealthMessage& health) {
   const ReconCounts counts = pipeline_ ? pipeline_->counts() : last_;
   health.values.merge(values_of(counts));
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
-  events_.keep_told(Severity::kAlarm, "disk",
-                    counts.write_errors == 0
-                        ? ""
-                        : format_count(counts.write_errors) +
-                              " meshes could not be written: the disk is full or broken",
-                    advice::kMeshDisk);
+  events_.report_condition(Severity::kAlarm, "disk",
+                           counts.write_errors == 0
+                               ? ""
+                               : format_count(counts.write_errors) +
+                                     " meshes could not be written: the disk is full or broken",
+                           advice::kMeshDisk);
   report_displacement(health);
   if (!counts.without_mesh.empty()) health.text = "no mesh of " + pulse_list(counts.without_mesh);
   const int64_t lost = counts.shard ? counts.shard->lost : 0;
-  events_.keep_told(Severity::kWarning, "share",
-                    lost == 0 ? "" : "pulses that no node made a mesh of", advice::kMeshesMissing);
+  events_.report_condition(Severity::kWarning, "share",
+                           lost == 0 ? "" : "pulses that no node made a mesh of",
+                           advice::kMeshesMissing);
   const bool behind = pipeline_ && counts.behind;
-  events_.keep_told(Severity::kWarning, "reconstruction",
-                    behind ? "cannot keep up: drops pulses to show the newest" : "",
-                    advice::kBehind);
-  events_.keep_told(Severity::kWarning, "mesh",
-                    counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure,
-                    advice::kNoMesh);
+  events_.report_condition(Severity::kWarning, "reconstruction",
+                           behind ? "cannot keep up: drops pulses to show the newest" : "",
+                           advice::kBehind);
+  events_.report_condition(Severity::kWarning, "mesh",
+                           counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure,
+                           advice::kNoMesh);
   if (behind) health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
   if (counts.failed > 0) {
     health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;

@@ -44,7 +44,7 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
       bus_(bus),
       stages_(std::move(setup.stages)),
       on_finished_set_(std::move(setup.on_finished_set)),
-      file_(setup.mesh_file, setup.resume_at ? LogOpening::kGoOn : LogOpening::kNew),
+      file_(setup.mesh_file, setup.resume_at ? LogOpening::kContinue : LogOpening::kNew),
       meshes_before_(static_cast<int64_t>(file_.size())),
       assembler_(starting_after(setup.sets, file_.last_pulse())),
       frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
@@ -120,12 +120,13 @@ void ReconPipeline::receive_groups(const FrameGroupSet& groups) {
     const std::lock_guard lock(mutex_);
     for (const size_t group : groups) {
       if (!groups_ || groups_->contains(group)) continue;
-      for (const std::string& camera : cameras_) sequences_.listen_anew(series_of(camera, group));
+      for (const std::string& camera : cameras_)
+        sequences_.start_new_count(series_of(camera, group));
     }
     groups_ = groups;
   }
   try {
-    bus_.hear_frames(groups);
+    bus_.join_frame_groups(groups);
   } catch (const InputError& error) {
     spdlog::warn("{}", error.what());
   }
@@ -208,7 +209,7 @@ void ReconPipeline::finish(Job& job) {
     shared_->add_mesh(std::move(mesh));
   } else {
     mesh.seq = seq_++;
-    bus_.publish_sealed(kMeshChannel, encode(mesh));
+    bus_.publish_authenticated(kMeshChannel, encode(mesh));
     if (!store(mesh)) stages_.begin_sequence();
   }
   if (on_finished_set_) on_finished_set_(job.work.set);

@@ -71,7 +71,7 @@ void SharedTake::process() {
   for (MeshMessage& mesh : shard_.take_to_publish()) {
     mesh.seq = published_seq_++;
     mesh.sent = Realtime::now();
-    bus_.publish_sealed(kMeshChannel, encode(mesh));
+    bus_.publish_authenticated(kMeshChannel, encode(mesh));
   }
   for (const MeshMessage& mesh : shard_.take_ordered()) receivers_.on_ordered(mesh);
 }
@@ -83,7 +83,7 @@ void SharedTake::send_status() {
   ShardMessage status = shard_.status();
   status.sent = Realtime::now();
   status.seq = status_seq_++;
-  bus_.publish_sealed(shard_channel(node_), encode(status));
+  bus_.publish_authenticated(shard_channel(node_), encode(status));
 }
 
 void SharedTake::add(ReadySet set) {
@@ -102,7 +102,7 @@ void SharedTake::add_mesh(MeshMessage mesh) {
   static_cast<MeshMessage&>(message) = std::move(mesh);
   message.node = node_;
   message.seq = mesh_seq_++;
-  bus_.publish_sealed(shard_mesh_channel(node_), encode(message));
+  bus_.publish_authenticated(shard_mesh_channel(node_), encode(message));
   const std::lock_guard lock(mutex_);
   shard_.on_own_mesh(std::move(static_cast<MeshMessage&>(message)));
   process();

@@ -28,7 +28,7 @@ void require_no_capture_node(const v3d::Studio& studio, const std::string& node)
 /// index.
 int64_t recovered_meshes(const std::filesystem::path& mesh) {
   const v3d::MeshFileReader meshes(mesh);
-  if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kGoOn).close();
+  if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kContinue).close();
   return static_cast<int64_t>(meshes.pulses().size());
 }
 
@@ -64,8 +64,8 @@ void run(const v3d::Studio& studio, const std::string& given) {
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
-  bus.hear_frames(v3d::all_frame_groups(bus.frame_groups()));
-  bus.seal().insist();
+  bus.join_frame_groups(v3d::all_frame_groups(bus.frame_groups()));
+  bus.authenticator().require_authentication();
   v3d::ReconNode delegate(studio, node, bus);
   v3d::NodeLoop loop(
       {node, "v3d-recond", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,

@@ -30,7 +30,7 @@ std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> ve
 
 CompactFrame CompactDecoder::frame() const {
   const DecodedFrame& decoded = decoder_.frame();
-  const FrameFacts& facts = decoded.facts;
+  const FrameMetadata& facts = decoded.facts;
   CompactFrame frame{.pulse = facts.pulse,
                      .exposure = from_ns<Realtime>(facts.exposure_ns),
                      .cameras = facts.cameras,

@@ -17,7 +17,7 @@ struct BoardWalkOptions {
 };
 
 /// One corner in one image.
-struct SeenCorner {
+struct ObservedCorner {
   int camera = 0;
   int board = 0;  ///< index into BoardWalk::world_from_board
   int corner = 0;
@@ -26,7 +26,7 @@ struct SeenCorner {
 
 struct BoardWalk {
   std::vector<RigidTransform> world_from_board;
-  std::vector<SeenCorner> corners;  ///< by board, by camera, by corner
+  std::vector<ObservedCorner> corners;  ///< by board, by camera, by corner
 };
 
 /// Board poses in the middle of the studio, which face all cameras in turn with varying tilt.

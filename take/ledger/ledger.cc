@@ -51,7 +51,7 @@ CameraLedger read_camera(const TomlTable& table) {
   camera.missing = table.integers("missing");
   camera.duplicate = table.integers("duplicate");
   camera.suspect = table.integers("suspect");
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return camera;
 }
 
@@ -64,7 +64,7 @@ TakeFile read_file_entry(const TomlTable& table) {
     file.checksum = parse_checksum(table.text("xxh3"));
     if (!file.checksum) table.fail("xxh3", "expected 16 hexadecimal digits");
   }
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return file;
 }
 
@@ -185,7 +185,7 @@ std::string number_ranges(const std::vector<int64_t>& numbers) {
   return text;
 }
 
-std::vector<std::string> trouble_lines(const Ledger& ledger) {
+std::vector<std::string> problem_lines(const Ledger& ledger) {
   std::vector<std::string> lines;
   const auto add_line = [&](const std::string& who, const char* what,
                             const std::vector<int64_t>& pulses) {
@@ -247,7 +247,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
     ledger.cameras.push_back(read_camera(camera));
   }
   for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return ledger;
 }
 

@@ -79,7 +79,7 @@ Ledger merge(const std::vector<Ledger>& parts);
 std::string number_ranges(const std::vector<int64_t>& numbers);
 /// The missing, duplicate and suspect pulses of each camera, and the missing and runt pulses of the
 /// sense line, one line each. Empty when the ledger has none.
-std::vector<std::string> trouble_lines(const Ledger& ledger);
+std::vector<std::string> problem_lines(const Ledger& ledger);
 /// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);
 

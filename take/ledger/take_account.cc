@@ -94,7 +94,7 @@ io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const 
   return unread;
 }
 
-void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger) {
+void save_account_or_throw(const TakePaths& paths, const TakeInfo& info, Ledger ledger) {
   const auto unread = save_account(paths, info, std::move(ledger));
   if (!unread) throw std::runtime_error(unread.error().message);
   if (!unread->empty()) throw std::runtime_error(unread->front());

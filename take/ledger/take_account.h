@@ -28,6 +28,6 @@ bool is_camera_log(const std::string& name, const TakeInfo& info);
 
 /// Like save_account(), for programs that create a take. Throws std::runtime_error for all these
 /// errors, also for a file that was not read.
-void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
+void save_account_or_throw(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
 
 }  // namespace v3d

@@ -47,7 +47,7 @@ TakeFile read_entry(const TomlTable& table) {
     file.root = parse_hash(table.text("root"));
     if (!file.root) table.fail("root", "expected 64 hexadecimal digits");
   }
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return file;
 }
 
@@ -133,7 +133,7 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
                      .state = read_state(table),
                      .files = {}};
   for (const TomlTable& file : table.tables("file")) read.files.push_back(read_entry(file));
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   if (!signed_text.is_signed_by(read.key)) {
     throw InputError(path.string() + ": its signature is wrong: the file was changed");
   }

@@ -38,7 +38,7 @@ TakeFile read_entry(const TomlTable& table) {
                 .changed_ns = table.integer("changed_ns"),
                 .checksum = parse_checksum(table.text("xxh3"))};
   if (!file.checksum) table.fail("xxh3", "expected 16 hexadecimal digits");
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return file;
 }
 
@@ -77,7 +77,7 @@ Verified parse_verified(std::string_view text, const fs::path& path) {
   verified.at = from_ns<Realtime>(table.integer("at_ns"));
   verified.agrees = table.boolean_or("agrees", false);
   for (const TomlTable& file : table.tables("file")) verified.files.push_back(read_entry(file));
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return verified;
 }
 

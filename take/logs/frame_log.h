@@ -25,9 +25,9 @@ namespace v3d {
 /// for the disk above that, so that sync() takes little time.
 class EventLogWriter {
  public:
-  /// kNew creates the first segment and fails when the log exists; kGoOn creates the segment after
-  /// the last one. Throws InputError when the file cannot be created. The caller must sync the
-  /// folder.
+  /// kNew creates the first segment and fails when the log exists; kContinue creates the segment
+  /// after the last one. Throws InputError when the file cannot be created. The caller must sync
+  /// the folder.
   explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
                           LogHashing hashing = LogHashing::kChecksum);
   ~EventLogWriter();

@@ -6,8 +6,8 @@
 namespace v3d {
 
 enum class LogOpening : uint8_t {
-  kNew,   ///< creates a new file
-  kGoOn,  ///< continues the file or log after a restart of the daemon
+  kNew,       ///< creates a new file
+  kContinue,  ///< continues the file or log after a restart of the daemon
 };
 
 enum class LogHashing : uint8_t {

@@ -28,7 +28,7 @@ SegmentIndex parse_index(std::string_view text, const fs::path& path) {
                      .whole_bytes = count_of(table, "whole_bytes"),
                      .events = static_cast<int64_t>(count_of(table, "events")),
                      .damaged_places = static_cast<int64_t>(count_of(table, "damaged_places"))};
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return index;
 }
 

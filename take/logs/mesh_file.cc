@@ -189,8 +189,8 @@ class MeshFileWriter::Impl {
  public:
   Impl(const std::filesystem::path& path, LogOpening opening)
       : path_(path),
-        file_(io::value_or_throw(opening == LogOpening::kGoOn ? open_to_continue(path)
-                                                              : create(path))) {
+        file_(io::value_or_throw(opening == LogOpening::kContinue ? open_to_continue(path)
+                                                                  : create(path))) {
     sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
     if (begin_ > 0) return;
     begin_ = end_ = mesh_file::kHeaderSize;

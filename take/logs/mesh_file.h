@@ -19,8 +19,8 @@ namespace v3d {
 /// writing thread.
 class MeshFileWriter {
  public:
-  /// kNew creates the file and fails when the name exists. kGoOn appends after the last byte of an
-  /// existing file, changes none of its bytes, and creates the file if it does not exist. Throws
+  /// kNew creates the file and fails when the name exists. kContinue appends after the last byte of
+  /// an existing file, changes none of its bytes, and creates the file if it does not exist. Throws
   /// InputError when the file cannot be created, opened or read, or is not a mesh file.
   explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
   ~MeshFileWriter();  ///< calls close() and ignores its errors

@@ -14,7 +14,7 @@ std::vector<CameraObservations> observe_board_walk(const Board& board, const Rig
   for (int i = 0; i < board.corners(); ++i) corners.push_back(board.corner(i));
   std::vector<CameraObservations> cameras;
   for (const RigCamera& camera : rig) cameras.push_back({camera.name, camera.model.size(), {}});
-  for (const sim::SeenCorner& seen : sim::walk_board(rig, corners, options).corners) {
+  for (const sim::ObservedCorner& seen : sim::walk_board(rig, corners, options).corners) {
     BoardObservation& observation = cameras[seen.camera].observations[seen.board];
     observation.corners.push_back(seen.corner);
     observation.pixels.push_back(seen.pixel);

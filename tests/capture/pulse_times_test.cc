@@ -56,7 +56,7 @@ TEST(PulseTimes, waits_for_a_pulse_that_may_be_reported_later) {
   EXPECT_EQ(times.find(pulse_at(0) + milliseconds(5), {}, pulse_at(0) + milliseconds(6))->pulse, 0);
   const MonotonicInstant between = pulse_at(0) + milliseconds(30);
   EXPECT_FALSE(times.find(between, {}, between + milliseconds(1)));
-  EXPECT_EQ(times.find(between, {}, between + kPeriod / 2 + PulseTimes::kSenseLatency * 2)->pulse,
+  EXPECT_EQ(times.find(between, {}, between + kPeriod / 2 + PulseTimes::kMaxSenseDelay * 2)->pulse,
             std::nullopt);
 }
 

@@ -55,8 +55,8 @@ TEST(FrameCodec, keeps_the_metadata_of_a_frame) {
   const Scene scene(ball(10));
   FrameDecoder decoder;
   ASSERT_EQ(decoder.decode(FrameEncoder({}).encode(scene.content(9)).value()), DecodeStatus::kOk);
-  const FrameFacts& facts = decoder.frame().facts;
-  const FrameFacts expected = scene.content(9).facts;
+  const FrameMetadata& facts = decoder.frame().facts;
+  const FrameMetadata expected = scene.content(9).facts;
   EXPECT_EQ(facts.pulse, 9);
   EXPECT_EQ(decoder.frame().key_pulse, 9);
   EXPECT_EQ(facts.exposure_ns, expected.exposure_ns);

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "daemon/control/command_gate.h"
+#include "daemon/control/command_replay_filter.h"
 #include "daemon/control/control.h"
 #include "daemon/control/studio_coordinator.h"
 
@@ -118,8 +118,9 @@ class SimulatedNode {
     controller_.emplace(name_);
     if (persisted_) controller_->remember(persisted_->take, "recovered", "{}");
     trigger_known_at_ = now + simulation_.random.between_ms(0, 1500);
-    gate_ = std::make_unique<CommandGate>(name_, [this] { return simulation_.random.nonce(); });
-    gate_->credentials().set_studio_key(simulation_.key, now);
+    filter_ =
+        std::make_unique<CommandReplayFilter>(name_, [this] { return simulation_.random.nonce(); });
+    filter_->credentials().set_studio_key(simulation_.key, now);
     due_.reset();
     may_rejoin_ = persisted_.has_value();
   }
@@ -152,17 +153,17 @@ class SimulatedNode {
 
   Phase phase() const { return controller_->phase(); }
   const std::string& take() const { return controller_->order().take; }
-  CommandCounts counts() const { return gate_->counts(); }
+  CommandCounts counts() const { return filter_->counts(); }
 
  private:
   RealtimeInstant clock(MonotonicInstant now) const {
     return Simulation::wall_clock(now) + clock_error_;
   }
   void receive(const Bytes& bytes, MonotonicInstant now) {
-    const auto admitted = gate_->admit(bytes, now);
+    const auto admitted = filter_->admit(bytes, now);
     if (!admitted) return;
     if (admitted->is_current) return execute(controller_->on_command(admitted->command), now);
-    reply(gate_->nonce_reply(admitted->command, now), now);
+    reply(filter_->nonce_reply(admitted->command, now), now);
   }
   void execute(const Controller::Step& step, MonotonicInstant now) {
     start_work(step.work, now);
@@ -170,8 +171,8 @@ class SimulatedNode {
   }
   void reply(ReplyMessage message, MonotonicInstant now) {
     message.sent = clock(now);
-    message.nonce = gate_->nonce(now);
-    simulation_.network.send(address_, encode_sealed(message, simulation_.key), now);
+    message.nonce = filter_->nonce(now);
+    simulation_.network.send(address_, encode_with_mac(message, simulation_.key), now);
   }
   void start_work(Work work, MonotonicInstant now) {
     const auto schedule = [&](int min_ms, int max_ms, Input event) {
@@ -216,7 +217,7 @@ class SimulatedNode {
   const Duration clock_error_;
   size_t address_ = 0;
   std::optional<Controller> controller_;
-  std::unique_ptr<CommandGate> gate_;
+  std::unique_ptr<CommandReplayFilter> filter_;
   std::optional<std::pair<MonotonicInstant, Input>> due_;
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
@@ -236,7 +237,7 @@ class SimulatedOperator {
         idle_until_(starts_at) {
     address_ = simulation.network.join([this](const Bytes& bytes, MonotonicInstant) {
       const auto reply = decode<ReplyMessage>(bytes);
-      if (!coordinator_ || !reply || !simulation_.key.has_sealed(bytes)) return;
+      if (!coordinator_ || !reply || !simulation_.key.has_valid_mac(bytes)) return;
       if (reply->command_sender == name_) coordinator_->on_reply(*reply);
     });
   }
@@ -272,7 +273,7 @@ class SimulatedOperator {
     message.sender = name_;
     last_sent_ = std::max(Simulation::wall_clock(now), last_sent_ + std::chrono::microseconds(1));
     message.sent = last_sent_;
-    simulation_.network.send(address_, encode_sealed(message, simulation_.key), now);
+    simulation_.network.send(address_, encode_with_mac(message, simulation_.key), now);
   }
 
   Simulation& simulation_;

@@ -80,7 +80,7 @@ class Driver {
     for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
       accounts_[c] = read_resume_state(paths_, kDrivenCameras[c], edges).account;
     }
-    open_logs(LogOpening::kGoOn);
+    open_logs(LogOpening::kContinue);
     mark("ready");
   }
 

@@ -47,19 +47,19 @@ const SigningKey& member_key() {
 /// The receivers under test. They exist once for each process, because 64 MiB are allocated for
 /// each receiver.
 struct Receivers {
-  MessageSeal keyed_seal;
-  MessageSeal keyless_seal;
-  MessageReceiver keyed{ChannelList(), keyed_seal, is_wanted};
-  MessageReceiver keyless{ChannelList(), keyless_seal, is_wanted};
-  MessageSeal member_seal;
-  MessageReceiver of_members{ChannelList(), member_seal, is_wanted};
+  MessageAuthenticator keyed_authenticator;
+  MessageAuthenticator keyless_authenticator;
+  MessageReceiver keyed{ChannelList(), keyed_authenticator, is_wanted};
+  MessageReceiver keyless{ChannelList(), keyless_authenticator, is_wanted};
+  MessageAuthenticator member_authenticator;
+  MessageReceiver of_members{ChannelList(), member_authenticator, is_wanted};
   DatagramMac mac{key()};
   uint32_t sequence = 0;
   Receivers() {
-    keyed_seal.set_key(key());
-    member_seal.set_key(key());
-    member_seal.members().require();
-    member_seal.members().set_members(std::make_shared<const MemberList>(
+    keyed_authenticator.set_key(key());
+    member_authenticator.set_key(key());
+    member_authenticator.members().require();
+    member_authenticator.members().set_members(std::make_shared<const MemberList>(
         MemberList{"kyoto", 1, {{"recon01", Role::kReconstruction, member_key().public_key()}}}));
   }
 };

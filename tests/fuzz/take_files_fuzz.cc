@@ -28,7 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   check([&] {
     const v3d::Ledger ledger = v3d::parse_ledger(text, "ledger.toml");
     ledger.verdict();
-    v3d::trouble_lines(v3d::merge({ledger, ledger}));
+    v3d::problem_lines(v3d::merge({ledger, ledger}));
   });
   return 0;
 }

@@ -97,7 +97,7 @@ class AttackedStudio : public Studio4 {
     Bus bus(studio_.network.lcm_url);
     CommandMessage command;
     command.sender = "attacker";
-    bus.publish(kCommandChannel, encode_sealed(command, StudioKey::make()));
+    bus.publish(kCommandChannel, encode_with_mac(command, StudioKey::make()));
     EXPECT_TRUE(reaches("recon01", "commands_forged", by_recon + 1)) << log();
     EXPECT_TRUE(reaches("cap01", "commands_forged", by_capture + 1)) << log();
   }

@@ -385,9 +385,9 @@ TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands)
     for (int k = 0; k < kEach; ++k) {
       stop.counter = i * kEach + k;
       stop.sent = Realtime::now();
-      batch.push_back(encode_sealed(stop, StudioKey::make()));
+      batch.push_back(encode_with_mac(stop, StudioKey::make()));
       stop.sent -= std::chrono::hours(1);
-      batch.push_back(encode_sealed(stop, key));
+      batch.push_back(encode_with_mac(stop, key));
       batch.push_back(recorded[random() % recorded.size()]);
       batch.push_back(recorded[random() % recorded.size()]);
       batch.back()[random() % batch.back().size()] ^= static_cast<uint8_t>(1 << random() % 8);

@@ -24,7 +24,7 @@ using test::within;
 class Attacker {
  public:
   explicit Attacker(const std::string& url) : raw_(url), bus_(url), other_key_(url) {
-    other_key_.seal().set_key(StudioKey::make());
+    other_key_.authenticator().set_key(StudioKey::make());
   }
   size_t record(size_t count) {
     const auto more = raw_.receive_all(count, std::chrono::seconds(5));
@@ -33,7 +33,7 @@ class Attacker {
   }
   /// Sends a message without a MAC, or with the MAC of another key.
   void send(const std::string& channel, const Bytes& bytes, bool with_other_key) {
-    (with_other_key ? other_key_ : bus_).publish_sealed(channel, bytes);
+    (with_other_key ? other_key_ : bus_).publish_authenticated(channel, bytes);
   }
   /// Sends each recorded datagram again, and once more with a changed bit.
   void replay(std::mt19937& random) const {
@@ -153,9 +153,9 @@ TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_w
 class MemberStudioWithForger : public ForgedStudio {
  protected:
   MemberStudioWithForger() : ForgedStudio(true) {
-    forger_.seal().set_key(StudioKey::load(studio_.network.key));
-    forger_.seal().members().require();
-    forger_.seal().members().set_signing_key(cap02_);
+    forger_.authenticator().set_key(StudioKey::load(studio_.network.key));
+    forger_.authenticator().members().require();
+    forger_.authenticator().members().set_signing_key(cap02_);
   }
 
   Bus forger_{studio_.network.lcm_url, {}, ChannelList(studio_)};
@@ -168,7 +168,7 @@ TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
   const Send send = [&](const std::string& channel, const Bytes& bytes) {
-    forger_.publish_sealed(channel, bytes);
+    forger_.publish_authenticated(channel, bytes);
   };
   int64_t seq = 0;
   for (; seq < kForged; ++seq) forge_messages(send, seq);

@@ -159,8 +159,8 @@ class Attacker {
     command.take = "kendo-07";
     command.counter = number;
     RawDatagram bytes = short_datagram(number, std::string(kCommandChannel) + '\0');
-    const Bytes sealed = encode_sealed(command, other_key_);
-    bytes.insert(bytes.end(), sealed.begin(), sealed.end());
+    const Bytes authenticated = encode_with_mac(command, other_key_);
+    bytes.insert(bytes.end(), authenticated.begin(), authenticated.end());
     return bytes;
   }
 

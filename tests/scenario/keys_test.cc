@@ -26,7 +26,7 @@ TEST_F(Studio4, replaces_its_key_while_it_records_and_loses_no_frame) {
   // A receiver with only the new key accepts messages of all nodes, and the nodes accept each
   // other's.
   Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
-  renewed.seal().set_key(next);
+  renewed.authenticator().set_key(next);
   Subscription<HealthMessage> captured(renewed, health_channel("cap01"), 16);
   Subscription<HealthMessage> recond(renewed, health_channel("recon01"), 16);
   ASSERT_TRUE(captured.wait(within(60))) << log();

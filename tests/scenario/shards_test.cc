@@ -59,7 +59,7 @@ class MeshViewer {
 
  private:
   Bus& key_of(const std::filesystem::path& key) {
-    bus_.seal().set_key(StudioKey::load(key));
+    bus_.authenticator().set_key(StudioKey::load(key));
     return bus_;
   }
 

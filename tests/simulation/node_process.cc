@@ -74,8 +74,9 @@ void NodeProcess::boot() {
     work_ = std::make_unique<SimulatedRecon>(world_, host_);
   }
   clock_error_ = host_.clock_error;
-  gate_ = std::make_unique<CommandGate>(host_.name, [this] { return world_.draws.nonce(); });
-  gate_->credentials().set_studio_key(world_.key, world_.time.now());
+  filter_ =
+      std::make_unique<CommandReplayFilter>(host_.name, [this] { return world_.draws.nonce(); });
+  filter_->credentials().set_studio_key(world_.key, world_.time.now());
   session_ = static_cast<uint32_t>(world_.draws.nonce());
   sequence_ = 0;
   sessions_ = {};
@@ -129,7 +130,7 @@ void NodeProcess::end(Cause cause) {
   world_.events.on_crash(host_.name);
   protocol_.reset();
   work_.reset();
-  gate_.reset();
+  filter_.reset();
   ++turn_;
 }
 
@@ -178,7 +179,7 @@ void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
 
 void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
   if (channel == Channel::kCommand) {
-    auto admitted = gate_->admit(bytes, world_.time.now());
+    auto admitted = filter_->admit(bytes, world_.time.now());
     if (!admitted) return;
     commands_.push_back(std::move(*admitted));
     plan_turn(world_.time.now());
@@ -244,7 +245,7 @@ void NodeProcess::turn() {
     if (is_current) {
       watch(cause_of(command), command, [&] { protocol_->on_command(command); });
     } else {
-      publish(gate_->nonce_reply(command, now));
+      publish(filter_->nonce_reply(command, now));
     }
   }
   watch(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
@@ -287,8 +288,8 @@ void NodeProcess::watch(Cause cause, const CommandMessage& command,
 void NodeProcess::publish(ReplyMessage reply) {
   world_.events.on_reply(reply);
   reply.sent = clock();
-  reply.nonce = gate_->nonce(world_.time.now());
-  world_.network.send(place_, Channel::kReply, encode_sealed(reply, world_.key));
+  reply.nonce = filter_->nonce(world_.time.now());
+  world_.network.send(place_, Channel::kReply, encode_with_mac(reply, world_.key));
 }
 
 void NodeProcess::publish_health() {

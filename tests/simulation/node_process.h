@@ -1,4 +1,4 @@
-// One daemon of a simulated studio: the real gate, state machine and protocol on simulated work.
+// One daemon of a simulated studio: the real filter, state machine and protocol on simulated work.
 #pragma once
 
 #include <deque>
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "daemon/bus/session_gate.h"
-#include "daemon/control/command_gate.h"
+#include "daemon/bus/session_replay_filter.h"
+#include "daemon/control/command_replay_filter.h"
 #include "daemon/control/node_protocol.h"
 #include "simulation/node_setting.h"
 #include "simulation/simulated_work.h"
@@ -37,7 +37,7 @@ class NodeProcess {
   std::string id() const { return is_up() ? order_id(protocol_->order()) : ""; }
   Host& host() { return host_; }
   size_t place() const { return place_; }
-  CommandCounts counts() const { return gate_ ? gate_->counts() : CommandCounts{}; }
+  CommandCounts counts() const { return filter_ ? filter_->counts() : CommandCounts{}; }
   SimulatedWork* work() { return work_.get(); }
 
   /// Tells the places whose health this node listens to: that of the trigger's node, or of all
@@ -82,13 +82,13 @@ class NodeProcess {
   // Of the process.
   std::unique_ptr<SimulatedWork> work_;
   std::unique_ptr<NodeProtocol> protocol_;
-  std::unique_ptr<CommandGate> gate_;
+  std::unique_ptr<CommandReplayFilter> filter_;
   Duration clock_error_{};
   uint32_t session_ = 0;
   uint32_t sequence_ = 0;
-  SessionGate sessions_;
+  SessionReplayFilter sessions_;
   SessionQuestions questions_;
-  std::deque<CommandGate::Admitted> commands_;
+  std::deque<CommandReplayFilter::Admitted> commands_;
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;
   bool is_ending_ = false;

@@ -49,7 +49,7 @@ void OperatorProcess::poll() {
     if (!message) break;
     stamp_->apply(*message, wall_clock(world_, clock_error_));
     world_.events.on_send(*message);
-    world_.network.send(place_, Channel::kCommand, encode_sealed(*message, world_.key));
+    world_.network.send(place_, Channel::kCommand, encode_with_mac(*message, world_.key));
   }
   if (coordinator_->is_finished()) return finish();
   world_.time.at(coordinator_->next_due(), [this, number = ++plan_] {
@@ -58,7 +58,7 @@ void OperatorProcess::poll() {
 }
 
 void OperatorProcess::receive(const Bytes& bytes) {
-  if (!coordinator_ || !world_.key.has_sealed(bytes)) return;
+  if (!coordinator_ || !world_.key.has_valid_mac(bytes)) return;
   const auto reply = decode<ReplyMessage>(bytes);
   if (!reply || reply->command_sender != stamp_->sender()) return;
   if (reply->command_counter == coordinator_->counter()) world_.events.on_hear(*reply);

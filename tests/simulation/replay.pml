@@ -1,4 +1,4 @@
-/* How one node decides which commands of an operator are new (daemon/control/command_gate.h, StudioCoordinator::learn_nonce()), as Spin
+/* How one node decides which commands of an operator are new (daemon/control/command_replay_filter.h, StudioCoordinator::learn_nonce()), as Spin
  * checks it (docs/protocol.md).
  *
  * An operator sends a start, then a stop, each until the node has answered. Each transmission has a stamp and the nonce
@@ -68,7 +68,7 @@ bool stopped;                 /* the stop is answered */
 #define is_new(i) (is_after(stamp_of(i), counter[i], last_stamp, last_counter) && \
                    is_after(stamp_of(i), counter[i], last_stamp_before, last_counter_before))
 
-/* CommandGate::admit() and Controller::on_command(). */
+/* CommandReplayFilter::admit() and Controller::on_command(). */
 inline arrive(i) {
   if
   :: arrived_in[i] == 0 && matters(i) -> arrived_in[i] = epoch
@@ -210,7 +210,7 @@ end:
 proctype Node() {
 end:
   do
-  :: atomic {  /* CommandGate::renew_nonces() */
+  :: atomic {  /* CommandReplayFilter::renew_nonces() */
        epoch < kMaxEpochs && !stopped -> epoch_before = epoch; epoch++; forget();
        last_stamp_before = last_stamp; last_counter_before = last_counter;
        last_stamp = 0; last_counter = 0

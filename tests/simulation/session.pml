@@ -1,10 +1,10 @@
-/* Which health and pulses a receiver accepts (daemon/bus/session_gate.h, daemon/bus/message_receiver.cc), as Spin checks it
+/* Which health and pulses a receiver accepts (daemon/bus/session_replay_filter.h, daemon/bus/message_receiver.cc), as Spin checks it
  * (docs/security.md, "Clocks").
  *
  * A sender sends health and data (frames, events) in two sessions: its process restarts once. Its clock is set once,
  * forwards or backwards. The receiver restarts once, and its wall clock is set once. An adversary delivers every message
  * that was ever sent, at any time, as often as he likes, and delays questions and answers. The receiver remembers
- * kMaxSessions sessions. A tick is 5 s (SessionGate::kOldest). Checked in every state:
+ * kMaxSessions sessions. A tick is 5 s (SessionReplayFilter::kOldest). Checked in every state:
  *   - no health is accepted twice, whatever restarts and whatever the clocks show;
  *   - after its restart the receiver accepts no health of a session that had ended before;
  *   - without a step of the sender's clock, no health is accepted that is older than kOldest and the time of an answer;
@@ -39,7 +39,7 @@ byte sent;
 byte session_of[kMessages];
 byte sent_at[kMessages];      /* the sender's clock */
 
-/* The receiver: SessionGate. */
+/* The receiver: SessionReplayFilter. */
 bool is_known[kSessions];
 bool has_answered[kSessions];
 byte base[kSessions];         /* of the fast message: the sender's clock when sent, less true time when received */
@@ -113,7 +113,7 @@ inline forget_questions() {
 #endif
 }
 
-/* SessionGate::find_or_add() */
+/* SessionReplayFilter::find_or_add() */
 inline add(s) {
   if
   :: !is_known[s] ->
@@ -140,7 +140,7 @@ inline ask(s) {
   fi
 }
 
-/* SessionGate::is_recent() */
+/* SessionReplayFilter::is_recent() */
 inline judge(s, at) {
   if
   :: is_known[s] -> is_recent = agrees(t + base[s], at)
@@ -148,7 +148,7 @@ inline judge(s, at) {
   fi
 }
 
-/* SessionGate::note() */
+/* SessionReplayFilter::note() */
 inline note(s, at) {
   if
   :: !is_known[s] -> add(s); base[s] = at - t
@@ -184,7 +184,7 @@ inline arrive(i, s) {
   fi
 }
 
-/* MessageReceiver::on_answer(), SessionGate::accept() */
+/* MessageReceiver::on_answer(), SessionReplayFilter::accept() */
 inline take_answer(s) {
   was_known = is_known[s]; k_newest = answer_newest[s]; k_sent = answer_sent[s];
   end_question(s);

@@ -62,7 +62,7 @@ TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {
   write_frames(folder / "cam07.lcmlog", {0, 1, 2});
   const std::string before = read_file(folder / "cam07.lcmlog");
   for (const int64_t pulse : {7, 8}) {
-    EventLogWriter writer(folder / "cam07.lcmlog", LogOpening::kGoOn);
+    EventLogWriter writer(folder / "cam07.lcmlog", LogOpening::kContinue);
     ASSERT_TRUE(writer.write(frame_of(pulse)));
   }
   EXPECT_EQ(read_file(folder / "cam07.lcmlog"), before);

@@ -94,7 +94,7 @@ TEST_F(JoinParts, reports_missing_pulses_for_a_node_that_counted_fewer) {
 
 TEST_F(JoinParts, links_every_segment_of_the_logs) {
   {
-    EventLogWriter later(part("cap01").frames("cam01"), LogOpening::kGoOn);
+    EventLogWriter later(part("cap01").frames("cam01"), LogOpening::kContinue);
     EXPECT_TRUE(later.write(test::recorded_frame("cam01", 2, {4, 2})));
   }
   const SegmentIndex index{.bytes = 1, .whole_bytes = 1, .events = 1, .damaged_places = 0};
@@ -142,11 +142,11 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   reconstruct("recon04", 3);
   const std::vector<TakePaths> parts = {part("recon01"), part("recon02"), part("cap01"),
                                         part("cap02"),   part("recon03"), part("recon04")};
-  ASSERT_NE(part_with_meshes(parts), nullptr);
-  EXPECT_EQ(part_with_meshes(parts)->folder, part("recon03").folder);
+  ASSERT_NE(part_with_most_meshes(parts), nullptr);
+  EXPECT_EQ(part_with_most_meshes(parts)->folder, part("recon03").folder);
   join_parts(parts, whole_);
   EXPECT_EQ(MeshFileReader(whole_.mesh()).pulses().size(), 3U);
-  EXPECT_EQ(part_with_meshes({part("cap01")}), nullptr);
+  EXPECT_EQ(part_with_most_meshes({part("cap01")}), nullptr);
 }
 
 TEST_F(JoinParts, rejects_parts_without_a_recording) {
@@ -172,7 +172,7 @@ TEST_F(JoinParts, keeps_a_verification_valid_until_a_file_changes) {
   EXPECT_EQ(verified->files.size(), take_file_names(paths)->size() - 1) << "all but verified.toml";
   test::write_text(paths.slate(), "mark = 'circled'\n");
   EXPECT_TRUE(load_verified(paths)) << "the crew may write on a slate";
-  EventLogWriter later(paths.frames("cam02"), LogOpening::kGoOn);
+  EventLogWriter later(paths.frames("cam02"), LogOpening::kContinue);
   EXPECT_TRUE(later.write(test::recorded_frame("cam02", 0, {4, 2})));
   EXPECT_FALSE(load_verified(paths));
 }

@@ -150,16 +150,16 @@ TEST(Ledger, merges_the_cameras_of_all_nodes_and_the_pulses_of_the_node_with_the
     EXPECT_EQ(whole.sensed, 3);
     ASSERT_EQ(whole.cameras.size(), 2U);
     EXPECT_FALSE(whole.complete());
-    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: missing pulses 2"));
+    EXPECT_THAT(problem_lines(whole), testing::ElementsAre("cam02: missing pulses 2"));
   }
 }
 
 TEST(Ledger, lists_problems_by_camera_with_pulse_ranges) {
   Ledger ledger = whole_ledger();
-  EXPECT_TRUE(trouble_lines(ledger).empty());
+  EXPECT_TRUE(problem_lines(ledger).empty());
   ledger.cameras[3].missing = {3, 4, 5, 9};
   ledger.cameras[7].suspect = {-1, 12};
-  EXPECT_THAT(trouble_lines(ledger),
+  EXPECT_THAT(problem_lines(ledger),
               testing::ElementsAre("cam3: missing pulses 3-5, 9", "cam7: suspect pulses -1, 12"));
 }
 

@@ -58,7 +58,7 @@ TEST(MeshFile, continues_after_truncation_at_any_byte) {
   const std::string whole = read_file(folder / "whole");
   for (size_t size = 0; size <= whole.size(); ++size) {
     test::write_text(folder / "mesh.v3d", whole.substr(0, size));
-    MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+    MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kContinue);
     const size_t kept = writer.size();
     EXPECT_EQ(writer.last_pulse().has_value(), kept > 0);
     ASSERT_TRUE(writer.append(7, payload_of(7)) && writer.close());
@@ -78,7 +78,7 @@ TEST(MeshFile, keeps_existing_bytes_when_continued) {
   for (size_t size = 16; size <= whole.size(); ++size) {
     test::write_text(folder / "mesh.v3d", whole.substr(0, size));
     {
-      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kContinue);
       ASSERT_TRUE(writer.append(7, payload_of(7)));
     }
     EXPECT_EQ(read_file(folder / "mesh.v3d").substr(0, size), whole.substr(0, size));
@@ -93,7 +93,7 @@ TEST(MeshFile, keeps_every_whole_mesh_when_continued_and_truncated_again) {
     test::write_text(folder / "mesh.v3d", whole.substr(0, size));
     size_t before = 0;
     {
-      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kContinue);
       before = writer.size();
       for (int64_t pulse = 7; pulse < 17; ++pulse) {
         ASSERT_TRUE(writer.append(pulse, payload_of(pulse)));
@@ -112,7 +112,7 @@ TEST(MeshFile, does_not_continue_a_file_that_is_not_a_mesh_file) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "mesh.v3d", std::string(100, 'x'));
   EXPECT_THAT(test::message_of<InputError>(
-                  [&] { MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn); }),
+                  [&] { MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kContinue); }),
               testing::HasSubstr("is not a mesh file"));
   EXPECT_EQ(read_file(folder / "mesh.v3d"), std::string(100, 'x'));
 }

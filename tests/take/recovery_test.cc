@@ -199,7 +199,7 @@ TEST_F(TakeRecovery, is_idempotent) {
 TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
   recover_take(paths_);
   {
-    EventLogWriter frames(log(), LogOpening::kGoOn);
+    EventLogWriter frames(log(), LogOpening::kContinue);
     EXPECT_EQ(frames.path(), segment_path(log(), 1));
     for (const int64_t pulse : {kFrames, kFrames + 1}) {
       EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
@@ -216,7 +216,7 @@ TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
 TEST_F(TakeRecovery, joins_segments_across_a_gap_in_their_numbers) {
   recover_take(paths_);
   {
-    EventLogWriter second(log(), LogOpening::kGoOn);
+    EventLogWriter second(log(), LogOpening::kContinue);
     EXPECT_TRUE(second.write(test::recorded_frame(kCamera, kFrames, kSize)));
   }
   std::filesystem::rename(segment_path(log(), 1), segment_path(log(), 3));
@@ -230,8 +230,8 @@ TEST_F(TakeRecovery, includes_pulses_recorded_after_an_earlier_recovery) {
   info.state = TakeState::kRecording;
   ASSERT_TRUE(save_take_info(paths_, info));
   {
-    EventLogWriter pulses(paths_.pulses(), LogOpening::kGoOn);
-    EventLogWriter frames(log(), LogOpening::kGoOn);
+    EventLogWriter pulses(paths_.pulses(), LogOpening::kContinue);
+    EventLogWriter frames(log(), LogOpening::kContinue);
     for (const int64_t pulse : {kFrames + 1, kFrames + 2}) {
       PulseMessage sensed;
       sensed.pulse = pulse;
@@ -267,7 +267,7 @@ TEST(MeshFileRecovery, changes_no_byte_when_a_record_is_unreadable) {
   const std::string before = read_file(path);
   {
     const test::UnreadableByte bad(16 + 124 + 10);  // in the head of the second record
-    EXPECT_THROW(MeshFileWriter(path, LogOpening::kGoOn), InputError);
+    EXPECT_THROW(MeshFileWriter(path, LogOpening::kContinue), InputError);
   }
   EXPECT_EQ(read_file(path), before);
   EXPECT_EQ(MeshFileReader(path).pulses().size(), 5U);

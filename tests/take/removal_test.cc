@@ -91,7 +91,7 @@ TEST_F(TakeRemoval, detects_a_frame_in_any_segment) {
   { const EventLogWriter empty(paths_.frames("cam07")); }
   EXPECT_FALSE(may_hold_frames(paths_));
   {
-    EventLogWriter second(paths_.frames("cam07"), LogOpening::kGoOn);
+    EventLogWriter second(paths_.frames("cam07"), LogOpening::kContinue);
     EXPECT_TRUE(second.write(test::recorded_frame("cam07", 0, {64, 48})));
   }
   EXPECT_TRUE(may_hold_frames(paths_));

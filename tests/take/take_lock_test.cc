@@ -26,7 +26,8 @@ TEST_F(TakeLocks, exclude_a_second_process_of_the_same_node_until_the_first_ends
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, EWOULDBLOCK);
   EXPECT_THAT(second.error().message, HasSubstr("process " + std::to_string(first.pid()) + " on "));
-  EXPECT_THAT(recorder_of(paths_), HasSubstr("process " + std::to_string(first.pid()) + " on "));
+  EXPECT_THAT(take_lock_holder(paths_),
+              HasSubstr("process " + std::to_string(first.pid()) + " on "));
   first.kill();
   const auto after = TakeLock::acquire(paths_, "cap01");
   ASSERT_TRUE(after) << after.error().message;
@@ -42,7 +43,7 @@ TEST_F(TakeLocks, leave_no_file_and_ignore_the_file_of_an_ended_process) {
   { const auto lock = TakeLock::acquire(paths_, "cap01"); }
   EXPECT_TRUE(fs::is_empty(folder_.path()));
   test::write_text(paths_.folder / ".cap01.lock", "process 1 on cap01\n");
-  EXPECT_EQ(recorder_of(paths_), "");
+  EXPECT_EQ(take_lock_holder(paths_), "");
   EXPECT_TRUE(TakeLock::acquire(paths_, "cap01"));
 }
 

@@ -79,7 +79,7 @@ class TakeSigning : public testing::Test {
       ledger.cameras.push_back(account.ledger(camera, kPulses));
       ledger.files.push_back(frames.file());
     }
-    save_whole_account(paths, info, ledger);
+    save_account_or_throw(paths, info, ledger);
     io::throw_if_failed(sign_take(paths, {node, key}, ledger.files));
   }
 

@@ -5,7 +5,7 @@ import { mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe, isNear } from './eyes.mjs';
-import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
+import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
@@ -52,7 +52,7 @@ before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   probe = new PageProbe(page);
 });
 after(async () => {

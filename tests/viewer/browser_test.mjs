@@ -5,7 +5,7 @@ import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe, isNear } from './eyes.mjs';
-import { launchBrowser, NO_GL, ServedStudio, WITHIN } from './served_studio.mjs';
+import { launchBrowser, NO_GL, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
@@ -47,7 +47,7 @@ before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   probe = new PageProbe(page);
 });
 after(async () => {
@@ -93,7 +93,7 @@ test('plays repeatedly from the in point to the out point', async () => {
   await page.keyboard.press(' ');
   const seen = new Set();
   await assert.doesNotReject(async () => {
-    const until = Date.now() + WITHIN;
+    const until = Date.now() + TIMEOUT_MS;
     let rounds = 0;
     for (let last = 0; rounds < 2; ) {
       const pulse = await shownPulse();
@@ -109,7 +109,7 @@ test('plays repeatedly from the in point to the out point', async () => {
 
 test('shows the view from the position of a camera', async () => {
   await page.click('[data-camera=cam01]');
-  await page.waitForSelector('#image-frame:not([hidden])', { timeout: WITHIN });
+  await page.waitForSelector('#image-frame:not([hidden])', { timeout: TIMEOUT_MS });
   await middleBecomes([40, 40, 200]);
 });
 
@@ -182,8 +182,8 @@ test('shows operators which nodes are silent', async () => {
 test('reports a browser without WebGL 2', async () => {
   const bare = await launchBrowser(NO_GL);
   const other = await bare.newPage();
-  other.setDefaultTimeout(WITHIN);
+  other.setDefaultTimeout(TIMEOUT_MS);
   await other.goto(studio.address);
-  await other.waitForFunction(() => document.getElementById('trouble').textContent.includes('no WebGL 2'), null, { timeout: WITHIN });
+  await other.waitForFunction(() => document.getElementById('trouble').textContent.includes('no WebGL 2'), null, { timeout: TIMEOUT_MS });
   await bare.close();
 });

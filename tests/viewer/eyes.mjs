@@ -1,6 +1,6 @@
 // Reads texts and colours of a page of the viewer.
 import assert from 'node:assert/strict';
-import { WITHIN } from './served_studio.mjs';
+import { TIMEOUT_MS } from './served_studio.mjs';
 
 /** Largest difference of a colour channel from the expected value. */
 const TOLERANCE = 6;
@@ -17,7 +17,7 @@ export class PageProbe {
   }
   shows(id, part) {
     const has = ([i, p]) => document.getElementById(i).textContent.includes(p);
-    return this.page.waitForFunction(has, [id, part], { timeout: WITHIN });
+    return this.page.waitForFunction(has, [id, part], { timeout: TIMEOUT_MS });
   }
   showsPulse(pulse) {
     return this.shows('facts', `pulse ${pulse} `);
@@ -36,7 +36,7 @@ export class PageProbe {
    */
   async settled() {
     await this.drawn();
-    await this.page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: WITHIN });
+    await this.page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: TIMEOUT_MS });
   }
   /** Waits until the page shows this scene completely. */
   async settles(scene) {
@@ -67,7 +67,7 @@ export class PageProbe {
 
   /** Waits until `check` accepts the colour that `seen` returns, because a change is drawn with the next frame. */
   async becomes(check, what, seen = () => this.colourAt(0.5, 0.5)) {
-    const until = Date.now() + WITHIN;
+    const until = Date.now() + TIMEOUT_MS;
     for (let colour; !check((colour = await seen())); ) {
       if (Date.now() > until) assert.fail(`${what}: the colour is ${colour}`);
     }

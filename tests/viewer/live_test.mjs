@@ -5,7 +5,7 @@ import { spawn } from 'node:child_process';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe } from './eyes.mjs';
-import { launchBrowser, LCM_URL, ServedStudio, WITHIN } from './served_studio.mjs';
+import { launchBrowser, LCM_URL, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
@@ -58,13 +58,13 @@ function checkMeshes() {
   };
 }
 const seenMeshes = () => page.evaluate(() => globalThis.seenMeshes);
-const seesPulse = (first) => page.waitForFunction((n) => globalThis.seenMeshes.some(({ pulse }) => pulse >= n), first, { timeout: WITHIN });
+const seesPulse = (first) => page.waitForFunction((n) => globalThis.seenMeshes.some(({ pulse }) => pulse >= n), first, { timeout: TIMEOUT_MS });
 
 before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 500, height: 400 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   probe = new PageProbe(page);
   await page.addInitScript(checkMeshes);
   await page.goto(`${studio.address}#live`);
@@ -127,7 +127,7 @@ test('continues with live meshes after a restart of the service', async () => {
     await probe.shows('live-text', 'connecting');
     const before = (await seenMeshes()).length;
     await studio.start();
-    await page.waitForFunction((n) => globalThis.seenMeshes.length > n + 5, before, { timeout: WITHIN });
+    await page.waitForFunction((n) => globalThis.seenMeshes.length > n + 5, before, { timeout: TIMEOUT_MS });
     assert.deepEqual((await seenMeshes()).filter(({ wrong }) => wrong), []);
     assert.match(await probe.text('live-text'), /connected/);
   } finally {

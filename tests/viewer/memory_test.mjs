@@ -4,7 +4,7 @@ import { execFileSync } from 'node:child_process';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { megabytes, memoryOf } from './page_memory.mjs';
-import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
+import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
@@ -21,7 +21,7 @@ before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 420, height: 320 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
 });
 after(async () => {
   await browser?.close();

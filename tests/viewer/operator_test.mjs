@@ -4,7 +4,7 @@ import { mkdirSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { LiveStudio, OPERATOR_TOKEN } from './live_studio.mjs';
-import { launchBrowser, WITHIN } from './served_studio.mjs';
+import { launchBrowser, TIMEOUT_MS } from './served_studio.mjs';
 
 const studio = new LiveStudio(process.env.V3D_BUILD);
 let browser, page;
@@ -13,13 +13,13 @@ const text = (id) => page.textContent(`#${id}`);
 /** Waits until the text of element `id` holds `part`; else fails with its text. */
 async function shows(id, part) {
   try {
-    await page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
+    await page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: TIMEOUT_MS });
   } catch (error) {
     assert.fail(`#${id} does not show "${part}" but "${await text(id)}": ${error.message}`);
   }
 }
-const offers = (order) => page.waitForSelector(`[data-order=${order}]:enabled`, { timeout: WITHIN });
-const recordsNow = () => page.waitForSelector('body.recording', { timeout: WITHIN });
+const offers = (order) => page.waitForSelector(`[data-order=${order}]:enabled`, { timeout: TIMEOUT_MS });
+const recordsNow = () => page.waitForSelector('body.recording', { timeout: TIMEOUT_MS });
 /** The page shows the verdict that `v3dctl verify` prints about a take of the studio; "complete" or "incomplete". */
 async function showsVerdict(take) {
   await shows('last-order', `take ${take}: `);
@@ -38,7 +38,7 @@ async function picture(name) {
 async function unlock() {
   await page.fill('#token', OPERATOR_TOKEN);
   await page.click('#unlock button');
-  await page.waitForSelector('#orders:not([hidden])', { timeout: WITHIN });
+  await page.waitForSelector('#orders:not([hidden])', { timeout: TIMEOUT_MS });
 }
 async function arm(take, seconds = '') {
   await offers('arm');
@@ -52,7 +52,7 @@ before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   await page.goto(`${studio.address}studio.html`);
 });
 after(async () => {
@@ -72,7 +72,7 @@ test('offers no order without the operators\' token', async () => {
 });
 
 test('unlocks this tab only, after the pause that follows a wrong token', async () => {
-  const until = Date.now() + WITHIN;
+  const until = Date.now() + TIMEOUT_MS;
   while (await page.isHidden('#orders')) {
     assert.ok(Date.now() < until, await text('order-trouble'));
     await page.fill('#token', OPERATOR_TOKEN);
@@ -84,7 +84,7 @@ test('unlocks this tab only, after the pause that follows a wrong token', async 
   await page.waitForSelector('#orders:not([hidden])');
   const other = await browser.newPage();
   await other.goto(`${studio.address}studio.html`);
-  await other.waitForSelector('#unlock:not([hidden])', { timeout: WITHIN });
+  await other.waitForSelector('#unlock:not([hidden])', { timeout: TIMEOUT_MS });
   await other.close();
 });
 
@@ -115,19 +115,19 @@ test('shows a red page while recording, then the verdict of v3dctl', async () =>
   await recordsNow();
   assert.match(await text('recording'), /RECORDING.*kendo-07/s);
   assert.match(await page.title(), /^● kendo-07/);
-  await page.waitForFunction(() => parseInt(document.getElementById('recording-facts').textContent) >= 30, null, { timeout: WITHIN });
+  await page.waitForFunction(() => parseInt(document.getElementById('recording-facts').textContent) >= 30, null, { timeout: TIMEOUT_MS });
   await picture('recording');
   await offers('stop');
   await page.click('[data-order=stop]');
   const verdict = await showsVerdict('kendo-07');
   await page.waitForSelector('body:not(.recording)');
-  await page.waitForSelector(`[data-take=kendo-07] .verdict.${verdict}`, { timeout: WITHIN });
+  await page.waitForSelector(`[data-take=kendo-07] .verdict.${verdict}`, { timeout: TIMEOUT_MS });
   await picture('stopped');
   await shows('events', `127.0.0.1: stop: done: take kendo-07: ${verdict}`);
 });
 
 test('proposes the name of the next take', async () => {
-  await page.waitForFunction(() => document.getElementById('take-name').value === 'kendo-08', null, { timeout: WITHIN });
+  await page.waitForFunction(() => document.getElementById('take-name').value === 'kendo-08', null, { timeout: TIMEOUT_MS });
 });
 
 test('shows the verdict of a take that ended after its duration', async () => {
@@ -165,7 +165,7 @@ test('shows the message of v3dctl about a rejected order', async () => {
 });
 
 test('accepts a reply that arrives after the end of its order', async () => {
-  const refused = () => page.waitForSelector('#last-order:has-text("kendo-08") .alarm', { timeout: WITHIN });
+  const refused = () => page.waitForSelector('#last-order:has-text("kendo-08") .alarm', { timeout: TIMEOUT_MS });
   await page.route('**/api/order', async (route) => {
     const answer = await route.fetch();
     await refused();
@@ -189,7 +189,7 @@ test('locks the page again on request', async () => {
 test('works by touch on a tablet', async () => {
   const context = await browser.newContext({ viewport: { width: 768, height: 1024 }, hasTouch: true });
   page = await context.newPage();
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   await page.goto(`${studio.address}studio.html`);
   await unlock();
   await offers('arm');

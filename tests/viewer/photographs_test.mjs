@@ -6,7 +6,7 @@ import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe } from './eyes.mjs';
-import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
+import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
@@ -106,7 +106,7 @@ before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1100, height: 720 } });
-  page.setDefaultTimeout(WITHIN);
+  page.setDefaultTimeout(TIMEOUT_MS);
   probe = new PageProbe(page);
 });
 after(async () => {
@@ -139,7 +139,7 @@ test('shows the photograph of the shown pulse over the view, also after playback
     const seen = (window.pulsesSeen ??= new Set());
     seen.add(/pulse (\d+)/.exec(document.getElementById('facts').textContent)?.[1]);
     return seen.size >= 3;
-  }, null, { timeout: WITHIN });
+  }, null, { timeout: TIMEOUT_MS });
   await page.keyboard.press(' ');
   await page.keyboard.press('Home');
   await page.keyboard.press('ArrowRight');

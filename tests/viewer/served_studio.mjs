@@ -7,7 +7,7 @@ import { join } from 'node:path';
 import { chromium } from '../../tools/viewer/node_modules/playwright-core/index.mjs';
 
 /** Timeout of all waits, ms. It is long because the machine may be busy. */
-export const WITHIN = 60_000;
+export const TIMEOUT_MS = 60_000;
 
 export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
 
@@ -15,7 +15,7 @@ const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enab
 export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
 
 /** Debian's Chromium, which renders on the processor. */
-export const launchBrowser = (args = GL) => chromium.launch({ executablePath: '/usr/bin/chromium', args, timeout: WITHIN });
+export const launchBrowser = (args = GL) => chromium.launch({ executablePath: '/usr/bin/chromium', args, timeout: TIMEOUT_MS });
 
 const studioFile = (port, page, takes, calib) => `
 name = "dojo"

@@ -26,29 +26,29 @@ CommandMessage start() {
 
 TEST(StudioKey, accepts_its_own_mac) {
   const StudioKey key = StudioKey::make();
-  EXPECT_TRUE(key.has_sealed(encode_sealed(start(), key)));
-  EXPECT_TRUE(decode<CommandMessage>(encode_sealed(start(), key)));
-  EXPECT_TRUE(key.has_sealed(encode_sealed(ReplyMessage{}, key)));
+  EXPECT_TRUE(key.has_valid_mac(encode_with_mac(start(), key)));
+  EXPECT_TRUE(decode<CommandMessage>(encode_with_mac(start(), key)));
+  EXPECT_TRUE(key.has_valid_mac(encode_with_mac(ReplyMessage{}, key)));
 }
 
 TEST(StudioKey, rejects_a_message_without_mac_and_the_mac_of_another_key) {
   const StudioKey key = StudioKey::make();
-  EXPECT_FALSE(key.has_sealed(encode(start())));
-  EXPECT_FALSE(key.has_sealed(encode_sealed(start(), StudioKey::make())));
-  EXPECT_FALSE(key.has_sealed({}));
-  EXPECT_FALSE(key.has_sealed(Bytes(kSealSize)));
+  EXPECT_FALSE(key.has_valid_mac(encode(start())));
+  EXPECT_FALSE(key.has_valid_mac(encode_with_mac(start(), StudioKey::make())));
+  EXPECT_FALSE(key.has_valid_mac({}));
+  EXPECT_FALSE(key.has_valid_mac(Bytes(kCommandMacSize)));
 }
 
 TEST(StudioKey, rejects_any_changed_bit_and_any_truncation) {
   const StudioKey key = StudioKey::make();
-  const Bytes sealed = encode_sealed(start(), key);
-  for (size_t bit = 0; bit < 8 * sealed.size(); ++bit) {
-    Bytes changed = sealed;
+  const Bytes authenticated = encode_with_mac(start(), key);
+  for (size_t bit = 0; bit < 8 * authenticated.size(); ++bit) {
+    Bytes changed = authenticated;
     changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
-    EXPECT_FALSE(key.has_sealed(changed)) << "bit " << bit;
+    EXPECT_FALSE(key.has_valid_mac(changed)) << "bit " << bit;
   }
-  for (size_t size = 0; size < sealed.size(); ++size) {
-    EXPECT_FALSE(key.has_sealed(std::span(sealed).first(size))) << size << " bytes";
+  for (size_t size = 0; size < authenticated.size(); ++size) {
+    EXPECT_FALSE(key.has_valid_mac(std::span(authenticated).first(size))) << size << " bytes";
   }
 }
 
@@ -65,7 +65,7 @@ class StudioKeyFile : public testing::Test {
 TEST_F(StudioKeyFile, is_loaded_as_the_key_that_was_saved) {
   const StudioKey key = StudioKey::make();
   key.save(path_);
-  EXPECT_TRUE(StudioKey::load(path_).has_sealed(encode_sealed(start(), key)));
+  EXPECT_TRUE(StudioKey::load(path_).has_valid_mac(encode_with_mac(start(), key)));
 }
 
 TEST_F(StudioKeyFile, is_private_to_its_owner_and_never_overwritten) {

@@ -37,7 +37,7 @@ std::shared_ptr<const MemberList> members_with(const SigningKey& operator_key) {
 /// Verifies one command again and again.
 void verify(benchmark::State& state, const Credentials& credentials) {
   const MonotonicInstant now = Monotonic::now();
-  const Bytes command = credentials.seal(encode(stop_command()), now);
+  const Bytes command = credentials.authenticate(encode(stop_command()), now);
   measure(state, 1, 0, [&] {
     if (credentials.open_command(command, now).result != OpenedCommand::Result::kAccepted) {
       state.SkipWithError("the command was rejected");

@@ -16,7 +16,7 @@ std::vector<calib::CameraObservations> walk(const calib::Board& board, int camer
   for (const RigCamera& c : rig) seen.push_back({c.name, c.model.size(), {}});
   sim::BoardWalkOptions options;
   options.boards = 400;
-  for (const sim::SeenCorner& s : sim::walk_board(rig, corners, options).corners) {
+  for (const sim::ObservedCorner& s : sim::walk_board(rig, corners, options).corners) {
     calib::BoardObservation& observation = seen[s.camera].observations[s.board];
     observation.corners.push_back(s.corner);
     observation.pixels.push_back(s.pixel);

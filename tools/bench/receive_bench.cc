@@ -48,14 +48,14 @@ class BusPair {
  public:
   explicit BusPair(std::atomic<int64_t>& received) {
     const StudioKey key = StudioKey::make();
-    sender_.seal().set_key(key);
-    receiver_.seal().set_key(key);
+    sender_.authenticator().set_key(key);
+    receiver_.authenticator().set_key(key);
     listening_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const ReceivedMessage& in) {
       if (decode<FrameMessage>(in.bytes)) ++received;
     }));
   }
   void send(int camera, const Bytes& frame) {
-    sender_.publish_sealed(frame_channel(rig()[camera].name), frame);
+    sender_.publish_authenticated(frame_channel(rig()[camera].name), frame);
   }
 
  private:
@@ -80,8 +80,8 @@ class LcmPair {
     thread_.join();
   }
   void send(int camera, Bytes frame) {
-    frame.resize(frame.size() + kSealSize);
-    key_.seal(frame);
+    frame.resize(frame.size() + kCommandMacSize);
+    key_.add_mac(frame);
     lcm_publish(sender_.get(), frame_channel(rig()[camera].name).c_str(), frame.data(),
                 static_cast<unsigned>(frame.size()));
   }
@@ -91,8 +91,8 @@ class LcmPair {
   static void on_message(const lcm_recv_buf_t* in, const char*, void* user) {
     LcmPair& pair = *static_cast<LcmPair*>(user);
     const std::span bytes(static_cast<const uint8_t*>(in->data), in->data_size);
-    if (!pair.key_.has_sealed(bytes)) return;
-    if (decode<FrameMessage>(bytes.first(bytes.size() - kSealSize))) ++pair.received_;
+    if (!pair.key_.has_valid_mac(bytes)) return;
+    if (decode<FrameMessage>(bytes.first(bytes.size() - kCommandMacSize))) ++pair.received_;
   }
   const StudioKey key_ = StudioKey::make();
   std::atomic<int64_t>& received_;

@@ -3,7 +3,7 @@ import { readFileSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { basename, dirname, join } from 'node:path';
 import { megabytes, memoryOf } from '../../tests/viewer/page_memory.mjs';
-import { launchBrowser, ServedStudio, WITHIN } from '../../tests/viewer/served_studio.mjs';
+import { launchBrowser, ServedStudio, TIMEOUT_MS } from '../../tests/viewer/served_studio.mjs';
 
 const [build, take, wanted] = process.argv.slice(2);
 const MOST_GROWTH = 32e6;
@@ -53,7 +53,7 @@ async function playFor(browser, frames, warm) {
   try {
     const page = await browser.newPage({ viewport: { width: 640, height: 480 } });
     await page.goto(`${studio.address}#take=${basename(take)}`);
-    await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0, null, { timeout: WITHIN });
+    await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0, null, { timeout: TIMEOUT_MS });
     await page.selectOption('#speed', '4');
     const shows = (n) => page.waitForFunction((most) => Number(document.getElementById('canvas').dataset.shown) >= most, n, { timeout: 0 });
     await shows(warm);

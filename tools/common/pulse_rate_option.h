@@ -12,7 +12,7 @@ namespace v3d {
 inline std::string check_pulse_rate(const std::string& text) {
   double hz = 0;
   if (!CLI::detail::lexical_cast(text, hz)) return "expected a number of Hz, found '" + text + "'";
-  return is_pulse_rate(hz) ? std::string() : impossible_pulse_rate(hz);
+  return is_pulse_rate(hz) ? std::string() : pulse_rate_error(hz);
 }
 
 }  // namespace v3d

@@ -35,7 +35,7 @@ int run(const Arguments& arguments) {
               << format_count(check.frames_mislabelled) << " mislabelled, "
               << format_count(check.mislabelled_not_suspect) << " of them not suspect\n";
   }
-  return check.whole() ? kExitDone : kExitNotWhole;
+  return check.whole() ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

@@ -101,7 +101,7 @@ Fault read_fault(const TomlTable& table, const Rig& rig, std::optional<int64_t> 
     fault.new_clock = table.boolean_or("new_clock", false);
   }
   if (fault.kind == FaultKind::kClock) read_clock(table, fault);
-  table.refuse_unknown();
+  table.reject_unknown_fields();
   return fault;
 }
 
@@ -121,7 +121,7 @@ std::vector<Fault> parse_faults(std::string_view text, const std::filesystem::pa
     }
     faults.push_back(fault);
   }
-  file.refuse_unknown();
+  file.reject_unknown_fields();
   return faults;
 }
 

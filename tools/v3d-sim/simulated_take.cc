@@ -235,7 +235,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   }
   info.pulses = take.frames;
   info.state = TakeState::kComplete;
-  save_whole_account(paths, info, ledger);
+  save_account_or_throw(paths, info, ledger);
 }
 
 }  // namespace v3d::sim

@@ -81,7 +81,7 @@ fs::path find_program(const std::string& name) {
 
 int run_external(const std::string& name, const std::vector<std::string>& words) {
   const fs::path program = find_program("v3dctl-" + name);
-  become_program(program, words);
+  exec_program(program, words);
   throw std::runtime_error(errno_message(program.string()));
 }
 

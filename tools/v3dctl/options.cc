@@ -86,7 +86,7 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take) 
   if (frames == 0) return kExitDone;
   note("v3dctl: a camera is missing in " + count_of(frames, "frame") + ": see v3dctl verify " +
        take.string());
-  return kExitNotWhole;
+  return kExitIncomplete;
 }
 
 void add_frames_option(CLI::App* command, std::string& value) {

@@ -31,7 +31,7 @@ std::vector<std::string> parse_names(std::string_view text, std::string_view opt
 std::string count_of(int64_t n, const std::string& singular);
 
 /// Reports on stderr how many `frames` of the take are incomplete: a camera has no frame there, or
-/// its frame cannot be read. Returns kExitDone where there are none, otherwise kExitNotWhole.
+/// its frame cannot be read. Returns kExitDone where there are none, otherwise kExitIncomplete.
 int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 
 void add_frames_option(CLI::App* command, std::string& value);

@@ -15,7 +15,7 @@ TEST(PulseRate, accepts_the_range_with_both_limits) {
 }
 
 TEST(PulseRate, error_message_contains_the_range) {
-  EXPECT_EQ(impossible_pulse_rate(5000),
+  EXPECT_EQ(pulse_rate_error(5000),
             "a pulse rate of 5000 Hz is not possible; expected 0.01 to 1000 Hz");
 }
 

@@ -301,8 +301,8 @@ TEST(StudioFile, reports_the_requirements_of_a_free_running_camera) {
   const std::string free =
       with("address = \"V3D-SIM-01\"", "address = \"/dev/video0\"\nkind = \"v4l2\"");
   const Studio studio = parse_studio(free, "studio.toml");
-  EXPECT_TRUE(studio.cameras[0].runs_free());
-  EXPECT_FALSE(studio.cameras[1].runs_free());
+  EXPECT_TRUE(studio.cameras[0].is_free_running());
+  EXPECT_FALSE(studio.cameras[1].is_free_running());
   const auto changed = [&](std::string_view from, std::string_view to) {
     std::string text = free;
     return text.replace(text.find(from), from.size(), to);

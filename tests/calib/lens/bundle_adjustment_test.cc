@@ -32,7 +32,7 @@ Case make_case(const Distortion& distortion) {
   for (const RigCamera& camera : rig) c.truth.cameras.push_back(camera.model);
   c.truth.world_from_board = walk.world_from_board;
   std::vector<bool> seen(walk.world_from_board.size(), false);
-  for (const sim::SeenCorner& s : walk.corners) {
+  for (const sim::ObservedCorner& s : walk.corners) {
     c.truth.observations.push_back({s.camera, s.board, s.corner, s.pixel});
     seen[s.board] = true;
   }

@@ -6,7 +6,7 @@
 #include "base/core/error.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "sim/rendering/scene.h"
-#include "support/knocked_rig.h"
+#include "support/displaced_rig.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

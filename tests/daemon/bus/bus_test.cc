@@ -118,19 +118,19 @@ class FrameGroups : public testing::Test {
 };
 
 TEST_F(FrameGroups, deliver_the_frames_of_their_pulses_only) {
-  receiver_.hear_frames({1});
+  receiver_.join_frame_groups({1});
   for (int64_t pulse = 0; pulse < 11; ++pulse) send(pulse);
   EXPECT_EQ(until(10), (std::vector<int64_t>{1, 4, 7, 10}));
 }
 
 TEST_F(FrameGroups, are_joined_and_left_while_frames_arrive) {
-  receiver_.hear_frames({0});
+  receiver_.join_frame_groups({0});
   for (int64_t pulse = 0; pulse < 4; ++pulse) send(pulse);
   EXPECT_EQ(until(3), (std::vector<int64_t>{0, 3}));
-  receiver_.hear_frames({0, 1, 2});
+  receiver_.join_frame_groups({0, 1, 2});
   for (int64_t pulse = 4; pulse < 7; ++pulse) send(pulse);
   EXPECT_THAT(next(3), UnorderedElementsAre(4, 5, 6)) << "groups are not ordered";
-  receiver_.hear_frames({2});
+  receiver_.join_frame_groups({2});
   for (int64_t pulse = 9; pulse < 12; ++pulse) send(pulse);
   EXPECT_THAT(until(11), testing::Not(testing::Contains(9)));
 }
@@ -139,7 +139,7 @@ TEST_F(FrameGroups, do_not_change_other_channels) {
   Bus without_groups(kUrl);
   Subscription<EventMessage> events(without_groups, kEventChannel, 8);
   Subscription<EventMessage> events_too(receiver_, kEventChannel, 8);
-  receiver_.hear_frames({0, 1, 2});
+  receiver_.join_frame_groups({0, 1, 2});
   ASSERT_TRUE(sender_.publish(kEventChannel, encode(event(3))));
   EXPECT_TRUE(events.wait(within(10)));
   EXPECT_TRUE(events_too.wait(within(10)));
@@ -149,9 +149,9 @@ TEST_F(FrameGroups, do_not_change_other_channels) {
 TEST_F(FrameGroups, are_joined_by_receivers_and_not_by_senders) {
   send(0);
   EXPECT_THAT(joined(), IsEmpty());
-  receiver_.hear_frames({1, 2});
+  receiver_.join_frame_groups({1, 2});
   EXPECT_THAT(joined(), ElementsAre(1, 2));
-  receiver_.hear_frames({2});
+  receiver_.join_frame_groups({2});
   EXPECT_TRUE(becomes_true([] { return joined() == std::vector{2}; }, within(10)));
 }
 
@@ -187,31 +187,31 @@ TEST(Subscription, may_end_before_the_bus) {
 
 TEST(Subscription, accepts_only_authentic_messages_when_there_is_a_key) {
   Bus bus(kUrl);
-  bus.seal().set_key(StudioKey::make());
+  bus.authenticator().set_key(StudioKey::make());
   Subscription<EventMessage> events(bus, kEventChannel, 8);
   Bus attacker(kUrl);
-  attacker.seal().set_key(StudioKey::make());
+  attacker.authenticator().set_key(StudioKey::make());
   bus.publish(kEventChannel, encode(event(0)));
-  attacker.publish_sealed(kEventChannel, encode(event(1)));
-  bus.publish_sealed(kEventChannel, encode(event(2)));
+  attacker.publish_authenticated(kEventChannel, encode(event(1)));
+  bus.publish_authenticated(kEventChannel, encode(event(2)));
   const auto got = events.wait(within(10));
   ASSERT_TRUE(got);
   EXPECT_EQ(got->seq, 2);
-  EXPECT_EQ(bus.seal().counts().forged, 2);
+  EXPECT_EQ(bus.authenticator().counts().forged, 2);
 }
 
 TEST(Subscription, counts_equal_messages_that_were_sent_separately_as_no_replay) {
   Bus bus(kUrl);
-  bus.seal().set_key(StudioKey::make());
+  bus.authenticator().set_key(StudioKey::make());
   Subscription<EventMessage> events(bus, kEventChannel, 8);
-  for (int i = 0; i < 4; ++i) bus.publish_sealed(kEventChannel, encode(event(7)));
+  for (int i = 0; i < 4; ++i) bus.publish_authenticated(kEventChannel, encode(event(7)));
   for (int i = 0; i < 4; ++i) ASSERT_TRUE(events.wait(within(10)));
-  EXPECT_EQ(bus.seal().counts().replayed, 0);
+  EXPECT_EQ(bus.authenticator().counts().replayed, 0);
 }
 
 TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
   Bus bus(kUrl);
-  bus.seal().set_key(StudioKey::make());
+  bus.authenticator().set_key(StudioKey::make());
   Subscription<HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
   HealthMessage idle;
   idle.node = "cap02";
@@ -219,7 +219,7 @@ TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
   // Messages are dropped until the session has answered a question.
   ASSERT_TRUE(becomes_true(
       [&] {
-        bus.publish_sealed(health_channel("cap01"), encode(idle));
+        bus.publish_authenticated(health_channel("cap01"), encode(idle));
         return health.counts().undecodable > 0;
       },
       within(10)));
@@ -235,14 +235,14 @@ class MemberBuses : public testing::Test {
   }
   std::unique_ptr<Bus> bus_of(const SigningKey& key) const {
     auto bus = std::make_unique<Bus>(kUrl, std::vector<std::string>{}, ChannelList(studio_));
-    bus->seal().set_key(studio_key_);
-    bus->seal().members().require();
-    bus->seal().members().set_members(std::make_shared<const MemberList>(
+    bus->authenticator().set_key(studio_key_);
+    bus->authenticator().members().require();
+    bus->authenticator().members().set_members(std::make_shared<const MemberList>(
         MemberList{"kyoto",
                    1,
                    {{"cap01", Role::kCapture, cap01_.public_key()},
                     {"cap02", Role::kCapture, cap02_.public_key()}}}));
-    bus->seal().members().set_signing_key(key);
+    bus->authenticator().members().set_signing_key(key);
     return bus;
   }
 
@@ -254,10 +254,10 @@ class MemberBuses : public testing::Test {
 TEST_F(MemberBuses, accept_events_only_from_the_node_that_they_name) {
   const auto cap01 = bus_of(cap01_), cap02 = bus_of(cap02_), listener = bus_of(cap02_);
   Subscription<EventMessage> events(*listener, kEventChannel, 8);
-  cap02->publish_sealed(kEventChannel, encode(event(1)));
-  cap01->publish_sealed(kEventChannel, encode(event(2)));
+  cap02->publish_authenticated(kEventChannel, encode(event(1)));
+  cap01->publish_authenticated(kEventChannel, encode(event(2)));
   EXPECT_EQ(events.wait(within(10)).value().seq, 2);
-  EXPECT_EQ(listener->seal().counts().not_signed, 1);
+  EXPECT_EQ(listener->authenticator().counts().not_signed, 1);
 }
 
 TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
@@ -269,23 +269,23 @@ TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   HealthMessage idle;
   idle.node = "cap01";
   const auto arrive = [&] {
-    cap01->publish_sealed(kPulseChannel, encode(PulseMessage{}));
-    cap01->publish_sealed(health_channel("cap01"), encode(idle));
+    cap01->publish_authenticated(kPulseChannel, encode(PulseMessage{}));
+    cap01->publish_authenticated(health_channel("cap01"), encode(idle));
     return pulses.counts().received > 0 && health.counts().received > 0;
   };
   EXPECT_TRUE(becomes_true(arrive, within(10)));
-  EXPECT_EQ(listener->seal().counts().not_signed, 0);
+  EXPECT_EQ(listener->authenticator().counts().not_signed, 0);
 }
 
 TEST_F(MemberBuses, send_a_signature_after_a_message_only_when_members_are_required) {
   const test::RawSocket network(kUrl);
   const Bytes message = encode(event(1));
   const auto signed_bus = bus_of(cap01_);
-  signed_bus->publish_sealed(kEventChannel, message);
+  signed_bus->publish_authenticated(kEventChannel, message);
   const auto with_signature = network.receive(std::chrono::seconds(10));
   Bus plain(kUrl);
-  plain.seal().set_key(studio_key_);
-  plain.publish_sealed(kEventChannel, message);
+  plain.authenticator().set_key(studio_key_);
+  plain.publish_authenticated(kEventChannel, message);
   const auto without = network.receive(std::chrono::seconds(10));
   EXPECT_EQ(without.size(), 8 + sizeof kEventChannel + message.size() + kMacTrailerSize);
   EXPECT_EQ(with_signature.size(), without.size() + kMessageSignatureSize);
@@ -293,19 +293,19 @@ TEST_F(MemberBuses, send_a_signature_after_a_message_only_when_members_are_requi
 
 TEST(Subscription, reads_authenticated_messages_without_a_key) {
   Bus sender(kUrl);
-  sender.seal().set_key(StudioKey::make());
+  sender.authenticator().set_key(StudioKey::make());
   Bus receiver(kUrl);
   Subscription<EventMessage> events(receiver, kEventChannel, 8);
-  sender.publish_sealed(kEventChannel, encode(event(3)));
+  sender.publish_authenticated(kEventChannel, encode(event(3)));
   EXPECT_EQ(events.wait(within(10)).value().seq, 3);
 }
 
 TEST(Subscription, rejects_all_messages_without_a_key_when_authentication_is_required) {
   Bus bus(kUrl);
-  bus.seal().insist();
+  bus.authenticator().require_authentication();
   Subscription<EventMessage> events(bus, kEventChannel, 8);
-  bus.publish_sealed(kEventChannel, encode(event(3)));
-  ASSERT_TRUE(becomes_true([&] { return bus.seal().counts().unkeyed == 1; }, within(10)));
+  bus.publish_authenticated(kEventChannel, encode(event(3)));
+  ASSERT_TRUE(becomes_true([&] { return bus.authenticator().counts().unkeyed == 1; }, within(10)));
   EXPECT_EQ(events.counts().received, 0);
 }
 
@@ -355,20 +355,21 @@ TEST(Bus, counts_datagrams_that_the_kernel_drops_while_a_handler_blocks) {
 TEST(Bus, carries_a_reply_of_several_datagrams_and_verifies_each) {
   const StudioKey key = StudioKey::make();
   Bus node(kUrl);
-  node.seal().set_key(key);
+  node.authenticator().set_key(key);
   Bus operator_bus(kUrl);
-  operator_bus.seal().set_key(key);
+  operator_bus.authenticator().set_key(key);
   Subscription<ReplyMessage> replies(
       operator_bus, kReplyChannel, 4,
       [key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
-        if (!key.has_sealed(in.bytes)) return std::nullopt;
+        if (!key.has_valid_mac(in.bytes)) return std::nullopt;
         return decode<ReplyMessage>(in.bytes);
       });
   ReplyMessage reply;
   reply.detail = std::string(200'000, ' ');
-  ASSERT_TRUE(node.publish(kReplyChannel, encode_sealed(reply, key)));
-  ASSERT_TRUE(becomes_true([&] { return operator_bus.seal().counts().forged == 4; }, within(10)));
-  ASSERT_TRUE(node.publish_reply(encode_sealed(reply, key)));
+  ASSERT_TRUE(node.publish(kReplyChannel, encode_with_mac(reply, key)));
+  ASSERT_TRUE(
+      becomes_true([&] { return operator_bus.authenticator().counts().forged == 4; }, within(10)));
+  ASSERT_TRUE(node.publish_reply(encode_with_mac(reply, key)));
   EXPECT_EQ(replies.wait(within(10)).value().detail, reply.detail);
 }
 

@@ -28,44 +28,44 @@ class KeyFile : public testing::Test {
     return key;
   }
   bool accepts(const StudioKey& key, MonotonicInstant now) const {
-    return credentials_.open_command(encode_sealed(CommandMessage{}, key), now).result ==
+    return credentials_.open_command(encode_with_mac(CommandMessage{}, key), now).result ==
            OpenedCommand::Result::kAccepted;
   }
 
   const test::TemporaryFolder folder_;
   const std::filesystem::path path_ = folder_ / "studio.key";
   Credentials credentials_;
-  MessageSeal seal_;
-  CredentialFiles files_{{.studio = "kyoto", .studio_key = path_}, credentials_, seal_};
+  MessageAuthenticator authenticator_;
+  CredentialFiles files_{{.studio = "kyoto", .studio_key = path_}, credentials_, authenticator_};
 };
 
 TEST_F(KeyFile, is_read_when_it_is_made_and_reported_as_missing_before) {
   EXPECT_THAT(files_.poll(kNow), HasSubstr("make it once with v3dctl key new"));
   EXPECT_THAT(files_.poll(kNow), IsEmpty()) << "it was reported already";
   EXPECT_FALSE(files_.is_ready());
-  EXPECT_FALSE(seal_.is_required());
+  EXPECT_FALSE(authenticator_.is_required());
   const StudioKey key = replace_key();
   EXPECT_THAT(files_.poll(kNow), HasSubstr("is readable again"));
   EXPECT_TRUE(files_.is_ready());
   EXPECT_THAT(files_.problem(), IsEmpty());
   EXPECT_TRUE(accepts(key, kNow));
-  EXPECT_NE(seal_.mac(kNow), nullptr);
+  EXPECT_NE(authenticator_.mac(kNow), nullptr);
 }
 
 TEST_F(KeyFile, is_replaced_while_the_process_runs) {
   const StudioKey first = replace_key();
   files_.poll(kNow);
-  const auto first_mac = seal_.mac(kNow);
+  const auto first_mac = authenticator_.mac(kNow);
   const StudioKey second = replace_key();
   EXPECT_FALSE(accepts(second, kNow));
   EXPECT_THAT(files_.poll(kNow + 1s), HasSubstr("a new studio key"));
   EXPECT_THAT(files_.poll(kNow + 2s), IsEmpty()) << "the same key";
   EXPECT_TRUE(accepts(second, kNow + 2s));
   EXPECT_TRUE(accepts(first, kNow + 2s));
-  EXPECT_EQ(seal_.mac(kNow + 2s), first_mac);
-  EXPECT_NE(seal_.mac(kNow + 11s), first_mac);
-  EXPECT_TRUE(first.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 2s)));
-  EXPECT_TRUE(second.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 11s)));
+  EXPECT_EQ(authenticator_.mac(kNow + 2s), first_mac);
+  EXPECT_NE(authenticator_.mac(kNow + 11s), first_mac);
+  EXPECT_TRUE(first.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 2s)));
+  EXPECT_TRUE(second.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 11s)));
   EXPECT_FALSE(accepts(first, kNow + 21s));
   EXPECT_TRUE(accepts(second, kNow + 21s));
 }
@@ -84,7 +84,7 @@ TEST_F(KeyFile, that_is_damaged_readable_for_others_or_missing_leaves_the_key_in
   EXPECT_THAT(files_.poll(kNow), HasSubstr("No such file or directory"));
   EXPECT_TRUE(files_.is_ready());
   EXPECT_TRUE(accepts(key, kNow + 1h));
-  EXPECT_TRUE(key.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 1h)));
+  EXPECT_TRUE(key.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 1h)));
 }
 
 /// The files of a node of a studio with a member list.
@@ -101,7 +101,7 @@ class MemberFiles : public testing::Test {
                                    .signing_key = folder_ / "node.key",
                                    .node = "cap01",
                                    .role = Role::kCapture},
-                   credentials_, seal_);
+                   credentials_, authenticator_);
   }
   MemberList list(int64_t serial = 5) const {
     return {.studio = "kyoto",
@@ -124,7 +124,8 @@ class MemberFiles : public testing::Test {
   bool is_accepted_as(const std::string& node) const {
     ReplyMessage reply;
     reply.node = node;
-    return credentials_.open_reply(credentials_.seal(encode(reply), kNow), kNow).has_value();
+    return credentials_.open_reply(credentials_.authenticate(encode(reply), kNow), kNow)
+        .has_value();
   }
 
   const test::TemporaryFolder folder_;
@@ -132,7 +133,7 @@ class MemberFiles : public testing::Test {
   const SigningKey authority_ = SigningKey::make(), ada_ = SigningKey::make(),
                    cap01_ = SigningKey::make();
   Credentials credentials_;
-  MessageSeal seal_;
+  MessageAuthenticator authenticator_;
   std::optional<CredentialFiles> files_;
 };
 
@@ -143,7 +144,7 @@ TEST_F(MemberFiles, make_a_node_accept_operators_and_sign_its_replies) {
   EXPECT_THAT(files_->problem(), IsEmpty());
   EXPECT_TRUE(accepts_ada());
   EXPECT_TRUE(is_accepted_as("cap01"));
-  EXPECT_TRUE(seal_.covers_commands());
+  EXPECT_TRUE(authenticator_.requires_command_macs());
 }
 
 TEST_F(MemberFiles, revoke_and_enroll_members_while_the_process_runs) {

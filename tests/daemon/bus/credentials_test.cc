@@ -77,12 +77,12 @@ TEST_F(MemberCredentials, accept_a_reply_only_from_the_node_that_it_names) {
 }
 
 TEST_F(MemberCredentials, reject_a_mac_of_the_studio_key_instead_of_a_signature) {
-  Bytes sealed = command();
-  studio_key_.seal(sealed);
-  EXPECT_EQ(credentials_.open_command(sealed, kNow).result, Result::kForged);
-  Bytes sealed_reply = reply("cap01");
-  studio_key_.seal(sealed_reply);
-  EXPECT_FALSE(credentials_.open_reply(sealed_reply, kNow));
+  Bytes authenticated = command();
+  studio_key_.add_mac(authenticated);
+  EXPECT_EQ(credentials_.open_command(authenticated, kNow).result, Result::kForged);
+  Bytes authenticated_reply = reply("cap01");
+  studio_key_.add_mac(authenticated_reply);
+  EXPECT_FALSE(credentials_.open_reply(authenticated_reply, kNow));
 }
 
 TEST_F(MemberCredentials, reject_a_command_with_a_changed_bit) {
@@ -119,18 +119,18 @@ TEST_F(MemberCredentials, reject_all_messages_before_there_is_a_list) {
   fresh.set_signing_key(cap01_);
   EXPECT_FALSE(fresh.is_complete());
   EXPECT_EQ(fresh.open_command(sign_message(command(), ada_), kNow).result, Result::kForged);
-  Bytes sealed = command();
-  studio_key_.seal(sealed);
-  EXPECT_EQ(fresh.open_command(sealed, kNow).result, Result::kForged);
+  Bytes authenticated = command();
+  studio_key_.add_mac(authenticated);
+  EXPECT_EQ(fresh.open_command(authenticated, kNow).result, Result::kForged);
   EXPECT_FALSE(fresh.open_reply(sign_message(reply("cap01"), cap01_), kNow));
 }
 
 TEST_F(MemberCredentials, sign_sent_messages) {
   credentials_.set_signing_key(cap01_);
-  EXPECT_TRUE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
-  EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("recon01"), kNow), kNow));
+  EXPECT_TRUE(credentials_.open_reply(credentials_.authenticate(reply("cap01"), kNow), kNow));
+  EXPECT_FALSE(credentials_.open_reply(credentials_.authenticate(reply("recon01"), kNow), kNow));
   credentials_.set_signing_key(guest_);
-  EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
+  EXPECT_FALSE(credentials_.open_reply(credentials_.authenticate(reply("cap01"), kNow), kNow));
 }
 
 TEST(Credentials, use_the_studio_key_without_a_member_list) {
@@ -139,10 +139,11 @@ TEST(Credentials, use_the_studio_key_without_a_member_list) {
   EXPECT_FALSE(credentials.is_complete());
   credentials.set_studio_key(key, kNow);
   EXPECT_TRUE(credentials.is_complete());
-  const Bytes sealed = credentials.seal(encode(ReplyMessage{}), kNow);
-  EXPECT_EQ(sealed, encode_sealed(ReplyMessage{}, key)) << "same bytes as encode_sealed()";
-  EXPECT_TRUE(credentials.open_reply(sealed, kNow));
-  EXPECT_FALSE(credentials.open_reply(encode_sealed(ReplyMessage{}, StudioKey::make()), kNow));
+  const Bytes authenticated = credentials.authenticate(encode(ReplyMessage{}), kNow);
+  EXPECT_EQ(authenticated, encode_with_mac(ReplyMessage{}, key))
+      << "same bytes as encode_with_mac()";
+  EXPECT_TRUE(credentials.open_reply(authenticated, kNow));
+  EXPECT_FALSE(credentials.open_reply(encode_with_mac(ReplyMessage{}, StudioKey::make()), kNow));
   EXPECT_EQ(
       credentials.open_command(sign_message(encode(CommandMessage{}), SigningKey::make()), kNow)
           .result,

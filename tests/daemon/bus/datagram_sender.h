@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "daemon/bus/datagram.h"
-#include "daemon/bus/session_gate.h"
+#include "daemon/bus/session_replay_filter.h"
 #include "support/raw_datagrams.h"
 #include "wire/message_signature.h"
 

@@ -17,7 +17,7 @@ TEST(EventSender, limits_events_of_a_growing_count_and_sends_another_problem_at_
   EventSender sender(bus, "cap01");
   const MonotonicInstant now = Monotonic::now();
   const auto report = [&](const std::string& text, Duration after) {
-    sender.keep_told(Severity::kAlarm, "disk", text, "Look", now + after);
+    sender.report_condition(Severity::kAlarm, "disk", text, "Look", now + after);
   };
   for (int n = 1000; n <= 1030; ++n) {
     report(std::to_string(n).insert(1, ",") + " frames lost: /takes is too slow", n * 1s);

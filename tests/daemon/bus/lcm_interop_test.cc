@@ -53,10 +53,10 @@ class Interoperation : public testing::TestWithParam<size_t> {};
 
 TEST_P(Interoperation, liblcm_reads_authenticated_messages_followed_by_the_last_trailer) {
   Bus bus(kUrl);
-  bus.seal().set_key(StudioKey::make());
+  bus.authenticator().set_key(StudioKey::make());
   LcmMember member;
   const auto sent = message(GetParam());
-  ASSERT_TRUE(bus.publish_sealed("V3D_FRAME_cam01", sent));
+  ASSERT_TRUE(bus.publish_authenticated("V3D_FRAME_cam01", sent));
   const auto got = member.next();
   ASSERT_EQ(got.size(), sent.size() + kMacTrailerSize);
   EXPECT_TRUE(std::equal(sent.begin(), sent.end(), got.begin()));

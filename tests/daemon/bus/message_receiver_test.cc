@@ -34,7 +34,7 @@ Studio studio() {
 
 class Receiver : public testing::Test {
  protected:
-  Receiver() { seal_.set_key(key_); }
+  Receiver() { authenticator_.set_key(key_); }
 
   std::optional<ReceivedMessage> receive(const RawDatagram& bytes, Duration delay = {}) {
     return receiver_.receive(bytes, kSource, {kReceiverNow.monotonic + delay, kNow + delay});
@@ -46,12 +46,12 @@ class Receiver : public testing::Test {
   }
 
   const StudioKey key_ = StudioKey::make();
-  MessageSeal seal_;
+  MessageAuthenticator authenticator_;
   static constexpr uint32_t kOwnSession = 77;
   std::vector<SessionMessage> sent_;
   std::string_view unwanted_ = "V3D_PREVIEW_cam01";
   MessageReceiver receiver_{ChannelList(studio()),
-                            seal_,
+                            authenticator_,
                             [this](std::string_view channel) { return channel != unwanted_; },
                             {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
                                if (session != kOwnSession) return std::nullopt;
@@ -94,12 +94,12 @@ TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
     return receive(sent, delay).has_value();
   };
   EXPECT_FALSE(accepts(renewed, 0s));
-  seal_.set_key(next, kReceiverNow.monotonic);
+  authenticator_.set_key(next, kReceiverNow.monotonic);
   EXPECT_TRUE(accepts(renewed, 1s));
   EXPECT_TRUE(accepts(sender_, 20s - 1ms));
   EXPECT_FALSE(accepts(sender_, 20s));
   EXPECT_TRUE(accepts(renewed, 20s));
-  EXPECT_EQ(seal_.counts().forged, 2);
+  EXPECT_EQ(authenticator_.counts().forged, 2);
 }
 
 TEST_F(Receiver, accepts_commands_without_a_mac_only_when_they_contain_their_own) {
@@ -113,7 +113,7 @@ TEST_F(Receiver, accepts_commands_without_a_mac_only_when_they_contain_their_own
     return bytes;
   };
   EXPECT_TRUE(receive(without_mac(kCommandChannel)));
-  seal_.cover_commands();
+  authenticator_.require_command_macs();
   for (const char* channel : {kCommandChannel, kReplyChannel}) {
     EXPECT_FALSE(receive(without_mac(channel))) << channel;
     const auto sent = sender_.datagrams(channel, message(100)).at(0);
@@ -122,8 +122,8 @@ TEST_F(Receiver, accepts_commands_without_a_mac_only_when_they_contain_their_own
     EXPECT_THAT(got->bytes, testing::ElementsAreArray(message(100)));
     EXPECT_FALSE(receive(sent)) << "a replay";
   }
-  EXPECT_EQ(seal_.counts().forged, 2);
-  EXPECT_EQ(seal_.counts().replayed, 2);
+  EXPECT_EQ(authenticator_.counts().forged, 2);
+  EXPECT_EQ(authenticator_.counts().replayed, 2);
 }
 
 TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
@@ -164,16 +164,16 @@ TEST_F(Receiver, rejects_replayed_old_and_future_messages) {
   const RawDatagram first = sender_.datagrams(kEventChannel, message(40)).at(0);
   EXPECT_TRUE(receive(first));
   EXPECT_FALSE(receive(first));
-  EXPECT_EQ(seal_.counts().replayed, 1);
+  EXPECT_EQ(authenticator_.counts().replayed, 1);
   const auto frame = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
   EXPECT_FALSE(receive(frame[0]));
   EXPECT_TRUE(receive(frame[1]));
   EXPECT_FALSE(receive(frame[0]));
   EXPECT_FALSE(receive(frame[1]));
-  EXPECT_EQ(seal_.counts().replayed, 2);
+  EXPECT_EQ(authenticator_.counts().replayed, 2);
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow - 6s).at(0)));
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + 3s).at(0)));
-  EXPECT_EQ(seal_.counts().stale, 2);
+  EXPECT_EQ(authenticator_.counts().stale, 2);
 }
 
 TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
@@ -194,10 +194,10 @@ TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answe
   answer.newest = 4;
   receive(sender_.datagrams(kSessionChannel, encode(answer), kNow + hour).at(0));
   EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
-  EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
+  EXPECT_THAT(authenticator_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
   EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
       << "the session stays accepted";
-  EXPECT_EQ(seal_.counts().stale, 3);
+  EXPECT_EQ(authenticator_.counts().stale, 3);
 }
 
 TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
@@ -235,7 +235,7 @@ TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered
     EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
     EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
   }
-  EXPECT_EQ(seal_.counts().stale, 0);
+  EXPECT_EQ(authenticator_.counts().stale, 0);
 }
 
 TEST_F(Receiver, rejects_recorded_health_after_its_own_restart) {
@@ -247,7 +247,7 @@ TEST_F(Receiver, rejects_recorded_health_after_its_own_restart) {
 TEST_F(Receiver, drops_its_questions_when_it_removes_a_session) {
   receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_EQ(sent_.size(), 1U);
-  for (size_t i = 0; i <= SessionGate::kMaxSessions; ++i) {
+  for (size_t i = 0; i <= SessionReplayFilter::kMaxSessions; ++i) {
     EXPECT_TRUE(receive(Sender(key_).datagrams(kEventChannel, message(40)).at(0)));
   }
   receive(answer_of(sender_, sent_[0], 0));
@@ -284,7 +284,7 @@ TEST_F(Receiver, drops_unknown_channels_and_sizes_before_any_hash) {
   EXPECT_EQ(receiver_.counts().foreign, 2);
   EXPECT_EQ(receiver_.counts().oversized, 1);
   EXPECT_EQ(receiver_.counts().malformed, 1);
-  EXPECT_EQ(seal_.counts().forged, 0);
+  EXPECT_EQ(authenticator_.counts().forged, 0);
 }
 
 TEST_F(Receiver, skips_all_fragments_of_a_message_without_subscription) {
@@ -293,7 +293,7 @@ TEST_F(Receiver, skips_all_fragments_of_a_message_without_subscription) {
   RawDatagram changed = preview[1];
   changed.back() ^= 1;
   receive(changed);
-  EXPECT_EQ(seal_.counts().forged, 0) << "not hashed";
+  EXPECT_EQ(authenticator_.counts().forged, 0) << "not hashed";
 }
 
 TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
@@ -303,7 +303,7 @@ TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
   EXPECT_FALSE(health->is_accepted);
   EXPECT_EQ(health->bytes.size(), 40U);
   EXPECT_FALSE(receive(attacker.datagrams(kEventChannel, message(40)).at(0)));
-  EXPECT_EQ(seal_.counts().forged, 2);
+  EXPECT_EQ(authenticator_.counts().forged, 2);
 }
 
 TEST_F(Receiver, passes_commands_to_the_gate_that_verifies_their_own_mac) {
@@ -313,8 +313,9 @@ TEST_F(Receiver, passes_commands_to_the_gate_that_verifies_their_own_mac) {
 }
 
 TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
-  MessageSeal seal;
-  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  MessageAuthenticator authenticator;
+  MessageReceiver receiver(ChannelList(studio()), authenticator,
+                           [](std::string_view) { return true; });
   Sender sender(StudioKey::make());
   const std::vector<uint8_t> sent(100'000, 77);
   std::optional<ReceivedMessage> got;
@@ -333,15 +334,16 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
 }
 
 TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
-  MessageSeal seal;
-  seal.insist();
-  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  MessageAuthenticator authenticator;
+  authenticator.require_authentication();
+  MessageReceiver receiver(ChannelList(studio()), authenticator,
+                           [](std::string_view) { return true; });
   Sender sender(StudioKey::make());
   for (const auto& datagram : sender.datagrams("V3D_FRAME_cam01", std::vector<uint8_t>(100'000))) {
     EXPECT_FALSE(receiver.receive(datagram, kSource, kReceiverNow));
   }
-  EXPECT_EQ(seal.counts().unkeyed, 2);
-  EXPECT_EQ(seal.counts().forged, 0);
+  EXPECT_EQ(authenticator.counts().unkeyed, 2);
+  EXPECT_EQ(authenticator.counts().forged, 0);
 }
 
 /// Datagrams that an attacker without the key can send: noise, invented names, forged and changed
@@ -376,18 +378,18 @@ std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
 }
 
 TEST_F(Receiver, neither_allocates_for_forged_datagrams_nor_discards_a_message_for_them) {
-  seal_.members().require();  // signatures are verified only after the MAC
+  authenticator_.members().require();  // signatures are verified only after the MAC
   const auto sent = message(100'000);
   const auto frame = sender_.datagrams("V3D_FRAME_cam01", sent);
   Sender other(key_);
   const auto hostile = hostile_datagrams(other);
-  seal_.report(std::string(200, 'x'));  // allocates memory for the text of the report
+  authenticator_.report(std::string(200, 'x'));  // allocates memory for the text of the report
   EXPECT_FALSE(receive(frame[0]));
   const int64_t before = test::allocations();
   int64_t accepted = 0;
   for (const RawDatagram& datagram : hostile) accepted += receive(datagram) ? 1 : 0;
   EXPECT_EQ(test::allocations() - before, 0);
-  EXPECT_GT(seal_.counts().forged, 1000);
+  EXPECT_GT(authenticator_.counts().forged, 1000);
   EXPECT_EQ(accepted, 0);
   EXPECT_TRUE(receive(frame[1])) << "the first half was kept";
 }

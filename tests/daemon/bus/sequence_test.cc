@@ -29,11 +29,11 @@ TEST(SequenceTracker, counts_losses_from_the_first_message_with_from_start) {
 
 TEST(SequenceTracker, counts_no_message_as_lost_that_was_sent_before_a_new_count) {
   SequenceTracker tracker(true);
-  tracker.listen_anew("joined in the middle");
+  tracker.start_new_count("joined in the middle");
   note(tracker, "joined in the middle", {7, 9});
   EXPECT_EQ(tracker.of("joined in the middle"), (SequenceCounts{.received = 2, .lost = 1}));
   note(tracker, "left and joined again", {0, 2});
-  tracker.listen_anew("left and joined again");
+  tracker.start_new_count("left and joined again");
   note(tracker, "left and joined again", {20, 21});
   EXPECT_EQ(tracker.of("left and joined again"), (SequenceCounts{.received = 4, .lost = 1}));
 }
@@ -126,7 +126,7 @@ RC_GTEST_PROP(SequenceTracker, never_counts_a_negative_number_of_lost_messages, 
   SequenceTracker tracker(from_start);
   for (int n = 0; n < 300; ++n) {
     const std::string key(1, static_cast<char>('a' + random() % 2));
-    if (random() % 20 == 0) tracker.listen_anew(key);
+    if (random() % 20 == 0) tracker.start_new_count(key);
     tracker.note(key, random() % 30, sent(static_cast<int64_t>(random() % 40)));
     RC_ASSERT(tracker.of(key).lost >= 0);
   }

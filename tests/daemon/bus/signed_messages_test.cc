@@ -49,8 +49,8 @@ Bytes event(const std::string& node) {
 class SignedMessages : public testing::Test {
  protected:
   SignedMessages() {
-    seal_.set_key(studio_key_);
-    seal_.members().require();
+    authenticator_.set_key(studio_key_);
+    authenticator_.members().require();
     set_members(all());
   }
   std::vector<Member> all() const {
@@ -62,7 +62,7 @@ class SignedMessages : public testing::Test {
             {"guest", Role::kViewer, key("guest").public_key()}};
   }
   void set_members(std::vector<Member> members) {
-    seal_.members().set_members(std::make_shared<const MemberList>(
+    authenticator_.members().set_members(std::make_shared<const MemberList>(
         MemberList{.studio = "kyoto", .serial = ++serial_, .members = std::move(members)}));
   }
   const SigningKey& key(const std::string& member) const { return keys_.at(member); }
@@ -96,7 +96,7 @@ class SignedMessages : public testing::Test {
     answer(sender, member, sender.sequence - 1);
     return accepts(sender.signed_datagrams(channel, message, key(member)));
   }
-  std::string trouble() const { return seal_.trouble(Realtime::now()); }
+  std::string trouble() const { return authenticator_.trouble(Realtime::now()); }
 
   const StudioKey studio_key_ = StudioKey::make();
   const std::map<std::string, SigningKey> keys_ = {
@@ -105,11 +105,11 @@ class SignedMessages : public testing::Test {
       {"recon02", SigningKey::make()}, {"guest", SigningKey::make()},
       {"outsider", SigningKey::make()}};
   int64_t serial_ = 0;
-  MessageSeal seal_;
+  MessageAuthenticator authenticator_;
   std::vector<SessionMessage> sent_;
   RawDatagram datagram_;
   MessageReceiver receiver_{ChannelList(studio()),
-                            seal_,
+                            authenticator_,
                             [](std::string_view) { return true; },
                             {.send = [this](const SessionMessage& m) { sent_.push_back(m); }}};
 };
@@ -153,14 +153,14 @@ TEST_F(SignedMessages, are_delivered_without_their_signature_also_when_they_are_
     ASSERT_TRUE(got);
     EXPECT_THAT(got->bytes, ElementsAreArray(sent));
   }
-  EXPECT_EQ(seal_.counts().not_signed, 0);
+  EXPECT_EQ(authenticator_.counts().not_signed, 0);
 }
 
 TEST_F(SignedMessages,
        of_another_member_are_counted_and_reported_with_sender_and_permitted_member) {
   DatagramSender sender(studio_key_);
   EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("cap02"))));
-  EXPECT_EQ(seal_.counts().not_signed, 1);
+  EXPECT_EQ(authenticator_.counts().not_signed, 1);
   EXPECT_THAT(trouble(), AllOf(HasSubstr("V3D_EVENT of member cap02"), HasSubstr("only cap01")));
   EXPECT_FALSE(accepts(sender.signed_datagrams(kMeshChannel, Bytes(9), key("cap02"))));
   EXPECT_THAT(trouble(), HasSubstr("only a node with the role reconstruction may send it"));
@@ -169,8 +169,8 @@ TEST_F(SignedMessages,
   EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, event("cap01"))));
   EXPECT_THAT(trouble(),
               HasSubstr("V3D_EVENT without a member's signature is rejected: only cap01"));
-  EXPECT_EQ(seal_.counts().not_signed, 4);
-  EXPECT_EQ(seal_.counts().forged, 0);
+  EXPECT_EQ(authenticator_.counts().not_signed, 4);
+  EXPECT_EQ(authenticator_.counts().forged, 0);
 }
 
 TEST_F(SignedMessages, are_rejected_when_the_signature_is_of_another_channel_number_or_time) {
@@ -240,14 +240,15 @@ TEST_F(SignedMessages, are_rejected_as_soon_as_the_list_lacks_their_member) {
 }
 
 TEST_F(SignedMessages, are_all_rejected_before_there_is_a_list) {
-  MessageSeal seal;
-  seal.set_key(studio_key_);
-  seal.members().require();
-  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  MessageAuthenticator authenticator;
+  authenticator.set_key(studio_key_);
+  authenticator.members().require();
+  MessageReceiver receiver(ChannelList(studio()), authenticator,
+                           [](std::string_view) { return true; });
   DatagramSender sender(studio_key_);
   const auto datagrams = sender.signed_datagrams(kEventChannel, event("cap01"), key("cap01"));
   EXPECT_FALSE(receiver.receive(datagrams[0], 1, kReceiverNow));
-  EXPECT_EQ(seal.counts().not_signed, 1);
+  EXPECT_EQ(authenticator.counts().not_signed, 1);
 }
 
 TEST_F(SignedMessages, of_health_without_a_valid_signature_are_delivered_as_unverified) {
@@ -274,7 +275,8 @@ TEST_F(SignedMessages, that_were_recorded_are_rejected_when_another_member_answe
   EXPECT_FALSE(accepts(recorded)) << "cap02 has answered for the session";
   answer(cap01, "guest", static_cast<uint32_t>(-1));
   EXPECT_FALSE(accepts(recorded));
-  EXPECT_EQ(seal_.counts().not_signed, 0) << "an answer without a question costs no verification";
+  EXPECT_EQ(authenticator_.counts().not_signed, 0)
+      << "an answer without a question costs no verification";
   answer(cap01, "cap01", 0);
   EXPECT_FALSE(accepts(recorded)) << "it may have been received earlier";
   cap01.sequence = 1;
@@ -313,14 +315,14 @@ TEST_F(SignedMessages, need_a_signed_answer) {
   EXPECT_FALSE(send());
   const MessageOrigin origin = sender.origin(kEventChannel);
   receive(sender.datagrams(kSessionChannel, sign_on_bus(encode(plain), origin, key("cap01"))));
-  EXPECT_EQ(seal_.counts().not_signed, 1) << "signed for another channel";
+  EXPECT_EQ(authenticator_.counts().not_signed, 1) << "signed for another channel";
   EXPECT_FALSE(send());
   answer(sender, "cap01", sender.sequence - 1);
   EXPECT_TRUE(send());
 }
 
 TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_answer) {
-  seal_.cover_commands();
+  authenticator_.require_command_macs();
   DatagramSender ada(studio_key_);
   const auto send = [&] {
     const Bytes command = sign_message(encode(CommandMessage{}), key("ada"));
@@ -345,9 +347,10 @@ TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_
 TEST(UnsignedStudio, reads_messages_with_signatures_and_ignores_the_signatures) {
   const StudioKey studio_key = StudioKey::make();
   for (const bool has_key : {false, true}) {
-    MessageSeal seal;
-    if (has_key) seal.set_key(studio_key);
-    MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+    MessageAuthenticator authenticator;
+    if (has_key) authenticator.set_key(studio_key);
+    MessageReceiver receiver(ChannelList(studio()), authenticator,
+                             [](std::string_view) { return true; });
     DatagramSender sender(studio_key);
     for (const size_t size : {100, 200'000}) {
       const Bytes sent(size, 5);

@@ -146,7 +146,7 @@ class TakeOfAnotherNode : public ActiveTakeTest {
     PulseMessage message;
     message.take = kTake;
     message.pulse = pulse;
-    bus_.publish_sealed(kPulseChannel, encode(message));
+    bus_.publish_authenticated(kPulseChannel, encode(message));
   }
   void publish_commanded(int64_t pulses) {
     HealthMessage health;

@@ -26,22 +26,25 @@ constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 /// A node that replies to each command with its next outcome, and repeats the last one.
 class FakeNode {
  public:
-  using Seal = std::function<Bytes(const ReplyMessage&)>;
+  using Authenticate = std::function<Bytes(const ReplyMessage&)>;
 
   /// Its replies carry the MAC of the studio key.
   FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
       : FakeNode(std::move(node), std::move(outcomes),
-                 [key](const ReplyMessage& reply) { return encode_sealed(reply, key); }) {}
-  /// Replies "done", authenticated by `seal`, for studios with a member list.
-  FakeNode(std::string node, const StudioKey& key, Seal seal)
-      : FakeNode(std::move(node), {ReplyMessage::Outcome::kDone}, std::move(seal)) {
-    bus_.seal().set_key(key);
-    bus_.seal().cover_commands();
+                 [key](const ReplyMessage& reply) { return encode_with_mac(reply, key); }) {}
+  /// Replies "done", authenticated by `authenticate`, for studios with a member list.
+  FakeNode(std::string node, const StudioKey& key, Authenticate authenticate)
+      : FakeNode(std::move(node), {ReplyMessage::Outcome::kDone}, std::move(authenticate)) {
+    bus_.authenticator().set_key(key);
+    bus_.authenticator().require_command_macs();
   }
 
  private:
-  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes, Seal seal)
-      : node_(std::move(node)), outcomes_(std::move(outcomes)), seal_(std::move(seal)), bus_(kUrl) {
+  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes, Authenticate authenticate)
+      : node_(std::move(node)),
+        outcomes_(std::move(outcomes)),
+        authenticate_(std::move(authenticate)),
+        bus_(kUrl) {
     listening_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& received) {
       const auto signed_message = split_signature(received.bytes);
       const auto command =
@@ -57,12 +60,12 @@ class FakeNode {
     reply.command_sender = command.sender;
     reply.command_counter = command.counter;
     reply.outcome = outcomes_[std::min(answered_++, outcomes_.size() - 1)];
-    bus_.publish_reply(seal_(reply));
+    bus_.publish_reply(authenticate_(reply));
   }
 
   const std::string node_;
   const std::vector<ReplyMessage::Outcome> outcomes_;
-  const Seal seal_;
+  const Authenticate authenticate_;
   size_t answered_ = 0;
   Bus bus_;
   std::optional<Bus::Listening> listening_;  // last: its handler uses the other members
@@ -144,7 +147,7 @@ class MemberClientTest : public OperatorClientTest {
                                       {"recon01", Role::kReconstruction, recon01_.public_key()}}},
                          authority));
   }
-  static FakeNode::Seal signed_by(const SigningKey& key) {
+  static FakeNode::Authenticate signed_by(const SigningKey& key) {
     return [key](const ReplyMessage& reply) { return sign_message(encode(reply), key); };
   }
   std::vector<std::string> silent_nodes() const {
@@ -175,7 +178,7 @@ TEST_F(MemberClientTest, ignores_a_node_that_replies_for_another) {
 TEST_F(MemberClientTest, ignores_holders_of_the_studio_key_that_are_no_members) {
   const FakeNode capture("cap01", key_, signed_by(SigningKey::make()));
   const FakeNode recon("recon01", key_,
-                       [&](const ReplyMessage& reply) { return encode_sealed(reply, key_); });
+                       [&](const ReplyMessage& reply) { return encode_with_mac(reply, key_); });
   EXPECT_THAT(silent_nodes(), testing::UnorderedElementsAre("cap01", "recon01"));
 }
 

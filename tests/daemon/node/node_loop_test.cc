@@ -38,7 +38,7 @@ class RunningNode {
  public:
   RunningNode(const Studio& studio, const std::string& node)
       : bus_(studio.network.lcm_url, {}, ChannelList(studio)) {
-    bus_.seal().insist();
+    bus_.authenticator().require_authentication();
     loop_.emplace(NodeIdentity{node, "v3d-test", credentials_of_node(studio, node), ""}, bus_,
                   delegate_);
     thread_ = std::thread([this] {
@@ -101,7 +101,7 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
   Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
-  renewed.seal().set_key(next);
+  renewed.authenticator().set_key(next);
   Subscription<HealthMessage> capture(renewed, health_channel("cap01"), 16);
   Subscription<HealthMessage> recon(renewed, health_channel("recon01"), 16);
   const auto is_renewed = [&] {
@@ -187,8 +187,8 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   OperatorClient ada(studio_);
   ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
-  bus.seal().set_key(key_);
-  bus.seal().cover_commands();
+  bus.authenticator().set_key(key_);
+  bus.authenticator().require_command_macs();
   CommandMessage command;
   command.sender = "guest@viewer";
   command.verb = CommandVerb::kAbort;
@@ -210,9 +210,9 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   OperatorClient ada(studio_);
   ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
-  bus.seal().set_key(key_);
-  bus.seal().members().require();
-  bus.seal().members().set_signing_key(guest_);
+  bus.authenticator().set_key(key_);
+  bus.authenticator().members().require();
+  bus.authenticator().members().set_signing_key(guest_);
   const auto listening = bus.subscribe(kEventChannel, [](const ReceivedMessage&) {});  // to answer
   HealthMessage forged;
   forged.node = "cap01";
@@ -220,7 +220,7 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   std::map<std::string, HealthMessage> health;
   const auto is_counted = [&] {
     forged.sent = Realtime::now();
-    bus.publish_sealed(health_channel("cap01"), encode(forged));
+    bus.publish_authenticated(health_channel("cap01"), encode(forged));
     health = ada.health(within(5));
     return health.contains("cap01") && health["cap01"].values["messages_unsigned"] >= 1;
   };

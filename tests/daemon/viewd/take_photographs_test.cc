@@ -116,7 +116,7 @@ TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
                            .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
                            .host = "localhost"};
   EXPECT_EQ(done(site.answer(request)).status, 404);
-  add_frames(LogOpening::kGoOn, 3, 5);
+  add_frames(LogOpening::kContinue, 3, 5);
   EXPECT_TRUE(test::becomes_true([&] { return done(site.answer(request)).status == 200; },
                                  test::within(20)));
 }

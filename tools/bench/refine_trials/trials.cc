@@ -8,7 +8,7 @@
 #include "sim/rendering/batch_renderer.h"
 #include "sim/rendering/parallel.h"
 #include "sim/rendering/scene.h"
-#include "support/knocked_rig.h"
+#include "support/displaced_rig.h"
 
 namespace v3d::bench {
 namespace {

@@ -192,7 +192,7 @@ int run(const Arguments& arguments) {
     replace_file(arguments.report, evaluation_html({std::move(columns), arguments.truth, cameras,
                                                     arguments.view_dependent}));
   }
-  return all ? kExitDone : kExitNotWhole;
+  return all ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

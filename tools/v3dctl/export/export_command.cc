@@ -73,7 +73,7 @@ int run(const Arguments& arguments) {
   if (!meshes.is_unfinished()) return status;
   note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
        ": has no index: it is truncated or not finished; frames may be missing");
-  return kExitNotWhole;
+  return kExitIncomplete;
 }
 
 }  // namespace

@@ -110,7 +110,7 @@ void TakeBuilder::finish() {
   for (EventLogWriter& log : frame_logs_) io::throw_if_failed(log.sync());
   io::throw_if_failed(pulse_log_->sync());
   for (const EventLogWriter& log : frame_logs_) ledger.files.push_back(log.file());
-  save_whole_account(paths_, info_, ledger);
+  save_account_or_throw(paths_, info_, ledger);
   io::throw_if_failed(io::rename_new(paths_.folder, folder_));
   finished_ = true;
 }

@@ -44,7 +44,7 @@ int run_check(const CommandLine& line, const CheckOptions& options) {
   } else {
     print_text(report);
   }
-  return all_good(report) ? kExitDone : kExitNotWhole;
+  return all_good(report) ? kExitDone : kExitIncomplete;
 }
 
 // --- preview
@@ -130,7 +130,7 @@ int run_preview(const CommandLine& line, const PreviewOptions& options) {
     note(std::to_string(received - masks) +
          " cameras have no background model. Try: v3dctl background");
   }
-  return received == studio.cameras.size() ? kExitDone : kExitNotWhole;
+  return received == studio.cameras.size() ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

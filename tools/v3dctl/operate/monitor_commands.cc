@@ -36,7 +36,7 @@ int print_health(const Studio& studio, const HealthOptions& options) {
       std::printf("%s\n", line.c_str());
     }
   }
-  return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+  return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
 }
 
 void print_json_line(const StudioState& state) {

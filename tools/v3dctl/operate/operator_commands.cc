@@ -112,7 +112,7 @@ std::vector<std::string> cameras_of(const Studio& studio) {
 
 void report_account(const TakeAccount& account, Report& report) {
   if (account.ledger.take.empty()) return report.add("nothing was recorded");
-  report.add(trouble_lines(account.ledger));
+  report.add(problem_lines(account.ledger));
   report.add(account.ledger.verdict());
   for (const std::string& line : {live_loss_line(account), shards_line(account)}) {
     if (!line.empty()) report.add(line);
@@ -189,7 +189,7 @@ int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
     if (!all_reported(client.nodes(), health)) continue;
     if (!take.empty()) status.show("recording " + take + "   " + recording_line(health));
     if (is_in_take(health.at(trigger_node))) continue;
-    return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+    return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
   }
 }
 
@@ -246,7 +246,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   report.print(std::move(json));
   if (!recorded) return kExitDone;
   return account.ledger.complete() && account.unreadable.empty() && from_all ? kExitDone
-                                                                             : kExitNotWhole;
+                                                                             : kExitIncomplete;
 }
 
 int run_status(const CommandLine& line, const Options& options) {
@@ -262,7 +262,7 @@ int run_status(const CommandLine& line, const Options& options) {
     const std::string recording = recording_line(health);
     if (!current_take(health).empty() && !recording.empty()) std::printf("%s\n", recording.c_str());
   }
-  return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+  return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
 }
 
 std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double timeout_s) {

@@ -185,7 +185,7 @@ int run(const CommandLine& line, ReconstructArguments arguments) {
   }
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
   const int status = report_incomplete_frames(report.incomplete, arguments.request.take);
-  return report.read_errors.empty() ? status : kExitNotWhole;
+  return report.read_errors.empty() ? status : kExitIncomplete;
 }
 
 // --- reconstruct-shards: a task of reconstruct --processes or --slurm ---------------------------

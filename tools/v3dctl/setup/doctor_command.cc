@@ -80,7 +80,7 @@ void add_doctor(CommandLine& line) {
     const bool bad = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
       return finding.verdict == Verdict::kBad;
     });
-    return bad ? kExitNotWhole : kExitDone;
+    return bad ? kExitIncomplete : kExitDone;
   });
 }
 

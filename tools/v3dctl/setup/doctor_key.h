@@ -17,7 +17,7 @@ Finding check_key_file(const std::filesystem::path& key);
 /// The authority's signature is on it. Requires a studio with a member list.
 Finding check_member_list(const Studio& studio);
 
-/// `health`: of the nodes that were heard; what carries the seal of the key here has the same key.
+/// `health`: of the nodes that were heard; what carries a MAC of the key here has the same key.
 std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
                                    const std::map<std::string, HealthMessage>& health);
 

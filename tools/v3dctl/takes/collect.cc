@@ -158,7 +158,7 @@ class Collector {
   static std::string source_of_meshes(const std::vector<TakePaths>& parts) {
     const auto have = std::count_if(parts.begin(), parts.end(),
                                     [](const TakePaths& part) { return fs::exists(part.mesh()); });
-    return have > 1 ? part_with_meshes(parts)->folder.filename().string() : "";
+    return have > 1 ? part_with_most_meshes(parts)->folder.filename().string() : "";
   }
 
   /// Whether every part equals the files of its node. rsync reads the copy from the page cache,

@@ -78,7 +78,7 @@ int run_collect(const CommandLine& line, const CollectArguments& arguments) {
     for (const CollectedTake& take : takes) std::printf("%s\n", text_of(take).c_str());
     if (takes.empty()) note("v3dctl: no node has a take");
   }
-  return std::all_of(takes.begin(), takes.end(), is_whole) ? kExitDone : kExitNotWhole;
+  return std::all_of(takes.begin(), takes.end(), is_whole) ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArgumen
     if (!is_file_name(name)) {
       throw InputError("'" + name + "' is no name of a take: " + std::string(kFileNameRule));
     }
-    takes.push_back(look_at_take({folder / name}));
+    takes.push_back(read_take_listing({folder / name}));
   }
   return takes;
 }

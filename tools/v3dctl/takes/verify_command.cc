@@ -102,7 +102,7 @@ SignatureCheck verify_signatures(const CommandLine& line, const Arguments& argum
 
 void print_text(const Verification& verification) {
   print_lines(table_lines(verification.ledger));
-  print_lines(trouble_lines(verification.ledger));
+  print_lines(problem_lines(verification.ledger));
   print_lines(verification.disagreements);
   for (const std::string& line : verification.notes) {
     std::printf("note: %s\n", printable(line).c_str());
@@ -118,7 +118,7 @@ void save_result(const TakePaths& paths, const Verification& verification) {
 
 /// The result includes the disagreements that the recovery found before it wrote the ledger.
 Verification recover_and_verify(const TakePaths& paths) {
-  if (const std::string recorder = recorder_of(paths); !recorder.empty()) {
+  if (const std::string recorder = take_lock_holder(paths); !recorder.empty()) {
     throw InputError(paths.folder.string() + ": " + recorder +
                      " records into it; stop that process first");
   }
@@ -158,10 +158,10 @@ int run(const CommandLine& line, const Arguments& arguments) {
         "v3dctl: this take was not closed; when no process records into it: v3dctl verify "
         "--recover " +
         arguments.take.string());
-    return kExitNotWhole;
+    return kExitIncomplete;
   }
   save_result(paths, verification);
-  return verification.whole() ? kExitDone : kExitNotWhole;
+  return verification.whole() ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

@@ -32,14 +32,14 @@ struct CommandCounts {
 /// old commands valid. Each reply of a node holds its nonce. An authentic command without a current
 /// nonce is answered with the nonce, and the operator sends it again.
 ///
-/// Against replays within the life of a nonce, the gate remembers the last command of each sender.
-/// Each message of a sender, retries included, must have a later time stamp of the sender's clock
-/// (CommandStamp). With too many senders, and after a restart, new nonces are drawn, so that all
-/// recorded commands become invalid.
+/// Against replays within the life of a nonce, the filter remembers the last command of each
+/// sender. Each message of a sender, retries included, must have a later time stamp of the sender's
+/// clock (CommandStamp). With too many senders, and after a restart, new nonces are drawn, so that
+/// all recorded commands become invalid.
 ///
 /// Commands that are not authentic are counted but not answered: replies would tell an attacker why
 /// a command failed, and would let it generate traffic. Thread-safe.
-class CommandGate {
+class CommandReplayFilter {
  public:
   static constexpr Duration kNonceLife = std::chrono::seconds(5);
   static constexpr size_t kMaxSenders = 64;
@@ -49,7 +49,7 @@ class CommandGate {
   static constexpr int kMaxNonceReplies = 1000;
 
   /// `draw` returns random numbers other than 0.
-  explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
+  explicit CommandReplayFilter(std::string node, std::function<int64_t()> draw = random_nonce);
 
   /// Keys and members whose commands are admitted.
   Credentials& credentials() { return credentials_; }

@@ -18,31 +18,31 @@
 namespace v3d {
 
 /// Rejected datagrams and messages, by cause.
-struct SealCounts {
+struct RejectionCounts {
   int64_t forged = 0;      ///< datagrams without a valid MAC of the studio key
   int64_t unkeyed = 0;     ///< datagrams that arrived while this process had no key
   int64_t not_signed = 0;  ///< messages without the signature of a member that may send them
-  int64_t stale = 0;       ///< authentic, but not proven to be recent (SessionGate)
+  int64_t stale = 0;       ///< authentic, but not proven to be recent (SessionReplayFilter)
   int64_t replayed = 0;    ///< received before; networks may also duplicate datagrams
 };
 
 /// With a key, each sent datagram carries a MAC (wire/datagram_mac.h), and only datagrams with a
 /// valid MAC are accepted. Without a key, datagrams carry no MAC and every message is accepted,
-/// unless insist() was called. Daemons call it; `v3dctl watch` does not, because it only shows
-/// messages. Any thread.
-class MessageSeal {
+/// unless require_authentication() was called. Daemons call it; `v3dctl watch` does not, because it
+/// only shows messages. Any thread.
+class MessageAuthenticator {
  public:
   /// Replaces the key. The previous key remains valid for a grace time (KeyRotation).
   void set_key(const StudioKey& key, MonotonicInstant now = Monotonic::now());
   /// Erases the previous key when its grace time is over.
   void discard_old_key(MonotonicInstant now);
   /// Rejects every message while there is no key.
-  void insist() { insists_ = true; }
+  void require_authentication() { insists_ = true; }
   /// Requires a MAC in each datagram of commands and replies too. Used when members sign them, so
   /// that a forged command costs one hash and no verification of a signature. To be called before
   /// the first message is received.
-  void cover_commands() { covers_commands_ = true; }
-  bool covers_commands() const { return covers_commands_; }
+  void require_command_macs() { covers_commands_ = true; }
+  bool requires_command_macs() const { return covers_commands_; }
   MemberSignatures& members() { return members_; }
   const MemberSignatures& members() const { return members_; }
 
@@ -61,7 +61,7 @@ class MessageSeal {
   void count_unsigned(std::string_view problem);
   void count_stale() { ++stale_; }
   void count_replayed() { ++replayed_; }
-  SealCounts counts() const;
+  RejectionCounts counts() const;
   /// Sets the text that trouble() returns. Allocates nothing unless the text is longer than all
   /// before.
   void report(std::string_view trouble);

@@ -1,4 +1,4 @@
-#include "daemon/bus/message_seal.h"
+#include "daemon/bus/message_authenticator.h"
 
 namespace v3d {
 namespace {
@@ -8,25 +8,25 @@ constexpr Duration kShownFor = std::chrono::seconds(10);
 
 }  // namespace
 
-void MessageSeal::set_key(const StudioKey& key, MonotonicInstant now) {
+void MessageAuthenticator::set_key(const StudioKey& key, MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
   macs_.set(std::make_shared<const DatagramMac>(key), now);
   has_key_ = true;
 }
 
-void MessageSeal::discard_old_key(MonotonicInstant now) {
+void MessageAuthenticator::discard_old_key(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
   macs_.discard_old(now);
 }
 
-std::shared_ptr<const DatagramMac> MessageSeal::mac(MonotonicInstant now) const {
+std::shared_ptr<const DatagramMac> MessageAuthenticator::mac(MonotonicInstant now) const {
   if (!has_key_) return nullptr;
   const std::lock_guard lock(mutex_);
   return *macs_.sending(now);
 }
 
-bool MessageSeal::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
-                         const MacTrailer& trailer, MonotonicInstant now) const {
+bool MessageAuthenticator::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
+                                  const MacTrailer& trailer, MonotonicInstant now) const {
   if (!has_key_) return false;
   std::shared_ptr<const DatagramMac> newest, old;
   {
@@ -37,7 +37,7 @@ bool MessageSeal::verify(std::span<const uint8_t> head, std::span<const uint8_t>
   return newest->verify(head, data, trailer) || (old && old->verify(head, data, trailer));
 }
 
-void MessageSeal::count_unverified() {
+void MessageAuthenticator::count_unverified() {
   if (!has_key_) {
     ++unkeyed_;
     return;
@@ -48,12 +48,12 @@ void MessageSeal::count_unverified() {
       "key");
 }
 
-void MessageSeal::count_unsigned(std::string_view problem) {
+void MessageAuthenticator::count_unsigned(std::string_view problem) {
   ++not_signed_;
   report(problem);
 }
 
-SealCounts MessageSeal::counts() const {
+RejectionCounts MessageAuthenticator::counts() const {
   return {.forged = forged_,
           .unkeyed = unkeyed_,
           .not_signed = not_signed_,
@@ -61,12 +61,12 @@ SealCounts MessageSeal::counts() const {
           .replayed = replayed_};
 }
 
-std::string MessageSeal::trouble(RealtimeInstant now) const {
+std::string MessageAuthenticator::trouble(RealtimeInstant now) const {
   const std::lock_guard lock(mutex_);
   return now - reported_at_ < kShownFor ? trouble_ : "";
 }
 
-void MessageSeal::report(std::string_view trouble) {
+void MessageAuthenticator::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
   reported_at_ = Realtime::now();

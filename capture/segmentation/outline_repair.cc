@@ -1,4 +1,4 @@
-#include "capture/segmentation/frayed_outline.h"
+#include "capture/segmentation/outline_repair.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "capture/segmentation/frayed_outline.h"
+#include "capture/segmentation/outline_repair.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -68,7 +68,7 @@ bool get(const Mask& mask, int x, int y) {
   return x >= 0 && y >= 0 && x < mask.size().width && y < mask.size().height && mask.get(x, y);
 }
 
-/// True if the background pixel lies in a notch along (dx, dy), as frayed_outline.h defines it.
+/// True if the background pixel lies in a notch along (dx, dy), as outline_repair.h defines it.
 /// (inx, iny) is the direction to the foreground.
 bool is_in_notch(const Mask& mask, int x, int y, int dx, int dy, int inx, int iny) {
   int ends[2];

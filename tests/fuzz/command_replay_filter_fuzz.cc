@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "base/core/error.h"
-#include "daemon/control/command_gate.h"
+#include "daemon/control/command_replay_filter.h"
 
 namespace {
 
@@ -25,36 +25,36 @@ void must(bool condition) {
 void check_admitted_once(v3d::CommandMessage command) {
   command.to[0] = "cap01";
   command.nonces[0] = kNonce;
-  const v3d::Bytes sealed = v3d::encode_sealed(command, key());
-  v3d::CommandGate gate("cap01", draw);
-  gate.credentials().set_studio_key(key(), kNow);
-  const auto first = gate.admit(sealed, kNow);
+  const v3d::Bytes authenticated = v3d::encode_with_mac(command, key());
+  v3d::CommandReplayFilter filter("cap01", draw);
+  filter.credentials().set_studio_key(key(), kNow);
+  const auto first = filter.admit(authenticated, kNow);
   must(first && first->is_current);
-  must(!gate.admit(sealed, kNow));
+  must(!filter.admit(authenticated, kNow));
 }
 
 void check_with_mac(std::span<const uint8_t> bytes) {
-  v3d::Bytes sealed(bytes.begin(), bytes.end());
-  if (sealed.size() <= v3d::kSealSize) return;
-  key().seal(sealed);
-  must(key().has_sealed(sealed));
-  auto command = v3d::decode<v3d::CommandMessage>(sealed);
-  v3d::CommandGate gate("cap01", draw);
-  gate.credentials().set_studio_key(key(), kNow);
-  gate.admit(sealed, kNow);
-  const auto again = gate.admit(sealed, kNow);
+  v3d::Bytes authenticated(bytes.begin(), bytes.end());
+  if (authenticated.size() <= v3d::kCommandMacSize) return;
+  key().add_mac(authenticated);
+  must(key().has_valid_mac(authenticated));
+  auto command = v3d::decode<v3d::CommandMessage>(authenticated);
+  v3d::CommandReplayFilter filter("cap01", draw);
+  filter.credentials().set_studio_key(key(), kNow);
+  filter.admit(authenticated, kNow);
+  const auto again = filter.admit(authenticated, kNow);
   must(!again || !again->is_current);
   if (command && !command->to.empty()) check_admitted_once(std::move(*command));
-  must(gate.counts().admitted <= 1 && gate.counts().forged == 0);
+  must(filter.counts().admitted <= 1 && filter.counts().forged == 0);
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::span bytes(data, size);
-  v3d::CommandGate gate("cap01", draw);
-  gate.credentials().set_studio_key(key(), kNow);
-  must(!gate.admit(bytes, kNow));
+  v3d::CommandReplayFilter filter("cap01", draw);
+  filter.credentials().set_studio_key(key(), kNow);
+  must(!filter.admit(bytes, kNow));
   check_with_mac(bytes);
   try {
     v3d::StudioKey::parse({reinterpret_cast<const char*>(data), size}, "studio.key");

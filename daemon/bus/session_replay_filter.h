@@ -49,7 +49,7 @@ struct ReceiverTime {
 /// session. The caller must note authentic messages only, so senders without the key cannot change
 /// the state. Allocates nothing after construction. One thread. Source: RFC 6479, with one bit a
 /// message.
-class SessionGate {
+class SessionReplayFilter {
  public:
   static constexpr uint32_t kWindow = 1024;
   static constexpr size_t kMaxSessions = 256;
@@ -61,7 +61,7 @@ class SessionGate {
   /// ppm.
   static constexpr double kDrift = 1e-3;
 
-  SessionGate() { sessions_.reserve(kMaxSessions); }
+  SessionReplayFilter() { sessions_.reserve(kMaxSessions); }
 
   /// Whether the message was received before. To be called before the verification of the message.
   /// Sequence numbers may wrap.

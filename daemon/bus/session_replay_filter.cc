@@ -1,4 +1,4 @@
-#include "daemon/bus/session_gate.h"
+#include "daemon/bus/session_replay_filter.h"
 
 #include <algorithm>
 #include <utility>
@@ -17,12 +17,12 @@ int64_t distance(uint32_t sequence, uint32_t other) {
 
 // --- window -------------------------------------------------------------------------------------
 
-const SessionGate::Session* SessionGate::find(uint32_t session) const {
+const SessionReplayFilter::Session* SessionReplayFilter::find(uint32_t session) const {
   const auto found = std::ranges::find(sessions_, session, &Session::id);
   return found == sessions_.end() ? nullptr : &*found;
 }
 
-bool SessionGate::is_received(const SessionStamp& stamp) const {
+bool SessionReplayFilter::is_received(const SessionStamp& stamp) const {
   const Session* const known = find(stamp.session);
   if (known == nullptr) return false;
   const int64_t ahead = distance(stamp.sequence, known->newest);
@@ -30,7 +30,8 @@ bool SessionGate::is_received(const SessionStamp& stamp) const {
   return -ahead >= kWindow || known->received[stamp.sequence % kWindow];
 }
 
-SessionGate::Session& SessionGate::find_or_add(const SessionStamp& stamp, const ReceiverTime& now) {
+SessionReplayFilter::Session& SessionReplayFilter::find_or_add(const SessionStamp& stamp,
+                                                               const ReceiverTime& now) {
   const auto found = std::ranges::find(sessions_, stamp.session, &Session::id);
   if (found != sessions_.end()) return *found;
   if (sessions_.size() == kMaxSessions) {
@@ -47,7 +48,7 @@ SessionGate::Session& SessionGate::find_or_add(const SessionStamp& stamp, const 
   return added;
 }
 
-void SessionGate::note(const SessionStamp& stamp, const ReceiverTime& now) {
+void SessionReplayFilter::note(const SessionStamp& stamp, const ReceiverTime& now) {
   Session& known = find_or_add(stamp, now);
   if (known.delay(stamp.sent, now.monotonic) <= known.drift(now.monotonic)) {
     known.fast_sent = stamp.sent;
@@ -67,7 +68,7 @@ void SessionGate::note(const SessionStamp& stamp, const ReceiverTime& now) {
 
 // --- recency ------------------------------------------------------------------------------------
 
-bool SessionGate::is_recent(const SessionStamp& stamp, const ReceiverTime& now) const {
+bool SessionReplayFilter::is_recent(const SessionStamp& stamp, const ReceiverTime& now) const {
   const Session* const known = find(stamp.session);
   const Duration age = known == nullptr
                            ? now.realtime - stamp.sent
@@ -76,18 +77,18 @@ bool SessionGate::is_recent(const SessionStamp& stamp, const ReceiverTime& now) 
   return age <= kOldest && -age <= kAhead;
 }
 
-bool SessionGate::has_answered(uint32_t session, const Signer& signer) const {
+bool SessionReplayFilter::has_answered(uint32_t session, const Signer& signer) const {
   const Session* const known = find(session);
   return known != nullptr && known->has_answered && known->answered_by == signer;
 }
 
-bool SessionGate::is_answered_by_other(uint32_t session, const Signer& signer) const {
+bool SessionReplayFilter::is_answered_by_other(uint32_t session, const Signer& signer) const {
   const Session* const known = find(session);
   return known != nullptr && known->has_answered && known->answered_by != signer;
 }
 
-void SessionGate::accept(const SessionStamp& newest, const ReceiverTime& now,
-                         const Signer& signer) {
+void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime& now,
+                                 const Signer& signer) {
   Session& session = find_or_add(newest, now);
   session.fast_sent = newest.sent;
   session.fast_received = now.monotonic;

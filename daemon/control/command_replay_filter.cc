@@ -1,4 +1,4 @@
-#include "daemon/control/command_gate.h"
+#include "daemon/control/command_replay_filter.h"
 
 #include <algorithm>
 #include <array>
@@ -12,26 +12,26 @@ constexpr Duration kReportedFor = std::chrono::seconds(10);
 
 }  // namespace
 
-CommandGate::CommandGate(std::string node, std::function<int64_t()> draw)
+CommandReplayFilter::CommandReplayFilter(std::string node, std::function<int64_t()> draw)
     : node_(std::move(node)), draw_(std::move(draw)) {}
 
-CommandCounts CommandGate::counts() const {
+CommandCounts CommandReplayFilter::counts() const {
   const std::lock_guard lock(mutex_);
   return counts_;
 }
 
-std::string CommandGate::problem(MonotonicInstant now) const {
+std::string CommandReplayFilter::problem(MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
   return problem_time_ && now - *problem_time_ < kReportedFor ? problem_ : "";
 }
 
-int64_t CommandGate::nonce(MonotonicInstant now) {
+int64_t CommandReplayFilter::nonce(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
   renew_nonces(now);
   return nonce_.value;
 }
 
-ReplyMessage CommandGate::nonce_reply(const CommandMessage& command, MonotonicInstant now) {
+ReplyMessage CommandReplayFilter::nonce_reply(const CommandMessage& command, MonotonicInstant now) {
   ReplyMessage reply;
   reply.node = node_;
   reply.command_sender = command.sender;
@@ -42,8 +42,8 @@ ReplyMessage CommandGate::nonce_reply(const CommandMessage& command, MonotonicIn
   return reply;
 }
 
-std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t> bytes,
-                                                        MonotonicInstant now) {
+std::optional<CommandReplayFilter::Admitted> CommandReplayFilter::admit(
+    std::span<const uint8_t> bytes, MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
   auto command = read(bytes, now);
   if (!command) return std::nullopt;
@@ -63,8 +63,8 @@ std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t>
   return Admitted{.command = std::move(*command), .is_current = true};
 }
 
-std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
-                                                MonotonicInstant now) {
+std::optional<CommandMessage> CommandReplayFilter::read(std::span<const uint8_t> bytes,
+                                                        MonotonicInstant now) {
   if (!credentials_.is_complete()) {
     ++counts_.unkeyed;
     return std::nullopt;
@@ -84,7 +84,7 @@ std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
   return command;
 }
 
-void CommandGate::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
+void CommandReplayFilter::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
   if (opened.result == OpenedCommand::Result::kUnauthorized) {
     ++counts_.unauthorized;
     return set_problem(
@@ -98,7 +98,8 @@ void CommandGate::count_rejected(const OpenedCommand& opened, MonotonicInstant n
 
 // --- nonces -------------------------------------------------------------------------------------
 
-bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInstant now) const {
+bool CommandReplayFilter::has_current_nonce(const CommandMessage& command,
+                                            MonotonicInstant now) const {
   const auto index = std::ranges::find(command.to, node_) - command.to.begin();
   if (index >= std::ssize(command.nonces)) return false;
   const int64_t held = command.nonces[static_cast<size_t>(index)];
@@ -107,7 +108,7 @@ bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInst
   });
 }
 
-bool CommandGate::may_reply_nonce(const std::string& sender, MonotonicInstant now) {
+bool CommandReplayFilter::may_reply_nonce(const std::string& sender, MonotonicInstant now) {
   if (now - replies_since_ >= std::chrono::seconds(1)) {
     replies_since_ = now;
     nonce_replies_ = 0;
@@ -121,14 +122,14 @@ bool CommandGate::may_reply_nonce(const std::string& sender, MonotonicInstant no
   return true;
 }
 
-void CommandGate::renew_nonces(MonotonicInstant now) {
+void CommandReplayFilter::renew_nonces(MonotonicInstant now) {
   if (!nonce_.is_current(now)) return draw_nonces(now);
   if (now - nonce_.drawn < kNonceLife) return;
   nonce_before_ = std::exchange(nonce_, {.value = draw_(), .drawn = now});
   senders_before_ = std::exchange(senders_, {});
 }
 
-void CommandGate::draw_nonces(MonotonicInstant now) {
+void CommandReplayFilter::draw_nonces(MonotonicInstant now) {
   nonce_ = {.value = draw_(), .drawn = now};
   nonce_before_ = {};
   senders_.clear();
@@ -137,7 +138,7 @@ void CommandGate::draw_nonces(MonotonicInstant now) {
 
 // --- replays ------------------------------------------------------------------------------------
 
-bool CommandGate::is_new(const CommandMessage& command) {
+bool CommandReplayFilter::is_new(const CommandMessage& command) {
   return std::ranges::all_of(std::array{&senders_, &senders_before_}, [&](const auto* senders) {
     const auto known = senders->find(command.sender);
     if (known == senders->end()) return true;
@@ -146,12 +147,12 @@ bool CommandGate::is_new(const CommandMessage& command) {
   });
 }
 
-void CommandGate::record(const CommandMessage& command, MonotonicInstant now) {
+void CommandReplayFilter::record(const CommandMessage& command, MonotonicInstant now) {
   if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) draw_nonces(now);
   senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
 }
 
-void CommandGate::set_problem(const std::string& problem, MonotonicInstant now) {
+void CommandReplayFilter::set_problem(const std::string& problem, MonotonicInstant now) {
   problem_ = problem;
   problem_time_ = now;
 }

@@ -1,0 +1,51 @@
+#include "daemon/bus/message_authenticator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(MessageAuthenticator, reports_the_reason_of_a_rejection_for_a_limited_time) {
+  MessageAuthenticator authenticator;
+  authenticator.set_key(StudioKey::make());
+  EXPECT_EQ(authenticator.trouble(Realtime::now()), "");
+  authenticator.count_unverified();
+  EXPECT_EQ(authenticator.counts().forged, 1);
+  EXPECT_THAT(authenticator.trouble(Realtime::now()), testing::HasSubstr("another studio key"));
+  EXPECT_EQ(authenticator.trouble(Realtime::now() + 60s), "");
+}
+
+TEST(MessageAuthenticator, counts_no_datagram_as_forged_before_there_is_a_key) {
+  MessageAuthenticator authenticator;
+  authenticator.require_authentication();
+  authenticator.count_unverified();
+  EXPECT_EQ(authenticator.counts().forged, 0);
+  EXPECT_EQ(authenticator.counts().unkeyed, 1);
+  EXPECT_EQ(authenticator.trouble(Realtime::now()), "")
+      << "CredentialFiles reports the missing key";
+}
+
+TEST(MessageAuthenticator, counts_and_reports_messages_without_a_permitted_signature) {
+  MessageAuthenticator authenticator;
+  authenticator.set_key(StudioKey::make());
+  authenticator.count_unsigned("V3D_PULSE of member cap02");
+  EXPECT_EQ(authenticator.counts().not_signed, 1);
+  EXPECT_EQ(authenticator.counts().forged, 0);
+  EXPECT_EQ(authenticator.trouble(Realtime::now()), "V3D_PULSE of member cap02");
+}
+
+TEST(MessageAuthenticator, is_required_with_a_key_or_on_request) {
+  MessageAuthenticator authenticator;
+  EXPECT_FALSE(authenticator.is_required());
+  authenticator.require_authentication();
+  EXPECT_TRUE(authenticator.is_required());
+  EXPECT_EQ(authenticator.mac(), nullptr);
+  authenticator.set_key(StudioKey::make());
+  EXPECT_NE(authenticator.mac(), nullptr);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,187 @@
+#include "daemon/bus/session_replay_filter.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <set>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr ReceiverTime kNow{from_ns<Monotonic>(3'600'000'000'000),
+                            from_ns<Realtime>(1'700'000'000'000'000'000)};
+
+ReceiverTime later(Duration by) { return {kNow.monotonic + by, kNow.realtime + by}; }
+SessionStamp stamp(uint32_t session, uint32_t sequence, Duration sent = {}) {
+  return {.session = session, .sequence = sequence, .sent = kNow.realtime + sent};
+}
+
+RC_GTEST_PROP(SessionReplayFilter, accepts_a_number_once_also_when_numbers_wrap, ()) {
+  SessionReplayFilter filter;
+  std::set<uint32_t> accepted;
+  uint32_t newest = *rc::gen::element<uint32_t>(0, 5000, 0xffffff00U, 0x7fffff00U);
+  for (int i = 0; i < 500; ++i) {
+    const uint32_t number = newest + static_cast<uint32_t>(*rc::gen::inRange(-40, 41));
+    if (!filter.is_received(stamp(7, number))) {
+      RC_ASSERT(accepted.insert(number).second);
+      filter.note(stamp(7, number), kNow);
+      if (static_cast<int32_t>(number - newest) > 0) newest = number;
+    } else {
+      RC_ASSERT(accepted.contains(number));
+    }
+  }
+}
+
+KeyId key_id(uint8_t first) { return {first}; }
+
+TEST(SessionReplayFilter, keeps_answers_of_different_keys_apart) {
+  SessionReplayFilter filter;
+  filter.accept(stamp(7, 100), kNow, key_id(1));
+  EXPECT_TRUE(filter.has_answered(7, key_id(1)));
+  EXPECT_FALSE(filter.has_answered(7, key_id(2)));
+  EXPECT_FALSE(filter.has_answered(7)) << "unknown key";
+  EXPECT_TRUE(filter.is_answered_by_other(7, key_id(2)));
+  EXPECT_FALSE(filter.is_answered_by_other(8, key_id(2))) << "no answer yet";
+  filter.accept(stamp(7, 200), kNow, key_id(2));
+  EXPECT_TRUE(filter.has_answered(7, key_id(2)));
+  EXPECT_FALSE(filter.has_answered(7, key_id(1)));
+  EXPECT_TRUE(filter.is_received(stamp(7, 150))) << "the first answer of this key";
+  EXPECT_FALSE(filter.is_received(stamp(7, 201)));
+}
+
+TEST(SessionQuestions, accept_an_answer_of_the_named_key_or_of_any_key_when_none_was_named) {
+  SessionQuestions questions;
+  const int64_t nonce = questions.ask(7, kNow.monotonic, key_id(1)).value();
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(2)));
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic));
+  EXPECT_TRUE(questions.is_pending(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_TRUE(questions.answers(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(1))) << "once";
+  const int64_t of_any = questions.ask(7, kNow.monotonic).value();
+  EXPECT_TRUE(questions.answers(7, of_any, kNow.monotonic, key_id(2)));
+}
+
+TEST(SessionReplayFilter, counts_messages_older_than_the_window_as_received) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 5000), kNow);
+  EXPECT_FALSE(filter.is_received(stamp(7, 5000 - SessionReplayFilter::kWindow + 1)));
+  EXPECT_TRUE(filter.is_received(stamp(7, 5000 - SessionReplayFilter::kWindow)));
+  EXPECT_FALSE(filter.is_received(stamp(8, 1))) << "another session";
+}
+
+TEST(SessionReplayFilter, rejects_old_messages_of_a_removed_session) {
+  SessionReplayFilter filter;
+  for (uint32_t i = 0; i <= SessionReplayFilter::kMaxSessions; ++i)
+    filter.note(stamp(i, 1, i * 1ms), later(i * 1ms));
+  EXPECT_FALSE(filter.is_recent(stamp(0, 1), later(1s))) << "session 0 was removed";
+  EXPECT_TRUE(filter.is_received(stamp(1, 1, 1ms)));
+  EXPECT_TRUE(filter.is_recent(stamp(999, 1, 1s), later(1s)));
+  filter.accept(stamp(0, 5, 1s), later(1s));
+  EXPECT_TRUE(filter.is_received(stamp(0, 1)));
+  EXPECT_FALSE(filter.is_received(stamp(0, 6)));
+}
+
+TEST(SessionReplayFilter, accepts_an_unknown_session_whose_clock_agrees) {
+  const SessionReplayFilter filter;
+  EXPECT_TRUE(filter.is_recent(stamp(7, 1, -5s), kNow));
+  EXPECT_FALSE(filter.is_recent(stamp(7, 1, -5s - 1us), kNow));
+  EXPECT_TRUE(filter.is_recent(stamp(7, 1, 2s), kNow));
+  EXPECT_FALSE(filter.is_recent(stamp(7, 1, 2s + 1us), kNow));
+}
+
+TEST(SessionReplayFilter, needs_no_wall_clock_for_a_known_session) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 1), kNow);
+  for (const Duration set : {-1h, 0h, 1h}) {
+    const ReceiverTime now{kNow.monotonic + 60s, kNow.realtime + 60s + set};
+    EXPECT_TRUE(filter.is_recent(stamp(7, 2, 59s), now)) << "the receiver's clock was set";
+    EXPECT_FALSE(filter.is_recent(stamp(7, 2, 54s), now)) << "delayed by 6 s";
+  }
+}
+
+TEST(SessionReplayFilter, accepts_a_clock_that_drifts_for_a_day) {
+  SessionReplayFilter filter;
+  constexpr double kRate = 1 - 150e-6;  // two crystals, each at its limit
+  for (int i = 0; i <= 24 * 60; ++i) {
+    const Duration passed = i * 60s;
+    const SessionStamp message =
+        stamp(7, static_cast<uint32_t>(i), from_seconds(kRate * to_seconds(passed)));
+    ASSERT_TRUE(filter.is_recent(message, later(passed))) << "minute " << i;
+    filter.note(message, later(passed));
+  }
+}
+
+TEST(SessionReplayFilter, rejects_a_session_whose_clock_was_set_until_it_answers) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 1), kNow);
+  EXPECT_FALSE(filter.is_recent(stamp(7, 2, -1h), later(1s)));
+  filter.accept(stamp(7, 2, -1h), later(1s));
+  EXPECT_TRUE(filter.is_recent(stamp(7, 3, -1h + 100ms), later(1100ms)));
+  EXPECT_TRUE(filter.is_received(stamp(7, 1))) << "received messages stay received";
+  EXPECT_FALSE(filter.is_recent(stamp(7, 4, -2h), later(2s)));
+}
+
+TEST(SessionReplayFilter, rejects_older_messages_after_the_first_answer_of_a_session) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 9), kNow);
+  EXPECT_FALSE(filter.has_answered(7));
+  EXPECT_FALSE(filter.is_received(stamp(7, 8)));
+  filter.accept(stamp(7, 12), kNow);
+  EXPECT_TRUE(filter.has_answered(7));
+  for (const uint32_t old : {8U, 9U, 12U}) EXPECT_TRUE(filter.is_received(stamp(7, old))) << old;
+  EXPECT_FALSE(filter.is_received(stamp(7, 13)));
+}
+
+TEST(SessionReplayFilter, keeps_received_messages_when_the_first_answer_is_late) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 9), kNow);
+  filter.accept(stamp(7, 5), kNow);
+  EXPECT_TRUE(filter.is_received(stamp(7, 9)));
+  EXPECT_FALSE(filter.is_received(stamp(7, 10)));
+}
+
+TEST(SessionReplayFilter, removes_the_answer_together_with_its_session) {
+  SessionReplayFilter filter;
+  filter.accept(stamp(7, 1), kNow);
+  for (uint32_t i = 0; i < SessionReplayFilter::kMaxSessions; ++i) {
+    EXPECT_EQ(filter.forgotten(), 0);
+    filter.note(stamp(1000 + i, 1), later(1s));
+  }
+  EXPECT_EQ(filter.forgotten(), 1);
+  EXPECT_FALSE(filter.has_answered(7));
+}
+
+TEST(SessionQuestions, accept_one_answer_with_the_right_nonce_in_time) {
+  SessionQuestions questions;
+  const auto now = kNow.monotonic;
+  const auto nonce = questions.ask(7, now);
+  ASSERT_TRUE(nonce);
+  EXPECT_FALSE(questions.ask(7, now + 100ms)) << "asked 100 ms ago";
+  EXPECT_EQ(questions.ask(7, now + 200ms), nonce);
+  EXPECT_FALSE(questions.answers(7, *nonce + 1, now + 300ms));
+  EXPECT_FALSE(questions.answers(8, *nonce, now + 300ms));
+  EXPECT_TRUE(questions.answers(7, *nonce, now + 300ms));
+  EXPECT_FALSE(questions.answers(7, *nonce, now + 300ms)) << "repeated answer";
+  const auto late = questions.ask(7, now + 1s);
+  ASSERT_TRUE(late);
+  EXPECT_NE(late, nonce);
+  EXPECT_FALSE(questions.answers(7, *late, now + 1s + SessionQuestions::kAnsweredWithin));
+}
+
+TEST(SessionQuestions, keep_16_questions_pending) {
+  SessionQuestions questions;
+  std::vector<int64_t> nonces;
+  for (uint32_t session = 1; session <= 17; ++session) {
+    nonces.push_back(*questions.ask(session, kNow.monotonic + session * 1ms));
+  }
+  EXPECT_FALSE(questions.answers(1, nonces[0], kNow.monotonic + 50ms))
+      << "the oldest question was replaced";
+  for (uint32_t session = 2; session <= 17; ++session) {
+    EXPECT_TRUE(questions.answers(session, nonces[session - 1], kNow.monotonic + 50ms));
+  }
+}
+
+}  // namespace
+}  // namespace v3d
