@@ -16,7 +16,7 @@ namespace v3d::test {
 
 /// `rig` with every camera turned and moved at random, so that points at 3 m shift by about `px`
 /// pixels. Deterministic for one `seed`.
-inline Rig knocked(const Rig& rig, double px, uint64_t seed) {
+inline Rig displaced(const Rig& rig, double px, uint64_t seed) {
   constexpr double kDistance = 3;  // to the performer, metres
   Rig result = rig;
   for (size_t c = 0; c < rig.size(); ++c) {

@@ -56,7 +56,7 @@ TEST_F(SilhouetteRefining, finds_equal_tangent_planes_for_true_cameras) {
 }
 
 TEST_F(SilhouetteRefining, reduces_a_calibration_error_of_one_pixel) {
-  const Rig before = test::knocked(truth_, 1, 5);
+  const Rig before = test::displaced(truth_, 1, 5);
   const RefineResult result = refine_by_silhouettes(before, sets(), {});
   EXPECT_TRUE(result.better);
   RecordProperty("before", std::to_string(test::error_px(before, truth_)));

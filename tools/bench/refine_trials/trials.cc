@@ -72,7 +72,7 @@ RefineScore try_one(const std::vector<Studio>& studios, bool segmented, double p
   RefineScore score{.segmented = segmented, .disturbed_px = px};
   for (size_t s = 0; s < studios.size(); ++s) {
     const Studio& studio = studios[s];
-    const Rig before = test::knocked(studio.truth, px, 77 + s);
+    const Rig before = test::displaced(studio.truth, px, 77 + s);
     const auto result = calib::refine_by_silhouettes(
         before, sets_of(segmented ? studio.segmented : studio.exact), {});
     const double after = test::error_px(result.rig, studio.truth);
