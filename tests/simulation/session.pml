@@ -3,7 +3,8 @@
  *
  * A sender sends health and data (frames, events) in two sessions: its process restarts once. Its clock is set once,
  * forwards or backwards. The receiver restarts once, and its wall clock is set once. An adversary delivers any earlier
- * message at any time, any number of times, and delays questions and answers. The receiver remembers kMaxSessions sessions. A tick is 5 s (SessionGate::kOldest). Checked in every state:
+ * message at any time, any number of times, and delays questions and answers. The receiver remembers kMaxSessions
+ * sessions. A tick is 5 s (SessionGate::kOldest). Checked in every state:
  *   - no health is accepted twice, for all restarts and clock settings;
  *   - after its restart the receiver accepts no health of a session that had ended before;
  *   - without a step of the sender's clock, no health is accepted that is older than kOldest and the time of an answer;
