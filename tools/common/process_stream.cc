@@ -12,7 +12,7 @@
 
 namespace v3d {
 ProcessStream::ProcessStream(const std::vector<std::string>& words, End end) {
-  // A socket, not a pipe: writing to one that nobody reads is an error, not a signal.
+  // A socket instead of a pipe: writing without a reader returns an error and raises no signal.
   int channel[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, channel) != 0) {
     throw std::runtime_error(errno_message("socketpair"));
