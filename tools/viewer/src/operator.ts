@@ -69,7 +69,7 @@ export function nextName(name: string): string {
 /** The same rule as in base/name.h. */
 export const isTakeName = (name: string) => /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$/.test(name);
 
-export const NAME_RULE = 'The name of a take may have letters, digits, - _ and . , at max 64 characters.';
+export const NAME_RULE = 'The name of a take may have letters, digits, - _ and . , at most 64 characters.';
 
 /** The cameras that the lines of a rejected arm order name. */
 export function camerasNamed(lines: readonly string[], cameras: readonly string[]): string[] {

@@ -161,5 +161,4 @@ export const CONFIDENCE_IN_WORDS =
   + `${Math.round(255 * AGREEING)} (of 255, in red, green and blue together) of the mean of all cameras that see it. Grey points are `
   + 'seen by no camera: shape and colour are estimates there. A single camera cannot agree with another. Where many cameras agree, '
   + 'the surface is right. Where many see a point and few agree, the true surface lies elsewhere, as in a concavity that no '
-  + 'silhouette shows.'; where many see and '
-  + 'few agree, the true surface lies elsewhere, as in a hollow that no silhouette shows.';
+  + 'silhouette shows.';
