@@ -57,9 +57,8 @@ class CrashModel {
   struct Node {
     bool is_folder = false;
     std::string name;
-    std::map<std::string, size_t> initial_entries,
-        entries;          ///< of a folder, before and after the trace
-    std::string initial;  ///< content of a file before the trace
+    std::map<std::string, size_t> initial_entries, entries;  ///< of a folder, before and after
+    std::string initial;                                     ///< content of a file before the trace
     std::vector<Write> writes = {};
     std::vector<size_t> syncs = {};
   };

@@ -286,8 +286,7 @@ ssize_t pwritev64(int fd, const iovec* parts, int count, off_t offset)
 ssize_t sendfile(int to, int from, off_t* offset, size_t size) {
   static auto* const next = real<ssize_t(int, int, off_t*, size_t)>("sendfile");
   const std::string path = path_of(to);
-  if (plan().traces() &&
-      plan().is_below(path)) {  // the trace needs the bytes, so the caller must use write()
+  if (plan().traces() && plan().is_below(path)) {  // the caller must use write() instead
     errno = EINVAL;
     return -1;
   }

@@ -77,8 +77,7 @@ TEST_P(PowerCut, before_any_change_keeps_all_reported_data) {
     write_text(place.marks(), marks);
     disk.restore();
     ProgramResult result = place.run(operation.command(place), cut);
-    if (result.fired == cut.call.empty())
-      continue;  // with threads, a run may make fewer such calls
+    if (result.fired == cut.call.empty()) continue;  // threads: a run may make fewer calls
     if (!result.fired) disk.cut_power();
     result.is_power_cut = true;
     disk.restart();

@@ -81,8 +81,7 @@ class ProtocolEvents {
   ProtocolTrace trace_;
   std::vector<ProtocolEvent> effects_;  ///< effects of the current step, not yet in trace_
   std::map<std::string, int> nodes_, runs_, takes_;
-  std::map<std::tuple<ProtocolEvent::Kind, int, int>, ProtocolEvent>
-      last_;  ///< by kind, node and run
+  std::map<std::tuple<ProtocolEvent::Kind, int, int>, ProtocolEvent> last_;  ///< by node and run
 };
 
 }  // namespace v3d::simulation

@@ -65,8 +65,7 @@ void Truth::on_pulse(int64_t pulse, bool sensed) {
   if (pulse != train.pulses) violate(train.take + ": pulse numbers have a gap");
   ++train.pulses;
   train.sensed += sensed ? 1 : 0;
-  if (train.verb == CommandVerb::kBackground)
-    return;  // a node may finish learning before the last pulse
+  if (train.verb == CommandVerb::kBackground) return;  // learning may end before the last pulse
   for (const std::string& name : studio_.commanded.nodes) {
     if (name != studio_.commanded.trigger) check_recording(name, nodes_[name], running_);
   }

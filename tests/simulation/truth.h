@@ -84,8 +84,7 @@ class Truth {
     std::string started_by;                    ///< sender
     std::set<std::string> committed, started;  ///< all orders so far
     std::map<std::string, Cause> left;         ///< why it left the recording, by order
-    std::map<std::string, std::map<std::string, std::set<int64_t>>>
-        written;  ///< pulses by take, camera
+    std::map<std::string, std::map<std::string, std::set<int64_t>>> written;  ///< take, camera
   };
   void check_take_back(const Change& change, const Node& node);
   void check_recording(const std::string& name, const Node& node, const std::string& id);

@@ -77,9 +77,8 @@ class Chain {
   Reconstructor reconstructor_;
   std::atomic<bool> stopping_ = false;
   std::counting_semaphore<> done_{0};
-  std::vector<double>
-      latencies_ms_;               ///< written by the last stage; read after the pipeline has ended
-  FramePipeline<Pulse> pipeline_;  ///< last member: it uses all others
+  std::vector<double> latencies_ms_;  ///< of the last stage, until the pipeline has ended
+  FramePipeline<Pulse> pipeline_;     ///< last member: it uses all others
 };
 
 /// Maximum throughput of the pipeline, and its latency at this rate. Both stages are always busy,

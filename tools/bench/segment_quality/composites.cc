@@ -14,9 +14,8 @@ namespace {
 constexpr uint64_t kSeed = 20090219;
 constexpr const char* kRooms[] = {"cam1", "cam2", "cam3", "cam4"};
 constexpr const char* kPeople[] = {"cam00", "cam04", "cam09", "cam13"};
-constexpr double kStanding[] = {0.28, 0.5,
-                                0.72};  ///< position of the feet, part of the room's width
-constexpr double kFeet = 0.94;          ///< position of the feet, part of the room's height
+constexpr double kStanding[] = {0.28, 0.5, 0.72};  ///< feet, as parts of the room's width
+constexpr double kFeet = 0.94;  ///< position of the feet, part of the room's height
 constexpr int kMaxPlates = 40;
 
 /// Image of a person: colour (red, green, blue) and coverage (0 to 1) of every pixel.
