@@ -1,5 +1,5 @@
-# Every third-party library the project links, found once. tools/install-deps installs them; with --demo, those that
-# the programs of tools/demo need.
+# Finds all third-party libraries of the project. tools/install-deps installs them; with --demo, only those that the
+# programs of tools/demo need.
 find_package(Threads REQUIRED)
 find_package(PkgConfig REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)

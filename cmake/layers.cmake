@@ -1,10 +1,10 @@
-# Layers and their rules. Two checks enforce them:
+# Layers of the code and rules for their dependencies. Two checks enforce the rules:
 #   - the headers of a layer are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a target links a layer that its rule does not name.
 set(V3D_LAYERS core io image geometry config base codec wire take trigger segmentation capture recon calib sim
   bus control node captured recond recorded viewd)
-# v3d_may_use(<target> <layer>...): the rule of a target, a layer's name standing for v3d_<layer>.
+# v3d_may_use(<target> <layer>...): sets the rule of a target. The name of a layer means the target v3d_<layer>.
 macro(v3d_may_use target)
   set(V3D_MAY_USE_${target} "${ARGN}")
   list(APPEND V3D_RULES ${target})
@@ -37,7 +37,7 @@ v3d_may_use(v3d-recond recond)
 v3d_may_use(v3d-viewd viewd)
 v3d_may_use(v3d_tools_common base)
 v3d_may_use(v3dctl_media base)
-# The operator's program contains no code of daemons, cameras or triggers.
+# v3dctl contains no code of daemons, cameras or triggers.
 v3d_may_use(v3dctl_parts base codec wire take segmentation recon bus control recorded)
 v3d_may_use(v3d_sim_tool base take segmentation sim)
 v3d_may_use(v3d_calibrate_parts calib)
@@ -59,7 +59,7 @@ endfunction()
 
 # v3d_layer(<layer> SOURCES ... [FOLDERS <folder>...] [USES <layer>...] [LINK <public target>...] [PRIVATE <target>...])
 # Defines the static library v3d_<layer>. Its headers are included by their path from the root of the project. FOLDERS:
-# the folders of its headers, where the layer is only a part of its folder.
+# the folders of its headers, if the layer is only a part of its folder.
 function(v3d_layer layer)
   cmake_parse_arguments(ARG "" "" "SOURCES;FOLDERS;USES;LINK;PRIVATE" ${ARGN})
   add_library(v3d_${layer} STATIC ${ARG_SOURCES})
@@ -86,7 +86,7 @@ function(v3d_check_layers)
     foreach(used ${V3D_LAYERS})
       if(v3d_${used} IN_LIST linked AND NOT used IN_LIST V3D_MAY_USE_${target})
         string(REGEX REPLACE "^v3d_" "" name ${target})
-        message(FATAL_ERROR "layer '${name}' may not use layer '${used}': it may use: ${V3D_MAY_USE_${target}}")
+        message(FATAL_ERROR "layer '${name}' may not use layer '${used}'; it may use: ${V3D_MAY_USE_${target}}")
       endif()
     endforeach()
   endforeach()
@@ -97,16 +97,16 @@ function(v3d_check_layers)
   endforeach()
 endfunction()
 
-# How long a test program may take to list its tests. CMake's own limit of 5 s is too short for a program of 47 MB that is
-# read for the first time from a busy disk.
+# Time limit, seconds, for a test program to list its tests. CMake's default of 5 s is too short to read a program of 47 MB
+# from a busy disk.
 set(V3D_DISCOVERY_SECONDS 300)
 
-# All that ctest -L unit runs.
+# All programs that ctest -L unit runs.
 add_custom_target(v3d_unit_tests)
 
 # v3d_test(<name> SOURCES ... LINK <target>... [LABELS <label>...])
-# A GoogleTest program; every test in it becomes a CTest test with the labels (default: unit). Properties run with
-# a fixed seed; RC_PARAMS=seed=N on the program itself tries others. tests/support is included as "support/name.h".
+# Defines a GoogleTest program. Each of its tests becomes a CTest test with the labels (default: unit). Property tests run
+# with a fixed seed; to use another, run the program itself with RC_PARAMS=seed=N. tests/support is included as "support/name.h".
 function(v3d_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
   if(NOT ARG_LABELS)
@@ -121,7 +121,7 @@ function(v3d_test name)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   set(sanitizer)
   if(V3D_SANITIZE STREQUAL thread AND ARG_LINK MATCHES opencv)
-    # OpenCV runs loops of its own, whose threads ThreadSanitizer does not see wait for each other.
+    # OpenCV's own loops synchronise threads in a way that ThreadSanitizer does not see.
     set(sanitizer ENVIRONMENT_MODIFICATION "TSAN_OPTIONS=string_append: ignore_noninstrumented_modules=1")
   endif()
   include(GoogleTest)

@@ -1,6 +1,6 @@
-# Debian packages, one per role of a PC: cpack --config build/release/CPackConfig.cmake -B build/packages
-# A capture PC wants v3d-capture, the reconstruction PC v3d-recon and, for browsers, v3d-viewer, an operator's PC
-# v3d-tools; v3d-common is the user, the group and the settings that they share.
+# Debian packages, one for each role of a PC: cpack --config build/release/CPackConfig.cmake -B build/packages
+# A capture PC needs v3d-capture; the reconstruction PC v3d-recon and, for browsers, v3d-viewer; an operator's PC
+# v3d-tools. v3d-common has the common user, group and settings.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME v3d)
 set(CPACK_PACKAGE_CONTACT "V3D <v3d@localhost>")
@@ -14,7 +14,7 @@ set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SECTION video)
-# Debian's policy for what others may write into: 0755.
+# Permissions of folders by Debian's policy: 0755.
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 

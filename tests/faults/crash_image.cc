@@ -22,10 +22,10 @@ uint64_t inode_of(const fs::path& path) {
   return status.st_ino;
 }
 
-/// How much of what may be lost is kept in one image: all, nothing, or each part by chance.
-class Luck {
+/// Chooses which unsynced parts one image keeps: all, none, or each at random.
+class LossChoice {
  public:
-  explicit Luck(std::mt19937& random) : random_(random), kind_(random() % 4) {}
+  explicit LossChoice(std::mt19937& random) : random_(random), kind_(random() % 4) {}
   bool keeps() { return kind_ == 0 || (kind_ > 1 && random_() % 2 == 0); }
 
  private:
@@ -151,9 +151,9 @@ std::vector<bool> CrashModel::kept_names(size_t count, CrashMode mode, std::mt19
   const auto done = static_cast<size_t>(
       std::ranges::count_if(name_changes_, [&](const auto& c) { return c.at < count; }));
   if (mode == CrashMode::kHarsh) {
-    Luck luck(random);
+    LossChoice choice(random);
     for (size_t i = 0; i < done; ++i) {
-      kept[i] = is_durable(name_changes_[i], count) || luck.keeps();
+      kept[i] = is_durable(name_changes_[i], count) || choice.keeps();
     }
     return kept;
   }
@@ -173,7 +173,7 @@ CrashModel::Entries CrashModel::entries_with(const std::vector<bool>& kept) cons
     const NameChange& change = name_changes_[i];
     if (!kept[i]) continue;
     if (change.gone) {
-      // Where an earlier change is lost, the name may be another file's.
+      // When an earlier change is lost, the name may belong to another file.
       auto& folder = entries[change.gone->folder];
       const auto found = folder.find(change.gone->name);
       if (found != folder.end() && found->second == change.node) folder.erase(found);
@@ -204,9 +204,9 @@ std::string CrashModel::torn_content(const Node& node, size_t count, std::mt1993
   if (now == old) return now;
   std::string torn = now;
   if (random() % 3 == 0) torn.resize(old.size());
-  Luck luck(random);
+  LossChoice choice(random);
   for (size_t page = 0; page < torn.size(); page += kPage) {
-    if (luck.keeps()) continue;
+    if (choice.keeps()) continue;
     for (size_t i = page; i < std::min(page + kPage, torn.size()); ++i) {
       torn[i] = i < old.size() ? old[i] : '\0';
     }

@@ -1,8 +1,8 @@
-// What a disk may hold after a power cut, by the trace of the changes before it.
+// Model of the content of a disk after a power cut, made from the trace of the changes before it.
 //
-// Model: everything that was synced is there. Of the rest any part may be: of a file, each 4 KiB
-// page that was written since its last fsync() is new, old or zero, and its length old or new; of a
-// folder, each name that was changed since its last fsync().
+// The disk holds everything that was synced, and any part of the later changes. Each 4 KiB page of
+// a file that was written since the file's last fsync() is new, old or zero; the length is old or
+// new. Each name in a folder that was changed since the folder's last fsync() is new or old.
 #pragma once
 
 #include <cstdint>
@@ -21,35 +21,35 @@ enum class CrashMode {
   /// Names change on the disk in the order of the calls, and every fsync() writes all earlier ones:
   /// ext4 with data=ordered.
   kOrdered,
-  /// Names change in any order, each by itself; an fsync() of a file does not write its name. Less
-  /// than any journalling file system promises, and all that POSIX does.
+  /// Names change in any order, independently; an fsync() of a file does not write its name. POSIX
+  /// guarantees no more than this; every journalling file system does.
   kHarsh,
 };
 
-/// The changes of a trace, as a file system that forgets what was not synced.
+/// Applies the changes of a trace as a file system that may lose changes that were not synced.
 class CrashModel {
  public:
-  /// `folder` as it is before the trace is recorded; all of it counts as synced.
+  /// `folder`: its state before the trace is recorded. All of it counts as synced.
   explicit CrashModel(const std::filesystem::path& folder);
-  /// Changes below that folder. Throws std::runtime_error when they do not fit the model.
+  /// Adds changes below that folder. Throws std::runtime_error when they do not fit the model.
   void add(const std::vector<TracedChange>& trace);
 
   const std::vector<TracedChange>& trace() const { return trace_; }
-  /// Of a write: the name that its file had first.
+  /// The first name of the file that the change `write` wrote to.
   std::string file_of(size_t write) const;
-  /// The file of this write was synced after it, before the change `count`.
+  /// True when the file of `write` was synced after it and before the change `count`.
   bool is_synced(size_t write, size_t count) const;
 
-  /// Writes to `place`, which must not exist, what the disk may hold when the power fails before
-  /// the change `count`.
+  /// Writes to `place`, which must not exist, one possible content of the disk when the power fails
+  /// before the change `count`. `random` chooses which changes are lost.
   void make_image(const std::filesystem::path& place, size_t count, CrashMode mode,
                   std::mt19937& random) const;
-  /// The same without a power cut: all that was done.
+  /// Writes the content without a power cut: all changes are done.
   void make_whole(const std::filesystem::path& place) const;
 
  private:
   struct Write {
-    size_t at = 0;  ///< in the trace
+    size_t at = 0;  ///< index in the trace
     uint64_t offset = 0;
     std::string bytes;
     bool is_length = false;  ///< `offset` is the new length
@@ -57,12 +57,12 @@ class CrashModel {
   struct Node {
     bool is_folder = false;
     std::string name;
-    std::map<std::string, size_t> initial_entries, entries;  ///< of a folder, before and behind
-    std::string initial;                                     ///< content of a file before
+    std::map<std::string, size_t> initial_entries, entries;  ///< of a folder, before and after
+    std::string initial;                                     ///< content of a file before the trace
     std::vector<Write> writes = {};
     std::vector<size_t> syncs = {};
   };
-  /// Removes a name, puts one, or both.
+  /// Removes the name `gone`, adds the name `put`, or both.
   struct NameChange {
     size_t at = 0;
     struct Name {
@@ -88,9 +88,9 @@ class CrashModel {
   std::vector<TracedChange> trace_;
   std::vector<Node> nodes_;
   std::map<uint64_t, size_t> node_of_;  ///< by inode number, now
-  std::map<size_t, size_t> written_;    ///< node of a write, by its place in the trace
+  std::map<size_t, size_t> written_;    ///< node of a write, by its index in the trace
   std::vector<NameChange> name_changes_;
-  std::vector<size_t> any_syncs_;  ///< places of all syncs, rising
+  std::vector<size_t> any_syncs_;  ///< indices of all syncs, ascending
 };
 
 }  // namespace v3d::test

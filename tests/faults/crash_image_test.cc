@@ -1,7 +1,8 @@
-// Power cuts at any moment of a take: what was recorded and synced is there after it, and what was
-// reported as safe is whole. The images are made from a trace of the real programs (crash_image.h).
+// Tests of power cuts at any moment of a take. After a cut, the disk holds all synced data, and
+// what was reported as safe is whole. The images are made from a trace of the real programs
+// (crash_image.h).
 //
-// V3D_CRASH_IMAGES=N makes N images of each trace and mode; V3D_CRASH_SEED=N takes other ones.
+// V3D_CRASH_IMAGES=N makes N images of each trace and mode; V3D_CRASH_SEED=N changes their seed.
 #include "crash_image.h"
 
 #include <gtest/gtest.h>
@@ -35,14 +36,14 @@ bool is_working_file(const std::string& file) {
   return fs::path(file).filename().string().starts_with(".");
 }
 
-/// Checks one image, which lies where the folder of the trace lay.
+/// Checks one image, made at the path `image` for a power cut before the change `count`.
 using Check = std::function<Lost(const fs::path& image, size_t count)>;
 
 class CrashImage : public testing::TestWithParam<CrashMode> {
  protected:
   std::string mode_name() const { return GetParam() == CrashMode::kOrdered ? "ordered" : "harsh"; }
 
-  /// A model whose trace, done to the end, makes what the programs made.
+  /// Checks the model: all changes of the trace together give the files that the programs made.
   void expect_right_model(const CrashModel& model) {
     const fs::path whole = folder_ / "whole";
     model.make_whole(whole);
@@ -84,7 +85,7 @@ class CrashImage : public testing::TestWithParam<CrashMode> {
 
 // --- recording ----------------------------------------------------------------------------------
 
-/// What the driver reported, and where in the trace.
+/// Marks that the driver wrote, with their positions in the trace.
 class Marks {
  public:
   explicit Marks(const CrashModel& model) : model_(model) {
@@ -99,15 +100,15 @@ class Marks {
 
   bool has(const std::string& what, size_t count) const { return last(what, count) > 0; }
 
-  /// Frames whose bytes were synced, or were acknowledged before the driver called the take
-  /// recovered or complete.
+  /// Frames that must survive a power cut before the change `count`: their bytes were synced, or
+  /// the driver reported the take as recovered or complete after it acknowledged them.
   std::vector<std::pair<std::string, int64_t>> safe_frames(size_t count) const {
-    const size_t promised = std::max(last("recovered", count), last("complete", count));
+    const size_t guaranteed = std::max(last("recovered", count), last("complete", count));
     std::vector<std::pair<std::string, int64_t>> frames;
     for (const Mark& mark : marks_) {
       if (mark.what != "frame" || mark.at >= count) continue;
       const bool is_safe =
-          mark.at < promised || model_.is_synced(write_before(mark.at, mark.camera), count);
+          mark.at < guaranteed || model_.is_synced(write_before(mark.at, mark.camera), count);
       if (is_safe) frames.emplace_back(mark.camera, mark.pulse);
     }
     return frames;
@@ -120,7 +121,7 @@ class Marks {
     int64_t pulse;
   };
 
-  /// Of the last mark of this kind; 0 when there is none.
+  /// Position of the last mark of this kind; 0 when there is none.
   size_t last(const std::string& what, size_t count) const {
     size_t at = 0;
     for (const Mark& mark : marks_) {
@@ -152,8 +153,8 @@ void expect_frame(const TakePaths& take, const std::string& camera, int64_t puls
   }
 }
 
-/// Every file of `before` is as it was; only take.toml, ledger.toml and working files may change.
-void expect_untouched(const Files& before, const Files& now, Lost& lost) {
+/// Checks that no file of `before` has changed. .toml, .index and working files may change.
+void expect_unchanged(const Files& before, const Files& now, Lost& lost) {
   for (const auto& [file, content] : before) {
     const auto found = now.find(file);
     const std::string name = fs::path(file).filename();
@@ -168,12 +169,14 @@ void expect_untouched(const Files& before, const Files& now, Lost& lost) {
 
 void expect_complete(const TakePaths& take, Lost& lost) {
   const Verification verified = verify_take(take);
-  if (verified.info.state != TakeState::kComplete) lost.emplace_back("is not complete any more");
+  if (verified.info.state != TakeState::kComplete)
+    lost.emplace_back("the take is no longer complete");
   if (!verified.ledger.complete()) lost.push_back("complete take: " + verified.ledger.verdict());
   for (const std::string& line : verified.disagreements) lost.push_back("complete take: " + line);
 }
 
-/// What a daemon does that is started after the power cut, and what is there then.
+/// Recovers the takes of the image as a daemon does after a power cut. Returns what is lost, one
+/// line each.
 Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
   Lost lost;
   const Studio studio = driven_studio(image);
@@ -181,19 +184,19 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
   const Files before = contents_of(image);
   try {
     const bool is_ready = marks.has("ready", count);
-    if (is_ready) lost = missing_of_begun_take(image);
+    if (is_ready) lost = missing_studio_copies(image);
     for (const RecoveredTake& found : recover_open_takes(studio, kDrivenNode, kDrivenCameras)) {
       if (is_ready && !found.ledger) lost.push_back("not recovered: " + found.line);
     }
     const Files recovered = contents_of(image);
-    expect_untouched(before, recovered, lost);
+    expect_unchanged(before, recovered, lost);
     for (const auto& [camera, pulse] : marks.safe_frames(count)) {
       expect_frame(take, camera, pulse, lost);
     }
     if (is_ready) {
       const bool was_open = load_take_info(take).state == TakeState::kRecovered;
       if (was_open && !recover_take(take).info.name.empty() && contents_of(image) != recovered) {
-        lost.emplace_back("recovering twice gives something else");
+        lost.emplace_back("a second recovery changes the take");
       }
       verify_take(take);
     }
@@ -204,7 +207,7 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
   return lost;
 }
 
-TEST_P(CrashImage, of_a_recorded_take_has_every_frame_that_was_synced) {
+TEST_P(CrashImage, keeps_every_synced_frame_of_a_recorded_take) {
   make_driven_studio(place_.disk());
   CrashModel model(place_.disk());
   const std::vector<std::string> record = {V3D_RECORD_DRIVER, "record", place_.disk(),
@@ -218,7 +221,7 @@ TEST_P(CrashImage, of_a_recorded_take_has_every_frame_that_was_synced) {
   });
 }
 
-TEST_P(CrashImage, of_a_take_with_a_restart_has_every_frame_that_was_synced_or_called_recovered) {
+TEST_P(CrashImage, keeps_every_synced_or_recovered_frame_of_a_take_with_a_restart) {
   make_driven_studio(place_.disk());
   CrashModel model(place_.disk());
   for (const char* operation : {"cut", "restart"}) {
@@ -236,14 +239,16 @@ TEST_P(CrashImage, of_a_take_with_a_restart_has_every_frame_that_was_synced_or_c
 
 // --- collecting and deleting --------------------------------------------------------------------
 
-/// A take of this name is as it was recorded, or there is none.
+/// Checks that the folder `take` holds the files of `recorded`, or is absent if `must_exist` is
+/// false.
 Lost check_whole_or_absent(const fs::path& take, const Files& recorded, bool must_exist) {
-  if (!fs::exists(take)) return must_exist ? Lost{"the take is gone"} : Lost();
+  if (!fs::exists(take)) return must_exist ? Lost{"the take is missing"} : Lost();
   Lost lost;
   const Files files = contents_of(take);
   for (const auto& [file, content] : recorded) {
     const auto found = files.find(file);
-    if (found == files.end() || found->second != content) lost.push_back("not whole: " + file);
+    if (found == files.end() || found->second != content)
+      lost.push_back("missing or changed: " + file);
   }
   try {
     for (const std::string& line : verify_take({take}).disagreements) lost.push_back(line);
@@ -253,9 +258,9 @@ Lost check_whole_or_absent(const fs::path& take, const Files& recorded, bool mus
   return lost;
 }
 
-class OfCompleteTake : public CrashImage {
+class CompleteTake : public CrashImage {
  protected:
-  OfCompleteTake() {
+  CompleteTake() {
     make_driven_studio(place_.disk());
     place_.run({V3D_RECORD_DRIVER, "record", place_.disk(), place_.marks()}, {});
     fs::remove(place_.marks());
@@ -270,7 +275,7 @@ class OfCompleteTake : public CrashImage {
   Files recorded_;
 };
 
-TEST_P(OfCompleteTake, that_is_collected_is_whole_in_the_archive_or_not_there) {
+TEST_P(CompleteTake, is_whole_or_absent_in_the_archive_after_a_collection) {
   CrashModel model(place_.disk());
   const ProgramResult collected =
       place_.run_traced({V3D_BIN "/v3dctl", "takes", "collect", "--to", place_.disk() / "archive",
@@ -278,7 +283,7 @@ TEST_P(OfCompleteTake, that_is_collected_is_whole_in_the_archive_or_not_there) {
   ASSERT_EQ(collected.status, 0) << collected.out << collected.err;
   model.add(read_trace(place_.trace()));
   ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
-  Files data = recorded_;  // the ledger of the joined take is written anew
+  Files data = recorded_;  // the collection writes its own ledger for the joined take
   std::erase_if(data, [](const auto& file) {
     return file.first == "take.toml" || file.first == "ledger.toml";
   });
@@ -291,7 +296,7 @@ TEST_P(OfCompleteTake, that_is_collected_is_whole_in_the_archive_or_not_there) {
   });
 }
 
-TEST_P(OfCompleteTake, that_is_deleted_is_whole_or_not_in_the_list) {
+TEST_P(CompleteTake, is_whole_or_absent_after_a_deletion) {
   ASSERT_EQ(place_.run({V3D_BIN "/v3dctl", "verify", take_in(place_.disk())}, {}).status, 0);
   CrashModel model(place_.disk());
   const ProgramResult deleted =
@@ -310,7 +315,7 @@ constexpr auto kModeName = [](const auto& mode) {
 };
 INSTANTIATE_TEST_SUITE_P(PowerCut, CrashImage,
                          testing::Values(CrashMode::kOrdered, CrashMode::kHarsh), kModeName);
-INSTANTIATE_TEST_SUITE_P(PowerCut, OfCompleteTake,
+INSTANTIATE_TEST_SUITE_P(PowerCut, CompleteTake,
                          testing::Values(CrashMode::kOrdered, CrashMode::kHarsh), kModeName);
 
 }  // namespace

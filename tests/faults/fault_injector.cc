@@ -1,8 +1,8 @@
-// Preloaded into a program (LD_PRELOAD): one system call on its files fails, or its changes to a
-// folder are recorded (fault_plan.h says how both are asked for).
+// Library to preload into a program (LD_PRELOAD). It makes system calls on the program's files
+// fail, or records the program's changes to a folder. fault_plan.h lists the environment variables.
 //
-// Only calls that go through the dynamic linker are seen. What the C library calls inside itself
-// (fread, fwrite, mkstemp's open) is not, but for mkstemp and remove, which are replaced whole.
+// It intercepts calls through the dynamic linker only, not calls inside the C library (fread,
+// fwrite). It replaces mkstemp and remove, so that their system calls are intercepted too.
 #include <dirent.h>
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -33,7 +33,8 @@ Function* real(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
 }
 
-/// -1 with errno of the plan, or what `call` returns. For calls that transfer no bytes.
+/// Returns -1 and sets errno as planned, or returns the result of `call`. For calls that transfer
+/// no bytes.
 template <class Call>
 auto unless_faulty(FaultKind kind, Call call) -> decltype(call()) {
   if (kind == FaultKind::kNone) return call();
@@ -41,7 +42,8 @@ auto unless_faulty(FaultKind kind, Call call) -> decltype(call()) {
   return decltype(call())(-1);
 }
 
-/// The same for calls that transfer up to `size` bytes; `call` is given how many it may.
+/// The same for calls that transfer up to `size` bytes. `call` gets the number of bytes to
+/// transfer.
 template <class Call>
 ssize_t transfer(FaultKind kind, size_t size, Call call) {
   if (kind == FaultKind::kError) {
@@ -84,7 +86,7 @@ int flags_of(const char* mode) {
   return (updates ? O_RDWR : O_WRONLY) | O_CREAT | (text.starts_with("w") ? O_TRUNC : O_APPEND);
 }
 
-/// Of the variable arguments of open().
+/// True when the variable arguments of open() hold a mode.
 bool has_mode(int flags) { return (flags & (O_CREAT | O_TMPFILE)) != 0; }
 
 }  // namespace
@@ -129,7 +131,7 @@ int __openat_2(int at, const char* path, int flags) {
 }
 
 int mkstemp(char* pattern) {
-  // By the documented scheme, through the open() above.
+  // As documented for mkstemp(), through the open() above.
   const size_t length = std::string_view(pattern).size();
   for (unsigned number = static_cast<unsigned>(getpid()) * 64; length >= 6; ++number) {
     std::snprintf(pattern + length - 6, 7, "%06x", number & 0xFFFFFFU);
@@ -232,7 +234,7 @@ ssize_t write(int fd, const void* bytes, size_t size) {
   const std::string path = path_of(fd);
   const TraceLock lock;
   const ssize_t n = transfer(plan().next("write", path), size,
-                             [&](size_t most) { return next(fd, bytes, most); });
+                             [&](size_t max_size) { return next(fd, bytes, max_size); });
   if (n > 0) record_write(fd, path, {static_cast<const char*>(bytes), static_cast<size_t>(n)}, -1);
   return n;
 }
@@ -242,7 +244,7 @@ ssize_t pwrite(int fd, const void* bytes, size_t size, off_t offset) {
   const std::string path = path_of(fd);
   const TraceLock lock;
   const ssize_t n = transfer(plan().next("pwrite", path), size,
-                             [&](size_t most) { return next(fd, bytes, most, offset); });
+                             [&](size_t max_size) { return next(fd, bytes, max_size, offset); });
   if (n > 0) {
     record_write(fd, path, {static_cast<const char*>(bytes), static_cast<size_t>(n)}, offset);
   }
@@ -257,8 +259,9 @@ ssize_t writev(int fd, const iovec* parts, int count) {
   const std::string path = path_of(fd);
   const std::string bytes = bytes_of(parts, count, SIZE_MAX);
   const TraceLock lock;
-  const ssize_t n = transfer(plan().next("writev", path), bytes.size(), [&](size_t most) {
-    return most < bytes.size() ? write_some(fd, bytes.data(), most) : next(fd, parts, count);
+  const ssize_t n = transfer(plan().next("writev", path), bytes.size(), [&](size_t max_size) {
+    return max_size < bytes.size() ? write_some(fd, bytes.data(), max_size)
+                                   : next(fd, parts, count);
   });
   if (n > 0) record_write(fd, path, bytes.substr(0, static_cast<size_t>(n)), -1);
   return n;
@@ -270,9 +273,9 @@ ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
   const std::string path = path_of(fd);
   const std::string bytes = bytes_of(parts, count, SIZE_MAX);
   const TraceLock lock;
-  const ssize_t n = transfer(plan().next("pwritev", path), bytes.size(), [&](size_t most) {
-    return most < bytes.size() ? write_some(fd, bytes.data(), most, offset)
-                               : next(fd, parts, count, offset);
+  const ssize_t n = transfer(plan().next("pwritev", path), bytes.size(), [&](size_t max_size) {
+    return max_size < bytes.size() ? write_some(fd, bytes.data(), max_size, offset)
+                                   : next(fd, parts, count, offset);
   });
   if (n > 0) record_write(fd, path, bytes.substr(0, static_cast<size_t>(n)), offset);
   return n;
@@ -283,7 +286,7 @@ ssize_t pwritev64(int fd, const iovec* parts, int count, off_t offset)
 ssize_t sendfile(int to, int from, off_t* offset, size_t size) {
   static auto* const next = real<ssize_t(int, int, off_t*, size_t)>("sendfile");
   const std::string path = path_of(to);
-  if (plan().traces() && plan().is_below(path)) {  // the bytes must enter the trace
+  if (plan().traces() && plan().is_below(path)) {  // the caller must use write() instead
     errno = EINVAL;
     return -1;
   }
@@ -338,7 +341,7 @@ int fdatasync(int fd) {
 int syncfs(int fd) {
   const std::string path = path_of(fd);
   const TraceLock lock;
-  // Not waited for: other programs of this machine write to the same disk.
+  // Do not wait for the disk: other programs of this machine write to it too.
   const int failed = unless_faulty(plan().next("syncfs", path), [] { return 0; });
   if (failed == 0 && plan().is_below(path)) record_sync_of_all();
   return failed;

@@ -51,16 +51,16 @@ void expect_marked_frame(const TakePaths& take, const std::string& mark, Lost& l
   }
 }
 
-/// A daemon that starts after a power cut recovers open takes.
+/// Recovers open takes, as a daemon does that starts after a power cut. Adds losses to `lost`.
 void expect_recovery(const FaultyWorkplace& place, bool is_ready, Lost& lost) {
-  if (is_ready) std::ranges::move(missing_of_begun_take(place.disk()), std::back_inserter(lost));
+  if (is_ready) std::ranges::move(missing_studio_copies(place.disk()), std::back_inserter(lost));
   const ProgramResult recovered = place.run(driver(place, "recover"), {});
-  // A take that was never ready may lack what a recovery needs.
+  // A take that was never ready may lack files that a recovery needs.
   const bool is_good = recovered.status == 0 || (recovered.status == 3 && !is_ready);
   if (!is_good) lost.push_back("after the power cut: " + recovered.err);
 }
 
-/// The marks before this one are of frames that a power cut may not take.
+/// Number of marks up to the last one that guarantees data: "synced", "recovered" or "complete".
 size_t end_of_synced(const std::vector<std::string>& marks) {
   const auto last = std::find_if(marks.rbegin(), marks.rend(), [](const std::string& mark) {
     return mark == "synced" || mark == "recovered" || mark == "complete";
@@ -68,17 +68,17 @@ size_t end_of_synced(const std::vector<std::string>& marks) {
   return static_cast<size_t>(marks.rend() - last);
 }
 
-/// A take that was reported as moved is where the report says.
+/// Checks that a quarantined take lies at the reported path.
 void expect_quarantined(const std::vector<std::string>& marks, Lost& lost) {
   const std::string reported = "quarantined ";
   for (const std::string& mark : marks) {
     if (!mark.starts_with(reported) || fs::exists(mark.substr(reported.size()))) continue;
-    lost.push_back("is not there: " + mark);
+    lost.push_back("missing: " + mark);
   }
 }
 
-/// Every frame that was acknowledged is there, after a power cut every one that was synced; what
-/// was called complete is whole.
+/// Checks that every acknowledged frame can be read, or after a power cut every synced one. A take
+/// that was reported as complete must be whole.
 Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
   Lost lost;
   const TakePaths take = driven_take(place);
@@ -92,9 +92,9 @@ Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
   for (const std::string& mark : marks) expect_marked_frame(take, mark, lost);
   if (!is_complete) return lost;
   try {
-    if (!verify_take(take).whole()) lost.push_back("called complete, but verify disagrees");
+    if (!verify_take(take).whole()) lost.push_back("reported as complete, but verify disagrees");
   } catch (const std::exception& error) {
-    lost.push_back(std::string("called complete: ") + error.what());
+    lost.push_back(std::string("reported as complete: ") + error.what());
   }
   return lost;
 }
@@ -112,7 +112,7 @@ FaultOperation driven(const std::string& name) {
       .prepare = [](const FaultyWorkplace& place) { make_driven_studio(place.disk()); },
       .command = [name](const FaultyWorkplace& place) { return driver(place, name); },
       .check = check_driven};
-  operation.may_do_less = name == "quarantine";  // a take that may hold frames stays
+  operation.may_do_less = name == "quarantine";  // a take that may hold frames is not moved
   if (name == "restart") operation.prepare = run_driver_to_cut;
   return operation;
 }
@@ -124,7 +124,7 @@ void run_or_throw(const std::string& command) {
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) throw std::runtime_error(command);
 }
 
-/// A simulated, signed take with a slate, made once.
+/// A simulated, signed take with a slate. It is made once for all tests.
 const fs::path& simulated_take() {
   static const TemporaryFolder folder("/dev/shm");
   static const fs::path take = [] {
@@ -148,7 +148,7 @@ bool is_recorded(const std::string& file) {
          file.find("background/") != std::string::npos;
 }
 
-/// Every file that recording wrote is as it was.
+/// Returns the recorded files of the take that are missing or have changed, one line each.
 Lost check_recorded(const fs::path& take) {
   Lost lost;
   const auto now = contents_of(take);
@@ -156,7 +156,7 @@ Lost check_recorded(const fs::path& take) {
     const auto found = now.find(file);
     if (!is_recorded(file)) continue;
     if (found == now.end()) {
-      lost.push_back(file + " is gone");
+      lost.push_back(file + " is missing");
     } else if (found->second != content) {
       lost.push_back(file + " has changed");
     }
@@ -216,11 +216,11 @@ FaultOperation recover_operation(const fs::path& programs) {
     expect_whole_text(takes_of(place) / kTake / "take.toml", "cameras", lost);
     return lost;
   };
-  operation.done = 3;  // the ledger was missing, and it says so
+  operation.done = 3;  // 3: v3dctl reports the missing ledger
   return operation;
 }
 
-/// With a copy, which is read back first, or without one.
+/// Deletes a take. For "delete_copied", v3dctl first reads back a copy in the archive.
 FaultOperation delete_operation(const std::string& name, const fs::path& programs) {
   const bool with_copy = name == "delete_copied";
   std::vector<std::string> words = {"takes", "delete", "--dir", "@takes", kTake, "--yes"};
@@ -236,18 +236,19 @@ FaultOperation delete_operation(const std::string& name, const fs::path& program
     const bool is_listed = fs::exists(takes_of(place) / kTake);
     Lost lost;
     if (is_listed) lost = check_recorded(takes_of(place) / kTake);
-    if (is_listed && result.status == 0) lost.push_back("reported as deleted, and still there");
+    if (is_listed && result.status == 0) lost.push_back("reported as deleted, but still there");
     if (!with_copy) return lost;
     for (const std::string& what : check_recorded(place.disk() / "archive" / kTake)) {
       lost.push_back("in the archive, " + what);
     }
     return lost;
   };
-  operation.refusal = "is not verified, or has changed since: v3dctl verify";
+  operation.rejection = "is not verified, or has changed since: v3dctl verify";
   return operation;
 }
 
-/// The archive has the whole take or none of that name, and the same command completes it.
+/// Checks that the archive holds the whole take or nothing of that name, and that the same command
+/// completes a failed collection.
 Lost check_collected(const FaultyWorkplace& place, const ProgramResult& result,
                      const std::vector<std::string>& command) {
   const fs::path collected = place.disk() / "archive" / kTake;
@@ -299,7 +300,7 @@ FaultOperation fault_operation(const std::string& name, const fs::path& programs
   FaultOperation reconstruct = of_simulated_take(
       name, programs,
       {"reconstruct", "@takes/take", "--voxel", "10cm", "--min-views", "2", "--threads", "1"});
-  reconstruct.has_steady_output = false;  // it tells times
+  reconstruct.has_reproducible_output = false;  // it prints times
   return reconstruct;
 }
 

@@ -1,4 +1,4 @@
-// The operations whose system calls are made to fail, and what each must leave behind.
+// Operations of v3dctl and record_driver for fault injection, each with a check of its results.
 #pragma once
 
 #include <functional>
@@ -10,27 +10,25 @@
 
 namespace v3d::test {
 
-/// Functions get the workplace; check() runs without faults and returns what was lost, one line
-/// each.
+/// One operation. check() runs without faults and returns one line for each loss.
 struct FaultOperation {
   std::string name;
-  std::string program;  ///< in which faults are injected; empty: in every one
+  std::string program;  ///< program that gets the faults; empty: every program
   std::function<void(const FaultyWorkplace&)> prepare;
   std::function<std::vector<std::string>(const FaultyWorkplace&)> command;
   std::function<std::vector<std::string>(const FaultyWorkplace&, const ProgramResult&)> check;
   /// Exit status of a run without faults.
   int done = 0;
-  /// What it prints is the same in every run that succeeds.
-  bool has_steady_output = true;
-  /// With status `done` it may have done less, where that loses nothing.
+  /// Standard output is the same in every run that succeeds.
+  bool has_reproducible_output = true;
+  /// With exit status `done`, the operation may have done less, if that loses no data.
   bool may_do_less = false;
-  /// A line that is reported in place of path and cause, and leads to them; may be empty.
-  std::string refusal = {};
+  /// A message that may replace path and cause, because it leads to them; empty: none.
+  std::string rejection = {};
 };
 
-/// By name: record, restart, quarantine, verify, recover, reconstruct, collect, collect_rsync,
-/// slate, delete. `programs`: the folder of the v3dctl that is
-/// tested.
+/// The operation of this name: record, restart, quarantine, verify, recover, reconstruct, collect,
+/// collect_rsync, slate, delete or delete_copied. `programs`: the folder of the tested v3dctl.
 FaultOperation fault_operation(const std::string& name, const std::filesystem::path& programs);
 
 }  // namespace v3d::test

@@ -20,13 +20,13 @@ std::string_view environment(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-/// Past the interposed open().
+/// Opens a file without the intercepted open().
 int open_raw(const char* path, int flags) {
   return static_cast<int>(syscall(SYS_openat, AT_FDCWD, path, flags, 0644));
 }
 
-/// A number that programs which close all descriptors below some limit do not use.
-int moved_up(int fd) {
+/// Moves `fd` to a number from 900: some programs close all descriptors below a limit.
+int move_to_high_number(int fd) {
   constexpr int kHigh = 900;
   const int high = fcntl(fd, F_DUPFD_CLOEXEC, kHigh);
   close(fd);
@@ -82,7 +82,7 @@ FaultPlan::FaultPlan() {
   error_ = error_number(kind);
   const std::string_view trace = environment("V3D_FAULT_TRACE");
   if (!trace.empty()) {
-    trace_ = moved_up(open_raw(trace.data(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC));
+    trace_ = move_to_high_number(open_raw(trace.data(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC));
   }
 }
 

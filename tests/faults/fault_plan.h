@@ -1,15 +1,17 @@
-// What the fault injector does in this process, read from the environment:
-//   V3D_FAULT_PREFIX   only files at or below this absolute path are concerned
+// Plan of the fault injector for this process, read from environment variables:
+//   V3D_FAULT_PREFIX   faults and traces concern files at or below this absolute path only
 //   V3D_FAULT_REPORT   file outside the prefix, sizeof(FaultReport) long (fault_report.h)
 //   V3D_FAULT_CALL     family of calls that fails (kFaultCalls)
-//   V3D_FAULT_NUMBER   which call of it fails, from 1; 0: none, calls are counted only
-//   V3D_FAULT_LASTS    1: every later call of it fails as well
-//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, SHORT (half of the bytes), or POWER_CUT: before
-//                      the call, of the ext4 file system of the prefix; the program ends with it
-//   V3D_FAULT_PROGRAM  only in programs of this name; empty: in all
+//   V3D_FAULT_NUMBER   which call of the family fails, from 1; 0: none, calls are counted only
+//   V3D_FAULT_LASTS    1: every later call of the family fails too
+//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, SHORT (half of the bytes is transferred), or
+//                      POWER_CUT (before the call, the ext4 file system of the prefix is shut down
+//                      and the program is killed)
+//   V3D_FAULT_PROGRAM  name of the program that gets the fault; empty: all programs
 //   V3D_FAULT_TRACE    file outside the prefix: every change below the prefix is appended
 //                      (fault_trace.h)
-//   V3D_FAULT_MARKS    file outside the prefix: what is written to it enters the trace as marks
+//   V3D_FAULT_MARKS    file outside the prefix: text written to it is recorded as marks in the
+//   trace
 #pragma once
 
 #include <string>
@@ -18,16 +20,18 @@
 
 namespace v3d::test {
 
+/// What happens to one call.
 enum class FaultKind { kNone, kError, kShort, kPowerCut };
 
+/// The plan; calls are counted in the shared FaultReport.
 class FaultPlan {
  public:
-  /// Of this process. Thread-safe.
+  /// The plan of this process. Thread-safe.
   static FaultPlan& of_process();
 
   bool is_below(const std::string& path) const;
   bool is_marks(const std::string& path) const { return !marks_.empty() && path == marks_; }
-  /// Counts one call on this file and decides what becomes of it.
+  /// Counts one call on this file and returns its fault. With kPowerCut the process is killed.
   FaultKind next(std::string_view call, const std::string& path);
   /// The same, for calls on two names.
   FaultKind next(std::string_view call, const std::string& a, const std::string& b);
@@ -51,10 +55,10 @@ class FaultPlan {
   int trace_ = -1;
 };
 
-/// Absolute, without resolving links; relative to the folder `at`, or to the working folder
-/// (AT_FDCWD).
+/// The absolute path of `path`, links not resolved. A relative path starts at the folder `at`, or
+/// at the working folder (AT_FDCWD).
 std::string absolute_path(int at, const char* path);
-/// The name under which the file was opened, or has now; empty when `fd` is none.
+/// The present path of the open file `fd`; empty when `fd` is not open.
 std::string path_of(int fd);
 
 }  // namespace v3d::test

@@ -1,6 +1,6 @@
-// Memory that a program under fault injection shares with the test: counts of system calls, and
-// where the fault was injected. The file $V3D_FAULT_REPORT, mapped by both, so that it survives a
-// program that is killed.
+// Shared memory between a program under fault injection and the test: counts of system calls, and
+// the file of the injected fault. Both map the file $V3D_FAULT_REPORT, so its content survives when
+// the program is killed.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace v3d::test {
 
-/// Families of system calls that a fault can hit; "open64" counts as "open", and so on.
+/// Families of system calls that can fail; "open64" counts as "open", and so on.
 inline constexpr std::array<std::string_view, 23> kFaultCalls = {"open",
                                                                  "opendir",
                                                                  "readdir",
@@ -37,17 +37,18 @@ inline constexpr std::array<std::string_view, 23> kFaultCalls = {"open",
                                                                  "copy",
                                                                  "mmap"};
 
-/// Position in kFaultCalls; kFaultCalls.size() when there is no such family.
+/// Index of the family in kFaultCalls; kFaultCalls.size() when there is none.
 constexpr size_t fault_call(std::string_view name) {
   return static_cast<size_t>(std::find(kFaultCalls.begin(), kFaultCalls.end(), name) -
                              kFaultCalls.begin());
 }
 
+/// The content of the shared memory.
 struct FaultReport {
-  /// Calls on files below $V3D_FAULT_PREFIX, of all processes, by family.
+  /// Number of calls of all processes on files below $V3D_FAULT_PREFIX, by family.
   std::array<std::atomic<uint32_t>, kFaultCalls.size()> calls;
-  std::atomic<uint32_t> fired;      ///< faults that were injected
-  std::array<char, 1024> fired_on;  ///< path of the file; the last fault
+  std::atomic<uint32_t> fired;      ///< number of injected faults
+  std::array<char, 1024> fired_on;  ///< path of the file of the last fault
   std::atomic<uint32_t> trace_lock;
 };
 

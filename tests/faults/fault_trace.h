@@ -1,4 +1,4 @@
-// The trace of what a program changed in a folder, in order, as the fault injector records it.
+// Trace file of the fault injector: the changes that programs made in a folder, in order.
 #pragma once
 
 #include <cstdint>
@@ -8,20 +8,21 @@
 
 namespace v3d::test {
 
+/// Kinds of changes, with the fields that each one uses.
 enum class Change : uint32_t {
   kCreate,    ///< path, file: a new empty file
   kMakeDir,   ///< path, file: a new folder
   kWrite,     ///< file, offset, bytes
-  kTruncate,  ///< file, offset: its new length; allocation makes a file longer in the same way
+  kTruncate,  ///< file, offset: its new length; also for fallocate()
   kSync,      ///< file: fsync() or fdatasync() of a file or folder
   kSyncAll,   ///< syncfs()
   kRename,    ///< path, other
   kLink,      ///< path, other: a second name
   kUnlink,    ///< path; also rmdir()
-  kMark,      ///< bytes: what the program reported to the test
+  kMark,      ///< bytes: a line that the program reported to the test
 };
 
-/// In front of every record; path, other and bytes follow.
+/// Header of every record; path, other and bytes follow it.
 struct ChangeHead {
   Change change;
   uint32_t path_size, other_size;
@@ -30,6 +31,7 @@ struct ChangeHead {
   uint64_t bytes_size;
 };
 
+/// One record of the trace.
 struct TracedChange {
   Change change;
   uint64_t file = 0;
@@ -38,7 +40,7 @@ struct TracedChange {
   std::string bytes;
 };
 
-/// A record that is not whole ends the trace.
+/// Reads the trace up to its end or to the first incomplete record.
 std::vector<TracedChange> read_trace(const std::filesystem::path& file);
 
 }  // namespace v3d::test

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr Duration kLongestRun = std::chrono::seconds(60);
+constexpr Duration kMaxRunTime = std::chrono::seconds(60);
 
 /// The shared memory of the injector.
 class MappedReport {
@@ -73,7 +73,7 @@ pid_t spawn(const std::vector<std::string>& command, const std::vector<std::stri
 }
 
 int wait_for(pid_t child) {
-  const MonotonicInstant deadline = Monotonic::now() + kLongestRun;
+  const MonotonicInstant deadline = Monotonic::now() + kMaxRunTime;
   for (int status = 0;;) {
     const bool is_late = Monotonic::now() > deadline;
     if (is_late) kill(child, SIGKILL);
@@ -88,7 +88,7 @@ int wait_for(pid_t child) {
 
 }  // namespace
 
-bool ProgramResult::tells(const std::string& cause) const {
+bool ProgramResult::reports(const std::string& cause) const {
   std::istringstream lines(err + "\n" + out);
   for (std::string line; std::getline(lines, line);) {
     const bool names_file = line.find('/') != std::string::npos ||

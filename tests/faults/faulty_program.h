@@ -1,4 +1,4 @@
-// Runs a program with the fault injector preloaded.
+// Runs programs with the fault injector preloaded.
 #pragma once
 
 #include <filesystem>
@@ -10,32 +10,33 @@
 
 namespace v3d::test {
 
-/// One injection; with `number` 0 calls are counted only.
+/// One fault to inject. With `number` 0, calls are only counted.
 struct Fault {
-  std::string call;  ///< of kFaultCalls
+  std::string call;  ///< family, one of kFaultCalls
   uint32_t number = 0;
-  std::string kind;     ///< as V3D_FAULT_KIND
-  std::string program;  ///< only there; empty: in every program that is started
-  bool lasts = false;   ///< every later call of the family fails as well
+  std::string kind;     ///< value of V3D_FAULT_KIND
+  std::string program;  ///< program that gets the fault; empty: every started program
+  bool lasts = false;   ///< every later call of the family fails too
 };
 
+/// Result of one run.
 struct ProgramResult {
-  int status = 0;  ///< exit status; 128 + signal; -1: it did not end in time, and was killed
+  int status = 0;  ///< exit status; 128 + signal; -1: killed after 60 s
   std::string out, err;
-  std::map<std::string, uint32_t> calls;
-  bool fired = false;
-  std::string fired_on;
-  /// The power was cut during the run or after it: data that was not synced may be lost.
+  std::map<std::string, uint32_t> calls;  ///< number of calls by family
+  bool fired = false;                     ///< the fault was injected
+  std::string fired_on;                   ///< path of the file of the fault
+  /// The power was cut during or after the run: data that was not synced may be lost.
   bool is_power_cut = false;
 
-  /// Some line of either stream names a path and holds `cause`.
-  bool tells(const std::string& cause) const;
+  /// True when a line of `out` or `err` names a path and contains `cause`.
+  bool reports(const std::string& cause) const;
 };
 
-/// Where a program runs: `disk()` is the prefix of its faults.
+/// Folder in which a program runs. Faults concern files below `disk()`.
 class FaultyWorkplace {
  public:
-  /// `root` is made, and must be outside of any other workplace.
+  /// Creates `root`, which must lie outside any other workplace.
   explicit FaultyWorkplace(std::filesystem::path root);
 
   std::filesystem::path disk() const { return root_ / "disk"; }
@@ -43,11 +44,11 @@ class FaultyWorkplace {
   std::filesystem::path trace() const { return root_ / "trace"; }
   /// Empties disk, marks and trace.
   void clear() const;
-  /// The lines of the marks.
+  /// The lines of the file marks().
   std::vector<std::string> marked() const;
 
   ProgramResult run(const std::vector<std::string>& command, const Fault& fault) const;
-  /// Without faults; changes below disk() are appended to trace().
+  /// Runs without faults; changes below disk() are appended to trace().
   ProgramResult run_traced(const std::vector<std::string>& command) const;
 
  private:
@@ -57,9 +58,9 @@ class FaultyWorkplace {
   const std::filesystem::path root_;
 };
 
-/// Files and folders below `from`, with their times; replaces nothing.
+/// Copies files and folders below `from` with their times. Throws when a file exists in `to`.
 void copy_tree(const std::filesystem::path& from, const std::filesystem::path& to);
-/// Contents of all regular files below, by relative path.
+/// Contents of all regular files below `folder`, by relative path.
 std::map<std::string, std::string> contents_of(const std::filesystem::path& folder);
 
 }  // namespace v3d::test

@@ -1,8 +1,9 @@
-// Every system call that an operation makes on its files fails, in a run of its own: once, or with
-// every later call of its family. Nothing that was recorded is lost, and the operation reports it.
+// Tests of failed system calls. Each run makes one call of an operation on its files fail, alone or
+// with every later call of its family. The operation loses no recorded data and reports the
+// failure.
 //
-// A run takes some 30 ms. By default a sample of fixed seed is run; V3D_FAULTS=all runs all of
-// them, V3D_FAULT_BIN=FOLDER tests other programs.
+// A run takes about 30 ms. By default, a sample with a fixed seed is run. V3D_FAULTS=all runs all
+// faults; V3D_FAULT_BIN=FOLDER tests other programs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +19,7 @@
 namespace v3d::test {
 namespace {
 
-/// Of the injections of one operation.
+/// Number of injections of one operation.
 constexpr size_t kSample = 40;
 
 const std::set<std::string> kTransfers = {"read",   "pread",   "write", "writev",
@@ -36,7 +37,8 @@ std::vector<std::string> kinds_of(const std::string& call) {
   return kinds;
 }
 
-/// No failure: the operation tries again, or goes on. Not so rsync, which reports EINTR.
+/// True for EINTR and short transfers: the operation repeats the call or continues. rsync reports
+/// EINTR as an error.
 bool must_succeed(const Fault& fault) {
   return fault.program != "rsync" && (fault.kind == "EINTR" || fault.kind == "SHORT");
 }
@@ -47,12 +49,13 @@ std::string cause_of(const Fault& fault) {
   return std::strerror(fault.kind == "EINTR" ? EINTR : EIO);
 }
 
-/// By a line with path and cause; or by one about the very file or folder, where the next call on
-/// it failed otherwise. The mere name of a folder is part of most paths and says nothing.
-bool tells(const ProgramResult& result, const Fault& fault) {
+/// True when a line names path and cause. A line about the same file or folder is accepted too: the
+/// next call on it may have failed with another cause. The name of a folder alone is not enough,
+/// because it is part of most paths.
+bool is_reported(const ProgramResult& result, const Fault& fault) {
   const std::filesystem::path hit = result.fired_on;
-  return result.tells(cause_of(fault)) || result.tells(hit.string() + ": ") ||
-         (!std::filesystem::is_directory(hit) && result.tells(hit.filename()));
+  return result.reports(cause_of(fault)) || result.reports(hit.string() + ": ") ||
+         (!std::filesystem::is_directory(hit) && result.reports(hit.filename()));
 }
 
 std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& program) {
@@ -61,7 +64,7 @@ std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& p
     for (uint32_t number = 1; number <= count; ++number) {
       for (const std::string& kind : kinds_of(call)) {
         faults.push_back({call, number, kind, program});
-        // A call that is interrupted for ever is tried for ever.
+        // EINTR does not last: programs repeat an interrupted call without limit.
         if (kind != "EINTR") faults.push_back({call, number, kind, program, true});
       }
     }
@@ -77,7 +80,7 @@ std::vector<Fault> sampled(std::vector<Fault> faults) {
   return faults;
 }
 
-/// Helps the next run, and nobody else: it may be missing, or be left behind.
+/// True for caches and temporary files: they may be missing, or remain after a run.
 bool is_auxiliary(const std::string& file) {
   const std::string name = std::filesystem::path(file).filename();
   return name.starts_with(".") || name == "verified.toml" || name.ends_with(".index") ||
@@ -100,47 +103,48 @@ class Injection : public testing::TestWithParam<std::string> {
     return place_.run(operation_.command(place_), fault);
   }
 
-  /// What one fault did that it must not do.
+  /// Runs the operation with one fault. Returns the broken rules, one line each.
   std::vector<std::string> violations(const Fault& fault) {
     const ProgramResult result = run(fault);
-    if (!result.fired) return {};  // programs that run side by side call in another order
+    if (!result.fired) return {};  // concurrent programs make their calls in another order
     ++fired_;
     hit_ = result.fired_on;
     std::vector<std::string> found = operation_.check(place_, result);
     if (result.status < 0 || result.status > 3) {
-      found.push_back("ended with " + std::to_string(result.status));
+      found.push_back("exit status " + std::to_string(result.status));
     }
     const std::vector<std::string> differences = differences_to_clean_run(result);
     const bool is_done = differences.empty() && result.status == operation_.done;
-    if (must_succeed(fault) && !is_done) found.emplace_back("did not go on");
+    if (must_succeed(fault) && !is_done)
+      found.emplace_back("did not continue after EINTR or a short transfer");
     if (must_succeed(fault) || (result.status == 0 && !operation_.may_do_less)) {
       found.insert(found.end(), differences.begin(), differences.end());
     }
-    const bool is_refused = !operation_.refusal.empty() && result.tells(operation_.refusal);
-    if (!is_done && !operation_.may_do_less && !is_refused && !tells(result, fault)) {
+    const bool is_rejected = !operation_.rejection.empty() && result.reports(operation_.rejection);
+    if (!is_done && !operation_.may_do_less && !is_rejected && !is_reported(result, fault)) {
       found.emplace_back("no line with path and cause");
     }
     if (!found.empty()) found.push_back("stderr: " + result.err + "stdout: " + result.out);
     return found;
   }
 
-  /// Exit status 0 promises what a run without faults does.
+  /// A run with exit status 0 must have the same result as a run without faults.
   std::vector<std::string> differences_to_clean_run(const ProgramResult& result) const {
     std::vector<std::string> found;
-    if (operation_.has_steady_output && result.out != clean_.out) {
-      found.emplace_back("succeeded with another result on stdout");
+    if (operation_.has_reproducible_output && result.out != clean_.out) {
+      found.emplace_back("succeeded, but stdout differs");
     }
     const auto files = contents_of(place_.disk());
     for (const auto& [file, content] : clean_files_) {
       if (is_auxiliary(file)) continue;
       const auto same = files.find(file);
       if (same == files.end() || same->second != content) {
-        found.push_back("succeeded, but " + file + " is not as it should be");
+        found.push_back("succeeded, but " + file + " is missing or differs");
       }
     }
     for (const auto& [file, content] : files) {
       if (!clean_files_.contains(file) && !is_auxiliary(file)) {
-        found.push_back("succeeded, and left " + file);
+        found.push_back("succeeded, but left " + file);
       }
     }
     return found;
@@ -160,7 +164,7 @@ class Injection : public testing::TestWithParam<std::string> {
   std::string hit_;
 };
 
-TEST_P(Injection, of_one_failed_system_call_loses_nothing_and_is_reported) {
+TEST_P(Injection, loses_no_data_and_reports_one_failed_system_call) {
   ASSERT_NO_FATAL_FAILURE(count());
   const std::vector<Fault> faults = all_faults(clean_, operation_.program);
   const std::vector<Fault> chosen = sampled(faults);
@@ -172,11 +176,12 @@ TEST_P(Injection, of_one_failed_system_call_loses_nothing_and_is_reported) {
     std::string text;
     for (const std::string& line : found) text += "\n  " + line;
     ADD_FAILURE() << operation_.name << ": " << fault.call << " " << fault.number << " "
-                  << fault.kind << (fault.lasts ? " from then on" : "") << " on " << hit_ << text;
+                  << fault.kind << (fault.lasts ? " and all later calls" : "") << " on " << hit_
+                  << text;
   }
   std::cout << operation_.name << ": " << chosen.size() << " of " << faults.size()
             << " injections run, " << fired_ << " fired, " << bad << " violations\n";
-  // Programs that run side by side do not always make the same calls.
+  // Concurrent programs do not always make the same calls.
   EXPECT_GE(10 * fired_, 9 * static_cast<int>(chosen.size()));
 }
 

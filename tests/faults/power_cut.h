@@ -1,4 +1,4 @@
-// Ends a mounted ext4 file system as a power cut does.
+// Shuts down a mounted ext4 file system, as a power cut does.
 #pragma once
 
 #include <fcntl.h>
@@ -11,8 +11,9 @@
 
 namespace v3d::test {
 
-/// Nothing more reaches the disk of the file system that holds `path`, neither data nor the
-/// journal. False with errno when it is no ext4. Past the fault injector, which uses it as well.
+/// Stops all writes, of data and of the journal, to the disk of the file system that holds `path`.
+/// Returns false and sets errno when it is not ext4. The fault injector, which calls it too, does
+/// not intercept its calls.
 inline bool shut_down(const char* path) {
   constexpr auto kShutdown = _IOR('X', 125, uint32_t);  // EXT4_IOC_SHUTDOWN
   const uint32_t no_flush_of_the_journal = 2;           // EXT4_GOING_FLAGS_NOLOGFLUSH

@@ -27,13 +27,14 @@ void run(const std::string& command) {
 
 }  // namespace
 
-std::string begin_own_mounts() {
+std::string create_mount_namespace() {
   if (geteuid() != 0) return "needs root, to mount a file system";
   if (unshare(CLONE_NEWNS) != 0 ||
       ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) {
-    return std::string("no mounts of its own: ") + std::strerror(errno);
+    return std::string("cannot create a mount namespace: ") + std::strerror(errno);
   }
-  if (access("/dev/loop-control", F_OK) != 0) return "there are no loop devices here";
+  if (access("/dev/loop-control", F_OK) != 0)
+    return "needs loop devices; /dev/loop-control is missing";
   return "";
 }
 
@@ -47,18 +48,18 @@ PowerCutDisk::PowerCutDisk(fs::path files, fs::path place)
 
 PowerCutDisk::~PowerCutDisk() { umount2(place_.c_str(), MNT_DETACH); }
 
-void PowerCutDisk::keep() {
+void PowerCutDisk::save() {
   unmount();
-  fs::rename(image(number_), files_ / "kept");
-  begin_again();
+  fs::rename(image(number_), files_ / "saved");
+  restore();
 }
 
-void PowerCutDisk::begin_again() {
+void PowerCutDisk::restore() {
   if (fs::exists(image(number_))) {
     unmount();
     fs::remove(image(number_));
   }
-  fs::copy_file(files_ / "kept", image(++number_));
+  fs::copy_file(files_ / "saved", image(++number_));
   mount();
 }
 

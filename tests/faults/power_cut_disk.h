@@ -1,4 +1,4 @@
-// An ext4 file system whose power can be cut: a file, mounted by a loop device. Needs root.
+// Ext4 file system in a file, mounted by a loop device, with simulated power cuts. Needs root.
 #pragma once
 
 #include <filesystem>
@@ -6,28 +6,29 @@
 
 namespace v3d::test {
 
-/// From now on this process and its children see mounts of their own, which end with them. Returns
-/// why it is not possible here (no root, no loop device, no ext4), or nothing.
-std::string begin_own_mounts();
+/// Gives this process and its children their own mounts, which end with them. Returns why this is
+/// not possible (no root, no namespace, no loop device), or an empty string.
+std::string create_mount_namespace();
 
-/// A power cut is EXT4_IOC_SHUTDOWN without a flush of the journal: from that moment nothing more
-/// reaches the disk. What the page cache and the running transaction hold is lost; the next mount
-/// replays the journal.
+/// A power cut is EXT4_IOC_SHUTDOWN without a flush of the journal: no later write reaches the
+/// disk. The page cache and the running transaction are lost; the next mount replays the journal.
 class PowerCutDisk {
  public:
   /// `files`: a folder for the disk's content; `place`: an empty folder to mount it at.
-  /// Throws std::runtime_error when a command fails, as the functions below do.
+  /// This and the functions below throw std::runtime_error when a command fails.
   PowerCutDisk(std::filesystem::path files, std::filesystem::path place);
   ~PowerCutDisk();
   PowerCutDisk(const PowerCutDisk&) = delete;
   PowerCutDisk& operator=(const PowerCutDisk&) = delete;
 
-  /// What the disk holds now is what begin_again() begins with.
-  void keep();
-  void begin_again();
-  /// Also done by a program with a fault of the kind POWER_CUT (fault_plan.h), which ends with it.
+  /// Saves the present content of the disk for restore().
+  void save();
+  /// Mounts a disk with the saved content.
+  void restore();
+  /// Cuts the power. A fault of the kind POWER_CUT (fault_plan.h) does the same in a program and
+  /// kills it.
   void cut_power() const;
-  /// The PC is switched on again.
+  /// Mounts the disk again, as a PC does when it starts.
   void restart();
 
  private:
@@ -36,7 +37,7 @@ class PowerCutDisk {
   std::filesystem::path image(int number) const;
 
   const std::filesystem::path files_, place_;
-  int number_ = 0;  ///< of the file that is mounted; each is used once
+  int number_ = 0;  ///< of the mounted file; each number is used once
 };
 
 }  // namespace v3d::test

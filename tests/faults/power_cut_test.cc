@@ -1,7 +1,8 @@
-// The power is cut before every change that an operation makes on an ext4 file system, in a run of
-// its own, and after the last one. What the operation reported before is there after a restart.
+// Tests of power cuts on an ext4 file system. Each run cuts the power before one change of an
+// operation, or after the last one. After a restart, all data that the operation reported is there.
 //
-// A run takes some 150 ms. By default a sample of fixed seed is run; V3D_POWER_CUTS=all runs all.
+// A run takes about 150 ms. By default, a sample with a fixed seed is run; V3D_POWER_CUTS=all runs
+// all.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,12 +21,12 @@ namespace {
 
 constexpr size_t kSample = 25;
 
-/// Families of calls that change what a disk holds, or wait for it.
+/// Families of calls that change the content of a disk, or wait for the disk.
 const std::set<std::string> kChanges = {
     "write",  "writev", "pwrite", "pwritev", "copy",  "fallocate", "truncate",       "link",
     "rename", "unlink", "rmdir",  "mkdir",   "fsync", "syncfs",    "sync_file_range"};
 
-/// The last one has no call: the program has ended.
+/// All power cuts before a change of the run `counted`.
 std::vector<Fault> all_cuts(const ProgramResult& counted, const std::string& program) {
   std::vector<Fault> cuts;
   for (const auto& [call, count] : counted.calls) {
@@ -41,14 +42,14 @@ std::vector<Fault> sampled(std::vector<Fault> cuts) {
     std::shuffle(cuts.begin(), cuts.end(), std::mt19937(2009));
     cuts.resize(std::min(cuts.size(), kSample));
   }
-  cuts.emplace_back();
+  cuts.emplace_back();  // without a call: the cut after the program has ended
   return cuts;
 }
 
 class PowerCut : public testing::TestWithParam<const char*> {
  protected:
   static void SetUpTestSuite() {
-    static const std::string problem = begin_own_mounts();
+    static const std::string problem = create_mount_namespace();
     problem_ = &problem;
   }
   void SetUp() override {
@@ -58,13 +59,13 @@ class PowerCut : public testing::TestWithParam<const char*> {
   static inline const std::string* problem_ = nullptr;
 };
 
-TEST_P(PowerCut, before_any_change_loses_nothing_that_was_reported) {
+TEST_P(PowerCut, before_any_change_keeps_all_reported_data) {
   const FaultOperation operation = fault_operation(GetParam(), V3D_BIN);
   const TemporaryFolder folder{"/dev/shm"};
   const FaultyWorkplace place(folder.path() / "place");
   PowerCutDisk disk(folder / "files", place.disk());
   operation.prepare(place);
-  disk.keep();
+  disk.save();
   const std::string marks = std::filesystem::exists(place.marks())
                                 ? read_file(place.marks()) + "synced\n"
                                 : std::string();
@@ -74,9 +75,9 @@ TEST_P(PowerCut, before_any_change_loses_nothing_that_was_reported) {
   int cuts = 0, bad = 0;
   for (const Fault& cut : sampled(all_cuts(counted, operation.program))) {
     write_text(place.marks(), marks);
-    disk.begin_again();
+    disk.restore();
     ProgramResult result = place.run(operation.command(place), cut);
-    if (result.fired == cut.call.empty()) continue;  // threads: this run made fewer such calls
+    if (result.fired == cut.call.empty()) continue;  // threads: a run may make fewer calls
     if (!result.fired) disk.cut_power();
     result.is_power_cut = true;
     disk.restart();

@@ -1,13 +1,13 @@
-// Records a take with the classes of v3d-captured, in the order in which CaptureNode uses them, and
-// reports to MARKS what it has been told is safe:
+// Program that records a take with the classes of v3d-captured, in the order of CaptureNode. It
+// writes to MARKS which data these classes reported as safe:
 //   record_driver record FOLDER MARKS      a whole take
-//   record_driver cut FOLDER MARKS         the same, ended by _exit() before the take is closed
+//   record_driver cut FOLDER MARKS         the same, with _exit() before the take is closed
 //   record_driver restart FOLDER MARKS     recovers open takes, continues the take and closes it
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
 // Marks, one line each: "ready", "frame CAMERA PULSE", "synced" (all frames before it),
-// "recovered", "complete", "quarantined PATH". Exit status: 0 done, 3 done but not whole, 2
-// InputError, 1 anything else; every error is a line on stderr.
+// "recovered", "complete", "quarantined PATH". Exit status: 0 done, 3 done but data is missing, 2
+// InputError, 1 any other error. Every error is a line on stderr.
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -69,7 +69,7 @@ class Driver {
     }
   }
 
-  void go_on() {
+  void continue_take() {
     recover();
     const EdgeTimes edges = read_edge_times(paths_);
     lock_.emplace(lock_take(paths_, kDrivenNode));
@@ -92,7 +92,7 @@ class Driver {
       pulses_->write(sensed);
       sensed_.insert(pulse);
       for (size_t c = 0; c < logs_.size(); ++c) record_frame(c, pulse);
-      // Longer takes reach the disk while they are recorded.
+      // Longer takes are synced while they are recorded.
       if (n == kDrivenPulses / 2) sync_logs();
     }
   }
@@ -104,11 +104,11 @@ class Driver {
     logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
-    const bool kept = pulses_->is_synced();
+    const bool is_synced = pulses_->is_synced();
     pulses_.reset();
-    if (lost > 0 || !kept) {
+    if (lost > 0 || !is_synced) {
       fail(paths_.pulses().string() + ": " + std::to_string(lost) + " pulses lost" +
-           (kept ? "" : ", and what it took is not kept"));
+           (is_synced ? "" : ", and the others are not synced"));
     }
     disk_.reset();
     Ledger ledger = account();
@@ -127,13 +127,14 @@ class Driver {
       return fail("cannot close " + paths_.folder.string());
     }
     lock_.reset();
-    if (may_hold_frames(paths_)) return;  // it stays
+    if (may_hold_frames(paths_)) return;  // such a take is not moved
     const auto place = quarantine_take(paths_);
     if (!place) return fail(place.error().message);
     mark("quarantined " + place->string());
   }
 
-  /// A daemon that crashes has lost what waits for the thread of the pulse log; here nothing does.
+  /// Writes all queued pulses. A daemon that crashes loses the pulses in this queue; this driver
+  /// must not.
   void wait_for_pulses() { pulses_->close(); }
 
   int status() const { return status_; }
@@ -207,7 +208,7 @@ int run(const std::string& operation, const std::filesystem::path& folder, const
     driver.recover();
     return driver.status();
   }
-  operation == "restart" ? driver.go_on() : driver.begin();
+  operation == "restart" ? driver.continue_take() : driver.begin();
   if (operation == "quarantine") {
     driver.quarantine();
     return driver.status();

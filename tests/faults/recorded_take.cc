@@ -21,7 +21,7 @@ void make_driven_studio(const std::filesystem::path& folder) {
   }
 }
 
-std::vector<std::string> missing_of_begun_take(const std::filesystem::path& folder) {
+std::vector<std::string> missing_studio_copies(const std::filesystem::path& folder) {
   const Studio studio = driven_studio(folder);
   TakePaths take{studio.storage.takes / kDrivenTake};
   if (!std::filesystem::exists(take.folder)) {
@@ -30,7 +30,7 @@ std::vector<std::string> missing_of_begun_take(const std::filesystem::path& fold
   std::vector<std::string> missing;
   const auto expect_copy = [&](const std::filesystem::path& of, const std::filesystem::path& as) {
     const auto copy = io::read_file(as);
-    if (!copy || *copy != read_file(of)) missing.push_back("not whole: " + as.string());
+    if (!copy || *copy != read_file(of)) missing.push_back("missing or changed: " + as.string());
   };
   expect_copy(studio.storage.calib, take.calib());
   expect_copy(studio.path, take.folder / "studio.toml");

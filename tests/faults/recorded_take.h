@@ -1,4 +1,4 @@
-// The take that record_driver records, and what the tests know of it.
+// The take that record_driver records: names, sizes and studio files.
 #pragma once
 
 #include <filesystem>
@@ -14,10 +14,10 @@ inline const std::string kDrivenTake = "kendo-07";
 inline const std::string kDrivenNode = "cap01";
 inline const std::vector<std::string> kDrivenCameras = {"cam01", "cam02"};
 inline constexpr ImageSize kDrivenSize{64, 48};
-/// Of one run of the driver; a restart in the take records as many more.
+/// Pulses of one run of the driver. A restart in the take records as many again.
 inline constexpr int64_t kDrivenPulses = 6;
 
-/// Its studio, in a folder: takes/, background/, calib.toml, studio.toml.
+/// The studio of the take in `folder`: takes/, background/, calib.toml, studio.toml.
 inline Studio driven_studio(const std::filesystem::path& folder) {
   Studio studio;
   studio.name = "dojo";
@@ -28,10 +28,10 @@ inline Studio driven_studio(const std::filesystem::path& folder) {
   return studio;
 }
 
-/// Files and folders that a studio has before the first take.
+/// Writes the files and folders that a studio has before its first take.
 void make_driven_studio(const std::filesystem::path& folder);
-/// What was copied into the take when it began and is not as in the studio, one line each. The take
-/// may lie in the quarantine.
-std::vector<std::string> missing_of_begun_take(const std::filesystem::path& folder);
+/// Compares the studio's files with their copies in the take, which may lie in the quarantine.
+/// Returns missing or different copies, one line each.
+std::vector<std::string> missing_studio_copies(const std::filesystem::path& folder);
 
 }  // namespace v3d::test

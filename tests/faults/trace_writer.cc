@@ -46,7 +46,7 @@ void append(const Record& record) {
   text += record.path + record.other + record.bytes;
   if (syscall(SYS_write, plan().trace_fd(), text.data(), text.size()) !=
       static_cast<long>(text.size())) {
-    std::abort();  // a trace with a hole proves nothing
+    std::abort();  // a trace with a gap is of no use
   }
 }
 

@@ -1,5 +1,5 @@
-// Appends the changes that this process makes below the prefix of the fault plan to its trace
-// (fault_trace.h). Without a trace in the plan, nothing is done. Thread-safe.
+// Appends the changes of this process below the prefix of the fault plan to the trace file
+// (fault_trace.h). The functions do nothing when the plan has no trace. Thread-safe.
 #pragma once
 
 #include <sys/types.h>
@@ -10,8 +10,8 @@
 
 namespace v3d::test {
 
-/// Held by all processes of the trace while one of them makes a change and records it, so that the
-/// order of the records is that of the changes.
+/// Lock between all processes of the trace, held while one of them makes a change and records it.
+/// It gives the records the order of the changes.
 class TraceLock {
  public:
   TraceLock();
@@ -20,10 +20,10 @@ class TraceLock {
   TraceLock& operator=(const TraceLock&) = delete;
 };
 
-/// Without a call that the injector sees.
+/// True when `path` exists. The injector does not intercept this check.
 bool exists(const std::string& path);
 
-/// Records what was written at `offset`; when it is negative, at the file's own position.
+/// Records bytes written at `offset`; a negative `offset` means just before the file position.
 void record_write(int fd, const std::string& path, std::string bytes, off_t offset);
 void record_sync(int fd);
 void record_sync_of_all();

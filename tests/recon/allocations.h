@@ -1,12 +1,12 @@
-// Counts what a test allocates.
+// Counter of memory allocations for tests.
 #pragma once
 
 #include <cstdint>
 
 namespace v3d {
 
-/// Calls of operator new by this program so far. oneTBB takes the memory of its own tasks
-/// elsewhere.
+/// Number of calls of operator new by this program so far. oneTBB allocates its tasks in another
+/// way.
 int64_t allocations();
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// The kernels that are compiled once per instruction set, on each that this processor has.
+// Runs kernels, compiled once for each instruction set, on all sets that this processor supports.
 #pragma once
 
 #include <hwy/targets.h>

@@ -1,4 +1,4 @@
-// Rigs, silhouettes and the reference intersection for tests.
+// Random rigs and silhouettes, and a reference intersection, for tests.
 #pragma once
 
 #include <rapidcheck.h>
@@ -29,8 +29,8 @@ inline Eigen::Vector3d random_point(const Box& box) {
   return box.min + at.cwiseProduct(box.size());
 }
 
-/// The first 0, 4, 5, 8, 12 or 14 coefficients of a lens that exists, sometimes of one that bends
-/// far more.
+/// The first 0, 4, 5, 8, 12 or 14 coefficients of a real lens, sometimes of one with far stronger
+/// distortion.
 inline Distortion random_distortion() {
   constexpr double kUsual[14] = {0.4,  0.3,  0.01, 0.01, 0.2,  0.2,  0.1,
                                  0.05, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05};
@@ -41,7 +41,7 @@ inline Distortion random_distortion() {
   return d;
 }
 
-/// Somewhere round or inside the box, looking at it, past it or away from it.
+/// A camera around or inside the box, directed at it, past it or away from it.
 inline CameraModel random_camera(const Box& box) {
   const Box far{box.center() - 3 * box.size(), box.center() + 3 * box.size()};
   const Eigen::Vector3d eye = random_point(*rc::gen::element(0, 0, 0, 1) == 0 ? far : box);
@@ -56,7 +56,7 @@ inline CameraModel random_camera(const Box& box) {
   return CameraModel(size, k, random_distortion(), roll * upright);
 }
 
-/// Discs, so large that borders cut them, or nothing, or everything.
+/// Discs, large enough to cross the border, or nothing, or everything.
 inline Mask random_mask(ImageSize size) {
   Mask mask(size);
   const int discs = uniform_int(0, 4);
@@ -79,7 +79,7 @@ inline Mask random_mask(ImageSize size) {
   return mask;
 }
 
-/// The definition in recon/hull/intersect.h, voxel by voxel.
+/// Reference by the definition in recon/hull/intersect.h, voxel by voxel.
 inline SparseVolume intersect_brute_force(const VoxelGrid& grid,
                                           const std::vector<CameraModel>& cameras,
                                           const std::vector<const Mask*>& masks, int min_views) {

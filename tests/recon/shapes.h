@@ -1,4 +1,4 @@
-// Meshes with known answers.
+// Meshes with known properties, for tests.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Volumes made by a rule, for tests.
+// Volumes for tests, defined by a rule.
 #pragma once
 
 #include <utility>

@@ -1,6 +1,6 @@
 # cmake -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DMODEL=... -DDIR=... [-DDEFINES=...] [-DCC_DEFINES=...]
 #       [-DPAN_OPTIONS=...] [-DHAS_FAULT=yes] -P check_model.cmake
-# Makes Spin's verifier of the model with the daemons' transition table, and runs it. With HAS_FAULT the verifier must find
+# Builds Spin's verifier of the model with the daemons' transition table and runs it. With HAS_FAULT, the verifier must find
 # an error.
 file(MAKE_DIRECTORY ${DIR})
 file(COPY ${MODEL} ${CMAKE_CURRENT_LIST_DIR}/node.pml DESTINATION ${DIR})
@@ -11,13 +11,13 @@ execute_process(COMMAND ${CC} -O1 -w -DCOLLAPSE -DVECTORSZ=2048 -DMEMLIM=1000 ${
   WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ./pan ${PAN_OPTIONS} WORKING_DIRECTORY ${DIR} OUTPUT_VARIABLE report COMMAND_ERROR_IS_FATAL ANY)
 message("${report}")
-# A search that was cut short has proved nothing.
+# An incomplete search proves nothing.
 if(report MATCHES "truncated|out of memory|too small")
-  message(FATAL_ERROR "the search was cut short; see ${DIR}")
+  message(FATAL_ERROR "the search is incomplete: a limit of depth or memory was reached; see ${DIR}")
 endif()
 if(HAS_FAULT AND report MATCHES "errors: 0")
-  message(FATAL_ERROR "the model does not find the fault that was put in; see ${DIR}")
+  message(FATAL_ERROR "the model does not find the injected fault; see ${DIR}")
 endif()
 if(NOT HAS_FAULT AND NOT report MATCHES "errors: 0")
-  message(FATAL_ERROR "the model breaks a promise; see ${DIR}: ./pan -r or spin -t -p ${model}")
+  message(FATAL_ERROR "the model violates an invariant; see ${DIR}: ./pan -r or spin -t -p ${model}")
 endif()

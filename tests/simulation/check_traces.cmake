@@ -1,7 +1,7 @@
-# cmake -DWRITE_TRACES=... -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DDIR=... -DCOUNT=... -DMUTATION=... -DLEAST=...
+# cmake -DWRITE_TRACES=... -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DDIR=... -DCOUNT=... -DMUTATION=... -DMIN_COUNT=...
 #       -P check_traces.cmake
-# Plays COUNT schedules (V3D_SCHEDULES where it is set), and lets Spin follow their events in trace.pml. All must be
-# accepted, or with a MUTATION other than "none" all rejected: LEAST of them at least.
+# Runs COUNT schedules (or V3D_SCHEDULES, where set) and checks their events by Spin against trace.pml. Spin must accept all
+# traces, or reject all with a MUTATION other than "none". There must be at least MIN_COUNT traces.
 if(DEFINED ENV{V3D_SCHEDULES})
   set(COUNT $ENV{V3D_SCHEDULES})
 endif()
@@ -12,11 +12,11 @@ execute_process(COMMAND ${WRITE_TRACES} 20090219 ${COUNT} ${MUTATION} OUTPUT_FIL
 execute_process(COMMAND ${SPIN} -o3 -a trace.pml WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${CC} -O1 -w -DSAFETY -DVECTORSZ=8192 -DMEMLIM=1000 -o pan pan.c
   WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
-# Without -E the first trace that blocks would end the search.
+# -E: a blocked trace does not end the search.
 execute_process(COMMAND ./pan -E -m1000000 WORKING_DIRECTORY ${DIR} OUTPUT_VARIABLE report COMMAND_ERROR_IS_FATAL ANY)
 message("${report}")
 if(report MATCHES "truncated|out of memory|too small" OR NOT report MATCHES "errors: 0")
-  message(FATAL_ERROR "the search was cut short; see ${DIR}")
+  message(FATAL_ERROR "the search is incomplete: a limit of depth or memory was reached; see ${DIR}")
 endif()
 string(REGEX MATCHALL "accepted: trace" accepted "${report}")
 string(REGEX MATCHALL "rejected: trace" rejected "${report}")
@@ -30,6 +30,6 @@ else()
   set(wrong ${accepted})
   set(right ${rejected})
 endif()
-if(wrong GREATER 0 OR right LESS LEAST)
-  message(FATAL_ERROR "${wrong} traces were judged wrongly, ${right} as they should be, of at least ${LEAST}; see ${DIR}")
+if(wrong GREATER 0 OR right LESS MIN_COUNT)
+  message(FATAL_ERROR "${wrong} traces have a wrong result, ${right} the expected one (minimum ${MIN_COUNT}); see ${DIR}")
 endif()

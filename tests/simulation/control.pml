@@ -1,10 +1,10 @@
-/* The control protocol as Spin sees it (docs/protocol.md). What a node does with an input is the daemons' own table:
- * transitions.pml is generated from daemon/control/control_table.h.
+/* Spin model of the control protocol (docs/protocol.md). Nodes use the transition table of the daemons: transitions.pml is
+ * generated from daemon/control/control_table.h.
  *
- * Operators arm, start and stop, each a take of their own, and may give up at every step; a last one, who comes when they
- * are gone, stops and aborts. Node 0 has the trigger. Messages are lost, repeated and overtaken: whatever an
- * operator has sent may reach a node at any later time, once, unless the node has obeyed a later one of that
- * operator. Replies reach the operator at any later time, or not before it gives up. A node may crash once. */
+ * Each operator arms, starts and stops its own take, and may give up at every step. After all others have ended, a last
+ * operator stops and aborts. Node 0 has the trigger. Messages are lost, repeated and reordered: a command reaches a node
+ * once, at any later time, unless the node has obeyed a later command of the same operator. A reply reaches the operator at
+ * any later time, or not at all. A node may crash once. */
 
 /* Two sizes are checked: NODES=2 with PEOPLE=2, and NODES=3 with PEOPLE=1. */
 #ifndef NODES
@@ -16,14 +16,14 @@
 #define ALL ((1 << NODES) - 1)
 #define OTHERS (ALL - 1)
 #define OPERATORS (PEOPLE + 1)
-#define LAST PEOPLE /* the operator who ends everything */
+#define LAST PEOPLE /* the last operator, who stops and aborts */
 
 #define cmd(op, counter) ((op) * 8 + (counter))
 #define verb_of(op, c) verb[cmd(op, c)]
 #define own_of(op, c) own[cmd(op, c)]
 #define is_about_other(op, c, t) (about[cmd(op, c)] != NOBODY && about[cmd(op, c)] != t)
 #define input_of(op, n, c) verb[cmd(op, c)]
-/* After a crash nothing that was sent before is believed, but the last command, which is sent again. */
+/* After a crash a node rejects all commands sent before, except the last one of each operator, which is sent again. */
 #define last_stale(op) (sent[op] > 0 -> sent[op] - 1 : 0)
 #include "node.pml"
 
@@ -35,12 +35,12 @@ bool own[8 * OPERATORS];
 byte sent[OPERATORS];
 
 bool crashed;
-bool ending; /* the last operator has come */
-byte gone;   /* operators that will say nothing more */
+bool ending; /* the last operator has started */
+byte gone;   /* number of operators that have ended */
 
 #define has(set, node) (((set) >> (node)) & 1)
 
-/* Pulses never precede what every node records. */
+/* Pulses begin only after every node records the take. */
 inline on_start(n) {
   if
   :: n == TRIGGER ->
@@ -52,7 +52,7 @@ inline on_start(n) {
   fi
 }
 
-/* What a failed start takes back does not run. */
+/* A failed start never takes back a running recording. */
 inline check_take_back(op, n, c) {
   judge(op, n, c);
   assert(misses || !(own_of(op, c) && n != TRIGGER && phase[n] == P_recording && phase[TRIGGER] == P_recording &&
@@ -61,14 +61,14 @@ inline check_take_back(op, n, c) {
 
 #define can(op, c) (c <= sent[op] && c > obeyed[at(op, n)] && has(addressed[cmd(op, c)], n))
 
-/* What may happen at node n: a message of any operator arrives, or its own work reports. */
+/* Events at node n: a message of any operator arrives, or the node's own work reports. */
 proctype Node(byte n) {
   byte op, c, owner, o;
   bool misses;
 end:
   do
   :: atomic {
-       /* A command that this node has not obeyed, nor a later one of its sender. */
+       /* A command, if the node has obeyed neither it nor a later one of its sender. */
        if
        :: can(0, 1) -> op = 0; c = 1
        :: can(0, 2) -> op = 0; c = 2
@@ -97,7 +97,7 @@ end:
   :: atomic { phase[n] == P_arming && !ending -> report(n, I_failed, O_refused) }
   :: atomic { phase[n] == P_prepared -> report(n, I_expired, O_refused) }
   :: atomic { phase[n] == P_draining -> report(n, I_drained, O_done) }
-  :: atomic { /* the health of the trigger's node */
+  :: atomic { /* health of the trigger's node arrives */
        n != TRIGGER && phase[n] == P_recording &&
            !(take[TRIGGER] == take[n] && (phase[TRIGGER] == P_armed || phase[TRIGGER] == P_recording)) ->
          report(n, I_train_ended, O_done)
@@ -139,7 +139,7 @@ inline say(what, nodes, whose, only_own) {
   }
 }
 
-/* The same command goes to more nodes. */
+/* Sends the same command to more nodes. */
 inline say_to(nodes) { atomic { addressed[cmd(id, sent[id])] = nodes } }
 
 proctype Operator(byte id) {
@@ -148,7 +148,7 @@ proctype Operator(byte id) {
   if
   :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id])
   :: refused(id, TRIGGER, sent[id]) -> goto quit
-  :: true -> say(I_abort, 1, id, true); goto quit /* the deadline has come */
+  :: true -> say(I_abort, 1, id, true); goto quit /* the deadline has passed */
   fi;
   say_to(ALL);
   if
@@ -184,7 +184,7 @@ take_back:
   :: refused(id, TRIGGER, sent[id])
   :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id]) ->
     atomic { own[cmd(id, sent[id])] = false; addressed[cmd(id, sent[id])] = ALL }
-#ifdef TAKE_BACK_UNHEARD /* as it was: a silent trigger's node did not keep a start from being taken back elsewhere */
+#ifdef TAKE_BACK_UNHEARD /* an old fault: a start was taken back although the trigger's node had not replied */
   :: true -> say_to(ALL)
 #endif
   :: true
@@ -201,7 +201,7 @@ quit:
   gone++
 }
 
-/* The second promise: a stop is obeyed in the end. */
+/* Second invariant: a stop is obeyed in the end. */
 proctype LastOperator() {
   byte id = LAST;
   gone == PEOPLE;
@@ -220,6 +220,6 @@ init {
     for (i : 0 .. PEOPLE - 1) { run Operator(i) }
     run LastOperator()
   }
-  /* Nothing can happen any more. */
+  /* No event is left. */
   timeout -> assert(ending && all_idle)
 }

@@ -1,4 +1,4 @@
-// A simulated multicast network: it loses, repeats, delays and so reorders datagrams, and can be
+// Simulated multicast network. It loses, repeats, delays and reorders datagrams, and can be
 // partitioned.
 #pragma once
 
@@ -14,23 +14,25 @@ namespace v3d::simulation {
 
 enum class Channel : uint8_t { kCommand, kReply, kHealth, kPulse, kSession };
 
+/// Probabilities of faults, 0 to 1.
 struct NetworkFaults {
   double loss = 0;    ///< share of the datagrams, for each receiver
   double repeat = 0;  ///< share that arrives twice
-  double late = 0;    ///< share that takes up to `latest` instead of up to 20 ms
+  double late = 0;    ///< share delayed by up to `latest` more than the usual 0.5 to 20 ms
   Duration latest{};
 };
 
-/// One thread.
+/// Delivers datagrams through VirtualTime. One thread.
 class Network {
  public:
-  /// `from` is the place of the sender.
+  /// `from` is the index of the sender's host.
   using Receiver = std::function<void(Channel channel, size_t from, const Bytes& bytes)>;
   using Interest = std::function<bool(Channel channel, size_t from)>;
 
   Network(VirtualTime& time, Draws& draws) : time_(time), draws_(draws) {}
 
-  /// Returns the place of a new host. `interest`: what it subscribes to.
+  /// Adds a host and returns its index. `interest` is true for the channels and senders that the
+  /// host subscribes to.
   size_t join(Interest interest, Receiver receiver) {
     hosts_.push_back({std::move(interest), std::move(receiver), 0});
     return hosts_.size() - 1;
@@ -46,7 +48,7 @@ class Network {
     }
   }
 
-  /// Hosts with different numbers do not receive each other's datagrams.
+  /// Partitions the network: hosts of different parts do not receive each other's datagrams.
   void put_into_part(size_t host, int part) { hosts_[host].part = part; }
   void join_parts() {
     for (Host& host : hosts_) host.part = 0;

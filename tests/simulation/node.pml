@@ -1,7 +1,7 @@
-/* One node of the control protocol: what Controller (daemon/control/control.h) does with commands and with reports of the node's
- * work. Part of control.pml and trace.pml. They define NODES and OPERATORS; of command `c` of operator `op`: verb_of,
- * own_of, is_about_other and input_of; last_stale(op); on_start(n), which checks a start. A proctype that uses the inlines
- * declares owner, misses and o. */
+/* One node of the control protocol: how Controller (daemon/control/control.h) handles commands and reports of the node's work.
+ * control.pml, rejoin.pml and trace.pml include this file. They define NODES and OPERATORS; verb_of, own_of, is_about_other
+ * and input_of for command `c` of operator `op`; last_stale(op); and on_start(n), which checks a start. A proctype that uses
+ * the inlines declares owner, misses and o. */
 #include "transitions.pml"
 
 #define TRIGGER 0
@@ -12,17 +12,17 @@
 #define O_done 2
 #define O_refused 3
 
-/* A take is named by the operator who arms it. */
+/* The number of a take is that of the operator who arms it. */
 byte phase[NODES];
 byte take[NODES] = NOBODY;
 byte starter[NODES] = NOBODY;
 byte kept[NODES] = NOBODY;    /* on the disk: the last take that was armed */
 bool may_rejoin[NODES];
-byte records[NODES] = NOBODY; /* the last take whose start was obeyed, ever */
+byte records[NODES] = NOBODY; /* the last take whose start was obeyed; survives crashes */
 #define at(op, node) ((op) * NODES + (node))
-byte obeyed[NODES * OPERATORS];  /* by operator and node: the last command that was obeyed */
-byte said[NODES * OPERATORS];    /* the same: the answer to it */
-bool waits[NODES * OPERATORS];   /* the same: the operator waits for a final reply */
+byte obeyed[NODES * OPERATORS];  /* by operator and node: the last obeyed command */
+byte said[NODES * OPERATORS];    /* by operator and node: the answer to that command */
+bool waits[NODES * OPERATORS];   /* by operator and node: the operator waits for a final reply */
 hidden byte next_phase, work, verdict;
 
 #define is_order(verb) ((verb) == I_arm || (verb) == I_check || (verb) == I_background)
@@ -87,14 +87,14 @@ inline report(n, input, outcome) {
   phase[n] = next_phase
 }
 
-/* The node records again the take that it was in before it crashed. */
+/* The node rejoins the take that it recorded before its crash. */
 inline rejoin(n) {
   may_rejoin[n] = false;
   report(n, I_rejoined, O_done);
   take[n] = kept[n]; starter[n] = kept[n]
 }
 
-/* Everything in memory is gone. Commands of an operator up to last_stale(op) are not believed any more. */
+/* A crash: all memory is lost. Commands of an operator up to last_stale(op) are rejected from then on. */
 inline crash(n) {
   phase[n] = P_idle; may_rejoin[n] = (kept[n] != NOBODY);
   d_step {

@@ -1,4 +1,4 @@
-// A simulated node's disk: what survives a crash.
+// Simulated disk of a node. Its content survives a crash of the node.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct TakeOnDisk {
   std::map<std::string, std::vector<int64_t>> frames;  ///< pulses in <camera>.lcmlog
   PulseSet pulses;                                     ///< pulses.lcmlog
   std::optional<Ledger> ledger;                        ///< ledger.toml
-  std::optional<CommandMessage> kept_order;            ///< .order-<node>
+  std::optional<CommandMessage> persisted_order;       ///< .order-<node>
   int64_t meshes = 0;                                  ///< mesh.v3d, where the node reconstructs
 
   bool has_frames() const {
@@ -31,23 +31,24 @@ struct TakeOnDisk {
   }
 };
 
+/// All takes of one node, by name.
 struct NodeDisk {
-  bool is_full = false;  ///< refuses frames; the room for ledgers is set aside
+  bool is_full = false;  ///< frames cannot be written; space for ledgers is reserved
   std::map<std::string, TakeOnDisk> takes;
 
   std::map<std::string, CommandMessage> persisted_commands() const {
     std::map<std::string, CommandMessage> orders;
     for (const auto& [name, take] : takes) {
-      if (take.kept_order) orders.emplace(name, *take.kept_order);
+      if (take.persisted_order) orders.emplace(name, *take.persisted_order);
     }
     return orders;
   }
-  void forget_orders() {
-    for (auto& [name, take] : takes) take.kept_order.reset();
+  void clear_orders() {
+    for (auto& [name, take] : takes) take.persisted_order.reset();
   }
 };
 
-/// Unique for every order to arm: its sender and counter.
+/// Identifier of an order: its sender and counter.
 inline std::string order_id(const CommandMessage& order) {
   return order.sender + "#" + std::to_string(order.counter);
 }

@@ -10,7 +10,7 @@
 namespace v3d::simulation {
 namespace {
 
-/// What the trailers of a message's datagrams say, in front of the message.
+/// A message with its session stamp in front. Real datagrams hold the stamp in their trailer.
 struct StampedMessage {
   SessionStamp stamp;
   std::span<const uint8_t> message;
@@ -97,7 +97,7 @@ void NodeProcess::boot() {
   plan_turn(world_.time.now());
 }
 
-/// As recover_open_takes() does with the files.
+/// Recovers open takes, as recover_open_takes() does with files.
 void NodeProcess::recover_takes() {
   for (auto& [name, take] : host_.disk.takes) {
     if (!take.is_open || !host_.captures) continue;
@@ -112,15 +112,15 @@ void NodeProcess::recover_takes() {
   }
 }
 
-/// Without its account, the exact number of pulses is lost.
-void NodeProcess::lose_trigger() {
+/// Stops the trigger when its node ends: the exact number of pulses is then lost.
+void NodeProcess::stop_lost_trigger() {
   if (host_.trigger == nullptr) return;
   if (phase() == Phase::kRecording || phase() == Phase::kDraining) world_.truth.on_trigger_lost();
   host_.trigger->stop();
 }
 
 void NodeProcess::end(Cause cause) {
-  lose_trigger();
+  stop_lost_trigger();
   world_.truth.on_change({.node = host_.name,
                           .from = protocol_->phase(),
                           .to = Phase::kIdle,
@@ -142,31 +142,31 @@ void NodeProcess::crash() {
 
 void NodeProcess::ask_to_end() {
   if (!is_up() || is_ending_) return;
-  trace_.add([&] { return host_.name + " is asked to end"; });
+  trace_.add([&] { return host_.name + " is asked to exit"; });
   resume();
   is_ending_ = true;
   if (phase() == Phase::kRecording && host_.trigger != nullptr) world_.truth.on_trigger_lost();
-  watch(Cause::kEnded, {}, [&] { protocol_->begin_shutdown(world_.time.now()); });
+  run_observed(Cause::kEnded, {}, [&] { protocol_->begin_shutdown(world_.time.now()); });
   plan_turn(world_.time.now());
 }
 
 void NodeProcess::pause() {
   if (!is_up()) return;
-  trace_.add([&] { return host_.name + " stands still"; });
+  trace_.add([&] { return host_.name + " is paused"; });
   is_paused_ = true;
 }
 
 void NodeProcess::resume() {
   if (!is_up() || !is_paused_) return;
-  trace_.add([&] { return host_.name + " goes on"; });
+  trace_.add([&] { return host_.name + " resumes"; });
   is_paused_ = false;
   for (const Datagram& datagram : std::exchange(waiting_, {})) {
-    take_in(datagram.channel, datagram.from, datagram.bytes);
+    process(datagram.channel, datagram.from, datagram.bytes);
   }
   plan_turn(world_.time.now());
 }
 
-// --- what comes in ------------------------------------------------------------------------------
+// --- receiving ----------------------------------------------------------------------------------
 
 void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
   if (!is_up()) return;
@@ -174,10 +174,10 @@ void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
     waiting_.push_back({channel, from, bytes});
     return;
   }
-  take_in(channel, from, bytes);
+  process(channel, from, bytes);
 }
 
-void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
+void NodeProcess::process(Channel channel, size_t from, const Bytes& bytes) {
   if (channel == Channel::kCommand) {
     auto admitted = filter_->admit(bytes, world_.time.now());
     if (!admitted) return;
@@ -197,7 +197,7 @@ void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
   }
 }
 
-/// As MessageReceiver does with health and pulses.
+/// Accepts or rejects health and pulses, as MessageReceiver does.
 bool NodeProcess::accepts(const SessionStamp& stamp) {
   if (sessions_.is_received(stamp)) return false;
   if (sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session)) {
@@ -243,12 +243,12 @@ void NodeProcess::turn() {
     const auto [command, is_current] = std::move(commands_.front());
     commands_.pop_front();
     if (is_current) {
-      watch(cause_of(command), command, [&] { protocol_->on_command(command); });
+      run_observed(cause_of(command), command, [&] { protocol_->on_command(command); });
     } else {
       publish(filter_->nonce_reply(command, now));
     }
   }
-  watch(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
+  run_observed(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
   if (protocol_->is_health_due(now)) publish_health();
   if (is_ending_ && protocol_->may_shut_down(now)) {
     work_->disarm();
@@ -257,9 +257,9 @@ void NodeProcess::turn() {
   plan_turn(commands_.empty() ? protocol_->next_poll(now) : now);
 }
 
-/// Tells the truth of what the action has changed.
-void NodeProcess::watch(Cause cause, const CommandMessage& command,
-                        const std::function<void()>& action) {
+/// Runs the action and reports the change of phase to Truth and ProtocolEvents.
+void NodeProcess::run_observed(Cause cause, const CommandMessage& command,
+                               const std::function<void()>& action) {
   const Phase before = protocol_->phase();
   CommandMessage order = protocol_->order();
   action();
@@ -283,7 +283,7 @@ void NodeProcess::watch(Cause cause, const CommandMessage& command,
                           .command = command});
 }
 
-// --- what goes out ------------------------------------------------------------------------------
+// --- sending ------------------------------------------------------------------------------------
 
 void NodeProcess::publish(ReplyMessage reply) {
   world_.events.on_reply(reply);
@@ -307,16 +307,16 @@ void NodeProcess::send_pulse(int64_t pulse) {
   message.pulse = pulse;
   const Bytes bytes = encode(message);
   send(Channel::kPulse, bytes);
-  send_again(bytes, pulse_seq_, 3);
+  repeat_pulse(bytes, pulse_seq_, 3);
 }
 
-void NodeProcess::send_again(const Bytes& bytes, int64_t seq, int times) {
+void NodeProcess::repeat_pulse(const Bytes& bytes, int64_t seq, int times) {
   constexpr Duration kAgainAfter = std::chrono::milliseconds(50);
   if (times == 0) return;
   world_.time.after(kAgainAfter, [this, bytes, seq, times] {
     if (!is_up() || is_paused_ || pulse_seq_ != seq) return;
     send(Channel::kPulse, bytes);
-    send_again(bytes, seq, times - 1);
+    repeat_pulse(bytes, seq, times - 1);
   });
 }
 

@@ -1,4 +1,4 @@
-// One daemon of a simulated studio: the real filter, state machine and protocol on simulated work.
+// Simulated host with one daemon: the real CommandReplayFilter and NodeProtocol on simulated work.
 #pragma once
 
 #include <deque>
@@ -17,17 +17,18 @@
 
 namespace v3d::simulation {
 
-/// Survives its own crashes, as a host does; the daemon on it does not. One thread.
+/// The object is the host and outlives crashes of its daemon. One thread.
 class NodeProcess {
  public:
   NodeProcess(World& world, Trace& trace, Host host, bool is_trigger);
 
+  /// Starts the daemon, if it does not run.
   void boot();
-  /// Everything in memory is gone, at once.
+  /// Ends the daemon at once; all its memory is lost.
   void crash();
-  /// As systemd ends a daemon: a take is drained for some seconds.
+  /// Shuts the daemon down as systemd does: a running take is drained first.
   void ask_to_end();
-  /// The process stands still; datagrams wait for it.
+  /// Stops the process; datagrams wait until resume().
   void pause();
   void resume();
 
@@ -40,26 +41,28 @@ class NodeProcess {
   CommandCounts counts() const { return filter_ ? filter_->counts() : CommandCounts{}; }
   SimulatedWork* work() { return work_.get(); }
 
-  /// Tells the places whose health this node listens to: that of the trigger's node, or of all
-  /// others.
+  /// Sets the host index of the trigger's node. Other nodes receive its health and pulses; the
+  /// trigger's node receives the health of all nodes.
   void listen_to_trigger_at(size_t place) { trigger_place_ = place; }
-  /// As PulseRecorder does: the last pulse is sent three times more, since no later one would tell
-  /// of its loss.
+  /// Sends a pulse, as PulseRecorder does. The last pulse is sent three more times, because no
+  /// later pulse reveals its loss.
   void send_pulse(int64_t pulse);
 
  private:
-  void send_again(const Bytes& bytes, int64_t seq, int times);
+  void repeat_pulse(const Bytes& bytes, int64_t seq, int times);
   void recover_takes();
   void receive(Channel channel, size_t from, const Bytes& bytes);
-  void take_in(Channel channel, size_t from, const Bytes& bytes);
+  void process(Channel channel, size_t from, const Bytes& bytes);
   void turn();
   void plan_turn(MonotonicInstant at);
-  void watch(Cause cause, const CommandMessage& command, const std::function<void()>& action);
+  void run_observed(Cause cause, const CommandMessage& command,
+                    const std::function<void()>& action);
   void publish(ReplyMessage reply);
   void publish_health();
-  void lose_trigger();
+  void stop_lost_trigger();
   void end(Cause cause);
-  /// As Realtime::now(): the host's clock without its steps.
+  /// The daemon's wall clock, as Realtime::now(): it follows steps of the host's clock only when
+  /// idle.
   RealtimeInstant clock() const { return wall_clock(world_, clock_error_); }
   ReceiverTime receiver_time() const { return {world_.time.now(), clock()}; }
   void send(Channel channel, const Bytes& message);
@@ -79,7 +82,7 @@ class NodeProcess {
   size_t place_ = 0;
   size_t trigger_place_ = 0;
 
-  // Of the process.
+  // State of the daemon, lost in a crash.
   std::unique_ptr<SimulatedWork> work_;
   std::unique_ptr<NodeProtocol> protocol_;
   std::unique_ptr<CommandReplayFilter> filter_;
@@ -92,8 +95,8 @@ class NodeProcess {
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;
   bool is_ending_ = false;
-  std::vector<Datagram> waiting_;  ///< while it is paused
-  int64_t turn_ = 0;               ///< counts plans: one that was replaced comes to nothing
+  std::vector<Datagram> waiting_;  ///< received while the process is paused
+  int64_t turn_ = 0;               ///< number of the newest planned turn; older plans do nothing
 };
 
 }  // namespace v3d::simulation

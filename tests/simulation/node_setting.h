@@ -1,4 +1,4 @@
-// What the simulated nodes of one studio share, and what is theirs.
+// Common state of a simulated studio (World) and of one of its hosts (Host).
 #pragma once
 
 #include <string>
@@ -14,6 +14,7 @@
 
 namespace v3d::simulation {
 
+/// Objects that all nodes and operators of a studio share.
 struct World {
   VirtualTime& time;
   Draws& draws;
@@ -25,12 +26,12 @@ struct World {
   double rate_hz = 10;
 };
 
-/// A host: it outlives the processes on it.
+/// One host; it outlives the processes on it.
 struct Host {
   std::string name;
   bool captures = true;
   std::vector<std::string> cameras;
-  Trigger* trigger = nullptr;  ///< null where it is not
+  Trigger* trigger = nullptr;  ///< null on hosts without the trigger
   NodeDisk disk;
   double not_ready = 0.02;  ///< share of the orders for which a device of the node is not ready
   double frame_loss = 0;    ///< share of the frames that a camera does not deliver

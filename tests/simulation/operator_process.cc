@@ -42,7 +42,7 @@ void OperatorProcess::begin_next() {
   poll();
 }
 
-/// As OperatorClient::command() goes round.
+/// Sends the due commands, as the loop of OperatorClient::command() does.
 void OperatorProcess::poll() {
   while (coordinator_ && !coordinator_->is_finished()) {
     auto message = coordinator_->poll(world_.time.now());
@@ -61,7 +61,7 @@ void OperatorProcess::receive(const Bytes& bytes) {
   if (!coordinator_ || !world_.key.has_valid_mac(bytes)) return;
   const auto reply = decode<ReplyMessage>(bytes);
   if (!reply || reply->command_sender != stamp_->sender()) return;
-  if (reply->command_counter == coordinator_->counter()) world_.events.on_hear(*reply);
+  if (reply->command_counter == coordinator_->counter()) world_.events.on_receive(*reply);
   coordinator_->on_reply(*reply);
   poll();
 }

@@ -1,5 +1,4 @@
-// An operator of a simulated studio: runs of v3dctl, one after the other, with the real
-// StudioCoordinator.
+// Simulated operator: runs of v3dctl, one after the other, with the real StudioCoordinator.
 #pragma once
 
 #include <deque>
@@ -13,27 +12,28 @@
 
 namespace v3d::simulation {
 
+/// One run of v3dctl.
 struct OperatorStep {
   CommandMessage order;  ///< verb, take, pulses
   Duration timeout;      ///< of the order
-  Duration then{};       ///< how long the operator waits afterwards
+  Duration then{};       ///< pause after the answer
 };
 
-/// Each step is a process of its own, with a sender of its own. One thread.
+/// Each step is a separate process with its own sender name. One thread.
 class OperatorProcess {
  public:
   OperatorProcess(World& world, Trace& trace, std::string name, CommandTargets studio);
 
   void begin(std::deque<OperatorStep> steps);
-  /// The process is killed in the middle of what it does; the operator does nothing more.
+  /// Kills the running process and drops the remaining steps.
   void kill();
   void set_clock_error(Duration error) { clock_error_ = error; }
 
   bool is_busy() const { return !steps_.empty() || coordinator_.has_value(); }
   size_t place() const { return place_; }
-  /// The last answer; empty while there is none.
+  /// The last answer; empty before the first.
   const std::optional<Answer>& answer() const { return answer_; }
-  /// All steps of the last begin() were answered "done".
+  /// True when all steps of the last begin() were answered "done".
   bool was_done() const { return !is_busy() && all_done_; }
 
  private:
@@ -54,7 +54,7 @@ class OperatorProcess {
   std::optional<Answer> answer_;
   bool all_done_ = true;
   int runs_ = 0;
-  int64_t plan_ = 0;  ///< counts plans: one that was replaced comes to nothing
+  int64_t plan_ = 0;  ///< number of the newest planned action; older plans do nothing
 };
 
 }  // namespace v3d::simulation

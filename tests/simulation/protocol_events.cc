@@ -11,7 +11,7 @@ using Kind = ProtocolEvent::Kind;
 
 std::string name_of(Kind kind) {
   constexpr const char* kNames[] = {"command",      "report",     "reply", "crash",
-                                    "pulses begin", "pulses end", "send",  "hear"};
+                                    "pulses begin", "pulses end", "send",  "receive"};
   return kNames[static_cast<size_t>(kind)];
 }
 
@@ -67,9 +67,9 @@ void ProtocolEvents::on_send(const CommandMessage& command) {
   trace_.events.push_back(event);
 }
 
-void ProtocolEvents::on_hear(const ReplyMessage& reply) {
+void ProtocolEvents::on_receive(const ReplyMessage& reply) {
   if (reply.outcome == ReplyMessage::Outcome::kNonceMissing) return;
-  const ProtocolEvent event = event_of(Kind::kHear, reply);
+  const ProtocolEvent event = event_of(Kind::kReceive, reply);
   if (!is_repeated(event)) trace_.events.push_back(event);
 }
 

@@ -1,4 +1,4 @@
-// The events of a schedule as the Promela model knows them (trace.pml).
+// Events of a schedule in the form of the Promela model (trace.pml).
 #pragma once
 
 #include <cstdint>
@@ -12,54 +12,56 @@
 
 namespace v3d::simulation {
 
+/// One event. Fields that its kind does not use are zero.
 struct ProtocolEvent {
-  /// trace.pml has the same numbers.
+  /// trace.pml uses the same numbers.
   enum class Kind : uint8_t {
-    kCommand,      ///< a node obeys a command, answers it again, or refuses it
-    kReport,       ///< a node's own work has changed its phase
+    kCommand,      ///< a node obeys a command, repeats its answer, or rejects it
+    kReport,       ///< a report of a node's own work changed its phase
     kReply,        ///< a node sends a reply
     kCrash,        ///< a node's process ends
-    kPulsesBegin,  ///< of the take that `run` armed
+    kPulsesBegin,  ///< pulses of the take that `run` armed
     kPulsesEnd,
-    kSend,  ///< an operator sends a command, for the first time or to other nodes
-    kHear,  ///< an operator receives a reply to its present command
+    kSend,     ///< an operator sends a new command, or the same one to other nodes
+    kReceive,  ///< an operator receives a reply to its present command
   };
   Kind kind{};
   int node = 0;
-  int run = 0;  ///< of v3dctl: the sender; of kReport and kPulsesBegin: of the order
+  int run = 0;  ///< run of v3dctl that sent the command, or the order of kReport and kPulsesBegin
   int64_t counter = 0;
   Input command{};
   bool own_only = false;
-  int take = 0;            ///< the name that a command holds; 0: none
-  Phase phase{};           ///< afterwards
+  int take = 0;            ///< number of the take name in a command; 0: none
+  Phase phase{};           ///< after the event
   int outcome = 0;         ///< of a reply
-  bool may_end = false;    ///< of kReport: a disk is full, or the process is asked to end
-  uint32_t addressed = 0;  ///< nodes, as bits
+  bool may_end = false;    ///< of kReport: a disk is full, or the process shuts down
+  uint32_t addressed = 0;  ///< addressed nodes, as bits
   friend bool operator==(const ProtocolEvent&, const ProtocolEvent&) = default;
 };
 
-/// "node 2 report: recording, run 3".
+/// Text of an event, such as "node 2 report: recording, run 3, ...".
 std::string text_of(const ProtocolEvent& event);
 
+/// All events of one schedule.
 struct ProtocolTrace {
   struct Run {
-    Input order{};  ///< what v3dctl was told to do
+    Input order{};  ///< the command of v3dctl
     int take = 0;
   };
-  int nodes = 0;  ///< the first has the trigger
+  int nodes = 0;  ///< number of nodes; node 0 has the trigger
   std::vector<Run> runs;
   std::vector<ProtocolEvent> events;
 };
 
-/// Records them. Replies and pulses within a step of a node follow its event. What repeats the
-/// event before of its node and run is left out. One thread.
+/// Records the events of a schedule. Replies and pulses of a node's step follow the event of the
+/// step. An event equal to the previous one of its kind, node and run is omitted. One thread.
 class ProtocolEvents {
  public:
   void add_node(const std::string& node);
   void add_run(const std::string& sender, const CommandMessage& order);
 
   void on_send(const CommandMessage& command);
-  void on_hear(const ReplyMessage& reply);
+  void on_receive(const ReplyMessage& reply);
   void on_command(const std::string& node, const CommandMessage& command, Phase after);
   void on_report(const std::string& node, const CommandMessage& order, Phase after, bool may_end);
   void on_crash(const std::string& node);
@@ -77,7 +79,7 @@ class ProtocolEvents {
   int take_number(const std::string& name);
 
   ProtocolTrace trace_;
-  std::vector<ProtocolEvent> effects_;  ///< of the step that has not been added yet
+  std::vector<ProtocolEvent> effects_;  ///< effects of the current step, not yet in trace_
   std::map<std::string, int> nodes_, runs_, takes_;
   std::map<std::tuple<ProtocolEvent::Kind, int, int>, ProtocolEvent> last_;  ///< by node and run
 };

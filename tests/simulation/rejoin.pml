@@ -1,19 +1,19 @@
-/* A node that crashes in a take and records into it again (docs/protocol.md, "Crashes"), as Spin checks it.
+/* Spin model of nodes that crash in a take and rejoin it (docs/protocol.md, "Crashes").
  *
  * All nodes are armed for one take. An operator starts it, and may give up at every step. A last operator stops and
- * aborts. Nodes crash kCrashes times in all, the trigger's node (0) too. Others learn from its health whether pulses run.
- * Health is lost, delayed and overtaken. After a restart a node hears only what was sent since: earlier messages belong to
- * sessions that have not answered (session.pml). Checked in every state:
+ * aborts. Nodes crash kCrashes times in total, including the trigger's node (0). The others learn from its health whether
+ * pulses run. Health is lost, delayed and reordered. After a restart a node accepts only later messages: earlier ones belong
+ * to sessions that have not answered (session.pml). Checked in every state:
  *   - pulses begin only after every node records;
  *   - pulses run only while the trigger's node records: its crash ends them;
- *   - while pulses run, no node that has not been stopped takes them for ended;
- *   - a node records again only a take that the trigger's node has recorded since its restart;
+ *   - while pulses run, only a stopped node regards them as ended;
+ *   - a node rejoins a take only if the trigger's node has recorded it since the restart;
  *   - at the end, after a stop and an abort, every node is idle;
- *   - a node that crashes while pulses run records again, unless they end (LTL, weak fairness).
+ *   - a node that crashes while pulses run rejoins, unless the pulses end (LTL, weak fairness).
  *
- * Faults can be switched on, to show that the model finds them: START_ALL_AT_ONCE (the trigger's node starts with the
- * others), PULSES_SURVIVE (pulses go on when the trigger's node crashes), STALE_HEALTH (a node hears health from before
- * its restart), DEAF (no node hears the trigger's node, and the stop reaches that node alone). */
+ * Macros switch on faults, to show that the model finds them: START_ALL_AT_ONCE (the trigger's node starts with the
+ * others), PULSES_SURVIVE (pulses continue when the trigger's node crashes), STALE_HEALTH (a node accepts health from before
+ * its restart), DEAF (no node receives health of the trigger's node, and only that node receives the stop). */
 
 #ifndef NODES
 #define NODES 3
@@ -40,15 +40,15 @@ byte addressed[4 * OPERATORS]; /* nodes */
 bool own[4 * OPERATORS];
 byte sent[OPERATORS];
 byte crashes;
-bool is_stopped;               /* the last operator has come */
-bool has_started;              /* the first operator has done all that he does */
+bool is_stopped;               /* the last operator has started */
+bool has_started;              /* the first operator has ended */
 bool pulses;
 
-/* Phases of the trigger's node, as its health shows them in order; the last one again and again. */
+/* Phases of the trigger's node, in the order in which its health shows them; the last one is repeated. */
 byte health[kMaxHealth];
 byte newest;
-byte heard_from[NODES];        /* older health does not reach the node */
-bool crashed_in_take;          /* node 1, while pulses ran */
+byte heard_from[NODES];        /* index of the oldest health that still reaches the node */
+bool crashed_in_take;          /* node 1 crashed while pulses ran */
 
 #define has(set, node) (((set) >> (node)) & 1)
 #define runs(p) ((p) == P_armed || (p) == P_recording)
@@ -77,7 +77,7 @@ inline on_start(n) {
   fi
 }
 
-/* After each step of a node: what its work does, and what health shows. */
+/* After each step of a node: effects of its work, and new health. */
 inline after_step(n) {
   if
   :: n == TRIGGER && phase[n] != P_recording && !keeps_pulses(n) -> pulses = false
@@ -186,7 +186,7 @@ quit:
 proctype Last() {
   has_started;
 #ifdef WAITS
-  false; /* nobody stops the take */
+  false; /* no operator stops the take */
 #endif
   is_stopped = true;
 #ifdef DEAF

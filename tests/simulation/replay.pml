@@ -1,20 +1,19 @@
-/* How one node decides which commands of an operator are new (daemon/control/command_replay_filter.h, StudioCoordinator::learn_nonce()), as Spin
- * checks it (docs/protocol.md).
+/* Spin model of replay protection: how one node decides which commands of an operator are new (docs/protocol.md,
+ * daemon/control/command_replay_filter.h, StudioCoordinator::learn_nonce()).
  *
  * An operator sends a start, then a stop, each until the node has answered. Each transmission has a stamp and the nonce
- * that the operator learnt from a reply. The network loses some transmissions and replies. An adversary repeats every
- * command and every reply that was ever sent, at any time, as often as he likes. The node draws new nonces, and crashes
- * once. Checked in every state:
+ * that the operator learnt from a reply. The network loses some transmissions and replies. An adversary repeats any earlier
+ * command and reply at any time, any number of times. The node draws new nonces, and crashes once. Checked in every state:
  *   - no transmission is obeyed twice, and none after a later one of its sender;
  *   - the stop is obeyed and answered in the end (LTL, weak fairness).
  *
- * Three faults can be switched on, to show that the model finds them: OBEY_WITHOUT_NONCE, WALL_CLOCK_STAMPS (stamps follow
- * a clock that is set back), NONCE_OF_ANY_REPLY (repeated replies bring old nonces back). */
+ * Macros switch on three faults, to show that the model finds them: OBEY_WITHOUT_NONCE, WALL_CLOCK_STAMPS (stamps follow
+ * a clock that is set back), NONCE_OF_ANY_REPLY (repeated replies restore old nonces). */
 
-#define kMaxSent 13   /* transmissions; the operator never needs that many */
+#define kMaxSent 13   /* transmissions; the operator needs fewer */
 #define kMaxEpochs 3  /* nonces that the node draws */
 #ifndef kMaxLost
-#define kMaxLost 0    /* transmissions and replies that the network loses; 1 takes 30 times the time */
+#define kMaxLost 0    /* transmissions and replies that the network loses; the search for 1 takes 30 times as long */
 #endif
 #if defined(OBEY_WITHOUT_NONCE) || defined(WALL_CLOCK_STAMPS) || defined(NONCE_OF_ANY_REPLY)
 #define FAULT
@@ -25,8 +24,8 @@
 #define kStart 1
 #define kStop 2
 
-/* Transmissions, numbered from 1. CommandStamp makes their stamps rise whatever the clock does, so that only the order
- * counts; without it they are what the clock shows. */
+/* Transmissions, numbered from 1. CommandStamp makes stamps increase for every clock, so only their order matters. Without
+ * CommandStamp a stamp is the time of the clock. */
 #ifdef WALL_CLOCK_STAMPS
 byte stamp[kMaxSent + 1];
 #define stamp_of(i) stamp[i]
@@ -36,23 +35,23 @@ byte stamp[kMaxSent + 1];
 byte counter[kMaxSent + 1];
 byte nonce[kMaxSent + 1];     /* 0: none */
 byte sent;                    /* the newest transmission */
-bool on_its_way;              /* it has not arrived, and is not lost */
+bool on_its_way;              /* the newest transmission has neither arrived nor been lost */
 byte lost;
 
-/* Replies that were sent; the adversary has them all. A transmission that arrives again is answered again, so a "send it
+/* All replies that were sent; the adversary has recorded them. A repeated transmission is answered again, so a reply "send
  * again with this nonce" may hold any nonce from arrived_in on. */
-byte arrived_in[kMaxSent + 1];   /* the node's nonce when the transmission arrived first; 0: it has not, or does not matter */
+byte arrived_in[kMaxSent + 1];   /* the node's nonce at the first arrival; 0: not arrived, or irrelevant */
 byte answered_in[kMaxSent + 1];  /* the node's nonce in the reply "done"; 0: there is none */
-bool reply_on_its_way;           /* the newest reply to the newest transmission */
+bool reply_on_its_way;           /* the newest reply to the newest transmission has not arrived */
 bool reply_asks_again;
 bool must_repeat = true;         /* the operator's next transmission is due: at once, or 200 ms after the last */
 
 /* The node. */
 byte epoch = 1;               /* its nonce */
-byte epoch_before;            /* the nonce before, while it is accepted; 0: none */
+byte epoch_before;            /* the previous nonce, while it is accepted; 0: none */
 byte last_stamp, last_counter;                /* of the sender, since the nonce was drawn; 0: nothing received */
-byte last_stamp_before, last_counter_before;  /* the same, of the nonce before */
-byte newest_obeyed;           /* the transmission */
+byte last_stamp_before, last_counter_before;  /* the same for the previous nonce */
+byte newest_obeyed;           /* the newest obeyed transmission */
 bool crashed;
 hidden byte k;
 
@@ -100,7 +99,7 @@ inline arrive(i) {
   fi
 }
 
-/* What has no effect any more is made equal, so that the states are fewer: nonces that the node does not accept, and
+/* Resets values without further effect, to reduce the number of states: nonces that the node does not accept, and
  * replies that the operator does not use. */
 inline forget() {
   for (k : 1 .. kMaxSent) {
@@ -122,7 +121,7 @@ inline forget() {
   k = 0
 }
 
-/* StudioCoordinator::on_reply(): the reply to transmission i that held nonce e. */
+/* StudioCoordinator::on_reply(): handles the reply to transmission i that holds nonce e. */
 inline hear(i, e, asks_again) {
   if
 #ifdef NONCE_OF_ANY_REPLY
@@ -183,7 +182,7 @@ end:
   od
 }
 
-/* Repeats commands and replies. */
+/* The adversary: repeats commands and replies. */
 proctype Adversary() {
   byte i, e;
 end:
@@ -206,7 +205,7 @@ end:
   od
 }
 
-/* Draws nonces as time passes; starts anew after a crash. */
+/* The node over time: draws nonces; restarts after a crash. */
 proctype Node() {
 end:
   do

@@ -16,10 +16,10 @@ namespace {
 
 using std::chrono::seconds;
 
-/// After the faults, nothing goes on unattended for longer: a node that is ready lets go after 60
-/// s, orders last 60 s, and a take drains for 15 s.
+/// Limit for all unattended activity after the faults: a prepared node gives up after 60 s, orders
+/// last at most 60 s, and a take drains for at most 15 s.
 constexpr Duration kSettlesWithin = seconds(100);
-/// A stop and an abort by an operator make every node idle.
+/// Limit for a stop and an abort of an operator to make every node idle.
 constexpr Duration kIdleWithin = seconds(30);
 
 CommandMessage order_of(CommandVerb verb, const std::string& take = "", int64_t pulses = 0) {
@@ -30,7 +30,7 @@ CommandMessage order_of(CommandVerb verb, const std::string& take = "", int64_t 
   return order;
 }
 
-/// As v3dctl's own timeouts.
+/// The timeouts of v3dctl.
 Duration timeout_of(CommandVerb verb) {
   if (verb == CommandVerb::kArm) return seconds(30);
   return verb == CommandVerb::kStart || verb == CommandVerb::kAbort ? seconds(10) : seconds(60);
@@ -57,13 +57,14 @@ class Schedule {
   Outcome play();
 
  private:
-  /// Making one takes random numbers of the kernel; which key it is plays no part.
+  /// One key for all schedules. It comes from the kernel's random numbers; results do not depend on
+  /// it.
   static const StudioKey& key() {
     static const StudioKey key = StudioKey::make();
     return key;
   }
 
-  // --- what is drawn
+  // --- random choices
   Truth::Studio draw_studio();
   void make_nodes();
   void make_operators();
@@ -75,7 +76,7 @@ class Schedule {
     return *nodes_[static_cast<size_t>(draws_.integer(0, static_cast<int>(nodes_.size()) - 1))];
   }
 
-  // --- how it goes
+  // --- execution
   void on_train(const CommandMessage& order) {
     truth_.on_train(order);
     events_.on_pulses_begin(order);
@@ -89,7 +90,7 @@ class Schedule {
   bool is_idle() const;
   void settle();
   void make_idle();
-  void take_one_more();
+  void record_final_take();
   void check_disks();
   Outcome outcome();
 
@@ -110,12 +111,12 @@ class Schedule {
   Outcome outcome_;
 };
 
-// --- what is drawn ------------------------------------------------------------------------------
+// --- random choices -----------------------------------------------------------------------------
 
 Truth::Studio Schedule::draw_studio() {
   const int captures = draws_.integer(1, 5);
   const int recons = draws_.integer(0, 3);
-  // The trigger's node may have cameras, or none.
+  // The trigger's node has cameras or none.
   const bool trigger_has_cameras = captures == 1 || draws_.chance(0.7);
   for (int i = 1; i <= captures; ++i) {
     const std::string name = "cap" + std::to_string(i);
@@ -199,7 +200,7 @@ void Schedule::draw_faults() {
   }
 }
 
-/// Hosts on one side of a broken network: a single one, or some.
+/// Hosts on one side of a partitioned network: a single one or several.
 std::vector<size_t> Schedule::draw_part() {
   std::vector<size_t> all;
   for (const auto& host : nodes_) all.push_back(host->place());
@@ -235,11 +236,11 @@ void Schedule::draw_fault(Duration at) {
       const std::vector<size_t> places = draw_part();
       return begin_and_end(
           [this, places] {
-            trace_.add([] { return std::string("the network is in two parts"); });
+            trace_.add([] { return std::string("the network is partitioned"); });
             for (const size_t place : places) network_.put_into_part(place, 1);
           },
           [this] {
-            trace_.add([] { return std::string("the network is in one part"); });
+            trace_.add([] { return std::string("the network is whole again"); });
             network_.join_parts();
           });
     }
@@ -268,7 +269,7 @@ void Schedule::draw_fault(Duration at) {
   }
 }
 
-// --- how it goes --------------------------------------------------------------------------------
+// --- execution ----------------------------------------------------------------------------------
 
 void Schedule::on_pulse(int64_t pulse, bool sensed) {
   ++outcome_.pulses;
@@ -309,16 +310,17 @@ void Schedule::heal() {
   }
 }
 
-/// Nothing goes on but what waits for an operator: a take that is armed, or that runs.
+/// True when every remaining activity waits for an operator: a take that is armed or that runs.
 bool Schedule::is_settled() const {
   const Phase trigger = nodes_.front()->phase();
   const bool waits = trigger == Phase::kArmed || trigger == Phase::kRecording;
-  const bool nodes_rest = std::ranges::all_of(nodes_, [&](const auto& node) {
+  const bool nodes_settled = std::ranges::all_of(nodes_, [&](const auto& node) {
     const Phase phase = node->phase();
     if (phase == Phase::kRecording) return waits && node->id() == nodes_.front()->id();
     return phase == Phase::kIdle || phase == Phase::kFault || phase == Phase::kArmed;
   });
-  return nodes_rest && std::ranges::none_of(operators_, [](const auto& o) { return o->is_busy(); });
+  return nodes_settled &&
+         std::ranges::none_of(operators_, [](const auto& o) { return o->is_busy(); });
 }
 
 bool Schedule::is_idle() const {
@@ -326,7 +328,7 @@ bool Schedule::is_idle() const {
                              [](const auto& node) { return node->phase() == Phase::kIdle; });
 }
 
-/// A node that is asked to end may still be at it.
+/// Waits until the studio is settled. A node that was still shutting down is started again.
 void Schedule::settle() {
   const MonotonicInstant began = time_.now();
   const auto all_up = [&] {
@@ -336,7 +338,7 @@ void Schedule::settle() {
   const bool settled = run_until(kSettlesWithin, all_up);
   outcome_.settled_s = to_seconds(time_.now() - began);
   if (settled || is_broken()) return;
-  truth_.violate("the studio does not come to rest after the faults");
+  truth_.violate("the studio is not settled 100 s after the faults");
 }
 
 void Schedule::make_idle() {
@@ -349,8 +351,8 @@ void Schedule::make_idle() {
   truth_.violate("a stop and an abort do not make every node idle");
 }
 
-/// The studio works as if nothing had been.
-void Schedule::take_one_more() {
+/// Checks that a take after the faults succeeds and is complete.
+void Schedule::record_final_take() {
   OperatorProcess& person = *operators_.front();
   person.begin({step(order_of(CommandVerb::kArm, "last")),
                 step(order_of(CommandVerb::kStart), seconds(1)),
@@ -358,7 +360,7 @@ void Schedule::take_one_more() {
   run_until(seconds(130), [&] { return !person.is_busy(); });
   if (is_broken()) return;
   if (!person.was_done()) return truth_.violate("no take succeeds after the faults");
-  // Every node has heard of every pulse, whatever the clocks say.
+  // Every node must know every pulse, for all clock errors.
   std::vector<Ledger> parts;
   for (const auto& node : nodes_) {
     const auto kept = node->host().disk.takes.find("last");
@@ -401,7 +403,7 @@ Outcome Schedule::play() {
   if (!is_broken()) heal();
   if (!is_broken()) settle();
   if (!is_broken()) make_idle();
-  if (!is_broken()) take_one_more();
+  if (!is_broken()) record_final_take();
   if (!is_broken()) check_disks();
   return outcome();
 }

@@ -1,5 +1,5 @@
-// One schedule: a studio, its operators and what goes wrong, all drawn from a seed, played in
-// virtual time and judged.
+// One random schedule: a studio, its operators and its faults, drawn from a seed. It runs in
+// virtual time, and all invariants are checked.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,21 @@
 
 namespace v3d::simulation {
 
+/// Result of a schedule.
 struct Outcome {
-  std::string violation;  ///< empty: every invariant held
+  std::string violation;  ///< the first violation; empty: none
   std::vector<std::string> trace;
   ProtocolTrace events;
   int pulses = 0;
   int takes = 0;
   int complete = 0;      ///< takes whose joined ledger is complete
-  int faults = 0;        ///< crashes, partitions, full disks ...
-  double settled_s = 0;  ///< after the faults ended, until nothing went on unattended
-  double idle_s = 0;     ///< and from the operator's stop until every node was idle
+  int faults = 0;        ///< injected faults: crashes, partitions, full disks ...
+  double settled_s = 0;  ///< seconds from the end of the faults until the studio was settled
+  double idle_s = 0;     ///< seconds from the operator's stop until every node was idle
 };
 
-/// The same seed gives the same outcome.
+/// Runs the schedule of `seed`; the same seed gives the same outcome. `with_trace` fills
+/// Outcome::trace.
 Outcome play_schedule(uint64_t seed, bool with_trace);
 
 }  // namespace v3d::simulation

@@ -1,19 +1,19 @@
-/* Which health and pulses a receiver accepts (daemon/bus/session_replay_filter.h, daemon/bus/message_receiver.cc), as Spin checks it
- * (docs/security.md, "Clocks").
+/* Spin model of sessions: which health and pulses a receiver accepts (docs/security.md, "Clocks";
+ * daemon/bus/session_replay_filter.h, daemon/bus/message_receiver.cc).
  *
  * A sender sends health and data (frames, events) in two sessions: its process restarts once. Its clock is set once,
- * forwards or backwards. The receiver restarts once, and its wall clock is set once. An adversary delivers every message
- * that was ever sent, at any time, as often as he likes, and delays questions and answers. The receiver remembers
- * kMaxSessions sessions. A tick is 5 s (SessionReplayFilter::kOldest). Checked in every state:
- *   - no health is accepted twice, whatever restarts and whatever the clocks show;
+ * forwards or backwards. The receiver restarts once, and its wall clock is set once. An adversary delivers any earlier
+ * message at any time, any number of times, and delays questions and answers. The receiver remembers kMaxSessions
+ * sessions. A tick is 5 s (SessionReplayFilter::kOldest). Checked in every state:
+ *   - no health is accepted twice, for all restarts and clock settings;
  *   - after its restart the receiver accepts no health of a session that had ended before;
  *   - without a step of the sender's clock, no health is accepted that is older than kOldest and the time of an answer;
- *   - the health of a live sender is accepted again and again (LTL, weak fairness).
+ *   - the health of a live sender is accepted repeatedly (LTL, weak fairness).
  *
- * Faults can be switched on, to show that the model finds them: ACCEPT_BY_CLOCK (an unknown session whose time
+ * Macros switch on faults, to show that the model finds them: ACCEPT_BY_CLOCK (an unknown session whose time
  * agrees with the wall clock needs no answer), KEEP_OLDER_AT_ANSWER (the first answer of a known session leaves older
- * messages acceptable), ANSWER_WITHOUT_NONCE (an old answer is as good as a new one), ANSWER_OF_FORGOTTEN_SESSION (a
- * question remains pending when its session is forgotten), ASK_NOBODY (a doubtful session is not asked). */
+ * messages acceptable), ANSWER_WITHOUT_NONCE (old answers are accepted), ANSWER_OF_FORGOTTEN_SESSION (a
+ * question remains pending when its session is forgotten), ASK_NOBODY (unknown sessions are not asked). */
 
 #define kSessions 2
 #ifndef kMessages
@@ -42,7 +42,7 @@ byte sent_at[kMessages];      /* the sender's clock */
 /* The receiver: SessionReplayFilter. */
 bool is_known[kSessions];
 bool has_answered[kSessions];
-byte base[kSessions];         /* of the fast message: the sender's clock when sent, less true time when received */
+byte base[kSessions];         /* of the fastest message: sender's clock when sent, minus true time when received */
 byte newest_sent[kSessions];
 byte received;                /* messages of known sessions, as bits */
 byte floor;
@@ -51,16 +51,16 @@ byte first_live;              /* the sender's session when the receiver started 
 /* SessionQuestions. A nonce is random, so an answer fits only the question that is pending. */
 #define kNone 0
 #define kPending 1
-#define kPendingLong 2        /* for a part of a tick, over its end */
+#define kPendingLong 2        /* pending across the end of a tick */
 byte question[kSessions];
 bool is_answered[kSessions];  /* an answer was sent */
 byte answer_newest[kSessions];
 byte answer_sent[kSessions];
 
-/* What has happened, for the checks and their bounds. */
-byte accepted;                /* health, ever */
+/* Past events, for the checks and their bounds. */
+byte accepted;                /* all accepted health */
 #ifdef LIVENESS
-bool was_heard;               /* the step before accepted health of the live sender */
+bool was_heard;               /* the previous step accepted health of the live sender */
 #define heard was_heard = true
 #define quiet was_heard = false
 #else
@@ -79,7 +79,7 @@ hidden byte is_recent, was_known, k_newest, k_sent;
 #endif
 #define is_in(set, i) (((set) >> (i)) & 1)
 #define is_health(i) (!is_in(kData, i))
-/* Two clocks agree when a message is neither from the future nor too old. */
+/* True when a message is neither from the future nor too old by the two clocks. */
 #define agrees(clock, at) ((clock) >= (at) && (clock) <= (at) + kOldest)
 
 inline forget_messages_of(s) {
@@ -104,7 +104,7 @@ inline end_question(s) {
 #endif
 }
 
-/* An answer to a question of before may be older than what was received of a session that is forgotten now. */
+/* An answer to an earlier question may be older than messages received from a session that is forgotten now. */
 inline forget_questions() {
 #ifndef ANSWER_OF_FORGOTTEN_SESSION
   end_question(0); end_question(1)
@@ -225,7 +225,7 @@ end:
   od
 }
 
-/* The live sender's next health, which nobody has recorded before, arrives at once. */
+/* The next health of the live sender, not yet recorded by the adversary, arrives at once. */
 proctype Health() {
 end:
   do
@@ -256,7 +256,7 @@ end:
   od
 }
 
-/* A question waits for less than a tick. */
+/* A question is pending for less than a tick. */
 inline age_question(s) {
   if
   :: question[s] == kPending -> question[s] = kPendingLong

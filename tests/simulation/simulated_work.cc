@@ -10,22 +10,22 @@
 namespace v3d::simulation {
 namespace {
 
-// As in CaptureNode, ActiveTake and ReconNode.
+// The same limits as in CaptureNode, ActiveTake and ReconNode.
 constexpr Duration kReadyWithin = std::chrono::seconds(15);
 constexpr Duration kDrainWithin = std::chrono::seconds(15);
-constexpr Duration kLongestQuiet = std::chrono::seconds(1);
+constexpr Duration kMaxQuiet = std::chrono::seconds(1);
 constexpr Duration kPlatesWithin = std::chrono::seconds(15);
 constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 
 }  // namespace
 
-// --- what both kinds do -------------------------------------------------------------------------
+// --- common to both kinds -----------------------------------------------------------------------
 
 std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
   if (!rejoin_.is_open()) return std::nullopt;
   std::optional<TrainState::RunningTake> running;
   for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
-    if (auto news = train_.running(health)) running = std::move(news);
+    if (auto update = train_.running(health)) running = std::move(update);
   }
   return running ? rejoin_.decide(*running) : std::nullopt;
 }
@@ -36,14 +36,14 @@ void SimulatedWork::listen_to_train() {
   }
 }
 
-/// As TrainMonitor::reset() does.
+/// Forgets the earlier train, as TrainMonitor::reset() does.
 void SimulatedWork::restart_train() {
   trigger_health_.clear();
   train_.reset();
 }
 
-void SimulatedWork::forget_kept_orders() {
-  host_.disk.forget_orders();
+void SimulatedWork::clear_persisted_orders() {
+  host_.disk.clear_orders();
   rejoin_.close();
 }
 
@@ -51,7 +51,7 @@ void SimulatedWork::create_take(const std::vector<std::string>& cameras) {
   TakeOnDisk& take = host_.disk.takes[order_.take];
   take = {};
   take.cameras = cameras;
-  take.kept_order = order_;
+  take.persisted_order = order_;
 }
 
 void SimulatedWork::remove_take() {
@@ -61,7 +61,7 @@ void SimulatedWork::remove_take() {
   host_.disk.takes.erase(take);
 }
 
-void SimulatedWork::refuse_existing(const CommandMessage& order) const {
+void SimulatedWork::reject_existing(const CommandMessage& order) const {
   check_take_name(order.take);
   if (!host_.disk.takes.contains(order.take)) return;
   throw InputError("take " + order.take + " exists already; choose another name");
@@ -70,12 +70,12 @@ void SimulatedWork::refuse_existing(const CommandMessage& order) const {
 // --- capture ------------------------------------------------------------------------------------
 
 void SimulatedCapture::arm(const CommandMessage& order) {
-  if (order.verb == CommandVerb::kArm) refuse_existing(order);
+  if (order.verb == CommandVerb::kArm) reject_existing(order);
   make_ready(order);
 }
 
 void SimulatedCapture::make_ready(const CommandMessage& order) {
-  forget_kept_orders();
+  clear_persisted_orders();
   order_ = order;
   disk_is_full_ = ended_by_disk_ = false;
   if (host_.trigger != nullptr) host_.trigger->arm(order, world_.rate_hz, train_length());
@@ -115,7 +115,7 @@ void SimulatedCapture::start() {
   learn_by_ =
       now() + from_seconds(static_cast<double>(order_.pulses + 2) / world_.rate_hz) + kPlatesWithin;
   if (host_.trigger == nullptr) return;
-  if (world_.draws.chance(host_.not_ready)) throw InputError("the trigger's line does not answer");
+  if (world_.draws.chance(host_.not_ready)) throw InputError("the trigger does not answer");
   host_.trigger->start();
 }
 
@@ -201,7 +201,7 @@ int64_t SimulatedCapture::commanded() const {
 bool SimulatedCapture::is_drained() const {
   const Duration since = now() - ended_;
   if (since >= kDrainWithin) return true;
-  const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(world_.rate_hz));
+  const Duration quiet = std::min<Duration>(kMaxQuiet, 10 * period_of(world_.rate_hz));
   const bool silent = since > quiet;
   const bool pulses_known =
       host_.trigger != nullptr ? silent || pulses_.count() >= commanded() : silent;
@@ -288,17 +288,17 @@ void SimulatedCapture::write(const std::string& camera, int64_t pulse) {
 // --- reconstruction -----------------------------------------------------------------------------
 
 void SimulatedRecon::arm(const CommandMessage& order) {
-  forget_kept_orders();
+  clear_persisted_orders();
   order_ = order;
   ready_at_ = now() + world_.draws.seconds(0.01, 2);
   if (order.verb == CommandVerb::kCheck) return;
-  refuse_existing(order);
+  reject_existing(order);
   create_take({});
   is_open_ = true;
 }
 
 void SimulatedRecon::learn(const CommandMessage& order) {
-  forget_kept_orders();
+  clear_persisted_orders();
   order_ = order;
   ready_at_ = now();
 }

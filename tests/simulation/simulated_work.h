@@ -1,6 +1,6 @@
-// What simulated nodes do for their studio. It mirrors CaptureNode and ReconNode, whose cameras,
-// threads and files cannot be simulated, around the same decisions: TrainState, RejoinDecision,
-// KnownPulses, CameraAccount and the ledger are the daemons' own.
+// Simulated work of capture and reconstruction nodes. It imitates CaptureNode and ReconNode, whose
+// cameras, threads and files cannot be simulated. Decisions are made by the daemons' own classes:
+// TrainState, RejoinDecision, KnownPulses, CameraAccount and Ledger.
 #pragma once
 
 #include <map>
@@ -17,36 +17,36 @@
 
 namespace v3d::simulation {
 
-/// The part that capture and reconstruction nodes have in common. One thread.
+/// Common part of capture and reconstruction nodes. One thread.
 class SimulatedWork : public NodeDelegate {
  public:
   SimulatedWork(World& world, Host& host)
       : world_(world), host_(host), rejoin_(host.disk.persisted_commands()) {}
 
-  /// Health of the trigger's node, and of others, as it is believed.
+  /// Called with accepted health of the trigger's node; on_other_health(): of any node.
   void on_trigger_health(const HealthMessage& health) { trigger_health_.push_back(health); }
   virtual void on_other_health(const HealthMessage&) {}
   virtual void on_pulse_message(const PulseMessage&) {}
-  /// A camera of this node has delivered the frame of a pulse.
+  /// Called when a camera of this node has delivered the frame of a pulse.
   virtual void on_frame(const std::string&, int64_t) {}
-  /// The sense line of this node has seen a pulse.
+  /// Called when the sense line of this node has seen a pulse.
   virtual void on_sensed(int64_t) {}
-  /// Whether the last report was due to a disk.
+  /// True when a full disk caused the last report.
   virtual bool ended_by_disk() const { return false; }
   bool progressed_since(MonotonicInstant) const override { return true; }
 
  protected:
   MonotonicInstant now() const { return world_.time.now(); }
-  /// What was heard of the trigger's node, once.
+  /// The take to rejoin, decided from the health received from the trigger's node.
   std::optional<RejoinDecision::Found> running_take();
   void listen_to_train();
   void restart_train();
-  void forget_kept_orders();
+  void clear_persisted_orders();
   TakeOnDisk& on_disk() { return host_.disk.takes.at(order_.take); }
-  /// Its folder, with the order.
+  /// Creates the folder of the take, with the order.
   void create_take(const std::vector<std::string>& cameras);
   void remove_take();
-  void refuse_existing(const CommandMessage& order) const;
+  void reject_existing(const CommandMessage& order) const;
 
   World& world_;
   Host& host_;
@@ -55,7 +55,7 @@ class SimulatedWork : public NodeDelegate {
 
  private:
   RejoinDecision rejoin_;
-  std::vector<HealthMessage> trigger_health_;  ///< not looked at yet
+  std::vector<HealthMessage> trigger_health_;  ///< not yet processed
 };
 
 class SimulatedCapture : public SimulatedWork {
@@ -95,7 +95,7 @@ class SimulatedCapture : public SimulatedWork {
   void write(const std::string& camera, int64_t pulse);
 
   MonotonicInstant ready_at_;
-  bool is_ready_ = false;  ///< or the cameras never will be
+  bool is_ready_ = false;  ///< false: the cameras do not become ready
   bool is_open_ = false;
   bool was_started_ = false;
   MonotonicInstant ended_;
@@ -105,8 +105,8 @@ class SimulatedCapture : public SimulatedWork {
   std::map<std::string, CameraAccount> accounts_;
   std::map<std::string, int64_t> received_;
   int64_t write_errors_ = 0;
-  bool disk_is_full_ = false;   ///< that ended the last take here
-  std::string full_elsewhere_;  ///< node, where the trigger is here
+  bool disk_is_full_ = false;   ///< a full disk here ended the last take
+  std::string full_elsewhere_;  ///< node with a full disk, on the trigger's node only
   bool ended_by_disk_ = false;
 };
 

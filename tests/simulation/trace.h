@@ -1,4 +1,4 @@
-// The events of a schedule, for a person who looks for the cause of a violation.
+// Log of the events of a schedule, to find the cause of a violation.
 #pragma once
 
 #include <cstdio>
@@ -10,13 +10,13 @@
 
 namespace v3d::simulation {
 
-/// Keeps nothing until it is turned on: a schedule that fails is played again with it. One thread.
+/// Records lines only when `is_on`: a schedule that fails is run again with it. One thread.
 class Trace {
  public:
   Trace(const VirtualTime& time, bool is_on) : time_(time), is_on_(is_on) {}
 
   bool is_on() const { return is_on_; }
-  /// `text` returns the line, and is called only while the trace is on.
+  /// Adds a line with the time. `text` returns the line; it is called only when the trace is on.
   template <class Text>
   void add(const Text& text) {
     if (!is_on_) return;

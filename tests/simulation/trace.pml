@@ -1,9 +1,9 @@
-/* Whether the model allows what happened in schedules of the simulator (docs/testing.md).
+/* Spin model that checks traces of the simulator against the protocol model (docs/testing.md).
  *
- * traces.h holds the events of many schedules (write_traces). For every trace, Spin follows its events through the node of
- * node.pml, which control.pml checks in all states, and through the rules of operators and pulses below. A step that is
- * not allowed blocks. Events state in which phase a node is afterwards; which report of its work led there is left to
- * Spin. After its last event a trace is accepted. Not in a trace: nonces, health, the content of ledgers, time. */
+ * traces.h holds the events of many schedules (write_traces). Spin replays each trace on the node of node.pml, which
+ * control.pml checks in all states, and on the rules of operators and pulses below. A forbidden step blocks. An event holds
+ * the phase of the node after it; Spin searches for a report of the node's work that leads to this phase. A trace is accepted
+ * when its last event is replayed. Traces do not hold nonces, health, the content of ledgers, or time. */
 c_decl {
 \#include "traces.h"
 }
@@ -11,7 +11,7 @@ c_decl {
 #define NODES 8
 #define OPERATORS 32
 
-/* Kinds of events, as ProtocolEvent::Kind. */
+/* Kinds of events: the values of ProtocolEvent::Kind. */
 #define E_command 0
 #define E_report 1
 #define E_reply 2
@@ -21,7 +21,7 @@ c_decl {
 #define E_send 6
 #define E_hear 7
 
-/* The event that is followed, and the orders of the operators. Hidden: `chosen` and `next` determine them. */
+/* The present event, and the orders of the operators. Hidden, because `chosen` and `next` determine them. */
 hidden byte kind, node, sender, counter, command, own, named, after, outcome, may_end, addressed;
 hidden byte order_verb[OPERATORS], order_take[OPERATORS]; /* arm, start ...; the name of the take, as a number */
 
@@ -38,7 +38,7 @@ byte nodes;
 byte pulses = NOBODY;                 /* the take whose pulses run */
 bool have_run[OPERATORS];             /* pulses of the take */
 
-/* Replies that nodes have sent, and that operators have received, to an operator's present command. */
+/* Replies to an operator's present command: sent by nodes, and received by operators. */
 byte replied_to[NODES * OPERATORS];
 byte replied[NODES * OPERATORS];      /* outcomes, as bits */
 byte heard[NODES * OPERATORS];
@@ -71,7 +71,7 @@ inline begin_trace() {
 
 /* --- nodes --- */
 
-/* A command that the gate has admitted. A start whose trigger does not answer is refused, an arm that fails at once, too. */
+/* An admitted command. A start is rejected when the trigger does not answer, an arm when it fails at once. */
 inline follow_command() {
   d_step {
     if
@@ -104,7 +104,7 @@ inline choose_report() {
   fi
 }
 
-/* What the node's own work has reported: once or twice between two commands. */
+/* Reports of the node's own work: one or two between two commands. */
 inline follow_report() {
   if
   :: after == P_recording ->
@@ -137,7 +137,7 @@ inline follow_reply() {
 
 /* --- pulses --- */
 
-/* They never precede what every node records. */
+/* Pulses begin only after every node records the take. */
 inline follow_pulses_begin() {
   pulses == NOBODY && (phase[TRIGGER] == P_recording || phase[TRIGGER] == P_learning) && take[TRIGGER] == sender;
   allowed = true;
@@ -152,7 +152,7 @@ inline follow_pulses_begin() {
   allowed = heard[at(sender, TRIGGER)] == O_done; \
   others_must(heard[at(sender, o)] == O_done)
 
-/* The next round. */
+/* Starts the next command. */
 inline begin_command() {
   allowed = true;
   if
@@ -177,7 +177,7 @@ inline begin_command() {
 
 #define trigger_has_accepted (heard[at(sender, TRIGGER)] == O_pending || heard[at(sender, TRIGGER)] == O_done)
 
-/* To whom a command may go. */
+/* Nodes that a command may be sent to. */
 inline check_addressed() {
   allowed = true;
   if
@@ -197,7 +197,7 @@ inline follow_send() {
   check_addressed()
 }
 
-/* A reply to the present command; none that no node has sent. */
+/* Receives a reply to the present command. A node must have sent it. */
 inline follow_hear() {
   counter == sent[sender] && replied_to[at(sender, node)] == counter && ((replied[at(sender, node)] >> outcome) & 1);
   if
@@ -228,7 +228,7 @@ inline follow() {
 }
 
 c_code {
-  static int furthest[kTraceCount];  /* the event that blocks, or one behind the last */
+  static int furthest[kTraceCount];  /* index of the event that blocks, or one past the last */
 
   static void load_trace(void) {
     const struct Trace* const trace = &kTraces[now.chosen];

@@ -1,4 +1,4 @@
-// A simulated pulse generator, wired to all cameras and to the sense line of its node.
+// Simulated pulse generator, wired to all cameras and to the sense line of its node.
 #pragma once
 
 #include <functional>
@@ -24,7 +24,7 @@ class Trigger {
         on_end_(std::move(on_end)),
         on_pulse_(std::move(on_pulse)) {}
 
-  /// `unsensed`: share of the pulses that the sense line does not see.
+  /// `unsensed`: share of the pulses that the sense line does not detect.
   void set_unsensed(double unsensed) { unsensed_ = unsensed; }
 
   void arm(const CommandMessage& order, double rate_hz, std::optional<int64_t> count) {
@@ -66,7 +66,7 @@ class Trigger {
   std::optional<int64_t> count_;
   double unsensed_ = 0;
   bool is_running_ = false;
-  int64_t train_ = 0;  ///< counts them: events of one that is over come to nothing
+  int64_t train_ = 0;  ///< number of the train; events of earlier trains do nothing
   int64_t commanded_ = 0;
 };
 

@@ -7,7 +7,7 @@
 namespace v3d::simulation {
 namespace {
 
-bool is_at_pulses(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
+bool expects_pulses(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
 
 }  // namespace
 
@@ -15,29 +15,29 @@ void Truth::on_change(const Change& change) {
   Node& node = nodes_[change.node];
   const std::string id = order_id(change.order);
   if (change.cause == Cause::kTakeBack) check_take_back(change, node);
-  if (is_at_pulses(change.from) && !is_at_pulses(change.to)) node.left[node.id] = change.cause;
+  if (expects_pulses(change.from) && !expects_pulses(change.to)) node.left[node.id] = change.cause;
   node.phase = change.to;
   node.id = change.to == Phase::kIdle || change.to == Phase::kFault ? "" : id;
   if (change.to == Phase::kArmed) node.committed.insert(id);
-  if (!is_at_pulses(change.to)) return;
+  if (!expects_pulses(change.to)) return;
   node.started.insert(id);
   node.left.erase(id);
   if (change.command.verb == CommandVerb::kStart) node.started_by = change.command.sender;
 }
 
-/// Nobody takes back what another has begun; but a start that fails ends what was armed by
-/// whomever.
+/// A sender may take back only what it began itself. Exception: a failed start also ends a take
+/// that another sender armed.
 void Truth::check_take_back(const Change& change, const Node& node) {
   const std::string& sender = change.command.sender;
   const bool armed = change.from == Phase::kArmed && verbs_[sender] == CommandVerb::kStart;
-  const std::string& owner = is_at_pulses(change.from) ? node.started_by : change.order.sender;
+  const std::string& owner = expects_pulses(change.from) ? node.started_by : change.order.sender;
   const bool is_over = change.from == Phase::kDraining || change.from == Phase::kFault;
   const bool is_left = nodes_[studio_.commanded.trigger].id != order_id(change.order);
   if (armed || sender == owner || is_over || is_left) return;
-  violate(change.node + ": " + sender + " takes back what " + owner + " has begun");
+  violate(change.node + ": " + sender + " takes back an order of " + owner);
 }
 
-/// A take that ended before its first pulse goes to the quarantine, and its name is free again.
+/// A take that ended before its first pulse is quarantined, and its name may be used again.
 bool Truth::has_pulses(const std::string& take) const {
   const auto known = by_take_.find(take);
   return known != by_take_.end() && trains_.at(known->second).pulses > 0;
@@ -55,7 +55,7 @@ void Truth::on_train(const CommandMessage& order) {
   for (const std::string& name : studio_.commanded.nodes) {
     if (name == studio_.commanded.trigger) continue;
     if (!nodes_[name].started.contains(id)) {
-      violate("pulses of " + order.take + " run, and " + name + " never recorded it");
+      violate("pulses of " + order.take + " run, but " + name + " never recorded it");
     }
   }
 }
@@ -65,21 +65,22 @@ void Truth::on_pulse(int64_t pulse, bool sensed) {
   if (pulse != train.pulses) violate(train.take + ": pulse numbers have a gap");
   ++train.pulses;
   train.sensed += sensed ? 1 : 0;
-  if (train.verb == CommandVerb::kBackground) return;  // a node may have learnt before the end
+  if (train.verb == CommandVerb::kBackground) return;  // learning may end before the last pulse
   for (const std::string& name : studio_.commanded.nodes) {
     if (name != studio_.commanded.trigger) check_recording(name, nodes_[name], running_);
   }
 }
 
-/// While pulses run, a node records unless it ended, its disk is full, or an operator stopped it.
+/// While pulses run, a node must record, unless it ended, a disk is full, or an operator stopped
+/// it.
 void Truth::check_recording(const std::string& name, const Node& node, const std::string& id) {
   if (node.phase == Phase::kRecording && node.id == id) return;
   const auto left = node.left.find(id);
   const Cause cause = left == node.left.end() ? Cause::kOtherCommand : left->second;
   if (cause == Cause::kEnded || cause == Cause::kDisk || cause == Cause::kStopOrAbort) return;
-  violate("pulses of " + trains_[id].take + " run, and " + name + " does not record it: " +
+  violate("pulses of " + trains_[id].take + " run, but " + name + " does not record it: " +
           (cause == Cause::kTakeBack ? "a failed start was taken back there"
-           : cause == Cause::kReport ? "it took the train for ended"
+           : cause == Cause::kReport ? "it decided that the train had ended"
                                      : "no reason is known"));
 }
 
@@ -114,7 +115,7 @@ void Truth::on_answer(const CommandMessage& order, const std::string& sender, in
   if (order.verb == CommandVerb::kStop) return check_stop(answer);
   if (!answer.done()) return;
   if (order.verb == CommandVerb::kStart && !trains_.contains(running_)) {
-    violate("a start was answered 'done', and no pulse was made");
+    violate("a start was answered 'done', but no pulse was made");
   }
   if (order.verb != CommandVerb::kArm && order.verb != CommandVerb::kCheck) return;
   CommandMessage armed = order;
@@ -122,7 +123,7 @@ void Truth::on_answer(const CommandMessage& order, const std::string& sender, in
   armed.counter = counter;
   for (const std::string& name : studio_.commanded.nodes) {
     if (nodes_[name].committed.contains(order_id(armed))) continue;
-    violate("arm " + order.take + " was answered 'done', and " + name + " was never armed for it");
+    violate("arm " + order.take + " was answered 'done', but " + name + " was never armed for it");
   }
 }
 
@@ -144,39 +145,40 @@ void Truth::check_stop(const Answer& answer) {
   if (ledger.commanded > train.pulses)
     violate("the account of " + ledger.take + " has too many pulses");
   if (ledger.commanded < train.pulses && !train.trigger_lost) {
-    violate("the account of " + ledger.take + " lacks pulses, and nobody says so");
+    violate("the account of " + ledger.take + " lacks pulses without a reported reason");
   }
   check_cameras("the account", ledger);
 }
 
-/// "Complete" is never wrong.
+/// Checks that a ledger that reports "complete" has every frame of every camera.
 void Truth::check_complete(const Ledger& ledger) {
   if (!ledger.complete()) return;
   const int64_t pulses = pulses_of(ledger.take);
-  if (ledger.commanded != pulses) violate(ledger.take + " is called complete, and lacks pulses");
+  if (ledger.commanded != pulses)
+    violate(ledger.take + " is reported as complete, but lacks pulses");
   for (const auto& [node, cameras] : studio_.cameras) {
     for (const std::string& camera : cameras) {
       for (int64_t pulse = 0; pulse < pulses; ++pulse) {
         if (!has_frame(ledger.take, camera, pulse)) {
-          violate(ledger.take + " is called complete, and " + camera + " lacks a frame");
+          violate(ledger.take + " is reported as complete, but " + camera + " lacks a frame");
         }
       }
     }
   }
 }
 
-/// What is called missing has no frame, and what has none is called missing.
+/// Checks that the ledger lists exactly the pulses without a frame as missing.
 void Truth::check_cameras(const std::string& where, const Ledger& ledger) {
   for (const CameraLedger& camera : ledger.cameras) {
     const std::set<int64_t> missing(camera.missing.begin(), camera.missing.end());
     for (const int64_t pulse : missing) {
       if (!has_frame(ledger.take, camera.name, pulse)) continue;
-      violate(where + " of " + ledger.take + " says that " + camera.name + " misses pulse " +
+      violate(where + " of " + ledger.take + " reports that " + camera.name + " misses pulse " +
               std::to_string(pulse) + ", whose frame is on the disk");
     }
     for (int64_t pulse = 0; pulse < ledger.commanded; ++pulse) {
       if (missing.contains(pulse) || has_frame(ledger.take, camera.name, pulse)) continue;
-      violate(where + " of " + ledger.take + " does not say that " + camera.name +
+      violate(where + " of " + ledger.take + " does not report that " + camera.name +
               " misses pulse " + std::to_string(pulse));
     }
   }

@@ -1,4 +1,4 @@
-// What the simulator knows of a studio, against which every word and every ledger is checked.
+// Ground truth of a simulated studio. All answers and ledgers are checked against it.
 #pragma once
 
 #include <cstdint>
@@ -15,18 +15,18 @@
 
 namespace v3d::simulation {
 
-/// What brought a node from one phase into another.
+/// Cause of a change of a node's phase.
 enum class Cause : uint8_t {
-  kStopOrAbort,   ///< an operator's own word
-  kTakeBack,      ///< an abort of what the sender began (CommandMessage::own_only)
+  kStopOrAbort,   ///< an operator's command
+  kTakeBack,      ///< an abort of the sender's own order (CommandMessage::own_only)
   kOtherCommand,  ///< arm, commit, start ...
-  kReport,        ///< of the node's own work
-  kDisk,          ///< the same: its disk is full, or that of another node
+  kReport,        ///< a report of the node's own work
+  kDisk,          ///< such a report, because a disk of this or another node is full
   kRejoined,
-  kEnded,  ///< the process crashed or was asked to end
+  kEnded,  ///< the process crashed or was shut down
 };
 
-/// The invariants of docs/protocol.md, checked at every event. The first violation is kept. One
+/// Checks the invariants of docs/protocol.md at every event and keeps the first violation. One
 /// thread.
 class Truth {
  public:
@@ -41,14 +41,14 @@ class Truth {
     if (violation_.empty()) violation_ = what;
   }
 
-  // --- what happens
+  // --- events
   struct Change {
     std::string node;
     Phase from{};
     Phase to{};
-    CommandMessage order;  ///< that the node is, or was, at
+    CommandMessage order;  ///< the node's order after the change, or before it if there is none
     Cause cause{};
-    CommandMessage command;  ///< the cause, where it is one
+    CommandMessage command;  ///< the command that is the cause, if any
   };
   void on_change(const Change& change);
   void on_order(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
@@ -57,13 +57,13 @@ class Truth {
   void on_trigger_lost() { trains_[running_].trigger_lost = true; }
   void on_frame_written(const std::string& node, const std::string& take, const std::string& id,
                         const std::string& camera, int64_t pulse);
-  /// A node removes a take from its disk.
+  /// Called when a node removes a take from its disk.
   void on_removed(const std::string& node, const std::string& take, const TakeOnDisk& disk);
   void on_answer(const CommandMessage& order, const std::string& sender, int64_t counter,
                  const Answer& answer);
-  /// A ledger that a node keeps on its disk at the end.
+  /// Checks a node's disk at the end: no frame is lost, and the ledgers are right.
   void check_disk(const std::string& node, const NodeDisk& disk);
-  /// The accounts of all nodes, joined.
+  /// Checks the joined ledgers of all nodes.
   void check_joined(const std::string& take, const std::vector<Ledger>& parts, bool has_triggers);
 
   /// Takes for which pulses were made.
@@ -80,10 +80,10 @@ class Truth {
   };
   struct Node {
     Phase phase{};
-    std::string id;                            ///< of the order it is at
+    std::string id;                            ///< of the present order
     std::string started_by;                    ///< sender
-    std::set<std::string> committed, started;  ///< orders, ever
-    std::map<std::string, Cause> left;         ///< recordings, by order
+    std::set<std::string> committed, started;  ///< all orders so far
+    std::map<std::string, Cause> left;         ///< why it left the recording, by order
     std::map<std::string, std::map<std::string, std::set<int64_t>>> written;  ///< take, camera
   };
   void check_take_back(const Change& change, const Node& node);
@@ -99,7 +99,7 @@ class Truth {
   std::map<std::string, CommandVerb> verbs_;  ///< of orders, by sender
   std::map<std::string, Node> nodes_;
   std::map<std::string, Train> trains_;         ///< by order
-  std::map<std::string, std::string> by_take_;  ///< orders by take
+  std::map<std::string, std::string> by_take_;  ///< order by take
   std::string running_;
 };
 

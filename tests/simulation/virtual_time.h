@@ -1,4 +1,4 @@
-// Virtual time: a queue of events that happen one after the other, without waiting.
+// Virtual time for simulations: a queue of timed events, run in order without waiting.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,8 @@
 
 namespace v3d::simulation {
 
-/// One thread. Events of the same instant happen in the order in which they were planned.
+/// Queue of events. Events of the same instant run in the order in which they were added. One
+/// thread.
 class VirtualTime {
  public:
   using Action = std::function<void()>;
@@ -25,7 +26,8 @@ class VirtualTime {
   }
   void after(Duration delay, Action action) { at(now_ + delay, std::move(action)); }
 
-  /// Until `end`, or until `done` (asked after every event) is true. True in the latter case.
+  /// Runs events until `end`, or until `done`, called after every event, returns true. Returns true
+  /// in the latter case.
   bool run_until(MonotonicInstant end, const std::function<bool()>& done) {
     while (!events_.empty() && events_.front().time <= end) {
       std::pop_heap(events_.begin(), events_.end());
@@ -53,20 +55,20 @@ class VirtualTime {
   int64_t planned_ = 0;
 };
 
-/// The draws of one schedule: the same seed gives the same schedule.
+/// Random numbers of one schedule; the same seed gives the same schedule. Bounds are inclusive.
 class Draws {
  public:
   explicit Draws(uint64_t seed) : random_(seed) {}
 
-  bool chance(double probability) { return part() < probability; }
-  int integer(int least, int most) { return least + static_cast<int>(part() * (most - least + 1)); }
-  double between(double least, double most) { return least + part() * (most - least); }
+  bool chance(double probability) { return unit() < probability; }
+  int integer(int min, int max) { return min + static_cast<int>(unit() * (max - min + 1)); }
+  double between(double min, double max) { return min + unit() * (max - min); }
   int64_t nonce() { return static_cast<int64_t>(random_() >> 1) | 1; }
-  Duration seconds(double least, double most) { return from_seconds(between(least, most)); }
+  Duration seconds(double min, double max) { return from_seconds(between(min, max)); }
 
  private:
-  /// From 0 to below 1; not by std::uniform_real_distribution, which differs between libraries.
-  double part() { return static_cast<double>(random_() >> 11) * 0x1.0p-53; }
+  /// From 0 to below 1. std::uniform_real_distribution differs between libraries.
+  double unit() { return static_cast<double>(random_() >> 11) * 0x1.0p-53; }
 
   std::mt19937_64 random_;
 };

@@ -1,5 +1,5 @@
-// Plays schedules and writes their events as C tables for trace.pml. With a mutation, only the
-// traces that it could be applied to are written.
+// Program that runs schedules and writes their events as C tables for trace.pml. With a mutation,
+// it writes only the traces to which the mutation applies.
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ using Kind = ProtocolEvent::Kind;
 using Events = std::vector<ProtocolEvent>;
 using Place = Events::iterator;
 
-/// Changes a trace into one that must not happen; false where it does not fit.
+/// Changes a trace into a forbidden one. Returns false when it does not apply to the trace.
 using Mutation = std::function<bool(Events& events)>;
 
 bool is_obeyed_start(const ProtocolEvent& event) {
@@ -27,7 +27,7 @@ bool is_obeyed_start(const ProtocolEvent& event) {
          event.phase == Phase::kRecording;
 }
 
-/// The pulses begin before the last of the other nodes records.
+/// Lets the pulses begin before the last of the other nodes records.
 bool begin_pulses_early(Events& events) {
   const auto pulses = std::ranges::find(events, Kind::kPulsesBegin, &ProtocolEvent::kind);
   const auto start =
@@ -38,7 +38,7 @@ bool begin_pulses_early(Events& events) {
   return true;
 }
 
-/// A node that drains was never stopped.
+/// Removes the stop of a node that drains.
 bool drop_obeyed_stop(Events& events) {
   std::map<int, Phase> before;
   for (auto event = events.begin(); event != events.end(); ++event) {
@@ -54,22 +54,22 @@ bool drop_obeyed_stop(Events& events) {
   return false;
 }
 
-/// The operator starts the trigger's node before he has heard that the others record.
-bool start_trigger_unheard(Events& events) {
+/// Removes a reply of another node, so that the operator starts the trigger's node too early.
+bool start_trigger_before_replies(Events& events) {
   const auto send = std::ranges::find_if(events, [](const ProtocolEvent& event) {
     return event.kind == Kind::kSend && event.command == Input::kStart && event.addressed == 1;
   });
   if (send == events.end()) return false;
-  const auto heard =
+  const auto reply =
       std::find_if(std::make_reverse_iterator(send), events.rend(), [&](const auto& event) {
-        return event.kind == Kind::kHear && event.run == send->run && event.node != 0;
+        return event.kind == Kind::kReceive && event.run == send->run && event.node != 0;
       });
-  if (heard == events.rend()) return false;
-  events.erase(std::prev(heard.base()));
+  if (reply == events.rend()) return false;
+  events.erase(std::prev(reply.base()));
   return true;
 }
 
-/// The trigger's node crashes, and its pulses go on.
+/// Lets the pulses continue after the trigger's node has crashed.
 bool keep_pulses_after_crash(Events& events) {
   const auto end =
       std::ranges::adjacent_find(events, [](const ProtocolEvent& a, const ProtocolEvent& b) {
@@ -84,7 +84,7 @@ const std::map<std::string, Mutation> kMutations = {
     {"none", [](Events&) { return true; }},
     {"begin_pulses_early", begin_pulses_early},
     {"drop_obeyed_stop", drop_obeyed_stop},
-    {"start_trigger_unheard", start_trigger_unheard},
+    {"start_trigger_before_replies", start_trigger_before_replies},
     {"keep_pulses_after_crash", keep_pulses_after_crash},
 };
 

@@ -1,5 +1,5 @@
-// Writes the transition table (daemon/control/control_table.h) for others: as Promela for the Spin
-// model, or as the table of docs/protocol.md.
+// Program that writes the transition table (daemon/control/control_table.h) as Promela for the Spin
+// models, or as the table of docs/protocol.md.
 #include <cstdio>
 #include <string>
 #include <string_view>
@@ -17,7 +17,8 @@ void define_all(const char* prefix, int count) {
   }
 }
 
-/// transition() of every phase and input. Hidden: the table is no part of a state.
+/// Writes transition() of every phase and input. The arrays are hidden: they are constant, so Spin
+/// needs no copy of them in a state.
 void write_promela() {
   std::puts("/* Generated from daemon/control/control_table.h by write_transitions. */");
   define_all<Phase>("P", kPhaseCount);

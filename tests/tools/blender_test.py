@@ -1,4 +1,4 @@
-"""Run by blender_test within Blender, with the names of the files: the first is a PLY that the others are held against."""
+"""Checks exported meshes in Blender. blender_test passes the file names; the first is a PLY, the reference."""
 import re
 import sys
 
@@ -16,7 +16,7 @@ def imported(path):
     if path.endswith(".ply"):
         bpy.ops.import_mesh.ply(filepath=path)
     else:
-        # "NORMALS", the default, falls over Debian's numpy 1.24: Blender 3.4 asks it for np.bool, which is no more.
+        # The default, "NORMALS", fails with Debian's numpy 1.24: Blender 3.4 uses np.bool, which numpy has removed.
         bpy.ops.import_scene.gltf(filepath=path, import_shading="SMOOTH")
     meshes = [thing for thing in bpy.context.scene.objects if thing.type == "MESH"]
     assert len(meshes) == 1, f"{path}: {len(meshes)} meshes"
@@ -46,6 +46,6 @@ files = sys.argv[sys.argv.index("--") + 1:]
 counts = ply_counts(files[0])
 for file in files:
     if file == "draco.glb" and not can_read_draco():
-        print(f"{file}: passed over, this Blender has no libextern_draco")
+        print(f"{file}: skipped, this Blender has no libextern_draco")
         continue
     check(file, *counts)

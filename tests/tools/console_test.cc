@@ -13,7 +13,7 @@ TEST(Progress, draws_a_bar_from_empty_to_full) {
   EXPECT_EQ(progress_bar(10, 10, 10), "[==========] 100 %");
 }
 
-TEST(Progress, does_not_run_over_when_more_comes_than_was_announced) {
+TEST(Progress, stays_at_100_percent_for_more_steps_than_the_total) {
   EXPECT_EQ(progress_bar(12, 10, 4), "[====] 100 %");
 }
 

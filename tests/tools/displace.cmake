@@ -1,5 +1,5 @@
 # displace_camera(<calib.toml> <camera> <pixels>): changes the calibration of a 320x240 camera as if the camera had moved
-# since: its images are shifted to the right by this number of pixels.
+# afterwards: its images are shifted to the right by this number of pixels.
 function(displace_camera calib camera pixels)
   file(READ ${calib} text)
   set(lens "(name = '${camera}'[^[]+[[]320, 240[]]\nmatrix = [[][[][0-9.]+, 0.0, )([0-9]+)")

@@ -150,7 +150,7 @@ TEST(Doctor, checks_the_memory_of_usb_only_with_usb_cameras) {
   EXPECT_EQ(check_usb_memory(-1, false).verdict, Verdict::kUnknown);
 }
 
-TEST(Doctor, wants_a_studio_key_that_nobody_else_can_read) {
+TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
   const test::TemporaryFolder folder;
   const auto path = folder / "studio.key";
   EXPECT_EQ(check_key_file(path).verdict, Verdict::kBad);
@@ -161,7 +161,7 @@ TEST(Doctor, wants_a_studio_key_that_nobody_else_can_read) {
   EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
 }
 
-TEST(Doctor, wants_a_member_list_that_the_authority_signed) {
+TEST(Doctor, requires_a_member_list_with_the_signature_of_the_authority) {
   const test::TemporaryFolder folder;
   const SigningKey authority = SigningKey::make();
   Studio studio;

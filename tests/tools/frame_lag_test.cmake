@@ -1,5 +1,5 @@
-# v3dctl verify --images names a camera whose images are one pulse late although the ledger has no fault, and a camera
-# that was displaced by 3 pixels since the calibration. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Tests that v3dctl verify --images names a camera whose images are one pulse late, although the ledger has no fault, and a
+# camera that was displaced by 3 pixels since the calibration. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 include(${CMAKE_CURRENT_LIST_DIR}/displace.cmake)
 file(REMOVE_RECURSE ${WORK})
 file(WRITE ${WORK}/faults.toml "[[fault]]\ncamera = \"cam03\"\npulse = 0\nkind = \"late\"\npulses = 1\n")

@@ -1,4 +1,4 @@
-// The parts of a GLB file, its framing checked on the way.
+// Parser of GLB files for tests; checks the chunk structure.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -47,7 +47,7 @@ inline Glb parse_glb(const std::string& bytes) {
   return glb;
 }
 
-/// The value of sRGB, 0 to 255, that linear light stands for.
+/// The sRGB value, 0 to 255, of linear light.
 inline uint8_t srgb_of(double linear) {
   const double s = linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
   return static_cast<uint8_t>(std::lround(255 * s));

@@ -1,4 +1,4 @@
-// Compressed GLB files, read by the libraries that others read them by.
+// Tests of compressed GLB files, decoded by the public Draco and meshoptimizer libraries.
 #include <dlfcn.h>
 #include <draco/compression/decode.h>
 #include <gmock/gmock.h>
@@ -50,7 +50,7 @@ std::vector<ExportedCamera> two_cameras(size_t vertices) {
   return cameras;
 }
 
-/// What a program sees that has opened the file: attributes by vertex, metres and z up.
+/// The decoded file: attributes by vertex, in metres, z up.
 struct Opened {
   std::vector<Eigen::Vector3d> positions;
   std::vector<Rgb8> colours;
@@ -105,7 +105,7 @@ Opened open_draco(const Glb& glb) {
   return opened;
 }
 
-/// As the extension says: the views of the buffer that is nowhere, decoded.
+/// Decodes the views of the fallback buffer, as the extension specifies.
 template <class T, size_t kWidth>
 std::vector<std::array<T, kWidth>> meshopt_values(const Glb& glb, const json& accessor) {
   const json& view = glb.scene["bufferViews"][accessor["bufferView"].get<size_t>()];
@@ -156,7 +156,8 @@ Opened open_meshopt(const Glb& glb) {
   return opened;
 }
 
-/// For every vertex of `mesh` the vertex of `opened` nearest to it, and that one's distance.
+/// For every vertex of `mesh` the index of the nearest vertex of `opened`, and the largest
+/// distance.
 std::pair<std::vector<uint32_t>, double> nearest(const Opened& opened, const Mesh& mesh) {
   std::vector<uint32_t> found;
   double farthest = 0;
@@ -193,7 +194,7 @@ class GlbCompression : public testing::TestWithParam<Variant> {
   test::TemporaryFolder folder_;
 };
 
-TEST_P(GlbCompression, brings_back_every_triangle_position_and_colour) {
+TEST_P(GlbCompression, keeps_every_triangle_position_and_colour) {
   const Mesh ball = ball_on_lattice();
   const auto cameras = two_cameras(ball.vertices.size());
   const Opened ball_again = opened(
@@ -222,7 +223,7 @@ TEST_P(GlbCompression, is_much_smaller_than_the_plain_file) {
   EXPECT_LT(2 * compressed, std::filesystem::file_size(folder_ / "plain.glb"));
 }
 
-TEST_P(GlbCompression, takes_a_mesh_without_colours_and_without_a_lattice) {
+TEST_P(GlbCompression, accepts_a_mesh_without_colours_and_without_a_lattice) {
   const Mesh ball = shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
   const Opened again = opened(ball, {.compression = GetParam().compression});
   EXPECT_TRUE(again.colours.empty());
@@ -230,24 +231,24 @@ TEST_P(GlbCompression, takes_a_mesh_without_colours_and_without_a_lattice) {
   EXPECT_LT(nearest(again, ball).second, 0.6 / 65535);
 }
 
-TEST_P(GlbCompression, coarsens_a_lattice_of_too_many_steps_and_no_more_than_it_must) {
+TEST_P(GlbCompression, coarsens_a_lattice_of_too_many_steps_by_the_smallest_factor) {
   const Mesh ball = shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
   const Opened again =
       opened(ball, {.compression = GetParam().compression, .lattice = {{-1.5, -1.5, 0}, 1e-6}});
-  // 0.6 m are 600,000 steps: 16 of them at a time.
+  // 0.6 m are 600,000 steps; the coarse step is 16 of them.
   const double farthest = nearest(again, ball).second;
   EXPECT_GT(farthest, 1e-6);
   EXPECT_LT(farthest, 16e-6);
 }
 
-TEST_P(GlbCompression, of_an_empty_mesh_is_an_empty_scene) {
+TEST_P(GlbCompression, writes_an_empty_scene_for_an_empty_mesh) {
   write_mesh(folder_ / "mesh.glb", MeshFormat::kGlb, {}, {.compression = GetParam().compression});
   const Glb glb = test::parse_glb(read_file(folder_ / "mesh.glb"));
   EXPECT_FALSE(glb.scene.contains("meshes"));
   EXPECT_FALSE(glb.scene.contains("extensionsRequired"));
 }
 
-TEST_P(GlbCompression, is_no_model_for_a_scene_and_says_why) {
+TEST_P(GlbCompression, is_rejected_as_a_model_of_a_scene_with_the_reason) {
   opened(ball_on_lattice(), {.compression = GetParam().compression, .lattice = kLattice});
   EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_ / "mesh.glb"); }),
               testing::AllOf(HasSubstr("mesh.glb: requires "), HasSubstr("_compression")));
@@ -258,7 +259,7 @@ INSTANTIATE_TEST_SUITE_P(By, GlbCompression,
                                          Variant{"Meshopt", Compression::kMeshopt, open_meshopt}),
                          [](const auto& variant) { return std::string(variant.param.name); });
 
-TEST(GlbLibraries, tinygltf_is_its_own_librarys_and_not_the_other_one_within_draco) {
+TEST(GlbLibraries, use_the_tinygltf_library_and_not_the_copy_within_draco) {
   // tinygltf::FileExists(std::string const&, void*)
   void* function =
       dlsym(RTLD_DEFAULT,

@@ -1,4 +1,4 @@
-// glTF 2.0 models of unknown origin: which are read, and which are refused, with what message.
+// Tests of glTF 2.0 models from untrusted sources: accepted models, and messages for rejected ones.
 #include "v3dctl/scene/gltf_model.h"
 
 #include <gmock/gmock.h>
@@ -69,15 +69,15 @@ class GltfModel : public testing::Test {
     replace_file(path_, gltf.dump());
     return load_model(path_);
   }
-  /// The message with which the file is refused.
-  std::string refusal(const json& gltf) {
+  /// The message of the rejection of this file.
+  std::string rejection(const json& gltf) {
     const std::string line = test::message_of<InputError>([&] { load(gltf); });
     EXPECT_THAT(line, AllOf(HasSubstr(path_.string() + ": "), Not(HasSubstr("\n"))));
     return line;
   }
-  std::string refusal_of(const Triangle& triangle) {
+  std::string rejection_of(const Triangle& triangle) {
     put(triangle);
-    return refusal(triangle_gltf());
+    return rejection(triangle_gltf());
   }
 
   const test::TemporaryFolder folder_;
@@ -90,39 +90,39 @@ TEST_F(GltfModel, has_the_colours_of_its_texture) {
   EXPECT_EQ(surface.albedo.front(), Eigen::Vector3f::UnitX());
 }
 
-TEST_F(GltfModel, is_refused_where_a_node_has_two_parents) {
+TEST_F(GltfModel, is_rejected_when_a_node_has_two_parents) {
   // Each of 40 nodes has the next one as a child twice: 2^40 paths from the root in 1.6 kB.
   json gltf = triangle_gltf();
   for (int n = 0; n < 40; ++n) gltf["nodes"][n] = {{"children", {n + 1, n + 1}}};
   gltf["nodes"][40] = json::object();
-  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[0].children: names node 1, which is a child of "
-                                       "nodes[0] already; expected one parent at most"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("nodes[0].children: names node 1, which is a child of "
+                                         "nodes[0] already; expected one parent at most"));
   gltf["nodes"] =
       json::parse(R"([{"children": [1, 2]}, {"children": [3]}, {"children": [3]}, {}])");
-  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[2].children: names node 3"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("nodes[2].children: names node 3"));
 }
 
-TEST_F(GltfModel, is_refused_where_a_node_is_its_own_ancestor_or_lies_too_deep) {
+TEST_F(GltfModel, is_rejected_when_a_node_is_its_own_ancestor_or_lies_too_deep) {
   json gltf = triangle_gltf();
   gltf["nodes"] = json::parse(R"([{"children": [1]}, {"children": [0]}])");
-  EXPECT_THAT(refusal(gltf), HasSubstr("nodes"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("nodes"));
   gltf["nodes"] = json::parse(R"([{"mesh": 0}, {"children": [2]}, {"children": [1]}])");
-  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[1]: lies within itself"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("nodes[1]: lies within itself"));
   gltf["nodes"] = json::array();
   for (int n = 0; n < 100; ++n) gltf["nodes"].push_back({{"children", {n + 1}}});
   gltf["nodes"].push_back({{"mesh", 0}});
-  EXPECT_THAT(refusal(gltf), HasSubstr("expected at most 64"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("expected at most 64"));
 }
 
-TEST_F(GltfModel, is_refused_where_a_scene_names_a_child_or_a_node_twice) {
+TEST_F(GltfModel, is_rejected_when_a_scene_names_a_child_or_a_node_twice) {
   json gltf = triangle_gltf();
   gltf["nodes"] = json::parse(R"([{"children": [1]}, {"mesh": 0}])");
   gltf["scenes"][0]["nodes"] = {0, 1};
-  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 1"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("scenes[0].nodes: names node 1"));
   gltf["scenes"][0]["nodes"] = {0, 0};
-  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 0 twice"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("scenes[0].nodes: names node 0 twice"));
   gltf["scenes"][0]["nodes"] = {7};
-  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 7, which is not there"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("scenes[0].nodes: names node 7, which is not there"));
 }
 
 TEST_F(GltfModel, reads_no_file_outside_of_its_folder) {
@@ -139,19 +139,19 @@ TEST_F(GltfModel, reads_no_file_outside_of_its_folder) {
         std::string("triangle.bin%00"), std::string("%zz.bin"), std::string("%7")}) {
     json gltf = triangle_gltf();
     gltf["buffers"][0]["uri"] = uri;
-    EXPECT_THAT(refusal(gltf),
+    EXPECT_THAT(rejection(gltf),
                 HasSubstr("buffers[0].uri: expected the path of a file in the model's folder"))
         << uri;
   }
   for (const char* uri : {"link.bin", "up/outside.bin"}) {
     json gltf = triangle_gltf();
     gltf["buffers"][0]["uri"] = uri;
-    EXPECT_THAT(refusal(gltf), HasSubstr("is a link out of the model's folder")) << uri;
+    EXPECT_THAT(rejection(gltf), HasSubstr("is a link out of the model's folder")) << uri;
   }
   for (const char* uri : {"../outside.png", "%2e%2e/outside.png", "up/outside.png"}) {
     json gltf = triangle_gltf();
     gltf["images"][0]["uri"] = uri;
-    EXPECT_THAT(refusal(gltf), HasSubstr("images[0].uri: ")) << uri;
+    EXPECT_THAT(rejection(gltf), HasSubstr("images[0].uri: ")) << uri;
   }
 }
 
@@ -160,7 +160,7 @@ TEST_F(GltfModel, reads_no_file_of_the_working_directory) {
   fs::create_directory(folder_ / "work");
   fs::rename(folder_ / "models/triangle.bin", folder_ / "work/triangle.bin");
   fs::current_path(folder_ / "work");
-  const std::string line = refusal(triangle_gltf());
+  const std::string line = rejection(triangle_gltf());
   fs::current_path(before);
   EXPECT_THAT(line, AllOf(HasSubstr("buffers[0].uri: "), HasSubstr("No such file")));
 }
@@ -175,23 +175,23 @@ TEST_F(GltfModel, reads_files_whose_names_are_percent_encoded_and_through_a_link
   EXPECT_FALSE(load_model(folder_ / "elsewhere/model.gltf").mesh.triangles.empty());
 }
 
-TEST_F(GltfModel, is_refused_where_positions_or_texture_coordinates_are_not_finite) {
+TEST_F(GltfModel, is_rejected_when_positions_or_texture_coordinates_are_not_finite) {
   for (const float bad : {kNan, kInfinity, -kInfinity, 3e38F}) {
     Triangle triangle;
     triangle.positions[4] = bad;
-    EXPECT_THAT(refusal_of(triangle), HasSubstr("POSITION: vertex 1"));
+    EXPECT_THAT(rejection_of(triangle), HasSubstr("POSITION: vertex 1"));
     triangle = {};
     triangle.uvs[5] = bad;
-    EXPECT_THAT(refusal_of(triangle), HasSubstr("TEXCOORD_0: vertex 2"));
+    EXPECT_THAT(rejection_of(triangle), HasSubstr("TEXCOORD_0: vertex 2"));
   }
 }
 
-TEST_F(GltfModel, is_refused_where_vertices_are_beyond_1000_km) {
+TEST_F(GltfModel, is_rejected_when_vertices_are_beyond_1000_km) {
   json gltf = triangle_gltf();
   gltf["nodes"][0]["scale"] = {1e30, 1e30, 1e30};
-  EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("expected vertices within 1000 km"));
   gltf["nodes"][0] = {{"mesh", 0}, {"translation", {0, 0, 1e300}}};
-  EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("expected vertices within 1000 km"));
 }
 
 TEST_F(GltfModel,
@@ -208,26 +208,26 @@ TEST_F(GltfModel,
   }
 }
 
-TEST_F(GltfModel, is_refused_where_a_view_ends_beyond_its_buffer) {
+TEST_F(GltfModel, is_rejected_when_a_view_ends_beyond_its_buffer) {
   json gltf = triangle_gltf();
   gltf["images"][0] = {{"bufferView", 2}, {"mimeType", "image/png"}};
   gltf["bufferViews"][2] = {{"buffer", 0}, {"byteOffset", 1'000'000'000}, {"byteLength", 1000}};
-  EXPECT_THAT(refusal(gltf), HasSubstr("bufferViews[2]: ends beyond its buffer"));
+  EXPECT_THAT(rejection(gltf), HasSubstr("bufferViews[2]: ends beyond its buffer"));
 }
 
-TEST_F(GltfModel, is_refused_where_a_picture_is_damaged) {
+TEST_F(GltfModel, is_rejected_when_a_picture_is_damaged) {
   replace_file(folder_ / "models/red.png", "no picture");
-  EXPECT_THAT(refusal(triangle_gltf()), HasSubstr("images[0]: not a valid PNG or JPEG picture"));
+  EXPECT_THAT(rejection(triangle_gltf()), HasSubstr("images[0]: is no PNG or JPEG picture"));
 }
 
-TEST_F(GltfModel, is_refused_where_its_json_is_deeper_than_64_levels) {
+TEST_F(GltfModel, is_rejected_when_its_json_is_deeper_than_64_levels) {
   const std::string deep(200'000, '[');
   replace_file(path_, R"({"asset": {"version": "2.0"}, "extras": )" + deep);
   EXPECT_THAT(test::message_of<InputError>([&] { load_model(path_); }),
               HasSubstr("expected at most 64 levels of JSON"));
 }
 
-TEST_F(GltfModel, is_refused_where_its_json_has_over_4_million_values) {
+TEST_F(GltfModel, is_rejected_when_its_json_has_over_4_million_values) {
   std::string many = R"({"asset": {"version": "2.0"}, "extras": [0)";
   for (int n = 0; n < 4'000'000; ++n) many += ",0";
   replace_file(path_, many + "]}");
@@ -235,7 +235,7 @@ TEST_F(GltfModel, is_refused_where_its_json_has_over_4_million_values) {
               HasSubstr("expected at most 4 million values of JSON"));
 }
 
-TEST_F(GltfModel, is_refused_where_it_is_empty_truncated_or_no_regular_file) {
+TEST_F(GltfModel, is_rejected_when_it_is_empty_truncated_or_no_regular_file) {
   for (const char* name : {"empty.glb", "empty.gltf"}) {
     replace_file(folder_ / name, "");
     EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_ / name); }),
@@ -248,7 +248,7 @@ TEST_F(GltfModel, is_refused_where_it_is_empty_truncated_or_no_regular_file) {
               HasSubstr("is no glTF 2.0"));
 }
 
-TEST_F(GltfModel, is_read_or_refused_in_one_line_for_every_input_of_the_fuzzer) {
+TEST_F(GltfModel, is_read_or_rejected_in_one_line_for_every_input_of_the_fuzzer) {
   int inputs = 0;
   for (const auto& entry : fs::directory_iterator(V3D_GLTF_CORPUS)) {
     ++inputs;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr ImageSize kSize{160, 120};
 
-/// Stripes so fine that the filters of a sensor make false colours of them.
+/// Stripes fine enough to cause false colours at the filters of a sensor.
 Mesh striped_ball() {
   Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 60);
   for (const Eigen::Vector3f& v : ball.vertices) {
@@ -37,7 +37,7 @@ class HeldOutViews : public testing::Test {
   }
 };
 
-TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_filters_of_the_sensor) {
+TEST_F(HeldOutViews, have_no_error_from_the_sensor_filters_for_a_perfect_rendering) {
   for (const PixelFormat format : {PixelFormat::kBayerRG8, PixelFormat::kBayerGB8}) {
     const HeldOutView view(camera_, photograph(mosaic(drawing_.view(), format)));
     EXPECT_NE(view.photograph().bytes, drawing_.bytes) << "false colours";
@@ -48,7 +48,7 @@ TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_filters_of_the_se
   EXPECT_EQ(whole_colours.render(ball_).bytes, drawing_.bytes);
 }
 
-TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_colours_of_the_camera) {
+TEST_F(HeldOutViews, have_no_error_from_the_camera_colours_for_a_perfect_rendering) {
   camera_.colour.black = {9, 4, 6};
   camera_.colour.matrix << 1.1, 0.05, -0.02, 0.03, 1.2, 0, 0, -0.04, 1.15;
   Image recorded = drawing_;
@@ -56,7 +56,7 @@ TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_colours_of_the_ca
   const HeldOutView view(camera_, photograph(mosaic(recorded.view(), PixelFormat::kBayerGR8)));
   const Image drawn = view.render(ball_);
   EXPECT_EQ(drawn.bytes, view.photograph().bytes);
-  // In the common colours of the rig: that of a grey ball is grey again.
+  // In the common colours of the rig, a grey ball is grey.
   const uint8_t* middle = view.photograph().row(60) + 3 * 80;
   EXPECT_NEAR(middle[0], drawing_.row(60)[3 * 80], 30);
 }

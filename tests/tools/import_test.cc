@@ -42,8 +42,8 @@ class Import : public testing::Test {
     options_.videos = {{"a", folder_ / "a.avi"}, {"b", folder_ / "b.avi"}};
   }
 
-  // The message with which the import is refused; the take and its makings are then not there.
-  std::string refusal() {
+  /// The message of a rejected import. No take and no temporary folder remain.
+  std::string rejection() {
     try {
       import_take(options_);
     } catch (const InputError& error) {
@@ -54,7 +54,7 @@ class Import : public testing::Test {
       EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
       return error.what();
     }
-    ADD_FAILURE() << "was not refused";
+    ADD_FAILURE() << "was not rejected";
     return "";
   }
 
@@ -88,7 +88,7 @@ TEST_F(Import, keeps_every_pixel_and_every_bit_of_the_mask) {
   }
 }
 
-TEST_F(Import, takes_the_frames_of_a_folder_per_camera_in_the_order_of_their_numbers) {
+TEST_F(Import, reads_the_frames_of_one_folder_per_camera_in_numeric_order) {
   for (const RigCamera& camera : rig_) {
     fs::create_directories(folder_ / "frames" / camera.name);
     for (const char* name : {"10.png", "9.png", "8.png"}) {
@@ -116,21 +116,21 @@ TEST_F(Import, masks_what_is_brighter_than_a_black_background) {
   EXPECT_EQ(mask.count(), bright);
 }
 
-TEST_F(Import, grows_a_mask_more_than_it_shrinks_it_when_told_so) {
+TEST_F(Import, dilates_a_mask_more_than_it_erodes_it_when_requested) {
   const Image image = test::ball_image(rig_[0]);
   const int64_t exact = mask_before_black(image.view(), {0.19, 0, 0}).count();
   EXPECT_GT(mask_before_black(image.view(), {0.19, 3, 1}).count(), exact);
   EXPECT_LT(mask_before_black(image.view(), {0.19, 0, 2}).count(), exact);
 }
 
-TEST_F(Import, refuses_sparse_files_that_are_longer_than_their_limits) {
+TEST_F(Import, rejects_sparse_files_that_are_longer_than_their_limits) {
   fs::resize_file(folder_ / "images" / "b.png", 300 << 20);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("b.png"), HasSubstr("longer than")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("b.png"), HasSubstr("longer than")));
   fs::resize_file(folder_ / "calib.toml", 300 << 20);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("calib.toml"), HasSubstr("longer than")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("calib.toml"), HasSubstr("longer than")));
 }
 
-TEST_F(Import, takes_videos_at_their_own_rate) {
+TEST_F(Import, imports_videos_at_their_own_rate) {
   use_videos(7, 7);
   const ImportResult result = import_take(options_);
   EXPECT_EQ(result.frames, 7);
@@ -157,30 +157,30 @@ TEST_F(Import, learns_backgrounds_that_segment_the_frames) {
   EXPECT_TRUE(take.read(0)[0]);
 }
 
-TEST_F(Import, takes_a_part_of_videos_of_unequal_length) {
+TEST_F(Import, imports_a_part_of_videos_of_unequal_length) {
   use_videos(7, 5);
   options_.frames = {1, 5};
   EXPECT_EQ(import_take(options_).frames, 4);
 }
 
-TEST_F(Import, refuses_a_video_that_ends_early_and_says_how_long_each_is) {
+TEST_F(Import, rejects_a_video_that_ends_early_and_reports_the_length_of_each) {
   use_videos(7, 5);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("a 7, b 5 frames"), HasSubstr("--frames 0:5")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("a 7, b 5 frames"), HasSubstr("--frames 0:5")));
 }
 
-TEST_F(Import, refuses_a_video_file_that_was_cut_off) {
+TEST_F(Import, rejects_a_truncated_video_file) {
   use_videos(60, 60);
   test::truncate_file(folder_ / "b.avi", 0.7);
-  EXPECT_THAT(refusal(), HasSubstr("b.avi: cannot be decoded near frame "));
+  EXPECT_THAT(rejection(), HasSubstr("b.avi: cannot be decoded near frame "));
 }
 
-TEST_F(Import, refuses_a_video_that_is_none) {
+TEST_F(Import, rejects_a_file_that_is_not_a_video) {
   use_videos(3, 3);
   std::ofstream(folder_ / "b.avi") << "no video at all";
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
 }
 
-/// Fills the data of one frame of an AVI file with zeros; its length stays.
+/// Fills the data of one frame of an AVI file with zeros, without a change of its length.
 void destroy_frame(const fs::path& avi, int frame) {
   std::string bytes = read_file(avi);
   size_t at = bytes.find("movi");
@@ -190,19 +190,19 @@ void destroy_frame(const fs::path& avi, int frame) {
   replace_file(avi, bytes);
 }
 
-TEST_F(Import, refuses_a_video_with_a_frame_that_cannot_be_decoded) {
+TEST_F(Import, rejects_a_video_with_a_frame_that_cannot_be_decoded) {
   use_videos(7, 7);
   destroy_frame(folder_ / "b.avi", 3);
   const std::string line =
       (folder_ / "b.avi").string() + ": cannot be decoded near frame 3, 0.300 s";
-  EXPECT_THAT(refusal(), HasSubstr(line));
+  EXPECT_THAT(rejection(), HasSubstr(line));
   options_.frames = {4, 6};
-  EXPECT_THAT(refusal(), HasSubstr(line)) << "frames are numbered from the beginning";
+  EXPECT_THAT(rejection(), HasSubstr(line)) << "frames are numbered from the beginning";
   options_.frames = {0, 3};
   EXPECT_EQ(import_take(options_).frames, 3);
 }
 
-TEST_F(Import, refuses_a_video_that_ends_within_a_frame) {
+TEST_F(Import, rejects_a_video_that_ends_within_a_frame) {
   use_videos(5, 5);
   std::string motion_jpeg;
   for (const int64_t bytes : {1'000'000, 1'000'000, 400}) {
@@ -212,10 +212,10 @@ TEST_F(Import, refuses_a_video_that_ends_within_a_frame) {
   replace_file(folder_ / "b.mjpeg", motion_jpeg);
   options_.videos[1].second = folder_ / "b.mjpeg";
   options_.rate_hz = 25;
-  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg: cannot be decoded near frame 2"));
+  EXPECT_THAT(rejection(), HasSubstr("b.mjpeg: cannot be decoded near frame 2"));
 }
 
-TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
+TEST_F(Import, rejects_a_video_whose_picture_size_changes_in_the_middle) {
   use_videos(5, 5);
   std::string motion_jpeg;
   for (const ImageSize size : {ImageSize{64, 48}, {64, 48}, {64, 48}, {32, 24}, {64, 48}}) {
@@ -225,15 +225,16 @@ TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
   replace_file(folder_ / "b.mjpeg", motion_jpeg);
   options_.videos[1].second = folder_ / "b.mjpeg";
   options_.rate_hz = 25;
-  EXPECT_THAT(refusal(), HasSubstr((folder_ / "b.mjpeg").string() +
-                                   " frame 3: is 32x24, but the frames before are 64x48"));
+  EXPECT_THAT(rejection(), HasSubstr((folder_ / "b.mjpeg").string() +
+                                     " frame 3: is 32x24, but the frames before are 64x48"));
   options_.frames = {4, 5};
-  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg frame 3: is 32x24")) << "also where it is passed over";
+  EXPECT_THAT(rejection(), HasSubstr("b.mjpeg frame 3: is 32x24"))
+      << "also where it is passed over";
   options_.frames = {0, 3};
   EXPECT_EQ(import_take(options_).frames, 3);
 }
 
-TEST_F(Import, refuses_a_video_that_is_a_folder_a_fifo_empty_or_missing) {
+TEST_F(Import, rejects_a_video_that_is_a_folder_a_fifo_empty_or_missing) {
   use_videos(3, 3);
   fs::create_directory(folder_ / "folder.avi");
   replace_file(folder_ / "empty.avi", "");
@@ -243,136 +244,136 @@ TEST_F(Import, refuses_a_video_that_is_a_folder_a_fifo_empty_or_missing) {
                                    {"empty.avi", "no readable video"},
                                    {"none.avi", "No such file"}}) {
     options_.videos[1].second = folder_ / name;
-    EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr(line)));
+    EXPECT_THAT(rejection(), AllOf(HasSubstr(name), HasSubstr(line)));
   }
 }
 
-TEST_F(Import, refuses_videos_of_different_rates_unless_told_the_rate) {
+TEST_F(Import, rejects_videos_of_different_rates_without_a_given_rate) {
   use_videos(3, 3);
   test::write_video(folder_ / "b.avi", {64, 48}, 3, 30);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("30"), HasSubstr("--rate")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("30"), HasSubstr("--rate")));
   options_.rate_hz = 50;
   EXPECT_DOUBLE_EQ(import_take(options_).rate_hz, 50);
 }
 
-TEST_F(Import, refuses_a_part_that_the_recordings_do_not_have) {
+TEST_F(Import, rejects_a_part_that_the_recordings_do_not_have) {
   use_videos(3, 3);
   options_.frames = {5, 8};
-  EXPECT_THAT(refusal(), HasSubstr("end after 3 frames"));
+  EXPECT_THAT(rejection(), HasSubstr("end after 3 frames"));
 }
 
-TEST_F(Import, refuses_a_calibration_with_a_missing_field) {
+TEST_F(Import, rejects_a_calibration_with_a_missing_field) {
   const std::string whole = read_file(options_.calib);
   const size_t line = whole.find("translation");
   replace_file(options_.calib, whole.substr(0, line) + whole.substr(whole.find('\n', line)));
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("calib.toml"), HasSubstr("translation")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("calib.toml"), HasSubstr("translation")));
 }
 
-TEST_F(Import, refuses_two_cameras_of_one_name) {
+TEST_F(Import, rejects_two_cameras_of_one_name) {
   rig_[1].name = "a";
   save_calib(options_.calib, rig_);
-  EXPECT_THAT(refusal(), HasSubstr("calib.toml"));
+  EXPECT_THAT(rejection(), HasSubstr("calib.toml"));
 }
 
-TEST_F(Import, refuses_a_rotated_image) {
+TEST_F(Import, rejects_a_rotated_image) {
   write_png(folder_ / "images/c.png", Image({48, 64}, PixelFormat::kRGB8).view());
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.png"), HasSubstr("48x64"), HasSubstr("64x48"),
-                               HasSubstr("rotated")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("c.png"), HasSubstr("48x64"), HasSubstr("64x48"),
+                                 HasSubstr("rotated")));
 }
 
-TEST_F(Import, refuses_a_truncated_image) {
+TEST_F(Import, rejects_a_truncated_image) {
   test::truncate_file(folder_ / "images/c.png", 0.6);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.png"), HasSubstr("truncated")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("c.png"), HasSubstr("truncated")));
 }
 
-TEST_F(Import, refuses_a_truncated_jpeg_which_its_library_would_fill_with_grey) {
+TEST_F(Import, rejects_a_truncated_jpeg_which_its_library_would_fill_with_grey) {
   fs::rename(folder_ / "images/c.png", folder_ / "c.png");
   test::write_jpeg(folder_ / "images/c.jpg", test::ball_image(rig_[2]));
   import_take(options_);
   fs::remove_all(options_.take);
   test::truncate_file(folder_ / "images/c.jpg", 0.7);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.jpg"), HasSubstr("truncated")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("c.jpg"), HasSubstr("truncated")));
 }
 
-TEST_F(Import, refuses_an_empty_image_file) {
+TEST_F(Import, rejects_an_empty_image_file) {
   test::truncate_file(folder_ / "images/c.png", 0);
-  EXPECT_THAT(refusal(), HasSubstr("c.png"));
+  EXPECT_THAT(rejection(), HasSubstr("c.png"));
 }
 
-TEST_F(Import, refuses_a_mask_of_another_size_than_its_image) {
+TEST_F(Import, rejects_a_mask_of_another_size_than_its_image) {
   options_.masks = folder_ / "masks";
   write_png(folder_ / "masks/b.png", Image({32, 24}, PixelFormat::kRGB8).view());
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("masks/b.png"), HasSubstr("32x24")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("masks/b.png"), HasSubstr("32x24")));
 }
 
-TEST_F(Import, refuses_an_image_without_its_mask) {
+TEST_F(Import, rejects_an_image_without_its_mask) {
   options_.masks = folder_ / "masks";
   fs::remove(folder_ / "masks/b.png");
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("no mask"), HasSubstr("images/b.png")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("no mask"), HasSubstr("images/b.png")));
 }
 
-TEST_F(Import, refuses_a_mask_without_its_image) {
+TEST_F(Import, rejects_a_mask_without_its_image) {
   options_.masks = folder_ / "masks";
   fs::remove(folder_ / "images/b.png");
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("masks/b.png"), HasSubstr("without an image")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("masks/b.png"), HasSubstr("without an image")));
 }
 
-TEST_F(Import, refuses_an_image_of_an_unknown_camera) {
+TEST_F(Import, rejects_an_image_of_an_unknown_camera) {
   write_png(folder_ / "images/zoe.png", test::ball_image(rig_[0]).view());
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("zoe.png"), HasSubstr("a, b, c, d")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("zoe.png"), HasSubstr("a, b, c, d")));
 }
 
-TEST_F(Import, refuses_an_unknown_camera_in_video_and_in_background) {
+TEST_F(Import, rejects_an_unknown_camera_in_video_and_in_background) {
   use_videos(3, 3);
   options_.videos[1].first = "zoe";
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("--video zoe"), HasSubstr("calib.toml")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("--video zoe"), HasSubstr("calib.toml")));
   options_.videos[1].first = "b";
   options_.backgrounds = {{"zoe", folder_ / "a.avi"}};
-  EXPECT_THAT(refusal(), HasSubstr("--background zoe"));
+  EXPECT_THAT(rejection(), HasSubstr("--background zoe"));
 }
 
-TEST_F(Import, refuses_two_pictures_of_one_camera_and_frame) {
+TEST_F(Import, rejects_two_pictures_of_one_camera_and_frame) {
   test::write_jpeg(folder_ / "images/a.jpg", test::ball_image(rig_[0]));
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("a.jpg"), HasSubstr("a.png")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("a.jpg"), HasSubstr("a.png")));
 }
 
-TEST_F(Import, refuses_cameras_that_have_different_frames) {
+TEST_F(Import, rejects_cameras_that_have_different_frames) {
   for (const char* file : {"a/1.png", "a/2.png", "b/1.png", "b/3.png"}) {
     fs::create_directories((folder_ / "frames" / file).parent_path());
     write_png(folder_ / "frames" / file, test::ball_image(rig_[0]).view());
   }
   options_.images = folder_ / "frames";
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("frames differ"), HasSubstr("2.png")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("frames differ"), HasSubstr("2.png")));
 }
 
-TEST_F(Import, refuses_a_folder_without_images) {
+TEST_F(Import, rejects_a_folder_without_images) {
   options_.images = folder_ / "empty";
   fs::create_directories(options_.images);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("empty"), HasSubstr("no images")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("empty"), HasSubstr("no images")));
   options_.images = folder_ / "not there";
-  EXPECT_THAT(refusal(), HasSubstr("not there"));
+  EXPECT_THAT(rejection(), HasSubstr("not there"));
 }
 
-TEST_F(Import, refuses_to_overwrite_a_take) {
+TEST_F(Import, rejects_to_overwrite_a_take) {
   import_take(options_);
   EXPECT_THROW(import_take(options_), InputError);
   EXPECT_TRUE(verify_take({options_.take}).whole());
 }
 
-TEST_F(Import, refuses_a_name_that_is_no_take_name) {
+TEST_F(Import, rejects_an_invalid_take_name) {
   options_.take = folder_ / "my take";
-  EXPECT_THAT(refusal(), HasSubstr("no take name"));
+  EXPECT_THAT(rejection(), HasSubstr("no take name"));
 }
 
-TEST_F(Import, refuses_neither_images_nor_videos_and_both) {
+TEST_F(Import, rejects_neither_images_nor_videos_and_both) {
   options_.videos = {{"a", folder_ / "a.avi"}};
-  EXPECT_THAT(refusal(), HasSubstr("either --images"));
+  EXPECT_THAT(rejection(), HasSubstr("either --images"));
   options_.videos.clear();
   options_.images.clear();
-  EXPECT_THAT(refusal(), HasSubstr("either --images"));
+  EXPECT_THAT(rejection(), HasSubstr("either --images"));
 }
 
-TEST(BlackBackgroundOption, reads_a_level_and_the_pixels_to_grow_and_shrink) {
+TEST(BlackBackgroundOption, reads_a_level_and_the_pixels_to_dilate_and_erode) {
   EXPECT_DOUBLE_EQ(parse_black_background("0.19").level, 0.19);
   const BlackBackground black = parse_black_background("0.5:10:7");
   EXPECT_DOUBLE_EQ(black.level, 0.5);
@@ -380,7 +381,7 @@ TEST(BlackBackgroundOption, reads_a_level_and_the_pixels_to_grow_and_shrink) {
   EXPECT_EQ(black.erode_px, 7);
 }
 
-TEST(BlackBackgroundOption, refuses_what_is_no_level) {
+TEST(BlackBackgroundOption, rejects_an_invalid_level) {
   for (const char* text : {"", "dark", "1.5", "-0.1", "nan", "0.2:3", "0.2:3:", "0.2:3:4:5",
                            "0.2:-1:0", "0.2:1000:0"}) {
     EXPECT_THROW(parse_black_background(text), InputError) << text;

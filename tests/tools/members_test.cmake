@@ -1,4 +1,4 @@
-# The authority's evening with v3dctl: its key, an operator's key, enrolment, revocation. Run by cmake -P with
+# Tests of the member list with v3dctl: the authority's key, an operator's key, enrolment, revocation. Run by cmake -P with
 # V3DCTL and WORK.
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
@@ -101,7 +101,7 @@ expect(0 "serial number 3")
 v3dctl(key members)
 expect(0 "serial number 3\ncapture +cap01 +[0-9a-f]+\n$")
 
-# Another key signs no list of this studio, and a changed list is shown as such.
+# A list signed by another key is rejected, and a changed list is reported.
 v3dctl(key authority --authority other.key)
 expect(0 "made other.key")
 v3dctl(key enroll eve --role operator --public-key ${node_key} --authority other.key)

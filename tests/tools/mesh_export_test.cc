@@ -64,7 +64,7 @@ TEST_F(MeshExport, obj_counts_vertices_from_one_and_puts_colours_behind_position
   EXPECT_THAT(text, HasSubstr("f 2 4 3\n"));
 }
 
-TEST_F(MeshExport, glb_frames_its_chunks_and_aligns_its_views) {
+TEST_F(MeshExport, glb_has_valid_chunks_and_aligned_views) {
   const Glb glb = parse_glb(written(MeshFormat::kGlb, tetrahedron()));
   EXPECT_EQ(glb.scene["asset"]["version"], "2.0");
   EXPECT_LE(glb.scene["buffers"][0]["byteLength"].get<size_t>(), glb.buffer.size());
@@ -74,7 +74,7 @@ TEST_F(MeshExport, glb_frames_its_chunks_and_aligns_its_views) {
   }
 }
 
-TEST_F(MeshExport, glb_tells_the_bounds_of_its_positions) {
+TEST_F(MeshExport, glb_contains_the_bounds_of_its_positions) {
   const json scene = parse_glb(written(MeshFormat::kGlb, tetrahedron())).scene;
   const json& primitive = scene["meshes"][0]["primitives"][0];
   const json& position = scene["accessors"][primitive["attributes"]["POSITION"].get<size_t>()];
@@ -98,7 +98,7 @@ TEST_F(MeshExport, glb_colours_are_linear_light) {
   EXPECT_NEAR(rgba[13] / 65535.0, 1 / 255.0 / 12.92, 1e-5);
 }
 
-TEST_F(MeshExport, glb_stands_upright_with_y_up) {
+TEST_F(MeshExport, glb_has_y_up) {
   const json rotation =
       parse_glb(written(MeshFormat::kGlb, tetrahedron())).scene["nodes"][0]["rotation"];
   const Eigen::Quaterniond q(rotation[3].get<double>(), rotation[0].get<double>(),
@@ -114,7 +114,7 @@ ExportedCamera camera_that_saw(const std::string& name, size_t vertices) {
   return camera;
 }
 
-TEST_F(MeshExport, ply_holds_what_each_camera_saw_behind_the_colours) {
+TEST_F(MeshExport, ply_has_the_colours_of_each_camera_after_the_vertex_colours) {
   const Mesh mesh = tetrahedron();
   const std::vector<ExportedCamera> cameras{camera_that_saw("cam01", 4), camera_that_saw("a b", 4)};
   write_mesh(folder_ / "mesh", MeshFormat::kPly, mesh, {.cameras = cameras});
@@ -128,7 +128,7 @@ TEST_F(MeshExport, ply_holds_what_each_camera_saw_behind_the_colours) {
   expect_equal(read_ply(folder_ / "mesh"), mesh);
 }
 
-TEST_F(MeshExport, glb_holds_what_each_camera_saw_and_where_it_stood) {
+TEST_F(MeshExport, glb_has_the_colours_and_the_position_of_each_camera) {
   const std::vector<ExportedCamera> cameras{camera_that_saw("cam01", 4)};
   write_mesh(folder_ / "mesh", MeshFormat::kGlb, tetrahedron(), {.cameras = cameras});
   const Glb glb = parse_glb(read_file(folder_ / "mesh"));
@@ -145,7 +145,7 @@ TEST_F(MeshExport, glb_holds_what_each_camera_saw_and_where_it_stood) {
   EXPECT_EQ(camera["axis"], json({0.0, 1.0, 0.0}));
 }
 
-TEST_F(MeshExport, refuses_what_a_format_cannot_hold) {
+TEST_F(MeshExport, rejects_content_that_a_format_cannot_store) {
   EXPECT_THAT(test::message_of<InputError>(
                   [] { check_options(MeshFormat::kPly, Compression::kDraco, false); }),
               HasSubstr("--compress"));
@@ -165,7 +165,7 @@ TEST_F(MeshExport, an_empty_mesh_is_a_valid_file_of_every_format) {
   EXPECT_THAT(written(MeshFormat::kObj, {}), testing::Not(HasSubstr("v ")));
 }
 
-TEST_F(MeshExport, refuses_an_unknown_format) {
+TEST_F(MeshExport, rejects_an_unknown_format) {
   EXPECT_THROW(parse_mesh_format("stl"), InputError);
   EXPECT_THROW(parse_mesh_format(""), InputError);
 }
@@ -178,14 +178,14 @@ class PlyReader : public MeshExport {
   }
 };
 
-TEST_F(PlyReader, refuses_every_truncation) {
+TEST_F(PlyReader, rejects_every_truncation) {
   const std::string whole = written(MeshFormat::kPly, tetrahedron());
   for (size_t size = 0; size < whole.size(); ++size) {
     EXPECT_THROW(read(whole.substr(0, size)), InputError) << size;
   }
 }
 
-TEST_F(PlyReader, survives_any_damage) {
+TEST_F(PlyReader, reads_or_rejects_every_damaged_file) {
   const std::string whole = written(MeshFormat::kPly, tetrahedron());
   rc::check([&] {
     std::string bytes = whole;
@@ -199,7 +199,7 @@ TEST_F(PlyReader, survives_any_damage) {
         for (const uint32_t vertex : triangle) RC_ASSERT(vertex < mesh.vertices.size());
       }
     } catch (const InputError&) {
-      // a message is as good an answer as a mesh
+      // a rejection with a message is allowed
     }
   });
 }
@@ -217,7 +217,7 @@ std::string ply_of(double x, float red) {
   return ply + std::string(2, '\7');
 }
 
-TEST_F(PlyReader, refuses_numbers_that_are_not_finite_in_a_mesh) {
+TEST_F(PlyReader, rejects_numbers_that_are_not_finite_in_a_mesh) {
   EXPECT_EQ(read(ply_of(0.5, 300)).colours.at(0), (Rgb8{255, 7, 7}));
   for (const double bad : {std::nan(""), 1e300, -1e300}) {
     EXPECT_THAT(test::message_of<InputError>([&] { read(ply_of(bad, 1)); }),
@@ -227,19 +227,19 @@ TEST_F(PlyReader, refuses_numbers_that_are_not_finite_in_a_mesh) {
               HasSubstr("the colour of vertex 0 is not a number"));
 }
 
-TEST_F(PlyReader, refuses_an_index_without_its_vertex) {
+TEST_F(PlyReader, rejects_an_index_without_its_vertex) {
   Mesh mesh = tetrahedron();
   mesh.triangles[1][2] = 4;
   EXPECT_THROW(read(written(MeshFormat::kPly, mesh)), InputError);
 }
 
-TEST_F(PlyReader, refuses_ascii_and_what_is_no_ply) {
+TEST_F(PlyReader, rejects_ascii_and_files_that_are_not_ply) {
   EXPECT_THROW(read("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n"), InputError);
   EXPECT_THROW(read("solid cube"), InputError);
   EXPECT_THROW(read_ply(folder_ / "not there.ply"), InputError);
 }
 
-TEST_F(PlyReader, refuses_counts_that_no_file_could_hold) {
+TEST_F(PlyReader, rejects_counts_that_no_file_could_hold) {
   const std::string head = "ply\nformat binary_little_endian 1.0\nelement vertex ";
   EXPECT_THROW(read(head + "99999999999\nproperty float x\nproperty float y\nproperty float z\n"
                            "end_header\n"),

@@ -12,9 +12,7 @@ namespace {
 
 using testing::ElementsAre;
 
-TEST(FrameRange, takes_all_frames_when_nothing_is_said) {
-  EXPECT_EQ(parse_frame_range(""), FrameRange{});
-}
+TEST(FrameRange, contains_all_frames_by_default) { EXPECT_EQ(parse_frame_range(""), FrameRange{}); }
 
 TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
   const CLI::Validator seconds = number_in(0.5, 3600);
@@ -37,7 +35,7 @@ TEST(FrameRange, may_be_open_at_either_end_or_a_single_frame) {
   EXPECT_EQ(parse_frame_range("5"), (FrameRange{5, 6}));
 }
 
-TEST(FrameRange, refuses_what_is_no_range) {
+TEST(FrameRange, rejects_an_invalid_range) {
   for (const char* text :
        {":", "7:3", "3:3", "a:b", "-1:4", "1:2:3", "1.5", " 1", "1 :2", "99999999999999999999"}) {
     EXPECT_THROW(parse_frame_range(text), InputError) << text;
@@ -49,7 +47,7 @@ TEST(CameraFiles, keep_their_order_and_any_equals_sign_in_the_file_name) {
               ElementsAre(CameraFile{"b", "1.avi"}, CameraFile{"a", "x=y.avi"}));
 }
 
-TEST(CameraFiles, refuse_missing_parts_and_a_camera_given_twice) {
+TEST(CameraFiles, reject_missing_parts_and_a_camera_given_twice) {
   EXPECT_THROW(parse_camera_files({"1.avi"}, "--video"), InputError);
   EXPECT_THROW(parse_camera_files({"=1.avi"}, "--video"), InputError);
   EXPECT_THROW(parse_camera_files({"a="}, "--video"), InputError);
@@ -68,7 +66,7 @@ TEST(Names, must_not_be_empty) {
   }
 }
 
-TEST(Deform, takes_any_of_its_numbers_in_any_order) {
+TEST(Deform, accepts_its_numbers_in_any_order) {
   const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,carving=0");
   EXPECT_EQ(o.mode, DeformMode::kPaper);
   EXPECT_EQ(o.window, 7);
@@ -81,7 +79,7 @@ TEST(Deform, takes_any_of_its_numbers_in_any_order) {
   EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
 }
 
-TEST(Deform, refuses_what_it_does_not_know) {
+TEST(Deform, rejects_unknown_names) {
   for (const char* text : {"window", "window=", "window=x", "window=4", "mode=fast", "alpha=1",
                            "internal=-1", "views=6.5", "carving=2"}) {
     EXPECT_THROW(parse_deform(text), InputError) << text;

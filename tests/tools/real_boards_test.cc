@@ -1,4 +1,4 @@
-// Calibration of real cameras (docs/calibration.md has the figures).
+// Tests of the calibration of real cameras (results: docs/calibration.md).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <toml++/toml.h>
@@ -24,7 +24,7 @@ constexpr double kDegree = 3.14159265 / 180;
 
 class RealBoards : public test::RealRecordings {};
 
-/// Root mean square over both images of OpenCV's own calibration of the same corners.
+/// RMS reprojection error, over both images, of OpenCV's calibration of the same corners, pixels.
 double opencv_stereo_rms(const calib::Board& board, const RigBoards& boards) {
   std::vector<std::vector<cv::Point3f>> corners;
   std::vector<std::vector<cv::Point2f>> pixels[2];
@@ -52,12 +52,12 @@ double opencv_stereo_rms(const calib::Board& board, const RigBoards& boards) {
   for (int i = 0; i < 2; ++i) {
     cv::calibrateCamera(corners, pixels[i], size, k[i], d[i], rotations, translations);
   }
-  // Of the distance, over the corners of both images, as ours is.
+  // RMS of the distance over the corners of both images, as in RigFit::rms_px.
   return cv::stereoCalibrate(corners, pixels[0], pixels[1], k[0], d[0], k[1], d[1], size, r, t, e,
                              f, cv::CALIB_USE_INTRINSIC_GUESS);
 }
 
-TEST_F(RealBoards, of_a_stereo_pair_fit_as_well_as_OpenCV_makes_them) {
+TEST_F(RealBoards, of_a_stereo_pair_have_the_reprojection_error_of_OpenCV) {
   RigSources sources;
   for (const std::string side : {"left", "right"}) {
     sources.images.emplace_back(side, data_ / "stereo_boards" / (side + "[0-9]*.jpg"));
@@ -71,15 +71,15 @@ TEST_F(RealBoards, of_a_stereo_pair_fit_as_well_as_OpenCV_makes_them) {
   EXPECT_LT(fit.rms_px, theirs + 0.01) << "OpenCV: " << theirs;
 }
 
-/// A camera as caliscope's camera_array.toml has it. `error` is what cv::calibrateCamera returned
-/// for its lens alone, over grid_count pictures.
-struct TheirCamera {
+/// A camera of caliscope's camera_array.toml. `error` is the result of cv::calibrateCamera for its
+/// lens alone, over grid_count pictures.
+struct CaliscopeCamera {
   CameraModel model;
   double error_px = 0;
 };
 
-std::vector<TheirCamera> load_camera_array(const fs::path& file) {
-  std::vector<TheirCamera> cameras;
+std::vector<CaliscopeCamera> load_camera_array(const fs::path& file) {
+  std::vector<CaliscopeCamera> cameras;
   const toml::table text = toml::parse_file(file.string());
   for (const RigCamera& camera : load_calib(file)) {
     const std::string number = camera.name.substr(camera.name.find('_') + 1);
@@ -88,9 +88,9 @@ std::vector<TheirCamera> load_camera_array(const fs::path& file) {
   return cameras;
 }
 
-/// How far a calibration misses the corners, each board at its best place: every instant that two
-/// cameras or more saw counts.
-double rms_of_rig(const calib::Board& board, const std::vector<TheirCamera>& rig,
+/// RMS reprojection error of a calibration with optimal board poses, over every instant that two or
+/// more cameras saw, pixels.
+double rms_of_rig(const calib::Board& board, const std::vector<CaliscopeCamera>& rig,
                   const std::vector<calib::CameraObservations>& seen) {
   std::vector<CameraModel> cameras;
   std::vector<calib::CandidatePoses> poses;
@@ -107,7 +107,7 @@ double rms_of_rig(const calib::Board& board, const std::vector<TheirCamera>& rig
   return calib::rms_of(residuals(bundle));
 }
 
-/// Of the lens alone, each board wherever it fits best.
+/// RMS reprojection error of the lens alone, with optimal board poses, pixels.
 double rms_of_lens(const calib::Board& board, const calib::CameraObservations& camera) {
   std::vector<calib::LensView> views;
   for (const auto& [instant, observation] : camera.observations) {
@@ -116,9 +116,9 @@ double rms_of_lens(const calib::Board& board, const calib::CameraObservations& c
   return fit_lens(camera.name, board, camera.size, views, {}).rms_px;
 }
 
-// One of the four free-running webcams holds its pictures back by one, which the other program does
-// not know.
-TEST_F(RealBoards, in_four_webcams_tell_that_one_is_late_and_fit_better_than_another_program_did) {
+// One of the four free-running webcams delivers its pictures one frame late; caliscope does not
+// model this.
+TEST_F(RealBoards, of_four_webcams_show_a_late_camera_and_have_a_lower_error_than_caliscope) {
   RigSources sources;
   const fs::path folder = data_ / "charuco4";
   for (const char* c : {"cam_0", "cam_1", "cam_2", "cam_3"}) {
@@ -128,7 +128,7 @@ TEST_F(RealBoards, in_four_webcams_tell_that_one_is_late_and_fit_better_than_ano
   const calib::BoardDetector detector(
       calib::parse_board("charuco:4x5:54mm:40.5mm:DICT_4X4_1000:inverted"));
   const RigBoards boards = find_rig_boards(sources, detector);
-  const std::vector<TheirCamera> theirs = load_camera_array(folder / "camera_array.toml");
+  const std::vector<CaliscopeCamera> theirs = load_camera_array(folder / "camera_array.toml");
   ASSERT_EQ(theirs.size(), 4U);
   for (size_t c = 0; c < theirs.size(); ++c) {
     EXPECT_LE(rms_of_lens(detector.board(), boards.cameras[c]), theirs[c].error_px);
@@ -141,7 +141,7 @@ TEST_F(RealBoards, in_four_webcams_tell_that_one_is_late_and_fit_better_than_ano
   EXPECT_NEAR(apart, 0.5496, 0.03 * 0.5496) << "halves of the recording differ by up to 2 %";
 }
 
-TEST_F(RealBoards, on_the_floor_are_found_in_all_four_cameras_however_slanted) {
+TEST_F(RealBoards, on_the_floor_are_detected_in_all_four_cameras) {
   RigSources sources;
   const fs::path folder = data_ / "room4";
   for (const char* c : {"cam1", "cam2", "cam3", "cam4"}) {
@@ -152,8 +152,8 @@ TEST_F(RealBoards, on_the_floor_are_found_in_all_four_cameras_however_slanted) {
   const auto seen = find_floor_boards(sources, rig, detector);
   ASSERT_EQ(seen.size(), 4U);
   const calib::FloorFit fit = fit_floor(rig, detector.board(), seen);
-  // The calibration in the folder is no better: each camera alone knows the board's plane to a
-  // tenth of a degree, and two of them disagree by 4.5 degrees.
+  // The calibration in the folder is no better. Each camera alone gives the board's plane to 0.1
+  // degrees, but two cameras disagree by 4.5 degrees.
   EXPECT_LT(fit.rms_px, 1.6);
   EXPECT_GT(fit.disagreement_deg, 4);
   const RigidTransform old_from_new = fit.new_from_old.rigid.inverse();

@@ -1,5 +1,5 @@
-// Real recordings, which lie outside the repository: in $V3D_DATA, else in ../shared/data beside
-// it. Tests that need them are skipped where neither is there.
+// Test fixture for real recordings outside the repository: in $V3D_DATA, else in ../shared/data
+// beside it. Without this data, the tests are skipped.
 #pragma once
 
 #include <gtest/gtest.h>

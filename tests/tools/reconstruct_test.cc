@@ -57,7 +57,7 @@ class Reconstruct : public testing::Test {
     import_take(import);
   }
 
-  std::string refusal() {
+  std::string rejection() {
     return test::message_of<InputError>([&] { reconstruct_take(request_); });
   }
 
@@ -70,8 +70,8 @@ TEST_F(Reconstruct, makes_a_ball_from_eight_views_of_a_ball) {
   EXPECT_EQ(report.frames, 1);
   EXPECT_EQ(report.incomplete, 0);
   const double ball = 4.0 / 3 * std::numbers::pi * 0.3 * 0.3 * 0.3;
-  EXPECT_GT(median(report.volume_m3), 0.95 * ball);  // a hull holds what it is the hull of,
-  EXPECT_LT(median(report.volume_m3), 1.4 * ball);   // and, of a ring of views, some more
+  EXPECT_GT(median(report.volume_m3), 0.95 * ball);  // a hull contains its object
+  EXPECT_LT(median(report.volume_m3), 1.4 * ball);   // and more, for a ring of views
   EXPECT_GT(mean(report.silhouette_iou), 0.85);
   const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
   EXPECT_EQ(connected_components(mesh), 1);
@@ -106,7 +106,7 @@ TEST_F(Reconstruct, gives_the_same_bytes_for_any_number_of_threads) {
   EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), two);
 }
 
-/// Frames 3 to 6 of a voxel that gets lighter: a key frame and three that need those before.
+/// Frames 3 to 6 of a voxel that gets lighter: a key frame and three frames that depend on it.
 void write_sequence(const fs::path& file, int64_t left_out = -1) {
   BrickMap occupied;
   occupied.clear({1, 1, 1});
@@ -178,7 +178,7 @@ TEST_F(Reconstruct, is_compared_with_the_true_surface_in_the_same_colours) {
     return *evaluate_held_out({request_.take}, {{"c"}, false, folder_ / "truth"})[0].true_surface;
   };
   const auto itself = evaluate_held_out({request_.take}, {{"c"}})[0].inside;
-  // The compact frame rounds colours, and these pictures are demosaiced.
+  // The compact frame rounds colours, and the pictures are demosaiced.
   EXPECT_NEAR(figures_of(mesh).psnr_db, itself.psnr_db, 2);
   Mesh aside = mesh;
   for (Eigen::Vector3f& vertex : aside.vertices) vertex.z() += 0.15F;
@@ -244,7 +244,7 @@ TEST_F(Reconstruct, is_measured_against_the_true_surface) {
 }
 
 TEST_F(Reconstruct, is_exported_with_the_colours_of_each_camera) {
-  request_.leave_out = {"c"};  // saw it nevertheless
+  request_.leave_out = {"c"};  // its frames have colours, too
   reconstruct_take(request_);
   const CompactFrame frame = MeshFrames(request_.take).read(0);
   const std::vector<ExportedCamera> cameras = TakeColours(request_.take).of(frame);
@@ -274,13 +274,13 @@ TEST_F(Reconstruct, has_no_colours_of_cameras_without_raw_frames) {
   const auto blind = TakeColours(request_.take).of(frame).at(0).colours.vertices;
   EXPECT_EQ(blind.size(), frame.mesh.vertices.size());
   EXPECT_TRUE(std::all_of(blind.begin(), blind.end(), [](const auto& c) { return c[3] == 0; }));
-  const auto refusal = [&] {
+  const auto rejection = [&] {
     return test::message_of<InputError>([&] { TakeColours(request_.take).of(frame); });
   };
   fs::resize_file(paths.frames("h"), 0);
-  EXPECT_THAT(refusal(), HasSubstr("no raw frames of pulse 0"));
+  EXPECT_THAT(rejection(), HasSubstr("no raw frames of pulse 0"));
   fs::remove(paths.frames("d"));
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("no raw frames of d"), HasSubstr("d.lcmlog")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("no raw frames of d"), HasSubstr("d.lcmlog")));
 }
 
 TEST_F(Reconstruct, has_default_bounds_that_half_the_cameras_see) {
@@ -291,46 +291,46 @@ TEST_F(Reconstruct, has_default_bounds_that_half_the_cameras_see) {
   EXPECT_LT(box.size().maxCoeff(), 4.1);
 }
 
-TEST_F(Reconstruct, refuses_a_voxel_that_needs_too_much_memory_with_the_arithmetic) {
+TEST_F(Reconstruct, rejects_a_voxel_that_needs_too_much_memory_and_reports_the_calculation) {
   request_.voxel_m = 1e-6;
-  EXPECT_THAT(refusal(), HasSubstr("voxel"));
+  EXPECT_THAT(rejection(), HasSubstr("voxel"));
 }
 
-TEST_F(Reconstruct, refuses_an_unknown_camera_to_leave_out_and_leaving_out_all) {
+TEST_F(Reconstruct, rejects_an_unknown_camera_to_leave_out_and_leaving_out_all) {
   request_.leave_out = {"zoe"};
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("--leave-out zoe"), HasSubstr("a, b, c")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("--leave-out zoe"), HasSubstr("a, b, c")));
   request_.leave_out = {"a", "b", "c", "d", "e", "f", "g", "h"};
-  EXPECT_THAT(refusal(), HasSubstr("leaves no camera"));
+  EXPECT_THAT(rejection(), HasSubstr("leaves no camera"));
 }
 
-TEST_F(Reconstruct, refuses_more_views_than_cameras) {
+TEST_F(Reconstruct, rejects_more_views_than_cameras) {
   request_.min_views = 9;
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("--min-views 9"), HasSubstr("8 cameras")));
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("--min-views 9"), HasSubstr("8 cameras")));
 }
 
-TEST_F(Reconstruct, refuses_frames_that_the_take_does_not_have) {
+TEST_F(Reconstruct, rejects_frames_that_the_take_does_not_have) {
   request_.frames = {5, 9};
-  EXPECT_THAT(refusal(), HasSubstr("--frames"));
+  EXPECT_THAT(rejection(), HasSubstr("--frames"));
 }
 
-TEST_F(Reconstruct, refuses_an_empty_take) {
+TEST_F(Reconstruct, rejects_an_empty_take) {
   for (const auto& entry : fs::directory_iterator(request_.take)) {
     const bool is_frames = entry.path().extension() == ".lcmlog";
     if (is_frames) fs::resize_file(entry.path(), 0);
   }
-  EXPECT_THAT(refusal(), HasSubstr("no frames"));
+  EXPECT_THAT(rejection(), HasSubstr("no frames"));
 }
 
-TEST_F(Reconstruct, refuses_a_folder_that_is_no_take) {
+TEST_F(Reconstruct, rejects_a_folder_that_is_not_a_take) {
   request_.take = folder_ / "images";
-  EXPECT_THAT(refusal(), HasSubstr("images"));
+  EXPECT_THAT(rejection(), HasSubstr("images"));
 }
 
 TEST_F(Reconstruct, keeps_the_old_meshes_after_an_error) {
   reconstruct_take(request_);
   const std::string old = read_file(TakePaths{request_.take}.mesh());
   request_.frames = {5, 9};
-  refusal();
+  rejection();
   EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), old);
 }
 

@@ -1,5 +1,5 @@
-# A take tells by its silhouettes that two cameras look aside of where the calibration has them, with their focal
-# lengths fitted and without, and leaves a right calibration as it is. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Tests that calibrate refine corrects two cameras with a wrong direction by the silhouettes of a take, with and without
+# fitted focal lengths, and keeps a right calibration. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 include(${CMAKE_CURRENT_LIST_DIR}/displace.cmake)
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)

@@ -1,4 +1,4 @@
-// Scenes: what their file says, and what they look like.
+// Tests of scene files and of the pictures rendered from them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ namespace {
 using nlohmann::json;
 using testing::HasSubstr;
 
-/// The same as of tools/viewer/tests/scene.test.ts.
+/// The same cases as in tools/viewer/tests/scene.test.ts.
 const json& cases() {
   static const json cases = json::parse(read_file(V3D_SCENE_CASES));
   return cases;
@@ -34,7 +34,7 @@ Eigen::Vector3d vector(const json& list) {
   return {list[0].get<double>(), list[1].get<double>(), list[2].get<double>()};
 }
 
-TEST(SceneFile, says_what_is_where) {
+TEST(SceneFile, contains_the_position_of_every_object) {
   const Scene scene = parse_scene(cases()["scene"].dump(), "takes/duel/scene.json");
   EXPECT_EQ(scene.frames(), cases()["pictures"]);
   EXPECT_EQ(scene.background.colour, (Rgb8{0x0a, 0x1b, 0x2c}));
@@ -70,7 +70,7 @@ TEST(SceneFile, names_the_field_that_is_wrong) {
   EXPECT_THROW(parse_scene("[]", "scene.json"), InputError);
 }
 
-TEST(SceneClock, leads_the_camera_through_its_keys) {
+TEST(SceneClock, moves_the_camera_through_its_keys) {
   const Scene scene = parse_scene(cases()["scene"].dump(), "scene.json");
   for (const json& wanted : cases()["cameras"]) {
     const CameraKey key = camera_at(scene.camera, wanted["at_s"]);
@@ -132,7 +132,7 @@ class ScenePictures : public testing::Test {
   const test::TemporaryFolder folder_;
 };
 
-TEST_F(ScenePictures, show_models_where_they_were_put) {
+TEST_F(ScenePictures, show_models_at_their_positions) {
   const Image image = picture_of(R"({"background": {"colour": "#010203"}})");
   EXPECT_EQ(pixel(image, 32, 24), (Rgb8{200, 20, 20})) << "unlit: as it is";
   EXPECT_EQ(pixel(image, 4, 24), (Rgb8{1, 2, 3}));
@@ -141,7 +141,7 @@ TEST_F(ScenePictures, show_models_where_they_were_put) {
   EXPECT_EQ(pixel(aside, 4, 24), (Rgb8{200, 20, 20}));
 }
 
-TEST_F(ScenePictures, have_a_picture_of_all_directions_behind) {
+TEST_F(ScenePictures, have_a_panorama_as_background) {
   // Towards +y is the left half, left of it -x is the left edge, and right of it +x the middle.
   const Image image = picture_of(R"({"background": {"sphere": "sky.png"}})");
   EXPECT_EQ(pixel(image, 2, 2), (Rgb8{0, 250, 0}));
@@ -149,13 +149,13 @@ TEST_F(ScenePictures, have_a_picture_of_all_directions_behind) {
   EXPECT_EQ(pixel(turned, 2, 2), (Rgb8{0, 0, 250}));
 }
 
-TEST_F(ScenePictures, have_a_still_picture_behind_that_fills_them) {
+TEST_F(ScenePictures, have_a_still_picture_as_background_that_fills_them) {
   const Image image = picture_of(R"({"background": {"image": "sky.png"}})");
   EXPECT_EQ(pixel(image, 2, 2), (Rgb8{0, 250, 0}));
   EXPECT_EQ(pixel(image, 61, 46), (Rgb8{0, 0, 250}));
 }
 
-TEST_F(ScenePictures, name_what_is_missing) {
+TEST_F(ScenePictures, name_a_missing_file) {
   for (const char* changes :
        {R"({"models": [{"model": "none.glb"}]})", R"({"models": [{"model": "sky.png"}]})",
         R"({"background": {"image": "cube.glb"}})", R"({"takes": [{"take": "../none"}]})"}) {
@@ -163,7 +163,7 @@ TEST_F(ScenePictures, name_what_is_missing) {
   }
 }
 
-TEST_F(ScenePictures, become_a_video_and_a_video_is_their_background) {
+TEST_F(ScenePictures, become_a_video_with_a_video_as_background) {
   if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   VideoWriter video(folder_ / "street.mp4", {64, 48}, 25);
   for (const uint8_t grey : {40, 120, 200}) {
@@ -183,7 +183,7 @@ TEST_F(ScenePictures, become_a_video_and_a_video_is_their_background) {
   EXPECT_THROW(none.picture(0), InputError);
 }
 
-TEST_F(ScenePictures, refuse_a_background_video_whose_size_changes) {
+TEST_F(ScenePictures, reject_a_background_video_whose_size_changes) {
   if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   std::string motion_jpeg;
   for (const ImageSize size : {ImageSize{64, 48}, {64, 48}, {32, 24}}) {
@@ -196,17 +196,17 @@ TEST_F(ScenePictures, refuse_a_background_video_whose_size_changes) {
               HasSubstr("street.mjpeg frame 2: is 32x24, but the frames before are 64x48"));
 }
 
-TEST(ProcessStream, tells_when_the_other_program_no_longer_reads) {
-  ProcessStream gone({"true"}, ProcessStream::End::kItsInput);
+TEST(ProcessStream, reports_when_the_other_program_no_longer_reads) {
+  ProcessStream gone({"true"}, ProcessStream::End::kStdin);
   const std::vector<uint8_t> bytes(1 << 20);
   while (gone.write(bytes)) {
   }
   EXPECT_EQ(gone.finish(), 0);
-  EXPECT_THROW(ProcessStream({"v3d-none"}, ProcessStream::End::kItsInput), InputError);
+  EXPECT_THROW(ProcessStream({"v3d-none"}, ProcessStream::End::kStdin), InputError);
 }
 
-TEST(ProcessStream, brings_what_the_other_program_says) {
-  ProcessStream said({"echo", "takes"}, ProcessStream::End::kItsOutput);
+TEST(ProcessStream, returns_the_output_of_the_other_program) {
+  ProcessStream said({"echo", "takes"}, ProcessStream::End::kStdout);
   std::vector<uint8_t> bytes(5);
   EXPECT_TRUE(said.read(bytes));
   EXPECT_EQ(std::string(bytes.begin(), bytes.end()), "takes");

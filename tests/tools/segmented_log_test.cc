@@ -1,4 +1,4 @@
-// What was segmented live comes out of the recorded take again.
+// Tests that SegmentedLog returns the masks of the live segmentation from a recorded take.
 #include "daemon/recorded/segmented_log.h"
 
 #include <gmock/gmock.h>
@@ -17,7 +17,8 @@ namespace {
 constexpr ImageSize kSize{96, 64};
 const std::string kCamera = "cam01";
 
-/// A wall in the light of this pulse, which grows on the left side, and someone who walks by.
+/// Image of a wall in the light of this pulse, which gets brighter on the left, and a passing
+/// person.
 Image picture(int64_t pulse) {
   std::mt19937 random(static_cast<unsigned>(pulse));
   std::normal_distribution<double> noise(0, 1.5);
@@ -43,8 +44,8 @@ class SegmentedLogTest : public testing::Test {
     save_background(take_.background(), kCamera, model_);
   }
 
-  /// Writes a log as a capture daemon does that leaves most pulses out of the live picture, and
-  /// remembers the masks of those which it shows.
+  /// Writes a log as a capture daemon does that sends every third pulse live. Keeps the masks of
+  /// these pulses.
   void record(const std::vector<int64_t>& pulses) {
     Segmenter segmenter(model_, {});
     EventLogWriter log(take_.frames(kCamera));
@@ -88,14 +89,14 @@ std::vector<int64_t> pulses(int64_t begin, int64_t end) {
   return all;
 }
 
-TEST_F(SegmentedLogTest, gives_the_masks_that_were_seen_live) {
+TEST_F(SegmentedLogTest, returns_the_live_masks) {
   record(pulses(0, 300));
   expect_all_as_live();
-  Segmenter unlearned(model_, {});  // or there would be nothing to show
+  Segmenter unlearned(model_, {});  // without learning the masks differ, so the test is sensitive
   EXPECT_NE(unlearned.segment(picture(298).view()), live_.at(298));
 }
 
-TEST_F(SegmentedLogTest, gives_them_also_to_who_reads_a_part_or_backwards) {
+TEST_F(SegmentedLogTest, returns_the_live_masks_for_a_part_and_for_reverse_order) {
   record(pulses(0, 300));
   SegmentedLog from_the_middle(take_, kCamera);
   for (const int64_t pulse : {202, 205, 256, 298}) expect_as_live(from_the_middle, pulse);
@@ -103,7 +104,7 @@ TEST_F(SegmentedLogTest, gives_them_also_to_who_reads_a_part_or_backwards) {
   for (const int64_t pulse : {298, 100, 34, 31, 1, 298}) expect_as_live(backwards, pulse);
 }
 
-TEST_F(SegmentedLogTest, gives_them_when_frames_are_missing_among_them_some_that_would_be_learnt) {
+TEST_F(SegmentedLogTest, returns_the_live_masks_when_frames_for_learning_are_missing) {
   std::vector<int64_t> some;
   for (const int64_t pulse : pulses(10, 300)) {
     if (pulse != 64 && pulse != 96 && pulse % 7 != 0) some.push_back(pulse);
@@ -112,7 +113,7 @@ TEST_F(SegmentedLogTest, gives_them_when_frames_are_missing_among_them_some_that
   expect_all_as_live();
 }
 
-TEST_F(SegmentedLogTest, gives_them_when_pulse_numbers_are_out_of_order) {
+TEST_F(SegmentedLogTest, returns_the_live_masks_when_pulse_numbers_are_out_of_order) {
   record({0, 1, 64, 64, 4, 32, 34, 65, 64, 70, 160, 128, 130, 133, 100, 192, 193});
   SegmentedLog log(take_, kCamera);
   for (const int64_t pulse : {1, 4, 34, 70, 100, 130, 133, 193}) expect_as_live(log, pulse);

@@ -1,5 +1,5 @@
-# Silhouette repair detects a frame lag by the previous pulse, in a part of a take by the pulse before the part. So faults
-# and meshes equal those of the whole. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Tests silhouette repair in parts of a take. A frame lag is detected by the previous pulse, also by the pulse before a
+# part. So faults and meshes of a part equal those of the whole take. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)
 file(WRITE ${WORK}/faults.toml "[[fault]]\ncamera = \"cam03\"\npulse = 0\nkind = \"late\"\npulses = 1\n")

@@ -1,5 +1,4 @@
-# Takes are collected from two nodes, marked, listed and deleted. Run by cmake -P
-# with V3DCTL, V3D_SIM and WORK.
+# Tests that takes are collected from two nodes, marked, listed and deleted. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK}/cap01 ${WORK}/cap02)
 
@@ -72,7 +71,7 @@ expect("${err}" "cannot list the takes of cap02 at far:")
 v3dctl(takes collect ${sources} --to ${WORK}/archive nobody-01)
 expect_status(2)
 expect("${err}" "no node has a take nobody-01")
-# A copy of which a byte is lost between rsync and the disk is not collected; a repeated command repairs it.
+# A copy with a byte lost between rsync and the disk is not collected; a repeated command repairs it.
 file(MAKE_DIRECTORY ${WORK}/bin)
 find_program(RSYNC rsync REQUIRED)
 file(WRITE ${WORK}/bin/rsync "#!/bin/sh
@@ -120,7 +119,7 @@ expect("${out}" "\"verified\": true")
 expect("${out}" "\"mark\": \"circled\"")
 expect("${out}" "\"seconds\": 0.16")
 
-# delete refuses a take without a copy, circled, unverified, or without --yes.
+# delete rejects a take without a copy, circled or unverified, and a command without --yes.
 v3dctl(takes delete kendo-07 --yes --dir ${WORK}/archive)
 expect_status(2)
 expect("${err}" "read back first \\(--copy DIR\\), or say that none is needed \\(--no-copy\\)")
@@ -137,7 +136,7 @@ expect("${err}" "kendo-07 is not verified, or has changed since")
 v3dctl(takes delete ../cap01 --no-copy --yes --dir ${WORK}/archive)
 expect_status(2)
 
-# A node's take is deleted only when its copy is on the disk of the archive, to the bit.
+# A node's take is deleted only when its copy on the disk of the archive is identical.
 v3dctl(verify ${WORK}/cap01/kendo-07 --json)
 expect_status(0)
 expect("${out}" "\"notes\": \\[\n +\"take.toml: is not named in the ledger\"")
@@ -160,7 +159,7 @@ if(EXISTS ${WORK}/cap01/kendo-07)
   message(SEND_ERROR "kendo-07 was not deleted on cap01")
 endif()
 
-# Without a copy, if somebody looked at it since it changed.
+# Without a copy, a take is deleted if it was verified since its last change.
 execute_process(COMMAND sh -c "printf x >> ${WORK}/archive/kendo-07/cam01.lcmlog")
 v3dctl(takes delete kendo-07 --no-copy --yes --dir ${WORK}/archive)
 expect_status(2)
@@ -174,7 +173,7 @@ if(EXISTS ${WORK}/archive/kendo-07 OR EXISTS ${WORK}/archive/.deleted-kendo-07)
   message(SEND_ERROR "kendo-07 was not deleted")
 endif()
 
-# What is still recorded is passed over.
+# A take that is still being recorded is skipped.
 string(REPLACE "'complete'" "'recording'" open_take "${of_cap01}")
 file(WRITE ${WORK}/cap01/kendo-07/take.toml "${open_take}")
 v3dctl(takes collect ${sources} --to ${WORK}/archive)

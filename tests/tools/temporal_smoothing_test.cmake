@@ -1,5 +1,5 @@
-# Surfaces of high quality flicker less with temporal smoothing, and do not depend on the parts in which a take is
-# reconstructed; the report of an evaluation compares both. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Tests that surfaces of high quality flicker less with temporal smoothing and do not depend on the parts in which a take is
+# reconstructed. The report of an evaluation compares both. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
 set(take ${WORK}/take)
@@ -34,7 +34,7 @@ foreach(text "Evaluation of take" "mesh.v3d" "alone.v3d" "flicker" "data:image/j
   endif()
 endforeach()
 
-# A part of the take, from a key frame on: neighbouring pulses are used, too.
+# A part of the take, from a key frame: pulses outside the part are used, too.
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/whole)
 reconstruct(--frames 0:2 --threads 1)
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/part)

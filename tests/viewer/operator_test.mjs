@@ -144,7 +144,7 @@ test('aborts only after a confirmation', async () => {
   await page.click('[data-order=abort]');
   await page.waitForSelector('#sure[open]');
   await picture('sure');
-  await page.keyboard.press('Enter'); // the focus is on "Go on"
+  await page.keyboard.press('Enter'); // the focus is on "Do not abort"
   await page.waitForSelector('#sure:not([open])', { state: 'attached' });
   await page.click('[data-order=abort]');
   await page.keyboard.press('Escape');

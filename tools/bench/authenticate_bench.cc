@@ -1,5 +1,5 @@
-// What a node spends on the verification of commands, health and meshes, and on the checksum of
-// what it records.
+// Benchmark of authentication: verification of commands, health and meshes, signing of meshes, and
+// checksums of recorded frames.
 #include "base/core/checksum.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/member_signatures.h"
@@ -23,7 +23,7 @@ CommandMessage stop_command() {
   return command;
 }
 
-/// The operator is the last of 30 members.
+/// A list of 30 members; the operator is the last.
 std::shared_ptr<const MemberList> members_with(const SigningKey& operator_key) {
   auto list = std::make_shared<MemberList>();
   for (int i = 1; i < 30; ++i) {
@@ -34,7 +34,7 @@ std::shared_ptr<const MemberList> members_with(const SigningKey& operator_key) {
   return list;
 }
 
-/// Verifies one command again and again.
+/// Verifies one command repeatedly.
 void verify(benchmark::State& state, const Credentials& credentials) {
   const MonotonicInstant now = Monotonic::now();
   const Bytes command = credentials.authenticate(encode(stop_command()), now);
@@ -61,7 +61,7 @@ void verify_signature(benchmark::State& state) {
   verify(state, credentials);
 }
 
-/// As a capture node sends it: 80 values.
+/// Health message of a capture node, with 80 values.
 Bytes health_of_a_node() {
   HealthMessage health;
   health.node = "cap01";
@@ -76,7 +76,7 @@ Bytes mesh_of_the_performer() {
   return encode(mesh);
 }
 
-/// Verifies one message again and again; its sender is the last of 30 members.
+/// Verifies one message repeatedly. Its sender is the last of 30 members.
 void verify_on_bus(benchmark::State& state, const std::string& channel, const Bytes& message) {
   const SigningKey key = SigningKey::make();
   auto list = std::make_shared<MemberList>(*members_with(SigningKey::make()));
@@ -98,7 +98,7 @@ void verify_mesh(benchmark::State& state) {
   verify_on_bus(state, kMeshChannel, mesh_of_the_performer());
 }
 
-/// What its sender spends.
+/// Signs one mesh, as its sender does.
 void sign_mesh(benchmark::State& state) {
   const SigningKey key = SigningKey::make();
   const Bytes mesh = mesh_of_the_performer();

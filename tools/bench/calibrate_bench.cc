@@ -7,7 +7,7 @@
 namespace v3d::bench {
 namespace {
 
-/// What the cameras of a simulated rig saw of a board carried through it, corners noisy by 0.2 px.
+/// Observations of a board moved through a simulated rig, with corner noise of 0.2 px.
 std::vector<calib::CameraObservations> walk(const calib::Board& board, int cameras) {
   const Rig rig = sim::make_rig(cameras, {1024, 768}, 3);
   std::vector<Eigen::Vector3d> corners;
@@ -24,7 +24,7 @@ std::vector<calib::CameraObservations> walk(const calib::Board& board, int camer
   return seen;
 }
 
-/// Lenses and places of a whole rig, from observations.
+/// Fits the lenses and poses of a whole rig to observations.
 void calibrate(benchmark::State& state) {
   const calib::Board board = calib::parse_board("chess:9x6:100mm");
   const auto seen = walk(board, static_cast<int>(state.range(0)));

@@ -8,7 +8,7 @@
 namespace v3d::bench {
 namespace {
 
-/// 15 raw frames to 15 masks.
+/// Segments 15 raw frames into 15 masks.
 void segment(benchmark::State& state) {
   std::vector<Segmenter> segmenters;
   for (const BackgroundModel& model : background_models()) {
@@ -26,7 +26,7 @@ void segment(benchmark::State& state) {
   });
 }
 
-/// Labels of a camera at 25 Hz, its clock 100 ppm fast.
+/// Assigns pulses to the frames of a camera at 25 Hz whose clock is 100 ppm fast.
 void match(benchmark::State& state) {
   const Duration period = period_of(25);
   const auto device_period = static_cast<int64_t>(static_cast<double>(period.count()) * 1.0001);

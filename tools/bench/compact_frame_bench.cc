@@ -1,11 +1,11 @@
-// The compact frame's coder on pulses of the simulated performer that follow each other, one core.
+// Benchmark of the compact frame coder on consecutive pulses of the simulated performer, one core.
 #include "pulses.h"
 #include "rates.h"
 
 namespace v3d::bench {
 namespace {
 
-/// Means over the pulses: one key frame and those that follow it.
+/// Reports means over the pulses: one key frame and the frames after it.
 void report_sizes(benchmark::State& state, const std::vector<Pulse>& pulses) {
   FrameEncoder encoder({});
   double vertices = 0, triangles = 0, psnr = 0, between = 0;
@@ -52,7 +52,8 @@ void decode(benchmark::State& state, const std::vector<Pulse>& (*pulses)()) {
   FrameDecoder decoder;
   measure(state, kPulses, bytes, [&] {
     for (const auto& frame : frames) {
-      if (decoder.decode(frame) != DecodeStatus::kOk) state.SkipWithError("not decoded");
+      if (decoder.decode(frame) != DecodeStatus::kOk)
+        state.SkipWithError("the frame cannot be decoded");
     }
   });
 }

@@ -31,7 +31,7 @@ void deform(benchmark::State& state, int threads) {
   state.counters["vertices"] = static_cast<double>(hull.vertices.size());
 }
 
-/// 15 raw Bayer frames to one compact frame, all stages, one frame at a time.
+/// All stages from 15 raw Bayer frames to one compact frame, without a pipeline.
 void high(benchmark::State& state) {
   const int threads = static_cast<int>(state.range(0));
   std::vector<Segmenter> segmenters;

@@ -14,13 +14,14 @@
 namespace v3d::bench {
 namespace {
 
-/// One pulse: 15 raw Bayer frames to one compact frame, all stages, as v3d-recond and `v3dctl
-/// reconstruct` run them.
+/// One pulse in the pipeline, from 15 raw Bayer frames to one compact frame. The stages are those
+/// of v3d-recond and `v3dctl reconstruct`.
 struct Pulse {
   MonotonicInstant taken;
   FrameSetJob work;
 };
 
+/// The live pipeline, fed with the same frames without a pause.
 class Chain {
  public:
   explicit Chain(int threads)
@@ -33,7 +34,7 @@ class Chain {
   ~Chain() { latencies_ms(); }
 
   void wait_for_one() { done_.acquire(); }
-  /// Ends the chain; from frames taken to compact frame made, milliseconds.
+  /// Stops the pipeline. Returns the latencies from raw frames to compact frame, milliseconds.
   std::vector<double> latencies_ms() {
     stopping_ = true;
     pipeline_.wait();
@@ -41,7 +42,7 @@ class Chain {
   }
 
  private:
-  /// The next frames are there as soon as the pipeline wants them: nothing waits before it.
+  /// Frames are available at once, so there is no queue before the pipeline.
   std::optional<Pulse> next() {
     if (stopping_) return std::nullopt;
     return Pulse{Monotonic::now(), {}};
@@ -77,11 +78,11 @@ class Chain {
   std::atomic<bool> stopping_ = false;
   std::counting_semaphore<> done_{0};
   std::vector<double> latencies_ms_;  ///< of the last stage, until the pipeline has ended
-  FramePipeline<Pulse> pipeline_;     ///< last: it works with all of the above
+  FramePipeline<Pulse> pipeline_;     ///< last member: it uses all others
 };
 
-/// Frames are handed in as soon as the pipeline takes them, so both of its stages are always busy:
-/// that is the most frames it can do, and the latency at that rate, without any queue before it.
+/// Maximum throughput of the pipeline, and its latency at this rate. Both stages are always busy,
+/// and there is no queue before the first.
 void live(benchmark::State& state) {
   Chain chain(static_cast<int>(state.range(0)));
   const double bytes = static_cast<double>(kSize.pixels()) * kCameras;

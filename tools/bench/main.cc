@@ -1,5 +1,5 @@
-// v3d-bench: Google Benchmark's main, and the sweep, which takes minutes and runs only when the
-// filter names it (--benchmark_filter=^sweep/).
+// v3d-bench: runs the benchmarks with Google Benchmark. The sweep takes minutes and runs only when
+// the filter names it (--benchmark_filter=^sweep/).
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

@@ -8,7 +8,7 @@
 namespace v3d::bench {
 namespace {
 
-/// A size that /proc/self/status tells in kB ("VmRSS", "VmHWM"), in megabytes; 0 when it does not.
+/// A size of /proc/self/status ("VmRSS", "VmHWM") in megabytes; 0 when it is missing.
 double status_mb(const std::string& key) {
   std::ifstream status("/proc/self/status");
   for (std::string line; std::getline(status, line);) {
@@ -17,15 +17,15 @@ double status_mb(const std::string& key) {
   return 0;
 }
 
-/// The high-water mark of the resident memory (VmHWM) begins anew: see proc(5), clear_refs.
-void forget_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
+/// Resets the peak of the resident memory (VmHWM): see proc(5), clear_refs.
+void reset_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
 
-/// Silhouettes to a mesh at 2 mm, from nothing. `peak_rss_mb` is the whole process's, the
-/// benchmark's own workload included, `rise_mb` what this work added to it.
+/// Memory to make a mesh at 2 mm from silhouettes. `peak_rss_mb` is the peak of the whole process,
+/// including the workload of the benchmark; `rise_mb` is the increase by this work.
 void memory(benchmark::State& state) {
   const std::vector<const Mask*> pointers = pointers_to(masks());
   const double before = status_mb("VmRSS");
-  forget_peak();
+  reset_peak();
   measure(state, 1, 0, [&] {
     Intersector hull = intersector(0.002);
     benchmark::DoNotOptimize(marching_cubes(hull.intersect(pointers)));

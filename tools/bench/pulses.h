@@ -1,5 +1,5 @@
-// Pulses of the simulated performer that follow each other, as meshes at 10 mm: what the coders of
-// meshes are measured on.
+// Workload of the mesh coder benchmarks: consecutive pulses of the simulated performer, as meshes
+// at 10 mm.
 #pragma once
 
 #include <vector>
@@ -15,19 +15,21 @@ inline constexpr int kPulses = 4;
 struct Pulse {
   SparseVolume volume;
   Mesh mesh;
-  std::vector<VertexColour> colours;      ///< the mesh's
-  std::vector<VertexPosition> positions;  ///< the mesh's where it was deformed, else none
+  std::vector<VertexColour> colours;      ///< of the mesh
+  std::vector<VertexPosition> positions;  ///< of the deformed mesh; empty for a hull
 };
 
-/// The hull, and the surface of --quality high.
+/// Hulls, as with --quality live.
 const std::vector<Pulse>& live_pulses();
+/// Deformed surfaces, as with --quality high.
 const std::vector<Pulse>& high_pulses();
 
-/// Borrows from the pulse and from `volume`, its view.
+/// Content of the pulse for an encoder. It refers to the pulse and to `volume`, the view of its
+/// volume.
 FrameContent content_of(const Pulse& pulse, const BrickVolume& volume, int64_t number);
 std::vector<uint8_t> encode_pulse(FrameEncoder& encoder, const Pulse& pulse, int64_t number);
 
-/// Of all channels against 255.
+/// PSNR over all colour channels, peak 255, in dB.
 double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColour>& b);
 
 }  // namespace v3d::bench

@@ -1,5 +1,6 @@
-// Rates by the wall clock. Google Benchmark would take the main thread's CPU time, or add
-// "/real_time" to names that are fixed by contract.
+// Measures rates by the wall clock. Google Benchmark itself uses the CPU time of the main thread,
+// or adds
+// "/real_time" to the fixed benchmark names.
 #pragma once
 
 #include <benchmark/benchmark.h>

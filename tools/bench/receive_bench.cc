@@ -1,6 +1,6 @@
-// Live frames over the loopback network: what the bus, and for comparison liblcm with one MAC a
-// message (HMAC-SHA-512-256), can receive, and the processor time that it takes at both ends.
-// Needs a multicast route on `lo` (in a namespace of its own: unshare -Urn).
+// Benchmark of live frames over the loopback network: rate of received frames, and processor time
+// of both ends. The bus is compared with liblcm and one MAC (HMAC-SHA-512-256) for each message.
+// Needs a multicast route on `lo` (in its own namespace: unshare -Urn).
 #include <lcm/lcm.h>
 #include <sys/resource.h>
 
@@ -26,7 +26,7 @@ double processor_seconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-/// Whole raw frames of XGA, encoded, one for each camera.
+/// Encoded raw XGA frames, one for each camera.
 const std::vector<Bytes>& one_pulse() {
   static const std::vector<Bytes> pulse = [] {
     std::vector<Bytes> frames;
@@ -43,7 +43,7 @@ const std::vector<Bytes>& one_pulse() {
   return pulse;
 }
 
-/// Sends and receives by the bus, keyed.
+/// Sender and receiver by the bus, with a studio key.
 class BusPair {
  public:
   explicit BusPair(std::atomic<int64_t>& received) {
@@ -64,7 +64,7 @@ class BusPair {
   std::optional<Bus::Listening> listening_;
 };
 
-/// Sends and receives by liblcm; each message ends with one MAC of all its bytes.
+/// Sender and receiver by liblcm. Each message ends with one MAC of all its bytes.
 class LcmPair {
  public:
   explicit LcmPair(std::atomic<int64_t>& received) : received_(received) {
@@ -102,8 +102,8 @@ class LcmPair {
   std::thread thread_;
 };
 
-/// One pulse after the other, each when the one before has arrived or 100 ms are over; `rate_hz`
-/// above 0: that many a second.
+/// Sends pulse after pulse. The next one follows when the previous one has arrived or after 100 ms.
+/// With `rate_hz` above 0, pulses are sent at this rate.
 template <class Pair>
 void receive(benchmark::State& state, double rate_hz) {
   std::atomic<int64_t> received = 0;

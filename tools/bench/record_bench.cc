@@ -8,7 +8,7 @@
 namespace v3d::bench {
 namespace {
 
-/// A folder that goes away with the object.
+/// Temporary folder; the destructor removes it.
 class ScratchFolder {
  public:
   ScratchFolder() {
@@ -29,7 +29,7 @@ class ScratchFolder {
   std::filesystem::path path_;
 };
 
-/// What the cameras deliver at one pulse.
+/// Raw frames of all cameras at one pulse.
 std::vector<FrameMessage> one_pulse() {
   std::vector<FrameMessage> messages(kCameras);
   for (int c = 0; c < kCameras; ++c) {
@@ -62,8 +62,8 @@ bool write_pulse(std::vector<EventLogWriter>& logs, std::vector<FrameMessage>& m
   return written;
 }
 
-/// One pulse of raw frames into 15 event logs, as v3d-captured writes them; to the file system, not
-/// to the platter. The logs begin anew every 25 pulses so that a run needs 300 MB.
+/// Writes one pulse of raw frames into 15 event logs, as v3d-captured does, without a sync to the
+/// disk. New logs are opened every 25 pulses, so that a run needs 300 MB.
 void record(benchmark::State& state, LogHashing hashing) {
   const ScratchFolder folder;
   std::vector<FrameMessage> messages = one_pulse();
@@ -75,15 +75,15 @@ void record(benchmark::State& state, LogHashing hashing) {
       logs.clear();
       logs = new_logs(folder, messages, hashing);
     }
-    if (!write_pulse(logs, messages, pulse++)) state.SkipWithError("the disk refused");
+    if (!write_pulse(logs, messages, pulse++)) state.SkipWithError("a log cannot be written");
   });
 }
 
 BENCHMARK_CAPTURE(record, checksum, LogHashing::kChecksum)->Name("record/15xXGA");
 BENCHMARK_CAPTURE(record, tree, LogHashing::kTree)->Name("record/15xXGA/signed");
 
-// What the disk itself allows: 100 pulses, 1.18 GB, until they are on the platter, and as much by
-// dd with blocks of a frame. To be run by turns (docs/performance.md).
+// Writing to the disk with a sync: 100 pulses, 1.18 GB, and for comparison as much by dd with
+// blocks of one frame. Run both alternately (docs/performance.md).
 constexpr int64_t kSyncedPulses = 100;
 constexpr double kSyncedFrames = kSyncedPulses * kCameras;
 
@@ -97,13 +97,13 @@ void record_to_disk(benchmark::State& state) {
       written = write_pulse(logs, messages, pulse) && written;
     }
     for (EventLogWriter& log : logs) written = log.sync().has_value() && written;
-    if (!written) state.SkipWithError("the disk refused");
+    if (!written) state.SkipWithError("a log cannot be written");
   });
 }
 
 BENCHMARK(record_to_disk)->Name("record/15xXGA/to_disk")->Iterations(1);
 
-/// Zeros: dd then reads nothing.
+/// dd writes zeros, so it reads no disk.
 void dd(benchmark::State& state) {
   const ScratchFolder folder;
   const std::string command = "dd if=/dev/zero of=" + (folder.path() / "dd").string() +

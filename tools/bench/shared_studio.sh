@@ -1,19 +1,20 @@
-# Sourced by the scripts here that run a simulated studio, also one that several nodes reconstruct.
+# Functions for the scripts in this folder that run a simulated studio, also with several reconstruction nodes.
 # shellcheck shell=bash
 
-# wait_for TEXT COMMAND...: until what the command prints has the text, two minutes at most. fail() is the caller's.
+# wait_for TEXT COMMAND...: repeats the command until its output contains the text, for at most two minutes. The caller
+# defines fail().
 wait_for() {
   local text=$1 i
   shift
   for ((i = 0; i < 1200; ++i)); do
-    # grep -q would end before the command has said all, which fails it.
+    # grep -q would end before the command has written everything, and the command would fail.
     if [ "$("$@" 2>/dev/null | grep -c "$text")" != 0 ]; then return; fi
     sleep 0.1
   done
-  fail "never heard '$text'"
+  fail "no '$text' in the output of '$*' within two minutes"
 }
 
-# with_frame_groups N: a studio file that passes through gets so many.
+# with_frame_groups N: filter that adds N frame groups to a studio file.
 with_frame_groups() {
   local list="" i
   for ((i = 1; i <= $1; ++i)); do
@@ -22,9 +23,9 @@ with_frame_groups() {
   sed -e "s|^\[network\]|[network]\nframe_groups = [$list]|"
 }
 
-# write_shared_studio FOLDER NODES: of FOLDER/plain.toml, as v3d-sim wrote it. FOLDER/studio.toml is the operator's and the
-# capture node's; each node of the reconstruction has one in FOLDER/recon0N, with takes of its own; key, wire, calibration
-# and background are those of FOLDER.
+# write_shared_studio FOLDER NODES: writes studio files from FOLDER/plain.toml, the file of v3d-sim. FOLDER/studio.toml is for
+# the operator and the capture node. Each reconstruction node has a file in FOLDER/recon0N with its own takes; key, trigger,
+# calibration and background are those of FOLDER.
 write_shared_studio() {
   local folder=$1 names="" tables="" i
   for ((i = 1; i <= $2; ++i)); do

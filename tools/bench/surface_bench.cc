@@ -26,7 +26,7 @@ void texture(benchmark::State& state, int threads) {
   });
 }
 
-/// How well a mesh explains the silhouettes it was made of.
+/// Measures the quality of a mesh against the silhouettes it was made from.
 void score(benchmark::State& state) {
   const QualityMeter meter(rig(), options(0.01, 0).bounds, 0.01);
   std::vector<const Frame*> frames;
@@ -39,7 +39,7 @@ void score(benchmark::State& state) {
   state.counters["coverage"] = quality.coverage;
 }
 
-/// The depth buffers of the whole rig, reduced by `factor`.
+/// Draws the depth buffers of the whole rig, reduced by `factor`.
 void raster(benchmark::State& state, int factor) {
   std::vector<CameraModel> models;
   for (const CameraModel& camera : models_of(rig())) models.push_back(camera.reduced(factor));

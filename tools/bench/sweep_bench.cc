@@ -23,8 +23,8 @@ struct Silhouettes {
   std::vector<Mask> masks;
 };
 
-/// Those of the benchmark's 15 cameras are what the segmentation found; other rigs see the exact
-/// ones, because rendering plates for 60 cameras takes minutes.
+/// Silhouettes of the benchmark's 15 cameras are segmented; those of other rigs are exact, because
+/// rendering plates for 60 cameras takes minutes.
 Silhouettes make_silhouettes(int cameras) {
   if (cameras == kCameras) return {models_of(rig()), masks()};
   const Rig others = sim::make_rig(cameras, kSize, kSeed);
@@ -69,7 +69,7 @@ void mesh(benchmark::State& state) {
   });
 }
 
-/// 1, 2, 4, ... and what the machine has.
+/// 1, 2, 4, ... and the number of cores.
 std::vector<int64_t> thread_counts() {
   const int64_t cores = std::max(1U, std::thread::hardware_concurrency());
   std::vector<int64_t> counts;

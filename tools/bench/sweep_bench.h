@@ -1,4 +1,4 @@
-// How time grows with the resolution, the cameras and the threads.
+// Benchmark sweep over resolutions, cameras and threads.
 #pragma once
 
 namespace v3d::bench {

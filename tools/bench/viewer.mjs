@@ -6,10 +6,10 @@ import { megabytes, memoryOf } from '../../tests/viewer/page_memory.mjs';
 import { launchBrowser, ServedStudio, TIMEOUT_MS } from '../../tests/viewer/served_studio.mjs';
 
 const [build, take, wanted] = process.argv.slice(2);
-const MOST_GROWTH = 32e6;
+const MAX_GROWTH = 32e6;
 const WARM = 1000;
 
-/** Frames a second of one thread in the browser, and what one is. */
+/** Decoding rate of one thread in the browser, frames a second; mean triangles and bytes of a frame. */
 async function decodeRate(browser) {
   const files = {
     '/': ['text/html', '<!doctype html>'],
@@ -55,7 +55,7 @@ async function playFor(browser, frames, warm) {
     await page.goto(`${studio.address}#take=${basename(take)}`);
     await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0, null, { timeout: TIMEOUT_MS });
     await page.selectOption('#speed', '4');
-    const shows = (n) => page.waitForFunction((most) => Number(document.getElementById('canvas').dataset.shown) >= most, n, { timeout: 0 });
+    const shows = (n) => page.waitForFunction((target) => Number(document.getElementById('canvas').dataset.shown) >= target, n, { timeout: 0 });
     await shows(warm);
     const early = await memoryOf(browser, page);
     await shows(frames);
@@ -73,7 +73,7 @@ try {
   const { early, late } = await playFor(browser, Number(wanted), warm);
   console.log(`memory after ${warm} meshes: ${megabytes(early.heap)} MB of JavaScript, ${megabytes(early.resident)} MB resident`);
   console.log(`memory after ${wanted} meshes: ${megabytes(late.heap)} MB of JavaScript, ${megabytes(late.resident)} MB resident`);
-  if (late.resident - early.resident > MOST_GROWTH) throw new Error('the memory of the page has grown');
+  if (late.resident - early.resident > MAX_GROWTH) throw new Error('the memory of the page has grown by more than 32 MB');
 } finally {
   await browser.close();
 }

@@ -10,7 +10,8 @@ namespace v3d::bench {
 namespace {
 
 struct Pictures {
-  std::vector<std::vector<Image>> plates;  ///< of the empty studio, one vector per camera
+  std::vector<std::vector<Image>>
+      plates;  ///< images of the empty studio, one vector for each camera
   std::vector<Image> frames;
 };
 

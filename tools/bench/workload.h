@@ -1,5 +1,5 @@
-// The workload every benchmark runs on: the simulated performer before 15 cameras of 1024x768, a
-// space of 3 x 3 x 2 m, one seed.
+// Common workload of the benchmarks: the simulated performer, 15 cameras of 1024x768, a space of
+// 3 x 3 x 2 m, one seed.
 #pragma once
 
 #include <vector>
@@ -18,10 +18,10 @@ inline constexpr int kCameras = 15;
 inline constexpr ImageSize kSize{1024, 768};
 inline constexpr uint64_t kSeed = 1;
 inline constexpr int kMinViews = 4;
-inline constexpr int kPlates = 8;               ///< of the empty studio
-inline constexpr double kInstantSeconds = 1.5;  ///< of raw_frames(), in the cut
+inline constexpr int kPlates = 8;               ///< images of the empty studio, for each camera
+inline constexpr double kInstantSeconds = 1.5;  ///< time of raw_frames(), in the cut of the sword
 
-/// The space the paper reconstructs.
+/// The reconstructed space of the paper, metres.
 Box space();
 
 const Rig& rig();
@@ -29,27 +29,27 @@ const Rig& rig();
 /// One raw frame per camera, in the middle of the cut.
 const std::vector<Image>& raw_frames();
 
-/// What the camera saw of the empty studio beforehand.
+/// Images of the empty studio by this camera.
 const std::vector<Image>& plates(int camera);
 
-/// Learnt from plates().
+/// Background models of all cameras, learnt from plates().
 const std::vector<BackgroundModel>& background_models();
 
-/// What the segmentation makes of raw_frames().
+/// Segmented silhouettes of raw_frames().
 const std::vector<Mask>& masks();
 
-/// Borrowed from `masks`.
+/// Pointers to the elements of `masks`.
 std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks);
 
-/// Empty space with the benchmark's cameras round it, ready to intersect.
+/// Intersector of the space with the benchmark's cameras.
 Intersector intersector(double voxel_m);
-/// The volume of masks().
+/// The visual hull of masks().
 SparseVolume volume(double voxel_m);
 
-/// raw_frames() and masks() as they reach the reconstruction.
+/// raw_frames() and masks() in the form that the reconstruction receives.
 const FrameSet& frame_set();
 
-/// frame_set() reconstructed at 10 mm, as it travels and as it is read.
+/// frame_set() reconstructed at 10 mm, as encoded bytes and decoded.
 const std::vector<uint8_t>& compact_10mm();
 const CompactFrame& compact_frame_10mm();
 

@@ -55,7 +55,7 @@ void Progress::advance(int64_t steps) {
 }
 
 void Progress::print_plain() {
-  if (total_ == 1) return;  // nothing long
+  if (total_ == 1) return;  // a single step needs no progress
   const int64_t step = total_ > 0 ? std::max<int64_t>(1, total_ / 10) : 100;
   if (done_ - printed_ < step && done_ != total_) return;
   printed_ = done_;

@@ -1,4 +1,4 @@
-// What a person reads: notes and progress on stderr, so that stdout stays for results.
+// Console output for people: notes and progress on stderr. stdout is reserved for results.
 #pragma once
 
 #include <chrono>
@@ -7,14 +7,14 @@
 
 namespace v3d {
 
-/// One line on stderr.
+/// Prints one line on stderr.
 void note(const std::string& line);
 
-/// stderr is a terminal that can redraw a line.
+/// True when stderr is a terminal that can redraw a line.
 bool on_terminal();
 
-/// A line that is redrawn on a terminal; else printed when it has changed, at most once a second.
-/// One thread. Ends its line when it is destroyed.
+/// A status line. On a terminal it is redrawn; otherwise it is printed when it has changed, at most
+/// once a second. The destructor ends the line. One thread.
 class StatusLine {
  public:
   StatusLine() : terminal_(on_terminal()) {}
@@ -30,11 +30,11 @@ class StatusLine {
   std::chrono::steady_clock::time_point shown_at_;
 };
 
-/// How far a long piece of work has come: a bar on a terminal, else a plain line every tenth of the
-/// work. One thread. Ends its line when it is destroyed.
+/// Progress of long work: a bar on a terminal, otherwise a plain line for every tenth of the work.
+/// The destructor ends the line. One thread.
 class Progress {
  public:
-  /// `total` 0: not known in advance.
+  /// `what`: name of the work. `total`: number of steps; 0: unknown.
   Progress(std::string what, int64_t total);
   ~Progress();
   Progress(const Progress&) = delete;
@@ -56,7 +56,7 @@ class Progress {
   std::chrono::steady_clock::time_point last_draw_;
 };
 
-/// "[=====>    ]  50 %": the bar alone, `width` characters between the brackets.
+/// The text of a bar, such as "[=====>    ]  50 %", with `width` characters between the brackets.
 std::string progress_bar(int64_t done, int64_t total, int width);
 
 }  // namespace v3d

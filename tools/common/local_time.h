@@ -1,4 +1,4 @@
-// Instants as a person reads them.
+// Local date and time of an instant as text.
 #pragma once
 
 #include <ctime>
@@ -8,8 +8,8 @@
 
 namespace v3d {
 
-/// By the wall clock of this PC; `format` as of strftime, at most 31 characters long when filled
-/// in.
+/// Formats `instant` in the time zone of this PC. `format` is that of strftime(); the result must
+/// have at most 31 characters.
 inline std::string local_time(RealtimeInstant instant, const char* format) {
   const std::time_t seconds = to_ns(instant) / 1'000'000'000;
   std::tm parts{};

@@ -36,10 +36,10 @@ size_t size_of(Type type) {
   return kSizes[static_cast<size_t>(type)];
 }
 
-// The bytes behind the header; every read is checked against the end of the file.
+// The bytes after the header. Every read is checked against the end of the file.
 class Body {
  public:
-  Body(std::string_view bytes, const std::string& name) : rest_(bytes), name_(name) {}
+  Body(std::string_view bytes, const std::string& name) : remaining_(bytes), name_(name) {}
 
   double read(Type type) {
     switch (type) {
@@ -63,20 +63,20 @@ class Body {
     return 0;
   }
 
-  size_t left() const { return rest_.size(); }
+  size_t left() const { return remaining_.size(); }
   [[noreturn]] void fail(const std::string& why) const { throw InputError(name_ + ": " + why); }
 
  private:
   template <class T>
   T take() {
-    if (rest_.size() < sizeof(T)) fail("the PLY file is truncated");
+    if (remaining_.size() < sizeof(T)) fail("the PLY file is truncated");
     T value;
-    std::memcpy(&value, rest_.data(), sizeof value);
-    rest_.remove_prefix(sizeof value);
+    std::memcpy(&value, remaining_.data(), sizeof value);
+    remaining_.remove_prefix(sizeof value);
     return value;
   }
 
-  std::string_view rest_;
+  std::string_view remaining_;
   const std::string& name_;
 };
 
@@ -108,28 +108,28 @@ Property parse_property(std::istringstream& words, const std::string& name) {
   return property;
 }
 
-// Takes the line and its end off `rest`; false when there is none.
-bool next_line(std::string_view& rest, std::string& line) {
-  const size_t end = rest.find('\n');
+// Removes the first line and its end from `remaining`. Returns false when there is none.
+bool next_line(std::string_view& remaining, std::string& line) {
+  const size_t end = remaining.find('\n');
   if (end == std::string_view::npos) return false;
-  line = rest.substr(0, end);
-  rest.remove_prefix(end + 1);
+  line = remaining.substr(0, end);
+  remaining.remove_prefix(end + 1);
   return true;
 }
 
-// Takes the header off `rest`.
-std::vector<Element> parse_header(std::string_view& rest, const std::string& name) {
+// Parses the header and removes it from `remaining`.
+std::vector<Element> parse_header(std::string_view& remaining, const std::string& name) {
   std::vector<Element> elements;
   std::string line;
   bool binary = false;
-  if (!next_line(rest, line) || (line != "ply" && line != "ply\r"))
-    throw InputError(name + ": is no PLY file");
-  while (next_line(rest, line)) {
+  if (!next_line(remaining, line) || (line != "ply" && line != "ply\r"))
+    throw InputError(name + ": is not a PLY file");
+  while (next_line(remaining, line)) {
     std::istringstream words(line);
     std::string keyword;
     words >> keyword;
     if (keyword == "end_header") {
-      if (!binary) throw InputError(name + ": want a PLY of format binary_little_endian 1.0");
+      if (!binary) throw InputError(name + ": expected PLY format binary_little_endian 1.0");
       return elements;
     }
     if (keyword == "format") {
@@ -139,7 +139,7 @@ std::vector<Element> parse_header(std::string_view& rest, const std::string& nam
     } else if (keyword == "element") {
       Element element;
       if (!(words >> element.name >> element.count)) {
-        throw InputError(name + ": PLY header: '" + line + "'");
+        throw InputError(name + ": invalid line in the PLY header: '" + line + "'");
       }
       elements.push_back(element);
     } else if (keyword == "property" && !elements.empty()) {
@@ -149,7 +149,7 @@ std::vector<Element> parse_header(std::string_view& rest, const std::string& nam
   throw InputError(name + ": the PLY header has no end");
 }
 
-// All numbers of one element by property; a list's first is its length.
+// All numbers of one element, by property. The first number of a list is its length.
 using Values = std::vector<std::vector<double>>;
 
 void read_element(Body& body, const Element& element, Values& values) {
@@ -236,7 +236,7 @@ Mesh parse_ply(std::string_view bytes, const std::string& name) {
   Body body(bytes, name);
   Mesh mesh;
   for (const Element& element : elements) {
-    // An element of no bytes could be announced any number of times.
+    // The header may declare any number of elements of zero bytes.
     if (element.properties.empty() && element.count > 0)
       body.fail("PLY element without properties");
     if (element.name == "vertex") {

@@ -1,4 +1,4 @@
-// A PLY file as a mesh, whichever program wrote it.
+// Reader of PLY files from any program.
 #pragma once
 
 #include <filesystem>
@@ -9,13 +9,15 @@
 
 namespace v3d {
 
-/// PLY 1.0, binary little endian: vertices with x, y, z (float or double), with red, green, blue
-/// (uchar) where they are there, and faces of which those with more than three corners become fans.
-/// Other properties are passed over. Throws InputError, which begins with `name`, for anything
-/// else, for truncated bytes, and for an index without its vertex.
+/// Parses PLY 1.0, binary little endian.
+///
+/// Vertices have x, y, z (float or double) and optionally red, green, blue (uchar). Faces with more
+/// than three corners become triangle fans. Other properties are ignored. Throws InputError, whose
+/// message begins with `name`, for any other content, truncated bytes, or an index without its
+/// vertex.
 Mesh parse_ply(std::string_view bytes, const std::string& name);
 
-/// The same of a file; throws InputError also when it cannot be read.
+/// The same for a file. Throws InputError also when the file cannot be read.
 Mesh read_ply(const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// A mesh as a PLY file.
+// Writer of PLY files.
 #pragma once
 
 #include <array>
@@ -11,16 +11,18 @@
 
 namespace v3d {
 
-/// Four more properties of the vertices, uchar each. Names have neither spaces nor line breaks.
+/// Four additional properties of each vertex, of type uchar. Names contain no spaces or line
+/// breaks.
 struct PlyColours {
-  std::string comment;  ///< a line about them
+  std::string comment;  ///< comment line for the header
   std::array<std::string, 4> properties;
   std::span<const std::array<uint8_t, 4>> vertices;  ///< borrowed; one for each vertex
 };
 
-/// PLY 1.0, binary little endian, metres, z up: float x y z, uchar red green blue where the mesh
-/// has colours, then `more`, faces as uchar count and int indices. Replaces the file; throws
-/// std::runtime_error when it cannot be written.
+/// Writes `mesh` as PLY 1.0, binary little endian, in metres, z up.
+///
+/// Vertices: float x y z, uchar red green blue if the mesh has colours, then `more`. Faces: uchar
+/// count and int indices. Replaces the file. Throws std::runtime_error when it cannot be written.
 void write_ply(const std::filesystem::path& path, const Mesh& mesh,
                std::span<const PlyColours> more = {});
 

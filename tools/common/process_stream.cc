@@ -12,13 +12,13 @@
 
 namespace v3d {
 ProcessStream::ProcessStream(const std::vector<std::string>& words, End end) {
-  // A socket, not a pipe: writing to one that nobody reads is an error, not a signal.
+  // A socket instead of a pipe: writing without a reader returns an error and raises no signal.
   int channel[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, channel) != 0) {
     throw std::runtime_error(errno_message("socketpair"));
   }
   SpawnOptions options{.errors = STDERR_FILENO, .on_path = true};
-  (end == End::kItsInput ? options.input : options.output) = channel[1];
+  (end == End::kStdin ? options.input : options.output) = channel[1];
   child_ = spawn_process(words, options);
   const std::string problem = errno_message("cannot run " + words.front());
   close(channel[1]);

@@ -1,4 +1,4 @@
-// Another program that is fed, or listened to, while it runs.
+// A child process with a stream to its standard input or from its standard output.
 #pragma once
 
 #include <sys/types.h>
@@ -10,24 +10,26 @@
 
 namespace v3d {
 
-/// Our end of its standard input, or of its standard output; its other streams are /dev/null and
-/// our standard error. Killed where it still runs when this ends. One thread.
+/// A running child process and one end of its standard input or output.
+///
+/// The other one of these is /dev/null; standard error is that of this process. The destructor
+/// kills a child that still runs. One thread.
 class ProcessStream {
  public:
-  enum class End : uint8_t { kItsInput, kItsOutput };
-  /// `words`: the program, found on the PATH, and its arguments. Throws InputError when there is no
-  /// such program.
+  enum class End : uint8_t { kStdin, kStdout };
+  /// Starts the program. `words`: its name, searched in PATH, and its arguments. Throws InputError
+  /// when there is no such program.
   ProcessStream(const std::vector<std::string>& words, End end);
   ~ProcessStream();
   ProcessStream(const ProcessStream&) = delete;
   ProcessStream& operator=(const ProcessStream&) = delete;
 
-  /// False when it no longer reads.
+  /// Writes all bytes. Returns false when the child no longer reads.
   bool write(std::span<const uint8_t> bytes) const;
-  /// False when it ended before so many bytes.
+  /// Fills `bytes`. Returns false when the output ends before.
   bool read(std::span<uint8_t> bytes) const;
-  /// No more is written or read; waits for its end. Its exit status; 128 + signal when one ended
-  /// it.
+  /// Closes the stream and waits for the end of the child. Returns its exit status, or 128 +
+  /// signal.
   int finish();
 
  private:

@@ -1,4 +1,4 @@
-// An option that sets the rate of the pulses.
+// Validator of command line options: pulse rates.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,7 +8,7 @@
 
 namespace v3d {
 
-/// For CLI::Option::check(): what is wrong, or nothing.
+/// For CLI::Option::check(): returns an error message, or an empty string for a valid rate in Hz.
 inline std::string check_pulse_rate(const std::string& text) {
   double hz = 0;
   if (!CLI::detail::lexical_cast(text, hz)) return "expected a number of Hz, found '" + text + "'";

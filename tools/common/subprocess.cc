@@ -53,7 +53,7 @@ ProcessResult run_process(const std::vector<std::string>& words, Output output) 
     return {.status = wait_for_process(child), .output = {}, .errors = {}};
   }
   if (output == Output::kCapture) return run_captured(words, STDERR_FILENO);
-  // Not a second pipe: one that nobody reads meanwhile would stop it.
+  // A file instead of a second pipe: the program would block on a full pipe that is not read.
   const io::UniqueFd errors(memfd_create("errors", MFD_CLOEXEC));
   if (!errors) throw std::runtime_error(errno_message("cannot run another program"));
   ProcessResult result = run_captured(words, errors.get());

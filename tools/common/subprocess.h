@@ -1,4 +1,4 @@
-// Another program, run to its end.
+// Runs a program and waits for its end.
 #pragma once
 
 #include <string>
@@ -6,21 +6,23 @@
 
 namespace v3d {
 
+/// Result of a finished program.
 struct ProcessResult {
-  int status = 0;      ///< exit status; 128 + signal when one ended it
-  std::string output;  ///< what it wrote to its standard output, when that was captured
-  std::string errors;  ///< the same of its standard error
+  int status = 0;      ///< exit status, or 128 + signal
+  std::string output;  ///< standard output, if captured
+  std::string errors;  ///< standard error, if captured
 };
 
-/// Its standard output, which is captured or shown on our standard error: ours is for results. Its
-/// standard error is ours, unless both are captured.
+/// Output of the program. kCapture returns its standard output; kShow writes it to standard error
+/// of this process, because standard output is reserved for results. kCaptureBoth returns standard
+/// error, too.
 enum class Output { kCapture, kShow, kCaptureBoth };
 
-/// `words`: the program, found on the PATH, and its arguments; it has nothing to read. Throws
-/// InputError when there is no such program.
+/// Runs the program with empty standard input. `words`: its name, searched in PATH, and its
+/// arguments. Throws InputError when there is no such program.
 ProcessResult run_process(const std::vector<std::string>& words, Output output);
 
-/// Whether the PATH has such a program.
+/// True when PATH contains such a program.
 bool has_program(const std::string& name);
 
 }  // namespace v3d

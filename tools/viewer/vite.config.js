@@ -3,9 +3,9 @@ import { defineConfig } from 'vitest/config';
 
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 
-// The decoder is built by CMake, which says where it lies; tests need none.
+// CMake builds the decoder and passes its path; tests do not need it.
 const decoder = process.env.V3D_DECODER_WASM ?? here('../../build/release/codec/v3d_decoder.wasm');
-// `npx vite` beside a running v3d-viewd: what is no page comes from there.
+// `npx vite` beside a running v3d-viewd: all requests other than pages go to the daemon.
 const daemon = 'http://127.0.0.1:8330';
 
 export default defineConfig({

@@ -33,7 +33,7 @@ TEST(BoundsMask, holds_every_pixel_to_which_a_point_of_the_box_projects) {
   }
 }
 
-TEST(BoundsMask, reaches_no_more_than_a_block_beyond_the_box) {
+TEST(BoundsMask, extends_at_most_a_block_beyond_the_box) {
   const CameraModel camera = barrel_camera();
   const Box box{{-0.1, -0.1, -0.1}, {0.1, 0.1, 0.1}};
   Eigen::Array2d low(64, 48);
@@ -51,7 +51,7 @@ TEST(BoundsMask, reaches_no_more_than_a_block_beyond_the_box) {
   EXPECT_LE(seen.y0 + seen.height, high.y() + 5.5);
 }
 
-TEST(BoundsMask, is_empty_for_a_box_behind_the_camera_and_whole_from_within) {
+TEST(BoundsMask, is_empty_for_a_box_behind_the_camera_and_full_from_inside) {
   const CameraModel camera = barrel_camera();
   EXPECT_EQ(bounds_mask({{3, -1, -1}, {5, 1, 1}}, camera).count(), 0);
   EXPECT_EQ(bounds_mask({{-5, -5, -5}, {5, 5, 5}}, camera).count(), 64 * 48);

@@ -50,7 +50,7 @@ TEST(VertexLattice, rounds_to_the_nearest_of_its_points) {
   EXPECT_EQ(rounded, Eigen::Vector3f(static_cast<float>(0.1 + 2 * 0.25), -2.25F, 0));
 }
 
-TEST(VertexLattice, leaves_its_own_points_where_they_are) {
+TEST(VertexLattice, keeps_its_own_points) {
   std::mt19937 random(2);
   const VertexLattice lattice{.origin = {-1.37, 0.211, 0.05}, .step = 0.01 / 50};
   std::uniform_real_distribution<float> along(-2, 2);

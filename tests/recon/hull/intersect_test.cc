@@ -86,7 +86,7 @@ RC_GTEST_PROP(Intersector, equals_the_brute_force_intersection_voxel_for_voxel, 
 RC_GTEST_PROP(Intersector, takes_what_lies_beyond_the_fold_of_a_lens_as_not_seen, ()) {
   const VoxelGrid grid = random_grid();
   Scene scene = random_scene(grid, 1);
-  // A barrel lens that folds inside its own image, and sees background wherever it sees at all.
+  // A barrel lens that folds inside its own image and has background everywhere.
   const CameraModel wide = random_camera(box_of(grid));
   Eigen::Matrix3d k;
   k << 60, 0, 49.5, 0, 60, 49.5, 0, 0, 1;
@@ -123,7 +123,7 @@ RC_GTEST_PROP(Intersector, gives_the_same_bytes_with_every_instruction_set_of_th
   }
 }
 
-TEST(Intersector, allocates_nothing_once_its_memory_is_warm) {
+TEST(Intersector, allocates_nothing_after_the_first_frames) {
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.01);
   const Scene scene = ball_scene(8, {0, 0.1, 0.9}, 0.5);
   const std::vector<const Mask*> masks = scene.mask_pointers();
@@ -139,7 +139,7 @@ TEST(Intersector, allocates_nothing_once_its_memory_is_warm) {
   EXPECT_GT(volume.count(), 0);
 }
 
-TEST(Intersector, finds_a_ball_and_little_more) {
+TEST(Intersector, finds_a_ball_with_little_excess) {
   const Eigen::Vector3d center(0.1, -0.2, 1.1);
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.02);
   const SparseVolume volume = intersect(grid, ball_scene(16, center, 0.4), 4);
@@ -150,7 +150,7 @@ TEST(Intersector, finds_a_ball_and_little_more) {
   EXPECT_TRUE(volume.get(55, 40, 55));
 }
 
-TEST(Intersector, gives_the_same_bytes_for_any_number_of_threads) {
+TEST(Intersector, returns_the_same_bytes_for_any_number_of_threads) {
   const tbb::global_control more_threads_than_cores(tbb::global_control::max_allowed_parallelism,
                                                     5);
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.01);
@@ -164,7 +164,7 @@ TEST(Intersector, gives_the_same_bytes_for_any_number_of_threads) {
   }
 }
 
-TEST(Intersector, leaves_space_that_too_few_cameras_see_empty) {
+TEST(Intersector, keeps_space_empty_that_too_few_cameras_see) {
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.05);
   Scene scene = ball_scene(3, {0, 0, 1}, 10);  // everything is foreground
   const auto seen_by_all = [&](int i, int j, int k) {
@@ -200,7 +200,7 @@ TEST(Intersector, is_empty_without_cameras_and_without_silhouettes) {
   EXPECT_EQ(Intersector(grid, scene.cameras, 1).intersect(none).count(), 0);
 }
 
-TEST(Intersector, refuses_what_it_cannot_work_with) {
+TEST(Intersector, rejects_invalid_input) {
   const VoxelGrid grid = small_grid(8, 8, 8);
   const Scene scene = ball_scene(1, {0, 0, 1}, 0.4);
   EXPECT_THROW(Intersector(grid, scene.cameras, 0), InputError);

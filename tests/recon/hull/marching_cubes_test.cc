@@ -16,7 +16,7 @@
 namespace v3d {
 namespace {
 
-/// Voxels by a hash: from sparse dust to nearly solid.
+/// Pseudo-random voxels, from sparse to nearly solid.
 SparseVolume random_volume(const VoxelGrid& grid, uint32_t seed, uint32_t per_thousand) {
   return make_volume(grid, [&](int i, int j, int k) {
     uint32_t h = seed ^ (static_cast<uint32_t>(i) * 73856093U) ^
@@ -45,7 +45,7 @@ double area(const Mesh& mesh) {
   return sum;
 }
 
-/// Where the vertices lie, in half voxels from the grid's origin.
+/// Positions of the vertices in half voxels from the grid's origin.
 std::vector<std::array<int, 3>> half_voxels(const Mesh& mesh, const VoxelGrid& grid) {
   std::vector<std::array<int, 3>> places;
   for (const Eigen::Vector3f& vertex : mesh.vertices) {
@@ -199,7 +199,7 @@ RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_la
   RC_ASSERT(found == expected);
 }
 
-TEST(MarchingCubes, gives_the_same_bytes_whatever_it_made_before) {
+TEST(MarchingCubes, returns_the_same_bytes_after_any_previous_volume) {
   MarchingCubes used;
   Mesh mesh;
   used.run(random_volume(small_grid(70, 50, 60), 3, 500), mesh);
@@ -223,7 +223,7 @@ TEST(MarchingCubes, finds_the_surface_in_rows_of_more_than_64_bricks) {
   }
 }
 
-TEST(MarchingCubes, gives_the_same_bytes_for_any_number_of_threads) {
+TEST(MarchingCubes, returns_the_same_bytes_for_any_number_of_threads) {
   const SparseVolume volume = random_volume(small_grid(70, 50, 60), 7, 300);
   const tbb::global_control more_threads_than_cores(tbb::global_control::max_allowed_parallelism,
                                                     3);

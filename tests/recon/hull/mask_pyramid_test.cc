@@ -34,7 +34,7 @@ Coverage exact_coverage(const Mask& mask, Span x, Span y) {
 RC_GTEST_PROP(MaskPyramid, is_never_wrong_when_it_is_certain, ()) {
   const ImageSize size{uniform_int(1, 300), uniform_int(1, 300)};
   MaskPyramid pyramid(size);
-  pyramid.build(random_mask(size));  // what stays of an earlier frame must not matter
+  pyramid.build(random_mask(size));  // the remains of an earlier frame must have no effect
   const Mask mask = random_mask(size);
   pyramid.build(mask);
   for (int n = 0; n < 50; ++n) {
@@ -60,7 +60,7 @@ RC_GTEST_PROP(MaskPyramid, is_exact_for_small_rectangles, ()) {
   }
 }
 
-TEST(MaskPyramid, knows_whole_images_whose_sides_are_no_powers_of_two) {
+TEST(MaskPyramid, handles_full_images_whose_sides_are_not_powers_of_two) {
   for (const ImageSize size : {ImageSize{1, 1}, {1023, 3}, {65, 517}, {1024, 768}, {333, 97}}) {
     Mask mask(size);
     MaskPyramid pyramid(size);
@@ -75,7 +75,7 @@ TEST(MaskPyramid, knows_whole_images_whose_sides_are_no_powers_of_two) {
   }
 }
 
-TEST(MaskPyramid, forgets_the_mask_before) {
+TEST(MaskPyramid, is_independent_of_the_previous_mask) {
   Mask mask({1024, 768});
   MaskPyramid pyramid(mask.size());
   for (int y = 0; y < 768; ++y) mask.fill_row(y, 0, 1024);
@@ -88,7 +88,7 @@ TEST(MaskPyramid, forgets_the_mask_before) {
   EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kNone);
 }
 
-TEST(MaskPyramid, lets_an_odd_last_row_stand_for_itself) {
+TEST(MaskPyramid, handles_an_odd_last_row) {
   Mask mask({100, 3});
   mask.fill_row(2, 0, 100);
   MaskPyramid pyramid(mask.size());

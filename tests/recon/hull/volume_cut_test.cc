@@ -9,7 +9,7 @@
 namespace v3d {
 namespace {
 
-/// A brick for each of the volume, of the voxels for which cut(i, j, k).
+/// One brick for each of the volume, with the voxels for which cut(i, j, k) is true.
 template <class Cut>
 std::vector<Brick> bricks_of(const SparseVolume& volume, const Cut& cut) {
   std::vector<Brick> bricks(volume.bricks().size(), kEmptyBrick);
@@ -24,7 +24,7 @@ std::vector<Brick> bricks_of(const SparseVolume& volume, const Cut& cut) {
   return bricks;
 }
 
-/// What every voxel of the cut becomes in a pass of smooth(), a voxel at a time.
+/// Reference for one pass of smooth(), one voxel at a time.
 template <class Cut>
 SparseVolume smoothed_once(const SparseVolume& volume, const Cut& cut) {
   return make_volume(volume.grid(), [&](int i, int j, int k) {
@@ -40,7 +40,7 @@ SparseVolume smoothed_once(const SparseVolume& volume, const Cut& cut) {
   });
 }
 
-TEST(VolumeCut, smooths_as_most_of_the_occupied_neighbours_do) {
+TEST(VolumeCut, smooths_by_the_majority_of_occupied_neighbours) {
   std::mt19937 random(4);
   const SparseVolume volume = make_volume(
       small_grid(21, 19, 18), [&](int i, int, int) { return i < 9 || random() % 3 != 0; });
@@ -52,7 +52,7 @@ TEST(VolumeCut, smooths_as_most_of_the_occupied_neighbours_do) {
   EXPECT_EQ(ours.remaining(), smoothed_once(volume, cut));
 }
 
-TEST(VolumeCut, smoothing_leaves_what_is_slender_but_not_a_speck_of_the_cut) {
+TEST(VolumeCut, smoothing_keeps_slender_parts_and_removes_specks_of_the_cut) {
   const auto blade = [](int i, int j, int k) { return i == 9 && j >= 8 && j < 11 && k < 30; };
   const SparseVolume volume = make_volume(small_grid(20, 20, 32), blade);
   VolumeCut none(volume, bricks_of(volume, [](int, int, int) { return false; }));
@@ -72,7 +72,7 @@ SparseVolume block_with_bud() {
   });
 }
 
-TEST(VolumeCut, takes_severed_crumbs_along_but_neither_large_pieces_nor_strangers) {
+TEST(VolumeCut, removes_small_severed_pieces_but_no_large_or_earlier_ones) {
   const SparseVolume volume = block_with_bud();
   const auto stalk = [](int i, int, int) { return i >= 12 && i < 16; };
   VolumeCut small(volume, bricks_of(volume, stalk));
@@ -86,7 +86,7 @@ TEST(VolumeCut, takes_severed_crumbs_along_but_neither_large_pieces_nor_stranger
   EXPECT_EQ(elsewhere.remaining().count(), volume.count() - 2 * 12 * 12);
 }
 
-TEST(VolumeCut, counts_pieces_of_whole_bricks_to_the_voxel) {
+TEST(VolumeCut, counts_the_voxels_of_pieces_of_whole_bricks) {
   // Five bricks in a row, of which the cut takes a quarter of the second.
   const SparseVolume volume = make_volume(small_grid(40, 8, 8), [](int, int, int) { return true; });
   const auto slit = bricks_of(volume, [](int i, int, int) { return i == 8 || i == 9; });
@@ -99,7 +99,7 @@ TEST(VolumeCut, counts_pieces_of_whole_bricks_to_the_voxel) {
   }
 }
 
-TEST(VolumeCut, a_piece_that_was_apart_before_is_no_crumb) {
+TEST(VolumeCut, keeps_a_piece_that_was_separate_before) {
   const SparseVolume volume = make_volume(small_grid(30, 16, 16), [](int i, int j, int k) {
     return (i < 12 && j < 12 && k < 12) || (i >= 20 && i < 22 && j < 2 && k < 2);
   });
@@ -123,7 +123,7 @@ TEST(VolumeCut, joins_voxels_by_edges_but_not_by_corners) {
   }
 }
 
-TEST(VolumeCut, tells_bricks_near_what_goes_beyond_a_smaller_cut) {
+TEST(VolumeCut, lists_bricks_near_voxels_beyond_a_smaller_cut) {
   const SparseVolume volume = make_volume(small_grid(80, 8, 8), [](int, int, int) { return true; });
   const auto less = [](int i, int, int) { return i < 4 || i == 60; };
   const VolumeCut cut(volume, bricks_of(volume, [&](int i, int j, int k) {
@@ -136,7 +136,7 @@ TEST(VolumeCut, tells_bricks_near_what_goes_beyond_a_smaller_cut) {
   }
 }
 
-TEST(VolumeCut, can_be_told_to_keep_voxels) {
+TEST(VolumeCut, keeps_the_requested_voxels) {
   const SparseVolume volume = block_with_bud();
   const auto stalk = [](int i, int, int) { return i >= 12 && i < 16; };
   VolumeCut cut(volume, bricks_of(volume, stalk));
@@ -144,7 +144,7 @@ TEST(VolumeCut, can_be_told_to_keep_voxels) {
   EXPECT_EQ(cut.remaining().count(), volume.count() - 2);
 }
 
-TEST(VolumeCut, of_everything_leaves_nothing) {
+TEST(VolumeCut, of_everything_is_empty) {
   const SparseVolume volume = block_with_bud();
   VolumeCut cut(volume, bricks_of(volume, [](int, int, int) { return true; }));
   cut.smooth(2);

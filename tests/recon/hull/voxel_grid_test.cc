@@ -34,7 +34,7 @@ TEST(VoxelGrid, puts_the_centre_of_a_voxel_half_a_voxel_inside) {
   EXPECT_TRUE(grid.center(299, 0, 199).isApprox(Eigen::Vector3d(1.495, -1.495, 1.995)));
 }
 
-TEST(VoxelGrid, refuses_boxes_and_voxels_without_size) {
+TEST(VoxelGrid, rejects_boxes_and_voxels_without_size) {
   EXPECT_THROW(VoxelGrid::covering(kStudio, 0), InputError);
   EXPECT_THROW(VoxelGrid::covering(kStudio, -0.01), InputError);
   EXPECT_THROW(VoxelGrid::covering(kStudio, 1e-300), InputError);
@@ -43,7 +43,7 @@ TEST(VoxelGrid, refuses_boxes_and_voxels_without_size) {
   EXPECT_THROW(VoxelGrid::covering({{0, 0, 2}, {1, 1, 1}}, 0.01), InputError);
 }
 
-TEST(VoxelGrid, refuses_more_memory_than_there_is_and_shows_the_arithmetic) {
+TEST(VoxelGrid, rejects_more_memory_than_available_and_reports_the_calculation) {
   const std::string message = refusal(VoxelGrid::covering(kStudio, 0.0001), k23GB);
   EXPECT_EQ(message,
             "0.1 mm in 3 x 3 x 2 m is 30,000 x 30,000 x 20,000 voxels, up to 2.25 TB at 1 bit a "
@@ -55,14 +55,14 @@ TEST(VoxelGrid, accepts_what_fits_in_memory) {
   EXPECT_NO_THROW(require_memory(VoxelGrid::covering(kStudio, 0.008), 1e8));
 }
 
-TEST(VoxelGrid, refuses_absurd_voxels_without_overflow) {
+TEST(VoxelGrid, rejects_extreme_voxels_without_overflow) {
   EXPECT_THAT(refusal(VoxelGrid::covering(kStudio, 1e-9), k23GB),
               HasSubstr("3,000,000,000 x 3,000,000,000 x 2,000,000,000 voxels"));
   const Box planet{{-6e6, -6e6, -6e6}, {6e6, 6e6, 6e6}};
   EXPECT_THAT(refusal(VoxelGrid::covering(planet, 1e-9), k23GB), HasSubstr("are available"));
 }
 
-TEST(VoxelGrid, refuses_more_voxels_along_an_axis_than_the_kernels_take) {
+TEST(VoxelGrid, rejects_more_voxels_along_an_axis_than_the_kernels_support) {
   const VoxelGrid beam = VoxelGrid::covering({{0, 0, 0}, {40, 0.01, 0.01}}, 0.001);
   EXPECT_THAT(refusal(beam, k23GB), HasSubstr("at most 32,767 along an axis"));
 }

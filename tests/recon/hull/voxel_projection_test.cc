@@ -16,7 +16,7 @@ struct Voxel {
 
 Voxel random_voxel() { return {uniform_int(0, 375), uniform_int(0, 375), uniform_int(0, 250)}; }
 
-/// A camera of a real studio: XGA, a lens as in random_distortion() but never stronger than usual.
+/// A camera of a real studio: XGA, with a lens of random_distortion() without extreme distortion.
 CameraModel studio_camera() {
   CameraModel c = random_camera(box_of(kGrid));
   Eigen::Matrix3d k;
@@ -66,7 +66,7 @@ RC_GTEST_PROP(VoxelProjection, sees_what_the_camera_model_sees_away_from_borders
       continue;
     }
     const Eigen::Vector2d off = (exact->array() - exact->array().round()).abs();
-    if (off.maxCoeff() > 0.48) continue;  // too near to a pixel's border to say
+    if (off.maxCoeff() > 0.48) continue;  // too close to a pixel border for a decision
     RC_ASSERT(pixel.seen == model.inside_image(*exact));
     if (!pixel.seen) continue;
     RC_ASSERT(pixel.x == std::lround(exact->x()));

@@ -75,7 +75,7 @@ TEST(BoxTree, finds_every_pair_that_touches_once_on_every_instruction_set) {
   }
 }
 
-TEST(BoxTree, leaves_out_pairs_of_which_none_was_chosen) {
+TEST(BoxTree, omits_pairs_without_a_chosen_box) {
   RandomBoxes random;
   const std::vector<Box> boxes = random.some(1000);
   std::vector<bool> half(boxes.size()), none(boxes.size(), false);
@@ -85,7 +85,7 @@ TEST(BoxTree, leaves_out_pairs_of_which_none_was_chosen) {
   EXPECT_TRUE(by_tree(tree, none).empty());
 }
 
-TEST(BoxTree, answers_for_boxes_that_were_replaced) {
+TEST(BoxTree, finds_pairs_of_replaced_boxes) {
   RandomBoxes random;
   std::vector<Box> boxes = random.some(1000);
   BoxTree tree(boxes);
@@ -99,13 +99,13 @@ TEST(BoxTree, answers_for_boxes_that_were_replaced) {
   EXPECT_EQ(by_tree(tree, all), by_trying_all(boxes, all));
 }
 
-TEST(BoxTree, takes_a_common_corner_for_touching) {
+TEST(BoxTree, treats_a_common_corner_as_touching) {
   const Eigen::Vector3f zero(0, 0, 0), one(1, 1, 1), two(2, 2, 2);
   EXPECT_EQ(by_tree(BoxTree(std::vector<Box>{{zero, one}, {one, two}}), {true, true}),
             (Pairs{{0, 1}}));
 }
 
-TEST(BoxTree, bears_boxes_at_one_place_and_corners_that_are_no_numbers) {
+TEST(BoxTree, accepts_boxes_at_one_place_and_nan_corners) {
   const float nan = std::nanf("");
   std::vector<Box> boxes(40, Box(Eigen::Vector3f(1, 1, 1), Eigen::Vector3f(1, 1, 1)));
   EXPECT_EQ(by_tree(BoxTree(boxes), std::vector<bool>(40, true)).size(), 40 * 39 / 2);

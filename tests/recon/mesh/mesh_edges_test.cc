@@ -17,7 +17,7 @@ double longest_edge(const Mesh& mesh) {
   return longest;
 }
 
-TEST(MeshEdges, that_are_long_are_halved_until_none_is_and_the_surface_stays_where_it_was) {
+TEST(MeshEdges, that_are_long_are_halved_without_a_change_of_the_surface) {
   // Triangles of many sizes, so that one, two and three of their edges are halved.
   Mesh mesh = shapes::sphere({0.1F, 0.2F, 0.3F}, 0.5F, 12);
   for (Eigen::Vector3f& vertex : mesh.vertices) vertex.z() *= 1 + 4 * std::abs(vertex.x());
@@ -32,7 +32,7 @@ TEST(MeshEdges, that_are_long_are_halved_until_none_is_and_the_surface_stays_whe
   }
 }
 
-TEST(MeshEdges, that_are_short_enough_stay_as_they_are) {
+TEST(MeshEdges, that_are_short_enough_are_unchanged) {
   const Mesh mesh = shapes::sphere({0, 0, 0}, 0.5F, 12);
   const Mesh same = with_short_edges(mesh, 10);
   EXPECT_EQ(same.triangles, mesh.triangles);

@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-/// By vertex, from the edges of all triangles.
+/// Reference: neighbours by vertex, from the edges of all triangles.
 std::vector<std::set<uint32_t>> joined_vertices(const Mesh& mesh) {
   std::vector<std::set<uint32_t>> joined(mesh.vertices.size());
   for (const auto& t : mesh.triangles) {
@@ -28,7 +28,7 @@ Mesh ball_and_box() {
   return mesh;
 }
 
-TEST(Neighbours, of_a_vertex_are_those_that_an_edge_joins_each_once) {
+TEST(Neighbours, of_a_vertex_are_listed_once) {
   const Mesh mesh = ball_and_box();
   const Neighbours neighbours(mesh);
   const auto expected = joined_vertices(mesh);
@@ -40,7 +40,7 @@ TEST(Neighbours, of_a_vertex_are_those_that_an_edge_joins_each_once) {
   }
 }
 
-TEST(Neighbours, are_none_where_there_is_no_mesh_or_no_triangle) {
+TEST(Neighbours, are_none_without_a_mesh_or_triangle) {
   EXPECT_EQ(Neighbours().size(), 0U);
   EXPECT_EQ(Neighbours(Mesh{}).size(), 0U);
   Mesh lonely;
@@ -48,7 +48,7 @@ TEST(Neighbours, are_none_where_there_is_no_mesh_or_no_triangle) {
   EXPECT_TRUE(Neighbours(lonely).of(0).empty());
 }
 
-TEST(NeighbourRows, hold_the_kth_neighbour_of_sixteen_vertices_side_by_side) {
+TEST(NeighbourRows, contain_the_kth_neighbour_of_sixteen_vertices_side_by_side) {
   const Mesh mesh = ball_and_box();
   const Neighbours neighbours(mesh);
   const NeighbourRows rows(neighbours);
@@ -68,7 +68,7 @@ TEST(NeighbourRows, hold_the_kth_neighbour_of_sixteen_vertices_side_by_side) {
   }
 }
 
-TEST(NeighbourRows, are_no_more_than_the_vertex_with_most_neighbours_of_a_group_needs) {
+TEST(NeighbourRows, are_as_many_as_the_largest_number_of_neighbours_in_a_group) {
   const Neighbours neighbours(ball_and_box());
   const NeighbourRows rows(neighbours);
   for (size_t group = 0; group < rows.groups(); ++group) {

@@ -50,7 +50,7 @@ TEST(SelfIntersection, finds_every_pair_that_a_search_through_all_pairs_finds) {
   EXPECT_EQ(CrossingFinder(mesh).of_moved(corners_of_first_ten), of_first_ten);
 }
 
-TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
+TEST(SelfIntersection, detects_a_ball_that_was_pushed_through_itself) {
   Mesh ball = shapes::sphere({0, 0, 0}, 1, 30);
   for (Eigen::Vector3f& v : ball.vertices) {
     if (v.x() > 0.8F) v.x() -= 2.5F;
@@ -58,7 +58,7 @@ TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
   EXPECT_GT(self_intersections(ball).size(), 10);
 }
 
-TEST(SelfIntersection, finds_what_moved_vertices_cross_and_nothing_when_they_are_back) {
+TEST(SelfIntersection, finds_crossings_of_moved_vertices_and_none_after_they_return) {
   const Mesh round = shapes::sphere({0, 0, 0}, 1, 30);
   Mesh ball = round;
   CrossingFinder finder(ball);

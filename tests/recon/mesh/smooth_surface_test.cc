@@ -21,7 +21,7 @@ const Mesh& ball() {
 
 float distance_from_middle(const Vector3f& vertex) { return (vertex - Vector3f(1, 2, 3)).norm(); }
 
-/// Every vertex of the ball moved out or in by up to `most_m`.
+/// A ball with every vertex moved out or in by up to `max_m`.
 std::vector<Vector3f> rough_ball(float max_m) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> way(-max_m, max_m);
@@ -59,7 +59,7 @@ TEST(InternalForce, is_none_on_a_vertex_without_neighbours) {
   EXPECT_EQ(internal_force(Neighbours(lonely), lonely.vertices, 0), Vector3f::Zero());
 }
 
-TEST(SmoothSurface, takes_most_of_the_roughness_and_does_not_shrink) {
+TEST(SmoothSurface, removes_most_of_the_roughness_and_does_not_shrink) {
   const Neighbours neighbours(ball());
   std::vector<Vector3f> vertices = rough_ball(0.01F), work;
   const float before = mean_roughness(vertices);
@@ -69,7 +69,7 @@ TEST(SmoothSurface, takes_most_of_the_roughness_and_does_not_shrink) {
   EXPECT_NEAR(mean_radius(vertices), kRadius, 0.005F * kRadius);
 }
 
-TEST(SmoothSurface, by_no_pass_leaves_everything_as_it_is) {
+TEST(SmoothSurface, without_a_pass_changes_nothing) {
   std::vector<Vector3f> vertices = rough_ball(0.01F), work;
   smooth_surface(Neighbours(ball()), 0, vertices, work);
   EXPECT_EQ(vertices, rough_ball(0.01F));
@@ -90,7 +90,7 @@ TEST(SmoothSurface, steps_by_half_to_the_mean_of_the_neighbours_and_by_0_53_back
   for (size_t v = 0; v < start.size(); ++v) EXPECT_LT((vertices[v] - back[v]).norm(), 1e-6) << v;
 }
 
-TEST(SmoothSurface, gives_the_same_bits_for_any_number_of_threads) {
+TEST(SmoothSurface, returns_the_same_bits_for_any_number_of_threads) {
   const auto with_threads = [](int threads) {
     return tbb::task_arena(threads).execute([] {
       std::vector<Vector3f> vertices = rough_ball(0.02F), work;
@@ -101,7 +101,7 @@ TEST(SmoothSurface, gives_the_same_bits_for_any_number_of_threads) {
   EXPECT_EQ(with_threads(1), with_threads(3));
 }
 
-TEST(SmoothNormals, stay_of_unit_length_and_come_nearer_to_those_of_the_smooth_ball) {
+TEST(SmoothNormals, keep_unit_length_and_approach_those_of_the_smooth_ball) {
   const std::vector<Vector3f> truth = vertex_normals(ball());
   std::mt19937 random(8);
   std::normal_distribution<float> noise(0, 0.3F);
@@ -120,7 +120,7 @@ TEST(SmoothNormals, stay_of_unit_length_and_come_nearer_to_those_of_the_smooth_b
   EXPECT_LT(mean_miss(), before / 2);
 }
 
-TEST(SmoothNormals, that_cancel_each_other_stay_as_they_are) {
+TEST(SmoothNormals, that_cancel_each_other_are_unchanged) {
   Mesh mesh;  // two triangles back to back
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   mesh.triangles = {{0, 1, 2}, {0, 2, 1}};

@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-TEST(SurfaceDistance, of_a_surface_to_itself_is_nothing) {
+TEST(SurfaceDistance, of_a_surface_to_itself_is_zero) {
   const Mesh ball = shapes::sphere({0, 0, 1}, 0.5F, 32);
   const SurfaceDistance d = compare_surfaces(ball, ball);
   EXPECT_LT(d.accuracy_p90_mm, 1e-3);
@@ -31,7 +31,7 @@ TEST(SurfaceDistance, of_concentric_spheres_is_the_difference_of_their_radii) {
   EXPECT_EQ(d.f_score_10mm, 1);
 }
 
-TEST(SurfaceDistance, tells_what_is_too_much_from_what_is_missing) {
+TEST(SurfaceDistance, distinguishes_excess_from_missing_surface) {
   // Two far balls of equal size; the reconstruction has only one of them.
   const Mesh one = shapes::sphere({0, 0, 0}, 0.2F, 24);
   Mesh both = one;
@@ -45,7 +45,7 @@ TEST(SurfaceDistance, tells_what_is_too_much_from_what_is_missing) {
   EXPECT_LT(extra.completeness_p90_mm, 0.01);
 }
 
-TEST(SurfaceDistance, tells_how_much_of_the_truth_is_covered) {
+TEST(SurfaceDistance, reports_the_covered_part_of_the_truth) {
   const Mesh one = shapes::sphere({0, 0, 0}, 0.2F, 24);
   Mesh both = one;
   shapes::append(both, shapes::sphere({1, 0, 0}, 0.2F, 24));
@@ -53,8 +53,8 @@ TEST(SurfaceDistance, tells_how_much_of_the_truth_is_covered) {
   EXPECT_EQ(compare_surfaces(both, one).covered_2mm, 1);
 }
 
-TEST(SurfaceChange, is_flicker_where_the_truth_stands_still_and_error_where_it_moves) {
-  // One ball stands still and is 3 mm larger the second time; one moves, and is left behind.
+TEST(SurfaceChange, is_flicker_of_still_parts_and_error_of_moving_parts) {
+  // One ball is still and 3 mm larger in the second surface. One moves in the truth only.
   const Mesh still = shapes::sphere({0, 0, 0}, 0.200F, 64);
   const Mesh grown = shapes::sphere({0, 0, 0}, 0.203F, 64);
   const Mesh begin = shapes::sphere({1, 0, 0}, 0.200F, 64);
@@ -77,14 +77,14 @@ TEST(SurfaceChange, is_flicker_where_the_truth_stands_still_and_error_where_it_m
   EXPECT_LT(nothing.moving_p90_mm, 0.01);
 }
 
-TEST(SurfaceChange, is_nothing_without_surfaces) {
+TEST(SurfaceChange, is_zero_without_surfaces) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 0.2F, 8), none;
   EXPECT_EQ(compare_in_time({&none, &ball}, {&ball, &ball}).still, 0);
   EXPECT_EQ(compare_in_time({&ball, &ball}, {&none, &ball}).still, 0);
   EXPECT_EQ(compare_in_time({&ball, &none}, {&ball, &ball}).moving, 0);
 }
 
-TEST(SurfaceDistance, sees_normals_that_are_turned) {
+TEST(SurfaceDistance, reports_the_angle_of_turned_normals) {
   Mesh flat = shapes::patch(0.5F, 0, 8);
   Mesh turned = flat;
   const double angle = 10 * std::numbers::pi / 180;
@@ -131,7 +131,7 @@ RC_GTEST_PROP(NearestTriangle, is_the_nearest_of_all, ()) {
   const Eigen::Vector3d p(coordinate(), coordinate(), coordinate());
   double expected = 1e9;
   for (const auto& [a, b, c] : mesh.triangles) {
-    // Brute force over all triangles, and over a fine raster of weights as a second opinion.
+    // References: brute force over all triangles, and over a fine raster of weights.
     const Eigen::Vector3d va = mesh.vertices[a].cast<double>(),
                           vb = mesh.vertices[b].cast<double>(),
                           vc = mesh.vertices[c].cast<double>();

@@ -15,7 +15,7 @@ namespace {
 
 const Box kSpace{{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}};
 
-/// Six cameras round a ball, and what they see of it.
+/// Six cameras around a ball, with its silhouettes.
 class FrameQualityTest : public testing::Test {
  protected:
   FrameQualityTest() {
@@ -50,28 +50,28 @@ TEST_F(FrameQualityTest, is_one_where_the_surface_explains_every_silhouette) {
   EXPECT_EQ(quality.cameras, 6);
 }
 
-TEST_F(FrameQualityTest, loses_what_the_surface_lacks) {
+TEST_F(FrameQualityTest, decreases_with_missing_surface) {
   const FrameQuality quality = measure(shapes::sphere({0, 0, 0}, 0.3F, 48));
   EXPECT_GT(quality.coverage, 9.0 / 16);
   EXPECT_LT(quality.coverage, 0.75) << "cells reach a little beyond the surface";
   EXPECT_NEAR(quality.silhouette_iou, quality.coverage, 0.02);
 }
 
-TEST_F(FrameQualityTest, loses_what_the_surface_has_too_much_but_covers_all) {
+TEST_F(FrameQualityTest, decreases_with_excess_surface_at_full_coverage) {
   const FrameQuality quality = measure(shapes::sphere({0, 0, 0}, 0.55F, 48));
   EXPECT_EQ(quality.coverage, 1);
   EXPECT_LT(quality.silhouette_iou, 0.8);
 }
 
-TEST_F(FrameQualityTest, asks_only_cameras_that_took_part_and_only_what_lies_in_the_space) {
+TEST_F(FrameQualityTest, uses_only_participating_cameras_and_pixels_of_the_space) {
   frames_[2].mask.reset();
-  for (int y = 0; y < 30; ++y) frames_[4].mask->fill_row(y, 0, 30);  // beside the space
+  for (int y = 0; y < 30; ++y) frames_[4].mask->fill_row(y, 0, 30);  // outside the space
   const FrameQuality quality = measure(ball_);
   EXPECT_EQ(quality.cameras, 5);
   EXPECT_EQ(quality.silhouette_iou, 1);
 }
 
-TEST_F(FrameQualityTest, of_nothing_is_one_and_of_no_surface_zero) {
+TEST_F(FrameQualityTest, is_one_without_silhouettes_and_zero_without_a_surface) {
   EXPECT_EQ(measure(Mesh()).silhouette_iou, 0);
   for (Frame& frame : frames_) frame.mask = Mask(frame.mask->size());
   EXPECT_EQ(measure(Mesh()).silhouette_iou, 1);

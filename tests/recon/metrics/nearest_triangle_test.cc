@@ -18,7 +18,7 @@ double distance_to_edge(const Vector3d& p, const Vector3d& a, const Vector3d& b)
   return (p - a - t * (b - a)).norm();
 }
 
-/// To the plane where the foot of the perpendicular lies inside, else to the nearest edge.
+/// Distance to the plane if the foot of the perpendicular is inside, otherwise to the nearest edge.
 double plain_distance(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   double least = std::min({distance_to_edge(p, a, b), distance_to_edge(p, b, c),  //
                            distance_to_edge(p, c, a)});
@@ -45,7 +45,7 @@ class RandomPlaces {
   std::mt19937 random_;
 };
 
-TEST(NearestWeights, name_the_nearest_point_of_a_triangle_wherever_one_stands) {
+TEST(NearestWeights, give_the_nearest_point_of_a_triangle_for_any_query_point) {
   RandomPlaces place(1);
   for (int i = 0; i < 20'000; ++i) {
     const Vector3d a = place(1), b = place(1), c = i % 50 == 0 ? a : place(1), p = place(2);
@@ -57,7 +57,7 @@ TEST(NearestWeights, name_the_nearest_point_of_a_triangle_wherever_one_stands) {
   }
 }
 
-TEST(NearestTriangle, is_what_a_look_at_every_triangle_finds) {
+TEST(NearestTriangle, equals_the_result_of_a_search_through_all_triangles) {
   Mesh mesh = shapes::sphere({0, 0, 0}, 1, 12);
   shapes::append(mesh, shapes::box({0.5F, 0.5F, 0.5F}, {2, 2, 2}));
   const NearestTriangle tree(mesh);
@@ -81,7 +81,7 @@ TEST(NearestTriangle, is_what_a_look_at_every_triangle_finds) {
   }
 }
 
-TEST(NearestTriangle, of_several_equally_near_is_the_one_with_the_lowest_number) {
+TEST(NearestTriangle, is_the_one_with_the_lowest_number_at_equal_distances) {
   Mesh mesh;
   for (int copy = 0; copy < 40; ++copy) shapes::append(mesh, shapes::patch(1, 0, 1));
   EXPECT_EQ(NearestTriangle(mesh).find({-0.5, -0.5, 1})->triangle, 0U);

@@ -34,7 +34,7 @@ TEST(SurfaceSamples, lie_on_the_surface_with_its_normals) {
   }
 }
 
-TEST(SurfaceSamples, are_the_same_for_the_same_seed_and_others_for_another) {
+TEST(SurfaceSamples, depend_only_on_the_seed) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 1, 8);
   const auto positions = [&](uint64_t seed) {
     std::vector<Vector3d> found;
@@ -45,7 +45,7 @@ TEST(SurfaceSamples, are_the_same_for_the_same_seed_and_others_for_another) {
   EXPECT_NE(positions(3), positions(4));
 }
 
-TEST(SurfaceSamples, are_none_where_there_is_no_area) {
+TEST(SurfaceSamples, are_none_without_area) {
   EXPECT_TRUE(sample_surface(Mesh{}, 100, 1).empty());
   Mesh flat;
   flat.vertices = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};

@@ -14,7 +14,8 @@ const Mesh& ball() {
   return kBall;
 }
 
-/// Of the ball from 20 m: all whose normal is within acos(0.2 + 0.5 / 20) of the way to the camera.
+/// Visible part of the ball from 20 m: normals within acos(0.2 + 0.5 / 20) of the direction to the
+/// camera.
 constexpr double kSeen = (1 - 0.225) / 2;
 
 CameraModel looking_from(const Eigen::Vector3d& way) {
@@ -33,7 +34,7 @@ TEST(VisibilityReportTest, counts_the_cameras_that_a_true_place_faces) {
   EXPECT_DOUBLE_EQ(report.f_score_if_right_from(2), 1);
 }
 
-TEST(VisibilityReportTest, is_blocked_by_what_lies_before) {
+TEST(VisibilityReportTest, counts_no_camera_behind_an_occluder) {
   Mesh truth = ball();
   shapes::append(truth, shapes::sphere({3, 0, 0}, 0.7F, 48));
   const std::vector<CameraModel> cameras = {looking_from({1, 0, 0})};
@@ -42,7 +43,7 @@ TEST(VisibilityReportTest, is_blocked_by_what_lies_before) {
   EXPECT_NEAR(report.seen_by[1].truth, kSeen * share_of_larger, 0.01);
 }
 
-TEST(VisibilityReportTest, tells_how_much_better_the_f_score_could_be_by_what_is_seen) {
+TEST(VisibilityReportTest, reports_the_best_possible_f_score_of_visible_parts) {
   // One of two equal balls is missing; two cameras see a part of it.
   Mesh truth = ball();
   shapes::append(truth, shapes::sphere({0, 5, 0}, 0.5F, 48));
@@ -58,7 +59,7 @@ TEST(VisibilityReportTest, tells_how_much_better_the_f_score_could_be_by_what_is
   EXPECT_NEAR(report.f_score_if_right_from(2), 2 * recall / (1 + recall), 0.01);
 }
 
-TEST(VisibilityReportTest, of_nothing_is_nothing) {
+TEST(VisibilityReportTest, of_an_empty_mesh_is_empty) {
   const std::vector<CameraModel> cameras = {looking_from({1, 0, 0})};
   EXPECT_EQ(compare_by_visibility({}, ball(), cameras, 0.005).f_score_if_right_from(0), 0);
 }

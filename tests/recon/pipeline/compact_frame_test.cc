@@ -28,7 +28,7 @@ struct Triangle {
   }
 };
 
-TEST(CompactFrame, is_what_was_encoded) {
+TEST(CompactFrame, decodes_to_the_encoded_content) {
   const Triangle triangle;
   const auto frame = decode_compact(triangle.encoded());
   ASSERT_TRUE(frame);
@@ -43,7 +43,7 @@ TEST(CompactFrame, is_what_was_encoded) {
   EXPECT_EQ(frame->mesh.colours, triangle.colours);
 }
 
-TEST(CompactFrame, of_other_bytes_is_nothing) {
+TEST(CompactFrame, is_empty_for_other_bytes) {
   std::vector<uint8_t> bytes = Triangle().encoded();
   bytes.back() ^= 1;
   EXPECT_FALSE(decode_compact(bytes));

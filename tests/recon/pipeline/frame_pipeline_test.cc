@@ -18,7 +18,7 @@ namespace {
 using testing::ElementsAre;
 using testing::ElementsAreArray;
 
-/// 0, 1, 2, ... count - 1.
+/// The numbers 0, 1, 2, ... count - 1.
 FramePipeline<int>::Source count_to(int count) {
   return
       [count, next = 0]() mutable { return next < count ? std::optional(next++) : std::nullopt; };
@@ -30,7 +30,7 @@ std::vector<int> numbers(int count) {
   return all;
 }
 
-/// What happened, in order; any thread.
+/// Log of events, in order. Thread-safe.
 class Diary {
  public:
   void write(const std::string& what) {
@@ -38,7 +38,7 @@ class Diary {
     lines_.push_back(what);
     written_.notify_all();
   }
-  /// False when it is not written within ten seconds.
+  /// Waits for an event. Returns false when it is not written within ten seconds.
   bool wait_for(const std::string& what) {
     std::unique_lock lock(mutex_);
     return written_.wait_for(lock, std::chrono::seconds(10), [&] {
@@ -53,7 +53,7 @@ class Diary {
   std::vector<std::string> lines_;
 };
 
-TEST(FramePipeline, lets_every_frame_pass_every_stage_once_and_in_order) {
+TEST(FramePipeline, runs_every_stage_once_for_every_frame_in_order) {
   for (const int threads : {1, 2, 5}) {
     std::vector<int> seen[3];  // a stage has one frame at a time: no lock
     const auto note = [&](size_t stage) {
@@ -64,7 +64,7 @@ TEST(FramePipeline, lets_every_frame_pass_every_stage_once_and_in_order) {
   }
 }
 
-TEST(FramePipeline, works_on_consecutive_frames_at_the_same_time) {
+TEST(FramePipeline, processes_consecutive_frames_concurrently) {
   Diary diary;
   bool met = true;
   FramePipeline<int> pipeline(2, count_to(2),
@@ -90,7 +90,7 @@ TEST(FramePipeline, finishes_the_older_frame_first_when_there_is_one_thread) {
   EXPECT_THAT(diary.lines(), ElementsAre("a0", "b0", "c0", "a1", "b1", "c1", "a2", "b2", "c2"));
 }
 
-TEST(FramePipeline, holds_no_more_frames_than_it_has_stages_and_no_more_threads_than_asked_for) {
+TEST(FramePipeline, has_at_most_one_frame_a_stage_and_the_requested_threads) {
   constexpr int kThreads = 2;
   std::atomic<int> in_flight = 0, working = 0, max_in_flight = 0, max_working = 0;
   const auto raise = [](std::atomic<int>& most, int value) {
@@ -114,7 +114,7 @@ TEST(FramePipeline, holds_no_more_frames_than_it_has_stages_and_no_more_threads_
   EXPECT_LE(max_working, kThreads);
 }
 
-TEST(FramePipeline, asks_for_a_frame_only_when_it_can_begin_it) {
+TEST(FramePipeline, requests_a_frame_only_when_it_can_start_it) {
   Diary diary;
   int asked = 0, asked_while_busy = -1;
   const auto source = [&]() -> std::optional<int> {
@@ -148,7 +148,7 @@ TEST(FramePipeline, ends_at_the_first_exception_and_throws_it_from_wait) {
   EXPECT_THROW(pipeline.wait(), std::runtime_error);
 }
 
-TEST(FramePipeline, of_no_frames_ends) {
+TEST(FramePipeline, ends_without_frames) {
   FramePipeline<int>(2, [] { return std::optional<int>(); }, {[](int&) { FAIL(); }}).wait();
 }
 
@@ -167,7 +167,7 @@ Rig ring(int count) {
   return rig;
 }
 
-/// Discs of a radius that grows with the pulse, before a grey that does, too.
+/// Discs whose radius grows with the pulse, on a grey background that gets lighter with it.
 FrameSet discs(const Rig& rig, int64_t pulse) {
   FrameSet set;
   set.pulse = pulse;
@@ -189,7 +189,7 @@ FrameSet discs(const Rig& rig, int64_t pulse) {
   return set;
 }
 
-TEST(FramePipeline, gives_the_bytes_of_one_frame_at_a_time_for_any_number_of_threads) {
+TEST(FramePipeline, returns_the_bytes_of_sequential_processing_for_any_number_of_threads) {
   constexpr int64_t kPulses = 8;
   const Rig rig = ring(7);
   ReconstructOptions options{

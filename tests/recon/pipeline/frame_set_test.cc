@@ -35,7 +35,7 @@ std::vector<std::string> cameras_of(const FrameSet& set) {
   return names;
 }
 
-TEST(FrameSets, come_out_as_soon_as_every_camera_delivered) {
+TEST(FrameSets, are_complete_when_every_camera_has_delivered) {
   auto sets = assembler();
   EXPECT_THAT(sets.add(frame("c", 0), at(0ms)), IsEmpty());
   EXPECT_THAT(sets.add(frame("a", 0), at(1ms)), IsEmpty());
@@ -48,7 +48,7 @@ TEST(FrameSets, come_out_as_soon_as_every_camera_delivered) {
   EXPECT_FALSE(sets.next_deadline());
 }
 
-TEST(FrameSets, go_without_a_late_camera_at_their_deadline_and_say_who_was_missing) {
+TEST(FrameSets, omit_a_late_camera_at_their_deadline_and_name_it) {
   auto sets = assembler();
   sets.add(frame("a", 5), at(0ms));
   sets.add(frame("c", 5), at(50ms));
@@ -76,7 +76,7 @@ TEST(FrameSets, that_are_complete_wait_for_older_ones_to_keep_the_order_of_pulse
   EXPECT_THAT(ready[1].missing, IsEmpty());
 }
 
-TEST(FrameSets, skip_a_pulse_that_nobody_saw) {
+TEST(FrameSets, skip_a_pulse_without_frames) {
   auto sets = assembler();
   for (const int64_t pulse : {0, 3}) {
     sets.add(frame("a", pulse), at(0ms));
@@ -96,7 +96,7 @@ TEST(FrameSets, keep_the_first_of_two_frames_and_count_the_second) {
   EXPECT_EQ(sets.counters().duplicate, 1);
 }
 
-TEST(FrameSets, count_and_ignore_cameras_and_pulses_that_cannot_be) {
+TEST(FrameSets, count_and_ignore_unknown_cameras_and_invalid_pulses) {
   auto sets = assembler();
   sets.add(frame("stranger", 0), at(0ms));
   sets.add(frame("a", -1), at(0ms));
@@ -119,7 +119,7 @@ TEST(FrameSets, that_wait_are_bounded_and_the_oldest_goes_first) {
   EXPECT_EQ(sets.flush().size(), 3U);
 }
 
-TEST(FrameSets, begin_anew_with_the_next_take) {
+TEST(FrameSets, restart_with_the_next_take) {
   auto sets = assembler();
   sets.add(frame("a", 40), at(0ms));
   sets.flush();

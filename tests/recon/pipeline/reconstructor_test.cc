@@ -58,7 +58,7 @@ ReconstructOptions options() {
   return {.bounds = {{-0.6, -0.6, 0.4}, {0.6, 0.6, 1.6}}, .voxel_m = 0.02, .min_views = 3};
 }
 
-TEST(Reconstructor, rebuilds_a_coloured_ball_from_its_pictures) {
+TEST(Reconstructor, reconstructs_a_coloured_ball_from_its_images) {
   const Mesh ball = two_coloured_ball();
   const Rig rig = ring(12);
   Reconstructor reconstructor(rig, options());
@@ -76,7 +76,7 @@ TEST(Reconstructor, rebuilds_a_coloured_ball_from_its_pictures) {
   for (size_t v = 0; v < result.mesh.vertices.size(); ++v) {
     const Rgb8 c = result.mesh.colours[v];
     if (result.mesh.vertices[v].z() < 0.75F) {
-      continue;  // no camera looks up: below, only rims of silhouettes show
+      continue;  // no camera looks up: below, only rims of silhouettes are visible
     }
     if (result.mesh.vertices[v].x() > 0.1F) {
       EXPECT_TRUE(c.r > 180 && c.b < 60) << result.mesh.vertices[v].transpose();
@@ -89,7 +89,7 @@ TEST(Reconstructor, rebuilds_a_coloured_ball_from_its_pictures) {
   EXPECT_LT(result.times.deform, 0);  // did not run
 }
 
-TEST(Reconstructor, gives_out_the_mesh_that_receivers_decode) {
+TEST(Reconstructor, returns_the_mesh_that_receivers_decode) {
   const Rig rig = ring(8);
   Reconstructor reconstructor(rig, options());
   const Reconstruction result = reconstructor.reconstruct(photograph(two_coloured_ball(), rig));
@@ -103,7 +103,7 @@ TEST(Reconstructor, gives_out_the_mesh_that_receivers_decode) {
   EXPECT_EQ(decoded->quality, static_cast<float>(result.quality.silhouette_iou));
 }
 
-/// The compact frames of pulses 24 to 26 in the two stages, of a photograph that stands still.
+/// The compact frames of pulses 24 to 26 of a still scene, made in the two stages.
 std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
   Reconstructor reconstructor(rig, options());
   std::vector<Reconstruction> results;
@@ -118,7 +118,7 @@ std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
   return results;
 }
 
-TEST(Reconstructor, makes_one_sequence_of_what_it_encodes_with_key_frames_at_fixed_pulses) {
+TEST(Reconstructor, encodes_one_sequence_with_key_frames_at_fixed_pulses) {
   const Rig rig = ring(8);
   const auto sequence = stages_of_a_still(rig, false);
   CompactDecoder decoder;
@@ -134,7 +134,7 @@ TEST(Reconstructor, makes_one_sequence_of_what_it_encodes_with_key_frames_at_fix
   }
 }
 
-TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames) {
+TEST(Reconstructor, returns_the_same_bytes_for_any_threads_and_any_order_of_frames) {
   const Rig rig = ring(9);
   FrameSet set = photograph(two_coloured_ball(), rig);
   ReconstructOptions opts = options();
@@ -147,7 +147,7 @@ TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames
   }
 }
 
-TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
+TEST(Reconstructor, of_high_quality_returns_the_same_bytes_for_any_threads) {
   const Rig rig = ring(9);
   const FrameSet set = photograph(two_coloured_ball(), rig);
   ReconstructOptions opts = options();
@@ -165,7 +165,7 @@ TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
   }
 }
 
-TEST(Reconstructor, does_not_remember_the_set_before) {
+TEST(Reconstructor, is_independent_of_the_previous_set) {
   const Rig rig = ring(9);
   const FrameSet ball = photograph(two_coloured_ball(), rig);
   const FrameSet cube = photograph(shapes::box({-0.3F, -0.2F, 0.7F}, {0.3F, 0.2F, 1.2F}), rig);
@@ -175,7 +175,7 @@ TEST(Reconstructor, does_not_remember_the_set_before) {
   EXPECT_EQ(reconstructor.reconstruct(ball).compact, first);
 }
 
-TEST(Reconstructor, leaves_out_frames_it_cannot_use_and_says_who_took_part) {
+TEST(Reconstructor, omits_unusable_frames_and_reports_the_used_cameras) {
   const Rig rig = ring(8);
   FrameSet set = photograph(two_coloured_ball(), rig);
   set.frames[1].camera = "stranger";
@@ -197,7 +197,7 @@ TEST(WarmUp, is_a_ball_in_the_middle_of_the_space) {
   EXPECT_NEAR(result.volume_m3, ball, 0.2 * ball);
 }
 
-TEST(Reconstructor, of_no_frames_is_an_empty_mesh) {
+TEST(Reconstructor, returns_an_empty_mesh_without_frames) {
   const Reconstruction result =
       Reconstructor(ring(4), options()).reconstruct({.pulse = 3, .frames = {}});
   EXPECT_TRUE(result.mesh.vertices.empty());
@@ -214,7 +214,7 @@ std::string refusal(const Rig& rig, const ReconstructOptions& opts) {
   return {};
 }
 
-TEST(Reconstructor, refuses_what_it_cannot_do) {
+TEST(Reconstructor, rejects_impossible_options) {
   ReconstructOptions even = options(), tiny = options();
   even.quality = Quality::kHigh;
   even.deform.window = 4;

@@ -18,7 +18,7 @@ std::optional<FloorHit> hit_at(const Floor& floor, const Vector3d& place) {
   return floor.hit(kEye, (place - kEye).normalized(), kPixelRad);
 }
 
-TEST(Floor, is_hit_where_the_ray_comes_to_its_height) {
+TEST(Floor, is_hit_where_a_ray_reaches_its_height) {
   const Floor floor(box_at_height(0), {.z = 0.5});
   const Vector3d place(1, 2, 0.5);
   const auto hit = hit_at(floor, place);
@@ -33,7 +33,7 @@ TEST(Floor, is_not_hit_by_rays_that_go_up_or_begin_below) {
   EXPECT_FALSE(floor.hit({0, 0, -1}, {0, 0, -1}, kPixelRad));
 }
 
-TEST(Floor, has_lines_of_its_grid_that_are_lighter_than_what_lies_between) {
+TEST(Floor, has_grid_lines_lighter_than_the_cells) {
   const Floor floor(box_at_height(0), {.grid_m = 0.5});
   const float between = hit_at(floor, {0.75, 0.75, 0})->light;
   EXPECT_GT(hit_at(floor, {1.0, 0.75, 0})->light, 1.5F * between);
@@ -41,12 +41,12 @@ TEST(Floor, has_lines_of_its_grid_that_are_lighter_than_what_lies_between) {
   EXPECT_GT(between, 0);
 }
 
-TEST(Floor, fades_far_from_what_stands_on_it) {
+TEST(Floor, fades_with_the_distance_from_objects) {
   const Floor floor(box_at_height(0), {});
   EXPECT_LT(hit_at(floor, {-6, 0, 0})->light, hit_at(floor, {-1, 0, 0})->light / 10);
 }
 
-TEST(Floor, is_darkest_below_what_stands_on_it_and_bright_a_metre_beside) {
+TEST(Floor, is_darkest_below_an_object_and_bright_a_metre_beside) {
   const Floor floor(box_at_height(0), {.shadow_depth = 0.5});
   EXPECT_NEAR(hit_at(floor, {0, 0, 0})->shadow, 0.5F, 0.02F);
   const float edge = hit_at(floor, {0.3, 0, 0})->shadow;
@@ -55,14 +55,14 @@ TEST(Floor, is_darkest_below_what_stands_on_it_and_bright_a_metre_beside) {
   EXPECT_EQ(hit_at(floor, {1.3, 0, 0})->shadow, 0);
 }
 
-TEST(Floor, is_less_dark_below_what_is_higher) {
+TEST(Floor, is_less_dark_below_higher_objects) {
   const Floor standing(box_at_height(0), {}), jumping(box_at_height(0.6F), {});
   const float expected = hit_at(standing, {0, 0, 0})->shadow * std::exp(-1.0F);
   ASSERT_GT(expected, 0.1F);
   EXPECT_NEAR(hit_at(jumping, {0, 0, 0})->shadow, expected, 0.02F);
 }
 
-TEST(Floor, without_anything_on_it_has_lines_and_no_shadow) {
+TEST(Floor, has_lines_and_no_shadow_without_objects) {
   const Floor floor(Mesh{}, {});
   const auto hit = hit_at(floor, {0.5, 0.1, 0});
   ASSERT_TRUE(hit);

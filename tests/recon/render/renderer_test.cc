@@ -25,7 +25,7 @@ TEST(Renderer, shows_vertex_colours_as_they_are_over_the_background) {
   EXPECT_EQ(pixel(image, 2, 2), (Rgb8{10, 20, 30}));
 }
 
-TEST(Renderer, softens_edges_by_the_part_of_the_pixel_that_is_covered) {
+TEST(Renderer, blends_edges_by_the_covered_part_of_the_pixel) {
   // The patch ends in the middle of a column: half of its samples are covered.
   Mesh plane = shapes::patch(1, 0, 1);
   plane.colours.assign(plane.vertices.size(), {200, 200, 200});
@@ -62,7 +62,7 @@ TEST(Renderer, lights_a_mesh_without_colour_from_the_camera) {
   EXPECT_LT(pixel(image, 50 + 36, 50).r, 120);
 }
 
-TEST(Renderer, draws_where_the_silhouette_is) {
+TEST(Renderer, draws_the_silhouette) {
   Mesh ball = shapes::sphere({0.3F, 0, 0}, 0.5F, 16);
   ball.colours.assign(ball.vertices.size(), {255, 255, 255});
   const CameraModel eye = camera({0, -2, 0.4}, {0, 0, 0}, {90, 70}, 90, {-0.2, 0.05});
@@ -76,7 +76,7 @@ TEST(Renderer, draws_where_the_silhouette_is) {
   EXPECT_GT(intersection_over_union(drawn, draw_silhouette(ball, eye)), 0.97);
 }
 
-TEST(Renderer, gives_the_same_picture_for_any_number_of_threads) {
+TEST(Renderer, returns_the_same_picture_for_any_number_of_threads) {
   const Mesh ball = shapes::sphere({0, 0, 0.5F}, 0.5F, 16);
   const CameraModel eye = camera({1, -2, 1}, {0, 0, 0.4}, {120, 90}, 90);
   const DrawOptions options{.floor = FloorOptions{}};
@@ -123,7 +123,7 @@ TEST(Turntable, cameras_see_all_of_the_box_from_all_sides) {
   }
 }
 
-TEST(ContactSheet, holds_every_view_in_its_place) {
+TEST(ContactSheet, shows_every_view_at_its_position) {
   std::vector<Image> views;
   for (int i = 0; i < 5; ++i) {
     views.emplace_back(ImageSize{20, 30}, PixelFormat::kRGB8);

@@ -1,4 +1,4 @@
-// A white ball before cameras of which one may look past it.
+// Tests with a white ball; one camera may report background in its image.
 #include "recon/silhouettes/colour_consistency.h"
 
 #include <gtest/gtest.h>
@@ -16,11 +16,11 @@ constexpr ImageSize kSize{160, 120};
 constexpr uint8_t kBall = 200;
 constexpr uint8_t kWall = 90;
 constexpr double kVoxel = 0.01;
-/// Inside the ball's image, which is 80 pixels wide.
+/// A region inside the image of the ball, which is 80 pixels wide.
 constexpr Rect kSmall{67, 47, 24, 24};
 constexpr Rect kLarge{56, 36, 48, 48};
 
-/// Three cameras side by side, of which the first is asked.
+/// Three cameras side by side; the first is tested.
 class Scene {
  public:
   Scene() {
@@ -37,7 +37,7 @@ class Scene {
     }
   }
 
-  /// The first camera sees the wall there.
+  /// Shows the wall in the first camera's image there.
   void show_wall(const Rect& where) {
     for (int y = where.y0; y < where.y0 + where.height; ++y) {
       std::fill_n(&frames_[0].image.bytes[static_cast<size_t>(y * kSize.width + where.x0)],
@@ -45,7 +45,7 @@ class Scene {
     }
   }
 
-  /// With the frames of so many cameras.
+  /// Tests with the frames of this many cameras.
   ColourAgreement within(const Rect& piece, size_t cameras = 3) const {
     std::vector<const Frame*> all(frames_.size(), nullptr);
     for (size_t c = 0; c < cameras; ++c) all[c] = &frames_[c];
@@ -62,20 +62,20 @@ class Scene {
   std::vector<Frame> frames_;
 };
 
-/// Its right side, but for a third of the width.
+/// The right two thirds of it.
 Rect max_of(const Rect& piece) {
   const int left = piece.width / 3;
   return {piece.x0 + left, piece.y0, piece.width - left, piece.height};
 }
 
-TEST(ColourConsistency, finds_solid_what_has_the_colours_that_cameras_beside_it_see) {
+TEST(ColourConsistency, accepts_regions_with_the_colours_of_neighbouring_cameras) {
   const ColourAgreement all = Scene().within(kSmall);
   EXPECT_EQ(all.compared, 64);
   EXPECT_EQ(all.agreeing, 64);
   EXPECT_TRUE(all.is_consistent());
 }
 
-TEST(ColourConsistency, rejects_what_shows_the_wall_behind) {
+TEST(ColourConsistency, rejects_regions_that_show_the_wall_behind) {
   Scene scene;
   scene.show_wall(kSmall);
   const ColourAgreement none = scene.within(kSmall);
@@ -84,7 +84,7 @@ TEST(ColourConsistency, rejects_what_shows_the_wall_behind) {
   EXPECT_FALSE(none.is_consistent());
 }
 
-TEST(ColourConsistency, asks_for_more_than_a_third_of_a_small_piece_and_not_of_a_large_one) {
+TEST(ColourConsistency, requires_more_than_a_third_of_a_small_piece_but_not_of_a_large_one) {
   Scene scene;
   scene.show_wall(max_of(kSmall));
   EXPECT_FALSE(scene.within(kSmall).is_consistent());
@@ -93,7 +93,7 @@ TEST(ColourConsistency, asks_for_more_than_a_third_of_a_small_piece_and_not_of_a
   EXPECT_TRUE(other.within(kLarge).is_consistent());
 }
 
-TEST(ColourConsistency, compares_nothing_where_colours_or_places_are_lacking) {
+TEST(ColourConsistency, compares_nothing_without_colours_or_points) {
   const Scene scene;
   EXPECT_EQ(scene.within(kSmall, 0).compared, 0);
   EXPECT_EQ(scene.within(kSmall, 2).compared, 0) << "one other camera is no agreement";

@@ -41,7 +41,7 @@ TEST(OutlineOffsets, of_a_silhouette_moved_aside_point_out_of_the_hull_on_that_s
   }
 }
 
-TEST(OutlineOffsets, of_images_eight_times_as_wide_are_as_many_and_say_the_same) {
+TEST(OutlineOffsets, of_images_eight_times_as_wide_are_the_same) {
   const auto offsets = [](int scale) {
     const ImageSize size{320 * scale, 240 * scale};
     const CameraModel camera = shapes::camera({3, 0, 0}, {0, 0, 0}, size, 500 * scale);
@@ -60,7 +60,8 @@ TEST(OutlineOffsets, of_images_eight_times_as_wide_are_as_many_and_say_the_same)
   for (const OutlineOffset& o : large) EXPECT_NEAR(o.distance, 5 * o.nx - 3 * o.ny, 1.5);
 }
 
-/// A ring of cameras round a ball on its way; `camera` shows it moved aside. `scale`: of images.
+/// A ring of cameras around a moving ball; the silhouettes of `camera` are shifted. `scale`: image
+/// size.
 std::vector<CameraDisplacement> drift_of(int camera, int right, int down, int scale = 1) {
   constexpr int kCameras = 10;
   Rig rig;
@@ -84,21 +85,21 @@ std::vector<CameraDisplacement> drift_of(int camera, int right, int down, int sc
   return meter.result(hulls);
 }
 
-TEST(DisplacedCamera, names_no_camera_that_is_in_its_place) {
+TEST(DisplacedCamera, reports_no_undisplaced_camera) {
   for (const CameraDisplacement& camera : drift_of(-1, 0, 0)) {
     EXPECT_FALSE(camera.displaced) << camera.camera;
     EXPECT_LT(camera.shift.norm(), 0.5) << camera.camera;
   }
 }
 
-TEST(DisplacedCamera, names_the_camera_that_was_displaced_and_by_how_much) {
+TEST(DisplacedCamera, reports_the_displaced_camera_and_its_shift) {
   const auto cameras = drift_of(3, 2, -3);
   for (size_t c = 0; c < cameras.size(); ++c) EXPECT_EQ(cameras[c].displaced, c == 3) << c;
   EXPECT_NEAR(cameras[3].shift.x(), 2, 0.5);
   EXPECT_NEAR(cameras[3].shift.y(), -3, 0.5);
 }
 
-TEST(DisplacedCamera, of_a_larger_image_must_be_so_much_larger) {
+TEST(DisplacedCamera, has_a_threshold_that_grows_with_the_image_size) {
   constexpr int kScale = 5;  // 1600 pixels a side: by displacement_scale() two count as one
   for (const CameraDisplacement& camera : drift_of(3, 2, 1, kScale))
     EXPECT_FALSE(camera.displaced) << camera.camera;
@@ -108,7 +109,7 @@ TEST(DisplacedCamera, of_a_larger_image_must_be_so_much_larger) {
   EXPECT_NEAR(cameras[3].shift.y(), -20, 1.5);
 }
 
-TEST(DisplacedCamera, is_not_told_of_a_camera_that_saw_nothing) {
+TEST(DisplacedCamera, ignores_a_camera_without_foreground) {
   Rig rig{{"cam0", shapes::camera({3, 0, 0}, {0, 0, 0}, {320, 240}, 500)}};
   DisplacementMeter meter(rig);
   const Mask nothing({320, 240});

@@ -5,8 +5,8 @@
 namespace v3d {
 namespace {
 
-/// A body as a bar that went `step` pixels to the right; the camera shows it where it was `late`
-/// pulses before, in an image of `size`.
+/// A bar that moved by `step` pixels to the right, in an image of `size`. The camera shows it
+/// `late` pulses late.
 SilhouetteChange bar_moved(ImageSize size, int step, int late) {
   const auto bar = [&](int x) {
     Mask mask(size);
@@ -16,7 +16,7 @@ SilhouetteChange bar_moved(ImageSize size, int step, int late) {
   return silhouette_change(bar(200 - late * step), bar(200), bar(200 - step));
 }
 
-TEST(SilhouetteChangeTest, of_a_camera_in_step_has_what_was_won_and_nothing_of_what_was_lost) {
+TEST(SilhouetteChangeTest, of_a_synchronous_camera_contains_gained_and_no_lost_pixels) {
   const SilhouetteChange change = bar_moved({1024, 768}, 5, 0);
   EXPECT_EQ(change.lost, 1000);
   EXPECT_EQ(change.lost_shown, 0);
@@ -26,7 +26,7 @@ TEST(SilhouetteChangeTest, of_a_camera_in_step_has_what_was_won_and_nothing_of_w
   EXPECT_LT(change.excess(), 0);
 }
 
-TEST(SilhouetteChangeTest, of_a_camera_that_is_a_pulse_late_is_the_reverse) {
+TEST(SilhouetteChangeTest, of_a_camera_one_pulse_late_contains_lost_and_no_gained_pixels) {
   const SilhouetteChange change = bar_moved({1024, 768}, 5, 1);
   EXPECT_EQ(change.lost_shown, 1000);
   EXPECT_EQ(change.gained_shown, 0);
@@ -34,7 +34,7 @@ TEST(SilhouetteChangeTest, of_a_camera_that_is_a_pulse_late_is_the_reverse) {
   EXPECT_GT(change.excess(), 0);
 }
 
-TEST(SilhouetteChangeTest, proves_nothing_by_as_few_pixels_as_a_still_body_has_at_its_rim) {
+TEST(SilhouetteChangeTest, is_inconclusive_with_few_rim_pixels_of_a_still_body) {
   const auto is_late = [](int64_t shown) {
     return SilhouetteChange{.pixels = 1024 * 768, .lost = 80, .lost_shown = shown, .gained = 80}
         .is_late();
@@ -43,8 +43,8 @@ TEST(SilhouetteChangeTest, proves_nothing_by_as_few_pixels_as_a_still_body_has_a
   EXPECT_TRUE(is_late(60));
 }
 
-// As one of 8 cameras had it, in step.
-TEST(SilhouetteChangeTest, proves_nothing_by_a_part_that_is_hardly_larger_than_of_what_was_won) {
+// Values of one of 8 synchronous cameras.
+TEST(SilhouetteChangeTest, is_inconclusive_when_both_parts_are_similar) {
   EXPECT_FALSE(
       (SilhouetteChange{
            .pixels = 1024 * 768, .lost = 332, .lost_shown = 70, .gained = 323, .gained_shown = 24})

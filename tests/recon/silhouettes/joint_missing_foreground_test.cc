@@ -18,14 +18,14 @@ constexpr ImageSize kSize{160, 120};
 constexpr size_t kCameras = 10;
 const Box kSpace{{-0.4, -0.4, 0.5}, {0.4, 0.4, 1.6}};
 constexpr double kVoxelM = 0.02;
-/// No voxel of it lies on a rim: all cameras that have the head show all of it.
+/// Size of the head. No voxel of it is on a rim, so all cameras that have the head show all of it.
 const Box kInsideHead{{-0.06, -0.06, 1.22}, {0.06, 0.06, 1.38}};
 constexpr JointMissingOptions kOptions{};
 
 Mesh body() { return shapes::box({-0.2F, -0.15F, 0.7F}, {0.2F, 0.15F, 1.2F}); }
 Mesh head() { return shapes::box({-0.08F, -0.08F, 1.2F}, {0.08F, 0.08F, 1.4F}); }
 
-/// A body with a head that some cameras have lost.
+/// A body with a head that some masks lack.
 struct Studio {
   Rig rig;
   std::vector<CameraModel> models;
@@ -59,7 +59,7 @@ struct Studio {
     for (const CameraModel& model : models) lenses.emplace_back(model, grid);
     LeaveOneOutHull hull(rig, kSpace, kVoxelM, 4);
     const std::vector<Mask> explained = hull.silhouettes(seen);
-    std::vector<Mask> unexplained(kCameras);  // without what is narrow: rims
+    std::vector<Mask> unexplained(kCameras);  // without narrow rims
     for (size_t c = 0; c < kCameras; ++c) {
       if (seen[c] != nullptr) unexplained[c] = open(difference_of(*seen[c], explained[c]), 2);
     }
@@ -68,7 +68,7 @@ struct Studio {
   std::vector<Mask> missing() const { return missing(borrowed()); }
 };
 
-/// A voxel is about 1.4 pixels wide, and one pixel tells of it.
+/// A voxel is about 1.4 pixels wide; one pixel is enough for it.
 Mask filled(const Mask& missing) { return dilate(missing, 1); }
 
 std::vector<size_t> accused(const std::vector<Mask>& missing) {
@@ -79,7 +79,7 @@ std::vector<size_t> accused(const std::vector<Mask>& missing) {
   return cameras;
 }
 
-TEST(JointMissingForeground, finds_the_piece_that_several_silhouettes_have_lost_at_once) {
+TEST(JointMissingForeground, finds_the_piece_that_several_silhouettes_lack) {
   for (const std::vector<size_t>& lost : {std::vector<size_t>{2, 3}, {0, 5}, {1, 4, 8}}) {
     Studio studio(lost);
     EXPECT_EQ(accused(studio.missing()), lost);
@@ -92,11 +92,11 @@ TEST(JointMissingForeground, finds_the_piece_that_several_silhouettes_have_lost_
   }
 }
 
-TEST(JointMissingForeground, leaves_to_the_hull_of_the_others_what_one_camera_alone_denies) {
+TEST(JointMissingForeground, ignores_foreground_that_only_one_camera_lacks) {
   EXPECT_EQ(accused(Studio({4}).missing()), std::vector<size_t>());
 }
 
-TEST(JointMissingForeground, believes_a_majority_that_sees_nothing) {
+TEST(JointMissingForeground, accepts_background_of_a_majority) {
   EXPECT_EQ(accused(Studio({0, 1, 2, 3}).missing()), std::vector<size_t>())
       << "more than 0.3 of ten";
   JointMissingOptions lenient;
@@ -106,7 +106,7 @@ TEST(JointMissingForeground, believes_a_majority_that_sees_nothing) {
   EXPECT_EQ(accused(studio.missing(studio.borrowed(), lenient)), (std::vector<size_t>{0, 1, 2, 3}));
 }
 
-TEST(JointMissingForeground, asks_only_cameras_that_take_part) {
+TEST(JointMissingForeground, uses_only_participating_cameras) {
   const Studio studio({2, 3});
   std::vector<const Mask*> seen = studio.borrowed();
   seen[3] = nullptr;
@@ -116,7 +116,7 @@ TEST(JointMissingForeground, asks_only_cameras_that_take_part) {
   EXPECT_EQ(accused(studio.missing(seen)), (std::vector<size_t>{2, 3}));
 }
 
-TEST(JointMissingForeground, needs_enough_cameras_whose_foreground_nothing_explains) {
+TEST(JointMissingForeground, requires_enough_cameras_with_unexplained_foreground) {
   const Studio studio({2, 3});
   JointMissingOptions strict;
   strict.min_supporting = 9;
@@ -126,11 +126,11 @@ TEST(JointMissingForeground, needs_enough_cameras_whose_foreground_nothing_expla
   EXPECT_EQ(accused(studio.missing(studio.borrowed(), strict)), std::vector<size_t>());
 }
 
-TEST(JointMissingForeground, finds_nothing_where_all_foreground_is_explained) {
+TEST(JointMissingForeground, finds_nothing_when_all_foreground_is_explained) {
   EXPECT_EQ(accused(Studio({}).missing()), std::vector<size_t>());
 }
 
-TEST(JointMissingForeground, gives_the_same_for_any_number_of_threads) {
+TEST(JointMissingForeground, returns_the_same_for_any_number_of_threads) {
   const auto with_threads = [](int threads) {
     return tbb::task_arena(threads).execute([] { return Studio({1, 4, 8}).missing(); });
   };

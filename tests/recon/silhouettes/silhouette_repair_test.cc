@@ -1,4 +1,4 @@
-// Faults put into the silhouettes of the simulated performer.
+// Tests with faults in the silhouettes of the simulated performer.
 #include "recon/silhouettes/silhouette_repair.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ constexpr int kMinViews = 4;
 constexpr double kSeconds = 0.4;
 const Box kSpace{{-1.5, -1.5, 0}, {1.5, 1.5, 2}};
 
-/// What all cameras see of the performer at one instant.
+/// Masks and frames of all cameras at one instant.
 struct Scene {
   Rig rig = sim::make_rig(kCameras, kSize, kSeed);
   std::vector<Mask> masks;
@@ -77,7 +77,7 @@ SparseVolume volume(std::span<const Mask* const> masks) {
   return hulls.volume(masks);
 }
 
-/// Voxels in which the hull of the masks differs from that of the true ones.
+/// Number of differing voxels between the hull of the masks and that of the true ones.
 int64_t voxels_wrong(std::span<const Mask* const> masks) {
   return count_differing(volume(masks), volume(pointers(scene().masks)));
 }
@@ -90,7 +90,7 @@ std::vector<Mask> with_hole(size_t camera, Rect hole) {
   return masks;
 }
 
-/// Inside the silhouette, in the middle of its widest row.
+/// A pixel inside the silhouette, in the middle of its widest row.
 Rect solid_part(const Mask& mask, int edge) {
   const Mask core = erode(mask, edge / 2 + 2);
   const Rect box = core.bounding_box();
@@ -101,14 +101,14 @@ Rect solid_part(const Mask& mask, int edge) {
   }
 }
 
-TEST(SilhouetteRepair, finds_no_fault_where_there_is_none) {
+TEST(SilhouetteRepair, finds_no_fault_in_true_silhouettes) {
   const RepairedSilhouettes repaired = repair(scene().masks);
   EXPECT_THAT(repaired.faults, IsEmpty());
   for (size_t c = 0; c < repaired.masks.size(); ++c)
     EXPECT_EQ(*repaired.masks[c], scene().masks[c]);
 }
 
-TEST(SilhouetteRepair, fills_what_one_camera_lost_of_the_body) {
+TEST(SilhouetteRepair, fills_foreground_that_one_camera_lacks) {
   for (const size_t camera : {1U, 6U}) {
     const Rect box = scene().masks[camera].bounding_box();
     const auto masks = with_hole(camera, {box.x0, box.y0, box.width, box.height / 4});
@@ -122,7 +122,7 @@ TEST(SilhouetteRepair, fills_what_one_camera_lost_of_the_body) {
   }
 }
 
-TEST(SilhouetteRepair, fills_a_hole_that_has_consistent_colours_and_believes_one_without_colours) {
+TEST(SilhouetteRepair, fills_a_hole_with_consistent_colours_and_keeps_one_without_colours) {
   constexpr size_t kCamera = 0;
   const auto masks = with_hole(kCamera, solid_part(scene().masks[kCamera], 16));
   ASSERT_GT(voxels_wrong(pointers(masks)), 0);
@@ -132,8 +132,8 @@ TEST(SilhouetteRepair, fills_a_hole_that_has_consistent_colours_and_believes_one
   EXPECT_THAT(repair(masks, false).faults, IsEmpty());
 }
 
-TEST(SilhouetteRepair, fills_what_has_consistent_colours_where_no_camera_contradicts) {
-  // From the outline inwards, so that it is no hole; the frames of the other cameras lack nothing.
+TEST(SilhouetteRepair, fills_regions_with_consistent_colours_that_no_camera_contradicts) {
+  // From the outline inwards, so it is no hole; the frames of the other cameras are complete.
   constexpr size_t kCamera = 3;
   const Rect hole = solid_part(scene().masks[kCamera], 16);
   const auto masks = with_hole(kCamera, {0, hole.y0, hole.x0 + hole.width, hole.height});
@@ -144,7 +144,7 @@ TEST(SilhouetteRepair, fills_what_has_consistent_colours_where_no_camera_contrad
   EXPECT_LE(3 * voxels_wrong(pointers(repaired.masks)), voxels_wrong(pointers(masks)));
 }
 
-TEST(SilhouetteRepair, fills_what_several_cameras_lost_together) {
+TEST(SilhouetteRepair, fills_foreground_that_several_cameras_lack) {
   std::vector<Mask> masks = scene().masks;
   for (const size_t camera : {1U, 5U, 8U}) {
     const Rect box = masks[camera].bounding_box();
@@ -159,7 +159,7 @@ TEST(SilhouetteRepair, fills_what_several_cameras_lost_together) {
   EXPECT_LE(10 * voxels_wrong(pointers(repaired.masks)), voxels_wrong(pointers(masks)));
 }
 
-TEST(SilhouetteRepair, drops_what_no_other_camera_sees) {
+TEST(SilhouetteRepair, removes_foreground_that_no_other_camera_sees) {
   constexpr size_t kCamera = 4;
   std::vector<Mask> masks = scene().masks;
   for (int y = 20; y < 60; ++y) masks[kCamera].fill_row(y, 20, 70);
@@ -171,7 +171,7 @@ TEST(SilhouetteRepair, drops_what_no_other_camera_sees) {
   EXPECT_EQ(*repaired.masks[kCamera], scene().masks[kCamera]);
 }
 
-/// With part of a disc added at the right of the silhouette, so many pixels beyond its outline.
+/// The mask with a part of a disc at the right, this many pixels beyond its outline.
 std::vector<Mask> with_bulge(size_t camera, int pixels) {
   constexpr int kRadius = 20;
   std::vector<Mask> masks = scene().masks;
@@ -188,7 +188,7 @@ std::vector<Mask> with_bulge(size_t camera, int pixels) {
   return masks;
 }
 
-TEST(SilhouetteRepair, drops_what_bulges_a_little_beyond_the_outline) {
+TEST(SilhouetteRepair, removes_small_bulges_of_the_outline) {
   for (const size_t camera : {0U, 5U, 8U, 9U}) {
     const RepairedSilhouettes repaired = repair(with_bulge(camera, 8), false);
     ASSERT_EQ(repaired.faults.size(), 1U) << camera;
@@ -197,7 +197,7 @@ TEST(SilhouetteRepair, drops_what_bulges_a_little_beyond_the_outline) {
   }
 }
 
-TEST(SilhouetteRepair, leaves_out_cameras_that_see_nothing_or_everything) {
+TEST(SilhouetteRepair, excludes_cameras_with_empty_or_full_masks) {
   std::vector<Mask> masks = scene().masks;
   masks[2] = Mask(kSize);
   masks[9] = Mask(kSize);
@@ -213,7 +213,7 @@ TEST(SilhouetteRepair, leaves_out_cameras_that_see_nothing_or_everything) {
   EXPECT_LE(3 * voxels_wrong(pointers(repaired.masks)), voxels_wrong(pointers(masks)));
 }
 
-/// What every camera sees so many pulses of 10 Hz later.
+/// Masks of all cameras this many pulses of 10 Hz later.
 std::vector<Mask> masks_at(int pulses) {
   std::vector<Mask> masks;
   for (const RigCamera& camera : scene().rig) {
@@ -222,7 +222,7 @@ std::vector<Mask> masks_at(int pulses) {
   return masks;
 }
 
-/// Mends pulse 0 where `camera` shows the pulses `shown` at -1, 0 and 1.
+/// Repairs pulse 0; `camera` shows the pulses `shown` at -1, 0 and 1.
 RepairedSilhouettes mend_late(size_t camera, std::array<int, 3> shown, std::vector<Mask>& masks) {
   std::vector<Mask> before = masks_at(-1);
   std::vector<Mask> after = masks_at(1);
@@ -237,7 +237,7 @@ RepairedSilhouettes mend_late(size_t camera, std::array<int, 3> shown, std::vect
   return repairer.repair(pointers(masks), no_frames, {.before = all_before, .after = all_after});
 }
 
-TEST(SilhouetteRepair, names_a_camera_that_is_a_pulse_late_and_takes_its_next_frame) {
+TEST(SilhouetteRepair, reports_a_camera_one_pulse_late_and_uses_its_next_frame) {
   constexpr size_t kCamera = 4;
   std::vector<Mask> masks;
   const RepairedSilhouettes repaired = mend_late(kCamera, {-2, -1, 0}, masks);
@@ -248,7 +248,7 @@ TEST(SilhouetteRepair, names_a_camera_that_is_a_pulse_late_and_takes_its_next_fr
   EXPECT_EQ(*repaired.masks[kCamera], scene().masks[kCamera]);
 }
 
-TEST(SilhouetteRepair, puts_what_lies_between_where_a_camera_showed_a_pulse_twice) {
+TEST(SilhouetteRepair, interpolates_a_repeated_frame) {
   constexpr size_t kCamera = 4;
   std::vector<Mask> masks;
   const RepairedSilhouettes repaired = mend_late(kCamera, {-1, -1, 1}, masks);
@@ -258,7 +258,7 @@ TEST(SilhouetteRepair, puts_what_lies_between_where_a_camera_showed_a_pulse_twic
   EXPECT_LT(voxels_wrong(pointers(repaired.masks)), voxels_wrong(pointers(masks)));
 }
 
-TEST(SilhouetteRepair, tells_what_a_pulse_is_without_its_neighbours) {
+TEST(SilhouetteRepair, repairs_a_pulse_without_its_neighbours) {
   std::vector<Mask> masks;
   const RepairedSilhouettes late = mend_late(4, {-2, -1, 0}, masks);
   const RepairedSilhouettes by_itself = repair(masks, false);
@@ -267,12 +267,12 @@ TEST(SilhouetteRepair, tells_what_a_pulse_is_without_its_neighbours) {
   EXPECT_EQ(by_itself.alone, by_itself.masks);
 }
 
-TEST(SilhouetteRepair, finds_no_camera_late_where_all_are_in_step) {
+TEST(SilhouetteRepair, reports_no_late_camera_when_all_are_synchronous) {
   std::vector<Mask> masks;
   EXPECT_THAT(mend_late(4, {-1, 0, 1}, masks).faults, IsEmpty());
 }
 
-TEST(SilhouetteRepair, believes_the_only_camera_that_looks_between_the_legs) {
+TEST(SilhouetteRepair, accepts_background_of_the_only_camera_that_sees_it) {
   Mesh legs = shapes::box({-0.1F, -0.3F, 0}, {0.1F, -0.1F, 0.9F});
   const Mesh other = shapes::box({-0.1F, 0.1F, 0}, {0.1F, 0.3F, 0.9F});
   const auto first = static_cast<uint32_t>(legs.vertices.size());

@@ -27,7 +27,7 @@ Rig ring_of(int cameras) {
   return rig;
 }
 
-/// A ball on its way round the middle, `radians` further every pulse.
+/// A ball on a circle around the centre, which moves by `radians` each pulse.
 Mask silhouette(const CameraModel& camera, int pulse, double radians) {
   const double angle = radians * pulse;
   const Eigen::Vector3f centre(static_cast<float>(0.3 * std::cos(angle)),
@@ -43,8 +43,7 @@ std::vector<const Mask*> now_of(const std::vector<MaskWindow>& windows) {
   return masks;
 }
 
-/// How late each camera is found to be in a take in which camera c shows what was `late[c]` pulses
-/// before.
+/// The detected lags of all cameras in a take in which camera c is `late[c]` pulses late.
 std::vector<int> lateness(const std::vector<int>& late, double radians) {
   const Rig rig = ring_of(static_cast<int>(late.size()));
   LeaveOneOutHull hulls(rig, kSpace, 0.02, 3);
@@ -70,19 +69,19 @@ TEST(SyncCheckTest, finds_no_fault_with_cameras_in_step) {
   EXPECT_THAT(lateness({0, 0, 0, 0, 0, 0, 0, 0}, 0.1), testing::Each(0));
 }
 
-TEST(SyncCheckTest, names_the_camera_that_is_late_and_by_how_much) {
+TEST(SyncCheckTest, reports_the_late_camera_and_its_lag) {
   const std::vector<int> late = {0, 0, 0, 1, 0, 0, 0, 0};
   EXPECT_EQ(lateness(late, 0.1), late);
   const std::vector<int> later = {0, 0, 2, 0, 0, 0, 0, 0};
   EXPECT_EQ(lateness(later, 0.1), later);
 }
 
-TEST(SyncCheckTest, names_the_camera_that_is_early) {
+TEST(SyncCheckTest, reports_the_early_camera) {
   const std::vector<int> early = {0, 0, 0, 0, 0, -1, 0, 0};
   EXPECT_EQ(lateness(early, 0.1), early);
 }
 
-TEST(SyncCheckTest, says_nothing_of_what_does_not_move) {
+TEST(SyncCheckTest, has_no_result_for_a_still_body) {
   EXPECT_THAT(lateness({0, 0, 0, 2, 0, 0, 0, 0}, 0), testing::Each(0));
 }
 

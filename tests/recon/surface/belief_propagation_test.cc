@@ -24,7 +24,7 @@ struct Graph {
   }
 };
 
-/// All labels cost `others`, one nothing.
+/// One label costs 0, all others `others`.
 BeliefPropagation::Costs wish(int label, int16_t others) {
   BeliefPropagation::Costs costs;
   costs.of.fill(others);
@@ -32,7 +32,7 @@ BeliefPropagation::Costs wish(int label, int16_t others) {
   return costs;
 }
 
-/// A row of nodes, each beside the next.
+/// A chain of nodes.
 Graph chain(size_t nodes) {
   Graph graph;
   graph.costs.resize(nodes);
@@ -51,7 +51,7 @@ Graph random_graph() {
   return graph;
 }
 
-/// What the labels cost all together.
+/// The total cost of the labels.
 int64_t price_of(const Graph& graph, const std::vector<uint8_t>& labels) {
   int64_t sum = 0;
   for (size_t n = 0; n < labels.size(); ++n) sum += graph.costs[n].of[labels[n]];
@@ -61,7 +61,7 @@ int64_t price_of(const Graph& graph, const std::vector<uint8_t>& labels) {
   return sum;
 }
 
-/// The least price of a chain, by dynamic programming.
+/// The minimum cost of a chain, by dynamic programming.
 int64_t min_price(const Graph& chain) {
   std::vector<int64_t> least(kLabels, 0);
   for (size_t n = 0; n < chain.costs.size(); ++n) {
@@ -79,41 +79,41 @@ int64_t min_price(const Graph& chain) {
   return *std::min_element(least.begin(), least.end());
 }
 
-TEST(BeliefPropagation, is_the_cheapest_of_all_where_nodes_form_a_chain) {
+TEST(BeliefPropagation, finds_the_optimum_of_a_chain) {
   std::mt19937 random(5);
   for (int i = 0; i < 20; ++i) {
     Graph graph = chain(12);
     for (BeliefPropagation::Costs& costs : graph.costs) {
       for (int16_t& cost : costs.of) cost = static_cast<int16_t>(random() % 250);
     }
-    // Messages go half of what is left each round: many rounds, and a rest of whole numbers.
+    // Damped messages move by half of the difference each round: many rounds are needed.
     const int64_t price = price_of(graph, graph.solve({.slope = kSlope, .rounds = 60}));
     EXPECT_LE(price, min_price(graph) + 6);
   }
 }
 
-TEST(BeliefPropagation, takes_those_that_know_nothing_along_with_their_neighbours) {
+TEST(BeliefPropagation, gives_nodes_without_data_the_labels_of_their_neighbours) {
   Graph graph = chain(7);
   graph.costs[0] = wish(9, 125);
   graph.costs[6] = wish(9, 125);
   for (const uint8_t label : graph.solve()) EXPECT_EQ(label, 9);
 }
 
-TEST(BeliefPropagation, lets_neighbours_overrule_one_that_errs) {
+TEST(BeliefPropagation, corrects_a_wrong_node_by_its_neighbours) {
   Graph graph = chain(9);
   for (auto& costs : graph.costs) costs = wish(4, 150);
   graph.costs[4] = wish(29, 150);
   EXPECT_EQ(graph.solve()[4], 4);
 }
 
-TEST(BeliefPropagation, breaks_where_both_sides_are_sure) {
+TEST(BeliefPropagation, keeps_a_step_between_two_certain_sides) {
   Graph graph = chain(10);
   for (size_t n = 0; n < 10; ++n) graph.costs[n] = wish(n < 5 ? 2 : 30, 375);
   const std::vector<uint8_t> labels = graph.solve();
   for (size_t n = 0; n < 10; ++n) EXPECT_EQ(labels[n], n < 5 ? 2 : 30);
 }
 
-TEST(BeliefPropagation, is_each_nodes_own_wish_where_there_are_no_edges) {
+TEST(BeliefPropagation, selects_each_nodes_own_minimum_without_edges) {
   Graph graph;
   for (int label : {0, 31, 7}) graph.costs.push_back(wish(label, 1));
   EXPECT_EQ(graph.solve(), (std::vector<uint8_t>{0, 31, 7}));
@@ -132,7 +132,7 @@ TEST(BeliefPropagation, is_the_same_on_every_instruction_set_and_any_number_of_t
   EXPECT_EQ(tbb::task_arena(1).execute([&] { return graph.solve(); }), expected);
 }
 
-TEST(BeliefPropagation, keeps_no_memory_of_the_graph_before) {
+TEST(BeliefPropagation, is_independent_of_the_previous_graph) {
   const Graph first = random_graph();
   Graph other = chain(3);
   other.costs[1] = wish(5, 100);

@@ -21,7 +21,7 @@ constexpr double kVoxelM = 0.010;
 /// Between the two arms of the scene, in front of its body.
 constexpr float kInside = 0.09F, kBelly = 0.02F, kArms = 0.16F, kTop = 0.15F;
 
-/// Its sides are nets, whose vertices can be speckled.
+/// A box with meshed sides, whose vertices can be speckled.
 Mesh fine_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
   constexpr int kParts = 40;
   Mesh mesh;
@@ -41,7 +41,7 @@ Mesh fine_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
   return mesh;
 }
 
-/// A body that holds its arms before it: no silhouette of a camera beside it shows the belly.
+/// A body with arms in front of it: no silhouette of a camera beside it shows the belly.
 Mesh embrace() {
   const float z = 1;
   Mesh mesh = fine_box({-kArms, -kArms, z - kTop}, {kBelly, kArms, z + kTop});
@@ -81,10 +81,10 @@ struct Studio {
   Mesh hull;
 
   explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
-  /// `seen`: what is in the pictures, if not all that the silhouettes show.
+  /// `seen`: the scene of the images, if it differs from that of the silhouettes.
   Studio(const Mesh& scene, const Mesh& seen) {
     for (int i = 0; i < 14; ++i) {
-      // All round, and a few closer together where one can look in.
+      // All around, and a few closer together in front of the concavity.
       const double angle = i < 8 ? 2 * std::numbers::pi * (i + 0.5) / 8 : 0.14 * (i - 10.5);
       models.push_back(
           shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.12 * (i % 3 - 1)},
@@ -146,11 +146,11 @@ Count count(const SparseVolume& volume) {
   return counts;
 }
 
-TEST(ConcavityCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
+TEST(ConcavityCarver, empties_visible_concavities_and_keeps_solid_parts) {
   const Count hull = count(studio().volume), carved = count(studio().carved());
   EXPECT_GT(hull.concavity, 4'500) << "the silhouettes span it";
-  // A single look leaves 0.54 of it, and two 0.40: three voxels before what is found are not voted
-  // for, and cameras see into the depth only over what the looks before have opened.
+  // One pass leaves 0.54 of the excess, and two leave 0.40. The three voxels before a found surface
+  // get no votes, and cameras see into the depth only through voxels that earlier passes removed.
   EXPECT_LT(carved.concavity, 0.32 * hull.concavity);
   EXPECT_GT(carved.solid, 0.98 * hull.solid);
 }
@@ -158,8 +158,8 @@ TEST(ConcavityCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
 /// Upright before the arms.
 Mesh blade() { return shapes::box({0.24F, -0.02F, 0.9F}, {0.26F, 0.02F, 1.1F}); }
 
-/// Foreground of all cameras that the hull covers and that is more than two pixels beside what
-/// `left` covers.
+/// Foreground pixels of all cameras that the hull covers and that are more than two pixels outside
+/// the projection of `left`.
 int64_t opened_pixels(const Studio& studio, const SparseVolume& left) {
   const std::vector<Mask> before = draw_silhouettes(studio.hull, studio.models);
   const std::vector<Mask> after = draw_silhouettes(marching_cubes(left), studio.models);
@@ -171,10 +171,10 @@ int64_t opened_pixels(const Studio& studio, const SparseVolume& left) {
   return opened;
 }
 
-TEST(ConcavityCarver, opens_no_silhouette) {
+TEST(ConcavityCarver, keeps_all_silhouettes_covered) {
   Mesh with_blade = embrace();
   shapes::append(with_blade, blade());
-  // Pictures look through the blade, as through one that mirrors what is around it.
+  // The images show the background at the blade, as for a mirroring blade.
   const Studio there(with_blade, speckled(embrace()));
   const SparseVolume left = there.carved();
   EXPECT_LT(count(left).concavity, 0.8 * count(there.volume).concavity);
@@ -185,7 +185,7 @@ TEST(ConcavityCarver, opens_no_silhouette) {
   EXPECT_GT(opened_pixels(there, without_blade), 500) << "where the blade is missing it shows";
 }
 
-/// What is left when next to nothing is seen now, but much was the pulse before.
+/// The remaining volume when little is visible now, but much was at the previous pulse.
 SparseVolume carved_by_the_pulse_before(const Studio& then, size_t cameras_now = 14) {
   const Studio& now = studio();
   const SurfaceCameras seeing = now.before(now.hull), seen = then.before(then.hull);
@@ -201,19 +201,19 @@ SparseVolume carved_by_the_pulse_before(const Studio& then, size_t cameras_now =
   return carver.carve(seeing, now.volume, little, {&before, 1});
 }
 
-TEST(ConcavityCarver, believes_the_pulse_before_where_nothing_moved_in_the_pictures) {
+TEST(ConcavityCarver, reuses_the_previous_pulse_where_images_show_no_motion) {
   EXPECT_LT(count(carved_by_the_pulse_before(studio())).concavity,
             0.32 * count(studio().volume).concavity);
   EXPECT_EQ(carved_by_the_pulse_before(Studio(speckled(embrace(), 8))), studio().volume);
   EXPECT_EQ(carved_by_the_pulse_before(studio(), 0), studio().volume) << "cameras that are gone";
 }
 
-TEST(ConcavityCarver, takes_nothing_where_there_is_nothing_to_compare) {
+TEST(ConcavityCarver, removes_nothing_without_comparable_images) {
   const Studio blank(plain(embrace()));
   EXPECT_EQ(blank.carved(), blank.volume);
 }
 
-TEST(ConcavityCarver, needs_two_cameras) {
+TEST(ConcavityCarver, requires_two_cameras) {
   ConcavityCarver carver;
   const auto some = [&](size_t cameras) {
     return carved_by(carver, studio().before(studio().hull, cameras), studio().hull,
@@ -225,7 +225,7 @@ TEST(ConcavityCarver, needs_two_cameras) {
   EXPECT_EQ(carved_by(carver, studio().before({}), Mesh{}, nothing), nothing);
 }
 
-TEST(ConcavityCarver, gives_the_same_volume_for_any_number_of_threads) {
+TEST(ConcavityCarver, returns_the_same_volume_for_any_number_of_threads) {
   const auto with_threads = [](int threads) {
     return tbb::task_arena(threads).execute([] { return studio().carved(); });
   };
@@ -234,7 +234,7 @@ TEST(ConcavityCarver, gives_the_same_volume_for_any_number_of_threads) {
   EXPECT_EQ(with_threads(5), expected);
 }
 
-TEST(ConcavityCarver, keeps_no_memory_of_the_frame_before) {
+TEST(ConcavityCarver, is_independent_of_the_previous_frame) {
   ConcavityCarver carver;
   const SparseVolume box = make_volume(studio().volume.grid(), [](int i, int j, int k) {
     return i > 20 && i < 40 && j > 20 && j < 40 && k > 20 && k < 40;

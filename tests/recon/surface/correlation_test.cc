@@ -25,7 +25,7 @@ Frame noise(int shift, int gain = 1) {
   return observe("cam", {}, image.view(), mask);
 }
 
-/// A window whose place moves along x by a pixel a step.
+/// A window that moves along x by a pixel a step.
 WindowView window_at(const Luminance& image, float x, float y, float pixels_per_step) {
   return {
       &image, x + 0.5F - image.first_u(), y + 0.5F - image.first_v(), 1, 0, 0, 1, pixels_per_step,
@@ -82,7 +82,7 @@ double plain_correlation(const WindowView& a, const WindowView& b, double depth,
   return (ab - sum_a * sum_b / count) / std::sqrt(variance(aa, sum_a) * variance(bb, sum_b));
 }
 
-TEST(Correlation, is_that_of_the_paper_at_any_place_and_for_windows_of_any_size) {
+TEST(Correlation, equals_equation_5_for_any_position_and_window_size) {
   const Luminance one(noise(0)), other(noise(3));
   std::mt19937 random(11);
   const auto between = [&](float low, float high) {
@@ -110,7 +110,7 @@ TEST(Correlation, is_that_of_the_paper_at_any_place_and_for_windows_of_any_size)
   }
 }
 
-TEST(Correlation, does_not_feel_brightness_and_contrast) {
+TEST(Correlation, is_invariant_to_brightness_and_contrast) {
   const Luminance reference(noise(0)), brighter(noise(0, 2));
   WindowViews views;
   views.count = 2;
@@ -118,7 +118,7 @@ TEST(Correlation, does_not_feel_brightness_and_contrast) {
   EXPECT_GT(profile_of(views)[8], 0.98F);
 }
 
-TEST(Correlation, robust_keeps_a_camera_that_contradicts_from_counting_against) {
+TEST(Correlation, robust_ignores_a_contradicting_camera) {
   const Luminance reference(noise(0)), other(noise(50));
   WindowViews views;
   views.count = 3;
@@ -136,7 +136,7 @@ PairAgreement pairs_of(const WindowViews& views) {
   return agreement;
 }
 
-TEST(Correlation, of_pairs_lets_two_agree_whatever_the_others_look_at) {
+TEST(Correlation, of_pairs_accepts_two_agreeing_cameras_among_others) {
   const Luminance one(noise(0)), same(noise(3)), another(noise(50)), third(noise(6));
   WindowViews views;
   views.count = 3;
@@ -147,7 +147,7 @@ TEST(Correlation, of_pairs_lets_two_agree_whatever_the_others_look_at) {
   EXPECT_EQ(best - 8, 3);  // steps out
   EXPECT_EQ(two.agreeing[11], 0b110);
   EXPECT_EQ(two.agreeing[8], 0);
-  EXPECT_GT(two.score[11], 0.49F);  // the next pair says little
+  EXPECT_GT(two.score[11], 0.49F);  // the next pair has little correlation
   EXPECT_LT(two.score[11], 0.7F);
   views.view[0] = window_at(third, 80, 60, 2);
   EXPECT_GT(pairs_of(views).score[11], 0.98F);
@@ -185,7 +185,7 @@ TEST(Correlation, is_the_same_to_the_bit_on_every_instruction_set) {
   }
 }
 
-TEST(Luminance, leaves_nothing_of_the_mosaic) {
+TEST(Luminance, removes_the_mosaic_pattern) {
   Image raw(kSize, PixelFormat::kBayerRG8);
   for (int y = 0; y < kSize.height; ++y) {
     for (int x = 0; x < kSize.width; ++x) {
@@ -202,7 +202,7 @@ TEST(Luminance, leaves_nothing_of_the_mosaic) {
   }
 }
 
-TEST(Luminance, a_place_stays_where_it_is_at_half_resolution) {
+TEST(Luminance, keeps_positions_at_half_resolution) {
   Image image(kSize, PixelFormat::kMono8);
   for (int y = 0; y < kSize.height; ++y) {
     for (int x = 0; x < kSize.width; ++x) image.row(y)[x] = static_cast<uint8_t>(x);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr ImageSize kSize{320, 240};
 constexpr float kHalfEdge = 0.25F;
-constexpr double kEdge = 0.010;  ///< about the length of an edge: what a voxel is to the deformer
+constexpr double kEdge = 0.010;  ///< approximate edge length, used as the voxel size
 
 const Eigen::Vector3f kMiddle{0, 0, 1};
 
@@ -26,7 +26,7 @@ float angle_to_x(const Eigen::Vector3f& direction) {
   return std::acos(std::clamp(direction.x(), -1.0F, 1.0F));
 }
 
-/// A die with round edges: from its middle in a direction, metres.
+/// Radius of a rounded cube in a direction, metres.
 float die_radius(const Eigen::Vector3f& direction) {
   float sum = 0;
   for (const float c : direction) sum += square(square(square(c)));
@@ -55,7 +55,7 @@ Mesh speckled(Mesh mesh) {
   return mesh;
 }
 
-/// What the cameras see.
+/// Cameras and images of a scene.
 Mesh concavity_die() { return speckled(body(110, concavity_radius)); }
 
 Mesh hull() { return body(90, die_radius); }
@@ -101,7 +101,7 @@ Mesh deformed(DeformOptions options) {
   return mesh;
 }
 
-/// In the concavity: the median way to the true surface, away from the middle, metres.
+/// Median signed distance to the true surface in the concavity, outward positive, metres.
 double error_in_concavity(const Mesh& mesh) {
   std::vector<double> errors;
   for (const Eigen::Vector3f& v : mesh.vertices) {
@@ -137,7 +137,7 @@ TEST(RedundantHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_fine
   EXPECT_EQ(redundant_halvings(camera, {4, 0, 1}, 0.050), 0) << "behind the camera";
 }
 
-TEST(Deformer, the_papers_steps_come_closer_from_near) {
+TEST(Deformer, converges_by_the_papers_steps_from_a_near_start) {
   DeformOptions paper;
   paper.mode = DeformMode::kPaper;
   paper.voxel_m = kEdge;
@@ -149,7 +149,7 @@ TEST(Deformer, the_papers_steps_come_closer_from_near) {
   EXPECT_LT(error_in_concavity(mesh), 0.5 * before);
 }
 
-TEST(Deformer, sees_no_concavity_without_the_photometric_force) {
+TEST(Deformer, finds_no_concavity_without_the_photometric_force) {
   DeformOptions blind;
   blind.photometric = 0;
   EXPECT_GT(error_in_concavity(deformed(blind)), 0.030);
@@ -163,7 +163,7 @@ TEST(Deformer, keeps_the_silhouettes) {
   EXPECT_GT(kept, min_iou(deformed(careless)));
 }
 
-TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
+TEST(Deformer, moves_a_too_large_mesh_back_to_its_silhouettes) {
   Mesh mesh = body(90, [](const auto& direction) { return 1.04F * die_radius(direction); });
   DeformOptions options;
   options.voxel_m = kEdge;
@@ -173,7 +173,7 @@ TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
   EXPECT_GT(min_iou(mesh), before + 0.5 * (1 - before));
 }
 
-/// A third as wide as a template window, with nothing on it that could be compared.
+/// A part a third as wide as a template window, without texture.
 Mesh rod() {
   Mesh mesh = shapes::sphere({0, 0, 0}, 1, 60);
   for (Eigen::Vector3f& v : mesh.vertices) {
@@ -183,7 +183,7 @@ Mesh rod() {
   return mesh;
 }
 
-TEST(Deformer, does_not_compare_the_background_beside_something_slender) {
+TEST(Deformer, does_not_compare_the_background_beside_slender_parts) {
   Mesh before_a_wall = rod();
   shapes::append(before_a_wall, speckled(shapes::sphere({0, 0, 1}, 4, 120)));
   const Studio there(rod(), before_a_wall);
@@ -199,13 +199,13 @@ TEST(Deformer, does_not_compare_the_background_beside_something_slender) {
   EXPECT_LT(sum / std::ssize(mesh.vertices), 0.0005);
 }
 
-TEST(Deformer, leaves_no_place_where_the_surface_goes_through_itself) {
+TEST(Deformer, leaves_no_self_intersection) {
   DeformOptions rough;
   rough.internal = 0.02;
   EXPECT_TRUE(self_intersections(deformed(rough)).empty());
 }
 
-TEST(RemoveSelfIntersections, takes_back_what_went_through_the_other_side) {
+TEST(RemoveSelfIntersections, reverts_parts_that_crossed_the_other_side) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 1, 30);
   Mesh pushed = ball;
   for (Eigen::Vector3f& v : pushed.vertices) {
@@ -228,14 +228,14 @@ TEST(RemoveSelfIntersections,
   EXPECT_TRUE(self_intersections(moved).empty());
 }
 
-TEST(RemoveSelfIntersections, ends_where_the_surface_to_go_back_to_crosses_itself) {
+TEST(RemoveSelfIntersections, ends_when_the_previous_surface_intersects_itself) {
   Mesh crossed = shapes::sphere({0, 0, 0}, 1, 20);
   shapes::append(crossed, shapes::sphere({0.5F, 0, 0}, 1, 20));
   const std::vector<Eigen::Vector3f> start = crossed.vertices;
   EXPECT_GT(remove_self_intersections(Neighbours(crossed), start, std::nullopt, crossed), 0);
 }
 
-TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {
+TEST(Deformer, returns_the_same_surface_for_any_number_of_threads) {
   const auto with_threads = [](int threads) {
     return tbb::task_arena(threads).execute([] { return deformed({}).vertices; });
   };
@@ -244,7 +244,7 @@ TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {
   EXPECT_EQ(with_threads(5), expected);
 }
 
-TEST(Deformer, keeps_no_memory_of_the_frame_before) {
+TEST(Deformer, is_independent_of_the_previous_frame) {
   DeformOptions options;
   options.voxel_m = kEdge;
   Deformer deformer(options);
@@ -256,7 +256,7 @@ TEST(Deformer, keeps_no_memory_of_the_frame_before) {
   EXPECT_EQ(again.vertices, first.vertices);
 }
 
-TEST(Deformer, leaves_a_mesh_alone_that_nobody_sees) {
+TEST(Deformer, keeps_a_mesh_that_no_camera_sees) {
   Mesh mesh = hull();
   Deformer({}).run({}, mesh);
   EXPECT_EQ(mesh.vertices, hull().vertices);

@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-/// What vertices of a mesh could have seen.
+/// Possible observations of the vertices of a mesh.
 struct Observations {
   Neighbours neighbours;
   std::vector<DepthProfile> profiles;
@@ -44,7 +44,7 @@ Observations random_observations() {
   return observations;
 }
 
-/// The scheme again, a vertex at a time.
+/// Reference implementation, one vertex at a time.
 class PlainField {
  public:
   PlainField(const Observations& observations, const DisplacementFieldOptions& options)
@@ -110,7 +110,7 @@ class PlainField {
   std::vector<float> field_;
 };
 
-TEST(DisplacementField, is_that_of_a_plain_loop_to_the_bit_on_every_instruction_set) {
+TEST(DisplacementField, equals_a_scalar_loop_bit_for_bit_on_every_instruction_set) {
   const Observations observations = random_observations();
   ASSERT_NE(observations.known.size() % NeighbourRows::kWidth, 0);
   for (const float smoothness : {0.3F, 0.0F}) {
@@ -125,7 +125,7 @@ TEST(DisplacementField, is_that_of_a_plain_loop_to_the_bit_on_every_instruction_
   }
 }
 
-TEST(DisplacementField, goes_to_the_peak_of_a_parabola_where_all_have_the_same) {
+TEST(DisplacementField, converges_to_the_common_peak_of_parabolas) {
   Observations observations(shapes::sphere({0, 0, 0}, 1, 10));
   for (size_t v = 0; v < observations.known.size(); ++v) {
     observations.known[v] = 1;
@@ -139,7 +139,7 @@ TEST(DisplacementField, goes_to_the_peak_of_a_parabola_where_all_have_the_same) 
   }
 }
 
-TEST(DisplacementField, takes_those_that_know_nothing_along_with_their_neighbours) {
+TEST(DisplacementField, moves_vertices_without_data_with_their_neighbours) {
   Observations observations(shapes::sphere({0, 0, 0}, 1, 10));
   for (size_t v = 0; v < observations.known.size(); ++v) {
     if (v % 2 == 0) observations.pulls[v] = {1, 0.006F};
@@ -151,7 +151,7 @@ TEST(DisplacementField, is_empty_for_a_mesh_without_vertices) {
   EXPECT_TRUE(Observations(Mesh{}).solve({.step_m = 0.002F}).empty());
 }
 
-TEST(NeighbourRows, name_the_neighbours_in_their_order_and_nobody_behind_them) {
+TEST(NeighbourRows, list_the_neighbours_in_order_and_pad_the_rest) {
   const Mesh mesh = shapes::sphere({0, 0, 0}, 1, 5);
   const Neighbours neighbours(mesh);
   const NeighbourRows rows(neighbours);

@@ -41,7 +41,7 @@ TEST(FreeSpaceVotes, count_for_a_voxel_and_the_26_around_it_across_the_borders_o
   }
 }
 
-TEST(FreeSpaceVotes, must_outnumber_those_for_something_that_was_seen_there) {
+TEST(FreeSpaceVotes, must_outnumber_the_votes_for_a_seen_surface) {
   const SparseVolume volume = full(16, 16, 16);
   FreeSpaceVotes votes(volume);
   for (int i = 0; i < 4; ++i) votes.vote_free(middle_of(volume, 5, 5, 5));
@@ -62,7 +62,7 @@ TEST(FreeSpaceVotes, may_be_several_at_once) {
   EXPECT_EQ(count(votes.free_voxels(6)), 0);
 }
 
-TEST(FreeSpaceVotes, are_lost_where_the_volume_is_not) {
+TEST(FreeSpaceVotes, are_dropped_outside_the_volume) {
   const SparseVolume volume =
       make_volume(small_grid(20, 16, 16), [](int i, int j, int) { return i == 9 && j < 8; });
   FreeSpaceVotes votes(volume);
@@ -85,7 +85,7 @@ TEST(FreeSpaceVotes, may_come_from_many_threads) {
   EXPECT_EQ(count(votes.free_voxels(kVotes + 1)), 0);
 }
 
-TEST(FreeSpaceVotes, of_one_kind_never_become_votes_of_the_other_however_many_there_are) {
+TEST(FreeSpaceVotes, of_one_kind_never_overflow_into_the_other) {
   const SparseVolume volume = full(8, 8, 8);
   const Eigen::Vector3f middle = middle_of(volume, 4, 4, 4);
   FreeSpaceVotes free(volume), occupied(volume);

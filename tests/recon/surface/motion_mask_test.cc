@@ -14,7 +14,7 @@ constexpr ImageSize kSize{120, 90};
 constexpr Rect kSeen{20, 20, 80, 50};
 const Eigen::Vector2f kMiddle(60.5F, 45.5F);
 
-/// What a camera that never moves saw at one pulse.
+/// The frame of a static camera at one pulse.
 struct Picture {
   CameraModel model = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 100);
   Image raw{kSize, PixelFormat::kMono8};
@@ -66,12 +66,12 @@ TEST(MotionMask, counts_darker_and_brighter_pixels_alike) {
   EXPECT_EQ(static_weight(now.seen(), then.seen(), kMiddle), 0) << "the mean has not changed";
 }
 
-TEST(MotionMask, looks_at_the_surroundings_of_the_pixel_alone) {
+TEST(MotionMask, uses_only_the_neighbourhood_of_the_pixel) {
   EXPECT_EQ(stillness_after(60, {kSeen.x0, kSeen.y0, 20, 20}), 1);
   EXPECT_EQ(stillness_after(60, {56, 41, 10, 10}), 0);
 }
 
-TEST(MotionMask, is_0_where_the_silhouette_was_not_then_but_for_three_pixels) {
+TEST(MotionMask, is_0_more_than_three_pixels_outside_the_other_silhouette) {
   Picture now, then;
   now.mask.fill_row(45, 0, kSize.width);
   const SurfaceCamera& current = now.seen();

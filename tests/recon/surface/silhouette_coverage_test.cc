@@ -11,7 +11,7 @@ namespace {
 
 constexpr ImageSize kSize{160, 120};
 
-/// A camera that sees a box, its silhouette, and what it sees of others.
+/// A camera with the silhouette of a box, and the depths of other surfaces.
 struct View {
   CameraModel model = shapes::camera({2, 0.3, 1.2}, {0, 0, 1}, kSize, 300, {-0.1, 0.02});
   Frame frame;
@@ -29,7 +29,7 @@ struct View {
   }
 };
 
-TEST(UncoveredPixels, is_the_foreground_that_nothing_covers_any_more_and_one_pixel_around) {
+TEST(UncoveredPixels, is_the_newly_uncovered_foreground_and_one_pixel_around) {
   const View view;
   Mesh parts = shapes::box({-0.2F, -0.3F, 0.8F}, {0.2F, -0.1F, 1.2F});
   shapes::append(parts, shapes::box({-0.2F, 0.1F, 0.8F}, {0.2F, 0.3F, 1.2F}));
@@ -47,7 +47,7 @@ TEST(UncoveredPixels, is_the_foreground_that_nothing_covers_any_more_and_one_pix
   EXPECT_LT(open.count(), 1.5 * gap);
 }
 
-TEST(UncoveredPixels, leaves_rims_of_a_pixel_or_two_out) {
+TEST(UncoveredPixels, omits_rims_of_one_or_two_pixels) {
   const View view;
   EXPECT_EQ(view.open_without(View::whole()).count(), 0);
   // A pixel is 6.8 mm there.
@@ -56,7 +56,7 @@ TEST(UncoveredPixels, leaves_rims_of_a_pixel_or_two_out) {
   EXPECT_GT(view.open_without(shapes::box({-0.2F, -0.27F, 0.8F}, {0.2F, 0.3F, 1.2F})).count(), 0);
 }
 
-TEST(UncoveredPixels, is_nothing_where_the_camera_sees_background) {
+TEST(UncoveredPixels, is_empty_where_the_camera_sees_background) {
   View view;
   view.frame.mask = Mask(kSize);
   EXPECT_EQ(view.open_without(Mesh{}).count(), 0);
@@ -85,7 +85,7 @@ TEST(VoxelsAt, are_those_whose_centres_fall_on_the_pixels) {
   EXPECT_EQ(count, expected.count());
 }
 
-TEST(VoxelsAt, are_none_without_pixels_and_none_but_those_asked_for) {
+TEST(VoxelsAt, are_none_without_pixels_and_only_requested_ones) {
   const View view;
   const SparseVolume volume = make_volume({Eigen::Vector3d(-0.2, -0.3, 0.8), 0.02, {20, 30, 20}},
                                           [](int, int, int) { return true; });

@@ -18,7 +18,7 @@ const Vector3f kMiddle(0, 0, 1);
 
 Mesh ball(float radius) { return shapes::sphere(kMiddle, radius, 40); }
 
-/// A ball of kRadius as the mesh, before a camera that sees one of `observed` metres.
+/// The mesh of a ball of kRadius, and a camera that observes one of radius `observed` metres.
 struct Scene {
   CameraModel model = shapes::camera({3, 0, 1}, {0, 0, 1}, kSize, 600);
   Mesh mesh = ball(kRadius);
@@ -32,12 +32,12 @@ struct Scene {
     camera.emplace(DeformCamera{&model, &frame}, halvings);
   }
 
-  /// Of the vertices whose normals are at a right angle to the way to the camera.
+  /// Mean over the vertices whose normals are perpendicular to the direction to the camera.
   std::vector<std::optional<float>> ways() const {
     std::vector<std::optional<float>> found;
     for (const Vector3f& v : mesh.vertices) {
       const Vector3f normal = (v - kMiddle).normalized(), way = camera->center() - v;
-      // The outline of a ball lies a little before its middle.
+      // The outline of a ball is slightly in front of its centre.
       if (std::abs(normal.dot(way.normalized())) > 0.02F) continue;
       const auto seen = camera->project(v);
       found.push_back(silhouette_displacement(*camera, depth, v, normal, seen.value()));
@@ -46,7 +46,7 @@ struct Scene {
   }
 };
 
-/// Metres that a pixel covers on the outline.
+/// Width of a pixel at the outline, metres.
 constexpr float kPixelM = 3.0F / 600;
 
 TEST(SilhouetteDisplacement, is_how_much_larger_or_smaller_the_observed_ball_is) {
@@ -69,7 +69,7 @@ TEST(SilhouetteDisplacement, is_zero_to_the_bit_for_a_mesh_that_fills_its_silhou
   for (const auto& way : scene.ways()) EXPECT_EQ(way, 0.0F);
 }
 
-TEST(SilhouetteDisplacement, is_none_where_the_observed_outline_is_not_near) {
+TEST(SilhouetteDisplacement, is_zero_without_a_near_observed_outline) {
   const Scene scene(kRadius + 12 * kPixelM);
   for (const auto& way : scene.ways()) EXPECT_FALSE(way);
   const Scene coarse(kRadius + 12 * kPixelM, 1);
@@ -92,7 +92,7 @@ TEST(SilhouetteDisplacement, is_none_at_the_border_of_the_picture) {
   EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, place, normal, seen));
 }
 
-TEST(NearOutline, holds_every_pixel_within_two_of_the_outline_and_none_far_from_it) {
+TEST(NearOutline, contains_every_pixel_within_two_of_the_outline_and_no_far_one) {
   for (const int halvings : {0, 1}) {
     const Scene scene(kRadius, halvings);
     const Mask near = near_outline(*scene.camera, scene.depth);

@@ -15,7 +15,7 @@ constexpr ImageSize kSize{240, 180};
 constexpr WindowOptions kOptions{.max_views = 3, .spacing_m = 0.004F, .step_m = 0.005F};
 constexpr CorrelationOptions kCorrelation{.side = 5, .first = -8};
 
-/// Cameras that look at a large plate from above, each farther aside than the one before.
+/// Cameras above a large plate, each farther aside than the previous one.
 struct Scene {
   Mesh plate = shapes::patch(0.6F, 0, 30);
   std::vector<CameraModel> models;
@@ -57,14 +57,14 @@ std::vector<uint32_t> cameras_of(const WindowViews& views) {
   return {views.camera.begin(), views.camera.begin() + views.count};
 }
 
-TEST(TemplateWindows, are_looked_at_by_the_cameras_they_face_most_first) {
+TEST(TemplateWindows, are_sampled_first_by_the_cameras_they_face_most) {
   Scene scene({1.2, 0, 0.8, -0.4});
   scene.find({{0, 0, 0}});
   EXPECT_EQ(cameras_of(scene.windows.views(0)), (std::vector<uint32_t>{1, 3, 2}))
       << "no more than three";
 }
 
-TEST(TemplateWindows, leave_out_cameras_that_do_not_see_them) {
+TEST(TemplateWindows, omit_cameras_that_do_not_see_them) {
   Scene scene({0.3, -0.2, 0.1});
   for (const int y : {88, 89, 90, 91}) {
     for (int x = 0; x < kSize.width; ++x) scene.frames[1].mask->set(x, y, false);
@@ -73,8 +73,9 @@ TEST(TemplateWindows, leave_out_cameras_that_do_not_see_them) {
   EXPECT_EQ(cameras_of(scene.windows.views(0)), (std::vector<uint32_t>{2, 0}));
 }
 
-/// A window's axes and the way out are what the camera sees of the places beside its middle.
-TEST(TemplateWindows, fall_into_pictures_where_the_lens_model_puts_them) {
+/// The axes and the outward direction of a window equal the projections of points beside its
+/// centre.
+TEST(TemplateWindows, project_into_images_by_the_lens_model) {
   Scene scene({0.4, -0.3});
   const Vector3f place(0.05F, -0.08F, 0);
   for (const int level : {0, 1}) {
@@ -96,7 +97,7 @@ TEST(TemplateWindows, fall_into_pictures_where_the_lens_model_puts_them) {
       EXPECT_LT((Vector2f(view.u, view.v) - middle).norm(), 1e-3);
       const Vector2f out = in_picture(place + Vector3f(0, 0, options.step_m)) - middle;
       EXPECT_LT((Vector2f(view.u_out, view.v_out) - out).norm(), 1e-3);
-      // Which axes the plate's window has is not said: two of one step at a right angle.
+      // The axes in the plane are not specified: two of one step at a right angle.
       const Vector2f x = in_picture(place + Vector3f(options.spacing_m, 0, 0)) - middle;
       const Vector2f y = in_picture(place + Vector3f(0, options.spacing_m, 0)) - middle;
       const float across = view.u_across * view.v_down - view.v_across * view.u_down;
@@ -106,7 +107,7 @@ TEST(TemplateWindows, fall_into_pictures_where_the_lens_model_puts_them) {
   }
 }
 
-TEST(TemplateWindows, are_none_where_their_corners_leave_the_silhouette) {
+TEST(TemplateWindows, are_absent_when_their_corners_leave_the_silhouette) {
   Scene scene({0.05, -0.3});
   // A window reaches 8 mm to each side.
   scene.find({{0.585F, 0.1F, 0}, {0.596F, 0.1F, 0}, {0, 0, 0}});
@@ -115,7 +116,7 @@ TEST(TemplateWindows, are_none_where_their_corners_leave_the_silhouette) {
   EXPECT_EQ(scene.windows.views(2).count, 2);
 }
 
-TEST(TemplateWindows, are_made_for_every_so_many_vertex_of_a_block_alone) {
+TEST(TemplateWindows, are_made_for_every_nth_vertex_of_a_block) {
   Scene scene({0.1, -0.3});
   WindowOptions options = kOptions;
   options.every = 3;

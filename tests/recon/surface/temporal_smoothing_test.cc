@@ -34,7 +34,7 @@ const std::vector<CameraModel>& models() {
   return kModels;
 }
 
-/// A ball, seen from the cameras: speckled by a seed, plain without.
+/// Images of a ball: speckled with a seed, plain without one.
 Mesh ball(const Eigen::Vector3f& middle, unsigned speckles) {
   Mesh mesh = shapes::sphere(middle, kRadius, 80);
   std::mt19937 random(speckles);
@@ -45,7 +45,7 @@ Mesh ball(const Eigen::Vector3f& middle, unsigned speckles) {
   return mesh;
 }
 
-/// What a deformation may have made of the ball: another mesh each time, by 2 mm wrong everywhere.
+/// A possible result of a deformation: a different mesh each time, with errors of 2 mm.
 Mesh made_of(const Eigen::Vector3f& middle, unsigned seed) {
   Mesh mesh = shapes::sphere(middle, kRadius, 60 + static_cast<int>(seed) % 7);
   std::mt19937 random(seed);
@@ -79,7 +79,7 @@ double median_apart_mm(const Mesh& mesh, const Mesh& other) {
   return upper_median(vertex_distances_mm(mesh, other));
 }
 
-TEST(TemporalSmoothing, flickers_half_as_much_where_nothing_moves) {
+TEST(TemporalSmoothing, halves_the_flicker_of_still_parts) {
   const Mesh scene = ball(kMiddle, 1);
   std::vector<Mesh> made;
   std::vector<PulseViews> pulses;
@@ -94,14 +94,14 @@ TEST(TemporalSmoothing, flickers_half_as_much_where_nothing_moves) {
   EXPECT_TRUE(self_intersections(first).empty());
 }
 
-TEST(TemporalSmoothing, leaves_alone_what_moves_in_the_pictures) {
+TEST(TemporalSmoothing, keeps_parts_that_move_in_the_images) {
   const Mesh now = made_of(kMiddle, 1);
   const PulseViews here = views(ball(kMiddle, 1), now);
   const PulseViews elsewhere = views(ball(kMiddle, 2), made_of(kMiddle, 2));
   EXPECT_EQ(smoothed(now, here, elsewhere, elsewhere).vertices, now.vertices);
 }
 
-TEST(TemporalSmoothing, counts_the_side_alone_where_nothing_moved) {
+TEST(TemporalSmoothing, uses_only_the_neighbour_without_motion) {
   const Mesh scene = ball(kMiddle, 1);
   const Mesh now = made_of(kMiddle, 1), before = made_of(kMiddle, 2);
   const PulseViews here = views(scene, now), still = views(scene, before);
@@ -113,8 +113,8 @@ TEST(TemporalSmoothing, counts_the_side_alone_where_nothing_moved) {
   EXPECT_EQ(smoothed(now, here, still, moved).vertices, expected.vertices);
 }
 
-/// A plain ball gives itself away by its outline alone.
-TEST(TemporalSmoothing, stays_with_what_moves_evenly_and_cannot_be_seen_to_move) {
+/// The motion of a plain ball is visible at its outline only.
+TEST(TemporalSmoothing, follows_an_even_motion_that_images_do_not_show) {
   const auto at = [](int pulse) { return Eigen::Vector3f(0.002F * pulse, 0, 1); };
   const auto of = [&](int pulse) {
     return views(ball(at(pulse), 0), shapes::sphere(at(pulse), kRadius, 60));
@@ -124,7 +124,7 @@ TEST(TemporalSmoothing, stays_with_what_moves_evenly_and_cannot_be_seen_to_move)
   EXPECT_LT(median_apart_mm(smooth, now), 0.1);
 }
 
-TEST(TemporalSmoothing, is_the_surface_itself_beside_the_same_surfaces_and_without_cameras) {
+TEST(TemporalSmoothing, keeps_the_surface_beside_equal_surfaces_and_without_cameras) {
   const Mesh now = made_of(kMiddle, 1);
   const PulseViews same = views(ball(kMiddle, 1), now);
   EXPECT_EQ(smoothed(now, same, same, same).vertices, now.vertices);

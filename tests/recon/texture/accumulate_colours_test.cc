@@ -18,13 +18,13 @@ namespace {
 
 constexpr ImageSize kSize{200, 150};
 
-/// A ball that fills the picture to its borders, so that samples are taken there too.
+/// A ball that fills the image, so that samples at the borders are tested, too.
 const Mesh& ball() {
   static const Mesh kBall = shapes::sphere({0, 0, 0}, 0.6F, 44);
   return kBall;
 }
 
-/// Noise everywhere: every wrong pixel shows.
+/// Noise everywhere, to detect every wrong pixel.
 Frame noise(PixelFormat format, bool with_mask) {
   std::mt19937 random(7);
   Image raw(kSize, format);
@@ -42,7 +42,7 @@ Frame noise(PixelFormat format, bool with_mask) {
   return frame;
 }
 
-/// Without anything that hides.
+/// A depth buffer without occluders.
 VertexCamera prepared(const CameraModel& model, const Frame& frame) {
   VertexCamera camera;
   camera.lens = VoxelCamera(model, {Eigen::Vector3d::Constant(-0.5), 1, {}});
@@ -105,7 +105,7 @@ const Distortion kLenses[] = {{},
                               {-0.2, 0.05, 0.001, -0.002},
                               {-0.2, 0.05, 0.001, -0.002, 0.01, 0.02, 0, 0, 0.003, 0, 0, 0, 0.01}};
 
-TEST(AccumulateVertexColours, takes_the_very_samples_that_sample_colour_takes) {
+TEST(AccumulateVertexColours, uses_the_samples_of_sample_colour) {
   for (const PixelFormat format : kFormats) {
     for (const Distortion& lens : kLenses) {
       for (const bool with_mask : {false, true}) {
@@ -120,7 +120,7 @@ TEST(AccumulateVertexColours, takes_the_very_samples_that_sample_colour_takes) {
   }
 }
 
-TEST(AccumulateVertexColours, gives_the_same_sums_on_every_instruction_set) {
+TEST(AccumulateVertexColours, returns_the_same_sums_on_every_instruction_set) {
   for (const Distortion& lens : kLenses) {
     const CameraModel model = shapes::camera({0.1, -2, 0.4}, {0, 0, 0}, kSize, 260, lens);
     const Frame frame = noise(PixelFormat::kBayerGB8, true);

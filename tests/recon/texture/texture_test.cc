@@ -53,7 +53,7 @@ RC_GTEST_PROP(SampleColour, follows_linear_ramps_between_the_pixels_of_every_for
   }
 }
 
-TEST(SampleColour, gives_a_pixel_of_its_own_colour_exactly) {
+TEST(SampleColour, returns_the_exact_colour_of_a_pixel) {
   const Image image = picture({8, 8}, PixelFormat::kBayerRG8,
                               [](int, int x, int y) { return static_cast<uint8_t>(16 * x + y); });
   EXPECT_EQ(sample_colour(image.view(), 4, 2)->x(), 16 * 4 + 2);
@@ -154,7 +154,7 @@ TEST(Texture, blends_cameras_by_the_angle_between_axis_and_normal) {
   EXPECT_EQ(texture.unseen, 0);
 }
 
-TEST(Texture, by_resolution_counts_cameras_by_the_square_of_their_pixels_along_the_slant) {
+TEST(Texture, by_resolution_weights_cameras_by_their_squared_pixels_along_the_slant) {
   // In front at 3 m, and 45 degrees aside at 6 m: sqrt(1/2) / 2 of the pixels.
   const double d = 6 / std::sqrt(2.0);
   const std::vector<Shot> shots{shot("aside", {d, 0, d}, {0, 200, 0}),
@@ -181,7 +181,7 @@ TEST(Texture, corrects_every_camera_by_its_colour_response) {
   }
 }
 
-TEST(Texture, of_demosaiced_pictures_is_that_of_cameras_that_give_whole_colours) {
+TEST(Texture, of_demosaiced_pictures_equals_that_of_colour_cameras) {
   std::vector<Shot> raw{shot("left", {-3, 0, 0}, {0, 0, 0}), shot("right", {3, 0, 0}, {0, 0, 0})};
   std::vector<Shot> whole = raw;
   std::mt19937 random(3);
@@ -196,7 +196,7 @@ TEST(Texture, of_demosaiced_pictures_is_that_of_cameras_that_give_whole_colours)
   EXPECT_NE(colours, colour_vertices(ball, borrow(raw), {}).colours);
 }
 
-TEST(Texture, for_a_viewpoint_follows_the_cameras_that_look_the_same_way) {
+TEST(Texture, for_a_viewpoint_prefers_cameras_with_a_similar_direction) {
   const double d = 3 / std::sqrt(2.0);
   const std::vector<Shot> shots{shot("a", {d, 0, d}, {200, 0, 0}),
                                 shot("b", {-d, 0, d}, {0, 200, 0})};
@@ -233,7 +233,7 @@ TEST(Texture, takes_no_colour_through_an_occluder) {
   EXPECT_EQ(texture.colours[lower + 40], (Rgb8{250, 0, 0}));
 }
 
-TEST(Texture, has_no_false_occlusion_on_a_slanted_surface_that_nothing_hides) {
+TEST(Texture, has_no_false_occlusion_on_a_visible_slanted_surface) {
   const std::vector<Shot> shots{shot("low", {3, 0, 1.2}, {250, 0, 0})};
   const Mesh plane = shapes::patch(0.5F, 0, 40);
   EXPECT_EQ(colour_vertices(plane, borrow(shots), {.depth_tolerance_m = 0.004}).unseen, 0);
@@ -254,7 +254,7 @@ TEST(Texture, takes_no_colour_from_outside_the_mask) {
   }
 }
 
-TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_where_nothing_better_is_seen) {
+TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_without_a_better_camera) {
   std::vector<Shot> shots{shot("rim", {0, 0, 3}, {250, 0, 0}),
                           shot("whole", {0.5, 0, 3}, {0, 250, 0})};
   Mask mask({160, 120});
@@ -310,8 +310,8 @@ TEST(Texture, is_the_same_for_any_order_of_cameras_and_number_of_threads) {
   }
 }
 
-/// Eight colours whose mean ends in one half: where rounding goes up or down hangs on the last bit
-/// of the sum, and so on the order in which it is added.
+/// Eight colours whose mean ends in one half. Rounding depends on the last bit of the sum, and so
+/// on the order of addition.
 std::array<uint8_t, 8> tied_colours(std::mt19937& random) {
   std::array<uint8_t, 8> colours{};
   int sum = 0;
@@ -348,8 +348,8 @@ Visibility visibility(const CameraColours& colours, size_t vertex) {
   return Visibility{colours.vertices[vertex][3]};
 }
 
-TEST(CameraColours, are_each_cameras_own_and_tell_what_it_does_not_see) {
-  // By rising name, whatever the order of the cameras.
+TEST(CameraColours, are_separate_for_each_camera_and_mark_invisible_vertices) {
+  // By ascending name, for any order of the cameras.
   const std::vector<Shot> shots{shot("right", {3, 0, 0}, {10, 200, 30}),
                                 shot("left", {-3, 0, 0}, {200, 10, 20})};
   const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
@@ -366,7 +366,7 @@ TEST(CameraColours, are_each_cameras_own_and_tell_what_it_does_not_see) {
   }
 }
 
-TEST(CameraColours, are_corrected_as_those_of_the_texture_are) {
+TEST(CameraColours, are_corrected_like_those_of_the_texture) {
   const std::vector<Shot> shots{shot("dark", {0, 0, 3}, {60, 55, 110})};
   ColourResponse dark;
   dark.black = {10, 5, 10};
@@ -396,7 +396,7 @@ TEST(CameraColours, see_nothing_behind_an_occluder) {
   }
 }
 
-TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
+TEST(CameraColours, distinguish_the_rim_of_a_silhouette_from_its_inside) {
   std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};
   Mask mask({160, 120});
   for (int y = 0; y < 120; ++y) mask.fill_row(y, 0, 80);
@@ -417,7 +417,7 @@ TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
   }
 }
 
-TEST(CameraColours, of_a_camera_without_pixels_and_of_an_empty_mesh_are_nothing) {
+TEST(CameraColours, are_empty_for_a_camera_without_pixels_and_for_an_empty_mesh) {
   std::vector<Shot> shots{shot("blind", {0, 0, 3}, {250, 0, 0})};
   EXPECT_TRUE(camera_colours({}, borrow(shots), {}).at(0).vertices.empty());
   shots[0].frame.roi = {};

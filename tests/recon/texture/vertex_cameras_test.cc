@@ -37,7 +37,7 @@ struct Scene {
   }
 };
 
-TEST(VertexCameras, stand_in_the_order_of_their_names_and_only_those_with_pixels) {
+TEST(VertexCameras, are_sorted_by_name_and_have_pixels) {
   Scene scene({"cam03", "cam01", "cam04", "cam02"});
   scene.frames[2] = observe("cam04", {}, Image(kSize, PixelFormat::kBayerRG8).view(), Mask(kSize));
   const auto cameras = scene.prepared();
@@ -48,7 +48,7 @@ TEST(VertexCameras, stand_in_the_order_of_their_names_and_only_those_with_pixels
   EXPECT_LT((cameras[2].axis - scene.models[0].viewing_direction().cast<float>()).norm(), 1e-6);
 }
 
-TEST(VertexCameras, hold_the_depth_of_the_surface_before_them) {
+TEST(VertexCameras, contain_the_depth_of_the_surface) {
   const Scene scene({"cam01"});
   const VertexCamera camera = scene.prepared().front();
   float nearest = std::numeric_limits<float>::infinity();
@@ -59,7 +59,7 @@ TEST(VertexCameras, hold_the_depth_of_the_surface_before_them) {
   EXPECT_NEAR(camera.cell_m_per_m, camera.depth.grid().cell_width() / 150, 1e-6);
 }
 
-TEST(VertexCameras, weigh_by_angle_alone_unless_they_are_asked_otherwise) {
+TEST(VertexCameras, are_weighted_by_angle_only_by_default) {
   const Scene scene({"cam01"});
   const VertexCamera camera = scene.prepared().front();
   EXPECT_FALSE(camera.weight);
@@ -68,13 +68,13 @@ TEST(VertexCameras, weigh_by_angle_alone_unless_they_are_asked_otherwise) {
   EXPECT_FALSE(camera.colour);
 }
 
-TEST(VertexCameras, weigh_by_their_pixels_where_resolution_counts) {
+TEST(VertexCameras, are_weighted_by_pixels_when_resolution_counts) {
   const auto cameras = Scene({"cam01", "cam02"}).prepared({.by_resolution = true});
   EXPECT_NEAR(cameras[0].resolution, 150.0 / 300, 1e-6);
   EXPECT_NEAR(cameras[1].resolution, 180.0 / 300, 1e-6);
 }
 
-TEST(VertexCameras, weigh_most_when_they_look_the_way_of_the_viewpoint) {
+TEST(VertexCameras, have_the_largest_weight_in_the_direction_of_the_viewpoint) {
   const Scene scene({"cam01", "cam02"});
   TextureOptions options;
   options.view = ViewDependence{scene.models[1].viewing_direction(), 10};
@@ -84,7 +84,7 @@ TEST(VertexCameras, weigh_most_when_they_look_the_way_of_the_viewpoint) {
   EXPECT_NEAR(*cameras[0].weight, std::pow((cosine + 2) / 3, 10), 1e-6);
 }
 
-TEST(VertexCameras, demosaic_and_correct_colours_where_they_are_asked_to) {
+TEST(VertexCameras, demosaic_and_correct_colours_on_request) {
   const Scene scene({"cam01"});
   ColourResponse identity, warm;
   warm.matrix(0, 0) = 1.1;

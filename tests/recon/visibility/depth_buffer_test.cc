@@ -19,7 +19,7 @@ using shapes::camera;
 
 const float kNothing = std::numeric_limits<float>::infinity();
 
-TEST(DepthBufferTest, sees_a_facing_patch_at_its_distance_and_nothing_beside_it) {
+TEST(DepthBufferTest, contains_a_facing_patch_at_its_distance_and_nothing_beside_it) {
   const CameraModel above = camera({0, 0, 3}, {0, 0, 0}, {64, 48}, 60);
   const DepthBuffer depth = draw_depth(shapes::patch(0.5F, 1, 1), above);
   // The patch is 1 m wide at 2 m: 30 pixels round the middle.
@@ -56,7 +56,7 @@ TEST(DepthBufferTest, finds_the_depth_of_a_slanted_plane_at_every_pixel) {
   EXPECT_GT(checked, 1000);
 }
 
-TEST(DepthBufferTest, keeps_the_nearer_of_two_surfaces_whatever_their_order) {
+TEST(DepthBufferTest, keeps_the_nearer_of_two_surfaces_in_any_order) {
   const CameraModel above = camera({0, 0, 3}, {0, 0, 0}, {64, 48}, 60);
   Mesh near_first = shapes::patch(0.2F, 1, 2), far_first = shapes::patch(0.5F, 0, 2);
   shapes::append(near_first, shapes::patch(0.5F, 0, 2));
@@ -67,7 +67,7 @@ TEST(DepthBufferTest, keeps_the_nearer_of_two_surfaces_whatever_their_order) {
   EXPECT_NEAR(a.at(24, 24), 3, 1e-5);
 }
 
-TEST(DepthBufferTest, survives_a_mesh_round_the_camera) {
+TEST(DepthBufferTest, handles_a_mesh_around_the_camera) {
   // The camera stands inside the box, off its middle: it sees the far walls and no near ones.
   const CameraModel inside = camera({0.5, 0.2, 0.1}, {5, 0.2, 0.1}, {32, 24}, 30);
   const DepthBuffer depth = draw_depth(shapes::box({-1, -1, -1}, {2, 1, 1}), inside);
@@ -78,7 +78,7 @@ TEST(DepthBufferTest, survives_a_mesh_round_the_camera) {
   EXPECT_NEAR(depth.at(16, 12), 1.5, 1e-4);
 }
 
-TEST(DepthBufferTest, draws_what_is_left_of_a_triangle_cut_by_the_near_plane) {
+TEST(DepthBufferTest, draws_the_part_of_a_triangle_beyond_the_near_plane) {
   // A floor that runs from behind the camera to far ahead of it.
   Mesh floor = shapes::patch(10, 0, 1);
   const CameraModel eye = camera({0, 0, 1}, {0, 5, 1}, {64, 64}, 32);
@@ -90,7 +90,7 @@ TEST(DepthBufferTest, draws_what_is_left_of_a_triangle_cut_by_the_near_plane) {
   EXPECT_EQ(depth.at(32, 20), kNothing);
 }
 
-TEST(DepthBufferTest, draws_the_fronts_of_a_closed_surface_alone_and_finds_the_same) {
+TEST(DepthBufferTest, has_the_same_depths_with_front_faces_only_of_a_closed_surface) {
   // Concave, with parts before and behind each other.
   Mesh mesh = shapes::sphere({0, 0, 0}, 0.5F, 60);
   for (Eigen::Vector3f& v : mesh.vertices)
@@ -102,13 +102,13 @@ TEST(DepthBufferTest, draws_the_fronts_of_a_closed_surface_alone_and_finds_the_s
     for (size_t i = 0; i < all.z.size(); ++i) {
       ASSERT_EQ(std::isfinite(fronts.z[i]), std::isfinite(all.z[i]));
       if (!std::isfinite(all.z[i])) continue;
-      // At an outline a back may come as near, up to the rounding of its plane.
+      // At an outline, a back face may be as near, up to the rounding of its plane.
       EXPECT_NEAR(fronts.z[i], all.z[i], 3e-4);
     }
   }
 }
 
-TEST(DepthBufferTest, draws_no_back_where_fronts_are_asked_for) {
+TEST(DepthBufferTest, draws_no_back_faces_on_request) {
   const CameraModel above = camera({0, 0, 3}, {0, 0, 0}, {64, 48}, 60);
   Mesh patch = shapes::patch(0.5F, 1, 3);
   EXPECT_EQ(draw_depth(patch, above, Faces::kFront).z, draw_depth(patch, above).z);
@@ -116,7 +116,7 @@ TEST(DepthBufferTest, draws_no_back_where_fronts_are_asked_for) {
   for (const float z : draw_depth(patch, above, Faces::kFront).z) EXPECT_EQ(z, kNothing);
 }
 
-TEST(DepthBufferTest, ignores_what_lies_behind_the_camera_or_beside_the_image) {
+TEST(DepthBufferTest, ignores_triangles_behind_the_camera_or_outside_the_image) {
   const CameraModel eye = camera({0, 0, 1}, {0, 5, 1}, {64, 64}, 64);
   Mesh mesh = shapes::sphere({0, -3, 1}, 0.5F, 8);
   shapes::append(mesh, shapes::sphere({30, 5, 1}, 0.5F, 8));
@@ -126,7 +126,7 @@ TEST(DepthBufferTest, ignores_what_lies_behind_the_camera_or_beside_the_image) {
   }
 }
 
-TEST(DepthBufferTest, takes_triangles_without_area_and_no_triangles) {
+TEST(DepthBufferTest, accepts_triangles_without_area_and_no_triangles) {
   const CameraModel above = camera({0, 0, 3}, {0, 0, 0}, {16, 16}, 16);
   Mesh mesh;
   mesh.vertices = {{0, 0, 0}, {0.1F, 0, 0}, {0.2F, 0, 0}};
@@ -174,7 +174,7 @@ TEST(DepthBufferTest, draws_many_cameras_at_once_as_it_draws_one_with_any_number
   for (int i = 0; i < 7; ++i) {
     ring.push_back(camera({2 * std::cos(i), 2 * std::sin(i), 0.5}, {0, 0, 0}, {64, 48}, 60));
   }
-  std::vector<DepthBuffer> depths(9, draw_depth(mesh, kAmidTheSoup));  // of another use
+  std::vector<DepthBuffer> depths(9, draw_depth(mesh, kAmidTheSoup));  // from another use
   for (const size_t threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     draw_depths(mesh, ring, depths);
@@ -185,7 +185,7 @@ TEST(DepthBufferTest, draws_many_cameras_at_once_as_it_draws_one_with_any_number
   }
 }
 
-TEST(DepthBufferTest, gives_the_same_bits_on_every_instruction_set_and_for_every_order) {
+TEST(DepthBufferTest, returns_the_same_bits_on_every_instruction_set_and_for_every_order) {
   for (const Distortion& lens : {Distortion{}, Distortion{-0.2, 0.05, 0.001, -0.002},
                                  Distortion{-0.2, 0.05, 0.001, -0.002, 0.01, 0.02, 0, 0, 0.003}}) {
     Mesh mesh = soup(2);
@@ -202,7 +202,7 @@ TEST(DepthBufferTest, gives_the_same_bits_on_every_instruction_set_and_for_every
   }
 }
 
-TEST(ProjectVertices, finds_the_pixels_of_the_camera_model_and_says_what_it_cannot_see) {
+TEST(ProjectVertices, returns_the_pixels_of_the_camera_model_and_marks_invisible_points) {
   for (const Distortion& lens : {Distortion{}, Distortion{-0.2, 0.05, 0.001, -0.002}}) {
     const CameraModel eye = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, lens);
     const Mesh mesh = soup(3);
@@ -321,7 +321,7 @@ RC_GTEST_PROP(DrawTriangles, of_a_fan_draw_every_pixel_once, ()) {
   }
 }
 
-TEST(Silhouette, of_a_sphere_is_the_disc_that_geometry_says) {
+TEST(Silhouette, of_a_sphere_is_the_expected_disc) {
   const CameraModel eye = camera({0, -3, 0}, {0, 0, 0}, {200, 160}, 150);
   const Mask mask = draw_silhouette(shapes::sphere({0, 0, 0}, 0.8F, 64), eye);
   Mask disc(mask.size());

@@ -37,7 +37,7 @@ std::vector<Eigen::Vector3f> random_places() {
   return places;
 }
 
-/// The definition, one point at a time.
+/// Reference by the definition, one point at a time.
 int32_t cell_of(const VoxelCamera& lens, const Eigen::Vector3f& place) {
   const auto p = camera_point<float>(lens, place.x(), place.y(), place.z());
   const PixelPoint<float> q = pixel_point(lens, p);
@@ -78,7 +78,7 @@ TEST(LocatePoints, finds_the_cell_of_each_point_on_every_instruction_set) {
   }
 }
 
-TEST(LocatePoints, says_where_in_the_grid_and_how_deep_a_point_lies) {
+TEST(LocatePoints, returns_the_cell_and_the_depth_of_a_point) {
   const CameraModel model = model_with({});
   const Eigen::Vector3f place(0.1F, -0.2F, 0.15F);
   LocatedPoints located;
@@ -89,7 +89,8 @@ TEST(LocatePoints, says_where_in_the_grid_and_how_deep_a_point_lies) {
   EXPECT_NEAR(located.z[0], (model.cam_from_world() * place.cast<double>()).z(), 1e-5);
 }
 
-TEST(ProjectVertices, puts_each_where_the_whole_lens_model_does_with_the_same_bits_everywhere) {
+TEST(ProjectVertices,
+     projects_by_the_whole_lens_model_with_the_same_bits_on_every_instruction_set) {
   Mesh mesh;
   mesh.vertices = random_places();
   for (const Distortion& distortion : kLenses) {
@@ -123,7 +124,7 @@ TEST(ProjectVertices, puts_each_where_the_whole_lens_model_does_with_the_same_bi
   }
 }
 
-TEST(ProjectVertices, shows_nothing_before_the_near_plane) {
+TEST(ProjectVertices, rejects_points_before_the_near_plane) {
   const CameraModel model = shapes::camera({0, 0, 1}, {1, 0, 1}, kSize, 170);
   Mesh mesh;
   mesh.vertices = {{0.049F, 0, 1}, {0.051F, 0, 1}, {-1, 0, 1}};

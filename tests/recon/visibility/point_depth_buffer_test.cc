@@ -33,7 +33,7 @@ PointDepthBuffer cells_of(const Mesh& mesh, double radius_m, const CameraModel& 
           roi};
 }
 
-/// The answer of the cell that holds the centre of a pixel.
+/// Depth of the cell that contains the centre of a pixel.
 float nearest_at(const PointDepthBuffer& cells, int x, int y) {
   const CellGrid& grid = cells.grid();
   const auto column = static_cast<int>((x + 0.5F - grid.first_u) * grid.cells_per_pixel);
@@ -110,8 +110,8 @@ TEST(PointDepthBuffer, have_no_hole_where_triangles_cover_the_image) {
   }
 }
 
-TEST(PointDepthBuffer, have_no_hole_where_points_are_as_far_apart_as_they_may_be) {
-  // Squares of 5 cm that stand on a corner: their middle lies as far from a point as it may, and
+TEST(PointDepthBuffer, have_no_hole_at_the_maximum_distance_of_points) {
+  // Squares of 5 cm, turned by 45 degrees: their centres have the maximum distance from a point,
   // straight beside it.
   Mesh plane = shapes::patch(0.5F, 0, 20);
   for (Eigen::Vector3f& v : plane.vertices) {

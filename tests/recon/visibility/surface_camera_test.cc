@@ -26,7 +26,7 @@ Frame frame_of(const CameraModel& model, const Mesh& mesh) {
                  draw_silhouette(mesh, model));
 }
 
-TEST(SurfaceCamera, sees_places_where_the_whole_lens_model_puts_them) {
+TEST(SurfaceCamera, projects_points_by_the_whole_lens_model) {
   for (const Distortion& lens : {Distortion{}, Distortion{-0.1, 0.02, 0.001, -0.002}}) {
     const CameraModel model = model_with(lens);
     const Frame frame = frame_of(model, ball());
@@ -47,7 +47,7 @@ TEST(SurfaceCamera, sees_places_where_the_whole_lens_model_puts_them) {
   }
 }
 
-TEST(SurfaceCamera, has_a_place_in_its_silhouette_where_the_mask_has_its_pixel) {
+TEST(SurfaceCamera, tests_points_against_the_pixels_of_the_mask) {
   const CameraModel model = model_with({});
   Frame frame = frame_of(model, ball());
   const SurfaceCamera camera({&model, &frame});
@@ -60,7 +60,7 @@ TEST(SurfaceCamera, has_a_place_in_its_silhouette_where_the_mask_has_its_pixel) 
   }
 }
 
-TEST(SurfaceCamera, sees_what_the_surface_does_not_hide) {
+TEST(SurfaceCamera, sees_points_that_the_surface_does_not_hide) {
   const CameraModel model = model_with({});
   const Frame frame = frame_of(model, ball());
   const SurfaceCamera camera({&model, &frame});
@@ -89,7 +89,7 @@ TEST(RedundantHalvings, end_when_pixels_are_as_wide_as_a_quarter_of_a_voxel) {
   EXPECT_EQ(redundant_halvings(model, {3, 0, 1}, 1), 0) << "behind the camera";
 }
 
-TEST(SurfaceCameras, leave_out_those_that_saw_nothing) {
+TEST(SurfaceCameras, omit_cameras_without_foreground) {
   const std::vector<CameraModel> models(3, model_with({}));
   std::vector<Frame> frames(3, frame_of(models[0], ball()));
   frames[1] = frame_of(models[1], Mesh{});
@@ -102,7 +102,7 @@ TEST(SurfaceCameras, leave_out_those_that_saw_nothing) {
   EXPECT_EQ(&cameras.cameras[1].silhouette(), &*frames[2].mask);
 }
 
-TEST(SurfaceCameras, see_as_coarsely_as_the_voxels_are) {
+TEST(SurfaceCameras, have_a_resolution_that_fits_the_voxels) {
   const CameraModel model = model_with({});
   const Frame frame = frame_of(model, ball());
   const DeformCamera given{&model, &frame};
@@ -115,7 +115,7 @@ TEST(VertexCentroid, a_mesh_is_the_mean_of_its_vertices) {
   EXPECT_EQ(vertex_centroid(Mesh{}), Vector3f::Zero());
 }
 
-/// Three cameras of a rig at one pulse, of which those in `blind` have no frame.
+/// Three cameras of a rig at one pulse. Those in `blind` have no frame.
 struct Pulse {
   std::vector<CameraModel> models;
   std::vector<Frame> frames;
@@ -131,9 +131,9 @@ struct Pulse {
   }
 };
 
-TEST(PulseViews, shows_what_each_camera_of_the_rig_saw_and_nothing_of_those_that_saw_nothing) {
+TEST(PulseViews, contain_one_view_for_each_camera_with_foreground) {
   Pulse pulse({1});
-  pulse.frames.clear();  // it has copied them
+  pulse.frames.clear();  // PulseViews has copied them
   PulseViews& views = *pulse.views;
   views.set_surface(ball());
   ASSERT_EQ(views.cameras(), 3U);

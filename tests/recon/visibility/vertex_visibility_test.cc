@@ -15,7 +15,7 @@ namespace {
 constexpr ImageSize kSize{200, 150};
 constexpr VisibilityOptions kOptions{.min_facing = 0.3F, .tolerance_m = 0.01F};
 
-/// A ball half behind another, of which a mask shows a part.
+/// A ball half behind another; the mask contains a part of it.
 struct Scene {
   Mesh mesh = shapes::sphere({0, 0, 0}, 0.6F, 40);
   CameraModel model;
@@ -39,7 +39,7 @@ struct Scene {
 const Distortion kLenses[] = {
     {}, {-0.1, 0.02, 0.001, -0.002}, {-0.1, 0.02, 0.001, -0.002, 0.01, 0.02, 0.01, 0.01}};
 
-TEST(VertexVisibility, projects_as_the_camera_does_to_the_bit) {
+TEST(VertexVisibility, projects_like_the_camera_bit_for_bit) {
   for (const Distortion& lens : kLenses) {
     const Scene scene(lens);
     std::mt19937 random(5);
@@ -70,7 +70,7 @@ TEST(VertexVisibility, projects_as_the_camera_does_to_the_bit) {
   }
 }
 
-/// What is slanted is seen a little behind what hides it.
+/// A slanted surface is seen slightly behind its occluder.
 bool is_seen(const Scene& scene, const SurfaceCamera::Seen& at, float facing) {
   if (!(facing >= kOptions.min_facing)) return false;
   const float slope = std::sqrt(std::max(0.0F, 1 - facing * facing)) / facing;
@@ -78,7 +78,7 @@ bool is_seen(const Scene& scene, const SurfaceCamera::Seen& at, float facing) {
   return scene.camera->sees(at, scene.depth, kOptions.tolerance_m + slant);
 }
 
-TEST(VertexVisibility, sees_what_faces_the_camera_and_nothing_hides_to_the_bit) {
+TEST(VertexVisibility, finds_facing_and_unoccluded_vertices_bit_for_bit) {
   for (const Distortion& lens : kLenses) {
     const Scene scene(lens);
     const std::vector<Eigen::Vector3f> normals = vertex_normals(scene.mesh);
@@ -112,7 +112,7 @@ TEST(VertexVisibility, sees_what_faces_the_camera_and_nothing_hides_to_the_bit) 
   }
 }
 
-TEST(VertexVisibility, finds_what_is_seen_from_aside_at_certain_pixels) {
+TEST(VertexVisibility, finds_obliquely_seen_vertices_at_given_pixels) {
   const Scene scene({});
   std::mt19937 random(9);
   VertexVisibility visibility;
@@ -136,7 +136,7 @@ TEST(VertexVisibility, finds_what_is_seen_from_aside_at_certain_pixels) {
   });
 }
 
-TEST(WindowBlock, names_the_cameras_that_a_vertex_faces_most_first_and_no_more_than_asked) {
+TEST(WindowBlock, lists_the_cameras_that_a_vertex_faces_most_up_to_the_limit) {
   const Scene scene({});
   const std::vector<SurfaceCamera> cameras(3, *scene.camera);
   std::vector<VertexVisibility> visibilities(3);

@@ -7,9 +7,9 @@
 namespace v3d::bench {
 namespace {
 
-constexpr double kSalt = 0.05;     // part of all pixels that flips
+constexpr double kSalt = 0.05;     // part of all pixels that are inverted
 constexpr double kFrayed = 0.5;    // part of the outline's pixels that are lost
-constexpr int kHoles = 12;         // small ones, in each silhouette
+constexpr int kHoles = 12;         // small holes in each silhouette
 constexpr int kMaxHoleRadius = 4;  // pixels
 
 int below(std::mt19937& random, int count) {
@@ -58,7 +58,7 @@ void punch_small_holes(Mask& mask, std::mt19937& random) {
   }
 }
 
-void spoil_all_ways(Mask& mask, std::mt19937& random) {
+void apply_all_three(Mask& mask, std::mt19937& random) {
   punch_small_holes(mask, random);
   fray(mask, random);
   salt(mask, random);
@@ -66,7 +66,8 @@ void spoil_all_ways(Mask& mask, std::mt19937& random) {
 
 void erode_by_a_pixel(Mask& mask, std::mt19937&) { mask = erode(mask, 1); }
 
-/// Round a pixel of the silhouette; as wide as a tenth to a fifth of its shorter side.
+/// Cuts a disc around a random pixel of the silhouette. Its diameter is a tenth to a fifth of the
+/// shorter side.
 void punch_big_hole(Mask& mask, std::mt19937& random) {
   const Rect box = mask.bounding_box();
   if (box.empty()) return;
@@ -79,7 +80,7 @@ void punch_big_hole(Mask& mask, std::mt19937& random) {
   }
 }
 
-/// A third of the width and a quarter of the height, at one side.
+/// Removes a third of the width and a quarter of the height, at one side.
 void lose_limb(Mask& mask, std::mt19937& random) {
   const Rect box = mask.bounding_box();
   if (box.empty()) return;
@@ -105,8 +106,8 @@ constexpr Damage kDamages[] = {
     {"salt and pepper, 5 % of all pixels", true, salt},
     {"frayed: every second outline pixel lost", true, fray},
     {"12 holes of 1 to 4 pixels' radius", true, punch_small_holes},
-    {"all three", true, spoil_all_ways},
-    {"eroded by a pixel", true, erode_by_a_pixel},
+    {"all three", true, apply_all_three},
+    {"eroded by a pixel", true, erode},
     {"big hole, a quarter of the cameras", false, punch_big_hole},
     {"lost limb, a quarter of the cameras", false, lose_limb},
     {"lost half, a quarter of the cameras", false, lose_half},

@@ -1,4 +1,4 @@
-// Ways to spoil a silhouette on purpose.
+// Kinds of artificial damage to silhouettes.
 #pragma once
 
 #include <random>
@@ -8,15 +8,15 @@
 
 namespace v3d::bench {
 
-/// `spoil` changes a mask; what it does is a function of the mask and of `random`.
+/// One kind of damage. `apply` changes a mask; the result depends only on the mask and `random`.
 struct Damage {
   const char* name;
-  /// Whether the masks of all cameras are spoilt, or of one in four (one at least).
+  /// True: the masks of all cameras are damaged. False: of one camera in four, at least one.
   bool everywhere;
-  void (*spoil)(Mask& mask, std::mt19937& random);
+  void (*apply)(Mask& mask, std::mt19937& random);
 };
 
-/// Small noise, as a bad segmentation makes it, then faults as people and machines make them.
+/// All kinds: first small noise of a bad segmentation, then large faults of people and equipment.
 std::span<const Damage> all_damages();
 
 }  // namespace v3d::bench

@@ -1,5 +1,5 @@
-// v3d-mask-noise: how much of a real recording's hull is left when its silhouettes are degraded on
-// purpose, and what clean-up and mending bring back.
+// v3d-mask-noise: measures the part of a real recording's hull that remains after artificial damage
+// to its silhouettes, and the effect of clean-up and silhouette repair.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -26,15 +26,15 @@ namespace {
 
 using Masks = std::vector<Mask>;
 
-/// Parts of the undamaged hull.
+/// Volumes as parts of the undamaged hull.
 struct Score {
-  double kept = 0;   ///< what is still there
-  double added = 0;  ///< what is there besides
+  double kept = 0;   ///< in both hulls
+  double added = 0;  ///< only in the damaged hull
 };
 
-/// At three places of the chain: as spoilt, cleaned, cleaned and mended.
+/// Scores after damage, after clean-up, and after clean-up and repair.
 struct Scores {
-  Score spoilt, cleaned, mended;
+  Score damaged, cleaned, repaired;
 };
 
 struct Arguments {
@@ -56,7 +56,8 @@ class Recording {
         hulls_(take_.rig(), options_.bounds, options_.voxel_m, options_.min_views),
         frames_(take_.read(arguments.pulse)) {
     for (size_t c = 0; c < frames_.size(); ++c) {
-      if (!frames_[c]) throw InputError("this pulse lacks " + take_.rig()[c].name);
+      if (!frames_[c])
+        throw InputError("--pulse: the pulse has no frame of " + take_.rig()[c].name);
       truth_.push_back(
           intersection_of(frames_[c]->mask, bounds_mask(options_.bounds, take_.rig()[c].model)));
     }
@@ -67,15 +68,15 @@ class Recording {
     return static_cast<double>(whole_.count()) * std::pow(options_.voxel_m, 3);
   }
 
-  Scores spoil(const Damage& damage, uint32_t seed) {
+  Scores scores_of(const Damage& damage, uint32_t seed) {
     std::mt19937 random(seed);
     Masks masks = truth_;
-    for (const size_t c : chosen(damage, random)) damage.spoil(masks[c], random);
+    for (const size_t c : chosen(damage, random)) damage.apply(masks[c], random);
     Scores scores;
-    scores.spoilt = score_of(pointers_to(masks));
+    scores.damaged = score_of(pointers_to(masks));
     for (Mask& mask : masks) MaskCleanup().clean(mask, SegmentOptions());
     scores.cleaned = score_of(pointers_to(masks));
-    scores.mended = mended(masks);
+    scores.repaired = repaired(masks);
     return scores;
   }
 
@@ -94,7 +95,7 @@ class Recording {
     return all;
   }
 
-  /// The cameras whose masks are spoilt.
+  /// The cameras whose masks are damaged.
   std::vector<size_t> chosen(const Damage& damage, std::mt19937& random) const {
     std::vector<size_t> cameras(truth_.size());
     std::iota(cameras.begin(), cameras.end(), size_t{0});
@@ -104,8 +105,8 @@ class Recording {
     return cameras;
   }
 
-  /// By v3dctl reconstruct --repair.
-  Score mended(const Masks& masks) {
+  /// Score after the repair of v3dctl reconstruct --repair.
+  Score repaired(const Masks& masks) {
     ctl::SegmentedFrames frames = frames_;
     for (size_t c = 0; c < frames.size(); ++c) frames[c]->mask = masks[c];
     ctl::SegmentedFrames no_next(frames.size());
@@ -131,36 +132,37 @@ class Recording {
   SparseVolume whole_;
 };
 
-/// The mean over all seeds, and the least that was kept after mending.
+/// Prints means over all seeds, and the minimum of the kept part after repair.
 void print(const Damage& damage, const std::vector<Scores>& all) {
   Scores mean;
-  double least = 1;
+  double minimum = 1;
   for (const Scores& one : all) {
     const double part = 100.0 / static_cast<double>(all.size());
     const auto add = [part](Score& sum, const Score& score) {
       sum.kept += part * score.kept;
       sum.added += part * score.added;
     };
-    add(mean.spoilt, one.spoilt);
+    add(mean.damaged, one.damaged);
     add(mean.cleaned, one.cleaned);
-    add(mean.mended, one.mended);
-    least = std::min(least, one.mended.kept);
+    add(mean.repaired, one.repaired);
+    minimum = std::min(minimum, one.repaired.kept);
   }
   std::printf("%-42s %6.1f +%-5.1f %6.1f +%-5.1f %6.1f +%-5.1f %6.1f\n", damage.name,
-              mean.spoilt.kept, mean.spoilt.added, mean.cleaned.kept, mean.cleaned.added,
-              mean.mended.kept, mean.mended.added, 100 * least);
+              mean.damaged.kept, mean.damaged.added, mean.cleaned.kept, mean.cleaned.added,
+              mean.repaired.kept, mean.repaired.added, 100 * minimum);
   std::fflush(stdout);
 }
 
 void try_all(const Arguments& arguments) {
   Recording recording(arguments);
-  std::printf("the hull of the silhouettes as they are: %.4g m3\n", recording.volume_m3());
-  std::printf("%-42s %13s %13s %13s %6s\n", "kept and added, % of it", "as spoilt", "cleaned",
-              "and mended", "least");
+  std::printf("hull of the undamaged silhouettes: %.4g m3\n", recording.volume_m3());
+  std::printf("%-42s %13s %13s %13s %6s\n", "kept and added, % of it", "damaged", "cleaned",
+              "repaired", "min");
   for (const Damage& damage : all_damages()) {
     std::vector<Scores> scores;
     for (int n = 0; n < arguments.seeds; ++n) {
-      scores.push_back(recording.spoil(damage, arguments.first_seed + static_cast<uint32_t>(n)));
+      scores.push_back(
+          recording.scores_of(damage, arguments.first_seed + static_cast<uint32_t>(n)));
     }
     print(damage, scores);
   }
@@ -172,11 +174,11 @@ void try_all(const Arguments& arguments) {
 int main(int argc, char** argv) {
   v3d::bench::Arguments arguments;
   CLI::App app{
-      "Degrades the silhouettes of one pulse of a take and tells how much of the hull is left: as "
-      "they are, after the segmenter's clean-up, and after v3dctl reconstruct --repair."};
+      "Damages the silhouettes of one pulse of a take and prints how much of the hull remains: "
+      "without repair, after the segmenter's clean-up, and after v3dctl reconstruct --repair."};
   app.add_option("TAKE", arguments.take)->required();
   app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->required();
-  app.add_option("--voxel", arguments.voxel, "As 8mm")->required();
+  app.add_option("--voxel", arguments.voxel, "Edge of a voxel, such as 8mm")->required();
   app.add_option("--leave-out", arguments.leave_out, "CAM,...");
   app.add_option("--pulse", arguments.pulse)->capture_default_str();
   app.add_option("--first-seed", arguments.first_seed)->capture_default_str();

@@ -1,9 +1,9 @@
-// meshoptimizer's codecs on the coloured mesh of encode/10mm.
+// Benchmark of meshoptimizer's codecs on the coloured mesh of encode/10mm.
 //
-// It keeps what our compact frame keeps: positions as whole half voxels, 16 bits an axis, and
-// colours as they are, 12 bytes a vertex. Its codecs want triangles and vertices in an order of its
-// own making (vertex cache, then vertex fetch), so that ordering is part of the time; laying the
-// vertices out is not. Its documentation has a general compressor follow; none does here.
+// The encoded content equals that of our compact frame: positions in half voxels, 16 bits an axis,
+// and colours without loss, 12 bytes a vertex. The codecs need an optimised order of triangles and
+// vertices (vertex cache, then vertex fetch); the time includes this ordering, but not the vertex
+// layout. Its documentation recommends a general compressor afterwards; none is used here.
 #include <meshoptimizer.h>
 
 #include <array>
@@ -15,8 +15,8 @@ namespace v3d::bench {
 namespace {
 
 struct Vertex {
-  std::array<uint16_t, 4> half_voxels;  ///< the last is padding
-  std::array<uint8_t, 4> colour;        ///< as well
+  std::array<uint16_t, 4> half_voxels;  ///< the last element is padding
+  std::array<uint8_t, 4> colour;        ///< the last element is padding
 };
 static_assert(sizeof(Vertex) == 12);
 
@@ -40,7 +40,7 @@ std::vector<unsigned> indices_of(const Mesh& mesh) {
   return indices;
 }
 
-/// Encodes one frame; its working memory stays.
+/// Encodes frames and reuses its working memory.
 class MeshoptEncoder {
  public:
   /// Returns the number of bytes.

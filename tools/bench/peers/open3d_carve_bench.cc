@@ -1,12 +1,11 @@
-// Open3D's VoxelGrid::CarveSilhouette on the silhouettes, cameras, space and voxels of
+// Benchmark of Open3D's VoxelGrid::CarveSilhouette on the silhouettes, cameras, space and voxels of
 // intersect/16mm.
 //
-// It knows pinhole cameras only, so it is given the masks as an ideal pinhole camera would have
-// seen them, made beforehand and not timed. A voxel outside an image stays, as with us
-// (keep_voxels_outside_image). It has no `min_views`, and keeps a voxel when any of its eight
-// corners falls on or beside foreground: its hull holds all of ours and a quarter more. Every
-// volume starts from a full grid; a copy of one made beforehand takes as long as a new one. It runs
-// on one thread and has no option for more.
+// It supports pinhole cameras only, so it gets undistorted masks, made beforehand and not timed. A
+// voxel outside an image is kept, as in our code (keep_voxels_outside_image). It has no
+// `min_views`, and keeps a voxel when one of its eight corners lies on or beside foreground: its
+// hull contains ours and a quarter more. Every volume starts from a full grid; copying a grid takes
+// as long as making one. It runs on one thread; there is no option for more.
 #include <open3d/camera/PinholeCameraParameters.h>
 #include <open3d/geometry/Image.h>
 #include <open3d/geometry/VoxelGrid.h>
@@ -22,7 +21,7 @@ struct PinholeView {
   open3d::geometry::Image mask;  ///< float, 0 or 1
 };
 
-/// The mask that a camera without distortion would have given.
+/// The mask without lens distortion.
 open3d::geometry::Image undistorted(const CameraModel& lens, const Mask& mask) {
   const ImageSize size = lens.size();
   const Eigen::Matrix3d inverse = lens.matrix().inverse();

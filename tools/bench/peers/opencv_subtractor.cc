@@ -6,8 +6,8 @@
 namespace v3d::bench {
 namespace {
 
-/// "Not at all". MOG2 takes 0 for that; KNN divides by the logarithm of 1 - rate, and with 0 learns
-/// every image whole.
+/// Learning rate that changes nothing. MOG2 accepts 0; KNN divides by the logarithm of 1 - rate, so
+/// 0 would replace the model by every image.
 double no_learning(SubtractorOptions::Method method) {
   return method == SubtractorOptions::Method::kMog2 ? 0.0 : 1e-6;
 }
@@ -47,7 +47,7 @@ void OpencvSubtractor::learn(const std::vector<ImageView>& plates, int rounds) {
       impl_->subtractor->apply(borrowed(plate), impl_->foreground);
     }
   }
-  // KNN's counters stand at their next update after learning: it learns one image more.
+  // After learning, KNN's counters are due for an update: it learns one more image.
   segment(plates.back());
 }
 

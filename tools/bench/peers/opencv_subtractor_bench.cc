@@ -1,10 +1,11 @@
-// OpenCV's MOG2 and KNN on the frames of segment/15xXGA, with models learnt from the same plates.
+// Benchmark of OpenCV's MOG2 and KNN on the frames of segment/15xXGA, with models learnt from the
+// same plates.
 //
-// They are given the raw bytes as a grey image, one value a pixel, which is the fastest way that
-// makes sense; peer/opencv_*_colour gets colour images, demosaiced beforehand and not timed.
-// Default settings: shadow detection is on, as we tell shadows too; no clean-up of the result,
-// though our time has it in. All cores, one camera a core: a little quicker than one image after
-// the other, each spread over all cores by OpenCV.
+// The input is the raw bytes as a grey image, one value a pixel, which is fastest.
+// peer/opencv_*_colour uses colour images, demosaiced beforehand and not timed. Default settings:
+// shadow detection is on, as in our segmenter; there is no clean-up of the result, which our time
+// includes. All cores are used, one camera a core: a little faster than one image at a time on all
+// cores.
 #include <tbb/parallel_for.h>
 
 #include "base/image/demosaic.h"

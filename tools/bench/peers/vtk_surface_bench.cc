@@ -1,10 +1,10 @@
-// VTK's discrete marching cubes, and its faster sister, discrete flying edges, on the volume of
-// mesh/8mm.
+// Benchmark of VTK's discrete marching cubes, and of its faster variant, discrete flying edges, on
+// the volume of mesh/8mm.
 //
-// VTK takes dense images: it is given the smallest box that holds every occupied voxel and an empty
-// one round it, made beforehand and not timed (the whole space would be ten times as many cells).
-// Triangles only: normals, gradients and scalars are off. Marching cubes runs on one thread, flying
-// edges on as many as VTK likes.
+// VTK needs dense images: it gets the smallest box with all occupied voxels and a margin of one
+// voxel, made beforehand and not timed (the whole space has ten times as many cells). Triangles
+// only: normals, gradients and scalars are off. Marching cubes runs on one thread, flying edges on
+// VTK's default number.
 #include <vtkDiscreteFlyingEdges3D.h>
 #include <vtkDiscreteMarchingCubes.h>
 #include <vtkImageData.h>
@@ -21,7 +21,7 @@ namespace v3d::bench {
 namespace {
 
 struct VoxelBox {
-  std::array<int, 3> low, high;  ///< both inside
+  std::array<int, 3> low, high;  ///< first and last occupied voxel
 };
 
 /// Calls `visit(i, j, k)` for every occupied voxel.

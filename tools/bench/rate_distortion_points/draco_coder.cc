@@ -23,7 +23,7 @@ void add_attribute(draco::Mesh& mesh, draco::GeometryAttribute::Type type, draco
   mesh.attribute(id)->buffer()->Write(0, values.data(), count * bytes);
 }
 
-/// `numbered`: with the numbers of the vertices, by which they are found again afterwards.
+/// `numbered`: adds the vertex numbers, to restore the order after decoding.
 std::unique_ptr<draco::Mesh> to_draco(const Mesh& mesh, int colour_step, bool numbered) {
   auto out = std::make_unique<draco::Mesh>();
   out->set_num_points(static_cast<uint32_t>(mesh.vertices.size()));
@@ -84,7 +84,7 @@ Coded code_with_draco(const Mesh& mesh, const Accuracy& accuracy, int speed) {
   buffer.Init(numbered.data(), numbered.size());
   draco::Decoder decoder;
   auto decoded = decoder.DecodeMeshFromBuffer(&buffer);
-  if (!decoded.ok()) throw std::runtime_error("Draco cannot read what it wrote");
+  if (!decoded.ok()) throw std::runtime_error("Draco cannot decode its own output");
   const draco::Mesh& found = *decoded.value();
   const auto value = [&](draco::GeometryAttribute::Type type, uint32_t point, auto* into) {
     const draco::PointAttribute* attribute = found.GetNamedAttribute(type);

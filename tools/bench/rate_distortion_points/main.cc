@@ -33,7 +33,7 @@ double position_error_mm(const std::vector<VertexPosition>& found, const Mesh& m
   return 1000 * std::sqrt(sum / static_cast<double>(found.size()));
 }
 
-/// Means over the pulses: bytes and what is lost.
+/// Means over the pulses: bytes and errors.
 class Mean {
  public:
   void add(double bytes, const std::vector<VertexPosition>& positions,
@@ -58,14 +58,14 @@ class Mean {
   bool with_colours_ = false;
 };
 
-/// A surface and how accurately its coders are asked for it.
+/// A surface and the accuracies at which it is coded.
 struct Sweep {
   std::string surface;
   const std::vector<Pulse>& pulses;
-  std::vector<double> steps_mm;        ///< of positions, without colours; none: on the lattice
-  double fixed_step_mm;                ///< of positions, while colours are swept
-  std::vector<double> colour_factors;  ///< on the compact frame's own steps of colours
-  std::vector<int> colour_steps;       ///< of the others
+  std::vector<double> steps_mm;  ///< steps of positions, without colours; empty: on the lattice
+  double fixed_step_mm;          ///< step of positions during the sweep of colours
+  std::vector<double> colour_factors;  ///< factors on the colour steps of the compact frame
+  std::vector<int> colour_steps;       ///< colour steps of the other coders
 };
 
 class Points {
@@ -101,7 +101,8 @@ class Points {
     points_.push_back(std::move(point));
   }
 
-  /// `factor` 0: without colours. Every frame as a key frame, then all in sequence.
+  /// Adds points of the compact frame, first with key frames only, then in sequence. `factor` 0:
+  /// without colours.
   void add_ours(const std::vector<Pulse>& pulses, double step_mm, double factor) {
     EncoderOptions options;
     options.displacement_step_m = step_mm / 1000;
@@ -175,7 +176,7 @@ int run(const fs::path& out) {
               .fixed_step_mm = 1,
               .colour_factors = {0.25, 0.5, 0.75, 1, 1.5, 2, 3},
               .colour_steps = {1, 2, 4, 8, 11, 16, 24, 32}});
-  // The hull lies on half voxels, and nothing finer is worth a bit.
+  // The vertices of a hull lie on half voxels, so finer steps are useless.
   points.add({.surface = "hull",
               .pulses = live_pulses(),
               .steps_mm = {},

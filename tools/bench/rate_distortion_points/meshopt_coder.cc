@@ -9,8 +9,8 @@ namespace v3d::bench {
 namespace {
 
 struct Vertex {
-  std::array<uint16_t, 4> place;  ///< the last is padding
-  std::array<uint8_t, 4> levels;  ///< as well
+  std::array<uint16_t, 4> place;  ///< the last element is padding
+  std::array<uint8_t, 4> levels;  ///< the last element is padding
 };
 
 std::vector<Vertex> vertices_of(const Mesh& mesh, const Accuracy& accuracy) {
@@ -21,7 +21,8 @@ std::vector<Vertex> vertices_of(const Mesh& mesh, const Accuracy& accuracy) {
     Vertex& vertex = vertices.emplace_back();
     for (int axis = 0; axis < 3; ++axis) {
       const double place = std::round(steps[axis]);
-      if (place < 0 || place > 65535) throw std::runtime_error("more than 65,536 steps");
+      if (place < 0 || place > 65535)
+        throw std::runtime_error("meshoptimizer: an axis has more than 65,536 steps");
       vertex.place[axis] = static_cast<uint16_t>(place);
     }
     if (accuracy.colour_step == 0) continue;
@@ -56,7 +57,7 @@ MeshoptCoded code_with_meshopt(const Mesh& mesh, const Accuracy& accuracy) {
   MeshoptCoded coded;
   coded.stream = encode(vertices, mesh);
   coded.bytes = coded.stream.size();
-  for (const Vertex& vertex : vertices) {  // nothing more is lost
+  for (const Vertex& vertex : vertices) {  // the codec is lossless
     VertexPosition& position = coded.positions.emplace_back();
     for (int axis = 0; axis < 3; ++axis) {
       position[axis] =

@@ -1,5 +1,5 @@
-// v3d-refine-trials: what `v3dctl calibrate refine` makes of rigs that are a known way off, in
-// simulated studios.
+// v3d-refine-trials: tests `v3dctl calibrate refine` on simulated rigs with known calibration
+// errors.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
@@ -9,8 +9,8 @@ int main(int argc, char** argv) {
   using namespace v3d::bench;
   RefineTrials trials;
   CLI::App app{
-      "Disturbs the cameras of simulated studios by so many pixels, refines them by the "
-      "performer's silhouettes, and holds the result against the truth."};
+      "Disturbs the cameras of simulated studios by 0 to 4 pixels, refines them by the performer's "
+      "silhouettes, and compares the result with the truth."};
   app.add_option("--studios", trials.studios, "Studios for every line of the table (6)");
   app.add_option("--instants", trials.instants, "Instants in each (30)");
   app.add_option("--cameras", trials.cameras, "Cameras in each (15)");

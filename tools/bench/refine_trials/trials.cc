@@ -27,7 +27,7 @@ Masks true_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
   return masks;
 }
 
-/// As `v3dctl calibrate refine` sees them.
+/// Silhouettes as `v3dctl calibrate refine` gets them: segmented and opened.
 Masks segmented_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
   constexpr uint64_t kPlates = 8;
   constexpr int kSpeck = 2;

@@ -1,4 +1,4 @@
-// Rigs that are a known way off, and what the silhouettes of the performer make of them.
+// Trials of the calibration refinement on rigs with known errors.
 #pragma once
 
 #include <vector>
@@ -8,20 +8,20 @@ namespace v3d::bench {
 struct RefineTrials {
   int studios = 6;
   int instants = 30;
-  int cameras = 15;  ///< of 1024x768
+  int cameras = 15;  ///< number of cameras of 1024x768
 };
 
-/// Errors: root mean square distance, over the cameras, of where places in the space appear, after
-/// the worlds of the two rigs are brought together; the mean over the studios.
+/// Mean errors over the studios. An error is the RMS distance, in pixels over all cameras, of
+/// projected points between two rigs, after alignment of their world frames.
 struct RefineScore {
-  bool segmented = false;  ///< the silhouettes are our own segmentation's, not the true ones
+  bool segmented = false;  ///< segmented silhouettes instead of true ones
   double disturbed_px = 0;
   double before_px = 0;
   double after_px = 0;
-  double worst_px = 0;          ///< after, of a studio
-  double planes_before_px = 0;  ///< by how much the planes disagree, as the command reports it
+  double worst_px = 0;          ///< largest error of a studio after the refinement
+  double planes_before_px = 0;  ///< disagreement of epipolar tangents, as the command reports it
   double planes_after_px = 0;
-  int changed = 0;  ///< studios that were refined at all
+  int changed = 0;  ///< number of studios whose rig was changed
 };
 
 std::vector<RefineScore> try_refining(const RefineTrials& trials);

@@ -14,11 +14,11 @@ namespace {
 constexpr uint64_t kSeed = 20090219;
 constexpr const char* kRooms[] = {"cam1", "cam2", "cam3", "cam4"};
 constexpr const char* kPeople[] = {"cam00", "cam04", "cam09", "cam13"};
-constexpr double kStanding[] = {0.28, 0.5, 0.72};  ///< feet, parts of the room's width
-constexpr double kFeet = 0.94;                     ///< and of its height
+constexpr double kStanding[] = {0.28, 0.5, 0.72};  ///< feet, as parts of the room's width
+constexpr double kFeet = 0.94;  ///< position of the feet, part of the room's height
 constexpr int kMaxPlates = 40;
 
-/// Red, green, blue of a pixel; how much of it is the person.
+/// Image of a person: colour (red, green, blue) and coverage (0 to 1) of every pixel.
 struct Cutout {
   ImageSize size;
   std::vector<float> colour;
@@ -32,7 +32,7 @@ struct Cutout {
   }
 };
 
-/// The mask without its outermost pixels, in which the studio's black walls shine through.
+/// The mask without its outermost pixels, which mix with the studio's black walls.
 Mask without_rim(const Mask& mask) {
   constexpr int kRim = 2;
   Mask inner(mask.size());
@@ -46,7 +46,7 @@ Mask without_rim(const Mask& mask) {
   return inner;
 }
 
-/// Half size: the mean of two by two pixels, of the person's only.
+/// Reduces to half size: the mean of the person's pixels in each block of 2 x 2.
 Cutout halved(const Image& image, const Mask& mask, Rect box) {
   Cutout cutout{{box.width / 2, box.height / 2}, {}, {}};
   cutout.colour.resize(3 * cutout.size.pixels());
@@ -76,7 +76,7 @@ Cutout cut_out(const std::filesystem::path& studio, const std::string& camera) {
 
 struct Room {
   std::vector<Image> plates;
-  std::vector<Image> backgrounds;  ///< taken later
+  std::vector<Image> backgrounds;  ///< frames of the second half of the recording
 };
 
 Room read_room(const std::filesystem::path& video) {
@@ -115,9 +115,9 @@ std::vector<float> transposed(const std::vector<float>& values, ImageSize size) 
   return out;
 }
 
-/// Where the person keeps light from the room, 0 to 1: his outline laid over to one side, soft.
+/// Shadow of the person, 0 to 1: a slanted, blurred copy of the outline.
 std::vector<float> shadow_of(const Cutout& person, int x0, int y0, ImageSize size) {
-  constexpr double kHeight = 0.4;  ///< of the shadow, the person's being 1
+  constexpr double kHeight = 0.4;  ///< height of the shadow, as a part of the person's height
   constexpr double kSlant = 0.8;
   std::vector<float> shadow(size.pixels());
   const int feet = y0 + person.size.height - 1;
@@ -137,7 +137,7 @@ std::vector<float> shadow_of(const Cutout& person, int x0, int y0, ImageSize siz
   return shadow;
 }
 
-/// One deviate of the normal distribution, named by a seed and a running number.
+/// Normally distributed random number, determined by a seed and an index.
 double normal(uint64_t seed, uint64_t index) {
   const double radius = std::sqrt(-2 * std::log(1 - sim::uniform(seed, 2 * index, 0, 1)));
   return radius * std::cos(2 * std::numbers::pi * sim::uniform(seed, 2 * index + 1, 0, 1));

@@ -1,7 +1,7 @@
-// Images whose true silhouettes are known: people of one studio pasted onto another room.
+// Composite images with known silhouettes: people from one recording pasted into another room.
 //
-// People are cut out of studio20 by its masks at half size, the room is room4; both are real
-// images. What is pasted is the truth: every pixel that is person by half or more.
+// People are cut out of studio20 by its masks at half size; the room is room4. Both are real
+// images. The true silhouette is every pixel that the person covers by half or more.
 #pragma once
 
 #include <filesystem>
@@ -13,16 +13,16 @@
 
 namespace v3d::bench {
 
-/// What happens to a picture between the empty room that was learnt and now.
+/// Change of the image between the learnt empty room and the composite.
 struct Condition {
   std::string name;
   double noise =
       1.5;          ///< standard deviation, grey values; of the plates as well: it is the camera's
-  double gain = 0;  ///< brightness off by this part, up and down by turns
-  double shadow = 0;  ///< what the person's shadow takes of the light in its core
+  double gain = 0;  ///< relative change of brightness, alternately up and down
+  double shadow = 0;  ///< part of the light that the core of the shadow loses
 };
 
-/// Clean, noise, gain change, soft shadow, all of them.
+/// The conditions: clean, noise, gain change, soft shadow, and all of these together.
 const std::vector<Condition>& conditions();
 
 struct Composite {
@@ -36,8 +36,8 @@ struct Scene {
   std::vector<Composite> composites;
 };
 
-/// One scene per camera of the room; the same for the same data. `data` holds room4/ and studio20/.
-/// Throws InputError naming the file that is missing.
+/// Makes one scene for each camera of the room; deterministic. `data` contains room4/ and
+/// studio20/. Throws InputError with the name of a missing file.
 std::vector<Scene> make_scenes(const std::filesystem::path& data, const Condition& condition);
 
 }  // namespace v3d::bench

@@ -1,5 +1,5 @@
-// v3d-segment-quality: how well silhouettes are found, ours against OpenCV's MOG2 and KNN at their
-// best, on images whose truth is known.
+// v3d-segment-quality: compares the segmentation quality of our segmenter with OpenCV's MOG2 and
+// KNN at their best settings, on composite images with known silhouettes.
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <iostream>
@@ -15,7 +15,7 @@ using namespace v3d::bench;
 
 struct Request {
   std::string data;
-  std::string pictures;  ///< where to; empty: none
+  std::string pictures;  ///< output folder; empty: none
   bool ours_alone = false;
   bool as_json = false;
 };
@@ -25,7 +25,7 @@ std::string default_data() {
   return variable ? variable : "../shared/data";
 }
 
-/// CONDITION-CAMERA-N.png, -truth.png and -ours.png, to look at.
+/// Writes CONDITION-CAMERA-N.png, -truth.png and -ours.png for inspection.
 void write_pictures(const std::filesystem::path& folder, const Condition& condition,
                     const std::vector<Scene>& scenes) {
   std::filesystem::create_directories(folder);
@@ -42,30 +42,30 @@ void write_pictures(const std::filesystem::path& folder, const Condition& condit
   }
 }
 
-/// Who takes part, with the trials of every condition.
+/// One segmenter, with its trials of every condition.
 struct Entry {
   std::string name;
   std::vector<Trial> (*trials)(const std::vector<Scene>&);
   std::vector<std::vector<Trial>> of_condition;
 };
 
-template <Sight kSight>
+template <SubtractorInput kInput>
 std::vector<Trial> mog2(const std::vector<Scene>& scenes) {
-  return peer_trials("MOG2", kSight, scenes);
+  return peer_trials("MOG2", kInput, scenes);
 }
-template <Sight kSight>
+template <SubtractorInput kInput>
 std::vector<Trial> knn(const std::vector<Scene>& scenes) {
-  return peer_trials("KNN", kSight, scenes);
+  return peer_trials("KNN", kInput, scenes);
 }
 std::vector<Trial> ours(const std::vector<Scene>& scenes) { return {our_trial(scenes)}; }
 
 std::vector<Entry> entries(bool ours_alone) {
   if (ours_alone) return {{"ours", ours, {}}};
   return {{"ours", ours, {}},
-          {"MOG2", mog2<Sight::kCamera>, {}},
-          {"KNN", knn<Sight::kCamera>, {}},
-          {"MOG2, full colour", mog2<Sight::kColour>, {}},
-          {"KNN, full colour", knn<Sight::kColour>, {}}};
+          {"MOG2", mog2<SubtractorInput::kCamera>, {}},
+          {"KNN", knn<SubtractorInput::kCamera>, {}},
+          {"MOG2, full colour", mog2<SubtractorInput::kColour>, {}},
+          {"KNN, full colour", knn<SubtractorInput::kColour>, {}}};
 }
 
 void run(const Request& request) {
@@ -87,12 +87,12 @@ int main(int argc, char** argv) {
   CLI::App app("Segmentation quality against OpenCV's MOG2 and KNN");
   Request request;
   request.data = default_data();
-  app.add_option("--data", request.data, "Folder that holds room4/ and studio20/")
-      ->capture_default_str();
+  app.add_option("--data", request.data, "Folder with room4/ and studio20/")->capture_default_str();
   app.add_option("--pictures", request.pictures,
-                 "Writes the composites, their truth and our masks there");
-  app.add_flag("--ours", request.ours_alone, "Ours alone, which takes seconds, not minutes");
-  app.add_flag("--json", request.as_json, "One JSON object on stdout");
+                 "Write composites, true masks and our masks to this folder");
+  app.add_flag("--ours", request.ours_alone,
+               "Our segmenter only; takes seconds instead of minutes");
+  app.add_flag("--json", request.as_json, "Print one JSON object on stdout");
   app.footer("Example:\n  v3d-segment-quality --pictures /tmp/composites");
   CLI11_PARSE(app, argc, argv);
   try {

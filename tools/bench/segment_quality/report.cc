@@ -13,7 +13,7 @@ const Trial& best(const std::vector<Trial>& trials) {
   });
 }
 
-/// The trials of all conditions pooled, setting by setting.
+/// Sums the scores of all conditions for each setting.
 std::vector<Trial> pooled(const std::vector<std::vector<Trial>>& trials) {
   std::vector<Trial> sums = trials[0];
   for (size_t condition = 1; condition < trials.size(); ++condition) {

@@ -1,4 +1,4 @@
-// What v3d-segment-quality says.
+// Report of v3d-segment-quality.
 #pragma once
 
 #include <string>
@@ -10,14 +10,14 @@ namespace v3d::bench {
 
 struct Contestant {
   std::string name;
-  std::vector<Trial> of_condition;  ///< the best, in the order of conditions()
-  Trial overall;  ///< one set of parameters for all conditions, the best over all of them
+  std::vector<Trial> of_condition;  ///< best trial of each condition, in the order of conditions()
+  Trial overall;                    ///< best trial with one set of parameters for all conditions
 };
 
-/// `trials[condition][setting]`: takes the best by F.
+/// Chooses the best trials by F. `trials[condition][setting]`.
 Contestant best_of(const std::string& name, const std::vector<std::vector<Trial>>& trials);
 
-/// A table in Markdown, and the parameters below it.
+/// A table in Markdown, followed by the parameters.
 std::string table(const std::vector<Contestant>& contestants);
 /// One JSON object: {"ours": {"clean": {"precision", "recall", "f", "parameters"}, ..., "overall"}}
 std::string json(const std::vector<Contestant>& contestants);

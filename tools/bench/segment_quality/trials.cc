@@ -13,11 +13,11 @@
 namespace v3d::bench {
 namespace {
 
-constexpr int kRounds = 2;  ///< the subtractors see the plates so often
+constexpr int kRounds = 2;  ///< number of times the subtractors learn the plates
 constexpr double kMog2Thresholds[] = {9, 16, 25, 36, 50, 75, 110, 160, 250, 400};
 constexpr double kKnnThresholds[] = {50, 100, 200, 400, 800, 1600, 3200};
 
-/// What a user does to the result of a subtractor. `pieces` is what our segmenter does.
+/// Clean-up of a subtractor's result. `pieces`: the clean-up of our segmenter.
 struct CleanUp {
   std::string name;
   int open_px = 0;
@@ -41,7 +41,7 @@ Mask cleaned(const Image& foreground, const CleanUp& how) {
   return mask;
 }
 
-/// Marks as foreground what is at least `level` of 0, 127 (shadow), 255.
+/// Marks values of at least `level` as foreground: 0 background, 127 shadow, 255 foreground.
 Image from_level(ImageView labels, uint8_t level) {
   Image foreground(labels.size, PixelFormat::kMono8);
   std::transform(labels.bytes.begin(), labels.bytes.end(), foreground.bytes.begin(),
@@ -65,8 +65,8 @@ Image demosaiced(ImageView rgb) { return to_rgb(filtered(rgb).view()); }
 
 constexpr Input kCameraInputs[] = {{"raw", filtered}, {"demosaiced", demosaiced}};
 constexpr Input kColourInputs[] = {{"colour", copy}};
-std::span<const Input> inputs_of(Sight sight) {
-  if (sight == Sight::kCamera) return kCameraInputs;
+std::span<const Input> inputs_of(SubtractorInput sight) {
+  if (sight == SubtractorInput::kCamera) return kCameraInputs;
   return kColourInputs;
 }
 
@@ -81,7 +81,7 @@ struct Setting {
   const Input* input;
 };
 
-std::vector<Setting> settings_of(const std::string& method, Sight sight) {
+std::vector<Setting> settings_of(const std::string& method, SubtractorInput sight) {
   std::vector<Setting> settings;
   const bool mog2 = method == "MOG2";
   const auto kind = mog2 ? SubtractorOptions::Method::kMog2 : SubtractorOptions::Method::kKnn;
@@ -97,7 +97,7 @@ std::vector<Setting> settings_of(const std::string& method, Sight sight) {
 
 constexpr uint8_t kShadowLevels[] = {255, 127};
 
-/// One trial per treatment of shadows and clean-up.
+/// Adds one trial for each treatment of shadows and each clean-up.
 std::vector<Trial> trials_of(const Setting& setting, const std::vector<Scene>& scenes) {
   std::vector<Trial> trials;
   for (const uint8_t level : kShadowLevels) {
@@ -175,7 +175,7 @@ Trial our_trial(const std::vector<Scene>& scenes) {
   return trial;
 }
 
-std::vector<Trial> peer_trials(const std::string& method, Sight sight,
+std::vector<Trial> peer_trials(const std::string& method, SubtractorInput sight,
                                const std::vector<Scene>& scenes) {
   const std::vector<Setting> settings = settings_of(method, sight);
   std::vector<std::vector<Trial>> all(settings.size());

@@ -1,4 +1,4 @@
-// Segmentations of the composites by our segmenter and by OpenCV's subtractors, against the truth.
+// Trials of our segmenter and of OpenCV's subtractors on the composites, compared with the truth.
 #pragma once
 
 #include <string>
@@ -8,17 +8,17 @@
 
 namespace v3d::bench {
 
-/// Pixels over many images.
+/// Numbers of pixels over many images.
 struct Score {
-  int64_t hits = 0;          ///< foreground, and said so
-  int64_t false_alarms = 0;  ///< background, said to be foreground
-  int64_t misses = 0;        ///< foreground, said to be background
+  int64_t hits = 0;          ///< foreground, segmented as foreground
+  int64_t false_alarms = 0;  ///< background, segmented as foreground
+  int64_t misses = 0;        ///< foreground, segmented as background
 
   void add(const Mask& said, const Mask& truth);
   Score& operator+=(const Score& other);
   double precision() const;
   double recall() const;
-  double f() const;  ///< the harmonic mean of both
+  double f() const;  ///< harmonic mean of precision and recall
 };
 
 struct Trial {
@@ -26,22 +26,22 @@ struct Trial {
   Score score;
 };
 
-/// Our segmenter as a studio runs it: raw Bayer images, default options.
+/// Our segmenter as used in a studio: raw Bayer images, default options.
 Trial our_trial(const std::vector<Scene>& scenes);
 
-/// What the subtractors are shown.
-enum class Sight {
-  kCamera,  ///< what ours sees: the raw image, as it is (grey) or demosaiced
-  kColour,  ///< all three colours of every pixel, three times what the camera has
+/// Input images of the subtractors.
+enum class SubtractorInput {
+  kCamera,  ///< the raw image, as our segmenter gets it; grey or demosaiced
+  kColour,  ///< all three colours of every pixel, three times the data of the camera
 };
 
-/// Every point of the grid of parameters, the same points in the same order whatever the scenes:
-/// threshold, raw or demosaiced image, shadows as background or as foreground, and the clean-up.
-/// `method` is "MOG2" or "KNN".
-std::vector<Trial> peer_trials(const std::string& method, Sight sight,
+/// Trials for every point of the parameter grid, in the same order for all scenes: threshold, raw
+/// or demosaiced image, shadows as background or foreground, and the clean-up. `method` is "MOG2"
+/// or "KNN".
+std::vector<Trial> peer_trials(const std::string& method, SubtractorInput sight,
                                const std::vector<Scene>& scenes);
 
-/// Our mask of one composite, to look at.
+/// Our mask of one composite, for inspection.
 Mask our_mask(const Scene& scene, const Composite& composite);
 
 }  // namespace v3d::bench

@@ -16,7 +16,7 @@ constexpr double kVoxel = 0.012;
 constexpr int kKnockPx = 3;
 
 struct Aside {
-  int camera = -1;  ///< whose silhouettes lie aside; -1: none
+  int camera = -1;  ///< camera with shifted silhouettes; -1: none
   int right = 0;
   int down = 0;
 };
@@ -77,8 +77,8 @@ void try_knocked(uint64_t seed, const Aside& aside, bool list, DriftScore& score
     count += cameras[c].displaced;
   }
   const double px = cameras[aside.camera].shift.norm();
-  score.least_px = score.knocked_studios == 0 ? px : std::min(score.least_px, px);
-  score.most_px = std::max(score.most_px, px);
+  score.min_px = score.knocked_studios == 0 ? px : std::min(score.min_px, px);
+  score.max_px = std::max(score.max_px, px);
   ++score.knocked_studios;
 }
 

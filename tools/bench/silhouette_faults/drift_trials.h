@@ -1,4 +1,4 @@
-// Simulated studios with a camera that was knocked, or none.
+// Trials of the detection of displaced cameras in simulated studios.
 #pragma once
 
 #include <cstdint>
@@ -9,22 +9,23 @@ namespace v3d::bench {
 struct DriftScore {
   int clean_studios = 0;
   int false_alarms = 0;
-  double largest_clean_px = 0;  ///< shift that was found where there was none
+  double largest_clean_px = 0;  ///< largest detected shift without a displaced camera, pixels
   int knocked_studios = 0;
-  int named = 0;                     ///< the right camera
-  int others_named = 0;              ///< a wrong one
-  double least_px = 0, most_px = 0;  ///< shift that was found of the knocked cameras
+  int named = 0;                  ///< studios whose displaced camera was named
+  int others_named = 0;           ///< wrongly named cameras
+  double min_px = 0, max_px = 0;  ///< detected shift of the displaced cameras
 };
 
 struct DriftTrialOptions {
-  uint64_t first_seed = 1;  ///< of the first studio; the others follow
+  uint64_t first_seed = 1;  ///< seed of the first studio; others follow
   int clean = 24;
   int knocked = 24;
   bool list = false;  ///< prints every studio
 };
 
-/// Rigs of 15 XGA cameras, each a seed of its own, six pulses each, as calibrated; and with one
-/// camera's silhouettes 3 pixels aside: to the right, down, to the left and up by turns.
+/// Runs the trials: rigs of 15 XGA cameras with different seeds and six pulses each. `clean`
+/// studios match their calibration. In `knocked` studios, the silhouettes of one camera are shifted
+/// by 3 pixels: right, down, left or up.
 DriftScore try_drift(const DriftTrialOptions& options);
 
 }  // namespace v3d::bench

@@ -21,10 +21,10 @@ constexpr int64_t kMinPixels = 300;
 constexpr int64_t kMinSeen = 5000;
 constexpr double kPeriod = 0.04;
 
-/// What all cameras see at one pulse.
+/// Masks of all cameras at one pulse.
 using Masks = std::vector<Mask>;
 
-/// Pulses p - 2 ... p + 1, of which p is judged.
+/// Pulses p - 2 ... p + 1; p is checked.
 enum Pulse : size_t { kTwoBefore, kBefore, kNow, kAfter, kPulses };
 
 struct Instant {
@@ -66,7 +66,7 @@ Instant make_instant(const Rig& rig, sim::BatchRenderer& film, double seconds, i
   return instant;
 }
 
-/// What the cameras are said to show, and the images behind it.
+/// Masks of a trial, and the images that belong to them.
 struct Shown {
   std::array<Masks, kPulses> masks;
   std::vector<const Frame*> frames;
@@ -102,8 +102,8 @@ Mask disc(int x, int y, int radius) {
   return mask;
 }
 
-/// Puts a fault into one camera; `random` chooses where.
-using Spoil = void (*)(const Instant&, size_t camera, std::mt19937& random, Shown& shown);
+/// Adds a fault to one camera, at a random place.
+using AddFault = void (*)(const Instant&, size_t camera, std::mt19937& random, Shown& shown);
 
 void punch_hole(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
   const auto [x, y] = place_in(instant.truth[kNow][camera], random);
@@ -117,7 +117,7 @@ void add_blob(const Instant& instant, size_t camera, std::mt19937& random, Shown
   for (Masks& masks : shown.masks) masks[camera] = union_of(std::move(masks[camera]), blob);
 }
 
-/// A third of the width and a quarter of the height, at one side.
+/// Removes a third of the width and a quarter of the height, at one side.
 void lose_limb(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
   const Rect box = instant.truth[kNow][camera].bounding_box();
   const int y0 = box.y0 + below(random, 3 * box.height / 4);
@@ -143,7 +143,7 @@ void repeat(const Instant& instant, size_t camera, std::mt19937&, Shown& shown) 
 
 struct Kind {
   const char* name;
-  Spoil spoil;
+  AddFault add_fault;
 };
 constexpr Kind kKinds[] = {{"hole", punch_hole},          {"blob", add_blob},
                            {"lost limb", lose_limb},      {"black camera", blacken},
@@ -162,7 +162,7 @@ class Trials {
         rig_(sim::make_rig(kCameras, kSize, seed)),
         film_(rig_, {.seed = seed}),
         random_(static_cast<uint32_t>(seed)),
-        mender_(rig_, space(), kVoxel, kMinViews),
+        repair_(rig_, space(), kVoxel, kMinViews),
         intersector_(VoxelGrid::covering(space(), kVoxel), models_of(rig_), kMinViews) {}
 
   void run(int pulse, std::vector<FaultScore>& scores) {
@@ -179,48 +179,48 @@ class Trials {
       const size_t camera = random_() % rig_.size();
       if (instant.truth[kNow][camera].count() < kMinSeen) continue;
       Shown shown = as_it_is(instant);
-      kind.spoil(instant, camera, random_, shown);
+      kind.add_fault(instant, camera, random_, shown);
       const int64_t changed = differing(instant.truth[kNow][camera], shown.masks[kNow][camera]);
       if (changed >= kMinPixels) judge(instant, shown, camera, score);
     }
   }
 
-  void judge(const Instant& instant, const Shown& shown, std::optional<size_t> spoilt,
+  void judge(const Instant& instant, const Shown& shown, std::optional<size_t> faulty,
              FaultScore& score) {
-    const RepairedSilhouettes mended = mender_.repair(
+    const RepairedSilhouettes repaired = repair_.repair(
         pointers_to(shown.masks[kNow]), shown.frames,
         {.before = pointers_to(shown.masks[kBefore]), .after = pointers_to(shown.masks[kAfter])});
     std::vector<const Mask*> after;
-    for (const auto& mask : mended.masks) after.push_back(mask ? &*mask : nullptr);
+    for (const auto& mask : repaired.masks) after.push_back(mask ? &*mask : nullptr);
     const SparseVolume truth = intersector_.intersect(pointers_to(instant.truth[kNow]));
     const int64_t wrong_before =
         count_differing(intersector_.intersect(pointers_to(shown.masks[kNow])), truth);
     const int64_t wrong_after = count_differing(intersector_.intersect(after), truth);
     std::set<size_t> named;
-    for (const SilhouetteFault& fault : mended.faults) named.insert(fault.camera);
-    const bool found = spoilt && named.contains(*spoilt);
+    for (const SilhouetteFault& fault : repaired.faults) named.insert(fault.camera);
+    const bool found = faulty && named.contains(*faulty);
     ++score.trials;
     score.found += found;
-    score.innocent += std::ssize(rig_) - (spoilt ? 1 : 0);
+    score.innocent += std::ssize(rig_) - (faulty ? 1 : 0);
     score.false_alarms += std::ssize(named) - (found ? 1 : 0);
     score.wrong_before += wrong_before;
     score.wrong_after += wrong_after;
-    if (list_) print(score.kind, spoilt, found, wrong_before, wrong_after, mended.faults);
+    if (list_) print(score.kind, faulty, found, wrong_before, wrong_after, repaired.faults);
   }
 
-  void print(const std::string& kind, std::optional<size_t> spoilt, bool found,
+  void print(const std::string& kind, std::optional<size_t> faulty, bool found,
              int64_t wrong_before, int64_t wrong_after,
              const std::vector<SilhouetteFault>& faults) const {
     std::printf("  %-16s %-6s %-6s %9lld %9lld\n", kind.c_str(),
-                spoilt ? rig_[*spoilt].name.c_str() : "",
-                !spoilt ? ""
+                faulty ? rig_[*faulty].name.c_str() : "",
+                !faulty ? ""
                 : found ? "found"
                         : "missed",
                 static_cast<long long>(wrong_before), static_cast<long long>(wrong_after));
     for (const SilhouetteFault& fault : faults) {
       static constexpr const char* kNames[] = {"missing", "phantom", "whole", "late"};
       std::printf("      %s%s %s %d,%d %dx%d %lld px\n", rig_[fault.camera].name.c_str(),
-                  fault.camera == spoilt ? "" : " (innocent)",
+                  fault.camera == faulty ? "" : " (innocent)",
                   kNames[static_cast<size_t>(fault.kind)], fault.region.x0, fault.region.y0,
                   fault.region.width, fault.region.height, static_cast<long long>(fault.pixels));
     }
@@ -231,7 +231,7 @@ class Trials {
   const Rig rig_;
   sim::BatchRenderer film_;
   std::mt19937 random_;
-  SilhouetteRepair mender_;
+  SilhouetteRepair repair_;
   Intersector intersector_;
 };
 

@@ -1,5 +1,5 @@
-// v3d-silhouette-faults: how well faulty silhouettes and knocked cameras are found, and what
-// mending is worth, in simulated studios.
+// v3d-silhouette-faults: measures the detection of faulty silhouettes and displaced cameras, and
+// the effect of silhouette repair, in simulated studios.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
@@ -12,7 +12,7 @@ using namespace v3d::bench;
 
 void print(const std::vector<FaultScore>& scores) {
   std::printf("%-16s %7s %7s %10s %13s %14s %14s\n", "fault", "trials", "found", "innocent",
-              "false alarms", "voxels wrong", "when mended");
+              "false alarms", "voxels wrong", "when repaired");
   for (const FaultScore& score : scores) {
     std::printf("%-16s %7d %7d %10lld %13lld %14lld %14lld\n", score.kind.c_str(), score.trials,
                 score.found, static_cast<long long>(score.innocent),
@@ -26,8 +26,9 @@ void print(const DriftScore& drift) {
   std::printf("%d studios as calibrated: %d false alarms, largest shift %.2f px\n",
               drift.clean_studios, drift.false_alarms, drift.largest_clean_px);
   std::printf(
-      "%d with a camera 3 px aside: %d named, %d with another named; shift %.2f to %.2f px\n",
-      drift.knocked_studios, drift.named, drift.others_named, drift.least_px, drift.most_px);
+      "%d with a camera displaced by 3 px: %d named, %d with another named; shift %.2f to %.2f "
+      "px\n",
+      drift.knocked_studios, drift.named, drift.others_named, drift.min_px, drift.max_px);
 }
 
 }  // namespace
@@ -37,16 +38,16 @@ int main(int argc, char** argv) {
   DriftTrialOptions drift;
   uint64_t first_seed = 1;
   CLI::App app{
-      "Puts faults into the silhouettes of the simulated performer and knocks cameras, and counts "
-      "what is found and what is mended."};
-  app.add_option("--first-seed", first_seed, "Of the first studio; the others follow (1)");
+      "Adds faults to the silhouettes of the simulated performer, displaces cameras, and counts "
+      "detected and repaired faults."};
+  app.add_option("--first-seed", first_seed, "Seed of the first studio; others follow (1)");
   app.add_option("--studios", faults.studios, "Studios with faults in the silhouettes (1)")
       ->check(CLI::Range(0, 10'000));
-  app.add_option("--pulses", faults.pulses, "Instants in each of them (8)")
+  app.add_option("--pulses", faults.pulses, "Instants in each of these studios (8)")
       ->check(CLI::Range(1, 10'000));
-  app.add_option("--knocked", drift.knocked, "Studios with a knocked camera (24)")
+  app.add_option("--knocked", drift.knocked, "Studios with a displaced camera (24)")
       ->check(CLI::Range(0, 10'000));
-  app.add_option("--clean", drift.clean, "Studios as calibrated (24)")
+  app.add_option("--clean", drift.clean, "Studios without a displaced camera (24)")
       ->check(CLI::Range(0, 10'000));
   app.add_flag("--list", faults.list, "Print every trial");
   CLI11_PARSE(app, argc, argv);

@@ -1,5 +1,5 @@
-// v3d-stage-times: the processor time of every stage from raw frames to compact frames, in live
-// quality, on one thread. tools/bench/scaling fits a model to it.
+// v3d-stage-times: measures the processor time of every stage from raw frames to compact frames, in
+// live quality, on one thread. tools/bench/scaling fits a model to it.
 #include <tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
@@ -35,14 +35,15 @@ namespace {
 
 using nlohmann::json;
 
-/// What only gets processor time now and then takes longer by the clock, but not by this one.
+/// Processor time of this thread. Unlike the wall clock, it does not include waiting for a
+/// processor.
 double thread_cpu_ms() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-/// The raw frames of a take, in memory, and what makes silhouettes of them.
+/// The raw frames of a take in memory, and a segmenter for each camera.
 class Recording {
  public:
   explicit Recording(const std::filesystem::path& take) {
@@ -61,7 +62,7 @@ class Recording {
 
   const Rig& rig() const { return rig_; }
   std::vector<Segmenter>& segmenters() { return segmenters_; }
-  /// Every pulse that all cameras have, by number: its frames in the order of the rig.
+  /// Frames of every pulse that all cameras have, by pulse number, in the order of the rig.
   const std::map<int64_t, std::vector<Frame>>& pulses() const { return pulses_; }
 
  private:
@@ -84,13 +85,13 @@ constexpr const char* kNames[kStages] = {"segment", "box",   "intersect", "mesh"
                                          "texture", "score", "encode"};
 using Times = std::array<double, kStages>;  ///< milliseconds
 
-/// What the time goes with.
+/// Sizes that determine the times.
 struct Work {
   double vertices = 0, triangles = 0, bricks = 0;
-  double box_pixels = 0;  ///< of all cameras
+  double box_pixels = 0;  ///< pixels in the boxes of all cameras
 };
 
-/// How wide a voxel is in each camera's image where the surface is nearest, pixels.
+/// Width of a voxel at the nearest point of the surface, in pixels, for each camera.
 std::vector<double> voxel_pixels(const Rig& rig, const Mesh& mesh, double voxel_m) {
   std::vector<double> pixels;
   for (const RigCamera& camera : rig) {
@@ -104,8 +105,8 @@ std::vector<double> voxel_pixels(const Rig& rig, const Mesh& mesh, double voxel_
   return pixels;
 }
 
-/// The stages of Reconstructor one by one, behind those of the capture. A pulse goes through all of
-/// them before the next does, so that each finds the caches as the one before left them.
+/// Runs the stages of capture and of Reconstructor one after the other. Each pulse passes all
+/// stages before the next one, so the caches are in a realistic state.
 class Chain {
  public:
   Chain(Recording& recording, const ReconstructOptions& options)
@@ -140,7 +141,7 @@ class Chain {
     return times;
   }
 
-  /// Of the pulse that was run last.
+  /// Results of the last pulse.
   const Work& work() const { return work_; }
   const Mesh& mesh() const { return mesh_; }
 
@@ -157,7 +158,7 @@ class Chain {
     }
   }
 
-  /// As the reconstruction does, whatever pulse it was: one sequence.
+  /// Encodes all pulses as one sequence, as the reconstruction does.
   void encode(FrameSetJob& work) {
     Mesh& mesh = work.result.mesh;
     const BrickVolume volume = work.volume.view();
@@ -198,14 +199,14 @@ class Chain {
   Mesh mesh_;
 };
 
-/// What is disturbed takes longer, never less.
+/// Lower quartile: disturbances only increase a time.
 double undisturbed(std::vector<double> values) { return percentile(std::move(values), 0.25); }
 
-/// A setting of the reconstruction, and how long its stages took for each pulse, round by round.
+/// Options of the reconstruction, and the times of the stages by pulse and round.
 struct Setting {
   ReconstructOptions options;
   std::unique_ptr<Chain> chain;
-  Work sum;  ///< of all pulses
+  Work sum;  ///< sum over all pulses
   std::map<int64_t, std::array<std::vector<double>, kStages>> times{};
 };
 
@@ -254,7 +255,7 @@ struct Arguments {
 };
 
 json measure_all(const Arguments& arguments) {
-  // All in this thread, whose time is taken.
+  // All work must run in this thread, whose time is measured.
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   Recording recording(arguments.take);
   std::vector<Setting> settings;
@@ -265,7 +266,7 @@ json measure_all(const Arguments& arguments) {
     options.threads = 1;
     settings.push_back({options, std::make_unique<Chain>(recording, options), {}});
   }
-  // Settings take turns: what else the machine does for some seconds disturbs all a little.
+  // Settings alternate, so that a disturbance of some seconds affects all of them a little.
   for (int round = 0; round < arguments.rounds; ++round) {
     for (Setting& setting : settings) run_round(recording, setting);
   }
@@ -280,13 +281,16 @@ json measure_all(const Arguments& arguments) {
 int main(int argc, char** argv) {
   v3d::bench::Arguments arguments;
   CLI::App app{
-      "Takes the processor time of every stage from the raw frames of a take to compact frames, in "
-      "live quality, on one thread. Prints JSON: for every voxel what was made, and milliseconds a "
-      "pulse."};
-  app.add_option("TAKE", arguments.take, "With raw frames and background models")->required();
+      "Measures the processor time of every stage from the raw frames of a take to compact frames, "
+      "in live quality, on one thread. Prints JSON: for every voxel size the sizes of the surface, "
+      "and milliseconds a pulse."};
+  app.add_option("TAKE", arguments.take, "Take with raw frames and background models")->required();
   app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->capture_default_str();
-  app.add_option("--voxel", arguments.voxels, "As 8mm,10mm")->delimiter(',')->capture_default_str();
-  app.add_option("--rounds", arguments.rounds, "Through all pulses; the lower quartile counts")
+  app.add_option("--voxel", arguments.voxels, "Edges of voxels, such as 8mm,10mm")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--rounds", arguments.rounds,
+                 "Rounds through all pulses; the lower quartile is used")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   CLI11_PARSE(app, argc, argv);

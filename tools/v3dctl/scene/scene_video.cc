@@ -92,7 +92,7 @@ bool read_line(const ProcessStream& stream, std::string& line) {
 fs::path require_one_size(fs::path path) {
   ProcessStream ffprobe({"ffprobe", "-v", "quiet", "-select_streams", "v:0", "-show_entries",
                          "frame=width,height", "-of", "csv=p=0:s=x", file_word(path)},
-                        ProcessStream::End::kItsOutput);
+                        ProcessStream::End::kStdout);
   std::string size, first;
   for (int64_t frame = 0; read_line(ffprobe, size); ++frame) {
     while (size.ends_with('x')) size.pop_back();  // a separator, where the frame has side data
@@ -114,7 +114,7 @@ bool VideoWriter::writes(const fs::path& path) {
 }
 
 VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz)
-    : path_(path), ffmpeg_(writer_words(path, size, rate_hz), ProcessStream::End::kItsInput) {}
+    : path_(path), ffmpeg_(writer_words(path, size, rate_hz), ProcessStream::End::kStdin) {}
 
 void VideoWriter::add(const Image& picture) {
   if (ffmpeg_.write(picture.bytes)) return;
@@ -128,7 +128,7 @@ void VideoWriter::close() {
 
 VideoReader::VideoReader(fs::path path, ImageSize size, double rate_hz)
     : path_(require_one_size(std::move(path))),
-      ffmpeg_(reader_words(path_, size, rate_hz), ProcessStream::End::kItsOutput),
+      ffmpeg_(reader_words(path_, size, rate_hz), ProcessStream::End::kStdout),
       shown_(size, PixelFormat::kRGB8),
       decoded_(size, PixelFormat::kRGB8) {}
 

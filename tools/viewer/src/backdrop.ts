@@ -1,4 +1,4 @@
-// What is behind everything: a colour, a picture or a video that fills the screen, or a picture of all directions.
+// Background of a scene: a colour, a picture or a video that fills the screen, or a panorama of all directions.
 import {
   BackSide, BoxGeometry, Color, GLSL3, LinearFilter, MathUtils, Mesh, type Scene, ShaderMaterial, SRGBColorSpace, type Texture,
   TextureLoader, VideoTexture,
@@ -11,7 +11,7 @@ void main() {
   direction = position;
   gl_Position = (projectionMatrix * viewMatrix * vec4(position + cameraPosition, 1.0)).xyww;
 }`;
-// No mipmaps: the seam behind would show as a line.
+// No mipmaps: they would show a line at the seam of the panorama.
 const fragmentShader = `
 precision highp float;
 uniform sampler2D sphere;
@@ -46,7 +46,7 @@ export class Backdrop {
     scene.add(this.sphere);
   }
 
-  /** `url` of a file that the scene names. */
+  /** URL of a file named in the scene. */
   set(background: SceneBackground, url: (file: string) => string): void {
     this.uniforms.turn.value = MathUtils.degToRad(background.turn_deg);
     const file = background.image || background.video || background.sphere;
@@ -67,7 +67,7 @@ export class Backdrop {
       texture.minFilter = LinearFilter;
       this.texture = texture;
       if (isSphere) {
-        this.uniforms.sphere.value = texture; // to the byte as it is: it is drawn without a change of colours
+        this.uniforms.sphere.value = texture; // without colour conversion: the bytes are drawn unchanged
         this.sphere.visible = true;
       } else {
         texture.colorSpace = SRGBColorSpace;
@@ -90,12 +90,12 @@ export class Backdrop {
       video.addEventListener(event, () => {
         texture.needsUpdate = true;
         this.changed();
-        this.seekVideo(); // another moment may be wanted by now
+        this.seekVideo(); // the requested time may have changed meanwhile
       });
     }
   }
 
-  /** Of the scene, seconds: a video shows that moment of itself. */
+  /** Sets the time of the scene, seconds; a video shows the same time. */
   setTime(seconds: number): void {
     this.videoAt = seconds;
     this.seekVideo();
@@ -108,7 +108,7 @@ export class Backdrop {
     if (Math.abs(video.currentTime - at) > 0.02 && !video.seeking) video.currentTime = at;
   }
 
-  /** Fills a screen of that shape: what is too much at the sides, or above and below, is cut. */
+  /** Fills a screen of that aspect ratio; the picture is cropped at the sides, or above and below. */
   fit(width: number, height: number): void {
     const image = (this.video ?? this.texture?.image) as { width?: number; height?: number; videoWidth?: number; videoHeight?: number } | null;
     if (!this.texture || !image) return;

@@ -1,12 +1,12 @@
-/** Bytes that are read in parts. */
+/** Source of bytes that are read in parts. */
 export interface ByteSource {
-  /** How many there are. */
+  /** Total number of bytes. */
   size(): Promise<number>;
-  /** Those of [first, first + size); fewer only where they end before. */
+  /** Reads bytes [first, first + size); fewer only at the end. */
   read(first: number, size: number): Promise<Uint8Array>;
 }
 
-/** A file of any web server that knows ranges. */
+/** File of a web server that supports range requests. */
 export class HttpSource implements ByteSource {
   constructor(private readonly url: string) {}
 
@@ -20,7 +20,7 @@ export class HttpSource implements ByteSource {
   async read(first: number, size: number): Promise<Uint8Array> {
     const range = `bytes=${first}-${first + size - 1}`;
     const answer = await fetch(this.url, { headers: { Range: range } });
-    if (answer.status !== 206) throw new Error(`The server answered ${answer.status} where a part was asked for.`);
+    if (answer.status !== 206) throw new Error(`The server answered ${answer.status} instead of 206 (partial content).`);
     return new Uint8Array(await answer.arrayBuffer());
   }
 }

@@ -1,4 +1,4 @@
-// All cameras, side by side: what each saw last, and how it follows.
+// Cards of all cameras, each with its last preview and its state.
 import { judgeCamera, valueOf } from './judge';
 import { eachForegroundRun, type NodeState, type PreviewHead } from './message';
 
@@ -12,7 +12,7 @@ interface Card {
   preview: { head: PreviewHead; picture: ImageBitmap; mask: Uint8Array | null } | null;
 }
 
-/** One bit a pixel, as bytes. */
+/** A mask as one byte a pixel. */
 function maskOf(head: PreviewHead, runs: Uint8Array): Uint8Array | null {
   if (head.runs === 0) return null;
   const mask = new Uint8Array(head.width * head.height);
@@ -39,7 +39,7 @@ export class CameraWall {
     return this.masked;
   }
 
-  /** Returns how many are all well. */
+  /** Updates all cards. Returns the numbers of cameras, and of those without a fault. */
   setState(nodes: NodeState[]): { all: number; well: number } {
     const recon = nodes.find((node) => node.program === 'v3d-recond');
     let well = 0;

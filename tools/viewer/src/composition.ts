@@ -1,4 +1,4 @@
-// A scene on the stage: a worker for each take, models, the backdrop, all at one moment.
+// A scene on the stage: a worker for each take, models and the backdrop, shown at one time.
 import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from './mesh_file';
@@ -10,7 +10,7 @@ import { wantsViews } from './shading';
 import type { Stage } from './stage';
 import type { FromWorker, ToWorker } from './worker_messages';
 
-/** A take of the scene: fetched and decoded in a worker of its own. */
+/** A take of the scene, fetched and decoded in its own worker. */
 class Actor {
   readonly performer: Performer;
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
@@ -49,14 +49,14 @@ class Actor {
     this.worker.postMessage(message);
   }
 
-  /** The pulses that come next in playback, when what is fetched of them now is there. */
+  /** The next pulses in playback, after the time that fetching takes. */
   private next(): number[] {
     if (!this.playing) return [];
     const skip = Math.ceil((this.views.tookMs / 1000) * this.rate * this.take.speed);
     return this.entries.slice(this.shown + Math.max(1, skip)).slice(0, 2).map(({ pulse }) => pulse);
   }
 
-  /** Null: nobody wants to know. */
+  /** Null: the look needs no camera views. */
   get viewsState(): ViewsState | null {
     return wantsViews(this.stage.look) && this.performer.mesh.visible ? this.views.state : null;
   }
@@ -65,7 +65,7 @@ class Actor {
     this.views.apply();
   }
 
-  /** True when what belongs to that moment is on the stage. */
+  /** Shows the given time. Returns true when all of it is on the stage. */
   setTime(seconds: number): boolean {
     this.playing = seconds > this.seconds;
     this.seconds = seconds;
@@ -87,7 +87,7 @@ class Actor {
   }
 }
 
-/** No light but the stage's, and no gloss: what the native renderer does. */
+/** Uses the light of the stage only and removes gloss, as the native renderer does. */
 function plain(material: Material): Material {
   if (material instanceof MeshBasicMaterial) return material;
   const { map, color, vertexColors, side } = material as MeshStandardMaterial;
@@ -105,7 +105,7 @@ async function loadModel(url: string): Promise<Group> {
   return model;
 }
 
-/** What it has on the graphics card. */
+/** Frees its buffers on the graphics card. */
 function disposeOf(model: Group): void {
   model.traverse((node) => {
     if (!(node instanceof Mesh)) return;
@@ -122,17 +122,17 @@ export class Composition {
   private models = new Map<SceneModel, { url: string; group: Promise<Group> }>();
   private seconds = 0;
   private ended = false;
-  /** Everything of the moment is on the stage. */
+  /** True when everything of the present time is on the stage. */
   settled = false;
-  /** The eye is on the camera path. */
+  /** True when the viewpoint follows the camera path. */
   following = true;
 
   constructor(
     private readonly stage: Stage,
     readonly scene: SceneFile,
-    /** Of the scene's file. */
+    /** URL of the scene file. */
     readonly base: string,
-    /** Of a take, pulses per second, by its name. Null: there is none of that name. */
+    /** Pulses per second of the take with this name; null: there is no such take. */
     private readonly rateOf: (take: string) => number | null,
     private readonly trouble: (text: string) => void,
   ) {
@@ -143,7 +143,7 @@ export class Composition {
     return new URL(file, this.base).href;
   }
 
-  /** After every change of the scene. */
+  /** To call after every change of the scene. */
   apply(): void {
     const { scene, stage } = this;
     for (const [take, actor] of this.actors) {
@@ -167,7 +167,7 @@ export class Composition {
     this.setTime(this.seconds);
   }
 
-  /** Of all takes on the stage, the worst. */
+  /** The worst state of all takes on the stage. */
   get viewsState(): ViewsState {
     const states = [...this.actors.values()].map((actor) => actor.viewsState);
     return states.includes('none') ? 'none' : states.includes('coming') ? 'coming' : 'here';
@@ -191,7 +191,7 @@ export class Composition {
         place(group, model);
         groups.push(group);
       } catch {
-        this.trouble(`The model ${model.model} is not there, or is no glTF.`);
+        this.trouble(`The model ${model.model} does not exist or is not a glTF file.`);
       }
     }
     if (this.ended) return;

@@ -1,8 +1,8 @@
-// A camera that is flown: W A S D, Q and E for down and up, the mouse or a finger turns it.
+// Fly controls: W A S D to move, Q and E for down and up, mouse or finger to turn.
 import { PerspectiveCamera, Vector3 } from 'three';
 
 const SPEED = 1.6; // metres a second
-const HASTE = 3; // with Shift
+const FAST_FACTOR = 3; // with Shift
 const TURN = 0.0032; // radians for a pixel
 const KEYS: Record<string, [number, number, number]> = {
   KeyW: [0, 0, -1], KeyS: [0, 0, 1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyQ: [0, -1, 0], KeyE: [0, 1, 0],
@@ -31,13 +31,13 @@ export class Fly {
     });
   }
 
-  /** True when the eye has moved. */
+  /** Moves the viewpoint; returns true when it has moved. */
   move(seconds: number): boolean {
     const way = new Vector3();
     for (const code of this.held) if (code in KEYS) way.add(new Vector3(...KEYS[code]));
     const moved = way.lengthSq() > 0;
     if (moved) {
-      const metres = SPEED * (this.held.has('Shift') ? HASTE : 1) * Math.min(seconds, 0.1);
+      const metres = SPEED * (this.held.has('Shift') ? FAST_FACTOR : 1) * Math.min(seconds, 0.1);
       this.eye.position.add(way.normalize().applyQuaternion(this.eye.quaternion).multiplyScalar(metres));
     }
     const changed = moved || this.turned;
@@ -45,12 +45,12 @@ export class Fly {
     return changed;
   }
 
-  /** A point so far in front of the eye. */
+  /** The point at this distance in front of the viewpoint. */
   ahead(metres: number): Vector3 {
     return new Vector3(0, 0, -metres).applyQuaternion(this.eye.quaternion).add(this.eye.position);
   }
 
-  /** The horizon stays level. */
+  /** Turns the view and keeps the horizon level. */
   private turn(x: number, y: number): void {
     const ahead = this.ahead(1).sub(this.eye.position);
     const azimuth = Math.atan2(ahead.y, ahead.x) - x * TURN;

@@ -1,4 +1,4 @@
-// What an operator should look at, in words. Pure.
+// Texts and grades for the health of nodes and cameras. Pure functions.
 import type { NodeState } from './message';
 
 export type Grade = 'good' | 'warning' | 'alarm';
@@ -7,19 +7,19 @@ export interface Judgement {
   text: string;
 }
 
-const DARK_DISK_S = 60;
-const LITTLE_DISK_S = 600;
+const ALARM_DISK_S = 60;
+const WARNING_DISK_S = 600;
 const DISPLACED_PX = 1.5;
 const DEEP_QUEUE = 8;
 
 const plural = (n: number, one: string) => `${n.toLocaleString('en')} ${one}${n === 1 ? '' : 's'}`;
 
-/** A value of the health of a node; undefined where it was not told. */
+/** A value of a node's health; undefined if the node does not report it. */
 export function valueOf(node: NodeState | undefined, name: string): number | undefined {
   return node?.values?.[name] ?? undefined;
 }
 
-/** A camera by the health of its node, and of the reconstruction. The worst comes first. */
+/** Grades a camera by the health of its node and of the reconstruction. Returns the worst fault. */
 export function judgeCamera(camera: string, node: NodeState, recon: NodeState | undefined): Judgement {
   if (!node.heard) return { grade: 'alarm', text: `${node.name} is silent` };
   const of = (name: string) => valueOf(node, `${camera}.${name}`) ?? 0;
@@ -49,7 +49,7 @@ const percent = (v: number) => `${v.toFixed(0)} %`;
 const size = (v: number) => (v >= 1e12 ? `${(v / 1e12).toFixed(1)} TB` : `${(v / 1e9).toFixed(v < 1e10 ? 1 : 0)} GB`);
 const duration = (s: number) => (s >= 36_000 ? `${(s / 3600).toFixed(0)} h` : s >= 600 ? `${(s / 60).toFixed(0)} min` : `${s.toFixed(0)} s`);
 
-/** The facts of a node that a person asks for first; what was not told is left out. */
+/** The most important values of a node; unreported ones are omitted. */
 export function factsOf(node: NodeState): Fact[] {
   const facts: Fact[] = [];
   const add = (name: string, key: string, text: (v: number) => string, grade: (v: number) => Grade = () => 'good') => {
@@ -68,7 +68,7 @@ export function factsOf(node: NodeState): Fact[] {
   add('dropped', 'dropped', whole, any('warning'));
   add('incomplete', 'incomplete_sets', whole, any('warning'));
   add('trigger late', 'trigger_late', whole, any('warning'));
-  add('disk for', 'disk_seconds_left', duration, (v) => (v < DARK_DISK_S ? 'alarm' : v < LITTLE_DISK_S ? 'warning' : 'good'));
+  add('disk for', 'disk_seconds_left', duration, (v) => (v < ALARM_DISK_S ? 'alarm' : v < WARNING_DISK_S ? 'warning' : 'good'));
   add('disk free', 'disk_free_bytes', size);
   add('processor', 'cpu_machine_percent', percent, (v) => (v > 95 ? 'warning' : 'good'));
   add('hottest', 'temperature_max_celsius', (v) => `${v.toFixed(0)} °C`, (v) => (v > 85 ? 'warning' : 'good'));

@@ -1,8 +1,8 @@
-// The keyboard: what each key does, and the list of them.
+// Keyboard shortcuts and their list in the help dialog.
 import { type Look, LOOKS } from './shading';
 import type { Action } from './transport';
 
-export interface Deeds {
+export interface KeyActions {
   transport(action: Action): void;
   look(look: Look): void;
   wireframe(): void;
@@ -10,13 +10,13 @@ export interface Deeds {
   fly(): void;
   frameAll(): void;
   stand(steps: number): void;
-  /** Lays the photograph over the view, or takes it away; more of it or less. */
+  /** photograph() switches the photograph over the view; blend() changes its opacity. */
   photograph(): void;
   blend(by: number): void;
   live(): void;
   help(): void;
   follow(): void;
-  /** While flying, W A S D Q E are the fly camera's. */
+  /** While flying, W A S D Q E belong to the fly controls. */
   flying(): boolean;
 }
 
@@ -24,7 +24,7 @@ interface Key {
   keys: string[];
   shown: string;
   does: string;
-  run(deeds: Deeds, key: string): void;
+  run(actions: KeyActions, key: string): void;
 }
 
 const KEYS: Key[] = [
@@ -40,11 +40,11 @@ const KEYS: Key[] = [
   { keys: ['l'], shown: 'L', does: 'loop', run: (d) => d.transport('loop') },
   { keys: ['[', ']'], shown: '[ ]', does: 'slower, faster', run: (d, key) => d.transport(key === '[' ? 'slower' : 'faster') },
   { keys: ['1', '2', '3'], shown: '1 2 3', does: 'colour, normals, clay', run: (d, key) => d.look(LOOKS[Number(key) - 1]) },
-  { keys: ['4'], shown: '4', does: 'colours for where you stand: cameras that look the same way count most', run: (d) => d.look('view') },
+  { keys: ['4'], shown: '4', does: 'colours for your viewpoint: cameras with a similar direction count most', run: (d) => d.look('view') },
   { keys: ['5'], shown: '5', does: 'confidence: how many cameras see it and agree', run: (d) => d.look('confidence') },
   { keys: ['x'], shown: 'X', does: 'wireframe', run: (d) => d.wireframe() },
   { keys: ['c'], shown: 'C', does: 'show the cameras of the studio', run: (d) => d.cameras() },
-  { keys: [',', '.'], shown: ', .', does: 'stand where the camera before, the next one stands',
+  { keys: [',', '.'], shown: ', .', does: 'view from the previous, the next camera',
     run: (d, key) => d.stand(key === ',' ? -1 : 1) },
   { keys: ['b'], shown: 'B', does: "that camera's photograph over the view, or not", run: (d) => d.photograph() },
   { keys: ['-', '+', '='], shown: '- +', does: 'less, more of the photograph', run: (d, key) => d.blend(key === '-' ? -0.1 : 0.1) },
@@ -62,7 +62,7 @@ function nameOf(event: KeyboardEvent): string {
   return event.shiftKey && key.startsWith('Arrow') ? `Shift+${key}` : key;
 }
 
-export function bindKeys(deeds: Deeds): void {
+export function bindKeys(actions: KeyActions): void {
   const list = document.getElementById('key-list')!;
   for (const key of KEYS) {
     const term = document.createElement('dt');
@@ -74,9 +74,9 @@ export function bindKeys(deeds: Deeds): void {
   addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector('dialog[open]')) return;
     const name = nameOf(event);
-    if (deeds.flying() && FLOWN.has(name)) return;
+    if (actions.flying() && FLOWN.has(name)) return;
     const onControl = event.target instanceof HTMLButtonElement || event.target instanceof HTMLSelectElement;
-    if (event.target instanceof HTMLInputElement) return; // what is typed there is no key of ours
+    if (event.target instanceof HTMLInputElement) return; // text input is no shortcut
     if (onControl && (name === ' ' || name.startsWith('Arrow') || name === 'Enter')) {
       if (event.target instanceof HTMLSelectElement) return;
       (event.target as HTMLElement).blur();
@@ -84,6 +84,6 @@ export function bindKeys(deeds: Deeds): void {
     const key = KEYS.find((k) => k.keys.includes(name));
     if (!key) return;
     event.preventDefault();
-    key.run(deeds, name);
+    key.run(actions, name);
   });
 }

@@ -1,4 +1,4 @@
-// What a lens does, as base/geometry/camera_model.h has it: OpenCV's model, whole. The same in GLSL, for photographs.
+// OpenCV's lens model, as in base/geometry/camera_model.h, in TypeScript and in GLSL (for photographs).
 import { Matrix3 } from 'three';
 import type { RigCamera } from './rig';
 
@@ -16,7 +16,7 @@ export function tiltOf(camera: RigCamera): Matrix3 {
   return new Matrix3(zz, 0, -xz, 0, zz, -yz, 0, 0, 1).multiply(turn);
 }
 
-/** Where the lens shows what lies at (x / z, y / z): normalised, as it went in. */
+/** Distorts the normalised point (x / z, y / z). */
 export function distort(camera: RigCamera, x: number, y: number): [number, number] {
   const [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = coefficientsOf(camera);
   const s = x * x + y * y;
@@ -28,7 +28,7 @@ export function distort(camera: RigCamera, x: number, y: number): [number, numbe
   return [(e[0] * u + e[3] * v + e[6]) / w, (e[1] * u + e[4] * v + e[7]) / w];
 }
 
-/** The squared radius up to which the radial polynomial grows; beyond it, it would show things where they are not. */
+/** The squared radius up to which the radial polynomial increases. Beyond it, distorted points would be wrong. */
 export function mostRadius2(camera: RigCamera): number {
   const [k1, k2, , , k3, k4, k5, k6] = coefficientsOf(camera);
   const grows = (s: number) => {
@@ -44,7 +44,7 @@ export function mostRadius2(camera: RigCamera): number {
   return 1e12;
 }
 
-/** Uniforms and a function: the place in the image, 0 to 1 from its upper left corner, of what lies at (x / z, y / z). */
+/** GLSL uniforms and a function: the image point, 0 to 1 from the upper left corner, of (x / z, y / z). */
 export const LENS_GLSL = `
 uniform float lens[14];
 uniform mat3 tilt;
@@ -60,5 +60,5 @@ vec2 inImage(vec2 p) {
   bent.y += lens[2] * (s + 2.0 * p.y * p.y) + 2.0 * lens[3] * p.x * p.y;
   vec3 onSensor = tilt * vec3(bent, 1.0);
   vec3 pixel = matrix * vec3(onSensor.xy / onSensor.z, 1.0);
-  return (pixel.xy + 0.5) / imageSize; // centres of pixels are whole numbers
+  return (pixel.xy + 0.5) / imageSize; // pixel centres have integer coordinates
 }`;

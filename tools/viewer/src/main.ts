@@ -1,4 +1,4 @@
-// The viewer: takes, scenes of several, and the live picture, on one stage.
+// The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
 import { bindKeys } from './keys';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
@@ -23,7 +23,7 @@ class Viewer {
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
   private takes: Take[] = [];
   private rig: RigCamera[] = [];
-  /** What is open: a take, or live, or a scene. */
+  /** The open content: a take, the live picture, or a scene. */
   private open: { take: Take | null; scene: string | null; number: number } | null = null;
   private composition: Composition | null = null;
   private readonly panel: ScenePanel;
@@ -56,7 +56,7 @@ class Viewer {
       takes: () => this.takes.filter((take) => take.meshes > 0).map((take) => take.name),
       pathOf: (take) => `../${take}`,
     });
-    this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.hear(event.data);
+    this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.onMessage(event.data);
     this.bindButtons();
     bindKeys({
       transport: (action) => this.transport.act(action),
@@ -100,7 +100,7 @@ class Viewer {
     try {
       this.takes = await fetchTakes();
       scenes = await fetchScenes();
-      note.textContent = this.takes.length ? '' : 'No takes yet. v3dctl arm, start and stop make one.';
+      note.textContent = this.takes.length ? '' : 'No takes yet. Record one with v3dctl arm, start and stop.';
     } catch {
       note.textContent = 'The studio does not answer. Is v3d-viewd running?';
       return;
@@ -146,7 +146,7 @@ class Viewer {
     }
   }
 
-  /** A file of this computer; what it names is looked for beside the takes of the studio. */
+  /** A file of this computer. Its paths are relative to the takes of the studio. */
   private async openFile(file: File): Promise<void> {
     this.openAs({ take: null, scene: '' }, '', null);
     try {
@@ -157,7 +157,7 @@ class Viewer {
     }
   }
 
-  /** Of the take that is open, seen as it is seen now. */
+  /** A scene of the open take, with the present view as its camera key. */
   private newScene(): void {
     const { take } = this.open ?? {};
     const seconds = take && this.playback ? (this.playback.last - this.playback.first + 1) / take.rate_hz : 10;
@@ -171,7 +171,7 @@ class Viewer {
     this.showScene(scene, this.unsavedUrl(), NaN);
   }
 
-  /** As if its folder lay beside the takes. */
+  /** URL of an unsaved scene, as if its folder were beside the takes. */
   private unsavedUrl(): string {
     return new URL('takes/unsaved/scene.json', location.href).href;
   }
@@ -280,7 +280,7 @@ class Viewer {
     press(find('open-live'), live);
     if (!live) {
       delete find('open-live').dataset.link;
-      find('live-text').textContent = 'what the studio sees now';
+      find('live-text').textContent = 'live picture of the studio';
     }
   }
 
@@ -289,7 +289,7 @@ class Viewer {
     find('trouble').hidden = text === '';
   }
 
-  private hear(message: FromWorker): void {
+  private onMessage(message: FromWorker): void {
     if (message.take !== this.opened) return;
     switch (message.kind) {
       case 'opened': {
@@ -325,7 +325,7 @@ class Viewer {
     this.pictures.show(frame.pulse);
     this.shownTimes.push(performance.now());
     if (frame.live?.edgeMs != null) {
-      // Drawn at the next refresh of the screen: that is when the pulse is seen.
+      // The latency ends when the pulse is visible, at the next refresh of the screen.
       requestAnimationFrame(() => (this.latency = performance.timeOrigin + performance.now() - frame.live!.edgeMs!));
     }
   }
@@ -410,7 +410,7 @@ class Viewer {
     this.stage.render(seconds);
     find('canvas').dataset.settled = String(this.composition?.settled ?? (this.shown !== null && this.pictures.settled));
     this.placeImageFrame();
-    this.tellFacts(now);
+    this.updateFacts(now);
   }
 
   private placeImageFrame(): void {
@@ -422,11 +422,11 @@ class Viewer {
     frame.firstElementChild!.textContent = this.standing;
   }
 
-  private toldFacts = 0;
-  private tellFacts(now: number): void {
-    if (now - this.toldFacts < 250) return;
-    this.toldFacts = now;
-    this.pictures.tell();
+  private factsUpdated = 0;
+  private updateFacts(now: number): void {
+    if (now - this.factsUpdated < 250) return;
+    this.factsUpdated = now;
+    this.pictures.updateNotes();
     while (this.shownTimes.length && this.shownTimes[0] < now - 2000) this.shownTimes.shift();
     const frame = this.shown;
     const facts: string[] = [];
@@ -444,7 +444,7 @@ class Viewer {
       if (frame.live.missing.length) facts.push(`without ${frame.live.missing.length} cameras`);
       if (frame.live.skipped) facts.push(`${frame.live.skipped} skipped`);
     }
-    find('facts').innerHTML = facts.join(' &nbsp; '); // numbers only: nothing that came from outside
+    find('facts').innerHTML = facts.join(' &nbsp; '); // safe: numbers only, no text from outside
     if (frame?.live) find('title').textContent = `Live: ${frame.live.take}`;
   }
 }
@@ -455,7 +455,7 @@ try {
   const trouble = find('trouble');
   const lacks = error instanceof Error && error.message === 'no WebGL 2';
   trouble.textContent = lacks
-    ? 'This browser has no WebGL 2, which the viewer draws with. Any browser since 2021 has it, where the graphics driver allows it.'
-    : `The viewer could not begin: ${error instanceof Error ? error.message : String(error)}`;
+    ? 'This browser has no WebGL 2, which the viewer needs. Browsers since 2021 have it, if the graphics driver supports it.'
+    : `The viewer could not start: ${error instanceof Error ? error.message : String(error)}`;
   trouble.hidden = false;
 }

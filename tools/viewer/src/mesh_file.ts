@@ -1,10 +1,10 @@
-// mesh.v3d: docs/compact-frame.md. Frames are fetched a chunk at a time, some seconds before they are needed.
+// Reader of mesh files, mesh.v3d (docs/compact-frame.md). It fetches frames in chunks, some seconds in advance.
 import type { ByteSource } from './byte_source';
 import { crc32 } from './crc32';
 
 export interface FrameEntry {
   pulse: number;
-  /** Of the compact frame, in the file. */
+  /** Offset of the compact frame in the file. */
   offset: number;
   length: number;
 }
@@ -12,7 +12,7 @@ export interface FrameEntry {
 const HEADER = 16;
 const RECORD = 24;
 const FOOTER = 24;
-const LONGEST_FRAME = 268_435_456;
+const MAX_FRAME_BYTES = 268_435_456;
 const CHUNK = 1 << 20;
 const CHUNKS_KEPT = 8;
 
@@ -20,12 +20,12 @@ const view = (bytes: Uint8Array) => new DataView(bytes.buffer, bytes.byteOffset,
 const number64 = (data: DataView, at: number) => Number(data.getBigUint64(at, true));
 const magic = (bytes: Uint8Array, at: number) => String.fromCharCode(...bytes.subarray(at, at + 4));
 
-/** By the index at the end; by looking through the file where it was not closed. */
+/** Reads the index at the end; scans the file if it was not closed. */
 export async function readEntries(source: ByteSource): Promise<FrameEntry[]> {
   const size = await source.size();
-  if (size < HEADER) throw new Error('This is no mesh file.');
+  if (size < HEADER) throw new Error('This is not a mesh file.');
   const head = await source.read(0, HEADER);
-  if (magic(head, 0) !== 'V3DM') throw new Error('This is no mesh file.');
+  if (magic(head, 0) !== 'V3DM') throw new Error('This is not a mesh file.');
   return (await indexed(source, size)) ?? scanned(source, size);
 }
 
@@ -50,12 +50,12 @@ async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] |
 }
 
 interface FileRecord extends FrameEntry {
-  /** Of the record, in the file. */
+  /** Offset of the record in the file. */
   at: number;
   crc: number;
 }
 
-/** Finds records by their heads; keeps the last chunk that it read. */
+/** Finds records by their heads. It keeps the last chunk that was read. */
 class RecordScan {
   private held = new Uint8Array();
   private from = 0;
@@ -65,7 +65,7 @@ class RecordScan {
     readonly size: number,
   ) {}
 
-  /** `length` bytes at `at`; fewer only at the end of the file. */
+  /** Reads `length` bytes at `at`; fewer only at the end of the file. */
   private async bytes(at: number, length: number): Promise<Uint8Array> {
     if (at < this.from || at + length > this.from + this.held.length) {
       this.from = at;
@@ -80,12 +80,12 @@ class RecordScan {
     if (head.length < RECORD || magic(head, 0) !== 'V3DR') return null;
     const data = view(head);
     const length = data.getUint32(4, true);
-    const right = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= LONGEST_FRAME;
+    const right = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= MAX_FRAME_BYTES;
     if (!right || at + RECORD + length > this.size) return null;
     return { at, pulse: number64(data, 8), offset: at + RECORD, length, crc: data.getUint32(16, true) };
   }
 
-  /** As MeshFileReader decides it: an unfinished record hides what was appended behind it. */
+  /** The same rule as in MeshFileReader: an unfinished record may contain the head of an appended one. */
   async isWhole(record: FileRecord): Promise<boolean> {
     const end = record.offset + record.length;
     if (end === this.size || (await this.recordAt(end))) return true;
@@ -94,7 +94,7 @@ class RecordScan {
     return crc32(await this.bytes(record.offset, record.length)) === record.crc;
   }
 
-  /** The next place from `at` on where a record begins; the end of the file where there is none. */
+  /** Offset of the next record from `from` on; the end of the file if there is none. */
   async next(from: number): Promise<number> {
     for (let at = from; at + RECORD <= this.size; ) {
       const chunk = await this.bytes(at, Math.min(CHUNK, this.size - at));
@@ -108,7 +108,7 @@ class RecordScan {
   }
 }
 
-/** Of a file that was not closed, or was continued after a restart: what is no record is passed over. */
+/** Scans a file that was not closed or was continued after a restart. Other bytes than records are skipped. */
 async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> {
   const scan = new RecordScan(source, size);
   const entries: FrameEntry[] = [];
@@ -127,15 +127,15 @@ async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> 
   return entries;
 }
 
-/** The pulse of the key frame that decoding a compact frame begins at. */
+/** Pulse of the key frame at which decoding of a compact frame must start. */
 export function keyPulseOf(frame: Uint8Array): number {
   if (frame.length < 128 || magic(frame, 0) !== 'V3DF' || view(frame).getUint16(8, true) !== 2) {
-    throw new Error('These meshes are of an older version; v3dctl reconstruct makes them anew.');
+    throw new Error('These meshes are of an older version; run v3dctl reconstruct again.');
   }
   return number64(view(frame), 40);
 }
 
-/** The last of the entries whose pulse is not greater; 0 where there is none. */
+/** Index of the last entry whose pulse is not greater; 0 if there is none. */
 export function entryAt(entries: readonly { pulse: number }[], pulse: number): number {
   let low = 0;
   let high = entries.length;
@@ -177,7 +177,7 @@ export class FrameStore {
     return bytes.subarray(at, at + length);
   }
 
-  /** Begins to fetch what comes after a frame, so that it is there when it is wanted. */
+  /** Starts to fetch the chunk after that of a frame. */
   lookAhead(n: number): void {
     const next = this.chunkOf[n] + 1;
     if (next < this.chunks.length) this.chunk(next).catch(() => undefined);
@@ -186,14 +186,14 @@ export class FrameStore {
   private chunk(c: number): Promise<Uint8Array> {
     const known = this.held.get(c);
     if (known) {
-      this.held.delete(c); // to the end: the last used are kept
+      this.held.delete(c); // moves it to the end: the last used chunks are kept
       this.held.set(c, known);
       return known;
     }
     const first = this.entries[this.chunks[c].first];
     const last = this.entries[this.chunks[c].end - 1];
     const fetched = this.source.read(first.offset, last.offset + last.length - first.offset);
-    fetched.catch(() => this.held.delete(c)); // asked for again next time
+    fetched.catch(() => this.held.delete(c)); // the next call fetches it again
     this.held.set(c, fetched);
     if (this.held.size > CHUNKS_KEPT) this.held.delete(this.held.keys().next().value!);
     return fetched;

@@ -1,4 +1,4 @@
-// What v3d-viewd sends by WebSocket: daemon/viewd/view_json.h.
+// Messages of v3d-viewd by WebSocket (daemon/viewd/view_json.h).
 
 export interface MeshHead {
   type: 'mesh';
@@ -52,7 +52,7 @@ export interface StudioEvent {
   sent_ms: number;
 }
 
-/** Of the last order that the studio was given from a page, whoever gave it. */
+/** Report of the last order from any page of the studio. */
 export interface OrderReport {
   type: 'order';
   number: number;
@@ -72,7 +72,7 @@ export interface Pong {
   now_ms: number;
 }
 
-/** A binary message: the length of its JSON, its JSON, its bytes. Null where it is none. */
+/** Splits a binary message: length of the JSON, the JSON, bytes. Null when it is malformed. */
 export function splitMessage<Head>(message: ArrayBuffer): { head: Head; bytes: Uint8Array } | null {
   if (message.byteLength < 4) return null;
   const length = new DataView(message).getUint32(0, true);
@@ -85,7 +85,7 @@ export function splitMessage<Head>(message: ArrayBuffer): { head: Head; bytes: U
   }
 }
 
-/** A mask's runs (base/image/mask.h): LEB128 lengths, background first. Calls `run` for those of foreground. */
+/** Decodes a mask's runs (base/image/mask.h): LEB128 lengths, background first. Calls `run` for those of foreground. */
 export function eachForegroundRun(runs: Uint8Array, run: (first: number, length: number) => void): void {
   let at = 0;
   let foreground = false;
@@ -101,17 +101,17 @@ export function eachForegroundRun(runs: Uint8Array, run: (first: number, length:
   }
 }
 
-/** The clock of the server against ours, by pings there and back: the quickest of the last is believed. */
+/** Offset of the server's clock, estimated by pings: the fastest of the last ones is used. */
 export class ServerClock {
   private samples: { took: number; offset: number }[] = [];
 
-  /** All in milliseconds; `sent` and `now` by our clock, `server` by his. */
+  /** Adds a ping. Times in milliseconds; `sent` and `now` by our clock, `server` by the server's. */
   add(sent: number, server: number, now: number): void {
     this.samples.push({ took: now - sent, offset: server - (sent + now) / 2 });
     if (this.samples.length > 10) this.samples.shift();
   }
 
-  /** The time there, null as long as nothing is known. */
+  /** Converts our time to the server's; null before the first ping. */
   at(now: number): number | null {
     if (this.samples.length === 0) return null;
     const best = this.samples.reduce((a, b) => (b.took < a.took ? b : a));

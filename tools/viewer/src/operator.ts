@@ -1,4 +1,4 @@
-// What an operator may do now, and what came of what he did. Pure.
+// Possible actions of an operator, and texts about the results of his orders. Pure functions.
 import { valueOf } from './judge';
 import type { NodeState, OrderReport } from './message';
 
@@ -10,7 +10,7 @@ export interface Doing {
   take: string;
 }
 
-/** What all nodes together are at: who is farthest into a take says it. */
+/** The phase of the studio: that of the node which is farthest in a take. */
 export function doingOf(nodes: readonly NodeState[]): Doing {
   for (const phase of ['recording', 'draining', 'armed'] as const) {
     const at = nodes.filter((node) => node.heard && node.state === phase);
@@ -19,13 +19,13 @@ export function doingOf(nodes: readonly NodeState[]): Doing {
   return { phase: nodes.some((node) => node.heard) ? 'idle' : 'silent', take: '' };
 }
 
-/** A take that ended by itself was started here and not stopped: its verdict was told to nobody. */
+/** A take that was started here and ended without a stop: its verdict was not shown yet. */
 const endedByItself = (last: OrderReport | null) => last?.do === 'start' && last.status === 0;
 
-/** The answer to an order may come later than what the socket tells of it, and then says that it is still under way. */
+/** The answer to an order may arrive after the socket's report of its end, and then still has the state "under way". */
 export const isNews = (answer: OrderReport, last: OrderReport | null) => !last || answer.number > last.number;
 
-/** What makes sense now; nothing while an order is under way. */
+/** The possible actions; none while an order is under way. */
 export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
   if (last?.under_way) return [];
   switch (phase) {
@@ -40,14 +40,14 @@ export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
   }
 }
 
-/** "300 pulses · 15/15 cameras · 0 missing · live 25.0/s": of what is known. */
+/** "300 pulses · 15/15 cameras · 0 missing · live 25.0/s"; unknown values are omitted. */
 export function recordingFacts(nodes: readonly NodeState[]): string {
   const all = (name: string) => nodes.map((node) => valueOf(node, name)).filter((value) => value !== undefined);
   const sum = (name: string) => (all(name).length ? all(name).reduce((a, b) => a + b, 0) : undefined);
-  const most = (name: string) => (all(name).length ? Math.max(...all(name)) : undefined);
+  const max = (name: string) => (all(name).length ? Math.max(...all(name)) : undefined);
   const count = (value: number) => value.toLocaleString('en', { maximumFractionDigits: 0 });
   const facts: string[] = [];
-  const pulses = most('pulses_sensed') ?? most('pulses_commanded');
+  const pulses = max('pulses_sensed') ?? max('pulses_commanded');
   if (pulses !== undefined) facts.push(`${count(pulses)} pulses`);
   const streaming = sum('cameras_streaming');
   if (streaming !== undefined) facts.push(`${count(streaming)}/${count(sum('cameras') ?? streaming)} cameras`);
@@ -58,7 +58,7 @@ export function recordingFacts(nodes: readonly NodeState[]): string {
   return facts.join(' · ');
 }
 
-/** "kendo-07" is followed by "kendo-08"; a name without a number by itself and "-02". */
+/** The next name: "kendo-08" after "kendo-07"; "-02" is appended to a name without a number. */
 export function nextName(name: string): string {
   const [, stem, digits] = /^(.*?)(\d*)$/.exec(name)!;
   if (!name) return '';
@@ -66,12 +66,12 @@ export function nextName(name: string): string {
   return stem + String(BigInt(digits) + 1n).padStart(digits.length, '0');
 }
 
-/** As base/core/name.h has it. */
+/** The same rule as in base/core/name.h. */
 export const isTakeName = (name: string) => /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$/.test(name);
 
-export const NAME_RULE = 'A take has a name of letters, digits, - _ and . , 64 at most.';
+export const NAME_RULE = 'The name of a take may have letters, digits, - _ and . , at most 64 characters.';
 
-/** The cameras that the lines name, for which the studio would not be armed. */
+/** The cameras that the lines of a rejected arm order name. */
 export function camerasNamed(lines: readonly string[], cameras: readonly string[]): string[] {
   const words = new Set(lines.flatMap((line) => line.split(/[^A-Za-z0-9_.-]+/)));
   return cameras.filter((camera) => words.has(camera));
@@ -79,15 +79,15 @@ export function camerasNamed(lines: readonly string[], cameras: readonly string[
 
 export type Grade = 'good' | 'warning' | 'alarm';
 
-/** By v3dctl's exit status. */
+/** Grade by v3dctl's exit status. */
 export function gradeOf(report: OrderReport): Grade {
   if (report.under_way || report.status === 0) return 'good';
   return report.status === 3 ? 'warning' : 'alarm';
 }
 
-/** What is shown of an order that printed nothing. */
+/** The lines of an order; a substitute if it printed nothing. */
 export function linesOf(report: OrderReport): string[] {
   if (report.under_way) return ['under way'];
   if (report.lines.length) return report.lines;
-  return [report.status === 0 ? 'done' : `v3dctl ended with status ${report.status}, and said nothing`];
+  return [report.status === 0 ? 'done' : `v3dctl exited with status ${report.status} without a message`];
 }

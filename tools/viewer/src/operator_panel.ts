@@ -1,9 +1,9 @@
-// Where an operator arms, starts and stops: only what makes sense now, and nothing by accident.
+// Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
 import type { NodeState, OrderReport } from './message';
 import { type Action, actionsIn, camerasNamed, type Doing, doingOf, gradeOf, isNews, isTakeName, linesOf, NAME_RULE, nextName } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
-/** New buttons stand where others stood: a second tap of the same finger is not meant for them. */
+/** New buttons replace others at the same place. During this time they ignore a second tap of the same finger. */
 const NEW_BUTTONS_WAIT_MS = 700;
 
 const WORDS: Record<Action, string> = { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' };
@@ -41,7 +41,7 @@ export class OperatorPanel {
       if (dialog.returnValue === 'abort') void this.order({ do: 'abort' });
       dialog.returnValue = '';
     });
-    // Whoever rests on a key orders nothing twice.
+    // A held Enter key sends one order only.
     find('operator').addEventListener('keydown', (event) => event.repeat && event.key === 'Enter' && event.preventDefault());
   }
 
@@ -53,15 +53,15 @@ export class OperatorPanel {
   }
 
   setLast(report: OrderReport): void {
-    if (report.number === 0) return; // nobody has ordered anything yet
+    if (report.number === 0) return; // no order was given yet
     this.last = report;
     if (report.do !== 'arm' || report.status === 0) this.without.clear();
     if (report.do === 'arm' && report.status === 0 && !report.under_way) this.named = false;
-    this.say(null);
+    this.showTrouble(null);
     this.draw();
   }
 
-  /** The newest take: the next one's name is made of it, as long as nobody has typed one. */
+  /** Proposes the name of the next take from the newest one, unless the user has typed a name. */
   setNewestTake(name: string): void {
     if (!this.named && this.doing.phase === 'idle') this.name.value = nextName(name);
   }
@@ -72,7 +72,7 @@ export class OperatorPanel {
     field.value = '';
     const sent = await send({ do: 'look' }, token);
     if ('report' in sent) this.token.value = token;
-    this.say('refusal' in sent ? sent.refusal : null);
+    this.showTrouble('refusal' in sent ? sent.refusal : null);
     this.draw();
   }
 
@@ -91,7 +91,7 @@ export class OperatorPanel {
       if (isNews(sent.report, this.last)) this.setLast(sent.report);
     } else {
       if (sent.wrongToken) this.token.value = '';
-      this.say(sent.refusal);
+      this.showTrouble(sent.refusal);
     }
     this.draw();
   }
@@ -105,7 +105,7 @@ export class OperatorPanel {
   private arm(): void {
     const take = this.name.value.trim();
     if (!isTakeName(take)) {
-      this.say(NAME_RULE);
+      this.showTrouble(NAME_RULE);
       this.name.focus();
       return;
     }
@@ -115,8 +115,8 @@ export class OperatorPanel {
     void this.order(order);
   }
 
-  /** What the server or this page has against an order; null: nothing. */
-  private say(trouble: string | null): void {
+  /** Shows why an order was rejected; null: no error. */
+  private showTrouble(trouble: string | null): void {
     find('order-trouble').textContent = trouble ?? '';
     find('order-trouble').hidden = !trouble;
   }
@@ -132,14 +132,14 @@ export class OperatorPanel {
     this.drawWithout(actions.includes('arm'));
     this.drawLast();
     const { phase, take } = this.doing;
-    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node is heard.' : `${take} is ${phase}.`;
+    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node sends health.' : `${take} is ${phase}.`;
     find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : doing;
     find('sure-text').textContent = phase === 'recording'
-      ? `${take} is being recorded. What is on the disks stays there, but nobody counts it: Stop ends a take and tells its verdict.`
-      : `${take} is armed; nothing of it was recorded.`;
+      ? `${take} is being recorded. Abort keeps the files on the disks, but gives no verdict. Use Stop to end a take with a verdict.`
+      : `${take} is armed; nothing was recorded yet.`;
   }
 
-  /** Whether a part must be made anew: a button that is being pressed stays where it is. */
+  /** True when the content of a part has changed. Unchanged parts are kept, so a pressed button is not replaced. */
   private isNew(part: string, content: unknown): boolean {
     const text = JSON.stringify(content);
     if (this.shown[part] === text) return false;
@@ -162,7 +162,7 @@ export class OperatorPanel {
     if (!actions.includes('abort')) find<HTMLDialogElement>('sure').close('');
   }
 
-  /** After a refusal: the cameras that it names may be left out. */
+  /** After a rejected arm order: offers to leave out the cameras that its message names. */
   private drawWithout(arming: boolean): void {
     const refused = arming && this.last?.do === 'arm' && this.last.status !== 0;
     const named = refused ? camerasNamed(this.last!.lines, this.cameras) : [];

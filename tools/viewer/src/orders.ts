@@ -12,7 +12,7 @@ export interface Order {
 
 export type Sent = { report: OrderReport } | { refusal: string; wrongToken: boolean };
 
-/** Kept for this tab alone, and gone with it. */
+/** The operators' token, stored for this tab only. */
 export class OperatorToken {
   private token = '';
 
@@ -20,7 +20,7 @@ export class OperatorToken {
     try {
       this.token = sessionStorage.getItem(TOKEN_KEPT_AS) ?? '';
     } catch {
-      // without storage it is asked for again after a reload
+      // without storage, the token must be entered again after a reload
     }
   }
 

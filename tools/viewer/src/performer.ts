@@ -1,4 +1,4 @@
-// A sequence of surfaces on the stage, and where it stands there.
+// A performer on the stage: its present surface, placement and camera views.
 import {
   type Box3, BufferAttribute, BufferGeometry, type Camera, DataArrayTexture, MathUtils, Matrix4, Mesh, NoColorSpace, type Object3D,
   type ShaderMaterial, Vector3,
@@ -14,7 +14,7 @@ export class Performer {
   private texture: DataArrayTexture | null = null;
   readonly mesh: Mesh;
 
-  /** The material is the stage's: all performers have the same. */
+  /** The material belongs to the stage and is shared by all performers. */
   constructor(private readonly material: ShaderMaterial) {
     this.mesh = new Mesh(this.geometry, material);
     this.mesh.frustumCulled = false;
@@ -22,9 +22,9 @@ export class Performer {
     this.mesh.onBeforeRender = (_renderer, _scene, camera) => this.tellShading(camera);
   }
 
-  /** What cameras see of it is not known until setViews(). */
+  /** Shows a surface. Its camera views are unknown until setViews(). */
   show(surface: Surface): void {
-    this.geometry.dispose(); // the buffers on the graphics card; others are made for the new arrays
+    this.geometry.dispose(); // frees the buffers on the graphics card; new ones are made for the new arrays
     this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
     this.geometry.setAttribute('normal', new BufferAttribute(surface.normals, 3));
     const tint = surface.colours ?? new Uint8Array(surface.positions.length).fill(180);
@@ -35,7 +35,7 @@ export class Performer {
     this.setViews(null);
   }
 
-  /** Of the surface that is shown; what is of another is not taken. */
+  /** Sets the camera views of the shown surface. Views of another surface are ignored. */
   setViews(views: VertexViews | null): void {
     const fits = views !== null && views.vertices === this.geometry.getAttribute('position')?.count;
     if (fits && views === this.views) return;
@@ -52,7 +52,7 @@ export class Performer {
     return this.views !== null;
   }
 
-  /** The uniforms that are of this performer alone. Where the eye looks counts as its take sees it. */
+  /** Sets the uniforms of this performer. The view direction is transformed into the frame of its take. */
   private tellShading(camera: Camera): void {
     const { uniforms } = this.material;
     uniforms.views.value = this.texture ?? NO_VIEWS;
@@ -83,6 +83,6 @@ export class Performer {
 export function place(object: Object3D, at: Placement): void {
   object.position.set(...at.move);
   const [x, y, z] = at.turn_deg.map(MathUtils.degToRad);
-  object.rotation.set(x, y, z, 'ZYX'); // three names axes in the order of the product
+  object.rotation.set(x, y, z, 'ZYX'); // three.js orders the axes as in the matrix product
   object.scale.setScalar(at.scale);
 }

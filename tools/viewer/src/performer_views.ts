@@ -1,20 +1,20 @@
-// Keeps a performer told of what the cameras of its take see, as far as anybody wants to know and the server can tell.
+// Fetches the camera views for a performer, if the look needs them and the server has them.
 import type { Performer } from './performer';
 import { fetchThere, PulseStore } from './pulse_store';
 import { parseVertexViews, type VertexViews } from './vertex_views';
 
-/** Of a scene's take or a take of the studio: its name, as its meshes are fetched from takes/NAME/mesh.v3d. */
+/** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */
 export const takeOfMeshes = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
 
 async function fetchViews(take: string, pulse: number): Promise<VertexViews | null> {
   const answer = await fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`);
   if (!answer) return null;
   const views = parseVertexViews(await answer.arrayBuffer());
-  if (!views) throw new Error('The server answers what this page does not understand.');
+  if (!views) throw new Error('The answer of the server is malformed; reload the page.');
   return views;
 }
 
-/** 'none': of the pulse that is shown there are none; 'coming': they are asked for. */
+/** 'none': the shown pulse has no views; 'coming': they were requested. */
 export type ViewsState = 'here' | 'coming' | 'none';
 
 export class PerformerViews {
@@ -25,7 +25,7 @@ export class PerformerViews {
   constructor(
     take: string,
     private readonly performer: Performer,
-    /** Whether anybody looks at it in a way that wants them. */
+    /** True when the look needs the views. */
     private readonly wanted: () => boolean,
     private readonly changed: () => void,
   ) {
@@ -37,14 +37,14 @@ export class PerformerViews {
     });
   }
 
-  /** The performer shows this pulse now; `ahead` are the next ones, where they are known. */
+  /** To call when the performer shows this pulse; `ahead`: the next pulses, if known. */
   show(pulse: number, ahead: number[] = []): void {
     this.shown = pulse;
     this.ahead = ahead;
     this.apply();
   }
 
-  /** After every show(), and when the look has changed. */
+  /** To call after every show(), and when the look has changed. */
   apply(): void {
     if (this.shown < 0 || !this.wanted()) return;
     this.store.want(this.shown, this.ahead);

@@ -1,11 +1,11 @@
-// What a camera saw, over what the one who stands in its place sees: its lens taken away.
+// The undistorted photograph of a camera over the view from the same camera.
 import {
   BufferAttribute, BufferGeometry, DataTexture, GLSL3, LinearFilter, Matrix3, Mesh, NoColorSpace, ShaderMaterial, Texture,
 } from 'three';
 import { coefficientsOf, LENS_GLSL, mostRadius2, tiltOf } from './lens';
 import type { RigCamera } from './rig';
 
-// One triangle over all of the screen; a ray through each place of it.
+// One triangle over the whole screen; a ray through each of its points.
 const vertexShader = `
 out vec3 ray;
 void main() {
@@ -47,7 +47,7 @@ export class Photograph {
     this.update();
   }
 
-  /** 0: none of it, 1: nothing else. */
+  /** Opacity, 0 to 1. */
   get amount(): number {
     return this.material.uniforms.amount.value as number;
   }
@@ -56,7 +56,7 @@ export class Photograph {
     this.update();
   }
 
-  /** Through whose lens it was taken. */
+  /** Sets the camera that took the photograph. */
   of(camera: RigCamera): void {
     const { uniforms } = this.material;
     uniforms.lens.value = coefficientsOf(camera);
@@ -67,7 +67,7 @@ export class Photograph {
     uniforms.mostRadius2.value = mostRadius2(camera);
   }
 
-  /** Null: there is none. The picture stays the caller's, and is needed until the next is shown. */
+  /** Shows a picture; null: none. The caller keeps ownership and must keep it until the next is shown. */
   show(picture: ImageBitmap | null): void {
     const { uniforms } = this.material;
     if (picture && this.there && (uniforms.photograph.value as Texture).image === picture) return;
@@ -78,7 +78,7 @@ export class Photograph {
       texture.flipY = false;
       texture.generateMipmaps = false;
       texture.minFilter = texture.magFilter = LinearFilter;
-      texture.colorSpace = NoColorSpace; // shown to the byte, as the surface is
+      texture.colorSpace = NoColorSpace; // bytes are shown unchanged, like those of the surface
       texture.needsUpdate = true;
       uniforms.photograph.value = texture;
     }

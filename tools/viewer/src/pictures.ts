@@ -1,5 +1,5 @@
-// Photographs and views of the take that is open: the photograph over the view from a camera's place, and what the page says
-// of them.
+// Photographs and camera views of the open take: the photograph over the view from a camera, and the notes about them on the
+// page.
 import { PerformerViews, type ViewsState } from './performer_views';
 import { fetchThere, PulseStore } from './pulse_store';
 import type { RigCamera } from './rig';
@@ -8,7 +8,7 @@ import type { Stage } from './stage';
 
 const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
 
-/** How much the photograph covers when it is laid over at once. */
+/** Opacity of the photograph when it is switched on. */
 const HALF = 0.5;
 
 async function fetchPhotograph(take: string, pulse: number, camera: string): Promise<ImageBitmap | null> {
@@ -23,26 +23,26 @@ export class Pictures {
   private camera: RigCamera | null = null;
   private photographs: PulseStore<ImageBitmap> | null = null;
   private shown = -1;
-  /** Of the photograph that is over the view; -1: none is. */
+  /** Pulse of the photograph over the view; -1: none. */
   private photographed = -1;
   private last = HALF;
   private readonly slider = find<HTMLInputElement>('blend-amount');
 
   constructor(
     private readonly stage: Stage,
-    /** The pulses that come next in playback, later the longer fetching takes; none when it is paused. */
+    /** The next pulses in playback, later ones if fetching takes longer; empty when it is paused. */
     private readonly ahead: (tookMs: number) => number[],
-    /** Of all takes of the scene that is open, the worst; null while none is. */
+    /** The worst state of all takes of the open scene; null without a scene. */
     private readonly sceneState: () => ViewsState | null,
   ) {
     this.slider.addEventListener('input', () => this.setAmount(Number(this.slider.value) / 100));
-    this.slider.addEventListener('change', () => this.slider.blur()); // the keys are the page's again
+    this.slider.addEventListener('change', () => this.slider.blur()); // keys act on the page again
     find('legend-bar').style.background =
       `linear-gradient(to right, ${CONFIDENCE_COLOURS.map((c, n) => `${c} ${(100 * n) / (CONFIDENCE_COLOURS.length - 1)}%`).join(', ')})`;
-    this.tell();
+    this.updateNotes();
   }
 
-  /** Null: no take of which there could be pictures. */
+  /** Null: no take with photographs is open. */
   open(take: string | null): void {
     this.views?.end();
     this.take = take;
@@ -52,7 +52,7 @@ export class Pictures {
     this.stand(null);
   }
 
-  /** The camera whose place the eye has; null: it has none's. */
+  /** Sets the camera of the viewpoint; null: none. */
   stand(camera: RigCamera | null): void {
     if (camera && camera === this.camera) return;
     this.camera = camera;
@@ -74,17 +74,17 @@ export class Pictures {
     this.lay();
   }
 
-  /** The surface of this pulse is on the stage. */
+  /** To call when the surface of this pulse is shown. */
   show(pulse: number): void {
     this.shown = pulse;
     this.views?.show(pulse, this.ahead(this.views.tookMs));
     this.lay();
   }
 
-  /** The look is another, or playback has begun or stopped. */
+  /** To call when the look has changed, or playback has started or stopped. */
   look(): void {
     this.views?.apply();
-    this.tell();
+    this.updateNotes();
   }
 
   toggle(): void {
@@ -103,13 +103,13 @@ export class Pictures {
     this.lay();
   }
 
-  /** Everything that is wanted of the pulse that is shown is on the stage, or is not to be had. */
+  /** True when all photographs and views of the shown pulse are on the stage or do not exist. */
   get settled(): boolean {
     const photograph = !this.photographs || this.amount === 0 || this.photographs.get(this.shown) !== undefined;
     return photograph && (!this.views || !wantsViews(this.stage.look) || this.views.state !== 'coming');
   }
 
-  /** The photograph of the pulse that is shown; until it is there, the one before stays, and the page says so. */
+  /** Shows the photograph of the pulse. Until it has arrived, the previous one is shown, with a note. */
   private lay(): void {
     if (this.photographs && this.amount > 0 && this.shown >= 0) {
       this.photographs.want(this.shown, this.ahead(this.photographs.tookMs));
@@ -120,11 +120,11 @@ export class Pictures {
       }
     }
     this.stage.redraw();
-    this.tell();
+    this.updateNotes();
   }
 
-  /** What is seen, in words. */
-  tell(): void {
+  /** Updates the notes about the picture. */
+  updateNotes(): void {
     find('blend').hidden = this.camera === null;
     find('blend-note').textContent = this.blendText();
     this.slider.disabled = this.take === null;
@@ -136,10 +136,10 @@ export class Pictures {
 
   private blendText(): string {
     if (!this.camera) return '';
-    if (this.take === null) return 'There are photographs of recorded takes only.';
+    if (this.take === null) return 'Photographs exist for recorded takes only.';
     if (this.amount === 0 || this.shown < 0) return '';
     const here = this.photographs?.get(this.shown);
-    if (here === null) return `There is no photograph of ${this.camera.name} at this pulse here.`;
+    if (here === null) return `${this.camera.name} has no photograph at this pulse.`;
     if (here === undefined) return this.photographed < 0 ? 'The photograph is coming …' : `photograph of pulse ${this.photographed}`;
     return '';
   }
@@ -150,14 +150,15 @@ export class Pictures {
     const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
     if (state === 'here') return '';
     if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;
-    if (state === 'none') return `${instead}: the raw frames that tell what each camera sees are not here.`;
+    if (state === 'none') return `${instead}: the raw frames, which show what each camera sees, are not on this PC.`;
     return this.views ? '' : `${instead}: what each camera sees is known of recorded takes only.`;
   }
 }
 
-/** For the help. */
+/** Text for the help dialog. */
 export const CONFIDENCE_IN_WORDS =
-  'Confidence is the number of cameras that see a place of the surface and agree about its colour: those that lie within '
-  + `${Math.round(255 * AGREEING)} (of 255, in red, green and blue together) of the mean of all that see it. Grey is seen by none: shape and `
-  + 'colour are guessed there. One camera has nobody to agree with. A place where many agree lies where it is; where many see and '
-  + 'few agree, the true surface lies elsewhere, as in a hollow that no silhouette shows.';
+  'Confidence is the number of cameras that see a point of the surface and agree on its colour: their colours lie within '
+  + `${Math.round(255 * AGREEING)} (of 255, in red, green and blue together) of the mean of all cameras that see it. Grey points are `
+  + 'seen by no camera: shape and colour are estimates there. A single camera cannot agree with another. Where many cameras agree, '
+  + 'the surface is right. Where many see a point and few agree, the true surface lies elsewhere, as in a concavity that no '
+  + 'silhouette shows.';

@@ -1,9 +1,9 @@
-// Where in a take we are: pure, the clock comes from outside.
+// Playback position in a take. Pure: the caller passes the elapsed time.
 import { entryAt } from './mesh_file';
 
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
-/** Time is counted in pulses: a pulse without a mesh shows the mesh before. */
+/** Time is counted in pulses. A pulse without a mesh shows the previous mesh. */
 export class Playback {
   playing = false;
   speed = 1;
@@ -30,7 +30,7 @@ export class Playback {
   get pulse(): number {
     return Math.floor(this.position);
   }
-  /** Number of the mesh that is to be seen. */
+  /** Number of the mesh to show. */
   get frame(): number {
     return entryAt(this.entries, this.pulse);
   }
@@ -48,7 +48,7 @@ export class Playback {
     }
   }
 
-  /** Pulses of the next meshes while it plays, but for those that are over in so many seconds; none when it is paused. */
+  /** Pulses of the next meshes in playback, without those that end within `seconds`; empty when paused. */
   ahead(count: number, inSeconds: number): number[] {
     if (!this.playing || this.entries.length === 0) return [];
     const step = Math.max(1, Math.round(this.speed));
@@ -70,7 +70,7 @@ export class Playback {
     this.position = Math.min(this.last, Math.max(this.first, Math.round(pulse)));
   }
 
-  /** By meshes, not by pulses. */
+  /** Steps by meshes, not by pulses. */
   step(meshes: number): void {
     this.playing = false;
     if (this.entries.length === 0) return;

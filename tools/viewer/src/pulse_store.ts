@@ -1,38 +1,38 @@
-// What belongs to single pulses of a take and is fetched: what is wanted last comes first, what comes too late is dropped.
+// Cache of data of single pulses. The latest request is fetched first; data that arrives too late is dropped.
 
-/** Not to ask without a pause where nobody answers. */
+/** Pause after a failed request. */
 const AGAIN_MS = 1000;
 
 export interface PulseStoreOptions<T> {
-  /** Null: there is none of this pulse. Rejects where nobody can tell at the moment. */
+  /** Null: the pulse has no data. Rejects when this is unknown at the moment. */
   fetch(pulse: number): Promise<T | null>;
-  /** Something of a pulse has come. */
+  /** Called when data of a pulse has arrived. */
   ready(pulse: number): void;
-  /** What is no longer kept. */
+  /** Called for data that is dropped. */
   dispose?(thing: T): void;
-  /** So many are kept, and so many fetched at a time. */
+  /** Maximum numbers of stored pulses and of concurrent requests. */
   keep?: number;
   atOnce?: number;
 }
 
 export class PulseStore<T> {
-  private readonly kept = new Map<number, T | null>(); // what was used last is last
+  private readonly kept = new Map<number, T | null>(); // the last used is last
   private readonly underWay = new Set<number>();
   private wanted: number[] = [];
   private resting = false;
   private ended = false;
-  /** How long the last took, milliseconds; the mean of some. */
+  /** Mean duration of the last requests, milliseconds. */
   tookMs = 0;
 
   constructor(private readonly options: PulseStoreOptions<T>) {}
 
-  /** The pulse, and those that may be wanted next; what was wanted before is not any more. */
+  /** Requests the pulse and the likely next ones. Earlier requests are cancelled. */
   want(pulse: number, ahead: number[] = []): void {
     this.wanted = [pulse, ...ahead];
     this.fetchNext();
   }
 
-  /** Null: there is none; undefined: it is not here. */
+  /** Null: the pulse has no data; undefined: not fetched yet. */
   get(pulse: number): T | null | undefined {
     const thing = this.kept.get(pulse);
     if (thing === undefined) return undefined;
@@ -96,7 +96,7 @@ export class PulseStore<T> {
   }
 }
 
-/** The bytes at that address; null for 404. Throws for anything else. */
+/** Fetches the bytes at that address; null for 404. Throws for other errors. */
 export async function fetchThere(url: string): Promise<Response | null> {
   const answer = await fetch(url);
   if (answer.status === 404) return null;

@@ -1,4 +1,4 @@
-// Cameras of the studio as a view can stand where they stand. World: metres, z up; cameras: x right, y down, z forward.
+// Cameras of the studio as viewpoints. World: metres, z up; cameras: x right, y down, z forward.
 import { Matrix4, Vector3 } from 'three';
 
 export interface RigCamera {
@@ -11,11 +11,11 @@ export interface RigCamera {
   translation: number[];
 }
 
-/** Of a camera of three.js (x right, y up, looks along -z) that stands as this one does. */
+/** Pose of a camera of three.js (x right, y up, looks along -z) that equals this camera. */
 export function worldFromCamera(camera: RigCamera): Matrix4 {
   const [a, b, c] = camera.rotation;
   const t = camera.translation;
-  // Rows of the rotation are the camera's axes in the world; y and z turn round.
+  // Rows of the rotation are the camera's axes in the world; y and z change sign.
   const at = (k: number) => -(a[k] * t[0] + b[k] * t[1] + c[k] * t[2]);
   return new Matrix4().set(
     a[0], -b[0], -c[0], at(0),
@@ -25,22 +25,22 @@ export function worldFromCamera(camera: RigCamera): Matrix4 {
   );
 }
 
-/** Where the camera's image lies in a screen that shows all of it: pixels of the screen. */
+/** The rectangle of the whole camera image on a screen, pixels of the screen. */
 export function imageOnScreen(camera: RigCamera, width: number, height: number) {
   const scale = Math.min(width / camera.width, height / camera.height);
   const [w, h] = [camera.width * scale, camera.height * scale];
   return { scale, left: (width - w) / 2, top: (height - h) / 2, width: w, height: h };
 }
 
-/** What the camera's lens does without its distortion, on such a screen. */
+/** Projection matrix of the camera without distortion, on such a screen. */
 export function projectionOf(camera: RigCamera, width: number, height: number, near: number, far: number): Matrix4 {
   const image = imageOnScreen(camera, width, height);
   const [fx, fy] = [camera.matrix[0][0], camera.matrix[1][1]];
-  // Centres of pixels are whole numbers: the image begins half a pixel before.
+  // Pixel centres have integer coordinates: the image begins half a pixel before.
   const x = (screen: number) => (((screen - image.left) / image.scale - 0.5 - camera.matrix[0][2]) / fx) * near;
   const y = (screen: number) => (((screen - image.top) / image.scale - 0.5 - camera.matrix[1][2]) / fy) * near;
   const projection = new Matrix4().makePerspective(x(0), x(width), -y(0), -y(height), near, far);
-  projection.elements[4] = (-2 * camera.matrix[0][1] * image.scale) / width; // its columns may lean
+  projection.elements[4] = (-2 * camera.matrix[0][1] * image.scale) / width; // skew
   return projection;
 }
 

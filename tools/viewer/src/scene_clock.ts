@@ -1,5 +1,5 @@
-// What of a scene is seen at a moment: the camera on its way, and the pulse of a take. Pure; docs/scene.md has the
-// formulas, tools/v3dctl/scene/scene_clock.cc does the same.
+// State of a scene at a given time: the viewpoint on the camera path, and the pulse of a take. Pure. The formulas are in
+// docs/scene.md; tools/v3dctl/scene/scene_clock.cc has the same.
 import type { CameraKey, SceneTake, Vector } from './scene_file';
 
 const HARDLY = 1e-6;
@@ -19,7 +19,7 @@ function slope(keys: readonly CameraKey[], at: number): number[] {
   return numbersOf(behind).map((n, k) => (n - from[k]) / (behind.at_s - before.at_s));
 }
 
-/** Cubic curves through the keys; still before the first and after the last. */
+/** Viewpoint on cubic curves through the keys; constant before the first and after the last. */
 export function cameraAt(keys: readonly CameraKey[], seconds: number): CameraKey {
   const last = keys[keys.length - 1];
   if (seconds <= keys[0].at_s) return keyOf(seconds, numbersOf(keys[0]));
@@ -34,7 +34,7 @@ export function cameraAt(keys: readonly CameraKey[], seconds: number): CameraKey
     (2 * u3 - 3 * u2 + 1) * p[k] + (u3 - 2 * u2 + u) * span * m[k] + (3 * u2 - 2 * u3) * q[k] + (u3 - u2) * span * n[k]));
 }
 
-/** Null where the take is hidden. `rate`: its own; `first`, `last`: of its meshes. */
+/** The shown pulse; null when the take is hidden. `rate`: of the take; `first`, `last`: pulses of its meshes. */
 export function pulseAt(take: SceneTake, rate: number, first: number, last: number, seconds: number): number | null {
   const clamp = (n: number, low: number, high: number) => Math.min(high, Math.max(low, n));
   const from = clamp(take.in_pulse ?? first, first, last);

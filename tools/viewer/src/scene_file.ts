@@ -1,11 +1,11 @@
-// A scene as a file: docs/scene.md. Pure. tools/v3dctl/scene/scene_file.cc reads the same and refuses in the same words.
+// Reader and writer of scene files (docs/scene.md). Pure. tools/v3dctl/scene/scene_file.cc has the same rules and messages.
 
 export type Vector = [number, number, number];
 
 export interface Placement {
   /** Metres, z up. */
   move: Vector;
-  /** About the world's x, then y, then z. */
+  /** Rotation about the world's x, then y, then z. */
   turn_deg: Vector;
   scale: number;
 }
@@ -14,7 +14,7 @@ export const OUTSIDES = ['hold', 'hide', 'loop'] as const;
 export type Outside = (typeof OUTSIDES)[number];
 
 export interface SceneTake extends Placement {
-  /** Its folder, from the folder of the scene. */
+  /** Folder of the take, relative to that of the scene. */
   take: string;
   start_s: number;
   speed: number;
@@ -53,68 +53,68 @@ export interface SceneFile {
   camera: { keys: CameraKey[] };
 }
 
-const MOST_SECONDS = 36_000;
-const MOST_METRES = 1e6;
+const MAX_SECONDS = 36_000;
+const MAX_METRES = 1e6;
 
-/** A value of the file, and where it stands there. */
+/** A value of the file and its path there, for messages. */
 class Field {
   constructor(
     private readonly value: unknown,
     private readonly where: string,
   ) {}
 
-  refuse(what: string): never {
+  reject(what: string): never {
     throw new Error(this.where ? `${this.where}: ${what}` : what);
   }
   expectObject(known: string[]): void {
-    if (typeof this.value !== 'object' || this.value === null || Array.isArray(this.value)) this.refuse('expected an object');
-    for (const key of Object.keys(this.value).sort()) if (!known.includes(key)) this.refuse(`there is no key '${key}'`);
+    if (typeof this.value !== 'object' || this.value === null || Array.isArray(this.value)) this.reject('expected an object');
+    for (const key of Object.keys(this.value).sort()) if (!known.includes(key)) this.reject(`there is no key '${key}'`);
   }
   find(key: string): Field | null {
     const value = (this.value as Record<string, unknown>)[key];
     return value === undefined ? null : new Field(value, this.where ? `${this.where}.${key}` : key);
   }
   at(key: string): Field {
-    return this.find(key) ?? this.refuse(`'${key}' is missing`);
+    return this.find(key) ?? this.reject(`'${key}' is missing`);
   }
   list(): Field[] {
-    if (!Array.isArray(this.value)) this.refuse('expected a list');
+    if (!Array.isArray(this.value)) this.reject('expected a list');
     return this.value.map((value, n) => new Field(value, `${this.where}[${n}]`));
   }
-  number(least: number, most: number): number {
+  number(min: number, max: number): number {
     const text = (n: number) => (Number.isInteger(n) ? n.toFixed(1) : String(n));
-    if (typeof this.value === 'number' && this.value >= least && this.value <= most) return this.value;
-    return this.refuse(`expected a number from ${text(least)} to ${text(most)}`);
+    if (typeof this.value === 'number' && this.value >= min && this.value <= max) return this.value;
+    return this.reject(`expected a number from ${text(min)} to ${text(max)}`);
   }
   positive(): number {
     if (typeof this.value === 'number' && this.value > 0 && this.value <= 1000) return this.value;
-    return this.refuse('expected a number above 0, at most 1000');
+    return this.reject('expected a number above 0, at most 1000');
   }
   pulse(): number {
     if (Number.isSafeInteger(this.value) && (this.value as number) >= 0) return this.value as number;
-    return this.refuse('expected the number of a pulse');
+    return this.reject('expected the number of a pulse');
   }
   flag(): boolean {
-    return typeof this.value === 'boolean' ? this.value : this.refuse('expected true or false');
+    return typeof this.value === 'boolean' ? this.value : this.reject('expected true or false');
   }
   text(): string {
-    return typeof this.value === 'string' ? this.value : this.refuse('expected a text');
+    return typeof this.value === 'string' ? this.value : this.reject('expected a text');
   }
   vector(): Vector {
     const parts = Array.isArray(this.value) ? this.list() : [];
-    if (parts.length !== 3) this.refuse('expected three numbers, [x, y, z]');
-    return parts.map((part) => part.number(-MOST_METRES, MOST_METRES)) as Vector;
+    if (parts.length !== 3) this.reject('expected three numbers, [x, y, z]');
+    return parts.map((part) => part.number(-MAX_METRES, MAX_METRES)) as Vector;
   }
   path(): string {
     const name = this.text();
     if (name === '' || name.startsWith('/') || /[:?#\\%]/.test(name)) {
-      this.refuse('expected a path from the folder of the scene, without any of : ? # % and backslash');
+      this.reject('expected a path from the folder of the scene, without any of : ? # % and backslash');
     }
     return name;
   }
   colour(): string {
     const name = this.text();
-    return /^#[0-9a-fA-F]{6}$/.test(name) ? name.toLowerCase() : this.refuse('expected a colour such as "#101216"');
+    return /^#[0-9a-fA-F]{6}$/.test(name) ? name.toLowerCase() : this.reject('expected a colour such as "#101216"');
   }
 }
 
@@ -128,7 +128,7 @@ function readPlace(field: Field): Placement {
 
 function readOutside(field: Field): Outside {
   const name = field.text() as Outside;
-  return OUTSIDES.includes(name) ? name : field.refuse('expected hold, hide or loop');
+  return OUTSIDES.includes(name) ? name : field.reject('expected hold, hide or loop');
 }
 
 function readTake(field: Field): SceneTake {
@@ -137,14 +137,14 @@ function readTake(field: Field): SceneTake {
   const take: SceneTake = {
     take: field.at('take').path(),
     ...readPlace(field),
-    start_s: field.find('start_s')?.number(-MOST_SECONDS, MOST_SECONDS) ?? 0,
+    start_s: field.find('start_s')?.number(-MAX_SECONDS, MAX_SECONDS) ?? 0,
     speed: field.find('speed')?.positive() ?? 1,
     in_pulse: field.find('in_pulse')?.pulse() ?? null,
     out_pulse: field.find('out_pulse')?.pulse() ?? null,
     outside: outside ? readOutside(outside) : 'hold',
   };
   if (take.in_pulse !== null && take.out_pulse !== null && take.out_pulse < take.in_pulse) {
-    field.at('out_pulse').refuse('expected no pulse before in_pulse');
+    field.at('out_pulse').reject('expected no pulse before in_pulse');
   }
   return take;
 }
@@ -167,19 +167,19 @@ function readBackground(field: Field): SceneBackground {
     turn_deg: field.find('turn_deg')?.number(-360, 360) ?? 0,
   };
   const pictures = [background.image, background.video, background.sphere].filter(Boolean);
-  if (pictures.length > 1) field.refuse('expected one of image, video and sphere');
+  if (pictures.length > 1) field.reject('expected one of image, video and sphere');
   return background;
 }
 
 function readKey(field: Field): CameraKey {
   field.expectObject(['at_s', 'eye', 'look', 'fov_deg']);
   const key: CameraKey = {
-    at_s: field.at('at_s').number(0, MOST_SECONDS),
+    at_s: field.at('at_s').number(0, MAX_SECONDS),
     eye: field.at('eye').vector(),
     look: field.at('look').vector(),
     fov_deg: field.find('fov_deg')?.number(1, 150) ?? 40,
   };
-  if (Math.hypot(...key.eye.map((c, n) => key.look[n] - c)) < 1e-3) field.refuse('eye and look are the same place');
+  if (Math.hypot(...key.eye.map((c, n) => key.look[n] - c)) < 1e-3) field.reject('eye and look are the same place');
   return key;
 }
 
@@ -190,15 +190,15 @@ function readCamera(field: Field): CameraKey[] {
   for (const entry of keys.list()) {
     const key = readKey(entry);
     if (camera.length && camera[camera.length - 1].at_s >= key.at_s) {
-      entry.at('at_s').refuse('expected a time after that of the key before');
+      entry.at('at_s').reject('expected a time after that of the key before');
     }
     camera.push(key);
   }
-  if (camera.length === 0) keys.refuse('expected at least one key');
+  if (camera.length === 0) keys.reject('expected at least one key');
   return camera;
 }
 
-/** Throws an error whose message names the field and what would be right. */
+/** Parses a scene. The message of a thrown error names the field and the expected value. */
 export function parseScene(text: string): SceneFile {
   let parsed: unknown;
   try {
@@ -209,11 +209,11 @@ export function parseScene(text: string): SceneFile {
   const field = new Field(parsed, '');
   field.expectObject(['v3d_scene', 'rate_hz', 'seconds', 'background', 'floor', 'takes', 'models', 'camera']);
   const version = field.at('v3d_scene');
-  if (version.number(1, 1e6) !== 1) version.refuse('this version is not known; expected 1');
+  if (version.number(1, 1e6) !== 1) version.reject('this version is not known; expected 1');
   const background = field.find('background');
   return {
     rate_hz: field.find('rate_hz')?.number(1, 240) ?? 25,
-    seconds: field.at('seconds').number(0.04, MOST_SECONDS),
+    seconds: field.at('seconds').number(0.04, MAX_SECONDS),
     background: background ? readBackground(background) : { ...PLAIN },
     floor: field.find('floor')?.flag() ?? false,
     takes: field.find('takes')?.list().map(readTake) ?? [],
@@ -222,7 +222,7 @@ export function parseScene(text: string): SceneFile {
   };
 }
 
-/** To the millimetre and the millisecond; what is as it is without is left out. */
+/** Writes a scene, rounded to millimetres and milliseconds. Default values are omitted. */
 export function writeScene(scene: SceneFile): string {
   const round = (n: number) => Number(n.toFixed(3));
   const vector = (v: Vector) => v.map(round);
@@ -260,10 +260,10 @@ export function writeScene(scene: SceneFile): string {
       })),
     },
   };
-  // Three numbers belong on one line.
+  // Put vectors of three numbers on one line.
   const text = JSON.stringify(file, null, 2);
   return `${text.replace(/\[\s+([-\d.e]+),\s+([-\d.e]+),\s+([-\d.e]+)\s+\]/g, '[$1, $2, $3]')}\n`;
 }
 
-/** How many pictures a scene has. */
+/** Number of pictures of a scene. */
 export const pictureCount = (scene: SceneFile) => Math.max(1, Math.floor(scene.seconds * scene.rate_hz + 1e-6));

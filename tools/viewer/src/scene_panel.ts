@@ -1,4 +1,4 @@
-// The panel in which a scene is edited. Every change goes to the scene itself, and is told.
+// Panel to edit a scene. Every change modifies the scene object and calls change().
 import { OUTSIDES, type Outside, type Placement, type SceneFile, type SceneTake, type Vector } from './scene_file';
 
 type Change = () => void;
@@ -29,7 +29,7 @@ interface Limits {
   max?: number;
 }
 
-/** What is no number within the limits is put back. */
+/** A number field. An input outside the limits is reset to the last value. */
 function number(name: string, value: number, limits: Limits, set: (value: number) => void): HTMLInputElement {
   const input = part('input');
   Object.assign(input, { type: 'number', step: limits.step, value, min: limits.min ?? '', max: limits.max ?? '' });
@@ -44,7 +44,7 @@ function number(name: string, value: number, limits: Limits, set: (value: number
   return input;
 }
 
-/** Null where nothing is typed. */
+/** A field for a pulse number; null when it is empty. */
 function pulse(name: string, value: number | null, set: (value: number | null) => void): HTMLInputElement {
   const input = part('input');
   Object.assign(input, { type: 'number', step: 1, min: 0, value: value ?? '', placeholder: 'all' });
@@ -114,10 +114,10 @@ function item(title: string, fields: HTMLElement[], remove: () => void): HTMLEle
   return box;
 }
 
-export interface SceneDeeds {
-  /** The scene was changed, and is to be seen so. */
+export interface SceneActions {
+  /** Called after a change of the scene, to show it. */
   change(): void;
-  /** A key of the camera path where the eye is, at the moment shown. */
+  /** Adds the present viewpoint as a key of the camera path, at the shown time. */
   keyHere(): void;
   seek(seconds: number): void;
   save(): void;
@@ -129,27 +129,27 @@ export interface SceneDeeds {
 export class ScenePanel {
   constructor(
     private readonly box: HTMLElement,
-    private readonly deeds: SceneDeeds,
+    private readonly actions: SceneActions,
   ) {}
 
-  /** Null hides it. */
+  /** Shows the panel of a scene; null hides it. */
   show(scene: SceneFile | null): void {
     this.box.hidden = scene === null;
     if (!scene) return this.box.replaceChildren();
     const open = [...this.box.querySelectorAll('details')].map((details) => details.open);
     this.box.replaceChildren(
       part('h2', 'Scene'),
-      ...scene.takes.map((take, n) => item(`${take.take.split('/').pop()}`, takeFields(take, () => this.deeds.change()),
+      ...scene.takes.map((take, n) => item(`${take.take.split('/').pop()}`, takeFields(take, () => this.actions.change()),
         () => this.remove(scene, scene.takes, n))),
-      ...scene.models.map((model, n) => item(model.model, placeFields(model, () => this.deeds.change()),
+      ...scene.models.map((model, n) => item(model.model, placeFields(model, () => this.actions.change()),
         () => this.remove(scene, scene.models, n))),
       this.addFields(scene), this.backgroundFields(scene), this.cameraFields(scene), this.wholeFields(scene),
-      button('Save scene.json', 'save', () => this.deeds.save()));
+      button('Save scene.json', 'save', () => this.actions.save()));
     [...this.box.querySelectorAll('details')].forEach((details, n) => (details.open = open[n] ?? false));
   }
 
   private again(scene: SceneFile): void {
-    this.deeds.change();
+    this.actions.change();
     this.show(scene);
   }
 
@@ -159,12 +159,12 @@ export class ScenePanel {
   }
 
   private addFields(scene: SceneFile): HTMLElement {
-    const takes = this.deeds.takes().map((name) => [name, name] as const);
+    const takes = this.actions.takes().map((name) => [name, name] as const);
     const fresh = (): Placement => ({ move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1 });
     const box = part('div', '', 'adds');
     box.append(
       choice('add-take', [['', 'Add a take …'], ...takes], '', (name) => {
-        const take = this.deeds.pathOf(name);
+        const take = this.actions.pathOf(name);
         scene.takes.push({ take, ...fresh(), start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold' });
         this.again(scene);
       }),
@@ -186,7 +186,7 @@ export class ScenePanel {
     colour.dataset.edit = 'colour';
     colour.addEventListener('input', () => {
       background.colour = colour.value;
-      this.deeds.change();
+      this.actions.change();
     });
     const texts = [['', 'colour alone'], ['image', 'still picture …'], ['video', 'video …'], ['sphere', 'all directions …']] as const;
     const select = choice('background', texts, kind, (chosen) => {
@@ -200,7 +200,7 @@ export class ScenePanel {
     if (kind === 'sphere') {
       box.append(labelled('Turn, °', number('background-turn', background.turn_deg, { step: 5, min: -360, max: 360 }, (n) => {
         background.turn_deg = n;
-        this.deeds.change();
+        this.actions.change();
       })));
     }
     return box;
@@ -214,14 +214,14 @@ export class ScenePanel {
       const row = part('div', '', 'field');
       const angle = number('fov', key.fov_deg, { step: 1, min: 1, max: 150 }, (degrees) => {
         key.fov_deg = degrees;
-        this.deeds.change();
+        this.actions.change();
       });
-      row.append(button(`${key.at_s.toFixed(2)} s`, 'key', () => this.deeds.seek(key.at_s)), angle, part('span', '°'));
+      row.append(button(`${key.at_s.toFixed(2)} s`, 'key', () => this.actions.seek(key.at_s)), angle, part('span', '°'));
       if (keys.length > 1) row.append(button('✕', 'remove-key', () => this.remove(scene, keys, n)));
       box.append(row);
     });
     box.append(button('Key here', 'key-here', () => {
-      this.deeds.keyHere();
+      this.actions.keyHere();
       this.again(scene);
     }));
     return box;
@@ -233,17 +233,17 @@ export class ScenePanel {
     floor.dataset.edit = 'floor';
     floor.addEventListener('change', () => {
       scene.floor = floor.checked;
-      this.deeds.change();
+      this.actions.change();
     });
     const box = part('div');
     box.append(
       labelled('Lasts, s', number('seconds', scene.seconds, { step: 0.5, min: 0.04, max: 36000 }, (n) => {
         scene.seconds = n;
-        this.deeds.change();
+        this.actions.change();
       })),
       labelled('Pictures/s', number('rate', scene.rate_hz, { step: 1, min: 1, max: 240 }, (n) => {
         scene.rate_hz = n;
-        this.deeds.change();
+        this.actions.change();
       })),
       labelled('Floor', floor));
     return box;

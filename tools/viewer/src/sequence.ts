@@ -1,4 +1,4 @@
-// Frames of one sequence, decoded: what is wanted, and as little as possible beside it.
+// Decoding of the requested frames of a sequence, with as few other frames as possible.
 import { Decoder, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../codec/v3d_decoder.mjs';
 import { entryAt, keyPulseOf, type FrameStore } from './mesh_file';
 import { vertexNormals } from './surface';
@@ -18,8 +18,8 @@ export class TakeSequence {
   }
 
   /**
-   * Decodes what frame n needs, and it. Stops and returns null when `obsolete()`, asked between frames, says so.
-   * Throws where a frame is missing or damaged.
+   * Decodes frame n and the frames it depends on. Returns null when `obsolete()`, called between frames, is true.
+   * Throws when a frame is missing or damaged.
    */
   async show(n: number, obsolete: () => boolean): Promise<{ frame: Frame; bytes: number } | null> {
     const bytes = await this.store.frame(n);
@@ -28,7 +28,7 @@ export class TakeSequence {
     for (let i = from; i <= n; ++i) {
       const status = this.decoder.decode(await this.store.frame(i));
       this.last = status === OK ? i : -1;
-      if (status === OUT_OF_MEMORY) throw new Error('The browser has no memory left for this take.');
+      if (status === OUT_OF_MEMORY) throw new Error('The browser has too little memory for this take.');
       if (status !== OK) throw new Error(`Mesh ${i} of this take is damaged.`);
       if (obsolete()) return null;
     }
@@ -46,7 +46,7 @@ export interface LiveFrame<Head> {
   bytes: Uint8Array;
 }
 
-/** Live frames that wait to be decoded: a key frame makes all before it needless. */
+/** Queue of live frames before decoding. A key frame drops all before it. */
 export class LiveQueue<Head> {
   private waiting: LiveFrame<Head>[] = [];
 
@@ -57,7 +57,7 @@ export class LiveQueue<Head> {
     this.waiting.push(frame);
   }
 
-  /** Decodes all that waits; the last that could be decoded, or null. */
+  /** Decodes all queued frames; returns the last decoded one, or null. */
   decode(decoder: Decoder): LiveFrame<Head> | null {
     let shown: LiveFrame<Head> | null = null;
     for (const frame of this.waiting) {
@@ -70,7 +70,7 @@ export class LiveQueue<Head> {
   }
 }
 
-/** What a frame is on the screen; its arrays are its own. */
+/** Copies a decoded frame for the screen. */
 export function shownFrame(
   frame: Frame,
   of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null },

@@ -1,30 +1,30 @@
-// How performers are shaded. The cameras' views of each vertex lie in a texture with a layer for each camera
-// (vertex_views.ts), so that any number of them takes one of the shader's units.
+// Shading of performers. The cameras' views of each vertex are in a texture with a layer for each camera
+// (vertex_views.ts), so any number of cameras uses one texture unit.
 import { DataArrayTexture, DoubleSide, GLSL3, ShaderMaterial, Vector3 } from 'three';
-import { MOST_CAMERAS } from './vertex_views';
+import { MAX_CAMERAS } from './vertex_views';
 
 /** In the order of their keys. */
 export const LOOKS = ['colour', 'normals', 'clay', 'view', 'confidence'] as const;
 export type Look = (typeof LOOKS)[number];
 
-/** Whether the look wants to know what each camera sees. */
+/** True when the look needs the camera views. */
 export const wantsViews = (look: Look) => look === 'view' || look === 'confidence';
 
-/** m of equation (7): the paper's value, and recon/texture/texture.h's. */
+/** m of equation (7), the value of the paper and of recon/texture/texture.h. */
 const SHARPNESS = 10;
-/** Cameras agree on a colour that is so near their mean: a distance in red, green and blue from 0 to 1. */
+/** Cameras agree on a colour within this distance of their mean, in red, green and blue from 0 to 1. */
 export const AGREEING = 0.15;
-/** For 0, 1, ... cameras that agree; the last for all that are more. */
+/** Colours for 0, 1, ... agreeing cameras; the last is for all higher numbers. */
 export const CONFIDENCE_COLOURS = ['#55585f', '#46327e', '#365c8d', '#277f8e', '#1fa187', '#8fd744', '#fde725'];
 
 const vec3Of = (hex: string) => `vec3(${[1, 3, 5].map((at) => (parseInt(hex.slice(at, at + 2), 16) / 255).toFixed(4)).join(', ')})`;
 
-// Colours are shown as they are, to the byte: they are sRGB, and so is the screen.
+// Colour bytes are shown unchanged: colours and screen are both sRGB.
 const vertexShader = `
 uniform int look;
 uniform highp sampler2DArray views;
-uniform int viewCount; // 0: nothing is known of what the cameras see
-uniform vec3 axes[${MOST_CAMERAS}];
+uniform int viewCount; // 0: the camera views are unknown
+uniform vec3 axes[${MAX_CAMERAS}];
 uniform vec3 eyeAxis;
 in vec3 tint;
 out vec3 vTint; out vec3 vNormal; out vec3 vToEye; out float vAgreeing;
@@ -37,11 +37,11 @@ vec4 viewOf(int camera) {
 int sightOf(vec4 view) {
   return int(view.a * 2.0 + 0.5);
 }
-// Algorithm 2: how much a camera counts for where the eye looks.
+// Algorithm 2: weight of a camera for the view direction.
 float weightOf(int camera) {
   return pow((dot(eyeAxis, axes[camera]) + 2.0) / 3.0, ${SHARPNESS}.0);
 }
-// Equation (7) over the cameras that see the vertex, the rims of silhouettes only where no other does.
+// Equation (7) over the cameras that see the vertex. Rims of silhouettes count only if no other camera sees it.
 vec3 blended(bool forEye, out int sight) {
   vec4 inner = vec4(0.0), rim = vec4(0.0);
   for (int camera = 0; camera < viewCount; ++camera) {
@@ -70,7 +70,7 @@ void main() {
   vTint = look == ${LOOKS.indexOf('view')} && viewCount > 0 ? blended(true, sight) : tint;
   vAgreeing = look == ${LOOKS.indexOf('confidence')} && viewCount > 0 ? agreeing() : -1.0;
   vec4 world = modelMatrix * vec4(position, 1.0);
-  vNormal = mat3(modelMatrix) * normal; // turned, and scaled the same along all axes
+  vNormal = mat3(modelMatrix) * normal; // rotation and uniform scale only
   vToEye = cameraPosition - world.xyz;
   gl_Position = projectionMatrix * viewMatrix * world;
 }`;
@@ -101,13 +101,13 @@ void main() {
 export const NO_VIEWS = new DataArrayTexture(new Uint8Array(4), 1, 1, 1);
 NO_VIEWS.needsUpdate = true;
 
-/** For all performers; each says of itself what its cameras see, before it is drawn. */
+/** One material for all performers. Each sets its camera views before it is drawn. */
 export function makeShading(): ShaderMaterial {
   return new ShaderMaterial({
     vertexShader, fragmentShader, glslVersion: GLSL3, side: DoubleSide,
     uniforms: {
       look: { value: 0 }, views: { value: NO_VIEWS }, viewCount: { value: 0 }, eyeAxis: { value: new Vector3(0, 0, -1) },
-      axes: { value: Array.from({ length: MOST_CAMERAS }, () => new Vector3()) },
+      axes: { value: Array.from({ length: MAX_CAMERAS }, () => new Vector3()) },
     },
   });
 }

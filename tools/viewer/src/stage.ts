@@ -1,4 +1,4 @@
-// The stage: performers, models, the floor, the studio's cameras, and the eye that looks at them.
+// The 3D view: performers, models, the floor, the studio's cameras, and the viewpoint.
 import {
   Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4,
   PerspectiveCamera, Scene, Vector3, WebGLRenderer,
@@ -15,7 +15,7 @@ import type { Surface } from './surface';
 
 const NEAR = 0.02;
 const FAR = 200;
-/** Of the height, degrees, unless a scene's camera has another. */
+/** Vertical field of view, degrees, unless a scene's camera sets another. */
 const FOV = 40;
 const BACKGROUND = new Color(0x101216);
 
@@ -23,12 +23,12 @@ export class Stage {
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
   private readonly material = makeShading();
-  /** What a take or the live picture shows. */
+  /** Performer of a take or of the live picture. */
   private readonly single = new Performer(this.material);
-  /** Over all, while the eye stands at the place of a camera. */
+  /** Photograph over the view, while the viewpoint is that of a camera. */
   readonly photograph = new Photograph();
   private readonly performers = new Set([this.single]);
-  /** Of a scene. */
+  /** Backdrop of a scene. */
   private readonly models = new Group();
   private readonly floor = makeFloor();
   readonly backdrop: Backdrop;
@@ -41,10 +41,10 @@ export class Stage {
   private framed = false;
   private changed = true;
   private following = false;
-  /** Called when the one who looks moves away from where a camera stands, or from the path of a scene. */
+  /** Called when the user moves the viewpoint away from a camera or from the path of a scene. */
   onLeave: () => void = () => undefined;
 
-  /** Throws where the browser has no WebGL 2. */
+  /** Throws when the browser has no WebGL 2. */
   constructor(private readonly canvas: HTMLCanvasElement) {
     const context = canvas.getContext('webgl2', { antialias: true });
     if (!context) throw new Error('no WebGL 2');
@@ -66,14 +66,14 @@ export class Stage {
 
   onTrouble: (text: string) => void = () => undefined;
 
-  /** On the performer that is always there, or on one of a scene. */
+  /** Shows a frame on the permanent performer, or on one of a scene. */
   show(surface: Surface, performer = this.single): void {
     performer.show(surface);
     if (!this.framed && performer === this.single) this.frameAll();
     this.changed = true;
   }
 
-  /** The one that is always there. */
+  /** The permanent performer. */
   get performer(): Performer {
     return this.single;
   }
@@ -103,7 +103,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** Something that stands on the stage was moved. */
+  /** To call after an object on the stage was moved. */
   redraw(): void {
     this.changed = true;
   }
@@ -112,7 +112,7 @@ export class Stage {
     return [...this.performers].reduce((sum, performer) => sum + performer.triangles, 0);
   }
 
-  /** As a browser without a scene shows it; nothing is there until the next show(), which is framed. */
+  /** Resets the stage to its state without a scene. It is empty until the next show(), which also sets the view. */
   clear(): void {
     this.single.mesh.visible = false;
     this.setModels([]);
@@ -124,7 +124,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** The eye stands off as far as what is there is tall, from where it stood. */
+  /** Moves the viewpoint, in its present direction, to a distance that shows everything. */
   frameAll(): void {
     this.leave();
     const box = new Box3();
@@ -142,7 +142,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** Looks from the path of a scene, until the one who looks moves. */
+  /** Sets the viewpoint of a scene's camera path, until the user moves it. */
   follow(key: CameraKey): void {
     if (this.flying) this.flying = false;
     if (this.standing) this.leave();
@@ -154,7 +154,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** Where the eye is, as a key of a camera path. */
+  /** The present viewpoint as a key of a camera path. */
   eyeAsKey(at_s: number): CameraKey {
     const look = this.fly.on ? this.fly.ahead(2.5) : this.orbit.target;
     const vector = (v: Vector3) => [v.x, v.y, v.z] as Vector;
@@ -199,7 +199,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** Looks as the camera does, until the one who looks moves. */
+  /** Sets the viewpoint of the camera, until the user moves it. */
   standAt(camera: RigCamera): void {
     if (this.flying) this.flying = false;
     this.leave();
@@ -210,7 +210,7 @@ export class Stage {
     this.changed = true;
   }
 
-  /** Where the image of the camera that we stand at lies on the canvas; null when we stand at none. */
+  /** The rectangle of the camera's image on the canvas; null when the viewpoint is not that of a camera. */
   imageFrame(): { left: number; top: number; width: number; height: number } | null {
     return this.standing && imageOnScreen(this.standing, this.canvas.clientWidth, this.canvas.clientHeight);
   }
@@ -223,7 +223,7 @@ export class Stage {
     this.onLeave();
   }
 
-  /** Draws where anything has changed. */
+  /** Draws if anything has changed. */
   render(seconds: number): void {
     this.fitCanvas();
     if (this.fly.on) this.changed = this.fly.move(seconds) || this.changed;
@@ -259,7 +259,7 @@ function makeFloor(): GridHelper {
   return floor;
 }
 
-/** The light of models: a sun, and a sky that is brighter than the ground (docs/scene.md). Performers have theirs. */
+/** Light for models: a sun, and a sky brighter than the ground (docs/scene.md). Performers have their own light. */
 function makeLights() {
   const grey = (brightness: number) => new Color().setScalar(brightness);
   const sky = new HemisphereLight(grey(0.65), grey(0.35), Math.PI);
@@ -269,7 +269,7 @@ function makeLights() {
   return [sky, sun];
 }
 
-/** A camera of the studio as eight lines: from its centre to the corners of its image, and round them. */
+/** A camera of the studio as eight lines: from its centre to the corners of its image, and around the image. */
 function pyramid(camera: RigCamera): Vector3[] {
   const depth = 0.18;
   const pose = worldFromCamera(camera);

@@ -1,4 +1,4 @@
-// The studio page: what an operator looks at and, where the studio file lets browsers, commands from.
+// The studio page: shows the state of the studio and, if the studio file allows it, sends an operator's commands.
 import { CameraWall } from './camera_wall';
 import { factsOf } from './judge';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
@@ -26,7 +26,7 @@ let notVerified = '';
 
 function showBanner(): void {
   const text = lost ? 'The studio does not answer. Trying again every second.'
-    : notVerified && `What is shown here may be anybody's: ${notVerified}`;
+    : notVerified && `The data on this page is not authenticated: ${notVerified}`;
   find('banner').textContent = text;
   find('banner').hidden = text === '';
 }
@@ -46,7 +46,7 @@ function nodeCard(node: NodeState): HTMLElement {
   return card;
 }
 
-/** Nobody who sees the page may miss that a take is recorded. */
+/** Makes a running recording clearly visible on the page. */
 function showRecording(nodes: NodeState[]): void {
   const { phase, take } = doingOf(nodes);
   const recording = phase === 'recording' && !lost;
@@ -83,7 +83,7 @@ function showEvent(event: StudioEvent): void {
   find('no-events').hidden = true;
 }
 
-function hear(data: string | ArrayBuffer): void {
+function onMessage(data: string | ArrayBuffer): void {
   if (typeof data === 'string') {
     const message = JSON.parse(data) as StudioState | StudioEvent | OrderReport;
     if (message.type === 'state') showState(message);
@@ -95,10 +95,10 @@ function hear(data: string | ArrayBuffer): void {
   if (preview) void wall.setPreview(preview.head, preview.bytes);
 }
 
-/** The newest first; a click opens it in the viewer. */
+/** Lists takes, the newest first. A click opens a take in the viewer. */
 async function listTakes(): Promise<void> {
   const takes = await fetchTakes().catch(() => null);
-  if (!takes) return; // the banner says that the studio does not answer
+  if (!takes) return; // the banner shows that the studio does not answer
   if (takes.length) panel.setNewestTake(takes[0].name);
   const open = (name: string) => location.assign(`./#take=${name}`);
   find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));
@@ -111,14 +111,14 @@ function connect(): void {
   socket.binaryType = 'arraybuffer';
   socket.onopen = () => {
     lost = false;
-    find('events').replaceChildren(); // they are sent again
+    find('events').replaceChildren(); // the server sends them again
     showBanner();
   };
-  socket.onmessage = (event) => hear(event.data as string | ArrayBuffer);
+  socket.onmessage = (event) => onMessage(event.data as string | ArrayBuffer);
   socket.onclose = () => {
     lost = true;
     showBanner();
-    showRecording([]); // whether it still is, nobody here knows
+    showRecording([]); // the state is unknown without a connection
     setTimeout(connect, RECONNECT_MS);
   };
 }

@@ -1,4 +1,4 @@
-/** A mesh as it goes from the worker to the screen. */
+/** A mesh for the screen, sent by the worker. */
 export interface Surface {
   positions: Float32Array;
   normals: Float32Array;
@@ -6,7 +6,7 @@ export interface Surface {
   indices: Uint32Array;
 }
 
-/** Of each vertex the mean of its triangles' normals, by their area; (0, 0, 1) where there is none. */
+/** Vertex normals: area-weighted means of the triangle normals; (0, 0, 1) without a triangle. */
 export function vertexNormals(positions: Float32Array, indices: Uint32Array): Float32Array {
   const n = new Float32Array(positions.length);
   for (let t = 0; t < indices.length; t += 3) {

@@ -1,4 +1,4 @@
-// The takes of the studio, in the side bar.
+// List of the studio's takes and scenes in the side bar.
 
 export interface Take {
   name: string;
@@ -77,7 +77,7 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   return item;
 }
 
-/** Names of the scenes that lie beside the takes. */
+/** Names of the scenes beside the takes. */
 export async function fetchScenes(): Promise<string[]> {
   const answer = await fetch('api/scenes', { cache: 'no-store' });
   return answer.ok ? ((await answer.json()) as { scenes: string[] }).scenes : [];

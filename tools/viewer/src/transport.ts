@@ -30,7 +30,7 @@ export class Transport {
     this.set(null);
   }
 
-  /** Null while there is nothing to be played. */
+  /** Sets the playback; null: none. */
   set(playback: Playback | null): void {
     this.playback = playback;
     this.bar.classList.toggle('off', playback === null);

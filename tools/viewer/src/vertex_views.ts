@@ -1,9 +1,9 @@
-// What every camera says about the vertices of a mesh: daemon/viewd/view_json.h, vertex_views_message().
+// Colour and visibility of the vertices of a mesh in every camera (daemon/viewd/view_json.h, vertex_views_message()).
 import { splitMessage } from './message';
 
-/** More the shader has no room for. */
-export const MOST_CAMERAS = 64;
-/** Of a texture that holds a vertex in each place: every WebGL 2 has textures twice as wide. */
+/** Maximum number of cameras in the shader. */
+export const MAX_CAMERAS = 64;
+/** Width of a texture with one vertex a texel; WebGL 2 supports twice this width. */
 export const ROW = 1024;
 
 export interface ViewingCamera {
@@ -21,18 +21,18 @@ interface Head {
 export interface VertexViews extends Head {
   rows: number;
   /**
-   * Of each camera `rows` rows of ROW places, of each place red, green, blue, and how the camera sees the vertex: 0 not,
-   * 128 at the rim of the silhouette, where the colour may be the background's, 255 within it.
+   * For each camera `rows` rows of ROW texels: red, green, blue, and the visibility of the vertex in the camera: 0 not,
+   * 128 at the rim of the silhouette, where the colour may be the background's, 255 inside.
    */
   texels: Uint8Array;
 }
 
 const SIGHTS = [0, 128, 255, 0];
 
-/** Null where it is no such message, or one of more than can be drawn. */
+/** Null when the message is malformed or has too many cameras. */
 export function parseVertexViews(message: ArrayBuffer): VertexViews | null {
   const split = splitMessage<Head>(message);
-  if (!split || !(split.head.cameras?.length <= MOST_CAMERAS) || !(split.head.vertices >= 0)) return null;
+  if (!split || !(split.head.cameras?.length <= MAX_CAMERAS) || !(split.head.vertices >= 0)) return null;
   const { head, bytes } = split;
   const rows = Math.max(1, Math.ceil(head.vertices / ROW));
   const sightBytes = Math.ceil(head.vertices / 4);

@@ -1,4 +1,4 @@
-// Fetches and decodes, away from the page: a take's meshes in any order, or live ones as they come.
+// Worker that fetches and decodes meshes: those of a take in any order, or live ones as they arrive.
 import moduleUrl from 'v3d_decoder.wasm?url';
 import { Decoder, type Frame } from '../../../codec/v3d_decoder.mjs';
 import { HttpSource } from './byte_source';
@@ -12,15 +12,15 @@ const PING_MS = 2000;
 
 const wasm = WebAssembly.compileStreaming(fetch(moduleUrl));
 const now = () => performance.timeOrigin + performance.now();
-const say = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
+const post = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
 
 function show(take: number, frame: Frame, of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null }) {
   const shown = shownFrame(frame, of);
   const arrays = [shown.positions, shown.normals, shown.indices, ...(shown.colours ? [shown.colours] : [])];
-  say({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
+  post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
 }
 
-/** Shows the frame that was wanted last, and the next when it is wanted by then. */
+/** Shows the requested frames of a take. A new request replaces an older one that has not started. */
 class TakeWork {
   private wanted = -1;
   private shown = -1;
@@ -38,7 +38,7 @@ class TakeWork {
     const entries = await readEntries(source);
     if (entries.length === 0) throw new Error('This take has no meshes yet.');
     this.sequence = new TakeSequence(new Decoder(await wasm), new FrameStore(source, entries));
-    say({ kind: 'opened', take: this.take, pulses: entries.map((e) => e.pulse) });
+    post({ kind: 'opened', take: this.take, pulses: entries.map((e) => e.pulse) });
     if (this.wanted >= 0) this.want(this.wanted);
   }
 
@@ -57,7 +57,7 @@ class TakeWork {
       while (this.shown !== this.wanted && !this.ended) {
         const wanted = this.wanted;
         const began = performance.now();
-        // In playback the next frame is wanted while this one is decoded: this one is shown all the same.
+        // In playback, the next frame is requested while this one is decoded. This one is shown, too.
         const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
         const decoded = await sequence.show(wanted, far);
         this.shown = wanted;
@@ -72,7 +72,7 @@ class TakeWork {
   }
 }
 
-/** Stays connected, and shows the newest. */
+/** Keeps the connection to the live stream and shows the newest mesh. */
 class LiveWork {
   private socket: WebSocket | null = null;
   private readonly queue = new LiveQueue<MeshHead>();
@@ -106,15 +106,15 @@ class LiveWork {
 
   private connect(): void {
     if (this.ended) return;
-    say({ kind: 'link', take: this.take, link: 'connecting' });
+    post({ kind: 'link', take: this.take, link: 'connecting' });
     const socket = new WebSocket(this.url);
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
       this.last = -1;
-      say({ kind: 'link', take: this.take, link: 'open' });
+      post({ kind: 'link', take: this.take, link: 'open' });
       this.ping();
     };
-    socket.onmessage = (event) => this.hear(event.data as string | ArrayBuffer);
+    socket.onmessage = (event) => this.onMessage(event.data as string | ArrayBuffer);
     socket.onclose = () => setTimeout(() => this.connect(), RECONNECT_MS);
     this.socket = socket;
   }
@@ -123,7 +123,7 @@ class LiveWork {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(`ping ${Math.round(now())}`);
   }
 
-  private hear(data: string | ArrayBuffer): void {
+  private onMessage(data: string | ArrayBuffer): void {
     if (typeof data === 'string') {
       const pong = JSON.parse(data) as Pong;
       if (pong.type === 'pong') this.clock.add(pong.ping, pong.now_ms, now());
@@ -136,7 +136,7 @@ class LiveWork {
     this.queue.push(message);
     if (this.due) return;
     this.due = true;
-    setTimeout(() => this.decode()); // behind what has come by then
+    setTimeout(() => this.decode()); // after the messages that have already arrived
   }
 
   private decode(): void {
@@ -156,7 +156,7 @@ class LiveWork {
 }
 
 function trouble(take: number, error: unknown): void {
-  say({ kind: 'trouble', take, text: error instanceof Error ? error.message : String(error) });
+  post({ kind: 'trouble', take, text: error instanceof Error ? error.message : String(error) });
 }
 
 let work: TakeWork | LiveWork | null = null;

@@ -6,7 +6,7 @@ export type ToWorker =
   | { kind: 'live'; take: number; url: string }
   | { kind: 'nothing' };
 
-/** `take` is the number that it was opened with: what was opened before may still be on its way. */
+/** `take`: the number of the opening. Messages of an earlier opening may still arrive. */
 export type FromWorker =
   | { kind: 'opened'; take: number; pulses: number[] }
   | { kind: 'trouble'; take: number; text: string }
@@ -14,7 +14,7 @@ export type FromWorker =
   | { kind: 'frame'; take: number; frame: ShownFrame };
 
 export interface ShownFrame extends Surface {
-  /** Of the mesh file; live: counts those that came. */
+  /** Number in the mesh file; live: number of received meshes. */
   number: number;
   pulse: number;
   bytes: number;
@@ -27,8 +27,8 @@ export interface ShownFrame extends Surface {
 export interface LiveFacts {
   take: string;
   missing: string[];
-  /** Of the pulse, by our clock: performance.timeOrigin + performance.now(). Null: not known. */
+  /** Time of the pulse by our clock (performance.timeOrigin + performance.now()); null: unknown. */
   edgeMs: number | null;
-  /** Meshes that were not seen, since the connection began. */
+  /** Meshes skipped since the connection began. */
   skipped: number;
 }

@@ -60,7 +60,7 @@ const frames: [number, Uint8Array][] = [[0, frame(1, 300)], [1, frame(2, 200)], 
 describe('a mesh file', () => {
   it('checksums as PNG does', () => expect(crc32(text('123456789'))).toBe(0xcbf43926));
 
-  it('tells its frames by the index, in three reads', async () => {
+  it('lists its frames by the index, in three reads', async () => {
     const source = new Bytes(meshFile(frames));
     const entries = await readEntries(source);
     expect(entries.map((e) => e.pulse)).toEqual([0, 1, 4]);
@@ -68,39 +68,39 @@ describe('a mesh file', () => {
     expect(source.reads).toBe(3);
   });
 
-  it('is looked through where it was not closed', async () => {
+  it('is scanned when it was not closed', async () => {
     const whole = await readEntries(new Bytes(meshFile(frames)));
     expect(await readEntries(new Bytes(meshFile(frames, false)))).toEqual(whole);
   });
 
-  it('shows what was whole when the power went', async () => {
+  it('lists the complete frames after a power cut', async () => {
     const torn = meshFile(frames, false).slice(0, -1);
     expect((await readEntries(new Bytes(torn))).map((e) => e.pulse)).toEqual([0, 1]);
   });
 
-  it('shows what a restarted daemon appended behind an unfinished mesh, or behind an index', async () => {
+  it('lists frames that a restarted daemon appended after an unfinished mesh or an index', async () => {
     const later = record(7, frame(4, 400));
     const pulses = async (bytes: Uint8Array) => (await readEntries(new Bytes(bytes))).map((e) => e.pulse);
     expect(await pulses(join(meshFile(frames, false).slice(0, -1), later))).toEqual([0, 1, 7]);
     expect(await pulses(join(meshFile(frames), later))).toEqual([0, 1, 4, 7]);
   });
 
-  it('does not believe an index that is damaged', async () => {
+  it('ignores a damaged index', async () => {
     const bytes = meshFile(frames);
     const whole = await readEntries(new Bytes(bytes));
-    bytes[bytes.length - 64] ^= 1; // where the last record but one lies
+    bytes[bytes.length - 64] ^= 1; // in the last record but one
     expect(await readEntries(new Bytes(bytes))).toEqual(whole);
   });
 
-  it('is refused when it is none', async () => {
-    await expect(readEntries(new Bytes(text('a page that says 404, not a mesh file')))).rejects.toThrow('no mesh file');
+  it('is rejected when it is not a mesh file', async () => {
+    await expect(readEntries(new Bytes(text('a page that says 404, not a mesh file')))).rejects.toThrow('not a mesh file');
   });
 });
 
 describe('the store of frames', () => {
   const large: [number, Uint8Array][] = Array.from({ length: 40 }, (_, n) => [n, frame(n, 100_000)]);
 
-  it('gives every frame, and fetches a megabyte at a time', async () => {
+  it('returns every frame, and fetches a megabyte at a time', async () => {
     const source = new Bytes(meshFile(large));
     const store = new FrameStore(source, await readEntries(source));
     const before = source.reads;
@@ -108,7 +108,7 @@ describe('the store of frames', () => {
     expect(source.reads - before).toBe(4);
   });
 
-  it('asks again for what could not be fetched', async () => {
+  it('repeats a failed request', async () => {
     const source = new Bytes(meshFile(frames));
     const store = new FrameStore(source, await readEntries(source));
     const read = source.read.bind(source);
@@ -118,7 +118,7 @@ describe('the store of frames', () => {
     expect((await store.frame(0)).length).toBe(300);
   });
 
-  it('keeps no more than some chunks, however long it is played', async () => {
+  it('keeps a limited number of chunks during playback', async () => {
     const source = new Bytes(meshFile(large));
     const store = new FrameStore(source, (await readEntries(source)).flatMap((e) => Array(40).fill(e)));
     const held = (store as unknown as { held: Map<number, unknown> }).held;
@@ -128,12 +128,12 @@ describe('the store of frames', () => {
 });
 
 describe('frames and pulses', () => {
-  it('a pulse without a mesh shows the mesh before', () => {
+  it('show the previous mesh for a pulse without a mesh', () => {
     const entries = [0, 1, 4].map((pulse) => ({ pulse }));
     expect([-1, 0, 1, 3, 4, 9].map((pulse) => entryAt(entries, pulse))).toEqual([0, 0, 1, 1, 2, 2]);
   });
 
-  it('a frame of another version says what to do', () => {
+  it('of another version are rejected with a remedy', () => {
     expect(() => keyPulseOf(frame(0, 200))).toThrow('v3dctl reconstruct');
   });
 });

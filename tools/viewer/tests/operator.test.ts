@@ -11,7 +11,7 @@ const report = (more: Partial<OrderReport>): OrderReport =>
   ({ type: 'order', number: 1, by: '127.0.0.1', at_ms: 0, do: 'arm', take: '', text: '', under_way: false, status: 0, lines: [], ...more });
 
 describe('an operator', () => {
-  it('is told by whoever is farthest into a take what the studio is at', () => {
+  it('gets the phase of the node that is farthest in a take', () => {
     expect(doingOf([silent])).toEqual({ phase: 'silent', take: '' });
     expect(doingOf([silent, node('recon01', 'idle')])).toEqual({ phase: 'idle', take: '' });
     expect(doingOf([node('cap01', 'armed', 'kendo-07'), node('recon01', 'recording', 'kendo-07')]))
@@ -20,7 +20,7 @@ describe('an operator', () => {
     expect(doingOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
   });
 
-  it('may do only what makes sense', () => {
+  it('gets only the possible actions', () => {
     expect(actionsIn('idle', null)).toEqual(['arm']);
     expect(actionsIn('armed', null)).toEqual(['start', 'abort']);
     expect(actionsIn('recording', null)).toEqual(['stop', 'abort']);
@@ -28,19 +28,19 @@ describe('an operator', () => {
     expect(actionsIn('silent', null)).toEqual([]);
   });
 
-  it('waits for the order that is under way', () => {
+  it('gets no action while an order is under way', () => {
     for (const phase of ['idle', 'armed', 'recording'] as const) {
       expect(actionsIn(phase, report({ under_way: true }))).toEqual([]);
     }
   });
 
-  it('can ask for the verdict of a take that ended by itself', () => {
+  it('may request the verdict of a take that ended without a stop', () => {
     expect(actionsIn('idle', report({ do: 'start' }))).toEqual(['verdict', 'arm']);
     expect(actionsIn('idle', report({ do: 'start', status: 1 }))).toEqual(['arm']);
     expect(actionsIn('idle', report({ do: 'stop' }))).toEqual(['arm']);
   });
 
-  it('finds the name of the next take made', () => {
+  it('gets a proposed name for the next take', () => {
     expect(nextName('kendo-07')).toBe('kendo-08');
     expect(nextName('kendo-99')).toBe('kendo-100');
     expect(nextName('7')).toBe('8');
@@ -49,18 +49,18 @@ describe('an operator', () => {
     expect(nextName('take-99999999999999999999')).toBe('take-100000000000000000000');
   });
 
-  it('names a take by what can be the name of a folder', () => {
+  it('must use a take name that is a valid folder name', () => {
     for (const name of ['kendo-07', '_x', 'A.b_c-9', 'a'.repeat(64)]) expect(isTakeName(name), name).toBe(true);
     for (const name of ['', '.x', '-x', '../x', 'a b', 'a/b', 'ä', 'a'.repeat(65), 'a\n']) expect(isTakeName(name), name).toBe(false);
   });
 
-  it('is offered the cameras that a refusal names', () => {
+  it('may leave out the cameras that a rejection names', () => {
     const lines = ['cap01         not ready: cam07 (GV-4103) silent since 14:03:11. Try: v3dctl doctor cap01'];
     expect(camerasNamed(lines, ['cam01', 'cam07', 'cam070'])).toEqual(['cam07']);
     expect(camerasNamed([], ['cam01'])).toEqual([]);
   });
 
-  it('reads how the recording goes', () => {
+  it('gets the facts of a recording', () => {
     const nodes = [
       node('cap01', 'recording', 'k', { pulses_sensed: 1300, cameras_streaming: 8, cameras: 8, frames_missing: 1 }),
       node('cap02', 'recording', 'k', { cameras_streaming: 6, cameras: 7, frames_missing: 2 }),
@@ -70,12 +70,12 @@ describe('an operator', () => {
     expect(recordingFacts([silent])).toBe('');
   });
 
-  it('sees by its colour whether an order went well', () => {
+  it('gets the grade of the result of an order', () => {
     expect(gradeOf(report({}))).toBe('good');
     expect(gradeOf(report({ status: 3 }))).toBe('warning');
     expect(gradeOf(report({ status: 1 }))).toBe('alarm');
     expect(linesOf(report({ lines: ['armed'] }))).toEqual(['armed']);
     expect(linesOf(report({ under_way: true, lines: ['old'] }))).toEqual(['under way']);
-    expect(linesOf(report({ status: 143 }))).toEqual(['v3dctl ended with status 143, and said nothing']);
+    expect(linesOf(report({ status: 143 }))).toEqual(['v3dctl exited with status 143 without a message']);
   });
 });

@@ -31,8 +31,8 @@ describe('a lens', () => {
     });
   }
 
-  it('leans with its sensor', () => {
-    // tau_x alone turns the sensor about x: the middle stays, what is above and below is scaled by another z.
+  it('follows the tilt of its sensor', () => {
+    // tau_x rotates the sensor about x: the middle is unchanged, points above and below are scaled by another z.
     const [tau] = [0.1];
     const leaning = camera([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, tau, 0]);
     expect(distort(leaning, 0, 0)).toEqual([0, 0]);
@@ -42,12 +42,12 @@ describe('a lens', () => {
     expect(v).toBeCloseTo((0.3 * (Math.cos(tau) ** 2 + Math.sin(tau) ** 2)) / depth, 9);
   });
 
-  it('is not believed beyond where it folds back', () => {
+  it('is not used beyond the radius where it folds back', () => {
     const most = mostRadius2(camera([-0.3, 0, 0, 0]));
     expect(most).toBeCloseTo(1 / 0.9, 1); // the derivative 1 - 0.9 r^2 is 0 there
   });
 
-  it('whose columns lean shows points where its image has them', () => {
+  it('with skew projects points as its image does', () => {
     const leaning = camera([], 12);
     const clip = new Vector4(0.3, -0.2, 1.5, 1).applyMatrix4(worldFromCamera(leaning).invert())
       .applyMatrix4(projectionOf(leaning, 1024, 768, 0.02, 200));
@@ -55,8 +55,8 @@ describe('a lens', () => {
   });
 });
 
-describe('what belongs to pulses', () => {
-  /** A store whose answers come when the test says so. */
+describe('a pulse store', () => {
+  /** A store whose requests the test answers. */
   function storeByHand(more: { keep?: number; atOnce?: number } = {}) {
     const asked = new Map<number, { resolve(thing: string | null): void; reject(): void }>();
     const ready: number[] = [];
@@ -75,7 +75,7 @@ describe('what belongs to pulses', () => {
     return { store, asked, ready, disposed, answer };
   }
 
-  it('is fetched once, the pulse that is shown first', async () => {
+  it('fetches each pulse once, the shown one first', async () => {
     const { store, asked, ready, answer } = storeByHand({ atOnce: 1 });
     store.want(5, [6]);
     store.want(5, [6]);
@@ -87,7 +87,7 @@ describe('what belongs to pulses', () => {
     expect(ready).toEqual([5]);
   });
 
-  it('is dropped when it comes too late', async () => {
+  it('drops data that arrives too late', async () => {
     const { store, asked, ready, disposed, answer } = storeByHand({ atOnce: 1 });
     store.want(5);
     store.want(9);
@@ -95,7 +95,7 @@ describe('what belongs to pulses', () => {
     expect([ready, disposed, [...asked.keys()]]).toEqual([[], ['of 5'], [9]]);
   });
 
-  it('is not asked for again where there is none', async () => {
+  it('does not repeat a request for a pulse without data', async () => {
     const { store, asked, answer } = storeByHand();
     store.want(5);
     await answer(5, null);
@@ -104,7 +104,7 @@ describe('what belongs to pulses', () => {
     expect(asked.size).toBe(0);
   });
 
-  it('is kept for so many pulses, and given up with the store', async () => {
+  it('keeps a limited number of pulses, and frees them at its end', async () => {
     const { store, disposed, answer } = storeByHand({ keep: 2, atOnce: 1 });
     for (const pulse of [1, 2, 3]) {
       store.want(pulse);
@@ -115,7 +115,7 @@ describe('what belongs to pulses', () => {
     expect(disposed).toEqual(['of 1', 'of 2', 'of 3']);
   });
 
-  it('is left alone for a while where nobody answers', async () => {
+  it('pauses after a failed request', async () => {
     const { store, asked } = storeByHand();
     store.want(5);
     asked.get(5)!.reject();
@@ -129,7 +129,7 @@ describe('what belongs to pulses', () => {
 describe('playback', () => {
   const entries = Array.from({ length: 20 }, (_, n) => ({ pulse: 10 + n }));
 
-  it('knows what comes next, and what is over before it could be there', () => {
+  it('returns the next pulses without those that end before they could arrive', () => {
     const playback = new Playback(entries, 25);
     expect(playback.ahead(2, 0)).toEqual([]);
     playback.playing = true;
@@ -139,7 +139,7 @@ describe('playback', () => {
     expect(playback.ahead(2, 0)).toEqual([12, 14]);
   });
 
-  it('goes on at the in point behind the out point, if it goes round', () => {
+  it('continues at the in point after the out point in a loop', () => {
     const playback = new Playback(entries, 25);
     playback.playing = true;
     playback.seek(29);
@@ -163,7 +163,7 @@ describe('views of vertices', () => {
   // a sees the first and the fifth, b the second at the rim of its silhouette.
   const bytes = [0b00000010, 0b10, 1, 2, 3, 4, 5, 6, 0b00000100, 0, 7, 8, 9];
 
-  it('lie in a layer for each camera', () => {
+  it('are in one layer for each camera', () => {
     const views = parseVertexViews(message(two, bytes))!;
     const texel = (camera: number, vertex: number) => [...views.texels.subarray(4 * (camera * ROW + vertex), 4 * (camera * ROW + vertex) + 4)];
     expect(views.rows).toBe(1);
@@ -180,7 +180,7 @@ describe('views of vertices', () => {
     expect(views.texels.length).toBe(2 * ROW * 4);
   });
 
-  it('that are cut off, too long, or too many are none', () => {
+  it('are rejected when they are truncated, too long, or too many', () => {
     expect(parseVertexViews(message(two, bytes.slice(0, -1)))).toBeNull();
     expect(parseVertexViews(message(two, [...bytes, 0]))).toBeNull();
     expect(parseVertexViews(message({ ...two, vertices: 1e9 }, bytes))).toBeNull();

@@ -5,7 +5,7 @@ const take = (pulses: number[] = Array.from({ length: 100 }, (_, n) => n)) =>
   new Playback(pulses.map((pulse) => ({ pulse })), 25);
 
 describe('playback', () => {
-  it('goes by the clock, at the rate of the take', () => {
+  it('advances with the clock, at the rate of the take', () => {
     const p = take();
     p.advance(1);
     expect(p.pulse).toBe(0); // not playing
@@ -17,14 +17,14 @@ describe('playback', () => {
     expect(p.pulse).toBeGreaterThanOrEqual(74);
   });
 
-  it('begins anew at the in point, or stops at the out point', () => {
+  it('restarts at the in point, or stops at the out point', () => {
     const p = take();
     p.seek(20);
     p.setIn();
     p.seek(29);
     p.setOut();
     p.toggle();
-    expect(p.pulse).toBe(20); // it stood at the end
+    expect(p.pulse).toBe(20); // it was at the end
     p.advance(0.39);
     expect(p.pulse).toBe(29);
     p.advance(0.04);
@@ -46,7 +46,7 @@ describe('playback', () => {
     expect(p.pulse).toBe(0);
   });
 
-  it('stays inside the take wherever it is put', () => {
+  it('stays inside the take for every seek', () => {
     const p = take();
     p.seek(-5);
     expect(p.pulse).toBe(0);
@@ -67,7 +67,7 @@ describe('playback', () => {
     expect([p.inPulse, p.outPulse]).toEqual([0, 99]);
   });
 
-  it('knows its speeds', () => {
+  it('changes its speed in steps', () => {
     const p = take();
     p.faster(1);
     expect(p.speed).toBe(2);
@@ -75,7 +75,7 @@ describe('playback', () => {
     expect(p.speed).toBe(0.1);
   });
 
-  it('writes time as people read it', () => {
+  it('formats time as minutes, seconds and pulses', () => {
     expect([0, 24, 25, 1510].map((pulse) => timeCode(pulse, 25))).toEqual(['0:00.00', '0:00.24', '0:01.00', '1:00.10']);
   });
 });

@@ -5,7 +5,7 @@ import { cameraAt, pulseAt } from '../src/scene_clock';
 import shared from '../../../tests/tools/scene_cases.json';
 import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, writeScene } from '../src/scene_file';
 
-// The same as of tests/tools/scene_test.cc.
+// The same cases as in tests/tools/scene_test.cc.
 const cases = shared as unknown as {
   scene: Record<string, unknown>;
   pictures: number;
@@ -15,7 +15,7 @@ const cases = shared as unknown as {
 };
 const scene = () => parseScene(JSON.stringify(cases.scene));
 
-test('a scene says what is where', () => {
+test('a scene contains the position of every object', () => {
   expect(pictureCount(scene())).toBe(cases.pictures);
   expect(scene().background).toMatchObject({ colour: '#0a1b2c', sphere: 'sky.jpg', turn_deg: 90 });
   expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop' });
@@ -27,10 +27,10 @@ test('a scene that is written reads back the same', () => {
   expect(writeScene(scene())).toContain('"move": [1, 2, 3]');
 });
 
-test('a scene that is wrong is refused, and the field is named', () => {
+test('a wrong scene is rejected with the name of the field', () => {
   for (const { with: changes, says } of cases.refused) {
     const wrong: Record<string, unknown> = { ...cases.scene, ...changes };
-    // Merged as RFC 7396 has it: objects within are merged, what is null is taken away.
+    // Merged by RFC 7396: nested objects are merged, null values are removed.
     if (changes.background) wrong.background = { ...(cases.scene.background as object), ...(changes.background as object) };
     for (const key of Object.keys(wrong)) if (wrong[key] === null) delete wrong[key];
     expect(() => parseScene(JSON.stringify(wrong)), says).toThrowError(says);
@@ -54,7 +54,7 @@ test('takes are shifted and stretched', () => {
   }
 });
 
-test('what stands on the stage is turned about x, then y, then z', () => {
+test('an object is turned about x, then y, then z', () => {
   const thing = new Object3D();
   place(thing, { move: [1, 0, 0], turn_deg: [90, 0, 90], scale: 2 });
   thing.updateMatrixWorld();

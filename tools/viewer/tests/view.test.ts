@@ -16,7 +16,7 @@ const camera: RigCamera = {
   translation: [0.1, 1, 3],
 };
 
-describe('to stand where a camera stands', () => {
+describe('the viewpoint of a camera', () => {
   /** Pixels of a screen. */
   function onScreen(point: number[], width: number, height: number): [number, number] {
     const eye = worldFromCamera(camera).invert();
@@ -65,13 +65,13 @@ describe('messages', () => {
     return all.buffer;
   }
 
-  it('are a head and bytes', () => {
+  it('have a head and bytes', () => {
     const split = splitMessage<{ type: string }>(message('{"type":"mesh"}', [7, 8]));
     expect(split?.head.type).toBe('mesh');
     expect([...split!.bytes]).toEqual([7, 8]);
   });
 
-  it('that are none are passed over', () => {
+  it('are ignored when they are malformed', () => {
     expect(splitMessage(new ArrayBuffer(2))).toBeNull();
     expect(splitMessage(message('{', []))).toBeNull();
     const long = message('{}', []);
@@ -88,13 +88,13 @@ describe('messages', () => {
     expect(found).toEqual([[129, 4]]);
   });
 
-  it('tell the time there by the quickest of the last pings', () => {
+  it('give the time of the server by the fastest of the last pings', () => {
     const clock = new ServerClock();
     expect(clock.at(0)).toBeNull();
     clock.add(100, 5100, 104);
     clock.add(200, 5900, 900);
     expect(clock.at(1000)).toBe(5998);
-    for (let n = 0; n < 10; ++n) clock.add(1000, 7000, 1010); // the clock there was set
+    for (let n = 0; n < 10; ++n) clock.add(1000, 7000, 1010); // the server's clock was set
     expect(clock.at(1000)).toBe(6995);
   });
 });
@@ -104,7 +104,7 @@ describe('the studio in words', () => {
     ({ name: 'cap01', heard: true, cameras: ['cam01'], state: 'recording', values, ...more });
   const well = { 'cam01.streaming_flag': 1, 'cam01.frames': 9 };
 
-  it('names the worst of what is wrong with a camera', () => {
+  it('names the worst fault of a camera', () => {
     expect(judgeCamera('cam01', node(well), undefined)).toEqual({ grade: 'good', text: 'follows every pulse' });
     expect(judgeCamera('cam01', node({ ...well, 'cam01.frames_suspect': 2, 'cam01.frames_missing': 1 }), undefined))
       .toEqual({ grade: 'alarm', text: '1 frame missing' });
@@ -114,12 +114,12 @@ describe('the studio in words', () => {
     expect(judgeCamera('cam01', node(well), recon).text).toContain('silhouettes shifted by 2.3 px');
   });
 
-  it('leaves out what was not told', () => {
+  it('omits unreported values', () => {
     expect(factsOf(node({}))).toEqual([]);
     expect(factsOf(node({ disk_seconds_left: 30 }))).toEqual([{ name: 'disk for', value: '30 s', grade: 'alarm' }]);
   });
 
-  it('says a slate as the crew would', () => {
+  it('formats a slate', () => {
     expect(slateText({ scene: '12', take: '3', note: '', mark: 'circled' })).toBe('scene 12, take 3');
   });
 });
