@@ -96,7 +96,7 @@ PosedImage parse_image(TextLine& line, const Lenses& lenses) {
   const auto lens = lenses.find(id);
   if (lens == lenses.end()) line.fail("cameras.txt has no camera " + std::to_string(id));
   const CameraModel& m = lens->second;
-  return {line.rest("NAME"),
+  return {line.remaining("NAME"),
           CameraModel(m.size(), m.matrix(), m.distortion(), {rotation, translation})};
 }
 

@@ -25,9 +25,9 @@ void TextLine::skip_blanks() {
 }
 
 int TextLine::count_words() const {
-  TextLine rest = *this;
+  TextLine copy = *this;
   int count = 0;
-  for (; !rest.done(); ++count) rest.word("");
+  for (; !copy.done(); ++count) copy.word("");
   return count;
 }
 
@@ -73,7 +73,7 @@ Eigen::Matrix3d TextLine::matrix(std::string_view what) {
   return m;
 }
 
-std::string_view TextLine::rest(std::string_view what) {
+std::string_view TextLine::remaining(std::string_view what) {
   if (done()) fail(std::string(what) + ": missing");
   std::string_view found = left_;
   found.remove_suffix(found.size() - 1 - found.find_last_not_of(kBlanks));

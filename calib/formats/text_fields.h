@@ -32,7 +32,7 @@ class TextLine {
   /// Row by row.
   Eigen::Matrix3d matrix(std::string_view what);
   /// The remaining text, including inner blanks.
-  std::string_view rest(std::string_view what);
+  std::string_view remaining(std::string_view what);
 
   [[noreturn]] void fail(const std::string& message) const;
 

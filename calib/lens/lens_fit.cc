@@ -225,10 +225,11 @@ void require_enough_views(const std::string& camera, size_t usable, size_t found
 }
 
 std::vector<int> selected_views(const Board& board, ImageSize size, std::span<const LensView> views,
-                                int most) {
+                                int max_views) {
   std::vector<const BoardObservation*> observations;
   for (const LensView& view : views) observations.push_back(&view.observation);
-  return observations.empty() ? std::vector<int>() : select_views(board, size, observations, most);
+  return observations.empty() ? std::vector<int>()
+                              : select_views(board, size, observations, max_views);
 }
 
 void fill_result(const LensFitter& fitter, const Fit& fit, LensFit& result) {

@@ -81,21 +81,21 @@ Vector3d scene_point_of(const std::vector<CameraModel>& cameras,
 /// Indices of the rays that the outermost planes through the baseline touch; -1 where the baseline
 /// passes through or near the silhouette.
 struct TangentRays {
-  int least = -1, most = -1;
+  int min_slope = -1, max_slope = -1;
 };
 
 TangentRays tangent_rays(const Outline& outline, const Eigen::Matrix3d& rotation, const Vector3d& u,
                          const Vector3d& v) {
   constexpr double kMaxSlope = 3;  // tangent of the angle to the middle
   TangentRays rays;
-  double least = 0, most = 0;
+  double min_slope = 0, max_slope = 0;
   const Vector3d across = rotation * u, along = rotation * v;
   for (size_t i = 0; i < outline.rays.size(); ++i) {
     const double x = across.dot(outline.rays[i]), y = along.dot(outline.rays[i]);
     if (!(y > 0) || std::abs(x) > kMaxSlope * y) return {};
     const double slope = x / y;
-    if (i == 0 || slope < least) least = slope, rays.least = static_cast<int>(i);
-    if (i == 0 || slope > most) most = slope, rays.most = static_cast<int>(i);
+    if (i == 0 || slope < min_slope) min_slope = slope, rays.min_slope = static_cast<int>(i);
+    if (i == 0 || slope > max_slope) max_slope = slope, rays.max_slope = static_cast<int>(i);
   }
   return rays;
 }
@@ -116,15 +116,15 @@ void add_pair(const std::vector<CameraModel>& cameras, std::span<const Outline> 
   const Vector3d v = (out - axis * axis.dot(out)).normalized(), u = axis.cross(v);
   const TangentRays in_a = tangent_rays(outlines[a], ca.cam_from_world().rotation, u, v);
   const TangentRays in_b = tangent_rays(outlines[b], cb.cam_from_world().rotation, u, v);
-  if (in_a.least < 0 || in_b.least < 0) return;
+  if (in_a.min_slope < 0 || in_b.min_slope < 0) return;
   const auto add = [&](int i, int j, double side) {
     if (outlines[a].at_border[i] || outlines[b].at_border[j]) return;
     const Vector3d &ray_a = outlines[a].rays[i], &ray_b = outlines[b].rays[j];
     tangents.push_back({a, b, ray_a, ray_b, scene_point, side * radians_per_px(ca, ray_a, axis),
                         side * radians_per_px(cb, ray_b, axis)});
   };
-  add(in_a.least, in_b.least, -1);
-  add(in_a.most, in_b.most, 1);
+  add(in_a.min_slope, in_b.min_slope, -1);
+  add(in_a.max_slope, in_b.max_slope, 1);
 }
 
 }  // namespace

@@ -78,7 +78,7 @@ std::optional<Eigen::Vector3d> triangulate(const Rig& rig, const std::vector<Boa
 
 struct LocatedBoard {
   Similarity board_from_world;
-  double misfit_m = 0;  ///< root mean square distance of the corners
+  double rms_m = 0;  ///< root mean square distance of the corners
 };
 
 std::optional<LocatedBoard> fit_board(const Rig& rig, const Board& board,
@@ -93,9 +93,9 @@ std::optional<LocatedBoard> fit_board(const Rig& rig, const Board& board,
   if (from.size() < 4) return std::nullopt;
   LocatedBoard located{align_points(from, to, with_scale), 0};
   for (size_t i = 0; i < from.size(); ++i) {
-    located.misfit_m += (located.board_from_world * from[i] - to[i]).squaredNorm();
+    located.rms_m += (located.board_from_world * from[i] - to[i]).squaredNorm();
   }
-  located.misfit_m = std::sqrt(located.misfit_m / static_cast<double>(from.size()));
+  located.rms_m = std::sqrt(located.rms_m / static_cast<double>(from.size()));
   return located;
 }
 
@@ -107,7 +107,7 @@ void resolve_symmetry(const Rig& rig, const Board& board, std::vector<BoardView>
     std::vector<BoardView> other = as_seen;
     other[1].observation = half_turned(board, views[i].observation);
     const auto a = fit_board(rig, board, as_seen, true), b = fit_board(rig, board, other, true);
-    if (a && b && b->misfit_m < a->misfit_m) views[i] = other[1];
+    if (a && b && b->rms_m < a->rms_m) views[i] = other[1];
   }
 }
 

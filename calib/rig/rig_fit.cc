@@ -192,18 +192,18 @@ class RigFitter {
     }
     std::vector<std::vector<double>> by_camera(cameras_.size());
     for (const auto& [key, some] : by_observation) by_camera[key.first].push_back(rms_of(some));
-    std::set<std::pair<int, int>> bad;
+    std::set<std::pair<int, int>> outliers;
     for (const auto& [key, some] : by_observation) {
       const double median = upper_median(by_camera[key.first]);
       const double rms = rms_of(some);
       if (rms > std::max(acceptable_px, kOutlierFactor * median)) {
-        bad.insert(key);
+        outliers.insert(key);
         record_rejected(key.first, instants_[key.second], rms, median);
       }
     }
-    if (bad.empty()) return false;
+    if (outliers.empty()) return false;
     std::erase_if(bundle_.observations, [&](const CornerObservation& p) {
-      return bad.contains({p.camera, p.board});
+      return outliers.contains({p.camera, p.board});
     });
     drop_single_view_boards();
     require_all_connected();

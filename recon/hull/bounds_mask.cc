@@ -7,8 +7,9 @@
 namespace v3d {
 namespace {
 
-/// The slab test: where the ray is between both planes of every axis. A direction of 0 gives
-/// infinities (or NaN on a plane itself, which min and max pass over) that do right.
+/// Slab test: true when the ray is between the two planes of every axis at one distance. A
+/// direction component of 0 gives infinities, which are handled correctly. It gives NaN for a ray
+/// in a plane; min and max ignore NaN.
 bool meets(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, const Box& box) {
   double enter = 0;
   double leave = std::numeric_limits<double>::infinity();

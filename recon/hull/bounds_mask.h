@@ -1,4 +1,4 @@
-// The part of an image that can show the reconstructed space.
+// Bounds mask: the pixels of a camera that can show the reconstructed space.
 #pragma once
 
 #include "base/geometry/box.h"

@@ -32,7 +32,7 @@ using BrickRow = std::array<Number, kBrickEdge>;
 template <class Sum, class RowOf>
 std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf& row_of) {
   constexpr int kWide = kBrickEdge + 2;
-  // Of the brick and one voxel around it, along one axis after the other.
+  // Partial sums along x, for the brick and one voxel around it along y and z.
   std::array<Sum, kWide * kWide * kBrickEdge> along_x{};
   const auto brick_of = [](int i) { return i == 0 ? 0 : i > kBrickEdge ? 2 : 1; };
   Sum* to = along_x.data();

@@ -12,7 +12,7 @@
 namespace v3d {
 namespace {
 
-/// So many parts are enough to keep every thread busy until the end.
+/// Number of parallel tasks from which on all threads stay busy until the end.
 constexpr size_t kEnoughNodes = 128;
 
 }  // namespace
@@ -73,7 +73,8 @@ void Intersector::intersect(std::span<const Mask* const> masks, SparseVolume& vo
 OctreeNode Intersector::above_root(std::span<const Mask* const> masks) const {
   OctreeNode node;
   const auto bricks = static_cast<uint64_t>((std::ranges::max(grid_.counts) + 7) / kBrickEdge);
-  // A node is looked at when its parent is split: this one's first child is the whole space.
+  // Nodes are tested when their parent is split. So this node is the parent of the whole space,
+  // which is its first child.
   node.level = std::bit_width(bricks - 1) + 1;
   for (size_t c = 0; c < masks.size(); ++c) {
     if (masks[c] != nullptr) node.undecided[node.undecided_count++] = static_cast<uint16_t>(c);

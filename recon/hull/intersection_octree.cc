@@ -1,6 +1,6 @@
 #include "recon/hull/intersection_octree.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/hull/intersection_octree.cc"
@@ -18,11 +18,11 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/simd_float.inc"
-// Behind the lanes they work with:
+// These files use the types of simd_float.inc:
 #include "recon/hull/simd_interval.inc"
 #include "recon/hull/simd_mask_window.inc"
 #include "recon/hull/voxel_projection_steps.inc"
-// Behind the steps:
+// These files use the files above:
 #include "recon/hull/simd_brick_test.inc"
 #include "recon/hull/simd_cube_footprints.inc"
 
@@ -32,7 +32,7 @@ class Descent {
   Descent(const IntersectionScene& scene, std::vector<PlacedBrick>& bricks)
       : scene_(scene), bricks_(bricks) {}
 
-  /// Calls visit(child) for the children that need another look; bricks are carved at once.
+  /// Calls visit(child) for the children that are still undecided. Carves undecided bricks at once.
   template <class Visit>
   void split(const OctreeNode& node, const Visit& visit);
 
@@ -41,16 +41,17 @@ class Descent {
   }
 
  private:
-  /// Cameras of a child that leave it undecided, and where they may see it.
-  struct Rest {
+  /// A child node with the cameras that are undecided about it.
+  struct UndecidedChild {
     OctreeNode node;
     std::array<uint8_t, kMaxCameras> slot;  ///< index into the views of the parent
   };
 
-  /// False when the child is empty.
-  bool gather(int child, CameraList undecided, const CubeFootprints* views, Rest& rest) const;
+  /// Collects the undecided cameras. Returns false when the child is empty.
+  bool gather(int child, CameraList undecided, const CubeFootprints* views,
+              UndecidedChild& open) const;
   void fill(const OctreeNode& node);
-  void carve(int child, const Rest& rest, const CubeFootprints* views);
+  void carve(int child, const UndecidedChild& open, const CubeFootprints* views);
   void emit(BrickCoord at, const Brick& bits) { bricks_.push_back({at, bits}); }
 
   const IntersectionScene& scene_;
@@ -67,54 +68,55 @@ void Descent::split(const OctreeNode& node, const Visit& visit) {
     alive &= ~(views[n].sees_all & views[n].none);
     if (alive == 0) return;
   }
-  Rest rest;
+  UndecidedChild open;
   for (; alive != 0; alive &= alive - 1) {
     const int n = std::countr_zero(alive);
     const int half = 1 << (node.level - 1);
-    rest.node.level = node.level - 1;
-    rest.node.at = {node.at.x + (n & 1) * half, node.at.y + (n >> 1 & 1) * half,
+    open.node.level = node.level - 1;
+    open.node.at = {node.at.x + (n & 1) * half, node.at.y + (n >> 1 & 1) * half,
                     node.at.z + (n >> 2) * half};
-    rest.node.full_views = node.full_views;
-    if (!gather(n, node.cameras(), views, rest)) continue;
-    if (rest.node.undecided_count == 0) {
-      fill(rest.node);
-    } else if (rest.node.level == 0) {
-      carve(n, rest, views);
+    open.node.full_views = node.full_views;
+    if (!gather(n, node.cameras(), views, open)) continue;
+    if (open.node.undecided_count == 0) {
+      fill(open.node);
+    } else if (open.node.level == 0) {
+      carve(n, open, views);
     } else {
-      visit(rest.node);
+      visit(open.node);
     }
   }
 }
 
 bool Descent::gather(int child, CameraList undecided, const CubeFootprints* views,
-                     Rest& rest) const {
+                     UndecidedChild& open) const {
   std::array<uint8_t, kMaxCameras> harmless;  // partly seen, no background there
   size_t kept_count = 0;
   size_t harmless_count = 0;
-  int sees_all = rest.node.full_views;
+  int sees_all = open.node.full_views;
   for (size_t n = 0; n < undecided.size(); ++n) {
     const auto has = [&](unsigned children) { return (children >> child & 1) != 0; };
     if (!has(views[n].may_see)) continue;
     sees_all += has(views[n].sees_all);
     if (!has(views[n].all)) {
-      rest.slot[kept_count++] = static_cast<uint8_t>(n);
+      open.slot[kept_count++] = static_cast<uint8_t>(n);
     } else if (has(views[n].sees_all)) {
-      ++rest.node.full_views;
+      ++open.node.full_views;
     } else {
       harmless[harmless_count++] = static_cast<uint8_t>(n);
     }
   }
-  // A camera that cannot carve matters only while voxels may lack views.
+  // A camera without background here cannot carve. Keep it only where voxels may have fewer than
+  // min_views views.
   if (sees_all < scene_.min_views) {
-    if (rest.node.full_views + kept_count + harmless_count <
+    if (open.node.full_views + kept_count + harmless_count <
         static_cast<size_t>(scene_.min_views)) {
       return false;
     }
-    std::copy_n(harmless.begin(), harmless_count, rest.slot.begin() + kept_count);
+    std::copy_n(harmless.begin(), harmless_count, open.slot.begin() + kept_count);
     kept_count += harmless_count;
   }
-  rest.node.undecided_count = static_cast<int>(kept_count);
-  for (size_t n = 0; n < kept_count; ++n) rest.node.undecided[n] = undecided[rest.slot[n]];
+  open.node.undecided_count = static_cast<int>(kept_count);
+  for (size_t n = 0; n < kept_count; ++n) open.node.undecided[n] = undecided[open.slot[n]];
   return true;
 }
 
@@ -131,11 +133,11 @@ void Descent::fill(const OctreeNode& node) {
   }
 }
 
-/// Takes from `bits` the voxels that have fewer than `needed` views among `seen`.
+/// Removes from `bits` the voxels that have fewer than `needed` views among `seen`.
 void keep_well_seen(Brick& bits, std::span<const Brick> seen, int needed) {
   for (size_t z = 0; z < bits.size(); ++z) {
-    for (uint64_t rest = bits[z]; rest != 0; rest &= rest - 1) {
-      const int voxel = std::countr_zero(rest);
+    for (uint64_t voxels = bits[z]; voxels != 0; voxels &= voxels - 1) {
+      const int voxel = std::countr_zero(voxels);
       int views = 0;
       for (const Brick& brick : seen) views += static_cast<int>(brick[z] >> voxel & 1);
       if (views < needed) bits[z] &= ~(uint64_t{1} << voxel);
@@ -143,15 +145,15 @@ void keep_well_seen(Brick& bits, std::span<const Brick> seen, int needed) {
   }
 }
 
-void Descent::carve(int child, const Rest& rest, const CubeFootprints* views) {
-  const OctreeNode& node = rest.node;
+void Descent::carve(int child, const UndecidedChild& open, const CubeFootprints* views) {
+  const OctreeNode& node = open.node;
   Brick bits = bits_inside(scene_.grid, node.at);
   const bool is_whole = bits == kFullBrick;
   Brick seen[kMaxCameras];  // NOLINT: only what is written is read
   size_t count = 0;
   for (int n = 0; n < node.undecided_count; ++n) {
     const int camera = node.undecided[n];
-    test_brick(scene_.cameras[camera], scene_.masks[camera], node.at, views[rest.slot[n]].of(child),
+    test_brick(scene_.cameras[camera], scene_.masks[camera], node.at, views[open.slot[n]].of(child),
                is_whole, bits, seen[count++]);
     if (bits == Brick{}) return;
   }

@@ -1,4 +1,4 @@
-// The steps of the surface (codec/brick_surface.h), brick by brick in parallel.
+// Parallel loops over the bricks for the steps of codec/brick_surface.h.
 #include "recon/hull/marching_cubes.h"
 
 #include <tbb/parallel_for.h>
@@ -7,7 +7,7 @@
 
 namespace v3d {
 
-/// One surface being made, and the memory of those before.
+/// Working memory of MarchingCubes.
 class MarchingCubes::Surface {
  public:
   void make(const SparseVolume& volume, Mesh& mesh);

@@ -1,6 +1,6 @@
 #include "recon/hull/mask_pyramid.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/hull/mask_pyramid.cc"
@@ -17,7 +17,8 @@
 namespace v3d {
 namespace {
 
-/// Two neighbouring strips of a level, and the bits of each that are beyond the end of its rows.
+/// Two neighbouring strips of a level. The bits of each beyond the end of its rows are set in the
+/// other two members.
 struct StripPair {
   const uint32_t* left;
   const uint32_t* right;
@@ -36,10 +37,10 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/simd_float.inc"
-// Behind the lanes they work with:
+// This file uses the types of simd_float.inc:
 #include "recon/hull/simd_mask_window.inc"
 
-/// Bits 0, 2, 4, ... of x, moved together.
+/// Bits 0, 2, 4, ... of x, packed into the low half.
 HWY_INLINE uint32_t even_bits(uint32_t x) {
   x &= 0x55555555;
   x = (x | x >> 1) & 0x33333333;
@@ -48,9 +49,9 @@ HWY_INLINE uint32_t even_bits(uint32_t x) {
   return (x | x >> 8) & 0x0000FFFF;
 }
 
-// Plain loops over neighbouring words: the compiler makes vector code of them.
+// Plain loops over consecutive words, which the compiler vectorises.
 
-/// Cells [begin, end) of a strip: each has some cell of its four below.
+/// Cells [begin, end) of a strip: set when any of the four finer cells is set.
 void halve_any(const StripPair& fine, int begin, int end, uint32_t* coarse) {
   for (int y = begin; y < end; ++y) {
     const uint32_t left = fine.left[2 * y] | fine.left[2 * y + 1];
@@ -59,7 +60,7 @@ void halve_any(const StripPair& fine, int begin, int end, uint32_t* coarse) {
   }
 }
 
-/// Cells [begin, end) of a strip: each has all cells of its four below.
+/// Cells [begin, end) of a strip: set when all four finer cells are set.
 void halve_all(const StripPair& fine, int begin, int end, uint32_t* coarse) {
   for (int y = begin; y < end; ++y) {
     const uint32_t left = (fine.left[2 * y] & fine.left[2 * y + 1]) | fine.beyond_left;
@@ -87,8 +88,8 @@ namespace {
 
 constexpr int kStripWidth = 32;
 constexpr uint32_t kAllOnes = ~uint32_t{0};
-/// Levels end where a whole image has at most so many cells along each side.
-constexpr int kFewestCells = 16;
+/// The last level has at most this many cells along each side.
+constexpr int kMinCells = 16;
 
 int strips(int width) { return (width + kStripWidth - 1) / kStripWidth; }
 
@@ -98,8 +99,8 @@ uint32_t beyond_end(int s, int width) {
   return bits == kStripWidth ? 0 : kAllOnes << bits;
 }
 
-/// The cells of a level that touch a rectangle of pixels, and the strips they lie in, all
-/// inclusive.
+/// The cells of a level that touch a rectangle of pixels, and the strips that contain them. All
+/// limits are inclusive.
 struct CellRange {
   int first_strip, last_strip, first_y, last_y;
 };
@@ -116,11 +117,11 @@ MaskPyramid::MaskPyramid(ImageSize size) {
   for (;;) {
     Level level;
     level.size = size;
-    // A strip more than needed, so that two neighbours can always be read at once.
+    // One additional strip, so that two neighbouring strips can always be read at once.
     level.any.resize(static_cast<size_t>(strips(size.width) + 1) * size.height + kPadding);
     if (!levels_.empty()) level.all.resize(level.any.size());
     levels_.push_back(std::move(level));
-    if (size.width <= kFewestCells && size.height <= kFewestCells) break;
+    if (size.width <= kMinCells && size.height <= kMinCells) break;
     size = {(size.width + 1) / 2, (size.height + 1) / 2};
   }
 }
@@ -177,7 +178,7 @@ void MaskPyramid::halve(int level) {
     HWY_DYNAMIC_DISPATCH(halve_any)(any, range.first_y, pairs_end, &coarse.any[out]);
     HWY_DYNAMIC_DISPATCH(halve_all)(all, range.first_y, pairs_end, &coarse.all[out]);
     if (pairs_end <= range.last_y) {
-      // An odd last row stands for itself alone.
+      // The last row has no pair when the number of rows is odd: combine it with itself.
       const int y = height - 1;
       const uint32_t any_rows[4]{any.left[y], any.left[y], any.right[y], any.right[y]};
       const uint32_t all_rows[4]{all.left[y], all.left[y], all.right[y], all.right[y]};

@@ -29,7 +29,7 @@ VolumeCut::VolumeCut(const SparseVolume& volume, std::vector<Brick> cut)
   }
 }
 
-/// The bricks for which chosen(brick), and those around them.
+/// The bricks for which chosen(brick) is true, and their neighbours.
 template <class Chosen>
 std::vector<uint8_t> VolumeCut::near(const Chosen& chosen) const {
   std::vector<uint8_t> near(cut_.size(), 0);
@@ -74,7 +74,7 @@ void VolumeCut::smooth(int passes) {
       }
     });
     cut_.swap(next);
-    // Elsewhere the next pass would change nothing.
+    // In other bricks the next pass would change nothing.
     open = near([&](size_t b) { return cut_[b] != next[b]; });
   }
 }
@@ -93,7 +93,8 @@ class VolumeCut::Fragments {
     });
   }
 
-  /// Adds the piece that the voxel belongs to, if it stays and its piece is small.
+  /// Adds the piece that contains the voxel to the cut, if the voxel is not cut and the piece is
+  /// small.
   void add_piece_of(size_t brick, int voxel) {
     if (!stays({brick, voxel}) || has(reached_[brick], voxel) || has(large_[brick], voxel)) return;
     piece_.clear();
@@ -112,7 +113,8 @@ class VolumeCut::Fragments {
     return std::ranges::all_of(volume_.bricks()[brick], [](uint64_t z) { return z + 1 == 0; }) &&
            cut_[brick] == kEmptyBrick;
   }
-  /// Whether the brick stays, and enough of those on its faces, whole: floods end at it early.
+  /// True when the brick and its face neighbours contain enough voxels for a large piece. Only
+  /// complete bricks count. A flood fill can stop at such a brick.
   bool is_core(size_t brick) const {
     if (!is_whole(brick)) return false;
     size_t voxels = 512;
@@ -135,7 +137,7 @@ class VolumeCut::Fragments {
     piece_.push_back(v);
   }
 
-  /// Grows the piece until nothing is left to add; false as soon as it is known to be large.
+  /// Grows the piece until it is complete. Returns false as soon as the piece is known to be large.
   bool flood() {
     for (size_t next = 0; next < piece_.size(); ++next) {
       if (piece_.size() >= voxels_ || grows_into_large(piece_[next])) return false;
@@ -143,8 +145,8 @@ class VolumeCut::Fragments {
     return true;
   }
 
-  /// Adds the neighbours of a voxel (by value: the piece moves) to the piece; stops at one of a
-  /// large piece.
+  /// Adds the neighbours of a voxel to the piece. Returns true at a voxel of a large piece. Takes
+  /// the voxel by value, because growing the piece moves its storage.
   bool grows_into_large(Voxel v) {
     for (const auto& [x, y, z] : kWays) {
       const std::optional<Voxel> n = beside(v, x, y, z);
@@ -155,7 +157,7 @@ class VolumeCut::Fragments {
     return false;
   }
 
-  /// The voxel one step away; empty where no brick is stored.
+  /// The neighbouring voxel; empty where no brick is stored.
   std::optional<Voxel> beside(const Voxel& v, int dx, int dy, int dz) const {
     const int x = v.number % 8 + dx, y = v.number / 8 % 8 + dy, z = v.number / 64 + dz;
     const int number = 64 * (z & 7) + 8 * (y & 7) + (x & 7);
@@ -166,7 +168,7 @@ class VolumeCut::Fragments {
     return Voxel{static_cast<size_t>(brick), number};
   }
 
-  /// To the 18 voxels that share a face or an edge.
+  /// Offsets to the 18 voxels that share a face or an edge.
   static constexpr auto kWays = [] {
     std::array<std::array<int, 3>, 18> ways{};
     size_t count = 0;
@@ -181,13 +183,13 @@ class VolumeCut::Fragments {
   const SparseVolume& volume_;
   std::vector<Brick>& cut_;
   const size_t voxels_;
-  std::vector<Brick> reached_;  ///< in a piece
-  std::vector<Brick> large_;    ///< in one that is large enough to stay
-  std::vector<Voxel> piece_;    ///< at work
+  std::vector<Brick> reached_;  ///< voxels of all pieces so far
+  std::vector<Brick> large_;    ///< voxels of large pieces, which stay
+  std::vector<Voxel> piece_;    ///< the current piece
 };
 
 void VolumeCut::add_fragments(int voxels) {
-  // A severed piece has voxels beside the cut.
+  // A piece that the cut separated has voxels next to the cut.
   std::vector<Brick> beside(cut_.size(), kEmptyBrick);
   const std::vector<uint8_t> open = bricks_near();
   tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
@@ -196,11 +198,11 @@ void VolumeCut::add_fragments(int voxels) {
     const BrickCounts counts = neighbourhood_counts(bricks_around(volume_, b), cut_of);
     beside[b] = larger(counts, {});
   });
-  Fragments crumbs(volume_, cut_, voxels);
+  Fragments fragments(volume_, cut_, voxels);
   for (size_t b = 0; b < beside.size(); ++b) {
     for (int z = 0; z < kBrickEdge; ++z) {
-      for (uint64_t rest = beside[b][z]; rest != 0; rest &= rest - 1) {
-        crumbs.add_piece_of(b, 64 * z + std::countr_zero(rest));
+      for (uint64_t voxels_left = beside[b][z]; voxels_left != 0; voxels_left &= voxels_left - 1) {
+        fragments.add_piece_of(b, 64 * z + std::countr_zero(voxels_left));
       }
     }
   }

@@ -14,7 +14,8 @@ constexpr double kMaxVoxels = 0x1p62;  // representable in int64_t and in double
 
 constexpr double kSmallestVoxel = 1e-9;  // metres; keeps the arithmetic below free of underflow
 
-/// Whole grid at 1 bit a voxel. In double: the product of three counts overflows 64 bits.
+/// Bytes of the whole grid at 1 bit a voxel. Computed in double, because the product of three
+/// counts overflows 64 bits.
 double bytes_of(const VoxelGrid& grid) {
   return static_cast<double>(grid.counts[0]) * static_cast<double>(grid.counts[1]) *
          static_cast<double>(grid.counts[2]) / 8;
@@ -24,7 +25,7 @@ bool fits(const VoxelGrid& grid, double bytes) {
   return bytes_of(grid) <= bytes && *std::ranges::max_element(grid.counts) <= VoxelGrid::kMaxCount;
 }
 
-/// The finest voxel of the series 1, 2, 5, 10, ... that leaves nine tenths of the memory free.
+/// The finest voxel of the series 1, 2, 5, 10, ... whose grid needs at most a tenth of the memory.
 double suggested_voxel(const VoxelGrid& grid, double bytes_available) {
   const Eigen::Vector3d extent =
       grid.voxel_m * Eigen::Vector3d(grid.counts[0], grid.counts[1], grid.counts[2]);
@@ -39,7 +40,7 @@ double suggested_voxel(const VoxelGrid& grid, double bytes_available) {
   return extent.maxCoeff();
 }
 
-/// "3": at most three decimals, none that are zero.
+/// "3": at most three decimals, without trailing zeros.
 std::string format_metres(double metres) {
   std::string text = std::to_string(std::round(metres * 1000) / 1000);
   text.erase(text.find_last_not_of('0') + 1);

@@ -17,13 +17,13 @@ Lens lens_of(const CameraModel& camera) {
 }
 
 bool is_small(const VoxelCamera& camera, const VoxelGrid& grid) {
-  const auto most = static_cast<float>(*std::ranges::max_element(grid.counts));
+  const auto max_index = static_cast<float>(*std::ranges::max_element(grid.counts));
   const auto below = [](float limit) { return [=](float v) { return std::abs(v) <= limit; }; };
   const auto& h = camera.pixel_from_lens;
   const auto& m = camera.cam_from_voxel;
   return std::all_of(camera.d.begin(), camera.d.end(), below(1e4F)) &&
          std::all_of(&h[0][0], &h[0][0] + 9, below(1e6F)) &&
-         std::all_of(&m[0][0], &m[0][0] + 12, [&](float v) { return below(1e7F)(v * most); });
+         std::all_of(&m[0][0], &m[0][0] + 12, [&](float v) { return below(1e7F)(v * max_index); });
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #include "recon/mesh/box_tree.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/mesh/box_tree.cc"
@@ -24,11 +24,11 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Box = BoxTree::Box;
 using Node = BoxTree::Node;
 using Levels = std::vector<std::vector<Node>>;
-using Places = uint32_t;  ///< wider than BoxTree's, for arithmetic
+using Places = uint32_t;  ///< wider than BoxTree::Places, for arithmetic
 
 static_assert(BoxTree::kWidth % kLanes == 0);
 
-/// The places of a node whose boxes the box touches.
+/// The places of a node whose boxes overlap the given box.
 HWY_INLINE Places touched(const Node& node, const Box& box) {
   const Floats floats;
   Places places = 0;
@@ -45,7 +45,7 @@ HWY_INLINE Places touched(const Node& node, const Box& box) {
   return places;
 }
 
-/// The query of one leaf.
+/// Query of one leaf.
 class Search {
  public:
   Search(const Levels& levels, const uint32_t* order, const BoxTree::Places* chosen, size_t leaf,
@@ -56,15 +56,15 @@ class Search {
         leaf_(leaf),
         mine_(levels[0][leaf]),
         pairs_(pairs) {
-    for (Places rest = chosen_[leaf_]; rest != 0; rest &= rest - 1) {
-      around_.extend(mine_.at(std::countr_zero(rest)));
+    for (Places places = chosen_[leaf_]; places != 0; places &= places - 1) {
+      around_.extend(mine_.at(std::countr_zero(places)));
     }
   }
 
   void descend(size_t level, size_t number) {
     const Node& node = levels_[level][number];
-    for (Places rest = touched(node, around_); rest != 0; rest &= rest - 1) {
-      const int place = std::countr_zero(rest);
+    for (Places places = touched(node, around_); places != 0; places &= places - 1) {
+      const int place = std::countr_zero(places);
       const size_t below = number * BoxTree::kWidth + place;
       if (level > 1) {
         descend(level - 1, below);
@@ -76,12 +76,12 @@ class Search {
 
  private:
   void compare_with(size_t other, const Box& around_other) {
-    // A pair of two chosen boxes is found by the first.
+    // If both boxes of a pair are chosen, only the leaf with the lower index reports the pair.
     const Places others = other > leaf_ ? ~Places{0} : ~Places{chosen_[other]};
     const Node& theirs = levels_[0][other];
-    Places asking = touched(mine_, around_other) & chosen_[leaf_];
-    for (; asking != 0; asking &= asking - 1) {
-      const int i = std::countr_zero(asking);
+    Places queries = touched(mine_, around_other) & chosen_[leaf_];
+    for (; queries != 0; queries &= queries - 1) {
+      const int i = std::countr_zero(queries);
       const Places wanted = other == leaf_ ? others | ~Places{1} << i : others;
       Places found = touched(theirs, mine_.at(i)) & wanted;
       for (; found != 0; found &= found - 1) {
@@ -113,10 +113,10 @@ HWY_AFTER_NAMESPACE();
 namespace v3d {
 namespace {
 
-constexpr int kBitsOfAxis = 10;  ///< of a place on the curve below
+constexpr int kBitsOfAxis = 10;  ///< per axis in a Morton code
 constexpr float kEmptyLow = std::numeric_limits<float>::infinity();
 
-/// Two zeros behind every one of the lowest ten bits.
+/// Inserts two zeros above each of the lowest ten bits.
 uint32_t spread(uint32_t bits) {
   bits = (bits | bits << 16) & 0x030000FF;
   bits = (bits | bits << 8) & 0x0300F00F;
@@ -124,17 +124,17 @@ uint32_t spread(uint32_t bits) {
   return (bits | bits << 2) & 0x09249249;
 }
 
-/// Morton codes of the box centres: near codes are near in space.
+/// Morton codes of the box centres. Boxes with similar codes are close to each other.
 std::vector<uint32_t> places_on_curve(std::span<const BoxTree::Box> boxes) {
   BoxTree::Box all;
   for (const BoxTree::Box& box : boxes) all.extend(box);
   constexpr float kLast = (1 << kBitsOfAxis) - 1;
-  const Eigen::Vector3f first = 2 * all.min();  // of the doubled middles
+  const Eigen::Vector3f first = 2 * all.min();  // of twice the box centres
   const Eigen::Array3f scale = kLast / (2 * all.sizes().array());
   std::vector<uint32_t> places(boxes.size());
   tbb::parallel_for(size_t{0}, boxes.size(), [&](size_t b) {
     const Eigen::Array3f at = (boxes[b].min() + boxes[b].max() - first).array() * scale;
-    // Not a number, where all lies in one plane or a corner is not one, is as good as 0.
+    // `at` is NaN where all boxes lie in one plane or a corner is NaN; NaN becomes 0.
     const auto axis = [&](int a) { return at[a] > 0 ? std::min(at[a], kLast) : 0.0F; };
     places[b] = spread(static_cast<uint32_t>(axis(0))) |
                 spread(static_cast<uint32_t>(axis(1))) << 1 |
@@ -143,7 +143,8 @@ std::vector<uint32_t> places_on_curve(std::span<const BoxTree::Box> boxes) {
   return places;
 }
 
-/// The numbers of the keys in rising order of 3 * kBitsOfAxis bits, kBitsOfAxis at a time.
+/// Indices that sort the keys in ascending order: radix sort of 3 * kBitsOfAxis bits, kBitsOfAxis
+/// at a time.
 std::vector<uint32_t> sorted_numbers(const std::vector<uint32_t>& keys) {
   constexpr uint32_t kDigits = 1 << kBitsOfAxis;
   std::vector<uint32_t> numbers(keys.size()), next(keys.size());

@@ -19,7 +19,7 @@ class EdgeHalver {
 
   bool halved_any() const { return !middles_.empty(); }
 
-  /// Appends the two to four parts of a triangle, or itself.
+  /// Appends the two to four parts of a triangle, or the triangle without long edges.
   void divide(const Triangle& t, std::vector<Triangle>& parts) {
     const std::array middle = {middle_of(t[0], t[1]), middle_of(t[1], t[2]), middle_of(t[2], t[0])};
     const auto halved = std::count_if(middle.begin(), middle.end(), [](auto m) { return !!m; });
@@ -31,7 +31,7 @@ class EdgeHalver {
                                  {t[2], *middle[2], *middle[1]},
                                  {*middle[0], *middle[1], *middle[2]}});
     } else {
-      // Turned so that the first edge is halved, and the third is not.
+      // Rotate the corners so that the first edge is halved and the third is not.
       size_t k = 0;
       while (!middle[k] || middle[(k + 2) % 3]) ++k;
       const uint32_t a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3], ab = *middle[k];

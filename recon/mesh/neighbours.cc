@@ -6,8 +6,8 @@
 
 namespace v3d {
 
-// Every edge of a closed mesh is run along once in each direction: the corners that follow a
-// vertex in its triangles are its neighbours.
+// In a closed mesh, each edge belongs to two triangles with opposite directions. So the corners
+// that follow a vertex in its triangles are its neighbours, each once.
 Neighbours::Neighbours(const Mesh& mesh) : first_(mesh.vertices.size() + 1, 0) {
   for (const auto& t : mesh.triangles) {
     for (const uint32_t v : t) ++first_[v + 1];
@@ -37,9 +37,9 @@ NeighbourRows::NeighbourRows(const Neighbours& neighbours) {
     first_[group + 1] = std::max(first_[group + 1], static_cast<uint32_t>(around.size()));
   });
   for (size_t group = 0; group < groups; ++group) first_[group + 1] += first_[group];
-  Row nobody;
-  nobody.vertex.fill(static_cast<int32_t>(vertices()));
-  rows_.assign(first_.back(), nobody);
+  Row no_neighbours;
+  no_neighbours.vertex.fill(static_cast<int32_t>(vertices()));
+  rows_.assign(first_.back(), no_neighbours);
   for_each_group([&](size_t group, size_t lane, std::span<const uint32_t> around) {
     for (size_t k = 0; k < around.size(); ++k) {
       rows_[first_[group] + k].vertex[lane] = static_cast<int32_t>(around[k]);

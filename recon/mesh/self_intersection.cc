@@ -16,21 +16,22 @@ using Eigen::Vector3d;
 using Corners = std::array<Vector3d, 3>;
 using Triangle = std::array<uint32_t, 3>;
 
-/// Leaves that one thread asks for at a time.
+/// Number of leaves that one task queries.
 constexpr size_t kLeavesInTask = 16;
 
-/// Which side of the plane of a, b, c the point d is on, times six volumes.
+/// Six times the signed volume of the tetrahedron a, b, c, d. The sign is the side of the plane a,
+/// b, c on which d lies.
 double side(const Vector3d& a, const Vector3d& b, const Vector3d& c, const Vector3d& d) {
   return (b - a).cross(c - a).dot(d - a);
 }
 
-/// The sides of a triangle's plane that three points are on.
+/// side() of three points for the plane of a triangle.
 std::array<double, 3> sides(const Corners& t, const Corners& points) {
   return {side(t[0], t[1], t[2], points[0]), side(t[0], t[1], t[2], points[1]),
           side(t[0], t[1], t[2], points[2])};
 }
 
-/// The line p-q goes through the inside of the triangle.
+/// True when the line p-q passes through the interior of the triangle.
 bool pierces(const Vector3d& p, const Vector3d& q, const Corners& t) {
   const double ab = side(p, q, t[0], t[1]), bc = side(p, q, t[1], t[2]);
   const double ca = side(p, q, t[2], t[0]);
@@ -48,7 +49,7 @@ bool cross(const Corners& s, const Corners& t) {
 }
 
 bool share_vertex(const Triangle& a, const Triangle& b) {
-  bool shared = false;  // mostly it becomes true: no need to stop early
+  bool shared = false;  // usually true, so an early exit saves nothing
   for (const uint32_t v : a) shared |= v == b[0] || v == b[1] || v == b[2];
   return shared;
 }

@@ -19,7 +19,7 @@ class Region {
  public:
   explicit Region(const Mesh& mesh) : marks_(mesh.vertices.size(), 0) {}
 
-  /// The corners of all triangles that cross.
+  /// Adds the corners of all triangles that intersect.
   void add_corners(const std::vector<Crossing>& crossings, const Mesh& mesh) {
     for (const auto& [s, t] : crossings) {
       for (const uint32_t v : mesh.triangles[s]) add(v);
@@ -27,7 +27,7 @@ class Region {
     }
   }
 
-  /// Adds the neighbours of its vertices, `rings` times.
+  /// Adds the neighbours of all vertices of the region, `rings` times.
   void widen(const Neighbours& neighbours, int rings) {
     for (int ring = 0; ring < rings; ++ring) {
       const size_t end = vertices_.size();
@@ -54,10 +54,10 @@ class Region {
 
   std::vector<uint8_t> marks_;
   std::vector<uint32_t> vertices_;
-  size_t widened_ = 0;  ///< vertices whose neighbours are in it
+  size_t widened_ = 0;  ///< number of vertices whose neighbours are in the region
 };
 
-/// A step towards the mean of the neighbours.
+/// Moves each vertex half of the way to the mean of its neighbours.
 void smooth(const Neighbours& neighbours, const Region& region, Mesh& mesh) {
   const std::vector<uint32_t>& vertices = region.vertices();
   std::vector<Vector3f> moved(vertices.size());
@@ -93,14 +93,14 @@ size_t remove_self_intersections(const Neighbours& neighbours, const std::vector
       pull_half_way_back(region, start, mesh);
     }
     region.for_each(snap);
-    // Crossings that none of the moved triangles takes part in are gone already.
+    // Intersections without a moved triangle were removed in an earlier pass.
     crossings = finder.of_moved(region.marks());
   }
   Region reset(mesh);
   for (size_t before = 0; !crossings.empty(); before = reset.vertices().size()) {
     reset.add_corners(crossings, mesh);
     reset.widen(neighbours, kHalfWaysBack);
-    if (reset.vertices().size() == before) break;  // `start` crosses itself
+    if (reset.vertices().size() == before) break;  // `start` intersects itself
     reset.for_each([&](uint32_t v) { mesh.vertices[v] = start[v]; });
     crossings = finder.of_moved(reset.marks());
   }

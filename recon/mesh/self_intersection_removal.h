@@ -10,10 +10,11 @@
 namespace v3d {
 
 /// Smooths the surface around every self-intersection, which removes folds and spikes. Vertices of
-/// the remaining ones move back towards `start`, where the surface had none: by half in each pass
-/// and in growing regions, at last completely, in regions that grow until nothing intersects.
+/// the remaining self-intersections move back towards `start`: by half in each pass, in growing
+/// regions. In the last step they move back completely, in regions that grow until nothing
+/// intersects.
 ///
-/// All vertices end on `lattice`, if there is one, on which `start` must lie. Returns the number of
+/// All vertices end on `lattice`, if there is one; `start` must lie on it. Returns the number of
 /// remaining self-intersections: 0 unless `start` intersects itself. Works in the caller's TBB
 /// arena; independent of thread count.
 size_t remove_self_intersections(const Neighbours& neighbours,

@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Taubin's lambda and mu: a pass band of 0.11.
+// Lambda and mu of Taubin, for a pass band of 0.11.
 constexpr float kForth = 0.5F;
 constexpr float kBack = -0.53F;
 

@@ -8,8 +8,8 @@
 
 namespace v3d {
 
-/// Taubin smoothing: `passes` steps towards the mean of the neighbours, each followed by one almost
-/// as far back, which prevents shrinking. `work` keeps its memory. Works in the caller's TBB arena;
+/// Taubin smoothing: `passes` steps towards the mean of the neighbours. After each, a slightly
+/// smaller step back prevents shrinking. `work` keeps its memory. Works in the caller's TBB arena;
 /// independent of thread count. Source: Taubin, A signal processing approach to fair surface
 /// design, SIGGRAPH 1995.
 void smooth_surface(const Neighbours& neighbours, int passes,

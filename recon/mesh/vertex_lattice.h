@@ -13,7 +13,7 @@ struct VertexLattice {
   friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
 };
 
-/// The nearest lattice point; receivers of a compact frame decode the same bits.
+/// The nearest lattice point. Receivers of a compact frame decode the same bits.
 inline Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position) {
   Eigen::Vector3f rounded;
   for (int axis = 0; axis < 3; ++axis) {

@@ -58,11 +58,11 @@ double f_score(const Comparison& accuracy, const Comparison& completeness, doubl
 constexpr double kStillM = 0.0002;
 constexpr double kMovedM = 0.001;
 
-/// Of one point of the later reconstruction.
+/// Motion and errors at one point of the later reconstruction.
 struct PointChange {
-  double motion_m = 0;   ///< of the truth there
+  double motion_m = 0;   ///< of the true surface at this point
   double flicker_m = 0;  ///< to the earlier reconstruction
-  double error_m = 0;    ///< to the truth of now
+  double error_m = 0;    ///< to the true surface of the later pulse
 };
 
 std::vector<PointChange> changes_of(const std::vector<SurfaceSample>& samples,

@@ -31,17 +31,19 @@ struct SurfaceDistanceOptions {
 /// vertices, so that the steps of a lattice mesh do not count as errors. Meshes in metres.
 /// Deterministic: independent of thread count.
 ///
-/// A mesh without area has infinite distances, f-score 0 and angle 180; if both have none, 0, 1 and
-/// 0.
+/// A mesh without area has infinite distances, f-score 0 and angle 180. If both meshes have no
+/// area, these are 0, 1 and 0.
 SurfaceDistance compare_surfaces(const Mesh& reconstructed, const Mesh& truth,
                                  const SurfaceDistanceOptions& options = {});
 
 /// Flicker and error of the reconstructions of two successive pulses. Flicker is measured where the
-/// true surface stood still (within 0.2 mm, along the shortest distance), the error where it moved
-/// (1 mm or more), so that smoothing cannot improve one at the cost of the other unnoticed.
+/// true surface did not move (at most 0.2 mm, along the shortest distance). The error is measured
+/// where it moved (1 mm or more). So smoothing that reduces flicker but damages moving parts is
+/// detected.
 struct SurfaceChange {
-  double still = 0;  ///< part of the later reconstruction where the truth stood still
-  /// Distance from there to the earlier reconstruction, millimetres; 0 where nothing stood still.
+  double still = 0;  ///< part of the later reconstruction where the truth did not move
+  /// Distance from there to the earlier reconstruction, millimetres; 0 where all of the truth
+  /// moved.
   double flicker_p50_mm = 0, flicker_p90_mm = 0;
   double moving = 0;  ///< part where the truth moved
   /// Distance from there to the truth, millimetres; 0 where nothing moved.

@@ -18,8 +18,8 @@ constexpr int kCellShift = 3;
 constexpr int kCell = 1 << kCellShift;
 constexpr int kCellsOfWord = 64 / kCell;
 
-/// Cells of an image with a ring of one round it, so that neighbours need no care, and with room
-/// for whole words of a mask's row.
+/// Counts by cell of an image. A ring of one cell around the image avoids special cases for
+/// neighbours. Rows have room for whole words of a mask row.
 struct Cells {
   explicit Cells(ImageSize size)
       : columns((size.width + kCell - 1) / kCell),
@@ -29,8 +29,8 @@ struct Cells {
   uint8_t& at(int column, int row) {
     return values[static_cast<size_t>(row + 1) * pitch + column + 1];
   }
-  /// For locate_points(): indices into `values`, the last one for points that are not seen. What is
-  /// nearer than `whole_from_z`, metres, has none.
+  /// For locate_points(): indices into `values`; points that are not seen have the last one. Points
+  /// nearer than `whole_from_z`, metres, have no index.
   CellGrid grid(float whole_from_z) const {
     constexpr float kRing = -kCell;
     return {kRing, kRing, 1.0F / kCell, pitch, rows + 2, whole_from_z};
@@ -41,11 +41,11 @@ struct Cells {
   std::vector<uint8_t> values;
 };
 
-/// Points no farther apart than this, pixels, leave no cell within the surface empty.
+/// Points at most this far apart, pixels, leave no cell inside the surface empty.
 constexpr double kSparse = kCell;
 constexpr double kDense = 0.75 * kCell;
-/// Vertices lie in runs along the axes, those of the three axes between each other: with every
-/// second one, gaps are two edges long at most.
+/// Vertices are ordered in runs along the axes, and the runs of the three axes alternate. So gaps
+/// between every second vertex are at most two edges long.
 constexpr size_t kStride = 2;
 
 std::vector<Eigen::Vector3f> every_second(const std::vector<Eigen::Vector3f>& vertices,
@@ -57,12 +57,13 @@ std::vector<Eigen::Vector3f> every_second(const std::vector<Eigen::Vector3f>& ve
 }
 
 int cell_of(float pixels) {
-  constexpr float kFar = 1 << 20;  // whole cells, so that what lies before the image rounds alike
+  // A whole number of cells, so that negative coordinates round down too.
+  constexpr float kFar = 1 << 20;
   return (static_cast<int>(std::clamp(pixels, -kFar, kFar) + (kFar + 0.5F)) - (1 << 20)) >>
          kCellShift;
 }
 
-/// Marks the cells that triangles touch with their bounding boxes.
+/// Marks the cells that the bounding boxes of triangles touch.
 void reach_triangles(const Mesh& mesh, const CameraModel& camera, Cells& reached) {
   const std::vector<ScreenVertex> vertices = project_vertices(mesh, camera);
   for (const auto& [i, j, k] : mesh.triangles) {
@@ -78,7 +79,7 @@ void reach_triangles(const Mesh& mesh, const CameraModel& camera, Cells& reached
   }
 }
 
-/// Marks the cells of the points; false when there is one nearer than `whole_from_z`, metres.
+/// Marks the cells of the points. Returns false when a point is nearer than `whole_from_z`, metres.
 bool reach_points(const PointArrays& points, const VoxelCamera& lens, double whole_from_z,
                   Cells& reached) {
   const CellGrid grid = reached.grid(static_cast<float>(whole_from_z));
@@ -97,12 +98,14 @@ bool reach_points(const PointArrays& points, const VoxelCamera& lens, double who
   return all;
 }
 
-/// Half of the vertices are enough for a camera that is not too near.
+/// The cells that the surface reaches. Half of the vertices are sufficient unless the camera is
+/// near.
 Cells reached_cells(const Mesh& mesh, std::span<const PointArrays, 2> halves,
                     const CameraModel& camera, double edge_m) {
   Cells reached(camera.size());
   const VoxelCamera lens = camera_of_metres(camera);
-  const double edge_px_m = camera.matrix()(0, 0) * edge_m;  // of an edge, at a metre
+  // Length of an edge in pixels, at a distance of 1 m.
+  const double edge_px_m = camera.matrix()(0, 0) * edge_m;
   if (reach_points(halves[0], lens, kStride * edge_px_m / kSparse, reached)) return reached;
   const double dense_from_z = edge_px_m / kDense;
   const bool first = reach_points(halves[0], lens, dense_from_z, reached);
@@ -111,15 +114,15 @@ Cells reached_cells(const Mesh& mesh, std::span<const PointArrays, 2> halves,
   return reached;
 }
 
-/// The number of bits in every byte.
+/// The number of set bits of each byte.
 uint64_t bits_of_bytes(uint64_t word) {
   word -= (word >> 1) & 0x5555'5555'5555'5555;
   word = (word & 0x3333'3333'3333'3333) + ((word >> 2) & 0x3333'3333'3333'3333);
   return (word + (word >> 4)) & 0x0F0F'0F0F'0F0F'0F0F;
 }
 
-/// Pixels of both masks in every cell: at most 64, so that the eight cells of a word add up without
-/// a carry from one to the next.
+/// Number of pixels in both masks, by cell. A cell has at most 64 pixels, so the sums of eight
+/// cells in a word never carry into each other.
 Cells pixels_in_cells(const Mask& mask, const Mask& within) {
   Cells cells(mask.size());
   for (int y = 0; y < mask.size().height; ++y) {

@@ -1,4 +1,4 @@
-// Pictures against photographs: PSNR and SSIM inside a mask.
+// Similarity of rendered images and photographs: PSNR and SSIM inside a mask.
 #include <algorithm>
 #include <array>
 #include <cmath>

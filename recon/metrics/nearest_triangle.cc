@@ -73,7 +73,8 @@ NearestTriangle::NearestTriangle(const Mesh& mesh) : mesh_(&mesh) {
   build(0, count, middles);
 }
 
-/// Splits at the median along the longest side. Returns the number of the new node.
+/// Builds the nodes of a range of triangles: splits at the median along the longest side. Returns
+/// the index of the new node.
 uint32_t NearestTriangle::build(uint32_t begin, uint32_t end,
                                 const std::vector<Eigen::Vector3f>& middles) {
   const auto self = static_cast<uint32_t>(nodes_.size());
@@ -100,8 +101,8 @@ uint32_t NearestTriangle::build(uint32_t begin, uint32_t end,
   return self;
 }
 
-void NearestTriangle::look_into(const Node& leaf, const Eigen::Vector3d& p,
-                                std::optional<SurfacePoint>& best) const {
+void NearestTriangle::search_leaf(const Node& leaf, const Eigen::Vector3d& p,
+                                  std::optional<SurfacePoint>& best) const {
   for (uint32_t i = leaf.begin; i < leaf.end; ++i) {
     const uint32_t t = order_[i];
     const Corners at = corners_of(*mesh_, t);
@@ -121,7 +122,7 @@ std::optional<SurfacePoint> NearestTriangle::find(const Eigen::Vector3d& p) cons
   const auto distance_to = [&](uint32_t n) {
     return nodes_[n].box.cast<double>().exteriorDistance(p);
   };
-  // Half the triangles on every level: the tree is never as deep as this.
+  // Each level halves the number of triangles, so the tree is never deeper than this.
   std::array<std::pair<double, uint32_t>, 64> stack;
   size_t depth = 0;
   stack[depth++] = {distance_to(0), 0};
@@ -132,7 +133,7 @@ std::optional<SurfacePoint> NearestTriangle::find(const Eigen::Vector3d& p) cons
     }
     const Node& node = nodes_[n];
     if (node.right == 0) {
-      look_into(node, p, best);
+      search_leaf(node, p, best);
       continue;
     }
     std::pair<double, uint32_t> near{distance_to(n + 1), n + 1};

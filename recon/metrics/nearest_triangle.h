@@ -1,4 +1,4 @@
-// Nearest point of a triangle mesh.
+// Nearest point query on a triangle mesh.
 #pragma once
 
 #include <Eigen/Core>
@@ -39,8 +39,8 @@ class NearestTriangle {
     uint32_t right = 0;
   };
   uint32_t build(uint32_t begin, uint32_t end, const std::vector<Eigen::Vector3f>& middles);
-  void look_into(const Node& leaf, const Eigen::Vector3d& p,
-                 std::optional<SurfacePoint>& best) const;
+  void search_leaf(const Node& leaf, const Eigen::Vector3d& p,
+                   std::optional<SurfacePoint>& best) const;
 
   const Mesh* mesh_;
   std::vector<uint32_t> order_;

@@ -9,7 +9,7 @@
 namespace v3d {
 namespace {
 
-/// Area up to and including each triangle.
+/// Cumulative area of the triangles, by triangle.
 std::vector<double> cumulative_area(const Mesh& mesh) {
   std::vector<double> area(mesh.triangles.size());
   double sum = 0;
@@ -34,7 +34,8 @@ Eigen::Vector3d interpolated(const Mesh& mesh, const std::vector<Eigen::Vector3f
   return sum;
 }
 
-// The standard fixes the engine's numbers, not those of its distributions: so these are made here.
+// The C++ standard does not define the results of its distributions, only those of the engine. So
+// the distributions are computed here.
 std::vector<SurfaceSample> sample_surface(const Mesh& mesh, int samples, uint64_t seed) {
   std::vector<SurfaceSample> spread;
   const std::vector<double> area = cumulative_area(mesh);

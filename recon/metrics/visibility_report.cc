@@ -13,8 +13,8 @@ namespace v3d {
 namespace {
 
 constexpr double kMinFacing = 0.2;
-/// Between a true surface and the depth buffer that it drew: half a pixel beside a slant, and what
-/// flat triangles leave of a curve.
+/// Depth tolerance between the true surface and its depth buffer: half a pixel on slanted surfaces,
+/// and the distance of flat triangles from a curved surface.
 constexpr double kToleranceM = 0.008;
 constexpr size_t kMaxCount = std::tuple_size_v<decltype(VisibilityReport::seen_by)> - 1;
 
@@ -24,7 +24,7 @@ class VisibleCameras {
     draw_depths(truth, cameras, depths_);
   }
 
-  /// At most kCapacity.
+  /// Number of cameras that see the place, at most kMaxCount.
   size_t count(const SurfaceSample& place) const {
     size_t seeing = 0;
     for (size_t c = 0; c < cameras_.size() && seeing < kMaxCount; ++c) seeing += sees(c, place);
@@ -58,18 +58,18 @@ struct Judged {
   bool within = false;
 };
 
-/// Puts the parts of all into `part`, and of what is within the limit into `within`.
+/// Stores the parts of all samples in `part`, and of the samples within the limit in `within`.
 void add_up(const std::vector<Judged>& samples, double VisibilityFigures::*part,
             double VisibilityFigures::*within, VisibilityReport& report) {
-  std::array<int64_t, kMaxCount + 1> all{}, good{};
+  std::array<int64_t, kMaxCount + 1> all{}, correct{};
   for (const Judged& sample : samples) {
     ++all[sample.seen_by];
-    good[sample.seen_by] += sample.within;
+    correct[sample.seen_by] += sample.within;
   }
   for (size_t n = 0; n <= kMaxCount; ++n) {
     report.seen_by[n].*part = static_cast<double>(all[n]) / static_cast<double>(samples.size());
     report.seen_by[n].*within =
-        static_cast<double>(good[n]) / static_cast<double>(std::max<int64_t>(1, all[n]));
+        static_cast<double>(correct[n]) / static_cast<double>(std::max<int64_t>(1, all[n]));
   }
 }
 

@@ -1,4 +1,4 @@
-// Frame pipeline: several frames in flight, one per stage.
+// Frame pipeline: runs the stages of several frames at the same time, one frame per stage.
 #pragma once
 
 #include <tbb/global_control.h>
@@ -102,7 +102,7 @@ class FramePipeline {
     } catch (...) {
       error = std::current_exception();
     }
-    std::optional<Job> finished;  // goes after the lock
+    std::optional<Job> finished;  // destroyed after the lock is released
     const std::lock_guard lock(mutex_);
     --running_;
     slots_[stage].state = State::kDone;
@@ -112,8 +112,7 @@ class FramePipeline {
     changed_.notify_all();
   }
 
-  // --- with mutex_ held
-  // ---------------------------------------------------------------------------
+  // The functions below require a locked mutex_.
 
   /// Starts waiting stages, later ones first: these hold older frames.
   void begin() {
@@ -152,7 +151,7 @@ class FramePipeline {
   const int threads_;
   const Source source_;
   const std::vector<Stage> stages_;
-  std::mutex mutex_;  ///< what follows; the job of a running stage is that stage's alone
+  std::mutex mutex_;  ///< guards the members below; a running stage owns its job
   std::condition_variable changed_;
   std::vector<Slot> slots_;
   int running_ = 0;

@@ -93,10 +93,10 @@ void FrameSetAssembler::send_oldest(std::vector<ReadySet>& ready) {
 
 namespace {
 
-/// A ball of this radius has half as much surface again as a person has.
+/// A ball of this radius, metres, has 1.5 times the surface of a person.
 constexpr double kRadius = 0.5;
 
-/// The disc that the ball is in the image; empty where the camera does not see its centre.
+/// The disc of the ball in the image; empty where the centre does not project to a pixel.
 Mask silhouette(const CameraModel& model, const Eigen::Vector3d& centre, double radius) {
   Mask mask(model.size());
   const auto pixel = model.project(centre);

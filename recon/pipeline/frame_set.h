@@ -1,4 +1,5 @@
-// Assembles frames of all cameras to one set per pulse. A late camera does not delay the others.
+// Frame set assembly: collects the frames of all cameras, one set per pulse. A late camera does not
+// delay the other sets.
 #pragma once
 
 #include <cstdint>
@@ -42,7 +43,7 @@ struct FrameSetCounters {
 };
 
 /// Releases sets in the order of their pulses, each once. A pulse without any frame has no set.
-/// `now` is an argument and never decreases. One thread.
+/// `now` must never decrease. One thread.
 class FrameSetAssembler {
  public:
   explicit FrameSetAssembler(FrameSetOptions options);

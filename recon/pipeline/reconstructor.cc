@@ -18,14 +18,15 @@
 namespace v3d {
 namespace {
 
-/// The surface is known to about a voxel on either side, and the points that hide it stand for
+/// The surface is accurate to about one voxel in both directions, and occluding points represent
 /// their surroundings.
 constexpr double kDepthToleranceVoxels = 3;
 
-/// Half of the longest edge of a marching cube, which joins the middles of two edges of a voxel.
+/// Half of the longest edge of a marching cubes triangle, which connects the middles of two voxel
+/// edges.
 constexpr double kTriangleRadiusVoxels = 0.71;
 
-/// Milliseconds since it was made.
+/// Milliseconds since construction.
 class Stopwatch {
  public:
   double ms() const { return 1000 * to_seconds(Monotonic::now() - start_); }
@@ -40,11 +41,11 @@ VoxelGrid affordable_grid(const ReconstructOptions& options) {
   return grid;
 }
 
-/// A deformed surface is told to a fiftieth of a voxel, which hides in what it flickers by
-/// (docs/deformation.md has other steps).
+/// Deformed surfaces are quantised to a fiftieth of a voxel, which is less than their flicker.
+/// docs/deformation.md compares other steps.
 constexpr int kStepsInHalfVoxel = 25;
 
-/// Half voxels for the discrete marching cubes.
+/// The lattice of the vertices. Discrete marching cubes have half-voxel steps.
 VertexLattice lattice_of(const VoxelGrid& grid, Quality quality) {
   const double half_voxel = grid.voxel_m / 2;
   return {grid.origin, quality == Quality::kHigh ? half_voxel / kStepsInHalfVoxel : half_voxel};
@@ -144,9 +145,9 @@ class Reconstructor::Impl {
                     std::span<const PulseViews* const> adjacent) {
     const Stopwatch deforming;
     if (carver_) {
-      std::vector<NeighbourSamples> sights;
-      for (const PulseViews* then : adjacent) sights.push_back(neighbour_samples(now, *then));
-      carve(work, now.cameras_with_pixels(), now.stereo_samples, sights);
+      std::vector<NeighbourSamples> samples;
+      for (const PulseViews* then : adjacent) samples.push_back(neighbour_samples(now, *then));
+      carve(work, now.cameras_with_pixels(), now.stereo_samples, samples);
     }
     deformer_->run(now.cameras_with_pixels(), work.result.mesh);
     now.set_surface(work.result.mesh);
@@ -187,7 +188,7 @@ class Reconstructor::Impl {
     result.times.quality = measuring.ms();
     const Stopwatch encoding;
     result.compact = compact_frame_of(work);
-    // What is lost on the way is lost here, too.
+    // The mesh has the colours that receivers decode.
     result.mesh.colours = rgb_colours(encoder_.decoded_colours());
     result.times.encode = encoding.ms();
   }
@@ -251,14 +252,14 @@ class Reconstructor::Impl {
     return cameras;
   }
 
-  void carve(FrameSetJob& work, const SurfaceCameras& cameras, const StereoSamples& sights,
+  void carve(FrameSetJob& work, const SurfaceCameras& cameras, const StereoSamples& samples,
              std::span<const NeighbourSamples> adjacent) {
-    work.volume = carver_->carve(cameras, work.volume, sights, adjacent);
+    work.volume = carver_->carve(cameras, work.volume, samples, adjacent);
     work.result.volume_m3 = volume_m3(work.volume);
     marching_cubes_.run(work.volume, work.result.mesh);
   }
 
-  /// The frame of each camera of the rig; null where it has none that can be used.
+  /// The frame of each camera of the rig; null where no frame is usable.
   std::vector<const Frame*> usable_frames(const FrameSet& set) const {
     std::vector<const Frame*> frames(rig_.size(), nullptr);
     for (const Frame& frame : set.frames) {
@@ -274,15 +275,15 @@ class Reconstructor::Impl {
   const Rig rig_;
   const std::vector<CameraModel> models_;
   const VoxelGrid grid_;
-  const VertexLattice lattice_;       ///< where vertices end
+  const VertexLattice lattice_;       ///< of the resulting vertices
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
   std::optional<ConcavityCarver> carver_;
-  tbb::task_arena arena_;  ///< reconstruct()
+  tbb::task_arena arena_;  ///< for reconstruct()
   const QualityMeter quality_;
-  // What make_mesh() works with, and keeps.
+  // Working memory of make_mesh().
   Intersector intersector_;
   MarchingCubes marching_cubes_;
-  FrameEncoder encoder_;  ///< encode()
+  FrameEncoder encoder_;  ///< for encode()
 };
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)

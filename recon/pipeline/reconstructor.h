@@ -77,13 +77,13 @@ class Reconstructor {
   ~Reconstructor();
   /// Reconstructs one set. Frames of unknown cameras, or with a mask of the wrong size, are
   /// ignored. The mesh has the bits that receivers decode from `compact`, which is a key frame.
-  ///   ///
+  ///
   /// Throws InputError when the surface exceeds the limits of a compact frame (4 million vertices).
   /// One caller at a time.
   Reconstruction reconstruct(FrameSet set);
 
-  /// The same in two stages, in the caller's TBB arena. make_mesh() makes the coloured mesh in
-  /// parallel loops; encode() makes quality and compact frame, mostly in one thread. One caller of
+  /// reconstruct() in two stages, in the caller's TBB arena. make_mesh() makes the coloured mesh in
+  /// parallel loops. encode() makes quality and compact frame, mostly in one thread. One caller of
   /// each at a time; both may run at the same time on different jobs. The encoded frames form a
   /// sequence: a frame may need those since the last key frame.
   void make_mesh(FrameSetJob& work);

@@ -1,6 +1,6 @@
 #include "recon/render/draw_triangles.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/render/draw_triangles.cc"
@@ -25,28 +25,29 @@ namespace hn = hwy::HWY_NAMESPACE;
 using LaneMask = hn::Mask<Floats>;
 using IntLanes = hn::Vec<Ints>;
 
-/// Triangles that are fetched at once: what is written is read again when it has left the store
-/// buffer and is still in the first-level cache.
+/// Number of triangles fetched at once. Written values are read again when they have left the store
+/// buffer but are still in the first-level cache.
 constexpr size_t kBlock = 128;
 
-/// A triangle is small when its corners are so near each other, pixels along both axes, that the
-/// products of whole numbers below fit in 31 bits, and when it covers a box of at most this many
-/// pixel centres a side, which all triangles of a register are tried at.
+/// Limits of small triangles. Corners at max_of kMaxExtent pixels apart keep the integer products
+/// below 31 bits. The pixel centres covered by the bounding box are at max_of kMaxBox along each
+/// side; all are tested for all triangles of a register.
 constexpr int kMaxExtent = 32;
 constexpr int kMaxBox = 8;
 
-/// Below this area, twice in square pixels, 1/z is that of the first corner: no plane is defined.
+/// Twice the smallest area, square pixels, for which a plane is defined. Smaller triangles have the
+/// 1/z of their first corner.
 constexpr float kMinArea = 1e-9F;
 
-/// The corners of a block of triangles, one array per corner and coordinate. Behind the last one
-/// stands room for a register.
+/// The corners of a block of triangles, one array per corner and coordinate. Each array has room
+/// for one more register.
 struct Corners {
   alignas(64) float x[3][kBlock + kLanes], y[3][kBlock + kLanes], inverse_z[3][kBlock + kLanes];
   size_t count = 0;
 };
 
-/// What is to be kept at pixels, to be written by and by: the loop that finds it has no branch that
-/// hangs on a single triangle.
+/// Buffered writes to the depth buffer: pixels and their values. The loop that fills it has no
+/// branch that depends on a single triangle.
 struct Samples {
   static constexpr size_t kCapacity = 1024;
   int32_t pixel[kCapacity + (kMaxBox * kMaxBox + 1) * kLanes];
@@ -84,26 +85,26 @@ HWY_INLINE Range between(IntLanes low, IntLanes high, int size) {
           hn::Min(first_pixels(high), hn::Set(ints, size))};
 }
 
-HWY_INLINE IntLanes least(const IntLanes (&v)[3]) { return hn::Min(v[0], hn::Min(v[1], v[2])); }
-HWY_INLINE IntLanes most(const IntLanes (&v)[3]) { return hn::Max(v[0], hn::Max(v[1], v[2])); }
+HWY_INLINE IntLanes min_of(const IntLanes (&v)[3]) { return hn::Min(v[0], hn::Min(v[1], v[2])); }
+HWY_INLINE IntLanes max_of(const IntLanes (&v)[3]) { return hn::Max(v[0], hn::Max(v[1], v[2])); }
 
-/// Requires corners no farther than kMaxExtent apart.
+/// Twice the signed area. Requires corners at max_of kMaxExtent apart.
 HWY_INLINE IntLanes twice_area(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
   return hn::Sub(hn::Mul(hn::Sub(x[1], x[0]), hn::Sub(y[2], y[0])),
                  hn::Mul(hn::Sub(x[2], x[0]), hn::Sub(y[1], y[0])));
 }
 
-/// Those of triangles that fit in kMaxExtent, by the same numbers that the edges go by: twice the
-/// area on the screen is positive. (y runs down there.)
+/// The triangles within kMaxExtent whose back is visible: twice their area is positive, because y
+/// points down. The test uses the same integers as the edges.
 HWY_INLINE LaneMask shows_back(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
   const Ints ints;
-  const IntLanes extent = hn::Max(hn::Sub(most(x), least(x)), hn::Sub(most(y), least(y)));
+  const IntLanes extent = hn::Max(hn::Sub(max_of(x), min_of(x)), hn::Sub(max_of(y), min_of(y)));
   const auto small = hn::Lt(extent, hn::Set(ints, kMaxExtent * kFixedOne));
   return hn::RebindMask(Floats(), hn::And(small, hn::Gt(twice_area(x, y), hn::Zero(ints))));
 }
 
-/// Keeps those of a block of triangles whose box holds a pixel centre, and whose side is asked for.
-/// Notes those to be cut.
+/// Keeps the triangles of a block whose bounding box contains a pixel centre and whose side is
+/// drawn. Appends the indices of triangles that must be clipped to `cut`.
 HWY_INLINE void take_corners(const ScreenVertex* vertices, const std::array<uint32_t, 3>* triangles,
                              uint32_t first, size_t count, ImageSize size, Faces faces,
                              Corners& kept, std::vector<uint32_t>& cut) {
@@ -121,16 +122,17 @@ HWY_INLINE void take_corners(const ScreenVertex* vertices, const std::array<uint
       hn::LoadInterleaved4(floats, &fetched[k][4 * i], x[k], y[k], z, inverse[k]);
     }
     const LaneMask there = hn::FirstN(floats, count - i);
-    const auto farthest = hn::Min(inverse[0], hn::Min(inverse[1], inverse[2]));
-    const LaneMask whole = hn::And(there, hn::Gt(farthest, hn::Zero(floats)));
-    for (uint64_t rest = bits_of(hn::AndNot(whole, there)); rest != 0; rest &= rest - 1) {
+    const auto min_inverse = hn::Min(inverse[0], hn::Min(inverse[1], inverse[2]));
+    const LaneMask whole = hn::And(there, hn::Gt(min_inverse, hn::Zero(floats)));
+    for (uint64_t clipped = bits_of(hn::AndNot(whole, there)); clipped != 0;
+         clipped &= clipped - 1) {
       cut.push_back(first + static_cast<uint32_t>(i) +
-                    static_cast<uint32_t>(std::countr_zero(rest)));
+                    static_cast<uint32_t>(std::countr_zero(clipped)));
     }
     const IntLanes fx[3] = {fixed(x[0]), fixed(x[1]), fixed(x[2])};
     const IntLanes fy[3] = {fixed(y[0]), fixed(y[1]), fixed(y[2])};
-    const Range columns = between(least(fx), most(fx), size.width);
-    const Range rows = between(least(fy), most(fy), size.height);
+    const Range columns = between(min_of(fx), max_of(fx), size.width);
+    const Range rows = between(min_of(fy), max_of(fy), size.height);
     const auto centres = hn::And(hn::Lt(columns.begin, columns.end), hn::Lt(rows.begin, rows.end));
     LaneMask kept_lanes = hn::And(whole, hn::RebindMask(floats, centres));
     if (faces == Faces::kFront) kept_lanes = hn::AndNot(shows_back(fx, fy), kept_lanes);
@@ -146,20 +148,21 @@ HWY_INLINE void take_corners(const ScreenVertex* vertices, const std::array<uint
   }
 }
 
-/// Twice the area of the triangle on one side of an edge, grown along rows and columns of pixels:
-/// not negative where a pixel centre is on the triangle's side, or on an edge that owns it.
+/// Edge function: twice the area of the triangle formed by an edge and a pixel centre, with its
+/// steps by column and row. It is not negative where the centre is on the inner side, or on an edge
+/// that owns it.
 struct Edge {
   IntLanes at_begin, per_column, per_row;
 };
 
-/// From p to q, seen from the pixel (column, row). The triangle lies where the product is positive.
+/// Edge from p to q at the pixel (column, row). Inside the triangle the function is not negative.
 HWY_INLINE Edge edge(IntLanes px, IntLanes py, IntLanes qx, IntLanes qy, IntLanes column,
                      IntLanes row) {
   const Ints ints;
   const IntLanes dx = hn::Sub(qx, px), dy = hn::Sub(qy, py);
   const IntLanes x = hn::Sub(hn::ShiftLeft<kFixedBits>(column), px);
   const IntLanes y = hn::Sub(hn::ShiftLeft<kFixedBits>(row), py);
-  // Left edges (they run upwards) and upper ones own the centres that lie on them.
+  // Left edges (they run upwards) and top edges own the centres that lie on them.
   const IntLanes zero = hn::Zero(ints);
   const auto owns = hn::Or(hn::Lt(dy, zero), hn::And(hn::Eq(dy, zero), hn::Gt(dx, zero)));
   const IntLanes bias = hn::IfThenZeroElse(owns, hn::Set(ints, 1));
@@ -167,7 +170,7 @@ HWY_INLINE Edge edge(IntLanes px, IntLanes py, IntLanes qx, IntLanes qy, IntLane
           hn::Neg(hn::ShiftLeft<kFixedBits>(dy)), hn::ShiftLeft<kFixedBits>(dx)};
 }
 
-/// 1/z across the image, from the first corner on.
+/// 1/z as a linear function of the image, relative to the first corner.
 struct Plane {
   Lanes first_x, first_y, first, per_column, per_row, low, high;
 };
@@ -192,7 +195,8 @@ HWY_INLINE Plane plane(const Corners& corners, size_t i) {
           Lanes(hn::Max(v0.v, hn::Max(v1.v, v2.v)))};
 }
 
-/// The small ones of a register of triangles, from `i` on. Returns the lanes of the others.
+/// Draws the small triangles of one register, from `i` on. Returns the lanes of the other
+/// triangles.
 HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size, Samples& samples) {
   const Floats floats;
   const Ints ints;
@@ -202,7 +206,7 @@ HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size,
     x[k] = fixed(hn::LoadU(floats, corners.x[k] + i));
     y[k] = fixed(hn::LoadU(floats, corners.y[k] + i));
   }
-  const IntLanes left = least(x), right = most(x), top = least(y), bottom = most(y);
+  const IntLanes left = min_of(x), right = max_of(x), top = min_of(y), bottom = max_of(y);
   const Range columns = between(left, right, size.width), rows = between(top, bottom, size.height);
   const IntLanes width = hn::Sub(columns.end, columns.begin);
   const IntLanes height = hn::Sub(rows.end, rows.begin);
@@ -212,7 +216,7 @@ HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size,
                              hn::Lt(hn::Max(width, height), hn::Set(ints, kMaxBox + 1)));
   const uint64_t others = bits_of(hn::RebindMask(floats, hn::AndNot(small, there)));
 
-  // Corners in the order that puts the triangle on the positive side of its edges.
+  // Order the corners so that the inside of the triangle is on the positive side of its edges.
   const IntLanes area = twice_area(x, y);
   const auto turned = hn::Lt(area, hn::Zero(ints));
   const IntLanes x1 = hn::IfThenElse(turned, x[2], x[1]), y1 = hn::IfThenElse(turned, y[2], y[1]);
@@ -256,7 +260,7 @@ HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size,
   return others;
 }
 
-/// Keeps the larger 1/z along a run of pixels.
+/// Keeps the larger 1/z at consecutive pixels.
 HWY_INLINE void keep_nearest(float* pixels, int count, float first, float step, float low,
                              float high) {
   const Floats floats;
@@ -271,10 +275,10 @@ HWY_INLINE void keep_nearest(float* pixels, int count, float first, float step, 
     hn::StoreU(hn::Max(hn::LoadU(floats, pixels + i), value(i)), floats, pixels + i);
   }
   if (i < count) {
-    alignas(64) float rest[kLanes];
-    hn::Store(value(i), floats, rest);
+    alignas(64) float tail[kLanes];
+    hn::Store(value(i), floats, tail);
     for (int k = 0; i + k < count; ++k) {
-      pixels[i + k] = std::max(pixels[i + k], rest[k]);
+      pixels[i + k] = std::max(pixels[i + k], tail[k]);
     }
   }
 }
@@ -305,8 +309,8 @@ void draw_all(const ScreenVertex* vertices, std::span<const std::array<uint32_t,
     take_corners(vertices, triangles.data(), static_cast<uint32_t>(first),
                  std::min(kBlock, triangles.size() - first), size, faces, corners, cut);
     for (size_t i = 0; i < corners.count; i += kLanes) {
-      for (uint64_t rest = draw_small(corners, i, size, samples); rest != 0; rest &= rest - 1) {
-        draw_large(corners, i + static_cast<size_t>(std::countr_zero(rest)), size, inverse_z);
+      for (uint64_t large = draw_small(corners, i, size, samples); large != 0; large &= large - 1) {
+        draw_large(corners, i + static_cast<size_t>(std::countr_zero(large)), size, inverse_z);
       }
       if (samples.count > Samples::kCapacity) samples.write_to(inverse_z);
     }
@@ -319,7 +323,7 @@ Rect covered(const ScreenVertex* vertices, size_t count, ImageSize size) {
   const float width = static_cast<float>(size.width), height = static_cast<float>(size.height);
   auto left = hn::Set(floats, width), top = hn::Set(floats, height);
   auto right = hn::Set(floats, -1.0F), bottom = hn::Set(floats, -1.0F);
-  const auto look_at = [&](const float* vertex) {
+  const auto include = [&](const float* vertex) {
     hn::Vec<Floats> x, y, z, inverse;
     hn::LoadInterleaved4(floats, vertex, x, y, z, inverse);
     const auto seen = hn::Gt(inverse, hn::Zero(floats));
@@ -330,12 +334,12 @@ Rect covered(const ScreenVertex* vertices, size_t count, ImageSize size) {
   };
   size_t i = 0;
   for (; i + kLanes <= count; i += kLanes) {
-    look_at(&vertices[i].x);
+    include(&vertices[i].x);
   }
   if (i < count) {
     float last[4 * kLanes] = {};
     std::memcpy(last, &vertices[i], (count - i) * sizeof(ScreenVertex));
-    look_at(last);
+    include(last);
   }
   const auto first_of = [&](auto v) {
     return static_cast<int>(std::max(0.0F, hn::GetLane(hn::MinOfLanes(floats, v))));

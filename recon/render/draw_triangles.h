@@ -11,9 +11,9 @@
 
 namespace v3d {
 
-/// Which sides of triangles are drawn. Corners of a front are counter-clockwise. On a closed
-/// surface seen from outside, fronts hide the backs, and kFront gives the same result faster, up to
-/// rounding at outlines. Triangles that are large in the image may be drawn from both sides.
+/// Which sides of triangles are drawn. The corners of a front are counter-clockwise. On a closed
+/// surface seen from outside, fronts hide the backs. There kFront gives the same result faster, up
+/// to rounding at outlines. Triangles that are large in the image may be drawn from both sides.
 enum class Faces { kBoth, kFront };
 
 /// Writes, at every pixel centre that a triangle covers (for_each_span()), the larger of the buffer

@@ -13,9 +13,9 @@ constexpr double kShadowCellMetres = 0.02;
 constexpr int kShadowBlurCells = 4;
 constexpr int kShadowMarginCells = 3 * kShadowBlurCells + 1;
 constexpr int kMaxShadowCells = 1024;
-constexpr double kShadowHeightMetres = 0.6;  // what is so high above the floor casts 1/e of it
+constexpr double kShadowHeightMetres = 0.6;  // height at which the shadow is reduced to 1/e
 
-/// Running mean over 2 r + 1 cells along one line.
+/// Running mean over 2 r + 1 cells of one line.
 void blur_line(std::vector<float>& map, size_t first, size_t step, int count, int r,
                std::vector<float>& scratch) {
   scratch.resize(count);
@@ -32,11 +32,11 @@ void blur_line(std::vector<float>& map, size_t first, size_t step, int count, in
   }
 }
 
-/// How much of a line of the grid covers the pixel: `spread` metres of floor per pixel.
+/// Share of the pixel that a grid line covers, 0 to 1. `spread`: metres of floor per pixel.
 double line_cover(double coordinate, double grid_m, double spread) {
   const double off = std::abs(coordinate - grid_m * std::round(coordinate / grid_m));
   const double cover = std::clamp(1.0 + 0.006 / spread - off / spread, 0.0, 1.0);
-  return cover * std::clamp(1.5 - 3 * spread / grid_m, 0.0, 1.0);  // far lines would only flicker
+  return cover * std::clamp(1.5 - 3 * spread / grid_m, 0.0, 1.0);  // distant lines would flicker
 }
 
 }  // namespace
@@ -111,8 +111,8 @@ std::optional<FloorHit> Floor::hit(const Eigen::Vector3d& eye, const Eigen::Vect
   FloorHit hit;
   hit.distance_m = (options_.z - eye.z()) / direction.z();
   const Eigen::Vector3d at = eye + hit.distance_m * direction;
-  // How fast x on the floor changes with the angle of the ray: d (1, 0, -d_x / d_z), which is at a
-  // right angle to the ray.
+  // Change of x on the floor with the angle of the ray: d (1, 0, -d_x / d_z), which is
+  // perpendicular to the ray.
   const auto spread = [&](double d) {
     return hit.distance_m * pixel_rad * std::hypot(1.0, d / direction.z());
   };

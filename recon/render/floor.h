@@ -1,4 +1,4 @@
-// The floor of a rendered scene: a grid that fades with distance, and a soft shadow.
+// Floor of a rendered scene: a metric grid that fades with distance, and a soft shadow.
 #pragma once
 
 #include <Eigen/Core>

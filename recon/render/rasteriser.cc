@@ -7,7 +7,8 @@ ScreenVertex place(const Eigen::Vector3d& world, const CameraModel& camera) {
   ScreenVertex v;
   const RigidTransform& pose = camera.cam_from_world();
   v.z = static_cast<float>(pose.rotation.row(2).dot(world) + pose.translation.z());
-  // The plane itself is in front, or else what clip_to_near_plane() cuts there would be lost.
+  // Points on the near plane count as in front; otherwise the points computed by
+  // clip_to_near_plane() would be lost.
   if (v.z < static_cast<float>(kNearPlaneMetres)) {
     return v;
   }
@@ -26,8 +27,8 @@ struct ClipVertex {
   uint32_t index;
 };
 
-/// The point of edge p-q on the near plane. The ends are taken in the order of their indices, so
-/// that both triangles at the edge find the same point.
+/// The intersection of edge p-q with the near plane. The ends are ordered by index, so that both
+/// triangles at the edge compute the same point.
 ClipVertex cut(const ClipVertex* p, const ClipVertex* q, const CameraModel& camera) {
   if (q->index < p->index) {
     std::swap(p, q);
@@ -37,7 +38,7 @@ ClipVertex cut(const ClipVertex* p, const ClipVertex* q, const CameraModel& came
                p->weights + static_cast<float>(s) * (q->weights - p->weights),
                {},
                0};
-  // Rounding may leave the point a hair behind the plane it was put on.
+  // Move the point slightly in front of the plane, because rounding may put it behind.
   const RigidTransform& pose = camera.cam_from_world();
   const double z = pose.rotation.row(2).dot(v.world) + pose.translation.z();
   v.world += (kNearPlaneMetres * (1 + 1e-6) - z) * camera.viewing_direction();

@@ -90,8 +90,8 @@ struct Band {
 };
 
 /// Calls emit(y, x_begin, x_end) for the pixels of the band whose centres the triangle covers. A
-/// centre on an edge belongs to the triangle on its right or below, so triangles with a common edge
-/// leave no gap and draw no pixel twice. Either orientation.
+/// centre on an edge belongs to the triangle on the right of or below the edge. So triangles with a
+/// common edge leave no gap and draw no pixel twice. Either orientation.
 template <class Emit>
 void for_each_span(const std::array<ScreenVertex, 3>& corner, Band band, Emit&& emit) {
   std::array<FixedPoint, 3> p{FixedPoint(corner[0]), FixedPoint(corner[1]), FixedPoint(corner[2])};

@@ -30,8 +30,8 @@ CameraModel enlarged(const CameraModel& camera, int factor) {
 
 Eigen::Vector3f vector(Rgb8 c) { return {float(c.r), float(c.g), float(c.b)}; }
 
-/// Normals that each lean towards their neighbours': the half-voxel steps of a lattice mesh would
-/// else show as contour lines.
+/// Vertex normals averaged with those of neighbours. Without averaging, the half-voxel steps of a
+/// lattice mesh appear as contour lines.
 std::vector<Eigen::Vector3f> smooth_normals(const Mesh& mesh) {
   std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
   for (int pass = 0; pass < kNormalPasses; ++pass) {
@@ -48,7 +48,7 @@ std::vector<Eigen::Vector3f> smooth_normals(const Mesh& mesh) {
   return normals;
 }
 
-/// Vertex colours under the light at the camera.
+/// Vertex colours, shaded by a light at the camera.
 std::vector<Eigen::Vector3f> lit_colours(const Mesh& mesh, const Eigen::Vector3d& eye,
                                          double head_light) {
   const bool coloured = !mesh.colours.empty();
@@ -110,7 +110,7 @@ std::vector<ShadedTriangle> shaded_triangles(const Mesh& mesh, const CameraModel
   return triangles;
 }
 
-/// Some rows of the enlarged picture.
+/// A range of rows of the supersampled image.
 class Canvas {
  public:
   Canvas(const CameraModel& camera, const DrawOptions& options, Band band)
@@ -153,7 +153,7 @@ class Canvas {
     });
   }
 
-  /// The mean of kSamples x kSamples samples per pixel.
+  /// The mean of kSamples x kSamples samples, for each pixel.
   void resolve_into(Image& image) const {
     for (int y = band_.row_begin / kSamples; y < band_.row_end / kSamples; ++y) {
       for (int x = 0; x < image.size.width; ++x) {

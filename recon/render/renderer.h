@@ -1,4 +1,4 @@
-// Software renderer: images and silhouettes of a mesh from any viewpoint.
+// Software renderer: colour images and silhouettes of a mesh from any viewpoint.
 #pragma once
 
 #include <optional>
@@ -26,7 +26,7 @@ struct DrawOptions {
   double head_light = 0;
   Rgb8 top{58, 64, 74};  ///< background: gradient from the top row to the bottom row
   Rgb8 bottom{22, 24, 28};
-  /// Instead of those colours: RGB8 of camera.size(), borrowed.
+  /// Background image instead of these colours: RGB8 of camera.size(), borrowed.
   const Image* backdrop = nullptr;
   std::optional<FloorOptions> floor = std::nullopt;
 };

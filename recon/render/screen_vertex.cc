@@ -1,6 +1,6 @@
 #include "recon/render/screen_vertex.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/render/screen_vertex.cc"
@@ -20,8 +20,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 #include "recon/hull/voxel_projection_steps.inc"
 #include "recon/simd_float.inc"
 
-/// As many vertices as there are lanes: x, y, z of each at `world`, a ScreenVertex of each at
-/// `screen`.
+/// Projects one register of vertices. `world` holds x, y, z of each; `screen` receives a
+/// ScreenVertex for each.
 template <Lens kLens>
 HWY_INLINE void project(const VoxelCamera& camera, const float* world, float* screen) {
   const Floats floats;

@@ -1,4 +1,4 @@
-// Where the cameras of a turntable stand, and their pictures side by side.
+// Turntable cameras around a box, and contact sheets of their views.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,7 +18,7 @@ constexpr double kPageShape = 1.6;  // width by height
 constexpr int kBorder = 6;
 constexpr Rgb8 kBorderColour{12, 13, 15};
 
-/// How far the middle of the box must be from the eye so that every corner is in the picture.
+/// Smallest distance between eye and box centre at which all corners are in the image.
 double min_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
                     const Eigen::Matrix3d& matrix) {
   double distance = 0.1;
@@ -27,7 +27,7 @@ double min_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
     const Eigen::Vector3d corner =
         cam_from_world * Eigen::Vector3d(i & 1 ? half.x() : -half.x(), i & 2 ? half.y() : -half.y(),
                                          i & 4 ? half.z() : -half.z());
-    // The principal point is the middle of the image: |x| f / (z + distance) <= half its width.
+    // The principal point is the image centre: |x| f / (z + distance) <= half the image width.
     distance =
         std::max({distance, std::abs(corner.x()) * matrix(0, 0) / (matrix(0, 2) + 0.5) - corner.z(),
                   std::abs(corner.y()) * matrix(1, 1) / (matrix(1, 2) + 0.5) - corner.z()});
@@ -35,18 +35,18 @@ double min_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
   return distance;
 }
 
-/// The number of columns that wastes the least: empty places, and distance from the shape of a
-/// page.
+/// The number of columns with the smallest cost. The cost adds the share of empty places and the
+/// logarithmic deviation from kPageShape.
 int best_columns(int count, ImageSize view) {
   int best = 1;
-  double least = std::numeric_limits<double>::infinity();
+  double min_cost = std::numeric_limits<double>::infinity();
   for (int columns = 1; columns <= count; ++columns) {
     const int rows = (count + columns - 1) / columns;
     const double shape = double(columns) * view.width / (double(rows) * view.height);
     const double cost =
         std::abs(std::log(shape / kPageShape)) + double(rows * columns - count) / count;
-    if (cost < least) {
-      least = cost;
+    if (cost < min_cost) {
+      min_cost = cost;
       best = columns;
     }
   }
@@ -81,7 +81,7 @@ std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSi
   }
   std::vector<CameraModel> cameras;
   for (RigidTransform& view : views) {
-    // The middle of the box lies on the axis; all views keep the same distance from it.
+    // The box centre lies on the rotation axis; all views have the same distance from it.
     view.translation = Eigen::Vector3d::UnitZ() * distance - view.rotation * bounds.center();
     cameras.emplace_back(size, matrix, Distortion{}, view);
   }

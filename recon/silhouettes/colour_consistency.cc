@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-/// Neighbours: the cameras with the most similar viewing directions.
+/// Number of neighbours: the cameras with the most similar viewing directions.
 constexpr size_t kNeighbours = 4;
 constexpr double kSameSide = 0.2;  ///< smallest cosine between viewing directions
 /// Factor by which depth buffers are smaller than the image.
@@ -24,11 +24,11 @@ constexpr int kPatch = 2;
 constexpr int kStep = 3;
 /// Smallest number of comparable places.
 constexpr int kMinPlaces = 12;
-/// Part of the places that agree by chance, where the camera looks past the surface. In that case
-/// 0.02 agree on average, and more than this in 1 of 40 pieces (v3d-silhouette-faults, seeds 401 to
-/// 405 and 411 to 415).
+/// Part of the places that agree by chance where the camera sees past the surface. The mean is
+/// 0.02; one in 40 pieces has more than this (v3d-silhouette-faults, seeds 401 to 405 and 411 to
+/// 415).
 constexpr double kByChance = 0.2;
-/// Required excess over chance, in standard deviations of independent places. None of those 659
+/// Required excess over chance, in standard deviations of independent places. None of these 659
 /// pieces exceeds 3.
 constexpr double kDeviations = 3.5;
 

@@ -17,8 +17,8 @@ struct ColourAgreement {
   int compared = 0;
   int agreeing = 0;
 
-  /// True when significantly more places agree than by chance, which is what happens where the
-  /// camera looks past the surface.
+  /// True when significantly more places agree than by chance. A camera that sees past the surface
+  /// agrees by chance only.
   bool is_consistent() const;
 };
 
@@ -32,8 +32,8 @@ class ColourConsistency {
                     const Mesh& surface, double voxel_m);
   ~ColourConsistency();
 
-  /// Compares the places of the surface that the camera sees within `piece` with its neighbours'
-  /// majority. Nothing is compared where the camera has no colours.
+  /// Compares the places of the surface that the camera sees within `piece` with the majority of
+  /// its neighbours. The result is empty where the camera has no colours.
   ColourAgreement within(const Mask& piece) const;
 
  private:

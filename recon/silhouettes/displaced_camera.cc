@@ -17,15 +17,16 @@ namespace {
 
 /// Rows on both sides over which the slope of an outline is measured, times the scale.
 constexpr int kReach = 4;
-/// Step between measured rows and columns, times the scale.
+/// Distance between measured rows and columns, times the scale.
 constexpr int kStep = 3;
-/// Suspects: cameras with at least this part of the largest shift, and at most this many.
+/// Suspects: cameras with at min_shift_px this part of the largest shift, and at max_residual this
+/// many.
 constexpr double kSuspiciousPart = 0.5;
 constexpr size_t kMaxSuspects = 4;
-/// Pulses in which suspects are measured again.
+/// Number of pulses in which suspects are measured again.
 constexpr size_t kPulsesAgain = 12;
 
-/// A place where foreground begins (side -1) or ends (side 1) in a row.
+/// An outline pixel of a row: the beginning (side -1) or the end (side 1) of foreground.
 struct Edge {
   int x = 0;
   int side = 0;
@@ -86,34 +87,33 @@ Mask transposed(const Mask& mask) {
   return result;
 }
 
-/// Tukey's weight for a residual as part of the largest that counts.
+/// Tukey's biweight. `r` is the residual divided by the cutoff.
 double weight(double r) { return std::abs(r) < 1 ? (1 - r * r) * (1 - r * r) : 0; }
 
 /// Model of the offsets: a shift (u, v), and a constant distance, because the hull is wider than
 /// the silhouette.
 using Explanation = Eigen::Vector3d;
 
-/// One step of iteratively reweighted least squares. Offsets with residuals above `most` pixels do
-/// not count.
+/// One step of iteratively reweighted min_shift_px squares. Offsets with residuals above
+/// `max_residual` pixels have weight 0.
 Explanation step_of(std::span<const OutlineOffset> offsets, const Explanation& before,
-                    double most) {
+                    double max_residual) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Identity() * 1e-9;
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const OutlineOffset& o : offsets) {
     const Eigen::Vector3d row(o.nx, o.ny, 1);
-    const double w = weight((o.distance - row.dot(before)) / most);
+    const double w = weight((o.distance - row.dot(before)) / max_residual);
     a += w * row * row.transpose();
     b += w * o.distance * row;
   }
   return a.ldlt().solve(b);
 }
 
-/// Robust fit with a decreasing limit, so that outlines that differ for other reasons are excluded
-/// step by step.
+/// Robust fit with a decreasing cutoff, which excludes outlines that differ for other reasons.
 Eigen::Vector2d shift_of(std::span<const OutlineOffset> offsets) {
   Explanation explanation = Explanation::Zero();
-  for (const double most : {16., 8., 8., 5., 5., 4., 4., 4.}) {
-    explanation = step_of(offsets, explanation, most);
+  for (const double max_residual : {16., 8., 8., 5., 5., 4., 4., 4.}) {
+    explanation = step_of(offsets, explanation, max_residual);
   }
   return explanation.head<2>();
 }
@@ -176,9 +176,9 @@ std::vector<Mask> DisplacementMeter::masks_of(const Pulse& pulse) const {
   return masks;
 }
 
-/// The largest shift of `cameras` against hulls without `left_out`.
-double DisplacementMeter::farthest_without(size_t left_out, std::span<const size_t> cameras,
-                                           LeaveOneOutHull& hulls) const {
+/// The largest shift of `cameras`, pixels, against hulls that exclude `left_out`.
+double DisplacementMeter::max_shift_without(size_t left_out, std::span<const size_t> cameras,
+                                            LeaveOneOutHull& hulls) const {
   std::vector<Offsets> offsets(names_.size());
   const size_t step = (pulses_.size() + kPulsesAgain - 1) / kPulsesAgain;
   for (size_t p = 0; p < pulses_.size(); p += step) {
@@ -192,16 +192,17 @@ double DisplacementMeter::farthest_without(size_t left_out, std::span<const size
       offsets[c].insert(offsets[c].end(), found.begin(), found.end());
     }
   }
-  double farthest = 0;
+  double max_shift = 0;
   for (const Offsets& all : offsets) {
-    if (std::ssize(all) >= kMinOutlinePx) farthest = std::max(farthest, shift_of(all).norm());
+    if (std::ssize(all) >= kMinOutlinePx) max_shift = std::max(max_shift, shift_of(all).norm());
   }
-  return farthest;
+  return max_shift;
 }
 
-size_t DisplacementMeter::culprit(std::span<const size_t> suspects, LeaveOneOutHull& hulls) const {
+size_t DisplacementMeter::find_displaced(std::span<const size_t> suspects,
+                                         LeaveOneOutHull& hulls) const {
   std::vector<double> without;
-  for (const size_t c : suspects) without.push_back(farthest_without(c, suspects, hulls));
+  for (const size_t c : suspects) without.push_back(max_shift_without(c, suspects, hulls));
   return suspects[static_cast<size_t>(std::ranges::min_element(without) - without.begin())];
 }
 
@@ -212,10 +213,10 @@ std::vector<CameraDisplacement> DisplacementMeter::result(LeaveOneOutHull& hulls
   std::iota(suspects.begin(), suspects.end(), size_t{0});
   std::ranges::stable_sort(suspects, std::greater(), px);
   if (suspects.empty() || px(suspects[0]) < kDisplacedPx) return cameras;
-  const double least = kSuspiciousPart * px(suspects[0]);
-  std::erase_if(suspects, [&](size_t c) { return px(c) < least; });
+  const double min_shift_px = kSuspiciousPart * px(suspects[0]);
+  std::erase_if(suspects, [&](size_t c) { return px(c) < min_shift_px; });
   suspects.resize(std::min(suspects.size(), kMaxSuspects));
-  const size_t displaced = suspects.size() > 1 ? culprit(suspects, hulls) : suspects[0];
+  const size_t displaced = suspects.size() > 1 ? find_displaced(suspects, hulls) : suspects[0];
   cameras[displaced].displaced = px(displaced) >= kDisplacedPx;
   return cameras;
 }

@@ -68,10 +68,10 @@ class DisplacementMeter {
 
   int64_t pulses() const { return std::ssize(pulses_); }
 
-  /// By camera of the rig. A displaced camera spoils the hulls of the others, which may look
-  /// displaced as well. So the most shifted cameras are measured again in some of the pulses, each
-  /// left out of the hulls in turn. The displaced one is the one whose absence makes the others
-  /// agree. `hulls` has the parameters of those passed to add().
+  /// By camera of the rig. A displaced camera distorts the hulls of the others, which then seem
+  /// displaced as well. So the cameras with the largest shifts are measured again in some of the
+  /// pulses, and each is excluded from the hulls in turn. The displaced camera is the one without
+  /// which the others agree. `hulls` has the parameters of those passed to add().
   std::vector<CameraDisplacement> result(LeaveOneOutHull& hulls) const;
 
  private:
@@ -83,9 +83,9 @@ class DisplacementMeter {
 
   std::vector<CameraDisplacement> shifts() const;
   std::vector<Mask> masks_of(const Pulse& pulse) const;
-  size_t culprit(std::span<const size_t> suspects, LeaveOneOutHull& hulls) const;
-  double farthest_without(size_t left_out, std::span<const size_t> cameras,
-                          LeaveOneOutHull& hulls) const;
+  size_t find_displaced(std::span<const size_t> suspects, LeaveOneOutHull& hulls) const;
+  double max_shift_without(size_t left_out, std::span<const size_t> cameras,
+                           LeaveOneOutHull& hulls) const;
 
   std::vector<std::string> names_;
   std::vector<ImageSize> sizes_;

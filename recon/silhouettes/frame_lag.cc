@@ -10,15 +10,15 @@
 namespace v3d {
 namespace {
 
-/// Smallest number of lost pixels that are shown, for an XGA image, scaled with its area. Some
-/// pixels always are, where hull and silhouette touch.
+/// Smallest number of lost pixels that the silhouette shows, for an XGA image, scaled with the
+/// image area. A few are always shown where hull and silhouette touch.
 constexpr int64_t kMinShown = 60;
 constexpr int64_t kXgaPixels = 1024 * 768;
 /// Required ratio of the shown parts of lost and gained pixels.
 constexpr double kClearly = 2;
 /// Required excess in standard deviations, for an XGA image. With few cameras hulls have larger
-/// errors: correct silhouettes of 8 cameras reach 1.8. With 15 cameras the same number of late ones
-/// is found as without this limit (v3d-silhouette-faults, seeds 1 and 7).
+/// errors: correct silhouettes of 8 cameras reach 1.8. With 15 cameras this limit rejects no late
+/// camera (v3d-silhouette-faults, seeds 1 and 7).
 constexpr double kMinExcess = 2.3;
 
 }  // namespace
@@ -26,9 +26,9 @@ constexpr double kMinExcess = 2.3;
 bool SilhouetteChange::is_late() const {
   const double larger =
       static_cast<double>(std::max(kXgaPixels, pixels)) / static_cast<double>(kXgaPixels);
-  const double least = kMinShown * larger;
-  if (static_cast<double>(lost_shown) < least) return false;
-  if (static_cast<double>(gained - gained_shown) < least) return false;
+  const double min_pixels = kMinShown * larger;
+  if (static_cast<double>(lost_shown) < min_pixels) return false;
+  if (static_cast<double>(gained - gained_shown) < min_pixels) return false;
   // In a larger image, neighbouring pixels are not independent.
   if (excess() < kMinExcess * std::sqrt(larger)) return false;
   return static_cast<double>(lost_shown) * static_cast<double>(gained) >
@@ -56,12 +56,12 @@ SilhouetteChange silhouette_change(const Mask& own, const Mask& expected,
 
 namespace {
 
-/// A camera is out of step when its disagreement with another pulse is below this part of that with
-/// its own, and smaller in most frames. The leave-one-out hull is wider than the body and lacks
-/// thin parts, which may favour another pulse a little during one movement.
+/// A camera is out of step when its disagreement with another pulse is below this part of its
+/// disagreement with its own pulse, and smaller in most frames. The leave-one-out hull is wider
+/// than the body and lacks thin parts, which may favour another pulse during one movement.
 ///
-/// Simulated studios of 8 and 15 cameras: one late camera reaches 0.89 to 0.63, clearer with more
-/// frames; cameras in step at least 0.92 within one second, and 1 within two.
+/// Simulated studios of 8 and 15 cameras: one late camera reaches 0.89 to 0.63, and lower values
+/// with more frames. Cameras in step have at min_pixels 0.92 within one second, and 1 within two.
 constexpr double kClearlyBetter = 0.9;
 constexpr double kMaxFrames = 0.5;
 /// Smallest number of frames for a result.

@@ -18,7 +18,7 @@ struct CameraPixel {
   int y = 0;
 };
 
-/// The pixels of one voxel.
+/// The pixels of one voxel in all cameras.
 struct Votes {
   std::vector<CameraPixel> missing;
   std::vector<CameraPixel> supporting;  ///< unexplained foreground
@@ -104,7 +104,8 @@ class FewestWrong {
     }
   }
 
-  /// Number of supporting cameras for which no voxel with fewer background cameras exists.
+  /// Number of supporting cameras for which no voxel with fewer background cameras explains the
+  /// foreground.
   int64_t need(const Votes& votes) {
     return std::ranges::count_if(votes.supporting, [&](const CameraPixel& pixel) {
       return at(pixel) == votes.missing.size();

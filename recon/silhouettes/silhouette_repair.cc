@@ -21,12 +21,12 @@ constexpr int kCell = 4;
 /// at different places, may belong to a detail finer than a voxel.
 constexpr int64_t kMinCells = 4;
 constexpr int kMinCameras = 2;
-/// Smallest area of a defect, in squares as wide as twice the radius of the camera.
+/// Smallest area of a defect, in squares with sides of twice the radius of the camera.
 constexpr int kMinSquares = 2;
 /// With colour evidence, a piece may be narrower by this factor.
 constexpr int kNarrower = 2;
-/// A camera is left out when this part of its expected silhouette is missing, or when it shows this
-/// much more.
+/// A camera is left out when this part of its expected silhouette is missing, or when its phantoms
+/// exceed the expected silhouette by this part.
 constexpr double kMostlyWrong = 0.5;
 /// Largest number of single repairs, one camera each.
 constexpr int kRounds = 8;
@@ -48,7 +48,7 @@ Box wider(const Box& box) {
 
 /// Calls visit(i, j, k) for the voxels of `a` that `b` does not have. Requires the same grid.
 template <class Visit>
-void for_each_more(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
+void for_each_added(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
   for (size_t n = 0; n < a.bricks().size(); ++n) {
     const BrickCoord at = a.coords()[n];
     const int other = b.index_of(at);
@@ -80,12 +80,12 @@ Mask mask_of(const MaskComponents& pieces, size_t piece, ImageSize size) {
 /// Connected pieces of a mask that are wider than 2 * radius pixels and have at least
 /// min_pixels(radius).
 std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
-  const int64_t least = min_pixels(radius);
+  const int64_t min_area = min_pixels(radius);
   MaskComponents pieces;
-  pieces.find(open(mask, radius));
+  pieces.find(opened(mask, radius));
   std::vector<Mask> wide;
   for (size_t p = 0; p < pieces.count(); ++p) {
-    if (pieces.area(p) < least) continue;
+    if (pieces.area(p) < min_area) continue;
     wide.push_back(intersection_of(dilate(mask_of(pieces, p, mask.size()), radius), mask));
   }
   return wide;
@@ -112,7 +112,7 @@ class SilhouetteRepair::Trial {
     std::optional<Trial> alone;
     if (!neighbours_.before.empty()) {
       alone.emplace(*this);
-      // Without a late camera both results are equal.
+      // Without a late camera both results are the same.
       if (!repair_late_cameras()) alone.reset();
     }
     remove_phantom_pieces();
@@ -131,7 +131,7 @@ class SilhouetteRepair::Trial {
   int radius(size_t camera) const { return owner_.radii_[camera]; }
   double voxel_m() const { return owner_.hulls_.grid().voxel_m; }
 
-  /// Silhouette of the leave-one-out hull; computed once, until another mask changes.
+  /// Silhouette of the leave-one-out hull. Computed once, and again after another mask changed.
   const Mask& expected(size_t camera) {
     Mask& mask = expected_[camera];
     if (mask.size().width == 0) mask = owner_.hulls_.silhouette(all(), camera);
@@ -160,8 +160,8 @@ class SilhouetteRepair::Trial {
     put(camera, {});
   }
 
-  /// Drops cameras with empty masks. One of them leaves an empty volume, and two hide each other
-  /// from the leave-one-out hulls.
+  /// Drops cameras with empty masks. One of them makes the volume empty, and each of two makes the
+  /// leave-one-out hull of the other empty.
   void drop_blind_cameras() {
     std::vector<size_t> blind;
     for (size_t c = 0; c < masks_.size(); ++c) {
@@ -184,8 +184,10 @@ class SilhouetteRepair::Trial {
     unexplained_.assign(masks_.size(), Mask());
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (!masks_[c]) continue;
-      Mask rest = open(difference_of(*masks_[c], explained[c]), radius(c));
-      if (rest.count() >= kMinCells * kCell * kCell) unexplained_[c] = std::move(rest);
+      Mask unexplained = opened(difference_of(*masks_[c], explained[c]), radius(c));
+      if (unexplained.count() >= kMinCells * kCell * kCell) {
+        unexplained_[c] = std::move(unexplained);
+      }
     }
   }
   bool has_unexplained(size_t camera) const { return unexplained_[camera].size().width > 0; }
@@ -201,19 +203,20 @@ class SilhouetteRepair::Trial {
     for (int round = 0; round < kRounds && fill_most_missing_pieces(); ++round) continue;
   }
 
-  /// Fills the pieces of the camera that lacks most, because in hulls that it spoils other cameras
-  /// seem to lack pieces too. False when there was nothing to fill.
+  /// Fills the pieces of the camera with the most missing pixels. A bad silhouette makes other
+  /// cameras seem to lack pieces too, so one camera is filled at a time. False when there was
+  /// nothing to fill.
   bool fill_most_missing_pieces() {
     find_unexplained();
     const SparseVolume hull = owner_.hulls_.volume(all());
-    MissingPieces most;
+    MissingPieces largest;
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (!masks_[c]) continue;
       MissingPieces missing = missing_pieces(c, hull);
-      if (missing.pixels > most.pixels) most = std::move(missing);
+      if (missing.pixels > largest.pixels) largest = std::move(missing);
     }
-    if (most.pixels > 0) fill(most);
-    return most.pixels > 0;
+    if (largest.pixels > 0) fill(largest);
+    return largest.pixels > 0;
   }
 
   void fill(const MissingPieces& missing) {
@@ -233,9 +236,9 @@ class SilhouetteRepair::Trial {
   bool fill_jointly_missing_pieces() {
     find_unexplained();
     const JointMissingOptions options{.min_views = owner_.min_views_};
-    int asking = 0;
-    for (size_t c = 0; c < masks_.size(); ++c) asking += has_unexplained(c);
-    if (asking < options.min_supporting) return false;
+    int cameras = 0;
+    for (size_t c = 0; c < masks_.size(); ++c) cameras += has_unexplained(c);
+    if (cameras < options.min_supporting) return false;
     const std::vector<Mask> missing = joint_missing_foreground(owner_.hulls_.grid(), owner_.lenses_,
                                                                all(), unexplained_, options);
     bool filled = false;
@@ -279,7 +282,7 @@ class SilhouetteRepair::Trial {
     return missing;
   }
 
-  /// True when voxels that only this camera carves, inside `piece`, would explain foreground of
+  /// True when voxels inside `piece` that only this camera removes would explain foreground of
   /// other cameras.
   bool is_needed(size_t camera, const Mask& piece, const SparseVolume& hull) {
     int64_t others = 0;
@@ -293,24 +296,24 @@ class SilhouetteRepair::Trial {
       }
     }
     const SparseVolume& without = owner_.hulls_.volume(all(), camera);
-    std::vector<std::pair<size_t, SeenPixel>> asking;  // of one voxel
-    for_each_more(without, hull, [&](int i, int j, int k) {
+    std::vector<std::pair<size_t, SeenPixel>> needing;  // cameras that need one voxel
+    for_each_added(without, hull, [&](int i, int j, int k) {
       const SeenPixel here = project_voxel(owner_.lenses_[camera], i, j, k);
       if (!here.seen || !piece.get(here.x, here.y)) return;
-      asking.clear();
+      needing.clear();
       for (size_t c = 0; c < masks_.size(); ++c) {
         if (cells[c].size().width == 0) continue;
         const SeenPixel there = project_voxel(owner_.lenses_[c], i, j, k);
-        if (there.seen && unexplained_[c].get(there.x, there.y)) asking.emplace_back(c, there);
+        if (there.seen && unexplained_[c].get(there.x, there.y)) needing.emplace_back(c, there);
       }
-      if (std::ssize(asking) < kMinCameras) return;
-      for (const auto& [c, there] : asking) cells[c].set(there.x / kCell, there.y / kCell);
+      if (std::ssize(needing) < kMinCameras) return;
+      for (const auto& [c, there] : needing) cells[c].set(there.x / kCell, there.y / kCell);
     });
     return std::ranges::count_if(
                cells, [](const Mask& mask) { return mask.count() >= kMinCells; }) >= kMinCameras;
   }
 
-  /// Repairs late cameras, the clearest first, because in hulls that it spoils other cameras seem
+  /// Repairs late cameras, the largest excess first. A late silhouette makes other cameras seem
   /// late too. False when there was none.
   bool repair_late_cameras() {
     bool found = false;
@@ -318,7 +321,7 @@ class SilhouetteRepair::Trial {
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (masks_[c]) suspects.push_back(c);
     }
-    while (const auto late = latest_of(suspects)) {
+    while (const auto late = find_late_camera(suspects)) {
       Mask repaired = in_step(late->camera, late->before, late->now);
       const Mask& given = *given_[late->camera];
       report_instead(late->camera, SilhouetteFaultKind::kPulseLate,
@@ -336,9 +339,9 @@ class SilhouetteRepair::Trial {
     Mask before, now;  ///< its silhouettes in the leave-one-out hulls
   };
 
-  /// Removes suspects that are not late; returns the clearest of the rest. Tests the given masks,
-  /// because a late one may have been filled meanwhile.
-  std::optional<LateCamera> latest_of(std::vector<size_t>& suspects) {
+  /// Removes suspects that are not late; returns the suspect with the largest excess. Tests the
+  /// given masks, because the repair may have filled the mask of a late camera.
+  std::optional<LateCamera> find_late_camera(std::vector<size_t>& suspects) {
     std::optional<LateCamera> latest;
     std::erase_if(suspects, [&](size_t c) {
       const Mask& now = expected(c);
@@ -373,11 +376,12 @@ class SilhouetteRepair::Trial {
   void remove_phantom_pieces() {
     find_unexplained();
     for (size_t c = 0; c < masks_.size(); ++c) {
-      if (masks_[c] && has_unexplained(c)) look_for_phantoms(c);
+      if (masks_[c] && has_unexplained(c)) remove_phantoms(c);
     }
   }
 
-  /// True when a single other camera carves the piece: then that camera may be wrong.
+  /// True when a single other camera removes the piece from the hull: then that camera may be
+  /// wrong.
   bool is_disputed(size_t camera, const Mask& piece) {
     std::vector<const Mask*> masks = all();
     for (size_t other = 0; other < masks.size(); ++other) {
@@ -396,7 +400,7 @@ class SilhouetteRepair::Trial {
     return 2 * intersection_of(expected, piece).count() > piece.count();
   }
 
-  void look_for_phantoms(size_t camera) {
+  void remove_phantoms(size_t camera) {
     const Mask outside = difference_of(*masks_[camera], expected(camera));
     int64_t phantom = 0;
     for (const Mask& piece : wide_pieces(outside, radius(camera))) {

@@ -68,7 +68,7 @@ class SilhouetteRepair {
  public:
   /// `bounds` is the reconstructed space (world, metres). Defects narrower than about five voxels
   /// in the image are not found; with colours, three.
-  ///   ///
+  ///
   /// Throws InputError as Intersector does.
   SilhouetteRepair(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 

@@ -1,6 +1,6 @@
 #include "recon/surface/belief_propagation.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/surface/belief_propagation.cc"
@@ -26,13 +26,13 @@ using Shorts = hn::CappedTag<int16_t, kLabels / 2>;
 using BytesOfShorts = hn::Rebind<uint8_t, Shorts>;
 constexpr size_t kInRegister = hn::MaxLanes(Shorts());
 
-/// Calls work(first label) for each register of costs.
+/// Calls work(first label) for each register of labels.
 template <class Work>
 HWY_INLINE void for_each_register(const Work& work) {
   for (size_t k = 0; k < kLabels; k += kInRegister) work(k);
 }
 
-/// Costs of an incoming message, for labels from `k` on.
+/// Costs of an incoming message, from label `k` on.
 HWY_INLINE hn::Vec<Shorts> incoming_at(const Message& incoming, size_t k) {
   return hn::PromoteTo(Shorts(), hn::Load(BytesOfShorts(), &incoming.of[k]));
 }
@@ -49,7 +49,7 @@ HWY_INLINE Costs belief(const Costs& own, const Message* incoming, size_t count)
   return sum;
 }
 
-/// A byte for each label.
+/// One byte for each label.
 using Bytes = hn::CappedTag<uint8_t, kLabels / 2>;
 constexpr int kInBytes = static_cast<int>(hn::MaxLanes(Bytes()));
 constexpr int kRegisters = kLabels / kInBytes;
@@ -66,25 +66,25 @@ HWY_INLINE Labels load(const Message& message) {
 }
 
 /// Belief without one incoming message, minus its minimum.
-HWY_INLINE Labels rest_of(const Costs& belief, const Message& incoming) {
+HWY_INLINE Labels belief_without(const Costs& belief, const Message& incoming) {
   const Shorts shorts;
-  Costs rest;
-  auto least = hn::Set(shorts, INT16_MAX);
+  Costs remaining;
+  auto min_cost = hn::Set(shorts, INT16_MAX);
   for_each_register([&](size_t k) {
     const auto lanes = hn::Sub(hn::Load(shorts, &belief.of[k]), incoming_at(incoming, k));
-    hn::Store(lanes, shorts, &rest.of[k]);
-    least = hn::Min(least, lanes);
+    hn::Store(lanes, shorts, &remaining.of[k]);
+    min_cost = hn::Min(min_cost, lanes);
   });
-  least = hn::MinOfLanes(shorts, least);
-  Message above;
+  min_cost = hn::MinOfLanes(shorts, min_cost);
+  Message message;
   for_each_register([&](size_t k) {
-    const auto lanes = hn::Sub(hn::Load(shorts, &rest.of[k]), least);
-    hn::Store(hn::DemoteTo(BytesOfShorts(), lanes), BytesOfShorts(), &above.of[k]);
+    const auto lanes = hn::Sub(hn::Load(shorts, &remaining.of[k]), min_cost);
+    hn::Store(hn::DemoteTo(BytesOfShorts(), lanes), BytesOfShorts(), &message.of[k]);
   });
-  return load(above);
+  return load(message);
 }
 
-/// Costs shifted by kFar labels (kFar < 0: to the left); `none` where there are none.
+/// Costs shifted by kFar labels (kFar < 0: to the left). Labels beyond the end get `none`.
 template <int kFar>
 HWY_INLINE hn::Vec<Bytes> shifted(const Labels& labels, int of, hn::Vec<Bytes> none) {
   const auto at = [&](int r) { return r >= 0 && r < kRegisters ? labels.of[r] : none; };
@@ -99,7 +99,7 @@ HWY_INLINE hn::Vec<Bytes> shifted(const Labels& labels, int of, hn::Vec<Bytes> n
 #endif
 }
 
-/// Relaxes every label from those kFar labels away, at the cost `price`.
+/// Reduces the cost of every label to that of the labels kFar away plus `price`.
 template <int kFar>
 HWY_INLINE Labels reach(uint8_t price, const Labels& costs) {
   const Bytes bytes;
@@ -114,22 +114,22 @@ HWY_INLINE Labels reach(uint8_t price, const Labels& costs) {
 
 /// Outgoing message along an edge: for each label of the receiver the smallest cost of the sender,
 /// minus the minimum. The mean with the previous message damps oscillations in loops. Halves are
-/// rounded up and down in turns, because otherwise they would never vanish.
+/// rounded up and down alternately, because otherwise they would never vanish.
 HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope, int round,
                      const Message& before, Message& sent) {
   const Bytes bytes;
   static_assert(BeliefPropagation::kMaxStep == 8, "1 + 2 + 4 labels can be crossed");
-  Labels now = rest_of(belief, incoming);
+  Labels now = belief_without(belief, incoming);
   now = reach<1>(slope, now);
   now = reach<2>(static_cast<uint8_t>(2 * slope), now);
   now = reach<4>(static_cast<uint8_t>(4 * slope), now);
-  const auto most = hn::Set(bytes, static_cast<uint8_t>(BeliefPropagation::kMaxStep * slope));
+  const auto max_cost = hn::Set(bytes, static_cast<uint8_t>(BeliefPropagation::kMaxStep * slope));
   const auto turned = hn::Set(bytes, round % 2 == 0 ? 0 : UINT8_MAX);
   const Labels was = load(before);
   for (int r = 0; r < kRegisters; ++r) {
     // AverageRound() rounds up; on complemented values that rounds down.
     const auto mean =
-        hn::AverageRound(hn::Xor(hn::Min(now.of[r], most), turned), hn::Xor(was.of[r], turned));
+        hn::AverageRound(hn::Xor(hn::Min(now.of[r], max_cost), turned), hn::Xor(was.of[r], turned));
     hn::Store(hn::Xor(mean, turned), bytes, &sent.of[kInBytes * r]);
   }
 }

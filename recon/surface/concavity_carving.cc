@@ -37,23 +37,23 @@ constexpr float kHiddenBehind = 0.6F;
 constexpr float kNoiseVariance = 2;  ///< squared grey values
 constexpr int kSmoothing = 2, kNormalSmoothing = 4;
 
-/// Correlation by which a depth must exceed one that is a step less deep, because many deep ones
-/// compete. With well calibrated cameras, the best near depth exceeds the mean of the far ones,
-/// nearly all of them wrong, by kContrast in the median. With less contrast, wrong depths win more
-/// often, and the cost grows with its cube.
+/// Correlation by which a depth must exceed one that is a step less deep, because many large depths
+/// compete. With well calibrated cameras, the best near depth exceeds the mean of the far depths by
+/// kContrast (median). Nearly all far depths are wrong. With less contrast, wrong depths win more
+/// often, and the step cost increases with its cube.
 constexpr float kStepCost = 1.0F / 64;
 constexpr float kContrast = 0.31F;
 constexpr float kMaxShortfall = 2;
 constexpr size_t kEveryContrast = 8;  ///< every n-th search is used for the contrast
-static_assert(VertexVisibility::kCapacity % kEveryContrast == 0, "the same ones by block");
+static_assert(VertexVisibility::kCapacity % kEveryContrast == 0, "blocks contain whole groups");
 constexpr float kUnit = 124;  ///< cost of a correlation that is lower by 1
 constexpr uint8_t kSlope = 31;
 constexpr int kRounds = 4;
 
-/// Least correlation with another camera for a camera to count as seeing the place.
+/// Smallest correlation with another camera for a camera to count as seeing the place.
 constexpr float kAgreeing = 0.4F;
-// Votes for empty along a ray, voxels from the place: the first, and the last, where an oblique ray
-// leaves the hull. Votes count one voxel around.
+// Votes for empty along a ray: distance of the first vote from the place, voxels. The last vote is
+// where an oblique ray leaves the hull. Votes are summed over neighbouring voxels.
 constexpr float kFirstFree = 3.5F;
 constexpr float kMaxSlant = 3, kBeyondSkin = 2;
 constexpr int kVotesInwards = 5;  ///< votes for occupied, voxels from the place inwards
@@ -97,7 +97,7 @@ class ConcavityCarver::Impl {
     step_cost_ = find_step_cost();
     select_depths(found.samples);
 
-    // The surface that the votes expose shows the cameras more.
+    // On the surface that the votes expose, the cameras see more of the body.
     FreeSpaceVotes votes(volume);
     std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
     for (size_t voted = 0, pass = 1; pass < kPasses; ++pass) {
@@ -107,8 +107,8 @@ class ConcavityCarver::Impl {
       const std::vector<uint8_t> near = cut.bricks_near_more_than(opened);
       if (std::find(near.begin(), near.end(), 1) == near.end()) break;
       opened = cut.bricks();
-      marching_cubes_.run(cut.remaining(), left_);
-      search_surface(cameras, left_, kEveryInLaterPasses, [&](const Vector3f& place) {
+      marching_cubes_.run(cut.remaining(), remaining_);
+      search_surface(cameras, remaining_, kEveryInLaterPasses, [&](const Vector3f& place) {
         const int brick = votes.brick_at(place);
         return brick >= 0 && near[brick] != 0;
       });
@@ -133,12 +133,12 @@ class ConcavityCarver::Impl {
  private:
   static constexpr uint32_t kNoNode = UINT32_MAX;
 
-  /// The depth search of one vertex; arrays are indexed by label.
+  /// Depth search of one vertex; arrays are indexed by label.
   struct VertexSearch {
     uint32_t vertex = 0;
     WindowViews views = {};
     std::array<float, kLabels> score{};       ///< see PairAgreement; 0 where not computed
-    std::array<uint8_t, kLabels> agreeing{};  ///< likewise
+    std::array<uint8_t, kLabels> agreeing{};  ///< see PairAgreement; 0 where not computed
 
     bool has_views() const { return views.count >= 2; }
     /// Best score of the near depths minus the mean of the far ones.
@@ -202,7 +202,7 @@ class ConcavityCarver::Impl {
     }
   }
 
-  /// `all`: correlates the far depths even when no near one is bad enough to need them.
+  /// `all`: correlates the far depths even when a near depth is good enough.
   static void compare(const WindowViews& views, VertexSearch& search, bool all) {
     search.views = views;
     keep(kNear, search.views);
@@ -211,7 +211,7 @@ class ConcavityCarver::Impl {
     if (all || needs_far_depths(search)) compare(kFar, kDepthSteps, search);
   }
 
-  /// Scores of half of the labels, from `first` on, which is the last depth of the profile.
+  /// Scores of kDepthSteps labels from `first` on. Label `first` is the last depth of the profile.
   static void compare(const CorrelationOptions& depths, int first, VertexSearch& search) {
     PairAgreement half;
     correlate_pairs(search.views, depths, kAgreeing, half);
@@ -286,7 +286,8 @@ class ConcavityCarver::Impl {
     }
   }
 
-  /// Selects a depth per search by BeliefPropagation; appends the samples that cameras agree about.
+  /// Selects a depth for each search by BeliefPropagation, and appends the samples on which cameras
+  /// agree.
   void select_depths(std::vector<StereoSample>& found) {
     compute_costs();
     connect();
@@ -331,7 +332,7 @@ class ConcavityCarver::Impl {
     });
   }
 
-  /// camera_of(number) is null for a camera that does not count.
+  /// camera_of(number) is null for a camera that is excluded.
   template <class CameraOf>
   void vote(const StereoSample& sample, const CameraOf& camera_of, FreeSpaceVotes& votes) const {
     const float last = kMaxSlant * sample.depth_m / voxel_ + kBeyondSkin;
@@ -357,12 +358,12 @@ class ConcavityCarver::Impl {
     return cut;
   }
 
-  /// Voxels of the cut that explain foreground of some camera, such as a blade that was taken for
-  /// empty space.
+  /// Voxels of the cut that explain foreground of a camera, such as a blade that the votes declared
+  /// empty.
   std::vector<Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
                                    const VolumeCut& cut, std::span<const Mask> before) {
-    marching_cubes_.run(cut.remaining(), left_);
-    draw_depths(left_, cameras.models, depths_, Faces::kFront);
+    marching_cubes_.run(cut.remaining(), remaining_);
+    draw_depths(remaining_, cameras.models, depths_, Faces::kFront);
     std::vector<Mask> open(cameras.cameras.size());
     tbb::parallel_for(size_t{0}, open.size(),
                       [&](size_t c) { open[c] = uncovered_pixels(before[c], depths_[c]); });
@@ -383,7 +384,7 @@ class ConcavityCarver::Impl {
   std::vector<BeliefPropagation::Edge> edges_;
   BeliefPropagation labels_;
   MarchingCubes marching_cubes_;
-  Mesh left_;  ///< surface of the remaining volume
+  Mesh remaining_;  ///< surface of the remaining volume
 };
 
 ConcavityCarver::ConcavityCarver() : impl_(std::make_unique<Impl>()) {}

@@ -14,7 +14,7 @@
 
 namespace v3d {
 
-/// A place that cameras agree about: the accepted depth of one vertex.
+/// Stereo sample: the accepted depth of one vertex, on which cameras agree.
 struct StereoSample {
   static constexpr size_t kMaxCameras = 6;
   Eigen::Vector3f place;     ///< world, metres
@@ -59,15 +59,15 @@ struct NeighbourSamples {
 /// pulses vote too, camera by camera, where the image did not change, so that static parts are
 /// carved alike at every pulse.
 ///
-/// The paper deforms the mesh of the hull as it is. A mesh that is pushed into a concavity keeps
-/// the skin over it as walls, so the volume must change first.
+/// The paper deforms the mesh of the hull itself. When a mesh is pushed into a concavity, the
+/// hull's surface in front of the concavity remains as walls. So the volume must be carved first.
 ///
 /// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic:
 /// independent of thread count and instruction set.
 ///
-/// Source: after the probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007); with
-/// belief propagation on the surface instead of depth maps, and a majority vote instead of a
-/// minimum cut.
+/// Source: based on the probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007).
+/// It uses belief propagation on the surface instead of depth maps, and a majority vote instead of
+/// a minimum cut.
 class ConcavityCarver {
  public:
   ConcavityCarver();

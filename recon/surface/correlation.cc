@@ -1,6 +1,6 @@
 #include "recon/surface/correlation.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/surface/correlation.cc"
@@ -19,17 +19,17 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/simd_int16.inc"
 
-// A lane is a depth: no sum goes across lanes, so their number does not matter.
+// Each lane is a depth. No sum crosses lanes, so the number of lanes has no influence.
 static_assert(kDepthSteps % kLanes == 0);
 
 HWY_INLINE Lanes lanes_at(const float* from) { return Lanes(hn::Load(Floats(), from)); }
 HWY_INLINE void put(Lanes value, float* to) { hn::Store(value.v, Floats(), to); }
 
-// Places are whole numbers of 1 / 65,536 of a pixel.
+// Coordinates are integers in units of 1 / 65,536 pixel.
 constexpr float kPlaceOne = 65536;
 
-// A sample is a whole number, so many to a grey value: two of them share a lane, and the sum of all
-// products of the largest window fits in one.
+// Samples are integers with kSampleOne units per grey value. Two samples share a lane, and the sum
+// of all products of the largest window fits in a lane.
 constexpr int kSampleShift = 18;
 constexpr float kSampleOne = 127.0F * 32767 / (1 << kSampleShift);
 constexpr auto kMaxSample = static_cast<int64_t>(255 * kSampleOne);
@@ -39,12 +39,12 @@ constexpr int kMaxPairs = (kMaxWindowSide * kMaxWindowSide + 1) / 2;
 
 /// Samples of a window at kLanes depths.
 struct Patch {
-  alignas(64) int32_t pair[kMaxPairs][kLanes];  ///< the first of each two in the low half
+  alignas(64) int32_t pair[kMaxPairs][kLanes];  ///< two samples; the first is in the low half
   alignas(64) float sum[kLanes];
   alignas(64) float inverse_deviation[kLanes];  ///< 1 / sqrt(sum of squared differences)
 };
 
-/// Where the samples of a window lie, from its middle.
+/// Positions of the samples of a window relative to its centre.
 struct Offsets {
   int32_t u[kMaxWindowSide * kMaxWindowSide + 1], v[kMaxWindowSide * kMaxWindowSide + 1];
 };
@@ -65,14 +65,14 @@ void find_offsets(const WindowView& view, int side, Offsets& offsets) {
   }
 }
 
-/// Between the pixels of a Luminance, times 2^kSampleShift; (u, v) must lie in it.
+/// Interpolates a Luminance at (u, v), times 2^kSampleShift. (u, v) must lie inside the image.
 HWY_INLINE IntLanes sample(const int32_t* quads, IntLanes row_length, IntLanes u, IntLanes v) {
   const auto pixel = hn::Or(hn::And(v, all(0xFFFF0000)), hn::ShiftRight<16>(u));
   const auto quad = hn::GatherIndex(Ints(), quads, products_of_halves(pixel, row_length));
-  // Along the rows by 127ths: 127 - right and right, for both.
+  // Interpolate along both rows in units of 1/127, with weights 127 - right and right.
   const auto right = hn::And(hn::ShiftRight<1>(second_byte_everywhere(u)), all(0x7F7F7F7F));
   const auto rows = products_of_bytes(quad, hn::Xor(right, all(0x007F007F)));
-  // Between them by 32,767ths.
+  // Interpolate between the rows in units of 1/32,767.
   const auto down = hn::And(hn::ShiftRight<1>(low_half_everywhere(v)), all(0x7FFF7FFF));
   return products_of_halves(rows, hn::Xor(down, all(0x00007FFF)));
 }
@@ -128,7 +128,7 @@ void correlate_any(const WindowViews& views, const CorrelationOptions& options,
   Patch reference, other;
   alignas(64) float steps[kDepthSteps];
   for (int k = 0; k < kDepthSteps; ++k) steps[k] = options.first + static_cast<float>(k);
-  const Lanes least(options.robust ? 0.0F : -1.0F);
+  const Lanes min_ncc(options.robust ? 0.0F : -1.0F);
   for (size_t k = 0; k < kDepthSteps; k += kLanes) {
     const Lanes depth = lanes_at(steps + k);
     take(views.view[0], options.side, options.noise, depth, reference);
@@ -136,7 +136,7 @@ void correlate_any(const WindowViews& views, const CorrelationOptions& options,
     for (int c = 1; c < views.count; ++c) {
       take(views.view[c], options.side, options.noise, depth, other);
       const Lanes ncc = correlation(reference, other, options.side * options.side);
-      sum = sum + Lanes(hn::Max(ncc.v, least.v));
+      sum = sum + Lanes(hn::Max(ncc.v, min_ncc.v));
     }
     const Lanes mean = sum * (1 / static_cast<float>(views.count - 1));
     hn::StoreU(mean.v, Floats(), profile.data() + k);
@@ -146,10 +146,11 @@ void correlate_any(const WindowViews& views, const CorrelationOptions& options,
 HWY_INLINE Lanes higher(Lanes a, Lanes b) { return Lanes(hn::Max(a.v, b.v)); }
 HWY_INLINE Lanes lower(Lanes a, Lanes b) { return Lanes(hn::Min(a.v, b.v)); }
 
-/// Of kLanes depths.
+/// Scores at kLanes depths.
 struct Pairs {
   alignas(64) float score[kLanes];
-  alignas(64) float best_of[kMaxWindowViews][kLanes];  ///< of each view with any other
+  /// Largest correlation of each view with another view.
+  alignas(64) float best_of[kMaxWindowViews][kLanes];
 };
 
 HWY_INLINE void compare_pairs(std::span<const Patch> patches, int samples, Pairs& pairs) {
@@ -166,8 +167,8 @@ HWY_INLINE void compare_pairs(std::span<const Patch> patches, int samples, Pairs
   put(Lanes(0.5F) * (best + second), pairs.score);
 }
 
-void correlate_pairs_any(const WindowViews& views, const CorrelationOptions& options, float least,
-                         PairAgreement& agreement) {
+void correlate_pairs_any(const WindowViews& views, const CorrelationOptions& options,
+                         float min_correlation, PairAgreement& agreement) {
   std::array<Patch, kMaxWindowViews> patches;
   Pairs pairs;
   alignas(64) float steps[kDepthSteps];
@@ -180,7 +181,7 @@ void correlate_pairs_any(const WindowViews& views, const CorrelationOptions& opt
     for (size_t lane = 0; lane < kLanes; ++lane) {
       uint32_t agreeing = 0;
       for (int c = 0; c < views.count; ++c) {
-        agreeing |= static_cast<uint32_t>(pairs.best_of[c][lane] >= least) << c;
+        agreeing |= static_cast<uint32_t>(pairs.best_of[c][lane] >= min_correlation) << c;
       }
       agreement.score[k + lane] = pairs.score[lane];
       agreement.agreeing[k + lane] = static_cast<uint8_t>(agreeing);
@@ -206,7 +207,7 @@ bool window_fits(const WindowView& view, const CorrelationOptions& options) {
   const float v_reach = half * (std::abs(view.v_across) + std::abs(view.v_down));
   for (const float depth : {options.first, last}) {
     const float u = view.u + depth * view.u_out, v = view.v + depth * view.v_out;
-    // Half a pixel for rounding.
+    // A margin of half a pixel for rounding.
     if (!(u - u_reach > 0.5F && v - v_reach > 0.5F &&
           u + u_reach < static_cast<float>(view.image->width()) - 1.5F &&
           v + v_reach < static_cast<float>(view.image->height()) - 1.5F)) {
@@ -220,9 +221,9 @@ void correlate(const WindowViews& views, const CorrelationOptions& options, Dept
   HWY_DYNAMIC_DISPATCH(correlate_any)(views, options, profile);
 }
 
-void correlate_pairs(const WindowViews& views, const CorrelationOptions& options, float least,
-                     PairAgreement& agreement) {
-  HWY_DYNAMIC_DISPATCH(correlate_pairs_any)(views, options, least, agreement);
+void correlate_pairs(const WindowViews& views, const CorrelationOptions& options,
+                     float min_correlation, PairAgreement& agreement) {
+  HWY_DYNAMIC_DISPATCH(correlate_pairs_any)(views, options, min_correlation, agreement);
 }
 
 }  // namespace v3d

@@ -42,7 +42,7 @@ struct CorrelationOptions {
 struct PairAgreement {
   /// Mean of the correlations of the two pairs that agree best; negative ones count as 0.
   DepthProfile score{};
-  /// One bit per view: set where it correlates with another view by `least` or more.
+  /// One bit per view: set where it correlates with another view by `min_correlation` or more.
   std::array<uint8_t, kDepthSteps> agreeing{};
 };
 
@@ -56,9 +56,9 @@ bool window_fits(const WindowView& view, const CorrelationOptions& options);
 /// instruction set gives the same bits.
 void correlate(const WindowViews& views, const CorrelationOptions& options, DepthProfile& profile);
 
-/// Correlation of every pair of views, without a reference. Requirements as for correlate();
-/// `robust` is ignored.
-void correlate_pairs(const WindowViews& views, const CorrelationOptions& options, float least,
-                     PairAgreement& agreement);
+/// Correlation of every pair of views, without a reference camera. `min_correlation`: see
+/// PairAgreement::agreeing. Requirements as for correlate(); `robust` is ignored.
+void correlate_pairs(const WindowViews& views, const CorrelationOptions& options,
+                     float min_correlation, PairAgreement& agreement);
 
 }  // namespace v3d

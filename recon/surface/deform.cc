@@ -40,8 +40,8 @@ constexpr Round kSearchRounds[] = {
     {1, 2.0F, 0.6F, -11, 3, false}, {0, 1.2F, 0.3F, -8, 2, true}, {0, 1.0F, 0.2F, -8, 1, true}};
 constexpr Round kPaperRound{0, 1.0F, 0.25F, -8, 1, true};
 
-// Factors of the weights of equation (1) in search mode, measured so that the paper's values are
-// the best.
+// Factors of the weights of equation (1) in search mode, chosen by measurement so that the weights
+// of the paper give the best result.
 constexpr double kSmoothnessOfInternal = 1.0;
 constexpr double kWeightOfPhotometric = 2.5;
 constexpr double kPullOfSilhouette = 0.05;

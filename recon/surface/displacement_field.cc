@@ -1,6 +1,6 @@
 #include "recon/surface/displacement_field.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/surface/displacement_field.cc"
@@ -22,12 +22,11 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Values = DisplacementField::Values;
 
-// A lane is a vertex. No operation crosses lanes, so their number has no influence on the result.
+// Each lane is a vertex. No operation crosses lanes, so the number of lanes has no influence.
 constexpr size_t kWidth = NeighbourRows::kWidth;
 static_assert(kWidth % kLanes == 0);
 
-/// Weight of a best depth at the end of the profile, which may be the slope of a higher peak
-/// beyond.
+/// Weight of a best depth at the end of the profile, where a higher peak may lie beyond the end.
 constexpr float kEndWeight = 0.2F;
 
 HWY_INLINE Lanes get(const Values& values, size_t lane) {
@@ -43,9 +42,9 @@ HWY_INLINE Lanes positive(Lanes a) { return Lanes(hn::Max(a.v, hn::Zero(Floats()
 
 /// Maximum of the profile minus `coupling` times the squared distance from the field.
 struct Peak {
-  Lanes at;                   ///< index of the depth
-  Lanes most, before, after;  ///< value there, one step before and one behind, if these exist
-  Lanes correlation;          ///< of the profile itself
+  Lanes at;                    ///< index of the depth
+  Lanes value, before, after;  ///< value there, one step before and one after, if these exist
+  Lanes correlation;           ///< of the profile itself
 };
 
 HWY_INLINE Peak find_peak(const DisplacementField::DataTerms& terms, size_t lane, Lanes field,
@@ -62,8 +61,8 @@ HWY_INLINE Peak find_peak(const DisplacementField::DataTerms& terms, size_t lane
     const Lanes profile = get(terms.profile[k], lane), before = value;
     value = value_at(k, profile);
     peak.after = either(higher, value, peak.after);
-    higher = hn::Gt(value.v, peak.most.v);
-    peak.most = either(higher, value, peak.most);
+    higher = hn::Gt(value.v, peak.value.v);
+    peak.value = either(higher, value, peak.value);
     peak.before = either(higher, before, peak.before);
     peak.at = either(higher, Lanes(static_cast<float>(k)), peak.at);
     peak.correlation = either(higher, profile, peak.correlation);
@@ -80,7 +79,7 @@ HWY_INLINE void pick_targets(const DisplacementField::DataTerms& terms, size_t l
   const Peak peak = find_peak(terms, lane, field, options.first, coupling);
   const auto inside = hn::And(hn::Gt(peak.at.v, hn::Zero(floats)),
                               hn::Lt(peak.at.v, hn::Set(floats, kDepthSteps - 1)));
-  const Lanes bend = peak.before - Lanes(2.0F) * peak.most + peak.after;
+  const Lanes bend = peak.before - Lanes(2.0F) * peak.value + peak.after;
   const auto bends = hn::And(inside, hn::Lt(bend.v, hn::Zero(floats)));
   const Lanes top = Lanes(0.5F) * (peak.before - peak.after) / either(bends, bend, Lanes(1.0F));
   const Lanes kept(hn::Clamp(top.v, hn::Set(floats, -0.5F), hn::Set(floats, 0.5F)));

@@ -48,15 +48,15 @@ void FreeSpaceVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
   has_free_[brick].store(true, std::memory_order_relaxed);
 }
 
-std::vector<Brick> FreeSpaceVotes::free_voxels(int least) const {
-  V3D_CHECK(least >= 1);
+std::vector<Brick> FreeSpaceVotes::free_voxels(int min_votes) const {
+  V3D_CHECK(min_votes >= 1);
   std::vector<Brick> result(volume_.bricks().size(), kEmptyBrick);
   const auto has_free = [&](int brick) {
     return brick >= 0 && has_free_[brick].load(std::memory_order_relaxed);
   };
   tbb::parallel_for(size_t{0}, result.size(), [&](size_t b) {
     const BricksAround around = bricks_around(volume_, b);
-    if (std::ranges::none_of(around, has_free)) return;  // as most are
+    if (std::ranges::none_of(around, has_free)) return;  // true for most bricks
     const auto counts_of = [&](size_t brick, int row) {
       BrickRow<uint64_t> counts;
       for (int x = 0; x < kBrickEdge; ++x) {
@@ -72,7 +72,7 @@ std::vector<Brick> FreeSpaceVotes::free_voxels(int least) const {
     for (int voxel = 0; voxel < 512; ++voxel) {
       const auto free = static_cast<uint32_t>(sums[voxel]),
                  occupied = static_cast<uint32_t>(sums[voxel] >> 32);
-      if (free >= static_cast<uint32_t>(least) && free > occupied) {
+      if (free >= static_cast<uint32_t>(min_votes) && free > occupied) {
         result[b][voxel / 64] |= uint64_t{1} << (voxel % 64);
       }
     }

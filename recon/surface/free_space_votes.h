@@ -1,4 +1,5 @@
-// Free-space votes: cameras that agree on a depth vote against all voxels in front of it.
+// Free-space votes: counts, by voxel, how many camera rays cross it and how many surface samples
+// lie in it.
 #pragma once
 
 #include <atomic>
@@ -31,15 +32,15 @@ class FreeSpaceVotes {
     vote(place, kOccupied * votes);
   }
 
-  /// The occupied voxels with at least `least` votes for empty (1 or more) and more of them than
-  /// votes for occupied. Votes are summed over the voxel and the 26 around it. The result has one
-  /// brick for each of the volume's. Works in the caller's TBB arena.
-  std::vector<Brick> free_voxels(int least) const;
+  /// The occupied voxels with at least `min_votes` votes for empty (1 or more) and fewer votes for
+  /// occupied than for empty. Votes are summed over the voxel and its 26 neighbours. The result has
+  /// one brick for each brick of the volume. Works in the caller's TBB arena.
+  std::vector<Brick> free_voxels(int min_votes) const;
 
  private:
-  // Both counts in one number, so that votes are one addition. A count that has reached kMaxVotes
-  // takes no more, so it stays below kMaxVotes + 256 and never reaches the other half. A frame
-  // gives a voxel some thousands.
+  // Both counts share one number, so that a vote is one addition. A count that has reached
+  // kMaxVotes is not increased. So it stays below kMaxVotes + 256 and never reaches the other half.
+  // A voxel gets some thousand votes per frame.
   static constexpr uint32_t kFree = 1, kOccupied = 1 << 16;
   static_assert(kMaxVotes + UINT8_MAX < kOccupied);
   /// The voxel; empty where there can be none.
@@ -51,7 +52,7 @@ class FreeSpaceVotes {
   const Eigen::Vector3f origin_;
   const float per_metre_;
   std::vector<std::atomic<uint32_t>> votes_;  ///< 512 a brick
-  std::vector<std::atomic<bool>> has_free_;   ///< bricks with voxels that were seen through
+  std::vector<std::atomic<bool>> has_free_;   ///< bricks that rays crossed
 };
 
 }  // namespace v3d

@@ -17,7 +17,7 @@ constexpr int kReach = 1;  ///< pixels of the level to each side that are compar
 constexpr float kStill = 1.5F;
 constexpr float kMoving = 3;
 /// Largest change of an outline without motion, pixels of picture(0).
-constexpr float kTremble = 3;
+constexpr float kMaxOutlineShift = 3;
 
 int lattice_place(float at, float scale, float first) {
   return static_cast<int>(std::floor(at * scale - first + 0.5F));
@@ -47,9 +47,9 @@ std::optional<float> difference(const Luminance& a, const Luminance& b, const Ve
 
 /// True when no foreground is near the pixel.
 bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
-  const float tremble = kTremble * camera.coarseness();
-  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(tremble, 0), Vector2f(-tremble, 0),
-                                Vector2f(0, tremble), Vector2f(0, -tremble)}) {
+  const float shift = kMaxOutlineShift * camera.coarseness();
+  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(shift, 0), Vector2f(-shift, 0),
+                                Vector2f(0, shift), Vector2f(0, -shift)}) {
     if (camera.in_silhouette(pixel + aside)) return false;
   }
   return true;

@@ -1,4 +1,4 @@
-// Motion mask: did the image of one camera change between two pulses?
+// Motion mask: where the image of one camera did not change between two pulses.
 #pragma once
 
 #include "recon/visibility/surface_camera.h"

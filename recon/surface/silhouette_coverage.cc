@@ -12,23 +12,23 @@
 namespace v3d {
 namespace {
 
-/// Pixels: surfaces of voxels cover outlines that well.
+/// Pixels by which surfaces of voxels may miss the outline.
 constexpr int kRim = 1;
 
-/// Voxels of a brick, and where they are.
+/// Voxels of a brick: their numbers and positions.
 struct VoxelBlock {
   std::array<uint16_t, PointBlock::kCapacity> number;
   PointBlock places;
 };
 
-/// Calls work(VoxelBlock) for all voxels, a block at a time.
+/// Calls work(VoxelBlock) for all voxels, in blocks.
 template <class Work>
 void for_each_block(const VoxelGrid& grid, const BrickCoord& at, const Brick& voxels,
                     VoxelBlock& block, const Work& work) {
   block.places.count = 0;
   for (int z = 0; z < kBrickEdge; ++z) {
-    for (uint64_t rest = voxels[z]; rest != 0; rest &= rest - 1) {
-      const int bit = std::countr_zero(rest);
+    for (uint64_t bits = voxels[z]; bits != 0; bits &= bits - 1) {
+      const int bit = std::countr_zero(bits);
       const size_t i = block.places.count++;
       block.number[i] = static_cast<uint16_t>(64 * z + bit);
       block.places.set(
@@ -41,14 +41,14 @@ void for_each_block(const VoxelGrid& grid, const BrickCoord& at, const Brick& vo
   if (block.places.count > 0) work(block);
 }
 
-/// The pixels of a mask for which chosen(x, y).
+/// The pixels of a mask for which chosen(x, y) is true.
 template <class Chosen>
 Mask those_of(const Mask& mask, const Chosen& chosen) {
   Mask those(mask.size());
   for (int y = 0; y < mask.size().height; ++y) {
     for (int w = 0; w < mask.words_per_row(); ++w) {
-      for (uint64_t rest = mask.row(y)[w]; rest != 0; rest &= rest - 1) {
-        const int x = 64 * w + std::countr_zero(rest);
+      for (uint64_t bits = mask.row(y)[w]; bits != 0; bits &= bits - 1) {
+        const int x = 64 * w + std::countr_zero(bits);
         if (chosen(x, y)) those.set(x, y);
       }
     }
@@ -75,7 +75,7 @@ Mask uncovered_pixels(const Mask& before, const DepthBuffer& after) {
 
 std::vector<Brick> voxels_at(std::span<const Mask> pixels, std::span<const SurfaceCamera> cameras,
                              const SparseVolume& volume, std::span<const Brick> some) {
-  std::vector<size_t> open;  // cameras that have such pixels
+  std::vector<size_t> open;  // cameras with pixels
   for (size_t c = 0; c < cameras.size(); ++c) {
     if (!pixels[c].bounding_box().empty()) open.push_back(c);
   }

@@ -16,9 +16,9 @@ constexpr float kSearchPixels = 8;   ///< how far the observed outline may be
 constexpr float kStepPixels = 0.25F;
 constexpr float kProbeMetres = 0.005F;
 
-/// The way from `from` along `direction` to the nearest change of `inside`: outwards from an inner
-/// pixel, inwards from an outer one. `direction` is as long as one of picture(0)'s pixels, and the
-/// answer is in such lengths.
+/// Signed distance from `from` along `direction` to the nearest change of `inside`: outwards from
+/// an inner pixel, inwards from an outer one. `direction` has the length of one pixel of
+/// picture(0), and so has the unit of the result.
 template <class Inside>
 std::optional<float> outline_along(const Vector2f& from, const Vector2f& direction, float reach,
                                    const Inside& inside) {
@@ -36,7 +36,8 @@ bool deep_inside(const Vector2f& pixel, ImageSize size, float room) {
          pixel.y() < static_cast<float>(size.height) - room;
 }
 
-/// Eight bytes, each 0 or 1, as the bits of one, the first the lowest.
+/// Packs eight bytes, each 0 or 1, into the bits of one byte; the first byte becomes the lowest
+/// bit.
 uint64_t bits_of_bytes(const uint8_t* bytes) {
   uint64_t word = 0;
   std::memcpy(&word, bytes, sizeof word);

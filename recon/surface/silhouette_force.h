@@ -1,4 +1,5 @@
-// Silhouette preserving force. Source: equation (6) of the paper.
+// Silhouette force: displacement of outline vertices to the observed outline. Source: equation (6)
+// of the paper (silhouette preserving force).
 #pragma once
 
 #include <optional>
@@ -7,8 +8,8 @@
 
 namespace v3d {
 
-/// Pixels near the outline of the mesh in `camera`: all where a vertex may lie on the outline, and
-/// a few more. `depth` is the depth buffer of the mesh.
+/// The pixels of `camera` near the outline of the mesh. They include all pixels where a vertex may
+/// lie on the outline. `depth` is the depth buffer of the mesh.
 Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
 
 /// Largest cosine between the normal of a vertex on an outline and the direction to the camera.

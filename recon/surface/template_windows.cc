@@ -10,7 +10,7 @@ namespace {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
-/// One of the window's axes; which, does not matter.
+/// An arbitrary axis of the window in the tangent plane.
 Vector3f axis_across(const Vector3f& normal) {
   const Vector3f other = std::abs(normal.z()) < 0.9F ? Vector3f::UnitZ() : Vector3f::UnitX();
   return normal.cross(other).normalized();
@@ -29,10 +29,10 @@ void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3
                        std::span<const SurfaceCamera> cameras,
                        std::span<const VertexVisibility> visibilities, const WindowOptions& options,
                        const CorrelationOptions& correlation) {
-  const int most = std::min(options.max_views, kMaxWindowViews);
+  const int max_views = std::min(options.max_views, kMaxWindowViews);
   for (size_t i = 0; i < places.size(); ++i) {
     candidates_[i].count = 0;
-    if (i % options.every == 0) choose_cameras(i, visibilities, most);
+    if (i % options.every == 0) choose_cameras(i, visibilities, max_views);
   }
   list_observers(normals.first(places.size()), options, cameras.size());
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -43,19 +43,19 @@ void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3
 }
 
 void WindowBlock::choose_cameras(size_t i, std::span<const VertexVisibility> visibilities,
-                                 int most) {
+                                 int max_views) {
   auto& [count, list] = candidates_[i];
   for (uint32_t c = 0; c < visibilities.size(); ++c) {
     const float facing = visibilities[c].seen[i];
-    if (facing < 0 || (count == most && !(facing > list[count - 1].facing))) continue;
-    int k = count < most ? count++ : count - 1;
+    if (facing < 0 || (count == max_views && !(facing > list[count - 1].facing))) continue;
+    int k = count < max_views ? count++ : count - 1;
     for (; k > 0 && list[k - 1].facing < facing; --k) list[k] = list[k - 1];
     list[k].facing = facing;
     list[k].camera = c;
   }
 }
 
-/// Sorts what is to be looked at by camera.
+/// Lists the windows by camera.
 void WindowBlock::list_observers(std::span<const Vector3f> normals, const WindowOptions& options,
                                  size_t cameras) {
   observers_.resize(cameras);
@@ -67,7 +67,8 @@ void WindowBlock::list_observers(std::span<const Vector3f> normals, const Window
   }
 }
 
-/// Finds the pixels beside the middles of all windows that the camera looks at, side by side.
+/// Projects, for all windows that the camera sees, the ends of one step along each window axis and
+/// along the normal.
 void WindowBlock::project_axes(std::span<const Vector3f> places, std::span<const Vector3f> normals,
                                const SurfaceCamera& camera, std::span<const Observer> observers,
                                const WindowOptions& options) {

@@ -24,7 +24,7 @@ class WindowBlock {
  public:
   /// For each vertex, the cameras that see it, most frontal first: C_v of the paper, with c_m at
   /// the front.
-  ///   ///
+  ///
   /// `visibilities` has one entry per camera, for the vertices at `places` (world, metres) with
   /// unit `normals`, at most VertexVisibility::kCapacity. A camera is left out when part of the
   /// window would lie outside its image. A vertex has no window when corners lie outside the
@@ -37,7 +37,7 @@ class WindowBlock {
   const WindowViews& views(size_t i) const { return views_[i]; }
 
  private:
-  /// A camera that sees the middle of a window, and the pixels beside it, one step along each axis.
+  /// A camera that sees the centre of a window: the pixels of one step along each axis.
   struct Candidate {
     float facing = 0;
     uint32_t camera = 0;
@@ -47,12 +47,12 @@ class WindowBlock {
     int count = 0;
     std::array<Candidate, kMaxWindowViews> list;
   };
-  /// A vertex of the block, and its candidate that is a certain camera.
+  /// An entry of a camera's list: a vertex of the block, and its candidate for this camera.
   struct Observer {
     size_t vertex;
     Candidate* candidate;
   };
-  void choose_cameras(size_t i, std::span<const VertexVisibility> visibilities, int most);
+  void choose_cameras(size_t i, std::span<const VertexVisibility> visibilities, int max_views);
   void list_observers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
                       size_t cameras);
   void project_axes(std::span<const Eigen::Vector3f> places,

@@ -17,8 +17,8 @@ using Eigen::Vector3f;
 
 constexpr float kMinFacing = 0.3F;     ///< cosine; grazing views measure depth badly
 constexpr float kHiddenBehind = 0.6F;  ///< voxels; see SurfaceCamera::sees()
-constexpr float kMaxSlant = 6;  ///< largest change of depth within a pixel, in widths of a pixel
-constexpr float kFarthest = 1;  ///< voxels: a surface farther away is another one
+constexpr float kMaxSlant = 6;     ///< largest change of depth within a pixel, in widths of a pixel
+constexpr float kMaxDistance = 1;  ///< voxels; surfaces farther apart are different surfaces
 constexpr int kNormalSmoothing = 2;
 
 /// Evidence of one adjacent pulse for a vertex.
@@ -49,14 +49,14 @@ std::optional<VertexView> see(const PulseViews::View& view, const Vector3f& plac
 }
 
 void add_camera(const PulseViews::View& now, const PulseViews::View& then, const VertexView& vertex,
-                float farthest_m, NeighbourEvidence& evidence) {
+                float max_distance_m, NeighbourEvidence& evidence) {
   const Vector2f& pixel = vertex.seen.pixel;
   evidence.static_part =
       std::min(evidence.static_part, static_weight(now.camera, then.camera, pixel));
   if (!then.camera.in_silhouette(pixel)) return;
   const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y());
   const float way = (then.depth.at(x, y) - now.depth.at(x, y)) * vertex.per_depth;
-  if (!(std::abs(way) <= farthest_m)) return;
+  if (!(std::abs(way) <= max_distance_m)) return;
   evidence.weight += vertex.facing;
   evidence.sum_m += vertex.facing * way;
 }
@@ -68,7 +68,7 @@ NeighbourEvidence gather_evidence(const PulseViews& now, const PulseViews& then,
     const auto here = now.view(c), there = then.view(c);
     if (!here || !there) continue;
     if (const auto vertex = see(*here, place, normal, voxel)) {
-      add_camera(*here, *there, *vertex, kFarthest * voxel, evidence);
+      add_camera(*here, *there, *vertex, kMaxDistance * voxel, evidence);
     }
   }
   return evidence;

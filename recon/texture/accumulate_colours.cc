@@ -1,6 +1,6 @@
 #include "recon/texture/accumulate_colours.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/texture/accumulate_colours.cc"
@@ -35,7 +35,8 @@ HWY_INLINE LaneMask within(Lanes v, float low, float high) {
   return hn::And(hn::Ge(v.v, hn::Set(floats, low)), hn::Lt(v.v, hn::Set(floats, high)));
 }
 
-/// Two cells along both axes, in widths of a cell: the largest lateral error of a PointDepthBuffer.
+/// The largest lateral error of a PointDepthBuffer: the diagonal of 2 x 2 cells, in widths of a
+/// cell.
 constexpr float kSlantReach = 2.83F;
 
 /// Capacity: a block of vertices, and one register more. After each test the remaining vertices are
@@ -71,7 +72,7 @@ struct View {
   LaneMask lanes;
 };
 
-/// The lanes of `view` that are not behind the surface in the depth buffer.
+/// The lanes of `view` that no surface in the depth buffer hides.
 HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
   const Floats floats;
   const Ints ints;
@@ -86,8 +87,8 @@ HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
   const Lanes sine2 = Lanes(1.0F) - square(view.facing);
   const Lanes slope = Lanes(hn::Sqrt(hn::Max(sine2.v, hn::Zero(floats)))) / view.facing;
   const Lanes give(hn::Min((slope * kSlantReach).v, hn::Set(floats, camera.max_slant)));
-  const Lanes most = nearest + camera.tolerance_m + give * camera.cell_m_per_m * view.z;
-  return hn::Le(view.z.v, most.v);
+  const Lanes max_z = nearest + camera.tolerance_m + give * camera.cell_m_per_m * view.z;
+  return hn::Le(view.z.v, max_z.v);
 }
 
 struct MaskBits {
@@ -110,8 +111,8 @@ HWY_INLINE MaskBits read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::V
   return {has(1), has(1U << 16)};
 }
 
-/// sample_colour() at (x, y), pixels of the picture, for every lane in `wanted`, which shrinks to
-/// the lanes that have a colour.
+/// sample_colour() at (x, y), pixels of the image, for every lane in `wanted`. On return, `wanted`
+/// contains the lanes that have a colour.
 HWY_INLINE Colour sample_one_by_one(const ImageView& picture, Lanes x, Lanes y, LaneMask& wanted) {
   const Floats floats;
   alignas(64) float across[kLanes], down[kLanes];
@@ -119,8 +120,8 @@ HWY_INLINE Colour sample_one_by_one(const ImageView& picture, Lanes x, Lanes y, 
   alignas(64) float found[kLanes] = {};
   hn::Store(x.v, floats, across);
   hn::Store(y.v, floats, down);
-  for (uint64_t rest = bits_of(wanted); rest != 0; rest &= rest - 1) {
-    const int i = std::countr_zero(rest);
+  for (uint64_t bits = bits_of(wanted); bits != 0; bits &= bits - 1) {
+    const int i = std::countr_zero(bits);
     if (const auto c = sample_colour(picture, across[i], down[i])) {
       for (int k = 0; k < 3; ++k) colour[k][i] = (*c)[k];
       found[i] = 1;
@@ -131,8 +132,8 @@ HWY_INLINE Colour sample_one_by_one(const ImageView& picture, Lanes x, Lanes y, 
   return {channel(0), channel(1), channel(2)};
 }
 
-/// The colours at all lanes in `lanes`, which shrinks to those that have one. (u, v) are pixel
-/// coordinates of PixelPoint.
+/// The colours at all lanes in `lanes`. On return, `lanes` contains those that have a colour. (u,
+/// v) are pixel coordinates of PixelPoint.
 HWY_INLINE Colour sample(const VertexCamera& camera, Lanes u, Lanes v, LaneMask& lanes) {
   const Frame& frame = *camera.frame;
   const ImageView picture = camera.demosaiced ? camera.demosaiced->view() : frame.image.view();
@@ -234,8 +235,8 @@ HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, LaneMask
   hn::StoreInterleaved4((weight * colour.channel[0]).v, (weight * colour.channel[1]).v,
                         (weight * colour.channel[2]).v, weight.v, Floats(), products);
   const uint64_t inner_bits = bits_of(inner);
-  for (uint64_t rest = bits_of(lanes); rest != 0; rest &= rest - 1) {
-    const int lane = std::countr_zero(rest);
+  for (uint64_t bits = bits_of(lanes); bits != 0; bits &= bits - 1) {
+    const int lane = std::countr_zero(bits);
     auto& sum = (inner_bits >> lane & 1 ? sums.inner : sums.rim)[number[lane]];
     for (int k = 0; k < 4; ++k) sum[k] += products[4 * lane + k];
   }

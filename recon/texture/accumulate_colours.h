@@ -35,7 +35,7 @@ struct VertexCamera {
   ColourMask mask;
   PointDepthBuffer depth;
   float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
-  float max_slant = 0;     ///< see TextureOptions::most_slant
+  float max_slant = 0;     ///< see TextureOptions::max_slant
   float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
   /// Weight of all samples. Empty: the square of `resolution` times cosine over depth, with the
   /// cosine between vertex normal and optical axis;

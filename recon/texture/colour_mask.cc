@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kReach = 2;  ///< pixels: as far as a Bayer sample reaches
 
-/// A row of a mask, its first and last pixel repeated for ever.
+/// A row of a mask; pixels beyond its ends have the value of the first or last pixel.
 class EndlessRow {
  public:
   EndlessRow(const Mask& mask, int y)

@@ -1,4 +1,5 @@
-// Which pixels of a frame are foreground, and where an interpolated colour may contain background.
+// Colour mask: which pixels of a frame are foreground, and where an interpolated colour may contain
+// background.
 #pragma once
 
 #include <cstdint>

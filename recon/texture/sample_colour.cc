@@ -1,4 +1,4 @@
-// Sub-pixel colour from raw images.
+// Interpolation of colours at sub-pixel positions of raw images.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,8 +8,8 @@
 namespace v3d {
 namespace {
 
-/// Mirrored about the first and the last pixel, which keeps even columns even: a sample beyond the
-/// border of a Bayer image comes from a pixel of its own colour.
+/// Index mirrored about the first and the last pixel. Mirroring preserves the parity, so a sample
+/// beyond the border of a Bayer image has the correct colour.
 int mirror(int i, int count) {
   if (i >= 0 && i < count) {
     return i;
@@ -45,9 +45,10 @@ float pixel_at(const ImageView& image, int x, int y, int step = 1, int channel =
   return image.bytes[(static_cast<size_t>(row) * image.size.width + column) * step + channel];
 }
 
-/// simd_sample_colour.inc does the same for many points at once: change both.
+/// simd_sample_colour.inc does the same for many points at once: change both together.
 Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
-  // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
+  // The pattern repeats every 2 x 2 pixels. Find the red pixel; the blue one is diagonally
+  // opposite.
   int red = 0;
   while (bayer_channel(image.format, red % 2, red / 2) != 0) {
     ++red;
@@ -57,8 +58,8 @@ Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
                     cell_of((v - static_cast<float>(y0)) / 2),
                     [&](int i, int j) { return pixel_at(image, 2 * i + x0, 2 * j + y0); });
   };
-  // Green lies where x + y has parity g. With a = (x + y - g) / 2 and b = (x - y - g) / 2 every
-  // pair of whole numbers (a, b) is one green pixel.
+  // Green pixels are where x + y has parity g. With a = (x + y - g) / 2 and b = (x - y - g) / 2
+  // every pair of integers (a, b) is one green pixel.
   const int g = bayer_channel(image.format, 0, 0) == 1 ? 0 : 1;
   const auto parity = static_cast<float>(g);
   const float green = bilinear(cell_of((u + v - parity) / 2), cell_of((u - v - parity) / 2),
@@ -72,8 +73,8 @@ Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
 std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v) {
   const bool inside =
       u >= -0.5 && v >= -0.5 && u < image.size.width - 0.5 && v < image.size.height - 0.5;
-  const int least = is_bayer(image.format) ? 2 : 1;
-  if (!inside || image.size.width < least || image.size.height < least) {
+  const int min_side = is_bayer(image.format) ? 2 : 1;
+  if (!inside || image.size.width < min_side || image.size.height < min_side) {
     return std::nullopt;
   }
   const auto x = static_cast<float>(u), y = static_cast<float>(v);

@@ -19,18 +19,18 @@ Rgb8 rounded(const Eigen::Vector3f& c) {
   return {byte(c.x()), byte(c.y()), byte(c.z())};
 }
 
-/// Equations (8) and (9) of the block's i-th vertex. Empty when no camera sees it.
+/// Equations (8) and (9) for the i-th vertex of the block. Empty when no camera sees it.
 std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
   const auto& [r, g, b, weight] = sums[i];
   const Eigen::Vector3f colour(r, g, b);
   return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
 }
 
-/// Blocks that one camera processes before the next: neighbours in the mesh are neighbours in the
-/// image, so its pixels are still in the cache.
+/// Number of blocks that one camera processes before the next camera. Neighbouring blocks are close
+/// to each other in the image, so its pixels are still in the cache.
 constexpr size_t kGroup = 8;
 
-/// Colours of the block's vertices, `first` and following.
+/// Colours of the vertices of a block, from `first` on.
 void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colours,
                   std::vector<uint8_t>& known) {
   const size_t count = std::min(PointArrays::kBlock, colours.size() - first);
@@ -65,7 +65,7 @@ void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices
   });
 }
 
-/// The triangles with a vertex of unknown colour: the only ones that matter for the fill.
+/// The triangles with a vertex of unknown colour. Only these change during the fill.
 std::vector<std::array<uint32_t, 3>> unfinished(const std::vector<std::array<uint32_t, 3>>& from,
                                                 const std::vector<uint8_t>& known) {
   std::vector<std::array<uint32_t, 3>> result;
@@ -74,8 +74,8 @@ std::vector<std::array<uint32_t, 3>> unfinished(const std::vector<std::array<uin
   return result;
 }
 
-/// One pass: unknown vertices take the mean of the known corners of their triangles. Sums are whole
-/// numbers and the pass reads only what the pass before wrote: any order gives the same.
+/// One pass: unknown vertices get the mean of the known corners of their triangles. Sums are
+/// integers, and a pass reads only results of the previous one, so the order has no influence.
 bool spread(const std::vector<std::array<uint32_t, 3>>& triangles, std::vector<Rgb8>& colours,
             std::vector<uint8_t>& known, std::vector<std::array<uint32_t, 4>>& sums) {
   for (const auto& t : triangles) {

@@ -36,7 +36,7 @@ struct ViewDependence {
 
 struct TextureOptions {
   /// A vertex is occluded when the depth buffer is nearer by more than this, metres. About three
-  /// voxels: one for the error of the surface, and the rest because the buffer holds points.
+  /// voxels: one for the error of the surface, two because the buffer holds points.
   double depth_tolerance_m = 0.03;
   /// On a slanted surface the tolerance grows by the change of depth within a cell of the
   /// PointDepthBuffer, up to this many widths of a cell.

@@ -24,10 +24,11 @@ Eigen::Vector3f centroid(const PointArrays& points) {
   return {mean(points.x), mean(points.y), mean(points.z)};
 }
 
-/// Of a camera: weights by resolution are about 1.
+/// Resolution of a typical camera on the surface: weights by resolution are about 1.
 constexpr float kUsualPixelsPerMetre = 300;
 
-/// Algorithm 2, up to a factor that equation (7) takes away again. At most 1.
+/// Weight of Algorithm 2, at most 1. It has a constant factor, which equation (7) removes by
+/// normalisation.
 float weight_of(const CameraModel& camera, const ViewDependence& view) {
   const double cosine = view.direction.dot(camera.viewing_direction());
   return static_cast<float>(std::pow((cosine + 2) / 3, view.sharpness));

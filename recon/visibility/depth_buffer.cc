@@ -18,7 +18,8 @@ struct Workspace {
   std::vector<uint32_t> cut;
 };
 
-/// What is left of the triangles that reach behind the near plane or out of the lens model.
+/// Draws the remaining parts of triangles that extend behind the near plane or beyond the lens
+/// model.
 void draw_cut(const Mesh& mesh, const CameraModel& camera, const Workspace& work,
               DepthBuffer& buffer) {
   std::vector<ScreenTriangle> pieces;
@@ -42,7 +43,7 @@ void draw(const Mesh& mesh, const CameraModel& camera, Faces faces, Workspace& w
   const ImageSize size = camera.size();
   project_vertices(mesh, camera, work.vertices);
   work.cut.clear();
-  // Pieces of triangles that are cut may lie anywhere.
+  // Parts of clipped triangles may lie anywhere in the image.
   const bool whole = std::all_of(work.vertices.begin(), work.vertices.end(),
                                  [](const ScreenVertex& v) { return v.on_screen(); });
   const Rect drawn = whole ? covered_by(work.vertices, size) : Rect{0, 0, size.width, size.height};

@@ -1,6 +1,6 @@
 #include "recon/visibility/locate_points.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/visibility/locate_points.cc"
@@ -26,7 +26,7 @@ HWY_INLINE Lanes load(const std::vector<float>& array, size_t i) {
   return Lanes(hn::LoadU(Floats(), array.data() + i));
 }
 
-/// As many points as there are lanes.
+/// Locates one register of points.
 template <Lens kLens>
 HWY_INLINE void locate(const VoxelCamera& lens, const CellGrid& grid, const PointArrays& points,
                        size_t from, size_t to, LocatedPoints& located) {

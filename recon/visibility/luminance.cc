@@ -5,13 +5,13 @@
 namespace v3d {
 namespace {
 
-/// ... 2 1 0 1 2 ...: a mirrored Bayer mosaic keeps its pattern.
+/// Index mirrored at the borders (... 2 1 0 1 2 ...), which keeps the pattern of a Bayer mosaic.
 int mirrored(int i, int count) {
   const int once = i < 0 ? -i : i;
   return std::clamp(once < count ? once : 2 * (count - 1) - once, 0, count - 1);
 }
 
-/// Sums of a row with the weights 1 2 1, at most 1020.
+/// Sums of neighbouring pixels of a row with the weights 1 2 1, at most 1020.
 void blur_row(const uint8_t* row, int width, uint16_t* sums) {
   const auto at = [&](int x) { return row[mirrored(x, width)]; };
   const auto sum = [&](int x) { return static_cast<uint16_t>(at(x - 1) + 2 * at(x) + at(x + 1)); };

@@ -12,18 +12,19 @@ namespace {
 
 constexpr float kNothing = std::numeric_limits<float>::infinity();
 
-/// Cells fit points at this part of the centroid's distance; what is nearer is drawn with more.
+/// Cells are sized for points at this part of the centroid's distance. Nearer points cover more
+/// cells.
 constexpr double kNearPart = 0.8;
 
-/// A smaller cell costs more and shows nothing that the image can tell.
+/// Smallest width of a cell, pixels. Smaller cells cost more and add no detail.
 constexpr double kMinPixels = 1;
 
-/// How many cells away a point hides. Two would make the edges of occluders finer (by 0.015 dB in
-/// the picture of a camera left out), and need four times the cells.
+/// Number of cells in each direction that a point covers. With 2, occluders have finer edges (0.015
+/// dB better in a held-out camera), but the buffer needs four times the cells.
 constexpr int kSpread = 1;
 
-/// Pixels per metre of length across the view and metre of distance along the axis, at most: away
-/// from the axis a camera without distortion shows lengths larger by up to sqrt(1 + x^2 + y^2).
+/// Largest number of pixels per metre across the view, at a distance of 1 m along the axis. Away
+/// from the axis, a camera without distortion enlarges lengths by up to sqrt(1 + x^2 + y^2).
 double max_pixels(const CameraModel& camera, Rect roi) {
   const Eigen::Matrix3d& k = camera.matrix();
   const double focal = std::max(k(0, 0), k(1, 1));
@@ -36,7 +37,8 @@ CellGrid cells_over(Rect roi, double cell_pixels, double whole_from_z) {
   constexpr double kRings = kSpread + 0.25;
   CellGrid grid;
   grid.cells_per_pixel = static_cast<float>(1 / cell_pixels);
-  // A quarter of a cell more than the rings, so that no rounding puts a pixel of the roi into them.
+  // The rings are a quarter of a cell wider, so that rounding never puts a pixel of the roi into
+  // them.
   grid.first_u = static_cast<float>(roi.x0 - kRings * cell_pixels);
   grid.first_v = static_cast<float>(roi.y0 - kRings * cell_pixels);
   grid.columns = static_cast<int>(std::ceil(roi.width / cell_pixels)) + 2 * kSpread + 1;
@@ -78,7 +80,7 @@ void PointDepthBuffer::draw(const PointArrays& points, const VoxelCamera& lens) 
   }
 }
 
-/// A point so near that its neighbours may be several cells away.
+/// Draws a point that is so near that its neighbours may be several cells away.
 void PointDepthBuffer::draw_near(float column, float row, float z) {
   const float reach = std::ceil(kSpread * (grid_.whole_from_z / z)) - kSpread;
   const auto bound = [](float at, int count) {
@@ -94,8 +96,8 @@ void PointDepthBuffer::draw_near(float column, float row, float z) {
   }
 }
 
-/// First down the columns, then along the rows, a row at a time: the row between stays in the
-/// cache.
+/// Spreads along the columns, then along the rows, one row at a time, so that the intermediate row
+/// stays in the cache.
 void PointDepthBuffer::spread_to_neighbours() {
   static_assert(kSpread == 1);
   const auto columns = static_cast<size_t>(grid_.columns);

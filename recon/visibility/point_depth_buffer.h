@@ -36,7 +36,7 @@ class PointDepthBuffer {
   /// Cells for the part `roi` of the image. `points` cover the surface to `radius_m`
   /// (occluding_points()); their `centroid` decides the width of the cells. World coordinates in
   /// metres; `lens` is camera_of_metres(camera).
-  ///   ///
+  ///
   /// Points outside the lens model or nearer than kNearPlaneMetres are ignored. One thread.
   PointDepthBuffer(const PointArrays& points, const Eigen::Vector3f& centroid, double radius_m,
                    const CameraModel& camera, const VoxelCamera& lens, Rect roi);

@@ -10,8 +10,8 @@ namespace {
 
 using Corners = std::array<Eigen::Vector3f, 3>;
 
-/// How far a place in the triangle can be from the nearest corner, squared: half the longest edge,
-/// or the radius of the circle round all three corners where no angle is obtuse.
+/// Squared covering radius: the largest distance of a place in the triangle from the nearest
+/// corner. It is half the longest edge in obtuse triangles, else the circumradius.
 float covering_radius2(const Corners& c) {
   const Eigen::Vector3f ab = c[1] - c[0], ac = c[2] - c[0];
   std::array<float, 3> edge2{ab.squaredNorm(), ac.squaredNorm(), (ac - ab).squaredNorm()};
@@ -21,14 +21,16 @@ float covering_radius2(const Corners& c) {
   return obtuse || area2 == 0 ? edge2[2] / 4 : edge2[0] * edge2[1] * edge2[2] / (4 * area2);
 }
 
-/// True only when the covering radius is at most `radius`; cheap, and true for most.
+/// A cheap sufficient test: true only when the covering radius is at most `radius`. True for most
+/// triangles.
 bool surely_small(const Corners& c, float radius2) {
   const float longest2 = std::max(
       {(c[1] - c[0]).squaredNorm(), (c[2] - c[0]).squaredNorm(), (c[2] - c[1]).squaredNorm()});
   return longest2 <= 3 * radius2;
 }
 
-/// The corners of the n * n similar triangles that a triangle falls into, without its own.
+/// The corners of the n * n similar triangles into which a triangle is divided, without its own
+/// corners.
 void add_lattice(const Corners& c, int n, std::vector<Eigen::Vector3f>& points) {
   const Eigen::Vector3f ab = (c[1] - c[0]) / static_cast<float>(n);
   const Eigen::Vector3f ac = (c[2] - c[0]) / static_cast<float>(n);

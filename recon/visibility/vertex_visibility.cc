@@ -1,6 +1,6 @@
 #include "recon/visibility/vertex_visibility.h"
 
-// Registers of unknown length cannot be members of a struct.
+// Vector registers of unknown length cannot be members of a struct.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/visibility/vertex_visibility.cc"
@@ -25,7 +25,7 @@ using LaneMask = hn::Mask<Floats>;
 
 static_assert(PointBlock::kCapacity % kLanes == 0 && VertexVisibility::kCapacity % kLanes == 0);
 
-/// A slanted surface changes its depth within a pixel; by no more than this many pixels' widths.
+/// Largest depth change of a slanted surface within a pixel, in widths of a pixel.
 constexpr float kMaxSlant = 6;
 constexpr float kUnseen = -2;
 
@@ -38,7 +38,7 @@ HWY_INLINE void put(Lanes value, std::array<float, kCount>& array, size_t i) {
   hn::Store(value.v, Floats(), &array[i]);
 }
 
-/// x a + (y b + z c), in the order in which Eigen adds up three numbers.
+/// Dot products are x a + (y b + z c), which is the order of operations in Eigen.
 struct Vector {
   Lanes x, y, z;
 };
@@ -88,7 +88,7 @@ void project_any(const VoxelCamera& lens, const PointBlock& points, PixelBlock& 
   }
 }
 
-/// Those of the lanes whose pixel exists.
+/// The lanes whose pixel lies inside the image.
 HWY_INLINE LaneMask in_image(Lanes u, Lanes v, ImageSize size, LaneMask lanes) {
   const Floats floats;
   const auto within = [&](Lanes at, int end) {
@@ -98,7 +98,7 @@ HWY_INLINE LaneMask in_image(Lanes u, Lanes v, ImageSize size, LaneMask lanes) {
   return hn::And(lanes, hn::And(within(u, size.width), within(v, size.height)));
 }
 
-/// The pixel of each of the lanes; the first of all in the others.
+/// The pixel coordinates in `lanes`; 0 in other lanes.
 HWY_INLINE hn::Vec<Ints> whole(Lanes at, LaneMask lanes) {
   return truncate(Lanes(hn::IfThenElseZero(lanes, at.v)));
 }

@@ -1,4 +1,4 @@
-// Vertex visibility: which vertices of a block does a camera see? Step 1 of the deformation
+// Vertex visibility: tests which vertices of a block a camera sees. Step 1 of the deformation
 // (section 2.3 of the paper).
 #pragma once
 

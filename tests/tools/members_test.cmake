@@ -60,7 +60,7 @@ min_views = 2
 endfunction()
 
 v3dctl(key authority)
-expect(0 "keep it off the studio's PCs")
+expect(0 "do not store it on a PC of the studio")
 take_public_key()
 write_studio(${key})
 v3dctl(key authority)

@@ -43,13 +43,13 @@ std::optional<ImageSize> size_of(const std::string& text) {
 
 /// The largest distance between two cameras, metres. It shows a wrong unit.
 double extent_of(const Rig& rig) {
-  double most = 0;
+  double largest = 0;
   for (const RigCamera& a : rig) {
     for (const RigCamera& b : rig) {
-      most = std::max(most, (a.model.center() - b.model.center()).norm());
+      largest = std::max(largest, (a.model.center() - b.model.center()).norm());
     }
   }
-  return most;
+  return largest;
 }
 
 Json to_json(const Rig& rig, RigFormat from, RigFormat to,

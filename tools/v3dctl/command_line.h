@@ -52,8 +52,7 @@ class CommandLine {
 };
 
 /// Adds a command that another program implements: v3dctl-`name` in the folder of this program or
-/// in
-/// ../libexec/v3d. The program replaces this process and gets the whole command line.
+/// in ../libexec/v3d. The program replaces this process and gets the whole command line.
 void add_external(CommandLine& line, const std::string& name, const std::string& description);
 
 // Each adds one command or a group of related commands, and is defined in the file of that name.

@@ -1,7 +1,7 @@
-# Bash completion of v3dctl: commands and options are asked of the program's own help.
+# Bash completion of v3dctl: reads commands and options from the help text of the program.
 
 _v3dctl_words_of_help() {
-  # The commands, and every --option, in the help text of "$@".
+  # Prints the commands and every --option of the help text of "$@".
   "$@" --help 2>/dev/null | awk '
     /^Subcommands:/ { in_commands = 1; next }
     /^[A-Z]/ { in_commands = 0 }

@@ -20,7 +20,8 @@ struct EvaluatedMeshes {
 };
 MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
 
-/// Distance within which a point counts as right, by the cameras that see it.
+/// Largest correct distance of a point, metres, for the report by the number of cameras that see
+/// it.
 inline constexpr double kVisibilityLimitM = 0.005;
 
 /// Medians over the frames that have a true surface.

@@ -9,8 +9,9 @@
 
 namespace v3d::ctl {
 
-/// Renderings pass the colour response of the camera and the Bayer filters of its sensor, as the
-/// photograph did. So both have the false colours of the mosaic, and neither is charged for them.
+/// Renderings pass through the colour response of the camera and the Bayer filters of its sensor,
+/// like the photograph. So both contain the same false colours of the mosaic, which then do not
+/// count as errors.
 class HeldOutView {
  public:
   /// `camera` is borrowed.

@@ -14,11 +14,10 @@ struct PulseTrain {
   std::string take{};  ///< name of the take to record; empty: the nodes measure and record nothing
 };
 
-/// Arms all nodes, starts the train, waits for its end and stops.
-/// Returns the replies to the stop: the measurements of the cameras, or the ledger of the take.
-/// `meanwhile`: called repeatedly, at least 20 times a second.
-/// Throws std::runtime_error with the nodes' replies when a node refuses or is silent, and when the
-/// user interrupts. All nodes are disarmed then.
+/// Arms all nodes, starts the train, waits for its end and stops. Returns the replies to the stop:
+/// the measurements of the cameras, or the ledger of the take. `meanwhile`: called repeatedly, at
+/// least 20 times a second. Throws std::runtime_error with the nodes' replies when a node rejects
+/// an order or does not reply, and when the user interrupts. All nodes are disarmed then.
 Answer run_train(OperatorClient& client, const Studio& studio, const PulseTrain& train,
                  const std::function<void()>& meanwhile);
 

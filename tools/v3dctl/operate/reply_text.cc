@@ -136,14 +136,14 @@ void add_shard(const std::string& node, const Json& detail, TakeAccount& account
   account.without_mesh = detail.at("without_mesh").get<std::vector<int64_t>>();
 }
 
-/// Keeps the greater of two values: all reconstruction nodes receive all cameras, so a frame that
-/// reached one of them is not lost.
-void merge_maxima(const Json& detail, Json& most) {
+/// Keeps the larger value of each camera. All reconstruction nodes receive all cameras, so a frame
+/// that reached one node is not lost.
+void merge_maxima(const Json& detail, Json& maxima) {
   for (const auto& [name, value] : detail.items()) {
-    const auto known = most.find(name);
-    const bool is_less = known != most.end() && known->is_number() && value.is_number() &&
+    const auto known = maxima.find(name);
+    const bool is_less = known != maxima.end() && known->is_number() && value.is_number() &&
                          value.get<double>() < known->get<double>();
-    if (!is_less) most[name] = value;
+    if (!is_less) maxima[name] = value;
   }
 }
 
@@ -153,11 +153,11 @@ std::vector<Ledger> select_take(const std::vector<std::pair<std::string, Ledger>
                                 TakeAccount& account) {
   std::map<std::string, int> count;
   for (const auto& [node, ledger] : ledgers) ++count[ledger.take];
-  const auto most = std::max_element(
+  const auto most_common = std::max_element(
       count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   std::vector<Ledger> parts;
   for (const auto& [node, ledger] : ledgers) {
-    if (ledger.take == most->first) {
+    if (ledger.take == most_common->first) {
       parts.push_back(ledger);
     } else {
       account.of_another_take.push_back(node);

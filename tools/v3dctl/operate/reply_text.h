@@ -13,10 +13,10 @@ namespace v3d::ctl {
 
 using Json = nlohmann::ordered_json;
 
-/// One line for each node that was asked, in the order of `nodes`. Neighbours with equal replies
-/// share a line ("cap01-cap15").
-/// `done_word`: printed before the reply of a node that did what it was told.
-/// `health`: of the nodes, for the line of a node without a reply; otherwise it has the next step.
+/// One line for each node that received the command, in the order of `nodes`. Neighbours with equal
+/// replies share a line ("cap01-cap15"). `done_word`: printed before the reply of a node that
+/// executed the command. `health`: of the nodes, for the line of a node without a reply; otherwise
+/// it has the next step.
 std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
                                      const std::string& done_word,
                                      const std::map<std::string, HealthMessage>& health = {});

@@ -15,8 +15,8 @@
 namespace v3d::ctl {
 namespace {
 
-/// More tasks balance the load of the processes better; but each task first repeats what the
-/// segmentation had learnt before its first pulse.
+/// Number of tasks per process. More tasks balance the load better, but each task first repeats the
+/// segmentation of earlier pulses.
 constexpr int64_t kTasksPerProcess = 3;
 constexpr auto kCancelTimeout = std::chrono::seconds(5);
 

@@ -14,8 +14,8 @@
 namespace v3d::ctl {
 namespace {
 
-/// Each task first repeats what the segmentation had learnt before its first pulse, so more tasks
-/// cost more. Slurm's default limit of an array is 1,000.
+/// Largest number of tasks. Each task first repeats the segmentation of earlier pulses, so more
+/// tasks cost more. Slurm's default limit of an array is 1,000.
 constexpr int64_t kMaxTasks = 100;
 constexpr auto kQueryPeriod = std::chrono::seconds(1);
 constexpr auto kReportAfter = std::chrono::seconds(10);

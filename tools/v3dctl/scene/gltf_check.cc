@@ -129,7 +129,7 @@ class Check {
     if (!values->is_array()) refuse_at(where, "expected a list");
     for (const json& value : *values) {
       const bool is_node = value.is_number_unsigned() && value.get<uint64_t>() < parents_.size();
-      if (!is_node) refuse_at(where, "names node " + value.dump() + ", which is not there");
+      if (!is_node) refuse_at(where, "names node " + value.dump() + ", which does not exist");
       nodes.push_back(value.get<size_t>());
     }
     return nodes;
@@ -176,7 +176,8 @@ class Check {
     for (size_t n = 0; n < views.size(); ++n) {
       const std::string where = at("bufferViews", n);
       const uint64_t buffer = number(*views[n], "buffer", UINT64_MAX, where);
-      if (buffer >= buffers.size()) refuse_at(where + ".buffer", "names no buffer that is there");
+      if (buffer >= buffers.size())
+        refuse_at(where + ".buffer", "names a buffer that does not exist");
       const uint64_t whole = number(*buffers[buffer], "byteLength", 0, at("buffers", buffer));
       const uint64_t begin = number(*views[n], "byteOffset", 0, where);
       const uint64_t bytes = number(*views[n], "byteLength", 0, where);
@@ -207,9 +208,9 @@ class Check {
     for (size_t n = 0; n < parents_.size(); ++n) {
       int depth = 0;
       for (int p = parents_[n]; p != kNone; p = parents_[static_cast<size_t>(p)]) {
-        if (p == static_cast<int>(n)) refuse_at(at("nodes", n), "lies within itself");
+        if (p == static_cast<int>(n)) refuse_at(at("nodes", n), "is its own ancestor");
         if (++depth > kMaxNodeDepth) {
-          refuse_at(at("nodes", n), "lies deep within others; expected at most 64 levels");
+          refuse_at(at("nodes", n), "is nested too deeply; expected at most 64 levels");
         }
       }
     }

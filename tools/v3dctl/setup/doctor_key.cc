@@ -12,7 +12,8 @@ namespace {
 
 using Verdict = Finding::Verdict;
 
-/// Health comes once a second; the first of a node is not accepted (ChannelKind::needs_answer).
+/// Nodes send health once a second; the first message of a node is not accepted
+/// (ChannelKind::needs_answer).
 constexpr Duration kListen = std::chrono::seconds(3);
 
 }  // namespace
@@ -20,13 +21,14 @@ constexpr Duration kListen = std::chrono::seconds(3);
 Finding check_key_file(const std::filesystem::path& key) {
   try {
     StudioKey::load(key);
-    return {Verdict::kGood, "studio key", key.string() + " is there, and closed to others", ""};
+    return {Verdict::kGood, "studio key", key.string() + " exists, and other users cannot read it",
+            ""};
   } catch (const InputError& error) {
     const std::string text = error.what();
     const bool others = std::filesystem::exists(key) && text.find("chmod") != std::string::npos;
     return {Verdict::kBad, "studio key", text,
             others ? "chmod 640 " + key.string()
-                   : "the same file as on the other PCs; the first is made by v3dctl key new"};
+                   : "copy the file from another PC; v3dctl key new makes the first one"};
   }
 }
 
@@ -39,7 +41,7 @@ Finding check_member_list(const Studio& studio) {
             ""};
   } catch (const InputError& error) {
     return {Verdict::kBad, "member list", error.what(),
-            "the same file as on the other PCs; v3dctl key enroll makes the first"};
+            "copy the file from another PC; v3dctl key enroll makes the first one"};
   }
 }
 
@@ -48,14 +50,15 @@ std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
   std::vector<Finding> findings;
   for (const std::string& node : nodes) {
     const std::string subject = "key of " + node;
-    const auto heard = health.find(node);
-    if (heard == health.end()) {
-      findings.push_back({Verdict::kUnknown, subject, "not heard: is it on?", ""});
-    } else if (is_verified(heard->second)) {
-      findings.push_back({Verdict::kGood, subject, "the same as here", ""});
-    } else {
+    const auto message = health.find(node);
+    if (message == health.end()) {
       findings.push_back(
-          {Verdict::kBad, subject, "none, or another than here", "copy the key of this PC there"});
+          {Verdict::kUnknown, subject, "no health message received; check that the PC is on", ""});
+    } else if (is_verified(message->second)) {
+      findings.push_back({Verdict::kGood, subject, "the same key as on this PC", ""});
+    } else {
+      findings.push_back({Verdict::kBad, subject, "no key, or a different key",
+                          "copy the studio key of this PC to that PC"});
     }
   }
   return findings;

@@ -1,4 +1,4 @@
-// Whether every PC of the studio has the studio key, and this one a valid member list.
+// Checks of keys: the studio key of every PC of the studio, and the member list of this PC.
 #pragma once
 
 #include <filesystem>
@@ -11,17 +11,20 @@
 
 namespace v3d::ctl {
 
-/// It is there, nobody else may read it, and it holds a key.
+/// Finding: the file exists, contains a key, and other users cannot read it.
 Finding check_key_file(const std::filesystem::path& key);
 
-/// The authority's signature is on it. Requires a studio with a member list.
+/// Finding: the member list has a valid signature of the authority. Requires a studio with a member
+/// list.
 Finding check_member_list(const Studio& studio);
 
-/// `health`: of the nodes that were heard; what carries a MAC of the key here has the same key.
+/// One finding for each node. `health`: verified and unverified health messages by node. A node
+/// whose message has a valid MAC has the studio key of this PC. A node without an entry is unknown.
 std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
                                    const std::map<std::string, HealthMessage>& health);
 
-/// All of them; listens for up to two seconds. Of nodes that are not heard it says so.
+/// All findings of this file. Receives health for up to three seconds. Never throws for a node
+/// without health messages: its finding is kUnknown.
 std::vector<Finding> examine_keys(const Studio& studio);
 
 }  // namespace v3d::ctl

@@ -11,17 +11,18 @@ namespace v3d::ctl {
 namespace {
 
 int run_new(const CommandLine& line, const std::string& out) {
-  // The first thing that is made of a studio: there may be no studio file yet.
+  // The studio key is made first: the studio file may not exist yet.
   const std::filesystem::path path = !out.empty()        ? std::filesystem::path(out)
                                      : line.has_studio() ? line.studio().network.key
                                                          : std::filesystem::path(kDefaultKey);
   if (std::filesystem::exists(path)) {
-    throw InputError(path.string() +
-                     ": a studio key is there already; make another with --out FILE, and rename it "
-                     "into place on every PC");
+    throw InputError(
+        path.string() +
+        ": the studio key exists already; write a new key with --out FILE, and rename it "
+        "into place on every PC");
   }
   StudioKey::make().save(path);
-  std::printf("made %s: copy it to every PC of the studio, by a way that nobody listens to\n",
+  std::printf("made %s: copy it to every PC of the studio over an encrypted connection\n",
               path.c_str());
   return kExitDone;
 }

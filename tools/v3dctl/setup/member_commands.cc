@@ -24,7 +24,7 @@ struct Options {
   bool json = false;
 };
 
-/// Where the studio file says that the list is.
+/// Path of the member list, from the studio file. Throws InputError where the file names none.
 std::filesystem::path list_path(const CommandLine& line, const Studio& studio) {
   if (studio.network.members.empty()) {
     throw InputError(line.studio_path().string() +
@@ -34,7 +34,7 @@ std::filesystem::path list_path(const CommandLine& line, const Studio& studio) {
   return studio.network.members;
 }
 
-/// The list as `change` makes it of the one that is there, signed, with the next serial number.
+/// Applies `change` to the current list, signs it with the next serial number, and writes it.
 template <class Change>
 int change_list(const CommandLine& line, const Options& options, Change change) {
   const Studio studio = line.studio();
@@ -43,7 +43,7 @@ int change_list(const CommandLine& line, const Options& options, Change change) 
   if (authority.public_key() != authority_of(studio)) {
     throw InputError(options.authority.string() + ": its public key is " +
                      authority.public_key().text() + ", but " + studio.path.string() +
-                     " has another for [network] authority");
+                     " has a different key for [network] authority");
   }
   MemberList list{.studio = studio.name, .serial = 0, .members = {}};
   if (std::filesystem::exists(path)) list = load_member_list(studio);
@@ -105,7 +105,7 @@ int run_authority(const Options& options) {
   const SigningKey key = SigningKey::make();
   key.save(options.authority, "", kAuthorityKey);
   std::printf(
-      "made %s: keep it off the studio's PCs; in the studio file, under [network]:\n"
+      "made %s: do not store it on a PC of the studio; in the studio file, under [network]:\n"
       "authority = \"%s\"\n",
       options.authority.c_str(), key.public_key().text().c_str());
   return kExitDone;
@@ -118,7 +118,7 @@ int run_operator(const CommandLine& line, const Options& options) {
   if (is_new) SigningKey::make().save(path, "v3d", kOperatorKey);
   const std::string key = SigningKey::load(path, kOperatorKey).public_key().text();
   std::printf(
-      "%s %s; where the authority's key is:\n"
+      "%s %s; run on the PC that has the authority's key:\n"
       "v3dctl key enroll NAME --role operator --public-key %s\n",
       is_new ? "made" : "read", path.c_str(), key.c_str());
   return kExitDone;

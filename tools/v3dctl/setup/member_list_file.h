@@ -1,4 +1,4 @@
-// The member list of a studio file.
+// Reads the member list that a studio file names, and verifies its signature.
 #pragma once
 
 #include "base/config/studio_file.h"
@@ -8,12 +8,14 @@
 
 namespace v3d::ctl {
 
-/// Throws InputError where the file names none or another, as PublicKey::parse() does.
+/// The public key of the authority. Throws InputError where the studio file contains none or an
+/// invalid one (PublicKey::parse()).
 inline PublicKey authority_of(const Studio& studio) {
   return PublicKey::parse(studio.network.authority, studio.path.string() + ": network.authority");
 }
 
-/// Throws InputError when the file cannot be read, and as parse_member_list() does.
+/// The verified member list. Throws InputError when the file cannot be read, and like
+/// parse_member_list().
 inline MemberList load_member_list(const Studio& studio) {
   const std::filesystem::path& path = studio.network.members;
   const std::string text = io::value_or_throw(io::read_file(path, kMaxMemberListBytes));

@@ -188,7 +188,8 @@ class Collector {
     std::string lines;
     for (const std::string& line : verification.disagreements) lines += "\n  " + line;
     throw std::runtime_error(
-        "its copy is not what the nodes have; repeat the command to copy it again" + lines);
+        "the copy differs from the files of the nodes; repeat the command to copy it again" +
+        lines);
   }
 
   Verification join(const std::string& take, const Sources& sources,

@@ -38,7 +38,7 @@ bool is_whole(const CollectedTake& take) {
 }
 
 std::string text_of(const CollectedTake& take) {
-  if (take.was_there) return "take " + take.name + ": is there already";
+  if (take.was_there) return "take " + take.name + ": exists already";
   if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
   std::string text;
   for (const std::string& line : take.verification.disagreements) text += line + "\n";

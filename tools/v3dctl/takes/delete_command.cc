@@ -39,7 +39,8 @@ void require_deletable(const TakeListing& take) {
   }
 }
 
-/// Reads the copy from its disk. Reports what it lacks and throws InputError then.
+/// Reads the copy back from its disk. Throws InputError when it is incomplete, and reports the
+/// missing files.
 void require_copy(const TakeListing& take, const fs::path& copies) {
   const auto verified = load_verified(take.paths);
   if (!verified) refuse_unverified(take);
@@ -48,7 +49,7 @@ void require_copy(const TakeListing& take, const fs::path& copies) {
   if (missing.empty()) return;
   for (const std::string& text : missing) note(text);
   throw InputError(take.info.name + " is not deleted: its copy in " + copies.string() +
-                   " lacks something; move " + copy.folder.string() +
+                   " is incomplete; move " + copy.folder.string() +
                    " away, then v3dctl takes collect copies the take again");
 }
 
@@ -66,7 +67,8 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   }
   if (!arguments.yes) {
     for (const std::string& text : listing_lines(takes)) note(text);
-    throw InputError(format_bytes(bytes) + " would be gone for good; to delete them add --yes");
+    throw InputError(format_bytes(bytes) +
+                     " would be deleted permanently; add --yes to delete them");
   }
   for (const TakeListing& take : takes) {
     if (!arguments.no_copy) require_copy(take, arguments.copy);
