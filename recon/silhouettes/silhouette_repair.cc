@@ -82,7 +82,7 @@ Mask mask_of(const MaskComponents& pieces, size_t piece, ImageSize size) {
 std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
   const int64_t min_area = min_pixels(radius);
   MaskComponents pieces;
-  pieces.find(opened(mask, radius));
+  pieces.find(open(mask, radius));
   std::vector<Mask> wide;
   for (size_t p = 0; p < pieces.count(); ++p) {
     if (pieces.area(p) < min_area) continue;
@@ -184,7 +184,7 @@ class SilhouetteRepair::Trial {
     unexplained_.assign(masks_.size(), Mask());
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (!masks_[c]) continue;
-      Mask unexplained = opened(difference_of(*masks_[c], explained[c]), radius(c));
+      Mask unexplained = open(difference_of(*masks_[c], explained[c]), radius(c));
       if (unexplained.count() >= kMinCells * kCell * kCell) {
         unexplained_[c] = std::move(unexplained);
       }

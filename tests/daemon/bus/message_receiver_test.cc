@@ -306,7 +306,7 @@ TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
   EXPECT_EQ(authenticator_.counts().forged, 2);
 }
 
-TEST_F(Receiver, passes_commands_to_the_gate_that_verifies_their_own_mac) {
+TEST_F(Receiver, passes_commands_to_the_filter_that_verifies_their_own_mac) {
   RawDatagram command = test::short_datagram(1, "V3D_COMMAND");
   command.resize(command.size() + 20);
   EXPECT_EQ(receive(command).value().bytes.size(), 19U);

@@ -107,7 +107,7 @@ constexpr Damage kDamages[] = {
     {"frayed: every second outline pixel lost", true, fray},
     {"12 holes of 1 to 4 pixels' radius", true, punch_small_holes},
     {"all three", true, apply_all_three},
-    {"eroded by a pixel", true, erode},
+    {"eroded by a pixel", true, erode_by_a_pixel},
     {"big hole, a quarter of the cameras", false, punch_big_hole},
     {"lost limb, a quarter of the cameras", false, lose_limb},
     {"lost half, a quarter of the cameras", false, lose_half},
