@@ -69,8 +69,8 @@ Mask covered_pixels(const SurfaceCamera& camera, const DepthBuffer& depth) {
 }
 
 Mask uncovered_pixels(const Mask& before, const DepthBuffer& after) {
-  const Mask open = those_of(before, [&](int x, int y) { return std::isinf(after.at(x, y)); });
-  return open.bounding_box().empty() ? open : dilate(open(open, kRim), kRim);
+  const Mask uncovered = those_of(before, [&](int x, int y) { return std::isinf(after.at(x, y)); });
+  return uncovered.bounding_box().empty() ? uncovered : dilate(open(uncovered, kRim), kRim);
 }
 
 std::vector<Brick> voxels_at(std::span<const Mask> pixels, std::span<const SurfaceCamera> cameras,
