@@ -64,6 +64,7 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
       {"frames_lost", static_cast<double>(c.frames_lost)},
       {"frames_late", static_cast<double>(c.frames_late)},
       {"frames_dropped", static_cast<double>(c.frames_dropped)},
+      {"ghosts_removed", static_cast<double>(c.ghosts)},
       {"undecodable", static_cast<double>(c.undecodable)},
       {"write_errors", static_cast<double>(c.write_errors)},
       {"latency_p50_ms", c.latency_p50_ms},

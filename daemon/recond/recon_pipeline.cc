@@ -204,6 +204,7 @@ void ReconPipeline::finish(Job& job) {
   run_stage(stages_.encode, job);
   if (job.is_warm_up) return stages_.begin_sequence();
   if (!job.failure.empty()) return record_failure(job);
+  ghosts_ += job.work.result.ghosts;
   MeshMessage mesh = message_of(job);
   if (shared_) {
     shared_->add_mesh(std::move(mesh));
@@ -291,6 +292,7 @@ ReconCounts ReconPipeline::counts() const {
                      .frames_lost = 0,
                      .frames_dropped = frames.dropped,
                      .cameras = {},
+                     .ghosts = ghosts_,
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
   if (shared_) {

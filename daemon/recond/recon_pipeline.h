@@ -35,6 +35,7 @@ struct ReconCounts {
   int64_t frames_lost = 0;      ///< sent, but not received, or dropped by the receive queue
   int64_t frames_dropped = 0;   ///< of these, dropped by the receive queue
   std::map<std::string, SequenceCounts> cameras;  ///< frames by camera
+  int64_t ghosts = 0;                             ///< components removed by GhostRemoval
   int64_t undecodable = 0;
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
@@ -147,6 +148,7 @@ class ReconPipeline {
   int64_t newest_pulse_ = 0;         ///< used by the assembling thread
 
   std::atomic<int64_t> meshes_ = 0;
+  std::atomic<int64_t> ghosts_ = 0;
   std::atomic<int64_t> failed_ = 0;
   std::atomic<int64_t> dispatched_ = 0;
   std::atomic<int64_t> incomplete_ = 0;

@@ -142,6 +142,38 @@ BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& laye
   return counts;
 }
 
+/// The set voxels and all that share a face or an edge with one (18 neighbours, as in
+/// MarchingCubes). layer_of(brick, z) as in neighbourhood_counts().
+template <class LayerOf>
+Brick dilated(const BricksAround& around, const LayerOf& layer_of) {
+  constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
+  const auto along_y = [](uint64_t before, uint64_t here, uint64_t after) {
+    return (here << 8 | before >> 56) | (here >> 8 | after << 56);
+  };
+  Brick result{};
+  for (int z = -1; z <= kBrickEdge; ++z) {
+    const int brick_z = z < 0 ? 0 : z == kBrickEdge ? 2 : 1;
+    std::array<uint64_t, 9> layers{};
+    uint64_t any = 0;
+    for (int n = 0; n < 9; ++n) {
+      const int brick = around[9 * brick_z + n];
+      if (brick >= 0) any |= layers[n] = layer_of(static_cast<size_t>(brick), (z + 8) % 8);
+    }
+    if (any == 0) continue;
+    std::array<uint64_t, 3> rows;  // dilated along x, of three bricks along y
+    for (int y = 0; y < 3; ++y) {
+      const uint64_t row = layers[3 * y + 1];
+      rows[y] = row | (row << 1 & ~kFirst) | (layers[3 * y] >> 7 & kFirst) | (row >> 1 & ~kLast) |
+                (layers[3 * y + 2] << 7 & kLast);
+    }
+    const uint64_t cross = rows[1] | along_y(layers[1], layers[4], layers[7]);
+    if (z > 0) result[z - 1] |= cross;
+    if (z + 1 < kBrickEdge) result[z + 1] |= cross;
+    if (z >= 0 && z < kBrickEdge) result[z] |= rows[1] | along_y(rows[0], rows[1], rows[2]);
+  }
+  return result;
+}
+
 /// The voxels where `a` is larger than `b`.
 inline Brick larger(const BrickCounts& a, const BrickCounts& b) {
   Brick larger{};

@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/memory.h"
 #include "base/core/time.h"
+#include "recon/hull/ghost_removal.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/pipeline/compact_frame.h"
@@ -95,6 +96,7 @@ class Reconstructor::Impl {
         quality_(
             arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
         intersector_(grid_, models_, options.min_views),
+        ghosts_(grid_, models_),
         encoder_(encoder_options(lattice_)) {}
 
   Reconstruction reconstruct(FrameSet set) {
@@ -231,11 +233,13 @@ class Reconstructor::Impl {
     Reconstruction& result = work.result;
     const Stopwatch intersecting;
     std::vector<const Mask*> masks;
-    masks.reserve(work.frames.size());
+    std::vector<uint8_t> takes_part;
     for (const Frame* frame : work.frames) {
       masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
+      takes_part.push_back(frame != nullptr ? 1 : 0);
     }
     intersector_.intersect(masks, work.volume);
+    result.ghosts = ghosts_.remove(work.volume, takes_part);
     result.volume_m3 = volume_m3(work.volume);
     result.times.intersect = intersecting.ms();
 
@@ -282,6 +286,7 @@ class Reconstructor::Impl {
   const QualityMeter quality_;
   // Working memory of make_mesh().
   Intersector intersector_;
+  GhostRemoval ghosts_;
   MarchingCubes marching_cubes_;
   FrameEncoder encoder_;  ///< for encode()
 };

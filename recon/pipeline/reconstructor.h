@@ -47,6 +47,7 @@ struct Reconstruction {
   int64_t pulse = 0;
   Mesh mesh;
   double volume_m3 = 0;              ///< occupied voxels times voxel volume
+  int ghosts = 0;                    ///< number of components that GhostRemoval removed
   std::vector<std::string> cameras;  ///< cameras that took part
   std::vector<uint8_t> compact;
   FrameQuality quality;

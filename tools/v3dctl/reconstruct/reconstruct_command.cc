@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
@@ -28,6 +29,11 @@ using Json = nlohmann::ordered_json;
 
 double min_of(const std::vector<double>& values) {
   return values.empty() ? 0 : *std::min_element(values.begin(), values.end());
+}
+
+/// The sum of counts.
+int64_t sum(const std::vector<double>& counts) {
+  return static_cast<int64_t>(std::accumulate(counts.begin(), counts.end(), 0.0));
 }
 
 Json stages_json(const ReconstructReport& report) {
@@ -93,6 +99,7 @@ Json to_json(const ReconstructReport& report) {
       {"processes", report.processes > 0 ? Json(report.processes) : Json(nullptr)},
       {"frames_kept", report.frames_kept},
       {"volume_m3", median(report.volume_m3)},
+      {"ghosts", sum(report.ghosts)},
       {"vertices", median(report.vertices)},
       {"triangles", median(report.triangles)},
       {"silhouette_iou", silhouettes_json(report)},
@@ -121,6 +128,8 @@ void print_text(const ReconstructReport& report) {
               count_of(std::ssize(report.cameras), "camera").c_str(),
               format_length(report.voxel_m).c_str(), report.min_views);
   std::printf("volume       %.4g m3 (median)\n", median(report.volume_m3));
+  if (const int64_t ghosts = sum(report.ghosts); ghosts > 0)
+    std::printf("ghosts       %s removed\n", format_count(ghosts).c_str());
   std::printf("mesh         %s vertices, %s triangles, %s a frame\n",
               format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
               format_count(static_cast<int64_t>(median(report.triangles))).c_str(),

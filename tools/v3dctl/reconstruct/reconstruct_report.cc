@@ -22,6 +22,7 @@ constexpr FrameSamples kFrameSamples[] = {{"volume_m3", &ReconstructReport::volu
                                           {"vertices", &ReconstructReport::vertices},
                                           {"triangles", &ReconstructReport::triangles},
                                           {"components", &ReconstructReport::components},
+                                          {"ghosts", &ReconstructReport::ghosts},
                                           {"bytes", &ReconstructReport::bytes},
                                           {"silhouette_iou", &ReconstructReport::silhouette_iou}};
 

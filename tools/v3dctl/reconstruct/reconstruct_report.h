@@ -30,6 +30,7 @@ struct ReconstructReport {
   int64_t incomplete = 0;  ///< frames without some camera, and pulses without any frame
   std::vector<std::string> read_errors;                                   ///< path and cause
   std::vector<double> volume_m3, vertices, triangles, components, bytes;  ///< one for each frame
+  std::vector<double> ghosts;  ///< components removed by GhostRemoval, one for each frame
   /// Intersection over union of the rendered surface and the mask within the view of the bounds;
   /// one for each frame and camera.
   std::vector<double> silhouette_iou;

@@ -72,6 +72,7 @@ void add_measurements(const Reconstruction& result, ReconstructReport& report) {
   report.vertices.push_back(static_cast<double>(result.mesh.vertices.size()));
   report.triangles.push_back(static_cast<double>(result.mesh.triangles.size()));
   report.components.push_back(connected_components(result.mesh));
+  report.ghosts.push_back(result.ghosts);
   report.bytes.push_back(static_cast<double>(result.compact.size()));
   report.quality.emplace_back(result.pulse, result.quality);
 }
