@@ -188,7 +188,8 @@ TEST_F(IrregularTakeFiles, are_reported_and_do_not_end_the_listing_when_they_are
         std::string_view(name) == "verified.toml";  // made again by v3dctl verify
     ASSERT_EQ(takes.size(), is_optional ? 2u : 1u) << name;
     EXPECT_EQ(takes.front().paths.folder, take_.folder) << name;
-    if (!is_optional) EXPECT_THAT(reports, testing::ElementsAre(HasSubstr(name))) << name;
+    if (is_optional) continue;
+    EXPECT_THAT(reports, testing::ElementsAre(HasSubstr(name))) << name;
   }
 }
 
