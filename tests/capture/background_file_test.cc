@@ -111,9 +111,9 @@ TEST_F(BackgroundFile, names_a_missing_or_invalid_file) {
   write("cam07.mean.png", mean.substr(0, mean.size() / 3));
   EXPECT_THAT(load_error(), HasSubstr("cam07"));
   write("cam07.mean.png", "no picture");
-  EXPECT_THAT(load_error(), AllOf(HasSubstr("cam07.mean.png"), HasSubstr("no PNG")));
+  EXPECT_THAT(load_error(), AllOf(HasSubstr("cam07.mean.png"), HasSubstr("not a valid PNG")));
   write("cam07.mean.png", "");
-  EXPECT_THAT(load_error(), AllOf(HasSubstr("cam07.mean.png"), HasSubstr("no PNG")));
+  EXPECT_THAT(load_error(), AllOf(HasSubstr("cam07.mean.png"), HasSubstr("not a valid PNG")));
   fs::remove(folder_ / "cam07.mean.png");
   EXPECT_THAT(load_error(), HasSubstr("cam07.mean.png"));
 

@@ -217,7 +217,7 @@ TEST_F(GltfModel, is_rejected_when_a_view_ends_beyond_its_buffer) {
 
 TEST_F(GltfModel, is_rejected_when_a_picture_is_damaged) {
   replace_file(folder_ / "models/red.png", "no picture");
-  EXPECT_THAT(rejection(triangle_gltf()), HasSubstr("images[0]: is no PNG or JPEG picture"));
+  EXPECT_THAT(rejection(triangle_gltf()), HasSubstr("images[0]: not a valid PNG or JPEG picture"));
 }
 
 TEST_F(GltfModel, is_rejected_when_its_json_is_deeper_than_64_levels) {
