@@ -1,6 +1,7 @@
 #include <tbb/task_arena.h>
 
 #include "rates.h"
+#include "recon/hull/ghost_removal.h"
 #include "recon/hull/marching_cubes.h"
 #include "workload.h"
 
@@ -16,6 +17,16 @@ void intersect(benchmark::State& state, double voxel_m) {
     arena.execute([&] { hull.intersect(pointers, volume); });
     benchmark::DoNotOptimize(volume);
   });
+}
+
+/// A hull without ghosts: only its components are searched.
+void remove_ghosts(benchmark::State& state, double voxel_m) {
+  SparseVolume hull = volume(voxel_m);
+  const std::vector<CameraModel> cameras = models_of(rig());
+  GhostRemoval ghosts(hull.grid(), cameras);
+  const std::vector<uint8_t> takes_part(cameras.size(), 1);
+  ghosts.remove(hull, takes_part);
+  measure(state, 1, 0, [&] { benchmark::DoNotOptimize(ghosts.remove(hull, takes_part)); });
 }
 
 void mesh(benchmark::State& state, double voxel_m) {
@@ -38,6 +49,8 @@ BENCHMARK_CAPTURE(intersect, 4mm, 0.004)->Name("intersect/4mm")->ArgName("thread
 BENCHMARK_CAPTURE(intersect, 8mm, 0.008)->Name("intersect/8mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 5mm, 0.005)->Name("intersect/5mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 2mm, 0.002)->Name("intersect/2mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(remove_ghosts, 10mm, 0.01)->Name("remove_ghosts/10mm");
+BENCHMARK_CAPTURE(remove_ghosts, 5mm, 0.005)->Name("remove_ghosts/5mm");
 BENCHMARK_CAPTURE(mesh, 8mm, 0.008)->Name("mesh/8mm");
 BENCHMARK_CAPTURE(mesh, 5mm, 0.005)->Name("mesh/5mm");
 
