@@ -229,9 +229,11 @@ TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
   EXPECT_TRUE(reports("recording again, at pulse "));
 }
 
+/// 4 Hz. After the reopening, clock and arrival must agree within 0.4 periods
+/// (capture/sync/pulse_matcher.cc): at 10 Hz that is 40 ms, too little on a busy machine.
 class UnpluggedCamera : public FaultyStudio {
  protected:
-  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 1500")) {}
+  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 4000"), "4") {}
 };
 TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clock) {
   record_until_back(10);
@@ -265,9 +267,7 @@ TEST_F(CameraWithNewClock,
       << "later frames are not suspect";
 }
 
-/// 4 Hz. The time of arrival decides the pulse of the frame after the thaw. Arrivals must be within
-/// 0.3 periods (capture/sync/pulse_matcher.h): at 10 Hz that is 30 ms, too little on a busy
-/// machine.
+/// 4 Hz, for the same reason.
 class FrozenCamera : public FaultyStudio {
  protected:
   FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6"), "4") {}
@@ -276,7 +276,9 @@ TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
   record(kPulses);
   EXPECT_EQ(faulty().missing, range(10, 15));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
-  EXPECT_THAT(faulty().suspect, ElementsAre(16));
+  // A camera that was reopened has a new counter: its clock and the arrival agree. Otherwise the
+  // counter contradicts the clock in the first frame after the thaw.
+  EXPECT_THAT(faulty().suspect, testing::AnyOf(IsEmpty(), ElementsAre(16)));
   EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
