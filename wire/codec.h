@@ -34,6 +34,7 @@ Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
 Bytes encode(const PreviewMessage& message);
 Bytes encode(const SessionMessage& message);
+Bytes encode(const FrameKeyMessage& message);
 Bytes encode(const ShardMessage& message);
 Bytes encode(const ShardMeshMessage& message);
 
@@ -64,6 +65,8 @@ template <>
 std::optional<PreviewMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<SessionMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<FrameKeyMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<ShardMessage> decode(std::span<const uint8_t> bytes);
 template <>

@@ -1,12 +1,13 @@
-// Message authentication code (MAC) of a datagram. It proves that a holder of the studio key made
-// this fragment of this message, and that nobody changed it. Adapter of libsodium, as is
-// studio_key.
+// Message authentication code (MAC) of a datagram. It proves that a holder of the key made this
+// fragment of this message, and that nobody changed it. The key is the studio key, or for live
+// frames of a studio with a member list a frame key (wire/frame_key.h). Adapter of libsodium.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "base/core/time.h"
 #include "wire/studio_key.h"
@@ -44,6 +45,8 @@ uint32_t random_session();
 class DatagramMac {
  public:
   explicit DatagramMac(const StudioKey& key);
+  /// `key`: 32 bytes that were derived for this purpose alone.
+  explicit DatagramMac(SecretBuffer key) : key_(std::move(key)) {}
 
   /// Sets the tag of `trailer`.
   void sign(std::span<const uint8_t> head, std::span<const uint8_t> data,
@@ -53,7 +56,7 @@ class DatagramMac {
               const MacTrailer& trailer) const;
 
  private:
-  const SecretBuffer key_;
+  SecretBuffer key_;
 };
 
 }  // namespace v3d

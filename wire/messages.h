@@ -2,6 +2,7 @@
 // them to LCM messages.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -122,6 +123,22 @@ struct SessionMessage {
   uint32_t newest = 0;   ///< in an answer: the sequence number of its last message
   int64_t nonce = 0;     ///< random number of the question, not 0; the answer repeats it
   bool is_answer = false;
+};
+
+/// A frame key that only one recipient can open (wire/frame_key.h).
+struct SealedFrameKey {
+  std::array<uint8_t, 8> recipient{};  ///< the first bytes of its public key (KeyId)
+  std::array<uint8_t, 80> sealed{};
+};
+/// Maximum number of recipients of a frame key.
+inline constexpr size_t kMaxFrameKeyRecipients = 64;
+
+/// V3D_FRAMEKEY_<node>, once a second: the frame key of the node, for the reconstruction nodes.
+struct FrameKeyMessage {
+  RealtimeInstant sent;
+  uint32_t session = 0;              ///< of the live frames (trailers of their datagrams)
+  uint32_t newest = 0;               ///< the sequence number of the last message of that session
+  std::vector<SealedFrameKey> keys;  ///< at most kMaxFrameKeyRecipients
 };
 
 /// Maximum width and height of the images on V3D_PREVIEW_<camera>, pixels.

@@ -2,6 +2,7 @@
 
 #include <sodium.h>
 
+#include "base/core/check.h"
 #include "base/core/error.h"
 #include "wire/hexadecimal.h"
 #include "wire/key_file.h"
@@ -12,6 +13,16 @@ namespace {
 static_assert(crypto_sign_BYTES == kSignatureSize);
 static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(PublicKey::bytes));
 static_assert(crypto_sign_SEEDBYTES == kKeySize);
+static_assert(crypto_box_SEALBYTES == kSealSize);
+
+using CurvePoint = std::array<uint8_t, crypto_box_PUBLICKEYBYTES>;
+
+/// The X25519 form of a public key; empty when its bytes are no point of Ed25519.
+std::optional<CurvePoint> curve_point(const PublicKey& key) {
+  CurvePoint point{};
+  const bool is_point = crypto_sign_ed25519_pk_to_curve25519(point.data(), key.bytes.data()) == 0;
+  return is_point ? std::optional(point) : std::nullopt;
+}
 
 }  // namespace
 
@@ -38,6 +49,12 @@ const KeyKind kAuthorityKey{
 bool PublicKey::has_signed(std::span<const uint8_t> message, const Signature& signature) const {
   return crypto_sign_verify_detached(signature.data(), message.data(), message.size(),
                                      bytes.data()) == 0;
+}
+
+bool PublicKey::seal(std::span<const uint8_t> secret, std::span<uint8_t> sealed) const {
+  V3D_CHECK(sealed.size() == secret.size() + kSealSize);
+  const auto point = curve_point(*this);
+  return point && crypto_box_seal(sealed.data(), secret.data(), secret.size(), point->data()) == 0;
 }
 
 std::string PublicKey::text() const { return hexadecimal(bytes); }
@@ -99,6 +116,15 @@ Signature SigningKey::sign(std::span<const uint8_t> message) const {
   Signature signature{};
   crypto_sign_detached(signature.data(), nullptr, message.data(), message.size(), secret_->bytes());
   return signature;
+}
+
+bool SigningKey::open_sealed(std::span<const uint8_t> sealed, std::span<uint8_t> secret) const {
+  V3D_CHECK(sealed.size() == secret.size() + kSealSize);
+  const auto point = curve_point(public_key());
+  SecretBuffer scalar(crypto_box_SECRETKEYBYTES);
+  crypto_sign_ed25519_sk_to_curve25519(scalar.bytes().data(), secret_->bytes());
+  return point && crypto_box_seal_open(secret.data(), sealed.data(), sealed.size(), point->data(),
+                                       scalar.data()) == 0;
 }
 
 }  // namespace v3d

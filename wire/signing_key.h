@@ -1,5 +1,5 @@
 // Ed25519 signatures (RFC 8032). Each node has its own key and signs the takes that it records.
-// Adapter of libsodium.
+// Secrets are sealed for a key in its X25519 form. Adapter of libsodium.
 #pragma once
 
 #include <array>
@@ -17,12 +17,18 @@ namespace v3d {
 
 inline constexpr size_t kSignatureSize = 64;
 using Signature = std::array<uint8_t, kSignatureSize>;
+/// Number of bytes by which PublicKey::seal() makes a secret longer.
+inline constexpr size_t kSealSize = 48;
 
 /// Public key of a key pair. It verifies signatures.
 struct PublicKey {
   std::array<uint8_t, 32> bytes{};
 
   bool has_signed(std::span<const uint8_t> message, const Signature& signature) const;
+  /// Encrypts `secret` so that only the holder of the secret key can open it
+  /// (SigningKey::open_sealed). `sealed` is kSealSize longer. False when these bytes are no point
+  /// of Ed25519.
+  bool seal(std::span<const uint8_t> secret, std::span<uint8_t> sealed) const;
   /// Returns 64 hexadecimal digits.
   std::string text() const;
   /// Empty when `text` is not 64 hexadecimal digits.
@@ -53,6 +59,9 @@ class SigningKey {
 
   PublicKey public_key() const;
   Signature sign(std::span<const uint8_t> message) const;
+  /// Opens what PublicKey::seal() made for this key. `secret` is kSealSize shorter. False when it
+  /// was sealed for another key, or was changed.
+  bool open_sealed(std::span<const uint8_t> sealed, std::span<uint8_t> secret) const;
 
  private:
   class Secret;

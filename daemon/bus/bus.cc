@@ -16,6 +16,7 @@
 
 #include "base/config/lcm_group.h"
 #include "daemon/bus/multicast_socket.h"
+#include "daemon/bus/own_frame_key.h"
 
 namespace v3d {
 namespace {
@@ -53,6 +54,7 @@ class Bus::Impl {
     for (const std::string& group : frame_urls_) {
       frame_senders_.push_back(std::make_unique<MulticastSender>(group));
     }
+    if (frame_urls_.empty()) frame_senders_.push_back(std::make_unique<MulticastSender>(url));
     joined_groups_.resize(frame_urls_.size());
   }
 
@@ -81,9 +83,27 @@ class Bus::Impl {
 
   size_t frame_groups() const { return std::max<size_t>(frame_urls_.size(), 1); }
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
+    MulticastSender& sender = *frame_senders_[FrameNumbers::group_of(pulse, frame_senders_.size())];
+    if (authenticator_.members().are_required()) {
+      const auto key = own_frame_key_.sending(Monotonic::now());
+      return key && sender.send_in(key->session, channel, bytes, &key->mac);
+    }
     if (frame_urls_.empty()) return publish(channel, bytes, true);
-    const size_t group = FrameNumbers::group_of(pulse, frame_senders_.size());
-    return frame_senders_[group]->send(channel, bytes, authenticator_.mac().get());
+    return sender.send(channel, bytes, authenticator_.mac().get());
+  }
+
+  void announce_frame_key(const std::string& node) {
+    const auto list = authenticator_.members().list();
+    if (!authenticator_.members().are_required() || !list) return;
+    if (!own_frame_key_.adapt_to(*list, Monotonic::now()))
+      authenticator_.report(kTooManyRecipients);
+    const std::string channel = frame_key_channel(node);
+    {
+      const std::lock_guard lock(frame_key_mutex_);
+      frame_key_channel_ = channel;
+      frame_key_repeats_ = 0;
+    }
+    send_frame_key(channel);
   }
 
   void join_frame_groups(const FrameGroupSet& groups) {
@@ -121,6 +141,28 @@ class Bus::Impl {
   }
 
  private:
+  static constexpr char kTooManyRecipients[] =
+      "the member list has more than 64 reconstruction keys; the others cannot verify live frames";
+  /// Largest number of repetitions of a frame key between two calls of announce_frame_key(). Each
+  /// costs a signature.
+  static constexpr int kMaxRepeats = 10;
+
+  void send_frame_key(const std::string& channel) {
+    FrameKeyMessage message = own_frame_key_.announcement();
+    message.sent = Realtime::now();
+    publish(channel, encode(message), true);
+  }
+  void repeat_frame_key() {
+    std::string channel;
+    {
+      const std::lock_guard lock(frame_key_mutex_);
+      if (frame_key_channel_.empty() || frame_key_repeats_ == kMaxRepeats) return;
+      ++frame_key_repeats_;
+      channel = frame_key_channel_;
+    }
+    send_frame_key(channel);
+  }
+
   struct Topic {
     ChannelPattern channels;
     Handler handler;
@@ -147,12 +189,13 @@ class Bus::Impl {
                 [this](SessionMessage message) {
                   message.sent = Realtime::now();
                   publish(kSessionChannel, encode(message), true);
+                  if (message.is_answer) repeat_frame_key();
                 }};
   }
   std::optional<uint32_t> newest_of_own(uint32_t session) const {
-    if (sender_.session() == session) return sender_.newest();
+    if (sender_.session().number() == session) return sender_.session().newest();
     for (const auto& sender : frame_senders_) {
-      if (sender->session() == session) return sender->newest();
+      if (sender->session().number() == session) return sender->session().newest();
     }
     return std::nullopt;
   }
@@ -204,8 +247,13 @@ class Bus::Impl {
   const std::vector<std::string> frame_urls_;
   MessageAuthenticator& authenticator_;
   MulticastSender sender_;
+  /// One for each frame group. Without frame groups: one, for frames with a frame key.
   std::vector<std::unique_ptr<MulticastSender>> frame_senders_;
-  mutable std::mutex mutex_;  ///< guards the four below; held while handlers run
+  OwnFrameKey own_frame_key_;
+  std::mutex frame_key_mutex_;     ///< guards the two below
+  std::string frame_key_channel_;  ///< empty before the first announcement
+  int frame_key_repeats_ = 0;      ///< since announce_frame_key()
+  mutable std::mutex mutex_;       ///< guards the four below; held while handlers run
   std::list<Topic> topics_;
   std::shared_ptr<MulticastReceiver> common_;
   /// One receiver a frame group; null for groups that are not joined.
@@ -256,6 +304,7 @@ bool Bus::publish_frame(int64_t pulse, const std::string& channel,
                         std::span<const uint8_t> message) {
   return impl_->publish_frame(pulse, channel, message);
 }
+void Bus::announce_frame_key(const std::string& node) { impl_->announce_frame_key(node); }
 void Bus::join_frame_groups(const FrameGroupSet& groups) { impl_->join_frame_groups(groups); }
 ReceptionCounts Bus::reception() const { return impl_->reception(); }
 Bus::Listening Bus::subscribe(const std::string& channels, Handler handler, Accept accept) {

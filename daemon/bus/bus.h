@@ -57,8 +57,15 @@ class Bus {
 
   /// Number of frame groups; 1 when frames use the common group.
   size_t frame_groups() const;
-  /// Sends like publish_authenticated(), to the frame group of the pulse.
+  /// Sends like publish_authenticated(), to the frame group of the pulse. When members are
+  /// required, the MAC is that of the frame key (OwnFrameKey); returns false before
+  /// announce_frame_key().
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> message);
+  /// To be called once a second by a node that sends frames. When members are required and their
+  /// list is known, draws a frame key when necessary and sends it to the reconstruction nodes, in
+  /// the name of `node`. Sends it again when a process has questioned this one, because that
+  /// process has just dropped it.
+  void announce_frame_key(const std::string& node);
   /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
   /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use
   /// the common group. Throws InputError when a group cannot be joined.

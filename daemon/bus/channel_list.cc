@@ -18,14 +18,20 @@ constexpr size_t kMiB = 1024 * kKiB;
 
 /// The limits permit raw frames of 12 megapixels, meshes of a million triangles and ledgers of long
 /// takes. Health, pulses, events and commands have small limits.
-constexpr std::array<ChannelKind, 11> kKinds = {{
+constexpr std::array<ChannelKind, 12> kKinds = {{
     {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
     {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
     {.name = kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true, .author = kOwner},
     {.name = kEventChannel, .max_bytes = 32 * kKiB, .author = kNodeInside},
     {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true, .author = kAnyMember},
     {.name = kMeshChannel, .max_bytes = kMaxMessage, .author = kReconstruction},
-    {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage},
+    {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage, .is_of_frames = true},
+    {.name = kFrameKeyPrefix,
+     .of = kNodes,
+     .max_bytes = 8 * kKiB,
+     .needs_answer = true,
+     .is_of_frame_keys = true,
+     .author = kOwner},
     {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB, .author = kOwner},
     {.name = kHealthPrefix,
      .of = kNodes,

@@ -27,6 +27,11 @@ struct ChannelKind {
   bool needs_answer = false;
   /// SessionMessage, which receivers exchange. Its nonces prove that it is recent.
   bool is_of_sessions = false;
+  /// Live frames. When members are required, they carry the MAC of a frame key (FrameSessions)
+  /// instead of that of the studio key, and no signature.
+  bool is_of_frames = false;
+  /// FrameKeyMessage, which a receiver handles itself when members are required.
+  bool is_of_frame_keys = false;
   /// The member that must sign when there is a member list (MemberSignatures).
   enum class Author : uint8_t {
     kUnsigned,             ///< frames, and messages that contain their own signature

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <system_error>
 #include <utility>
 
 #include "base/core/error.h"
@@ -19,15 +20,6 @@ std::string read_text(const std::filesystem::path& path) {
   throw InputError(text.error().message + remedy);
 }
 
-/// Rejects a list without a higher serial number: an older list would restore revoked members.
-void reject_older(const MemberList& read, const MemberList& in_force,
-                  const std::filesystem::path& path) {
-  if (read.serial > in_force.serial) return;
-  const std::string serial = std::to_string(in_force.serial);
-  throw InputError(path.string() + ": serial: expected more than " + serial +
-                   ", which is in force; found " + std::to_string(read.serial));
-}
-
 CredentialPaths common_paths(const Studio& studio) {
   return {.studio = studio.name,
           .studio_key = studio.network.key,
@@ -41,6 +33,9 @@ CredentialPaths credentials_of_node(const Studio& studio, const std::string& nod
   CredentialPaths paths = common_paths(studio);
   paths.signing_key = studio.storage.signing_key;
   paths.node = node;
+  if (!studio.storage.takes.empty()) {
+    paths.accepted_serial = studio.storage.takes / (".member-list-" + node);
+  }
   paths.role = studio.reconstructs(node) ? Role::kReconstruction : Role::kCapture;
   return paths;
 }
@@ -59,7 +54,8 @@ CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials
                      : std::optional(PublicKey::parse(paths_.authority, "network.authority"))),
       credentials_(credentials),
       authenticator_(authenticator),
-      signs_(!paths_.node.empty()) {
+      signs_(!paths_.node.empty()),
+      accepted_(paths_.accepted_serial, paths_.studio, paths_.authority) {
   if (paths_.members.empty()) return;
   credentials_.require_members();
   authenticator_.require_command_macs();
@@ -76,6 +72,7 @@ std::string CredentialFiles::poll(MonotonicInstant now) {
     changes += line.empty() || changes.empty() ? line : "; " + line;
   };
   add(try_to([&] { return read_members(); }, "member list", members_ != nullptr, members_problem_));
+  add(save_accepted_serial());
   if (!signs_) return changes;
   add(try_to([&] { return read_signing_key(); }, "signing key", own_.has_value(),
              signing_problem_));
@@ -117,14 +114,59 @@ std::string CredentialFiles::read_members() {
   if (members_ && text == members_text_) return "";
   const auto read = std::make_shared<const MemberList>(
       parse_member_list(text, paths_.members, *authority_, paths_.studio));
-  if (members_) reject_older(*read, *members_, paths_.members);
+  const std::string note = load_accepted_serial();
+  reject_older(*read);
   const bool is_first = !members_;
   members_ = read;
   members_text_ = text;
   credentials_.set_members(read);
   authenticator_.members().set_members(read);
-  if (is_first) return "";
+  if (is_first) return note;
   return paths_.members.string() + ": member list " + std::to_string(read->serial) + " is in force";
+}
+
+/// Rejects a list with a lower serial number, also than before a restart: an older list would
+/// restore revoked members. While the process runs, another list needs a higher number.
+void CredentialFiles::reject_older(const MemberList& read) const {
+  const auto reject = [&](const std::string& expected) {
+    throw InputError(paths_.members.string() + ": serial: expected " + expected + "; found " +
+                     std::to_string(read.serial));
+  };
+  if (members_ && read.serial <= members_->serial) {
+    reject("more than " + std::to_string(members_->serial) + ", which is in force");
+  }
+  if (accepted_serial_ && read.serial < *accepted_serial_) {
+    reject("at least " + std::to_string(*accepted_serial_) +
+           ", which this node accepted before its restart (" + accepted_.path().string() + ")");
+  }
+}
+
+/// Reads the number once. A damaged file does not stop the node: it is reported and replaced.
+std::string CredentialFiles::load_accepted_serial() {
+  if (accepted_serial_) return "";
+  accepted_serial_ = 0;
+  try {
+    accepted_serial_ = accepted_.load();
+  } catch (const InputError& error) {
+    return std::string(error.what()) +
+           "; the serial number of the member list is not compared with that before the restart";
+  }
+  return "";
+}
+
+/// Tries again with each poll() while the file cannot be written. Returns a new problem.
+std::string CredentialFiles::save_accepted_serial() {
+  if (!members_ || accepted_serial_ == members_->serial) return "";
+  const io::Status saved = accepted_.save(members_->serial);
+  if (saved) accepted_serial_ = members_->serial;
+  // The message of the error names a temporary file, which differs each time.
+  const std::string problem =
+      saved ? ""
+            : "cannot write " + accepted_.path().string() + ": " +
+                  std::generic_category().message(saved.error().code) +
+                  "; after a restart, this node would accept an older member list";
+  const bool is_new = std::exchange(serial_problem_, problem) != problem;
+  return is_new ? problem : "";
 }
 
 std::string CredentialFiles::read_signing_key() {
@@ -158,7 +200,8 @@ bool CredentialFiles::is_ready() const {
 }
 
 std::string CredentialFiles::problem() const {
-  for (const std::string* problem : {&key_problem_, &members_problem_, &signing_problem_}) {
+  for (const std::string* problem :
+       {&key_problem_, &members_problem_, &signing_problem_, &serial_problem_}) {
     if (!problem->empty()) return *problem;
   }
   return not_member_;

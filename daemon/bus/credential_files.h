@@ -9,6 +9,7 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "daemon/bus/accepted_serial.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/message_authenticator.h"
 
@@ -21,12 +22,18 @@ struct CredentialPaths {
   std::filesystem::path members = {};      ///< empty: there is no member list
   std::string authority = {};              ///< public key that verifies the list, hexadecimal
   std::filesystem::path signing_key = {};  ///< used where there is a member list
-  std::string node = {};                   ///< empty: an operator
+  /// File with the highest serial number that was accepted (AcceptedSerial). Empty: it is not kept
+  /// over a restart, as for an operator.
+  std::filesystem::path accepted_serial = {};
+  std::string node = {};  ///< empty: an operator
   Role role = Role::kOperator;
 };
 CredentialPaths credentials_of_node(const Studio& studio, const std::string& node);
 CredentialPaths credentials_of_operator(const Studio& studio);
 
+/// A member list with a lower serial number than one that was accepted is rejected. A node keeps
+/// that number in a file; where it cannot be written, problem() reports it and the node goes on.
+///
 /// When a file is missing, unreadable or rejected (for example while it is being copied), the
 /// previous contents stay in use. One thread.
 class CredentialFiles {
@@ -57,6 +64,9 @@ class CredentialFiles {
   std::string try_to(Read read, const std::string& what, bool is_in_use, std::string& problem);
   std::string read_studio_key(MonotonicInstant now);
   std::string read_members();
+  void reject_older(const MemberList& read) const;
+  std::string load_accepted_serial();
+  std::string save_accepted_serial();
   std::string read_signing_key();
   std::string why_not_member() const;
 
@@ -68,8 +78,10 @@ class CredentialFiles {
   std::optional<StudioKey> key_;
   std::shared_ptr<const MemberList> members_;
   std::string members_text_;  ///< of the list that is in force
+  AcceptedSerial accepted_;
+  std::optional<int64_t> accepted_serial_;  ///< in its file; empty before the first list
   std::optional<PublicKey> own_;
-  std::string key_problem_, members_problem_, signing_problem_, not_member_;
+  std::string key_problem_, members_problem_, signing_problem_, serial_problem_, not_member_;
 };
 
 }  // namespace v3d

@@ -16,10 +16,10 @@ namespace v3d {
 /// within that time invalidates the first key at once.
 ///
 /// All times are arguments. One thread.
-template <class Key>
+template <class Key, int kSendOldSeconds = 10>
 class KeyRotation {
  public:
-  static constexpr Duration kSendOld = std::chrono::seconds(10);
+  static constexpr Duration kSendOld = std::chrono::seconds(kSendOldSeconds);
   static constexpr Duration kAcceptOld = 2 * kSendOld;
 
   /// Replaces the key. The first key is used for sending at once.

@@ -95,15 +95,35 @@ std::optional<SigningKey> MemberSignatures::key_for(std::string_view channel) co
   return are_required_ ? signing_key_ : std::nullopt;
 }
 
-std::shared_ptr<const MemberList> MemberSignatures::members() const {
+std::shared_ptr<const MemberList> MemberSignatures::list() const {
   const std::lock_guard lock(mutex_);
   return members_;
 }
 
 bool MemberSignatures::knows(const KeyId& key) const {
-  const auto list = members();
+  const auto known = list();
   const auto is_of = [&](const Member& member) { return id_of(member.key) == key; };
-  return list && std::ranges::any_of(list->members, is_of);
+  return known && std::ranges::any_of(known->members, is_of);
+}
+
+bool MemberSignatures::has_node(std::string_view node, const KeyId& key) const {
+  const auto known = list();
+  const auto is_of = [&](const Member& member) {
+    return member.is_node() && member.name == node && id_of(member.key) == key;
+  };
+  return known && std::ranges::any_of(known->members, is_of);
+}
+
+std::optional<FrameKey> MemberSignatures::open(const FrameKeyMessage& message) const {
+  std::optional<SigningKey> own;
+  {
+    const std::lock_guard lock(mutex_);
+    own = signing_key_;
+  }
+  if (!own) return std::nullopt;
+  const auto sealed =
+      std::ranges::find(message.keys, id_of(own->public_key()), &SealedFrameKey::recipient);
+  return sealed == message.keys.end() ? std::nullopt : FrameKey::open(*sealed, *own);
 }
 
 VerifiedMessage MemberSignatures::verify(std::span<const uint8_t> bytes,
@@ -123,8 +143,8 @@ VerifiedMessage MemberSignatures::verify(std::span<const uint8_t> bytes,
     const std::string key = hexadecimal(signed_message->key_id);
     return reject("signed with key " + key + "..., which the member list here does not have,");
   }
-  const auto list = members();
-  const auto signers = list->signers_of(*signed_message, origin);
+  const auto members = list();
+  const auto signers = members->signers_of(*signed_message, origin);
   if (signers.empty()) return reject("with a wrong signature");
   const auto is_permitted = [&](const Member* member) { return rule.permits(*member); };
   if (std::ranges::none_of(signers, is_permitted)) return reject("of member " + names_of(signers));

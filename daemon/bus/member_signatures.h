@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "daemon/bus/channel_list.h"
+#include "wire/frame_key.h"
 #include "wire/member_list.h"
 
 namespace v3d {
@@ -49,16 +50,20 @@ class MemberSignatures {
   /// before set_signing_key(); receivers reject messages that are sent then.
   std::optional<SigningKey> key_for(std::string_view channel) const;
 
+  /// The list in force; null before set_members().
+  std::shared_ptr<const MemberList> list() const;
   /// Whether the list contains this key. Verifies no signature.
   bool knows(const KeyId& key) const;
+  /// Whether the list has a node of this name with this key. Allocates nothing.
+  bool has_node(std::string_view node, const KeyId& key) const;
+  /// The frame key that is sealed for the signing key of this process; empty when there is none.
+  std::optional<FrameKey> open(const FrameKeyMessage& message) const;
   /// Verifies the signature and the author. Hashes the message and verifies one signature only when
   /// the list contains the key.
   VerifiedMessage verify(std::span<const uint8_t> bytes, const MessageOrigin& origin,
                          const ChannelKind& kind, std::string_view owner) const;
 
  private:
-  std::shared_ptr<const MemberList> members() const;
-
   mutable std::mutex mutex_;  ///< guards the members below
   bool are_required_ = false;
   std::shared_ptr<const MemberList> members_;

@@ -48,6 +48,11 @@ void MessageAuthenticator::count_unverified() {
       "key");
 }
 
+void MessageAuthenticator::count_forged_frame() {
+  ++forged_;
+  report("live frames without the MAC of their frame key are rejected: an attacker");
+}
+
 void MessageAuthenticator::count_unsigned(std::string_view problem) {
   ++not_signed_;
   report(problem);

@@ -19,8 +19,8 @@ namespace v3d {
 
 /// Rejected datagrams and messages, by cause.
 struct RejectionCounts {
-  int64_t forged = 0;      ///< datagrams without a valid MAC of the studio key
-  int64_t unkeyed = 0;     ///< datagrams that arrived while this process had no key
+  int64_t forged = 0;      ///< datagrams without a valid MAC of the studio key or frame key
+  int64_t unkeyed = 0;     ///< datagrams for which this process has no key, or had none yet
   int64_t not_signed = 0;  ///< messages without the signature of a member that may send them
   int64_t stale = 0;       ///< authentic, but not proven to be recent (SessionReplayFilter)
   int64_t replayed = 0;    ///< received before; networks may also duplicate datagrams
@@ -57,6 +57,10 @@ class MessageAuthenticator {
 
   /// Counts a datagram that verify() rejected: as `forged`, or as `unkeyed` when there is no key.
   void count_unverified();
+  /// Counts a datagram of a frame session without the MAC of its key.
+  void count_forged_frame();
+  /// Counts a live frame that this process has no frame key for.
+  void count_unkeyed() { ++unkeyed_; }
   /// Counts a message that MemberSignatures rejected, and reports `problem`.
   void count_unsigned(std::string_view problem);
   void count_stale() { ++stale_; }

@@ -94,16 +94,23 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
                                                                   const ReceiverTime& now) {
   const bool is_first = kind != nullptr;
   const bool is_of_sessions = datagram.is_whole() && kind->is_of_sessions;
-  if (datagram.is_whole() && !is_of_sessions && !wanted_(datagram.channel)) return std::nullopt;
+  if (datagram.is_whole() && !is_handled_here(*kind) && !wanted_(datagram.channel)) {
+    return std::nullopt;
+  }
   const bool is_verified_later =
       kind != nullptr && kind->holds_own_mac && !authenticator_.requires_command_macs();
   if (datagram.is_whole() && is_verified_later) return pass(datagram.channel, datagram.data);
   const DatagramParts parts = split_trailer(datagram);
+  if (is_of_frames(kind, parts, now.monotonic)) return receive_frame(datagram, kind, parts, now);
   if (parts.trailer && filter_.is_received(stamp_of(datagram, *parts.trailer))) {
     if (is_first) authenticator_.count_replayed();
     return std::nullopt;
   }
   if (!is_authentic(datagram, parts, now.monotonic)) {
+    if (may_be_frame(kind, parts)) {
+      authenticator_.count_unkeyed();
+      return std::nullopt;
+    }
     authenticator_.count_unverified();
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
     return ReceivedMessage{datagram.channel, without_signature(*kind, parts.data), false};
@@ -134,7 +141,8 @@ std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& d
     ask(stamp, signer, now);
     return std::nullopt;
   }
-  if (is_first && !wanted_(datagram.channel)) {
+  const bool is_handled = datagram.is_whole() && is_handled_here(*kind);
+  if (is_first && !is_handled && !wanted_(datagram.channel)) {
     filter_.note(stamp, now);
     reassembly_.drop(identity_of(datagram, parts, stamp.session));
     return std::nullopt;
@@ -168,10 +176,135 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
       ask(stamp, verified.signer, now);
       return std::nullopt;
     }
+    if (kind.is_of_frame_keys) {
+      filter_.note(stamp, now);
+      register_frame_key(message, verified.signer, stamp, now);
+      return std::nullopt;
+    }
   }
   message.bytes = without_signature(kind, message.bytes);
   filter_.note(stamp, now);
   return message;
+}
+
+// --- live frames when members are required ------------------------------------------------------
+
+/// Messages that need no subscription.
+bool MessageReceiver::is_handled_here(const ChannelKind& kind) const {
+  return kind.is_of_sessions || (kind.is_of_frame_keys && authenticator_.members().are_required());
+}
+
+/// Whether a frame key must verify this datagram: it is the first one of a frame, or a fragment
+/// without a channel in a frame session.
+bool MessageReceiver::is_of_frames(const ChannelKind* kind, const DatagramParts& parts,
+                                   MonotonicInstant now) const {
+  if (!parts.trailer || !authenticator_.members().are_required()) return false;
+  return kind != nullptr ? kind->is_of_frames : frame_sessions_.has(parts.trailer->session, now);
+}
+
+/// A fragment without a channel, in a session from which nothing was accepted: before the key of a
+/// frame session is announced, its fragments cannot be told from forgeries.
+bool MessageReceiver::may_be_frame(const ChannelKind* kind, const DatagramParts& parts) const {
+  return kind == nullptr && parts.trailer && authenticator_.members().are_required() &&
+         !filter_.knows(parts.trailer->session);
+}
+
+/// Costs one hash. Only when nodes announce the same session number, the key of each is tried.
+std::optional<ReceivedMessage> MessageReceiver::receive_frame(const Datagram& datagram,
+                                                              const ChannelKind* kind,
+                                                              const DatagramParts& parts,
+                                                              const ReceiverTime& now) {
+  bool is_known = false, has_key = false, is_received = false;
+  for (const FrameSession& session : frame_sessions_.find(parts.trailer->session)) {
+    if (!session.is_valid(now.monotonic)) continue;
+    is_known = true;
+    if (session.mac == nullptr) continue;
+    has_key = true;
+    if (frame_filter_.is_received({session.id, datagram.sequence, parts.trailer->sent})) {
+      is_received = true;
+    } else if (session.mac->verify(datagram.head, parts.data, *parts.trailer)) {
+      return receive_authentic_frame(datagram, parts, session, now);
+    }
+  }
+  const bool is_first = kind != nullptr;
+  if (is_received) {
+    if (is_first) authenticator_.count_replayed();
+  } else if (has_key) {
+    authenticator_.count_forged_frame();
+  } else if (!is_known) {
+    count_frame_without_key(datagram, parts, now.monotonic);
+  } else if (is_first && wanted_(datagram.channel)) {
+    authenticator_.count_unkeyed();
+  }
+  return std::nullopt;
+}
+
+std::optional<ReceivedMessage> MessageReceiver::receive_authentic_frame(const Datagram& datagram,
+                                                                        const DatagramParts& parts,
+                                                                        const FrameSession& session,
+                                                                        const ReceiverTime& now) {
+  const SessionStamp stamp{session.id, datagram.sequence, parts.trailer->sent};
+  if (!frame_filter_.is_recent(stamp, now)) {
+    authenticator_.count_stale();
+    return std::nullopt;
+  }
+  const bool is_first = datagram.number == 0;
+  const uint64_t sender = uint64_t{session.id} << 32 | session.number;
+  if (is_first && (!may_send(session, datagram.channel) || !wanted_(datagram.channel))) {
+    frame_filter_.note(stamp, now);
+    reassembly_.drop(identity_of(datagram, parts, sender));
+    return std::nullopt;
+  }
+  const auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
+                                           : reassemble(datagram, parts, sender);
+  if (message) frame_filter_.note(stamp, now);
+  return message;
+}
+
+/// Whether the node of the session owns the camera and is still a member.
+bool MessageReceiver::may_send(const FrameSession& session, std::string_view channel) {
+  const std::string_view owner = channels_.owner_of(channel);
+  if (owner != session.node) {
+    authenticator_.count_unsigned(std::string(channel) + " of member " + session.node +
+                                  " is rejected: only " + std::string(owner) + " may send it");
+    return false;
+  }
+  if (authenticator_.members().has_node(session.node, session.signer)) return true;
+  authenticator_.count_unsigned(std::string(channel) +
+                                " is rejected: the member list here has no node " + session.node +
+                                " with the key that announced it");
+  return false;
+}
+
+/// Counts the first datagram of a frame of an unknown session. A holder of the studio key that
+/// sends frames without a frame key is reported. Otherwise the announcement has perhaps not arrived
+/// yet.
+void MessageReceiver::count_frame_without_key(const Datagram& datagram, const DatagramParts& parts,
+                                              MonotonicInstant now) {
+  if (!wanted_(datagram.channel)) return;
+  if (is_authentic(datagram, parts, now)) {
+    authenticator_.count_unsigned(
+        std::string(datagram.channel) + " with the MAC of the studio key is rejected: only " +
+        std::string(channels_.owner_of(datagram.channel)) + " may send it, with its frame key");
+  } else {
+    authenticator_.count_unkeyed();
+  }
+}
+
+void MessageReceiver::register_frame_key(const ReceivedMessage& message, const Signer& signer,
+                                         const SessionStamp& stamp, const ReceiverTime& now) {
+  const auto announced = decode<FrameKeyMessage>(message.bytes);
+  if (!announced) {
+    ++malformed_;
+    return;
+  }
+  const auto open = [&]() -> std::shared_ptr<const DatagramMac> {
+    const auto key = authenticator_.members().open(*announced);
+    return key ? std::make_shared<const DatagramMac>(key->mac()) : nullptr;
+  };
+  const uint32_t id = frame_sessions_.announce(channels_.owner_of(message.channel),
+                                               announced->session, *signer, now.monotonic, open);
+  frame_filter_.accept({id, announced->newest, stamp.sent}, now);
 }
 
 /// The key id in the signature of a message of one datagram. Does not verify the signature.

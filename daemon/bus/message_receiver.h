@@ -10,6 +10,7 @@
 
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/datagram.h"
+#include "daemon/bus/frame_sessions.h"
 #include "daemon/bus/message_authenticator.h"
 #include "daemon/bus/reassembly.h"
 #include "daemon/bus/session_replay_filter.h"
@@ -57,6 +58,12 @@ struct SessionPort {
 /// (MemberSignatures), and the answer of its session must be signed with the same key. The receiver
 /// verifies at most one signature a message, and none for senders without the studio key.
 ///
+/// When members are required, live frames need the MAC of a frame key of the node that owns the
+/// camera (FrameSessions), and no other message is accepted with it. A session is then identified
+/// by its number and its kind of key: a holder of the studio key cannot change the state of a frame
+/// session. The announcement of a key (FrameKeyMessage) comes from a session that has answered, so
+/// the frame session needs no question: frames before its first announcement count as received.
+///
 /// When a session's time is not proven to be recent, the receiver drops its messages and sends it a
 /// question. If clocks differ, the messages before the answer are lost. The first health messages
 /// and pulses of every session are lost in the same way (ChannelKind::needs_answer).
@@ -92,6 +99,21 @@ class MessageReceiver {
   std::optional<ReceivedMessage> receive_recent(const Datagram& datagram, const ChannelKind* kind,
                                                 const DatagramParts& parts,
                                                 const SessionStamp& stamp, const ReceiverTime& now);
+  std::optional<ReceivedMessage> receive_frame(const Datagram& datagram, const ChannelKind* kind,
+                                               const DatagramParts& parts, const ReceiverTime& now);
+  std::optional<ReceivedMessage> receive_authentic_frame(const Datagram& datagram,
+                                                         const DatagramParts& parts,
+                                                         const FrameSession& session,
+                                                         const ReceiverTime& now);
+  bool is_of_frames(const ChannelKind* kind, const DatagramParts& parts,
+                    MonotonicInstant now) const;
+  bool may_be_frame(const ChannelKind* kind, const DatagramParts& parts) const;
+  bool may_send(const FrameSession& session, std::string_view channel);
+  void count_frame_without_key(const Datagram& datagram, const DatagramParts& parts,
+                               MonotonicInstant now);
+  void register_frame_key(const ReceivedMessage& message, const Signer& signer,
+                          const SessionStamp& stamp, const ReceiverTime& now);
+  bool is_handled_here(const ChannelKind& kind) const;
   std::optional<ReceivedMessage> accept(ReceivedMessage message, const SessionStamp& stamp,
                                         const ReceiverTime& now);
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
@@ -121,6 +143,8 @@ class MessageReceiver {
   const SessionPort sessions_;
   SessionReplayFilter filter_;
   SessionQuestions questions_;
+  FrameSessions frame_sessions_;
+  SessionReplayFilter frame_filter_;  ///< of frame sessions, by FrameSession::id
   int64_t forgotten_ = 0;  ///< SessionReplayFilter::forgotten() when the questions were asked
   MonotonicInstant answers_since_;
   int answers_ = 0;

@@ -195,19 +195,21 @@ size_t MulticastReceiver::receive(DatagramRing& ring) {
 // --- sending ------------------------------------------------------------------------------------
 
 MulticastSender::MulticastSender(const std::string& url)
-    : socket_(udp_socket()), group_(address_of(url)), session_(random_session()) {
+    : socket_(udp_socket()), group_(address_of(url)) {
   const auto ttl = static_cast<uint8_t>(options_of(url).ttl);
   check_route(group_, url);
   check_joined(set_option(socket_.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl), url);
 }
 
-bool MulticastSender::send(std::string_view channel, std::span<const uint8_t> message,
-                           const DatagramMac* mac, const SigningKey* key) {
-  const MacTrailer trailer{.session = session_, .sent = Realtime::now(), .tag = {}};
-  const uint32_t sequence = next_sequence_++;
+bool MulticastSender::send_in(SendingSession& session, std::string_view channel,
+                              std::span<const uint8_t> message, const DatagramMac* mac,
+                              const SigningKey* key) {
+  const MacTrailer trailer{.session = session.number(), .sent = Realtime::now(), .tag = {}};
+  const uint32_t sequence = session.take_sequence();
   Bytes with_signature;
   if (mac != nullptr && key != nullptr) {
-    with_signature = sign_on_bus(message, {channel, session_, sequence, trailer.sent}, *key);
+    with_signature =
+        sign_on_bus(message, {channel, session.number(), sequence, trailer.sent}, *key);
     message = with_signature;
   }
   std::vector<OutgoingDatagram> datagrams =

@@ -86,6 +86,20 @@ class MulticastReceiver {
   std::atomic<int64_t> dropped_ = 0;
 };
 
+/// A session of this process: its random number, in the trailer of each datagram, and the sequence
+/// numbers of its messages. Any thread.
+class SendingSession {
+ public:
+  uint32_t number() const { return number_; }
+  /// The sequence number of the last message; 2^32 - 1 before the first.
+  uint32_t newest() const { return next_ - 1; }
+  uint32_t take_sequence() { return next_++; }
+
+ private:
+  const uint32_t number_ = random_session();
+  std::atomic<uint32_t> next_ = 0;
+};
+
 /// Sends to a multicast group without joining it. Any thread.
 class MulticastSender {
  public:
@@ -97,20 +111,21 @@ class MulticastSender {
   /// the message is signed too (sign_on_bus()). Returns false when the kernel does not accept a
   /// datagram, or the message or the channel's name is too long.
   bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac,
-            const SigningKey* key = nullptr);
+            const SigningKey* key = nullptr) {
+    return send_in(session_, channel, message, mac, key);
+  }
+  /// The same in another session than that of this socket. Several sockets may send in it.
+  bool send_in(SendingSession& session, std::string_view channel, std::span<const uint8_t> message,
+               const DatagramMac* mac, const SigningKey* key = nullptr);
 
-  /// Random number of this socket, in the trailer of each datagram.
-  uint32_t session() const { return session_; }
-  /// The sequence number of the last message.
-  uint32_t newest() const { return next_sequence_ - 1; }
+  const SendingSession& session() const { return session_; }
 
  private:
   bool send_all(std::span<const OutgoingDatagram> datagrams, bool with_trailer);
 
   const io::UniqueFd socket_;
   sockaddr_in group_{};
-  const uint32_t session_;
-  std::atomic<uint32_t> next_sequence_ = 0;
+  SendingSession session_;
   std::mutex one_message_;  ///< keeps the datagrams of a message together
 };
 

@@ -66,6 +66,8 @@ class SessionReplayFilter {
   /// Whether the message was received before. To be called before the verification of the message.
   /// Sequence numbers may wrap.
   bool is_received(const SessionStamp& stamp) const;
+  /// Whether the session is stored: an authentic message of it was accepted, or it has answered.
+  bool knows(uint32_t session) const { return find(session) != nullptr; }
   /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
   /// Whether the last accept() for the session had this signer.

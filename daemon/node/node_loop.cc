@@ -99,6 +99,8 @@ void NodeLoop::publish(ReplyMessage reply) {
 
 void NodeLoop::publish_health() {
   read_credentials();
+  // Before the health, so that a revoked reconstruction node gets no key from now on.
+  if (identity_.credentials.role == Role::kCapture) bus_.announce_frame_key(identity_.node);
   HealthMessage health = protocol_.health(Monotonic::now());
   check_clock(health);
   health.sent = Realtime::now();

@@ -25,6 +25,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   check<v3d::EventMessage>(bytes);
   check<v3d::PreviewMessage>(bytes);
   check<v3d::SessionMessage>(bytes);
+  check<v3d::FrameKeyMessage>(bytes);
   check<v3d::ShardMessage>(bytes);
   check<v3d::ShardMeshMessage>(bytes);
   v3d::decode_frame_head(bytes);

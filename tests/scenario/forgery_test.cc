@@ -79,7 +79,7 @@ class ForgedStudio : public Studio4 {
     event.text = "forged";
     forge(send, kEventChannel, event, seq);
   }
-  /// Messages that cap02 may send, or that no signature protects.
+  /// Messages that cap02 may send, and a frame of cam01.
   void forge_more(const Send& send, int64_t seq) const {
     HealthMessage full;
     full.node = "cap02";
@@ -87,6 +87,9 @@ class ForgedStudio : public Studio4 {
     full.take = take_name_;
     full.values["disk_full_flag"] = 1;
     forge(send, health_channel("cap02"), full, seq);
+    forge_frame(send, seq);
+  }
+  void forge_frame(const Send& send, int64_t seq) const {
     FrameMessage frame;
     frame.take = take_name_;
     frame.frame.camera = "cam01";
@@ -156,6 +159,7 @@ class MemberStudioWithForger : public ForgedStudio {
     forger_.authenticator().set_key(StudioKey::load(studio_.network.key));
     forger_.authenticator().members().require();
     forger_.authenticator().members().set_signing_key(cap02_);
+    forger_.authenticator().members().set_members(std::make_shared<const MemberList>(members_));
   }
 
   Bus forger_{studio_.network.lcm_url, {}, ChannelList(studio_)};
@@ -183,6 +187,43 @@ TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_
                 testing::HasSubstr("of member cap02 is rejected: only cap01 may send it"));
   }
   expect_a_complete_take();
+}
+
+/// The forger sends frames of cam01 with the studio key, and with a frame key that it announces in
+/// the name of cap02, which it may. Neither is the key of cap01.
+TEST_F(MemberStudioWithForger, uses_no_frame_that_one_node_sends_for_the_camera_of_another) {
+  constexpr int64_t kForged = 50;
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("recon01", "meshes", 5)) << log();
+  const Send with_studio_key = [&](const std::string& channel, const Bytes& bytes) {
+    forger_.publish_authenticated(channel, bytes);
+  };
+  const Send with_own_frame_key = [&](const std::string& channel, const Bytes& bytes) {
+    forger_.publish_frame(0, channel, bytes);
+  };
+  int64_t seq = 0;
+  const auto are_reported = [&](const Send& send, const std::string& line) {
+    forger_.announce_frame_key("cap02");
+    for (int i = 0; i < 10; ++i) forge_frame(send, ++seq);
+    const HealthMessage health = client_->health(within(5))["recon01"];
+    return health.values.contains("messages_unsigned") &&
+           health.values.at("messages_unsigned") >= kForged &&
+           health.text.find(line) != std::string::npos;
+  };
+  const auto with_studio_key_are_reported = [&] {
+    return are_reported(with_studio_key, "V3D_FRAME_cam01 with the MAC of the studio key");
+  };
+  EXPECT_TRUE(becomes_true(with_studio_key_are_reported, within(60))) << log();
+  const auto with_own_frame_key_are_reported = [&] {
+    return are_reported(with_own_frame_key, "V3D_FRAME_cam01 of member cap02 is rejected");
+  };
+  EXPECT_TRUE(becomes_true(with_own_frame_key_are_reported, within(60))) << log();
+  EXPECT_TRUE(reaches("recon01", "meshes", value("recon01", "meshes") + 5)) << log();
+  for (const char* node : {"cap01", "cap02", "recon01"}) {
+    EXPECT_EQ(value(node, "messages_forged"), 0) << node;
+  }
+  // After an accepted frame of a later pulse, all frames would be late.
+  EXPECT_LT(expect_a_complete_take()["frames_late"], kFramesAfterAttack);
 }
 
 }  // namespace

@@ -101,5 +101,37 @@ TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
 
+/// v3d-recond restarts in the take and learns the frame key again. Its list of before the restart
+/// is remembered.
+TEST_F(MemberStudio4, reconstructs_again_after_a_restart_but_not_with_an_older_member_list) {
+  const std::filesystem::path old_list = folder_ / "members.old.toml";
+  std::filesystem::copy_file(folder_ / "members.toml", old_list);
+  MemberList next = members_;
+  next.serial = 2;
+  write_members(next);
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("recon01", "meshes", 5)) << log();
+  EXPECT_EQ(value("recon01", "messages_forged"), 0);
+  recond_->signal(SIGKILL);
+  ASSERT_TRUE(recond_->wait(within(60)));
+
+  std::filesystem::copy_file(old_list, folder_ / "members.toml",
+                             std::filesystem::copy_options::overwrite_existing);
+  start_recond();
+  const auto is_rejected = [&] {
+    return recond_->output().find("serial: expected at least 2, which this node accepted") !=
+           std::string::npos;
+  };
+  ASSERT_TRUE(becomes_true(is_rejected, within(60))) << log();
+  write_members(next);
+  client_.emplace(studio_);
+  ASSERT_TRUE(reaches("recon01", "live_fps", 5)) << log();
+  EXPECT_TRUE(reaches("recon01", "meshes", value("recon01", "meshes") + 5)) << log();
+  EXPECT_EQ(value("recon01", "messages_forged"), 0);
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
+}
+
 }  // namespace
 }  // namespace v3d

@@ -24,6 +24,7 @@ void for_every_type(Check check) {
   check(EventMessage{});
   check(PreviewMessage{});
   check(SessionMessage{});
+  check(FrameKeyMessage{});
   check(ShardMessage{});
   check(ShardMeshMessage{});
 }
@@ -211,6 +212,22 @@ TEST(Codec, rejects_a_preview_that_is_too_large_or_has_a_mask_of_another_size) {
   EXPECT_TRUE(is_rejected<PreviewMessage>(with({kMaxPreviewSide + 1, 4}, {})));
   EXPECT_TRUE(is_rejected<PreviewMessage>(with({0, 4}, {})));
   EXPECT_TRUE(is_rejected<PreviewMessage>(with({8, 4}, Mask({7, 4}))));
+}
+
+TEST(Codec, rejects_a_frame_key_message_with_too_many_keys_or_a_part_of_one) {
+  const auto with = [](size_t count) {
+    return [count](FrameKeyMessage& m) { m.keys.resize(count); };
+  };
+  EXPECT_FALSE(is_rejected<FrameKeyMessage>(with(0)));
+  EXPECT_FALSE(is_rejected<FrameKeyMessage>(with(kMaxFrameKeyRecipients)));
+  EXPECT_TRUE(is_rejected<FrameKeyMessage>(with(kMaxFrameKeyRecipients + 1)));
+  Bytes bytes = encode(FrameKeyMessage{.sent = {}, .session = 1, .newest = 2, .keys = {{}}});
+  constexpr size_t kEntrySize = 88;
+  uint8_t& count = bytes[bytes.size() - kEntrySize - 1];
+  ASSERT_EQ(count, kEntrySize);
+  --count;
+  bytes.pop_back();
+  EXPECT_FALSE(decode<FrameKeyMessage>(bytes));
 }
 
 TEST(Codec, rejects_a_command_without_a_sender_or_with_an_invalid_rate) {

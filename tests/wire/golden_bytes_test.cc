@@ -116,6 +116,13 @@ SessionMessage session() {
   return {.sent = kSent, .session = 0xfedcba98, .newest = 77, .nonce = 9, .is_answer = true};
 }
 
+FrameKeyMessage frame_key() {
+  FrameKeyMessage m{.sent = kSent, .session = 0xfedcba98, .newest = 77, .keys = {{}}};
+  m.keys[0].recipient.fill(3);
+  m.keys[0].sealed.fill(4);
+  return m;
+}
+
 HealthMessage health() {
   return {.sent = kSent,
           .seq = 9,
@@ -204,6 +211,12 @@ TEST(GoldenBytes, match_for_a_reply) {
 }
 TEST(GoldenBytes, match_for_a_session_message) {
   expect_bytes(session(), "8ec65f99c61dd5d300060a2418202240fedcba980000004d000000000000000901");
+}
+TEST(GoldenBytes, match_for_a_frame_key_message) {
+  std::string sealed;
+  for (int i = 0; i < 80; ++i) sealed += "04";
+  expect_bytes(frame_key(), "26186c1da8f8c3d300060a2418202240fedcba980000004d00000058" +
+                                std::string("0303030303030303") + sealed);
 }
 TEST(GoldenBytes, match_for_a_health_message) {
   expect_bytes(health(),

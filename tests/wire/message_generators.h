@@ -111,6 +111,19 @@ inline SessionMessage any_message() {
 }
 
 template <>
+inline FrameKeyMessage any_message() {
+  FrameKeyMessage message{.sent = any_sent(),
+                          .session = *rc::gen::arbitrary<uint32_t>(),
+                          .newest = *rc::gen::arbitrary<uint32_t>(),
+                          .keys = std::vector<SealedFrameKey>(*rc::gen::inRange<size_t>(0, 4))};
+  for (SealedFrameKey& key : message.keys) {
+    for (uint8_t& byte : key.recipient) byte = *rc::gen::arbitrary<uint8_t>();
+    for (uint8_t& byte : key.sealed) byte = *rc::gen::arbitrary<uint8_t>();
+  }
+  return message;
+}
+
+template <>
 inline CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),

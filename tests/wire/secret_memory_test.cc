@@ -1,6 +1,7 @@
 // Searches all memory of this process for copies of secret keys.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/random.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,6 +17,7 @@
 #include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 #include "wire/datagram_mac.h"
+#include "wire/frame_key.h"
 #include "wire/signing_key.h"
 #include "wire/studio_key.h"
 
@@ -159,6 +161,44 @@ TEST_F(SecretMemory, holds_a_signing_key_once_during_use_and_not_afterwards) {
   EXPECT_EQ(memory_.count(masked_digits(path_)), 0U);
   key.reset();
   EXPECT_EQ(memory_.count(masked_bytes(path_)), 0U);
+}
+
+/// The bytes of a new key, each XORed with kMask. Made in a child process, as make_key() does.
+Masked make_masked_secret() {
+  std::array<int, 2> ends{};
+  if (pipe(ends.data()) != 0) return {};
+  const pid_t child = fork();
+  if (child == 0) {
+    std::array<uint8_t, 32> bytes{};
+    const ssize_t got = getrandom(bytes.data(), bytes.size(), 0);
+    for (uint8_t& byte : bytes) byte ^= kMask;
+    _exit(got == write(ends[1], bytes.data(), bytes.size()) ? 0 : 1);
+  }
+  Masked masked(32);
+  close(ends[1]);
+  const ssize_t got = read(ends[0], masked.data(), masked.size());
+  close(ends[0]);
+  waitpid(child, nullptr, 0);
+  return got == std::ssize(masked) ? masked : Masked();
+}
+
+TEST_F(SecretMemory, holds_a_frame_key_once_for_each_owner_and_not_after_use) {
+  const Masked masked = make_masked_secret();
+  ASSERT_EQ(masked.size(), 32U);
+  SecretBuffer secret(masked.size());
+  for (size_t i = 0; i < masked.size(); ++i) secret.bytes()[i] = masked[i] ^ kMask;
+  auto key = std::make_unique<FrameKey>(std::move(secret));
+  EXPECT_EQ(memory_.count(masked), 1U);
+  const SigningKey recipient = SigningKey::make();
+  const auto sealed = key->seal_for(recipient.public_key());
+  ASSERT_TRUE(sealed);
+  auto opened = FrameKey::open(*sealed, recipient);
+  ASSERT_TRUE(opened);
+  const DatagramMac mac = opened->mac();
+  EXPECT_EQ(memory_.count(masked), 2U);
+  key.reset();
+  opened.reset();
+  EXPECT_EQ(memory_.count(masked), 0U) << "the MAC has a derived key";
 }
 
 }  // namespace

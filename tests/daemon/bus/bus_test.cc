@@ -230,25 +230,31 @@ TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
 class MemberBuses : public testing::Test {
  protected:
   MemberBuses() {
-    studio_.nodes = {{"cap01"}, {"cap02"}};
+    studio_.nodes = {{"cap01"}, {"cap02"}, {"recon01"}};
     studio_.trigger.node = "cap01";
+    studio_.cameras.resize(1);
+    studio_.cameras[0].name = "cam01";
+    studio_.cameras[0].node = "cap01";
   }
-  std::unique_ptr<Bus> bus_of(const SigningKey& key) const {
-    auto bus = std::make_unique<Bus>(kUrl, std::vector<std::string>{}, ChannelList(studio_));
+  std::unique_ptr<Bus> bus_of(const SigningKey& key,
+                              const std::vector<std::string>& frame_groups = {}) const {
+    auto bus = std::make_unique<Bus>(kUrl, frame_groups, ChannelList(studio_));
     bus->authenticator().set_key(studio_key_);
     bus->authenticator().members().require();
     bus->authenticator().members().set_members(std::make_shared<const MemberList>(
         MemberList{"kyoto",
                    1,
                    {{"cap01", Role::kCapture, cap01_.public_key()},
-                    {"cap02", Role::kCapture, cap02_.public_key()}}}));
+                    {"cap02", Role::kCapture, cap02_.public_key()},
+                    {"recon01", Role::kReconstruction, recon01_.public_key()}}}));
     bus->authenticator().members().set_signing_key(key);
     return bus;
   }
 
   Studio studio_;
   const StudioKey studio_key_ = StudioKey::make();
-  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make();
+  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make(),
+                   recon01_ = SigningKey::make();
 };
 
 TEST_F(MemberBuses, accept_events_only_from_the_node_that_they_name) {
@@ -275,6 +281,45 @@ TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   };
   EXPECT_TRUE(becomes_true(arrive, within(10)));
   EXPECT_EQ(listener->authenticator().counts().not_signed, 0);
+}
+
+/// One announcement is enough: cap01 repeats it when it has answered the question of recon01.
+TEST_F(MemberBuses, carry_frames_with_the_key_that_their_node_announced) {
+  const std::vector<std::string> groups = {"udpm://239.255.76.68:7668?ttl=0",
+                                           "udpm://239.255.76.69:7669?ttl=0"};
+  for (const auto& frame_groups : {std::vector<std::string>{}, groups}) {
+    const auto cap01 = bus_of(cap01_, frame_groups), cap02 = bus_of(cap02_, frame_groups),
+               recon01 = bus_of(recon01_, frame_groups);
+    recon01->join_frame_groups(all_frame_groups(recon01->frame_groups()));
+    Subscription<EventMessage> answers(*cap01, kEventChannel, 8);
+    Subscription<FrameMessage> frames(*recon01, frame_channel("cam01"), 100);
+    FrameMessage message;
+    message.frame.camera = "cam01";
+    message.frame.sensor_size = {320, 240};
+    message.frame.roi = {0, 0, 320, 240};
+    message.frame.image = Image({320, 240}, PixelFormat::kBayerRG8);
+    const auto publish = [&](Bus& from, int64_t seq) {
+      message.seq = seq;
+      return from.publish_frame(seq, frame_channel("cam01"), encode(message));
+    };
+    EXPECT_FALSE(publish(*cap01, 0)) << "there is no key";
+    cap02->announce_frame_key("cap02");
+    cap01->announce_frame_key("cap01");
+    int64_t seq = 0;
+    const auto arrives = [&] {
+      EXPECT_TRUE(publish(*cap02, 5000 + ++seq));
+      EXPECT_TRUE(publish(*cap01, seq));
+      return frames.wait(Monotonic::now() + std::chrono::milliseconds(50)).has_value();
+    };
+    EXPECT_TRUE(becomes_true(arrives, within(10)));
+    EXPECT_TRUE(publish(*cap02, 5000 + ++seq));
+    EXPECT_TRUE(publish(*cap01, ++seq));
+    for (auto got = frames.wait(within(10)); got; got = frames.wait(within(10))) {
+      EXPECT_LT(got->seq, 5000);
+      if (got->seq == seq) break;
+    }
+    EXPECT_EQ(recon01->authenticator().counts().forged, 0);
+  }
 }
 
 TEST_F(MemberBuses, send_a_signature_after_a_message_only_when_members_are_required) {

@@ -15,13 +15,13 @@ Studio studio() {
 
 TEST(ChannelList, contains_exactly_the_channels_of_the_studio) {
   const ChannelList channels(studio());
-  for (const char* name :
-       {"V3D_COMMAND", "V3D_REPLY", "V3D_PULSE", "V3D_MESH", "V3D_EVENT", "V3D_FRAME_cam01",
-        "V3D_PREVIEW_cam01", "V3D_HEALTH_cap01", "V3D_SHARD_recon01", "V3D_MESH_recon01"}) {
+  for (const char* name : {"V3D_COMMAND", "V3D_REPLY", "V3D_PULSE", "V3D_MESH", "V3D_EVENT",
+                           "V3D_FRAME_cam01", "V3D_PREVIEW_cam01", "V3D_HEALTH_cap01",
+                           "V3D_SHARD_recon01", "V3D_MESH_recon01", "V3D_FRAMEKEY_cap01"}) {
     EXPECT_NE(channels.find(name), nullptr) << name;
   }
   for (const char* name : {"", "V3D_COMMAND2", "V3D_FRAME_cam02", "V3D_FRAME_", "V3D_HEALTH_cam01",
-                           "V3D_FRAME_cap01", "LCM_SELF_TEST", "V3D_"}) {
+                           "V3D_FRAME_cap01", "V3D_FRAMEKEY_cam01", "LCM_SELF_TEST", "V3D_"}) {
     EXPECT_EQ(channels.find(name), nullptr) << name;
   }
 }
@@ -35,6 +35,7 @@ TEST(ChannelList, returns_the_node_that_sends_on_a_channel) {
   EXPECT_EQ(channels.owner_of("V3D_SHARD_recon01"), "recon01");
   EXPECT_EQ(channels.owner_of("V3D_MESH_recon01"), "recon01");
   EXPECT_EQ(channels.owner_of("V3D_PREVIEW_cam01"), "cap01");
+  EXPECT_EQ(channels.owner_of("V3D_FRAMEKEY_recon01"), "recon01");
   EXPECT_EQ(channels.owner_of("V3D_FRAME_cam01"), "cap01");
   EXPECT_EQ(channels.owner_of("V3D_PULSE"), "cap01");
   for (const char* name : {"V3D_EVENT", "V3D_MESH", "V3D_HEALTH_cap09", "LCM_SELF_TEST"}) {

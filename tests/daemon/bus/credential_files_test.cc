@@ -94,11 +94,16 @@ class MemberFiles : public testing::Test {
     StudioKey::make().save(folder_ / "studio.key");
     cap01_.save(folder_ / "node.key");
     write(list());
+    restart();
+  }
+  /// Reads the files as a process that has just started.
+  void restart(const std::string& serial_file = "accepted") {
     files_.emplace(CredentialPaths{.studio = "kyoto",
                                    .studio_key = folder_ / "studio.key",
                                    .members = path_,
                                    .authority = authority_.public_key().text(),
                                    .signing_key = folder_ / "node.key",
+                                   .accepted_serial = folder_ / serial_file,
                                    .node = "cap01",
                                    .role = Role::kCapture},
                    credentials_, authenticator_);
@@ -169,6 +174,63 @@ TEST_F(MemberFiles, that_are_older_than_the_list_in_force_are_rejected) {
     write(without_ada(6));
     files_->poll(kNow);
     EXPECT_THAT(files_->problem(), IsEmpty());
+  }
+}
+
+TEST_F(MemberFiles, that_are_older_than_a_list_before_the_restart_are_rejected) {
+  write(without_ada(6));
+  files_->poll(kNow);
+  restart();
+  EXPECT_THAT(files_->poll(kNow), IsEmpty()) << "the same list";
+  EXPECT_TRUE(files_->is_ready());
+  write(list(5));
+  restart();
+  const std::string file = (folder_ / "accepted").string();
+  EXPECT_THAT(files_->poll(kNow), AllOf(HasSubstr("members.toml: serial: expected at least 6"),
+                                        HasSubstr(file), HasSubstr("found 5")));
+  EXPECT_FALSE(files_->is_ready());
+  write(without_ada(7));
+  files_->poll(kNow);
+  EXPECT_TRUE(files_->is_ready());
+  restart();
+  write(without_ada(6));
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("expected at least 7"));
+}
+
+TEST_F(MemberFiles, of_another_authority_begin_with_numbers_of_their_own) {
+  files_->poll(kNow);
+  std::string text = read_file(folder_ / "accepted");
+  const std::string key = authority_.public_key().text();
+  text.replace(text.find(key), key.size(), ada_.public_key().text());
+  test::write_text(folder_ / "accepted", text);
+  write(list(1));
+  restart();
+  EXPECT_THAT(files_->poll(kNow), IsEmpty());
+  EXPECT_TRUE(files_->is_ready());
+  EXPECT_THAT(read_file(folder_ / "accepted"), AllOf(HasSubstr(key), HasSubstr("serial = 1\n")));
+}
+
+TEST_F(MemberFiles, whose_number_cannot_be_saved_are_in_force_and_the_error_is_reported) {
+  restart("no folder/accepted");
+  EXPECT_THAT(files_->poll(kNow),
+              AllOf(HasSubstr("no folder"), HasSubstr("would accept an older member list")));
+  EXPECT_THAT(files_->poll(kNow), IsEmpty()) << "it was reported already";
+  EXPECT_TRUE(files_->is_ready());
+  EXPECT_TRUE(accepts_ada());
+  EXPECT_THAT(files_->problem(), HasSubstr("no folder"));
+  std::filesystem::create_directory(folder_ / "no folder");
+  files_->poll(kNow);
+  EXPECT_THAT(files_->problem(), IsEmpty());
+  EXPECT_THAT(read_file(folder_ / "no folder/accepted"), HasSubstr("serial = 5\n"));
+}
+
+TEST_F(MemberFiles, are_in_force_when_the_saved_number_is_damaged_and_it_is_replaced) {
+  for (const char* const text : {"serial = ", "studio = 'kyoto'\n", ""}) {
+    test::write_text(folder_ / "accepted", text);
+    restart();
+    EXPECT_THAT(files_->poll(kNow), HasSubstr("accepted")) << text;
+    EXPECT_TRUE(files_->is_ready());
+    EXPECT_THAT(read_file(folder_ / "accepted"), HasSubstr("serial = 5\n"));
   }
 }
 

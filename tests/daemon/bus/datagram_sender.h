@@ -15,6 +15,23 @@ namespace v3d::test {
 inline constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
 inline constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 
+/// The datagrams of a message, each with a MAC.
+inline std::vector<RawDatagram> datagrams_of(const DatagramMac& mac, const MessageOrigin& origin,
+                                             std::span<const uint8_t> message) {
+  std::vector<RawDatagram> all;
+  for (OutgoingDatagram& datagram : split_message(origin.sequence, origin.channel, message, true)) {
+    datagram.trailer.session = origin.session;
+    datagram.trailer.sent = origin.sent;
+    mac.sign(datagram.head(), datagram.data, datagram.trailer);
+    RawDatagram bytes(datagram.head().begin(), datagram.head().end());
+    bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+    const auto trailer = datagram.trailer.bytes();
+    bytes.insert(bytes.end(), trailer.begin(), trailer.end());
+    all.push_back(std::move(bytes));
+  }
+  return all;
+}
+
 /// Makes the same datagrams as MulticastSender.
 class DatagramSender {
  public:
@@ -23,18 +40,9 @@ class DatagramSender {
   /// The datagrams of the next message of the session, each with a MAC.
   std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
                                      RealtimeInstant sent = kNow) {
-    std::vector<RawDatagram> all;
-    for (OutgoingDatagram& datagram : split_message(sequence++, channel, message, true)) {
-      datagram.trailer.session = session;
-      datagram.trailer.sent = sent;
-      mac_.sign(datagram.head(), datagram.data, datagram.trailer);
-      RawDatagram bytes(datagram.head().begin(), datagram.head().end());
-      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
-      const auto trailer = datagram.trailer.bytes();
-      bytes.insert(bytes.end(), trailer.begin(), trailer.end());
-      all.push_back(std::move(bytes));
-    }
-    return all;
+    const MessageOrigin of = origin(channel, sent);
+    ++sequence;
+    return datagrams_of(mac_, of, message);
   }
 
   /// The origin of the next message.

@@ -288,16 +288,16 @@ TEST_F(SignedMessages, of_an_hour_ago_are_rejected_when_another_member_answers) 
   cap01.sequence = 100;
   const auto recorded =
       cap01.signed_datagrams(kEventChannel, event("cap01"), key("cap01"), kNow - 1h);
-  // cap02 causes a question with an unsigned message in that session, and answers with the old
-  // time.
+  // cap02 causes a question with a fragment in that session, and answers with the old time.
   DatagramSender cap02(studio_key_);
   cap02.session = cap01.session;
-  EXPECT_FALSE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
+  EXPECT_FALSE(accepts(cap02.datagrams(kMeshChannel, Bytes(100'000), kNow - 1h)));
   ASSERT_EQ(sent_.size(), 1U);
   SessionMessage forged = sent_.back();
   forged.is_answer = true;
   receive(cap02.signed_datagrams(kSessionChannel, encode(forged), key("cap02"), kNow - 1h));
-  EXPECT_TRUE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
+  EXPECT_TRUE(
+      accepts(cap02.signed_datagrams(kEventChannel, event("cap02"), key("cap02"), kNow - 1h)));
   EXPECT_FALSE(accepts(recorded));
   EXPECT_EQ(sent_.size(), 2U) << "cap01 gets a question";
 }
