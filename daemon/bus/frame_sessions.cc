@@ -17,8 +17,9 @@ uint32_t FrameSessions::announce(std::string_view node, uint32_t number, const K
 }
 
 std::span<const FrameSession> FrameSessions::find(uint32_t number) const {
-  const auto found = std::ranges::equal_range(sessions_, number, {}, &FrameSession::number);
-  return {found.begin(), found.end()};
+  const auto first = std::ranges::lower_bound(sessions_, number, {}, &FrameSession::number);
+  const auto last = std::ranges::upper_bound(sessions_, number, {}, &FrameSession::number);
+  return {first, last};
 }
 
 bool FrameSessions::has(uint32_t number, MonotonicInstant now) const {

@@ -16,8 +16,7 @@ std::vector<PublicKey> reconstruction_keys(const MemberList& members) {
     if (member.role == Role::kReconstruction) keys.push_back(member.key);
   }
   std::ranges::sort(keys, {}, &PublicKey::bytes);
-  const auto repeated = std::ranges::unique(keys);
-  keys.erase(repeated.begin(), repeated.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
   return keys;
 }
 
