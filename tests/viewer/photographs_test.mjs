@@ -208,18 +208,18 @@ test('shows the number of cameras that agree about the surface', async (story) =
   assert.ok(dome > 0.002, `${dome}`);
   assert.ok(four < 0.0002, `four cameras cannot be six: ${four}`);
   await page.keyboard.press('?');
-  await shows('confidence-note', 'number of cameras that see a place');
+  await shows('confidence-note', 'number of cameras that see a point');
 });
 
 test('reports a take without raw frames', async () => {
   await open('take=meshes-alone&pulse=1');
   await shows('facts', 'pulse 1 ');
   await page.keyboard.press('4');
-  await shows('look-note', 'raw frames that tell what each camera sees are not here');
+  await shows('look-note', 'which show what each camera sees, are not on this PC');
   await page.keyboard.press('1');
   await page.click('[data-camera=cam02]');
   await page.keyboard.press('b');
-  await shows('blend-note', 'no photograph of cam02');
+  await shows('blend-note', 'cam02 has no photograph at this pulse');
   await page.keyboard.press('b');
   assert.equal(await hidden('look-note'), true);
 });
