@@ -123,7 +123,7 @@ class RangeDecoder {
 /// adaptive bits; the digits themselves are even bits (Exp-Golomb).
 class NumberModel {
  public:
-  /// Maximum number of digits; numbers below 2^kMaxDigits are coded.
+  /// Maximum number of digits. Numbers up to 2^(kMaxDigits + 1) - 2 are coded.
   static constexpr int kMaxDigits = 24;
 
   template <class Coder>

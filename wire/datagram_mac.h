@@ -1,5 +1,5 @@
 // Message authentication code (MAC) of a datagram. It proves that a holder of the key made this
-// fragment of this message, and that nobody changed it. The key is the studio key, or for live
+// fragment of this message, and that it was not changed. The key is the studio key, or for live
 // frames of a studio with a member list a frame key (wire/frame_key.h). Adapter of libsodium.
 #pragma once
 

@@ -18,9 +18,9 @@ class PulseFit {
 
   /// Restarts at `pulse`, which was at `instant_ns`. Keeps only the estimate of the period.
   void begin(int64_t pulse, int64_t instant_ns);
-  bool begun() const { return started_; }
+  bool is_started() const { return started_; }
 
-  /// The pulse number at this instant, with its fraction. Requires begun().
+  /// The pulse number at this instant, with its fraction. Requires is_started().
   double pulse_at(int64_t instant_ns) const;
   /// Number of periods between two instants, with its fraction.
   double periods(int64_t from_ns, int64_t to_ns) const;

@@ -28,7 +28,7 @@ PulseMatcher::PulseMatcher(Duration period)
     : fit_(period, kStampJitter), arrivals_(period, kArrivalJitter) {}
 
 PulseMatch PulseMatcher::label(const FrameStamp& frame) {
-  if (!begun()) return first(frame);
+  if (!is_started()) return first(frame);
   const Evidence e = evaluate(frame);
   if (!is_consistent(e)) return handle_inconsistent(e, frame);
   // The frame is a duplicate or late. Several of them in a row mean that the camera restarted and

@@ -78,7 +78,7 @@ class PulseMatcher {
   PulseMatch label(const FrameStamp& frame);
 
   /// The camera was opened again: its counter restarted, and its clock may have.
-  void reopened() { reopened_ = begun(); }
+  void reopened() { reopened_ = is_started(); }
 
   /// Resumes a take after `frames`, instead of begin(). Requires at least one frame; their pulses
   /// must rise.
@@ -102,7 +102,7 @@ class PulseMatcher {
     double by_arrival = 0;
   };
 
-  bool begun() const { return fit_.begun(); }
+  bool is_started() const { return fit_.is_started(); }
   PulseMatch first(const FrameStamp& frame);
   Evidence evaluate(const FrameStamp& frame) const;
   bool is_consistent(const Evidence& e) const;

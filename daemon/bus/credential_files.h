@@ -32,7 +32,7 @@ CredentialPaths credentials_of_node(const Studio& studio, const std::string& nod
 CredentialPaths credentials_of_operator(const Studio& studio);
 
 /// A member list with a lower serial number than one that was accepted is rejected. A node keeps
-/// that number in a file; where it cannot be written, problem() reports it and the node goes on.
+/// that number in a file; where it cannot be written, problem() reports it and the node continues.
 ///
 /// When a file is missing, unreadable or rejected (for example while it is being copied), the
 /// previous contents stay in use. One thread.

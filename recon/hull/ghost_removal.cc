@@ -83,14 +83,15 @@ int GhostRemoval::remove(SparseVolume& volume, std::span<const uint8_t> takes_pa
   if (components_.count() < 2) return 0;
   ignored_.assign(volume.bricks().size(), kEmptyBrick);
   near_.resize(volume.bricks().size());
-  std::vector<size_t> left_candidates = candidates();
-  const size_t before = left_candidates.size();
+  std::vector<Candidate> open = candidates();
+  size_t ghosts = 0;
   for (int missing = options_.min_proofs; missing > 0; --missing) {
-    std::erase_if(left_candidates, [&](size_t component) {
-      return is_ghost(volume, component, takes_part, missing);
+    ghosts += std::erase_if(open, [&](Candidate& candidate) {
+      // The removal of other ghosts only adds proofs.
+      if (candidate.missing_proofs < missing) return false;
+      return is_ghost(volume, candidate, takes_part, missing);
     });
   }
-  const auto ghosts = static_cast<int>(before - left_candidates.size());
   if (ghosts == 0) return 0;
   std::vector<PlacedBrick> left(volume.bricks().size());
   for (size_t b = 0; b < left.size(); ++b) {
@@ -100,26 +101,28 @@ int GhostRemoval::remove(SparseVolume& volume, std::span<const uint8_t> takes_pa
   }
   const std::span<const PlacedBrick> part(left);
   volume.assign(grid_, {&part, 1});
-  return ghosts;
+  return static_cast<int>(ghosts);
 }
 
 /// The components that may be ghosts, by ascending number of voxels.
-std::vector<size_t> GhostRemoval::candidates() const {
+std::vector<GhostRemoval::Candidate> GhostRemoval::candidates() const {
   const auto max_voxels = static_cast<int64_t>(options_.max_volume_m3 / grid_.voxel_volume_m3());
   const size_t largest = components_.largest();
-  std::vector<size_t> candidates;
+  std::vector<Candidate> candidates;
   for (size_t c = 0; c < components_.count(); ++c) {
-    if (c != largest && components_.voxels(c) < max_voxels) candidates.push_back(c);
+    if (c != largest && components_.voxels(c) < max_voxels)
+      candidates.push_back({c, options_.min_proofs});
   }
-  std::ranges::stable_sort(candidates, {}, [&](size_t c) { return components_.voxels(c); });
+  std::ranges::stable_sort(candidates, {},
+                           [&](const Candidate& c) { return components_.voxels(c.component); });
   return candidates;
 }
 
-/// True when at least `missing` of the required proofs are missing. Leaves the voxels of a ghost in
-/// `ignored_`.
-bool GhostRemoval::is_ghost(const SparseVolume& volume, size_t component,
+/// Counts the missing proofs of the candidate. True when at least `missing` are missing: then its
+/// voxels stay in `ignored_`.
+bool GhostRemoval::is_ghost(const SparseVolume& volume, Candidate& candidate,
                             std::span<const uint8_t> takes_part, int missing) {
-  const auto parts = components_.parts(component);
+  const auto parts = components_.parts(candidate.component);
   const auto flip = [&] {
     for (const ComponentPart& part : parts) {
       for (size_t z = 0; z < kBrickEdge; ++z) ignored_[part.brick][z] ^= part.bits[z];
@@ -127,8 +130,9 @@ bool GhostRemoval::is_ghost(const SparseVolume& volume, size_t component,
   };
   flip();
   has_near_.assign(volume.bricks().size(), 0);
-  sample(volume, component);
-  if (missing_proofs(volume, takes_part) >= missing) return true;
+  sample(volume, candidate.component);
+  candidate.missing_proofs = missing_proofs(volume, takes_part);
+  if (candidate.missing_proofs >= missing) return true;
   flip();
   return false;
 }

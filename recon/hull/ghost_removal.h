@@ -44,9 +44,13 @@ class GhostRemoval {
   int remove(SparseVolume& volume, std::span<const uint8_t> takes_part);
 
  private:
-  std::vector<size_t> candidates() const;
-  bool is_ghost(const SparseVolume& volume, size_t component, std::span<const uint8_t> takes_part,
-                int missing);
+  struct Candidate {
+    size_t component = 0;
+    int missing_proofs = 0;  ///< at the last test; before it, all
+  };
+  std::vector<Candidate> candidates() const;
+  bool is_ghost(const SparseVolume& volume, Candidate& candidate,
+                std::span<const uint8_t> takes_part, int missing);
   int missing_proofs(const SparseVolume& volume, std::span<const uint8_t> takes_part);
   void sample(const SparseVolume& volume, size_t component);
   bool is_met(const SparseVolume& volume, const Eigen::Vector3d& eye, const Eigen::Vector3d& voxel);

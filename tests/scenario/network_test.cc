@@ -140,9 +140,9 @@ class StudioOf16 : public testing::Test {
       const MonotonicInstant now = Monotonic::now();
       if (cable_->edges() != edges) last_change = now;
       edges = cable_->edges();
-      const bool begun = edges > edges_before;
+      const bool has_started = edges > edges_before;
       return edges == edges_before + kPulses ||
-             (begun && now - last_change > std::chrono::seconds(2));
+             (has_started && now - last_change > std::chrono::seconds(2));
     };
     EXPECT_TRUE(becomes_true(is_over, within(30))) << edges - edges_before << " pulses";
     return edges == edges_before + kPulses;

@@ -69,7 +69,7 @@ void try_clean(uint64_t seed, bool list, DriftScore& score) {
   }
 }
 
-void try_knocked(uint64_t seed, const Aside& aside, bool list, DriftScore& score) {
+void try_displaced(uint64_t seed, const Aside& aside, bool list, DriftScore& score) {
   const auto cameras = drift_in(seed, aside);
   if (list) print(seed, aside, cameras);
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -77,9 +77,9 @@ void try_knocked(uint64_t seed, const Aside& aside, bool list, DriftScore& score
     count += cameras[c].displaced;
   }
   const double px = cameras[aside.camera].shift.norm();
-  score.min_px = score.knocked_studios == 0 ? px : std::min(score.min_px, px);
+  score.min_px = score.displaced_studios == 0 ? px : std::min(score.min_px, px);
   score.max_px = std::max(score.max_px, px);
-  ++score.knocked_studios;
+  ++score.displaced_studios;
 }
 
 }  // namespace
@@ -91,10 +91,10 @@ DriftScore try_drift(const DriftTrialOptions& options) {
   for (int n = 0; n < options.clean; ++n) {
     try_clean(options.first_seed + static_cast<uint64_t>(n), options.list, score);
   }
-  for (int n = 0; n < options.knocked; ++n) {
+  for (int n = 0; n < options.displaced; ++n) {
     Aside aside = kWays[static_cast<size_t>(n) % std::size(kWays)];
     aside.camera = n % kCameras;
-    try_knocked(options.first_seed + static_cast<uint64_t>(n), aside, options.list, score);
+    try_displaced(options.first_seed + static_cast<uint64_t>(n), aside, options.list, score);
   }
   return score;
 }

@@ -28,7 +28,7 @@ void print(const DriftScore& drift) {
   std::printf(
       "%d with a camera displaced by 3 px: %d named, %d with another named; shift %.2f to %.2f "
       "px\n",
-      drift.knocked_studios, drift.named, drift.others_named, drift.min_px, drift.max_px);
+      drift.displaced_studios, drift.named, drift.others_named, drift.min_px, drift.max_px);
 }
 
 }  // namespace
@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 10'000));
   app.add_option("--pulses", faults.pulses, "Instants in each of these studios (8)")
       ->check(CLI::Range(1, 10'000));
-  app.add_option("--knocked", drift.knocked, "Studios with a displaced camera (24)")
+  app.add_option("--displaced", drift.displaced, "Studios with a displaced camera (24)")
       ->check(CLI::Range(0, 10'000));
   app.add_option("--clean", drift.clean, "Studios without a displaced camera (24)")
       ->check(CLI::Range(0, 10'000));
@@ -54,6 +54,6 @@ int main(int argc, char** argv) {
   faults.first_seed = drift.first_seed = first_seed;
   drift.list = faults.list;
   if (faults.studios > 0) print(try_faults(faults));
-  if (drift.knocked + drift.clean > 0) print(try_drift(drift));
+  if (drift.displaced + drift.clean > 0) print(try_drift(drift));
   return 0;
 }
