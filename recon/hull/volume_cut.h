@@ -37,7 +37,6 @@ class VolumeCut {
   SparseVolume remaining() const;
 
  private:
-  class Fragments;
   template <class Chosen>
   std::vector<uint8_t> near(const Chosen& chosen) const;
 
