@@ -10,7 +10,7 @@
 
 #include "base/geometry/camera_model.h"
 #include "daemon/recorded/segmented_log.h"
-#include "recon/pipeline/reconstructor.h"
+#include "recon/pipeline/frame_set.h"
 #include "take/take.h"
 
 namespace v3d {

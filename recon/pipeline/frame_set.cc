@@ -6,6 +6,27 @@
 
 namespace v3d {
 
+RigFrames usable_frames(const Rig& rig, const FrameSet& set) {
+  RigFrames frames(rig.size(), nullptr);
+  for (const Frame& frame : set.frames) {
+    const int c = find_camera(rig, frame.camera);
+    if (c >= 0 && frame.mask && frame.mask->size() == rig[c].model.size() &&
+        frame.image.size == ImageSize{frame.roi.width, frame.roi.height}) {
+      frames[c] = &frame;
+    }
+  }
+  return frames;
+}
+
+std::vector<std::string> names_of(const Rig& rig, const RigFrames& frames) {
+  std::vector<std::string> names;
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (frames[c] != nullptr) names.push_back(rig[c].name);
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 FrameSetAssembler::FrameSetAssembler(FrameSetOptions options) : options_(std::move(options)) {
   auto& names = options_.cameras;
   std::sort(names.begin(), names.end());

@@ -1,5 +1,5 @@
-// Frame set assembly: collects the frames of all cameras, one set per pulse. A late camera does not
-// delay the other sets.
+// Frame sets: the frames of all cameras at one pulse, and their assembly from a stream of frames,
+// in which a late camera does not delay the other sets.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,25 @@
 #include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
 #include "base/image/frame.h"
-#include "recon/pipeline/reconstructor.h"
 
 namespace v3d {
+
+/// The frames of one pulse. `frames` have masks and colours (see observe()); cameras that did not
+/// deliver are left out.
+struct FrameSet {
+  int64_t pulse = 0;
+  std::vector<Frame> frames;
+  RealtimeInstant exposure{};  ///< start, by the trigger's node: edge of the pulse; 0: unknown
+};
+
+/// The frame of each camera of a rig, in its order, borrowed; null: the camera has no usable frame.
+using RigFrames = std::vector<const Frame*>;
+
+/// Frames of unknown cameras, and frames whose mask or image has a wrong size, are ignored.
+RigFrames usable_frames(const Rig& rig, const FrameSet& set);
+
+/// Names of the cameras that have a frame, ascending.
+std::vector<std::string> names_of(const Rig& rig, const RigFrames& frames);
 
 struct FrameSetOptions {
   std::vector<std::string> cameras;                    ///< a set is complete with these

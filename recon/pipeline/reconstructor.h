@@ -1,32 +1,21 @@
 // Reconstruction of one frame set: hull, surface, texture, compact frame. Live and offline.
 #pragma once
 
+#include <tbb/task_arena.h>
+
 #include <cstdint>
-#include <memory>
-#include <span>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/geometry/box.h"
-#include "base/geometry/camera_model.h"
-#include "base/geometry/mesh.h"
-#include "base/image/frame.h"
-#include "recon/hull/sparse_volume.h"
+#include "base/core/time.h"
 #include "recon/metrics/frame_quality.h"
-#include "recon/surface/deform.h"
-#include "recon/surface/pulse_views.h"
+#include "recon/pipeline/frame_set.h"
+#include "recon/pipeline/stages.h"
 
 namespace v3d {
-
-/// The frames of one pulse. `frames` have masks and colours (see observe()); cameras that did not
-/// deliver are left out.
-struct FrameSet {
-  int64_t pulse = 0;
-  std::vector<Frame> frames;
-  RealtimeInstant exposure{};  ///< start, by the trigger's node: edge of the pulse; 0: unknown
-};
 
 struct ReconstructOptions {
   Box bounds;
@@ -42,6 +31,10 @@ struct StageTimes {
   double intersect = -1, mesh = -1, deform = -1, smoothing = -1, texture = -1, encode = -1;
   double quality = -1;  ///< QualityMeter
 };
+
+inline double milliseconds_since(MonotonicInstant begin) {
+  return 1000 * to_seconds(Monotonic::now() - begin);
+}
 
 struct Reconstruction {
   int64_t pulse = 0;
@@ -63,55 +56,46 @@ struct FrameSetJob {
   FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
-  std::vector<const Frame*> frames;  ///< of `set`, by camera of the rig; null: no usable frame
-  SparseVolume volume;               ///< the mesh is its surface
+  RigFrames frames;     ///< of `set`
+  SparseVolume volume;  ///< the mesh is its surface
   Reconstruction result;
 };
 
-/// Holds what is computed once per rig. Deterministic: the same sequence of frame sets gives the
-/// same bytes for every thread count and order of frames, one set at a time or in a FramePipeline.
+/// Runs the stages (recon/pipeline/stages.h) for one rig, measures their times and the quality of
+/// the result. Deterministic: the same sequence of frame sets gives the same bytes for every thread
+/// count and order of frames, one set at a time or in a FramePipeline.
 class Reconstructor {
  public:
-  /// Throws InputError when the grid needs more memory than is available (the message shows the
-  /// arithmetic), and for deform options out of range.
+  /// Throws as HullStage, and for deform options out of range.
   Reconstructor(const Rig& rig, const ReconstructOptions& options);
-  ~Reconstructor();
+
   /// Reconstructs one set. Frames of unknown cameras, or with a mask of the wrong size, are
   /// ignored. The mesh has the bits that receivers decode from `compact`, which is a key frame.
-  ///
-  /// Throws InputError when the surface exceeds the limits of a compact frame (4 million vertices).
-  /// One caller at a time.
+  /// Throws as EncodeStage. One caller at a time.
   Reconstruction reconstruct(FrameSet set);
 
-  /// reconstruct() in two stages, in the caller's TBB arena. make_mesh() makes the coloured mesh in
-  /// parallel loops. encode() makes quality and compact frame, mostly in one thread. One caller of
-  /// each at a time; both may run at the same time on different jobs. The encoded frames form a
-  /// sequence: a frame may need those since the last key frame.
+  // reconstruct() in two stages of a FramePipeline, in the caller's TBB arena. make_mesh() makes
+  // the coloured mesh in parallel loops. encode() makes quality and compact frame, mostly in one
+  // thread. One caller of each at a time; both may run at the same time on different jobs.
   void make_mesh(FrameSetJob& work);
   void encode(FrameSetJob& work);
   /// Encodes the next set as a key frame. Call it when an encoded frame did not reach its
   /// receivers.
-  void begin_sequence();
+  void begin_sequence() { encode_.restart(); }
 
-  /// The surface of a single pulse, without colours, of any quality.
-  void make_surface(FrameSetJob& work);
-  /// The steps of make_mesh(), for callers that have adjacent pulses. All except make_colours()
-  /// require Quality::kHigh. make_hull() makes volume and surface of the hull.
+  // The steps of make_mesh(), for callers that have adjacent pulses.
   void make_hull(FrameSetJob& work);
-  /// Cameras and stereo samples of the hull. Call after make_hull().
-  PulseViews make_views(FrameSetJob& work);
-  /// Carves and deforms the surface with the samples of `adjacent` pulses, and passes the result to
-  /// now.set_surface(). No colours.
-  void make_surface(FrameSetJob& work, PulseViews& now,
-                    std::span<const PulseViews* const> adjacent);
-  /// v3d::smooth_over_time() on the mesh of the job.
-  void smooth_over_time(FrameSetJob& work, const PulseViews& now,
-                        std::span<const PulseViews* const> adjacent) const;
+  void make_surface(FrameSetJob& work);  ///< hull and deformation of a single pulse
   void make_colours(FrameSetJob& work) const;
+  DeformStage& deform_stage() { return *deform_; }  ///< requires Quality::kHigh
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  const Rig rig_;
+  tbb::task_arena arena_;  ///< for reconstruct()
+  HullStage hull_;
+  std::optional<DeformStage> deform_;  ///< for Quality::kHigh
+  const QualityMeter quality_;
+  EncodeStage encode_;
 };
 
 }  // namespace v3d

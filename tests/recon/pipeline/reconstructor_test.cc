@@ -103,6 +103,50 @@ TEST(Reconstructor, returns_the_mesh_that_receivers_decode) {
   EXPECT_EQ(decoded->quality, static_cast<float>(result.quality.silhouette_iou));
 }
 
+/// The compact frame that the stages make, without Reconstructor.
+std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality quality) {
+  const ReconstructOptions given = options();
+  const RigFrames frames = usable_frames(rig, set);
+  HullStage hulls(rig, given.bounds, given.voxel_m, given.min_views);
+  Hull hull = hulls.intersect(frames);
+  Mesh mesh = hulls.surface(hull.volume);
+  std::optional<VertexLattice> lattice;
+  if (quality == Quality::kHigh) {
+    DeformStage deform(rig, hulls.grid(), given.deform);
+    deform.deform(frames, hull.volume, mesh);
+    lattice = deform.lattice();
+  }
+  colour_surface(rig, frames, given.voxel_m,
+                 quality == Quality::kHigh ? ColourDetail::kFull : ColourDetail::kLive, mesh);
+  const QualityMeter meter(rig, given.bounds, given.voxel_m);
+  PulseFacts facts{.pulse = set.pulse, .exposure = set.exposure, .cameras = names_of(rig, frames)};
+  facts.missing = static_cast<int>(rig.size() - facts.cameras.size());
+  facts.quality = meter.measure(mesh, frames).silhouette_iou;
+  return EncodeStage(hulls.grid(), lattice).encode(facts, hull.volume, mesh);
+}
+
+TEST(Stages, one_after_the_other_make_the_compact_frame_of_the_reconstructor) {
+  const Rig rig = ring(8);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  set.frames.pop_back();  // one camera did not deliver
+  for (const Quality quality : {Quality::kLive, Quality::kHigh}) {
+    ReconstructOptions chosen = options();
+    chosen.quality = quality;
+    Reconstructor reconstructor(rig, chosen);
+    EXPECT_EQ(by_stages(rig, set, quality), reconstructor.reconstruct(set).compact);
+  }
+}
+
+TEST(Stages, ignore_frames_of_unknown_cameras_and_of_other_sizes) {
+  const Rig rig = ring(4);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  set.frames[0].camera = "cam9";
+  set.frames[1].mask = Mask({10, 10});
+  const RigFrames frames = usable_frames(rig, set);
+  EXPECT_THAT(frames, ElementsAre(nullptr, nullptr, &set.frames[2], &set.frames[3]));
+  EXPECT_THAT(names_of(rig, frames), ElementsAre("cam2", "cam3"));
+}
+
 /// The compact frames of pulses 24 to 26 of a still scene, made in the two stages.
 std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
   Reconstructor reconstructor(rig, options());

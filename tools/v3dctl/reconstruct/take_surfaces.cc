@@ -29,7 +29,9 @@ TakeSurface TakeSurfaces::make(int64_t pulse) {
   for (int64_t p = pulse - 1; p <= pulse + 1; ++p) deform(p);
   WindowEntry& now = window_.at(pulse);
   TakeSurface made = std::move(now.surface);
-  reconstructor_.smooth_over_time(made.work, now.views, neighbours(pulse));
+  const MonotonicInstant smoothing = Monotonic::now();
+  reconstructor_.deform_stage().smooth(now.views, neighbours(pulse), made.work.result.mesh);
+  made.work.result.times.smoothing = milliseconds_since(smoothing);
   return made;
 }
 
@@ -41,7 +43,7 @@ TakeSurface TakeSurfaces::read(int64_t pulse) {
   if (repair_ != nullptr) repair(pulse, made.frames);
   made.work = FrameSetJob(observe_all(pulse, made.frames));
   made.work.set.exposure = take_.edge_of(pulse);
-  made.segment_ms = 1000 * to_seconds(Monotonic::now() - begin);
+  made.segment_ms = milliseconds_since(begin);
   return made;
 }
 
@@ -65,8 +67,12 @@ bool TakeSurfaces::has(int64_t pulse) const {
 void TakeSurfaces::make_hull(int64_t pulse) {
   if (!has(pulse) || window_.contains(pulse)) return;
   TakeSurface surface = read(pulse);
-  reconstructor_.make_hull(surface.work);
-  PulseViews views = reconstructor_.make_views(surface.work);
+  FrameSetJob& work = surface.work;
+  reconstructor_.make_hull(work);
+  const MonotonicInstant observing = Monotonic::now();
+  PulseViews views =
+      reconstructor_.deform_stage().views(work.frames, work.volume, work.result.mesh);
+  work.result.times.deform = milliseconds_since(observing);
   window_.emplace(pulse, WindowEntry{std::move(surface), std::move(views)});
 }
 
@@ -75,7 +81,10 @@ void TakeSurfaces::deform(int64_t pulse) {
   const auto found = window_.find(pulse);
   if (found == window_.end() || found->second.deformed) return;
   auto& [surface, views, deformed] = found->second;
-  reconstructor_.make_surface(surface.work, views, neighbours(pulse));
+  FrameSetJob& work = surface.work;
+  const MonotonicInstant deforming = Monotonic::now();
+  reconstructor_.deform_stage().deform(views, neighbours(pulse), work.volume, work.result.mesh);
+  work.result.times.deform += milliseconds_since(deforming);
   deformed = true;
 }
 

@@ -1,0 +1,187 @@
+#include "recon/pipeline/stages.h"
+
+#include <utility>
+
+#include "base/core/error.h"
+#include "base/core/memory.h"
+#include "base/core/time.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/surface/temporal_smoothing.h"
+#include "recon/texture/texture.h"
+
+namespace v3d {
+namespace {
+
+/// The surface is accurate to about one voxel in both directions, and occluding points represent
+/// their surroundings.
+constexpr double kDepthToleranceVoxels = 3;
+
+/// Half of the longest edge of a marching cubes triangle, which connects the middles of two voxel
+/// edges.
+constexpr double kTriangleRadiusVoxels = 0.71;
+
+/// Deformed surfaces are quantised to a fiftieth of a voxel, which is less than their flicker.
+/// docs/deformation.md compares other steps.
+constexpr int kStepsInHalfVoxel = 25;
+
+VoxelGrid affordable_grid(const Box& bounds, double voxel_m) {
+  const VoxelGrid grid = VoxelGrid::covering(bounds, voxel_m);
+  require_memory(grid, static_cast<double>(available_memory()));
+  return grid;
+}
+
+/// Discrete marching cubes have half-voxel steps.
+VertexLattice half_voxel_lattice(const VoxelGrid& grid) { return {grid.origin, grid.voxel_m / 2}; }
+
+DeformOptions checked(DeformOptions options, const VoxelGrid& grid) {
+  options.voxel_m = grid.voxel_m;
+  options.lattice = VertexLattice{grid.origin, half_voxel_lattice(grid).step / kStepsInHalfVoxel};
+  check(options);
+  return options;
+}
+
+bool carves(const DeformOptions& options) {
+  return options.carve_concavities && options.mode == DeformMode::kSearch &&
+         options.photometric > 0;
+}
+
+EncoderOptions encoder_options(const VertexLattice& lattice) {
+  EncoderOptions options;
+  options.displacement_step_m = lattice.step;
+  return options;
+}
+
+}  // namespace
+
+// --- hull
+
+HullStage::HullStage(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
+    : grid_(affordable_grid(bounds, voxel_m)),
+      intersector_(grid_, models_of(rig), min_views),
+      ghosts_(grid_, models_of(rig)) {}
+
+Hull HullStage::intersect(const RigFrames& frames) {
+  std::vector<const Mask*> masks;
+  std::vector<uint8_t> takes_part;
+  for (const Frame* frame : frames) {
+    masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
+    takes_part.push_back(frame != nullptr ? 1 : 0);
+  }
+  Hull hull;
+  intersector_.intersect(masks, hull.volume);
+  hull.ghosts = ghosts_.remove(hull.volume, takes_part);
+  return hull;
+}
+
+Mesh HullStage::surface(const SparseVolume& volume) {
+  Mesh surface;
+  marching_cubes_.run(volume, surface);
+  return surface;
+}
+
+// --- deformation
+
+DeformStage::DeformStage(const Rig& rig, const VoxelGrid& grid, DeformOptions options)
+    : models_(models_of(rig)),
+      voxel_m_(grid.voxel_m),
+      options_(checked(std::move(options), grid)),
+      deformer_(options_) {
+  if (carves(options_)) carver_.emplace();
+}
+
+void DeformStage::deform(const RigFrames& frames, SparseVolume& volume, Mesh& surface) {
+  std::vector<DeformCamera> cameras;
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (frames[c] != nullptr) cameras.push_back({&models_[c], frames[c]});
+  }
+  const SurfaceCameras seen(cameras, surface, voxel_m_);
+  if (carver_) carve(seen, carver_->find_samples(seen, surface, volume), {}, volume, surface);
+  deformer_.run(seen, surface);
+}
+
+PulseViews DeformStage::views(const RigFrames& frames, const SparseVolume& volume,
+                              const Mesh& surface) {
+  PulseViews views(models_, frames, surface, voxel_m_);
+  if (carver_) {
+    views.stereo_samples = carver_->find_samples(views.cameras_with_pixels(), surface, volume);
+  }
+  return views;
+}
+
+void DeformStage::deform(PulseViews& now, std::span<const PulseViews* const> adjacent,
+                         SparseVolume& volume, Mesh& surface) {
+  if (carver_) {
+    std::vector<NeighbourSamples> samples;
+    for (const PulseViews* then : adjacent) samples.push_back(neighbour_samples(now, *then));
+    carve(now.cameras_with_pixels(), now.stereo_samples, samples, volume, surface);
+  }
+  deformer_.run(now.cameras_with_pixels(), surface);
+  now.set_surface(surface);
+}
+
+void DeformStage::smooth(const PulseViews& now, std::span<const PulseViews* const> adjacent,
+                         Mesh& surface) const {
+  smooth_over_time(now, adjacent, {.voxel_m = voxel_m_, .lattice = lattice()}, surface);
+}
+
+void DeformStage::carve(const SurfaceCameras& cameras, const StereoSamples& samples,
+                        std::span<const NeighbourSamples> adjacent, SparseVolume& volume,
+                        Mesh& surface) {
+  volume = carver_->carve(cameras, volume, samples, adjacent);
+  marching_cubes_.run(volume, surface);
+}
+
+// --- colours
+
+void colour_surface(const Rig& rig, const RigFrames& frames, double voxel_m, ColourDetail detail,
+                    Mesh& surface) {
+  std::vector<TextureCamera> cameras;
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (frames[c] != nullptr) cameras.push_back({&rig[c].model, frames[c], &rig[c].colour});
+  }
+  const bool full = detail == ColourDetail::kFull;
+  const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * voxel_m,
+                               .occluder_radius_m = kTriangleRadiusVoxels * voxel_m,
+                               .demosaic = full,
+                               .by_resolution = full};
+  surface.colours = colour_vertices(surface, cameras, options).colours;
+}
+
+// --- compact frame
+
+EncodeStage::EncodeStage(const VoxelGrid& grid, const std::optional<VertexLattice>& lattice)
+    : origin_(grid.origin),
+      voxel_m_(grid.voxel_m),
+      deformed_(lattice.has_value()),
+      encoder_(encoder_options(lattice.value_or(half_voxel_lattice(grid)))) {}
+
+std::vector<uint8_t> EncodeStage::encode(const PulseFacts& facts, const SparseVolume& volume,
+                                         Mesh& surface) {
+  const BrickVolume bricks = volume.view();
+  const std::vector<VertexColour> colours = vertex_colours(surface.colours);
+  std::vector<VertexPosition> moved;
+  if (deformed_) moved = vertex_positions(surface.vertices);
+  FrameContent content;
+  content.facts = {.pulse = facts.pulse,
+                   .exposure_ns = to_ns(facts.exposure),
+                   .cameras = facts.cameras,
+                   .missing = facts.missing,
+                   .quality = static_cast<float>(facts.quality),
+                   .origin = {origin_.x(), origin_.y(), origin_.z()},
+                   .step = voxel_m_ / 2};
+  content.volume = &bricks;
+  content.positions = moved;
+  content.triangles = surface.triangles;
+  content.colours = colours;
+  auto compact = encoder_.encode(content);
+  if (!compact) {
+    throw InputError("pulse " + std::to_string(facts.pulse) + ": a surface of " +
+                     std::to_string(surface.vertices.size()) +
+                     " vertices does not fit a compact frame (docs/compact-frame.md has its "
+                     "limits): use a larger voxel");
+  }
+  surface.colours = rgb_colours(encoder_.decoded_colours());
+  return *std::move(compact);
+}
+
+}  // namespace v3d
