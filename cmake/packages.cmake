@@ -1,6 +1,6 @@
 # Debian packages, one for each role of a PC: cpack --config build/release/CPackConfig.cmake -B build/packages
 # A capture PC needs v3d-capture; the reconstruction PC v3d-recon and, for browsers, v3d-viewer; an operator's PC
-# v3d-tools. v3d-common has the common user, group and settings.
+# v3d-tools. v3d-common has the common user, group and settings. Libraries for other programs: cmake/library.cmake.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME v3d)
 set(CPACK_PACKAGE_CONTACT "V3D <v3d@localhost>")
@@ -11,6 +11,9 @@ set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
+if(V3D_INSTALLS_LIBRARIES)
+  list(APPEND CPACK_COMPONENTS_ALL lib lib-dev decoder decoder-dev)
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SECTION video)
@@ -18,12 +21,17 @@ set(CPACK_DEBIAN_PACKAGE_SECTION video)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 
+# v3d_package(<component> <description> [NAME <package>] [DEPENDS ...] [RECOMMENDS ...] [CONTROL <script>...])
+# The default of NAME is v3d-<component>.
 function(v3d_package component description)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;RECOMMENDS;CONTROL" ${ARGN})
+  cmake_parse_arguments(ARG "" "NAME" "DEPENDS;RECOMMENDS;CONTROL" ${ARGN})
+  if(NOT ARG_NAME)
+    set(ARG_NAME v3d-${component})
+  endif()
   string(TOUPPER ${component} key)
   list(JOIN ARG_DEPENDS ", " depends)
   list(JOIN ARG_RECOMMENDS ", " recommends)
-  set(CPACK_DEBIAN_${key}_PACKAGE_NAME v3d-${component} PARENT_SCOPE)
+  set(CPACK_DEBIAN_${key}_PACKAGE_NAME ${ARG_NAME} PARENT_SCOPE)
   set(CPACK_COMPONENT_${key}_DESCRIPTION "${description}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${key}_PACKAGE_DEPENDS "${depends}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${key}_PACKAGE_RECOMMENDS "${recommends}" PARENT_SCOPE)
@@ -46,9 +54,17 @@ set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-j
 v3d_package(import "V3D studio: images and videos (v3dctl import, v3dctl calibrate)"
   DEPENDS "v3d-tools (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_COMMON_PACKAGE_ARCHITECTURE all)
+set(series ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+v3d_package(lib "V3D: library for the reconstruction of 3D video" NAME libv3d${series})
+v3d_package(lib-dev "V3D: headers of the library for reconstruction" NAME libv3d-dev
+  DEPENDS "libv3d${series} (= ${PROJECT_VERSION})" libeigen3-dev libtbb-dev libexpected-dev)
+v3d_package(decoder "V3D: decoder of compact frames, in C" NAME libv3d-decoder2)
+v3d_package(decoder-dev "V3D: header of the decoder of compact frames" NAME libv3d-decoder-dev
+  DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})")
 foreach(component ${CPACK_COMPONENTS_ALL})
+  string(TOUPPER ${component} key)
   install(FILES ${CMAKE_SOURCE_DIR}/LICENSE RENAME copyright
-    DESTINATION share/doc/v3d-${component} COMPONENT ${component})
+    DESTINATION share/doc/${CPACK_DEBIAN_${key}_PACKAGE_NAME} COMPONENT ${component})
 endforeach()
 
 include(CPack)

@@ -23,6 +23,17 @@ Image decode_picture(std::string_view bytes, const std::filesystem::path& path) 
   throw InputError(path.string() + ": not a valid PNG or JPEG picture");
 }
 
+Mask mask_from_picture(const Image& picture) {
+  Mask mask(picture.size);
+  for (int y = 0; y < picture.size.height; ++y) {
+    const uint8_t* rgb = picture.row(y);
+    for (int x = 0; x < picture.size.width; ++x, rgb += 3) {
+      if (rgb[0] + rgb[1] + rgb[2] >= 3 * 128) mask.set(x, y);
+    }
+  }
+  return mask;
+}
+
 Image fill_size(const Image& picture, ImageSize size) {
   Image filled(size, PixelFormat::kRGB8);
   const double scale = std::max(static_cast<double>(size.width) / picture.size.width,

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 
@@ -14,6 +15,10 @@ Image read_picture(const std::filesystem::path& path);
 
 /// Like read_picture(), for bytes in memory; `path` is their origin, for messages.
 Image decode_picture(std::string_view bytes, const std::filesystem::path& path);
+
+/// The silhouette in a black and white picture: pixels whose mean of R, G and B is at least 128 are
+/// foreground. Requires RGB8.
+Mask mask_from_picture(const Image& picture);
 
 /// Crops the picture to the aspect ratio of `size` around its centre, as large as possible, and
 /// scales it to `size` (bilinear). Requires RGB8 and a picture of at least one pixel.

@@ -34,6 +34,14 @@ TEST(Picture, converts_16_bit_and_grey_png_to_8_bit_rgb) {
             (std::vector<uint8_t>{0x40, 0x40, 0x40, 0xff, 0xff, 0xff}));
 }
 
+TEST(Picture, becomes_a_mask_where_it_is_brighter_than_half) {
+  Image picture({4, 1}, PixelFormat::kRGB8);
+  picture.bytes = {0, 0, 0, 127, 128, 128, 128, 128, 128, 255, 129, 0};
+  const Mask mask = mask_from_picture(picture);
+  EXPECT_EQ(mask.size(), (ImageSize{4, 1}));
+  EXPECT_EQ(mask.row(0)[0], 0b1100U);
+}
+
 TEST(Picture, reads_size_and_colours_of_a_jpeg) {
   Image even({16, 24}, PixelFormat::kRGB8);
   for (size_t i = 0; i < even.bytes.size(); ++i) even.bytes[i] = i % 3 == 0 ? 200 : 40;
