@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/ledger/hashed_file.h"
+#include "take/ledger/ledger.h"
 #include "take/ledger/take_signature.h"
 
 namespace v3d {
@@ -49,6 +50,7 @@ class Check {
     }
     for (const auto& [name, entries] : signed_) check_file(name, entries);
     check_pulses();
+    check_facts();
     if (!signatures_.empty()) note_unsigned();
     result_.is_complete = check_nodes() && is_covered();
     return std::move(result_);
@@ -90,6 +92,11 @@ class Check {
     if (trusted.empty()) {
       result_.notes.push_back(name + ": was made with the key " + key +
                               ", which the studio file does not list");
+    }
+    if (!signature.names_nodes()) {
+      result_.notes.push_back(name +
+                              ": has format 1, which does not name the nodes of the take; to sign "
+                              "them too: v3dctl takes sign");
     }
     for (const TakeFile& file : signature.files) {
       signed_[file.name].push_back({signatures_.size(), file});
@@ -162,6 +169,64 @@ class Check {
                                            std::to_string(max_pulses));
   }
 
+  /// Indexes of the signatures with known keys; of all signatures when no key is known.
+  std::vector<size_t> trusted_signatures() const {
+    std::vector<size_t> known, all;
+    for (size_t i = 0; i < signatures_.size(); ++i) {
+      all.push_back(i);
+      if (result_.signers[i].is_known) known.push_back(i);
+    }
+    return known.empty() ? all : known;
+  }
+
+  /// Compares nodes, cameras and counts of frames, which take.toml and the ledger contain unsigned.
+  void check_facts() {
+    const std::optional<Ledger> ledger = stored_ledger();
+    const TakeSignature* first = nullptr;
+    for (const size_t i : trusted_signatures()) {
+      const TakeSignature& signature = signatures_[i];
+      if (!signature.names_nodes()) continue;
+      if (first == nullptr) first = &signature;
+      if (signature.nodes != first->nodes) {
+        disagree(signature_name(signature),
+                 "names other nodes of the take than " + signature_name(*first) + " does");
+      }
+      if (signature.state == TakeState::kRecovered && info_.state == TakeState::kComplete) {
+        disagree("take.toml", "says complete, " + signature_name(signature) + " recovered");
+      }
+      for (const SignedCamera& camera : signature.cameras) {
+        check_camera(signature_name(signature), camera, ledger);
+      }
+    }
+  }
+
+  void check_camera(const std::string& signature, const SignedCamera& camera,
+                    const std::optional<Ledger>& ledger) {
+    if (std::ranges::find(info_.cameras, camera.name) == info_.cameras.end()) {
+      return disagree("take.toml",
+                      "has no camera " + camera.name + ", which " + signature + " names");
+    }
+    if (!ledger) return;
+    const auto found = std::ranges::find(ledger->cameras, camera.name, &CameraLedger::name);
+    if (found == ledger->cameras.end() || signed_counts(*found) != camera) {
+      disagree("ledger.toml",
+               "its counts of frames of " + camera.name + " are not those of " + signature);
+    }
+  }
+
+  /// Empty when it cannot be read, which the verification of the take reports.
+  std::optional<Ledger> stored_ledger() const {
+    try {
+      return load_ledger(paths_.ledger());
+    } catch (const InputError&) {
+      return std::nullopt;
+    }
+  }
+
+  static std::string signature_name(const TakeSignature& signature) {
+    return signature_path({}, signature.node).filename();
+  }
+
   void note_unsigned() {
     std::string list;
     for (const std::string& name : names_) {
@@ -171,17 +236,35 @@ class Check {
     if (!list.empty()) result_.notes.push_back("without a signature: " + list);
   }
 
-  /// True when every node that recorded has signed with a known key.
+  /// True when a signature with a known key names the nodes of the take.
+  bool nodes_are_named() const {
+    return std::ranges::any_of(trusted_signatures(), [&](size_t i) {
+      return result_.signers[i].is_known && signatures_[i].names_nodes();
+    });
+  }
+
+  /// The nodes that must have signed: those that a signature with a known key names, and those of
+  /// the cameras in take.toml.
+  std::set<std::string> required_nodes() const {
+    std::set<std::string> nodes;
+    for (const std::string& camera : info_.cameras) nodes.insert(node_with(camera));
+    for (const size_t i : trusted_signatures()) {
+      if (!result_.signers[i].is_known) continue;
+      for (const SignedNode& node : signatures_[i].nodes) nodes.insert(node.name);
+    }
+    nodes.erase("");  // of a camera that the studio file does not list
+    return nodes;
+  }
+
+  /// True when every node of the take has signed with a known key.
   bool check_nodes() {
-    if (studio_ == nullptr) return false;
-    bool all = true;
-    for (const StudioNode& node : studio_->nodes) {
-      if (!has_recorded(node.name)) continue;
-      const auto signer = std::ranges::find(result_.signers, node.name, &SignedBy::node);
+    bool all = nodes_are_named();
+    for (const std::string& node : required_nodes()) {
+      const auto signer = std::ranges::find(result_.signers, node, &SignedBy::node);
       if (signer != result_.signers.end() && signer->is_known) continue;
       all = false;
-      if (!node.public_key.empty()) {
-        result_.notes.push_back("no signature of " + node.name +
+      if (!key_of(node).empty()) {
+        result_.notes.push_back("no signature of " + node +
                                 ", for which the studio file has a key");
       }
     }
@@ -192,11 +275,6 @@ class Check {
     return std::ranges::all_of(names_, [&](const std::string& name) {
       return !is_signed_file(name) || covered_.contains(name);
     });
-  }
-
-  bool has_recorded(const std::string& node) const {
-    return std::ranges::any_of(
-        info_.cameras, [&](const std::string& camera) { return node_with(camera) == node; });
   }
 
   /// The node of the camera that the file belongs to. Empty when it belongs to no camera, or when

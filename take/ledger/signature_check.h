@@ -23,14 +23,17 @@ struct SignedBy {
 
 struct SignatureCheck {
   std::vector<SignedBy> signers;
-  /// One line for each invalid signature, each key that differs from the studio file's, and each
-  /// file that does not match its signature.
+  /// One line for each invalid signature, each key that differs from the studio file's, each file
+  /// that does not match its signature, and each contradiction between signatures, take.toml and
+  /// ledger: nodes, cameras, state, counts of frames.
   std::vector<std::string> disagreements;
-  /// One line for each unknown key, each node without a signature, and for files without a
-  /// signature.
+  /// One line for each unknown key, each signature of format 1, each node without a signature, and
+  /// for files without a signature.
   std::vector<std::string> notes;
-  /// True when every node that recorded a camera of the take has signed with a known key, and the
-  /// root of every file matches a signature with a known key.
+  /// True when every capture node of the take has signed with a known key, and the root of every
+  /// file matches a signature with a known key. The signatures name the nodes; take.toml alone does
+  /// not prove that no node was removed. So one signature of format 2 is needed. The part of one
+  /// node of several is never complete.
   bool is_complete = false;
 };
 

@@ -14,11 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kFormat = 1;
-
-fs::path signature_path(const TakePaths& paths, const std::string& node) {
-  return paths.folder / ("signature." + node + ".toml");
-}
+constexpr int64_t kFormat = TakeSignature::kNodesFormat;
 
 std::string text_of(const TakeFile& file) {
   std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
@@ -27,9 +23,25 @@ std::string text_of(const TakeFile& file) {
   return text;
 }
 
+std::string text_of(const SignedNode& node) {
+  std::string cameras;
+  for (const std::string& camera : node.cameras) {
+    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
+  }
+  return "\n[[capture_node]]\nname = " + toml_string(node.name) + "\ncameras = [" + cameras + "]\n";
+}
+
+std::string text_of(const SignedCamera& camera) {
+  return "\n[[camera]]\nname = " + toml_string(camera.name) +
+         "\nexposed = " + std::to_string(camera.exposed) +
+         "\nreceived = " + std::to_string(camera.received) +
+         "\nwritten = " + std::to_string(camera.written) +
+         "\npublished = " + std::to_string(camera.published) + "\n";
+}
+
 std::string text_of(const TakeSignature& signature) {
   std::string text =
-      "format = " + std::to_string(kFormat) + "\ntake = " + toml_string(signature.take) +
+      "format = " + std::to_string(signature.format) + "\ntake = " + toml_string(signature.take) +
       "\nstudio = " + toml_string(signature.studio) + "\nnode = " + toml_string(signature.node) +
       "\npublic_key = " + toml_string(signature.key.text()) +
       "\nstarted_ns = " + std::to_string(to_ns(signature.started)) +
@@ -37,6 +49,8 @@ std::string text_of(const TakeSignature& signature) {
       "\nrate_hz = " + toml_number(signature.rate_hz) +
       "\npulses = " + std::to_string(signature.pulses) +
       "\nstate = " + toml_string(std::string(name(signature.state))) + "\n";
+  for (const SignedNode& node : signature.nodes) text += text_of(node);
+  for (const SignedCamera& camera : signature.cameras) text += text_of(camera);
   for (const TakeFile& file : signature.files) text += text_of(file);
   return text;
 }
@@ -49,6 +63,30 @@ TakeFile read_entry(const TomlTable& table) {
   }
   table.reject_unknown_fields();
   return file;
+}
+
+SignedNode read_node(const TomlTable& table) {
+  SignedNode node{.name = table.text("name"), .cameras = table.texts("cameras")};
+  table.reject_unknown_fields();
+  return node;
+}
+
+SignedCamera read_camera(const TomlTable& table) {
+  SignedCamera camera{.name = table.text("name"),
+                      .exposed = table.integer("exposed"),
+                      .received = table.integer("received"),
+                      .written = table.integer("written"),
+                      .published = table.integer("published")};
+  table.reject_unknown_fields();
+  return camera;
+}
+
+int64_t read_format(const TomlTable& table) {
+  const int64_t format = table.integer("format");
+  if (format < 1 || format > kFormat) {
+    table.fail("format", "expected 1 to " + std::to_string(kFormat) + "; a newer version wrote it");
+  }
+  return format;
 }
 
 TakeState read_state(const TomlTable& table) {
@@ -69,19 +107,52 @@ io::Result<TakeFile> signed_file(const TakePaths& paths, const std::string& name
   return hash_take_file(paths, name, now->bytes);
 }
 
-io::Status sign(const TakePaths& paths, const TakeSigner& signer,
-                const std::vector<TakeFile>& known, CameraLogs logs) {
+/// The nodes of the take's studio file that record: those with cameras, and that of the trigger.
+std::vector<SignedNode> capture_nodes(const TakePaths& paths) {
+  const std::optional<Studio> studio = load_take_studio(paths);
+  if (!studio) return {};
+  std::vector<SignedNode> nodes;
+  for (const StudioNode& node : studio->nodes) {
+    SignedNode signed_node{.name = node.name, .cameras = {}};
+    for (const StudioCamera& camera : studio->cameras_of(node.name)) {
+      signed_node.cameras.push_back(camera.name);
+    }
+    const bool records = !signed_node.cameras.empty() || studio->trigger.node == node.name;
+    if (records) nodes.push_back(std::move(signed_node));
+  }
+  std::ranges::sort(nodes, {}, &SignedNode::name);
+  return nodes;
+}
+
+/// The counts of the ledger, which the node has just written or an operator signs for it.
+std::vector<SignedCamera> camera_counts(const TakePaths& paths) {
+  std::vector<SignedCamera> cameras;
+  for (const CameraLedger& camera : load_ledger(paths.ledger()).cameras) {
+    cameras.push_back(signed_counts(camera));
+  }
+  return cameras;
+}
+
+/// All but the files. Throws InputError when take.toml, studio.toml or the ledger cannot be read.
+TakeSignature signature_of(const TakePaths& paths, const TakeInfo& info, const TakeSigner& signer) {
+  return {.take = info.name,
+          .studio = info.studio,
+          .node = signer.node,
+          .key = signer.key.public_key(),
+          .started = info.started,
+          .signed_at = Realtime::now(),
+          .rate_hz = info.rate_hz,
+          .pulses = info.pulses,
+          .state = info.state,
+          .nodes = capture_nodes(paths),
+          .cameras = camera_counts(paths),
+          .files = {}};
+}
+
+io::Status sign_or_throw(const TakePaths& paths, const TakeSigner& signer,
+                         const std::vector<TakeFile>& known, CameraLogs logs) {
   const TakeInfo info = load_take_info(paths);
-  TakeSignature signature{.take = info.name,
-                          .studio = info.studio,
-                          .node = signer.node,
-                          .key = signer.key.public_key(),
-                          .started = info.started,
-                          .signed_at = Realtime::now(),
-                          .rate_hz = info.rate_hz,
-                          .pulses = info.pulses,
-                          .state = info.state,
-                          .files = {}};
+  TakeSignature signature = signature_of(paths, info, signer);
   const auto names = take_file_names(paths);
   if (!names) return tl::make_unexpected(names.error());
   for (const std::string& name : *names) {
@@ -95,7 +166,28 @@ io::Status sign(const TakePaths& paths, const TakeSigner& signer,
   return save_signature(paths, signature, signer.key);
 }
 
+io::Status sign(const TakePaths& paths, const TakeSigner& signer,
+                const std::vector<TakeFile>& known, CameraLogs logs) {
+  try {
+    return sign_or_throw(paths, signer, known, logs);
+  } catch (const InputError& error) {
+    return io::io_error("sign", paths.folder, error.what());
+  }
+}
+
 }  // namespace
+
+SignedCamera signed_counts(const CameraLedger& camera) {
+  return {.name = camera.name,
+          .exposed = camera.exposed,
+          .received = camera.received,
+          .written = camera.written,
+          .published = camera.published};
+}
+
+fs::path signature_path(const TakePaths& paths, const std::string& node) {
+  return paths.folder / ("signature." + node + ".toml");
+}
 
 bool is_signed_file(std::string_view name) {
   return !is_written_after_ledger(name) && name != TakePaths().info();
@@ -119,10 +211,8 @@ io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer)
 TakeSignature parse_signature(std::string_view text, const fs::path& path) {
   const SignedText signed_text = split_signed_text(text, path);
   const TomlTable table = TomlTable::parse(signed_text.text, path);
-  if (table.integer("format") != kFormat) {
-    table.fail("format", "expected " + std::to_string(kFormat) + "; a newer version wrote it");
-  }
-  TakeSignature read{.take = table.text("take"),
+  TakeSignature read{.format = read_format(table),
+                     .take = table.text("take"),
                      .studio = table.text("studio"),
                      .node = table.text("node"),
                      .key = PublicKey::parse(table.text("public_key"), path.string()),
@@ -131,7 +221,16 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
                      .rate_hz = table.number("rate_hz"),
                      .pulses = table.integer("pulses"),
                      .state = read_state(table),
+                     .nodes = {},
+                     .cameras = {},
                      .files = {}};
+  if (read.names_nodes()) {
+    for (const TomlTable& node : table.tables("capture_node"))
+      read.nodes.push_back(read_node(node));
+    for (const TomlTable& camera : table.tables("camera")) {
+      read.cameras.push_back(read_camera(camera));
+    }
+  }
   for (const TomlTable& file : table.tables("file")) read.files.push_back(read_entry(file));
   table.reject_unknown_fields();
   if (!signed_text.is_signed_by(read.key)) {

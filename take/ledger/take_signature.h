@@ -1,8 +1,9 @@
 // Digital signatures of takes (signature.<node>.toml).
 //
-// When a node closes a take, it writes the hash tree roots (take/ledger/hashed_file.h) of the files
-// that it recorded, and signs them with its Ed25519 key. docs/takes.md describes the format;
-// take/ledger/signature_check.h verifies signatures.
+// When a node closes a take, it writes the capture nodes of the take, its own counts of frames and
+// the hash tree roots (take/ledger/hashed_file.h) of the files that it recorded, and signs them
+// with its Ed25519 key. docs/takes.md describes the format; take/ledger/signature_check.h verifies
+// signatures.
 #pragma once
 
 #include <string>
@@ -11,14 +12,39 @@
 
 #include "base/core/time.h"
 #include "base/io/result.h"
+#include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_files.h"
 #include "wire/signing_key.h"
 
 namespace v3d {
 
+/// A capture node of a take, with its cameras in the studio file. A camera may have been missing in
+/// the take (arm --allow-missing).
+struct SignedNode {
+  std::string name;
+  std::vector<std::string> cameras;
+  friend bool operator==(const SignedNode&, const SignedNode&) = default;
+};
+
+/// A camera that the signing node recorded, with the counts of its ledger (CameraLedger).
+struct SignedCamera {
+  std::string name;
+  int64_t exposed = 0;
+  int64_t received = 0;
+  int64_t written = 0;
+  int64_t published = 0;
+  friend bool operator==(const SignedCamera&, const SignedCamera&) = default;
+};
+SignedCamera signed_counts(const CameraLedger& camera);
+
 /// The content of signature.<node>.toml.
 struct TakeSignature {
+  /// The first format with `nodes` and `cameras`. Without them, the removal of everything that a
+  /// node recorded is not noticed.
+  static constexpr int64_t kNodesFormat = 2;
+
+  int64_t format = kNodesFormat;
   std::string take;
   std::string studio;
   std::string node;
@@ -28,10 +54,19 @@ struct TakeSignature {
   double rate_hz = 0;
   int64_t pulses = 0;
   TakeState state = TakeState::kComplete;
+  /// All capture nodes of the take, by the studio file of the take, sorted by name: those with
+  /// cameras, and that of the trigger. Empty in a take without a studio file, as an imported one.
+  std::vector<SignedNode> nodes;
+  std::vector<SignedCamera> cameras;
   /// All files of the node for which is_signed_file() is true. For a file without a root, only the
   /// length is signed: a camera log that was recorded before a restart of the daemon.
   std::vector<TakeFile> files;
+
+  bool names_nodes() const { return format >= kNodesFormat; }
 };
+
+/// The path of signature.<node>.toml.
+std::filesystem::path signature_path(const TakePaths& paths, const std::string& node);
 
 /// A node and its signing key.
 struct TakeSigner {
@@ -46,7 +81,8 @@ bool is_signed_file(std::string_view name);
 /// Signs a closed take as `signer`, and replaces an earlier signature of this node.
 ///
 /// `files`: entries with known roots, for example from EventLogWriter::file(). Other files are
-/// read, except camera logs. Fails with path and cause.
+/// read, except camera logs. Requires the ledger. Fails with path and cause; throws nothing that a
+/// disk or a damaged file causes.
 [[nodiscard]] io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
                                    const std::vector<TakeFile>& files);
 

@@ -180,7 +180,7 @@ void add_verify(CommandLine& line) {
       "cameras with a frame lag or displaced since the calibration");
   command->add_flag(
       "--signed", arguments->is_signed,
-      "Fail unless every node that recorded the take, and every file, has a signature "
+      "Fail unless every capture node of the take, and every file, has a signature "
       "with a key of the studio file");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
