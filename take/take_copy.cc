@@ -5,8 +5,12 @@
 
 #include "base/core/error.h"
 #include "base/core/units.h"
+#include "base/io/file.h"
+#include "base/io/whole_file.h"
+#include "take/ledger/ledger.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
+#include "take/slate.h"
 
 namespace v3d {
 namespace {
@@ -34,7 +38,14 @@ class CopyCheck {
   CopyCheck(const TakePaths& original, const TakePaths& copy) : original_(original), copy_(copy) {}
 
   std::vector<std::string> run(const Verified& verified) {
+    // A copy by other programs (cp -r) may be in memory only: files, and the names in its folders.
+    if (const auto synced = io::sync_file_system(copy_.folder); !synced) {
+      io::throw_input_error(synced.error());
+    }
+    load_from_disk(copy_.info());
     check_info();
+    check_ledger();
+    check_slate();
     for (const TakeFile& file : verified.files) {
       const bool is_joined = file.name == original_.info().filename() ||
                              file.name == original_.ledger().filename() ||
@@ -45,6 +56,12 @@ class CopyCheck {
   }
 
  private:
+  /// Reads a file of the copy past the page cache, which then has the bytes of the disk. Throws
+  /// InputError.
+  void load_from_disk(const fs::path& file) const {
+    io::value_or_throw(read_take_file(copy_, file.filename(), ReadFrom::kDisk));
+  }
+
   void check_info() {
     const TakeInfo original = load_take_info(original_), copy = load_take_info(copy_);
     if (copy.name != original.name) {
@@ -57,6 +74,34 @@ class CopyCheck {
     for (const std::string& camera : original.cameras) {
       if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
       lines_.push_back(copy_.info().string() + ": has no camera '" + camera + "'");
+    }
+  }
+
+  void check_ledger() {
+    try {
+      load_from_disk(copy_.ledger());
+      const Ledger copy = load_ledger(copy_.ledger());
+      Ledger counted_to;  // the joined take may have more pulses than the node counted
+      counted_to.commanded = copy.commanded;
+      for (const CameraLedger& camera :
+           merge({load_ledger(original_.ledger()), counted_to}).cameras) {
+        if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
+        lines_.push_back(copy_.ledger().string() + ": has another account of " + camera.name +
+                         " than the original");
+      }
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
+    }
+  }
+
+  /// The crew edits slates, so their content may differ.
+  void check_slate() {
+    if (!file_exists(original_.slate()) && !file_exists(copy_.slate())) return;
+    try {
+      load_from_disk(copy_.slate());
+      load_slate(copy_.slate());
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
     }
   }
 

@@ -7,7 +7,10 @@
 
 #include <array>
 #include <cerrno>
+#include <optional>
+#include <set>
 
+#include "base/core/error.h"
 #include "base/core/printable.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
@@ -18,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kExtension = ".lock";
+constexpr std::string_view kPrefix = ".", kExtension = ".lock";
 constexpr int kMaxAttempts = 100;
 
 std::string this_process() {
@@ -52,17 +55,48 @@ bool is_current(int fd, const fs::path& path) {
          locked.st_dev == named.st_dev && locked.st_ino == named.st_ino;
 }
 
+/// Opens the lock file, and creates it if necessary. After a crash, the file may belong to another
+/// user, who can only be read.
+io::UniqueFd open_lock_file(const fs::path& path) {
+  const auto open_as = [&](int flags) {
+    return io::uninterrupted(
+        [&] { return open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0644); });
+  };
+  const int fd = open_as(O_RDWR | O_CREAT);
+  return io::UniqueFd(fd < 0 && errno == EACCES ? open_as(O_RDONLY) : fd);
+}
+
+/// The nodes that may have a process on the take: those of the lock files, and those of the studio
+/// file. A studio file that cannot be parsed names none.
+io::Result<std::set<std::string>> possible_recorders(const TakePaths& paths) {
+  const auto entries = io::list_folder(paths.folder);
+  if (!entries) return tl::make_unexpected(entries.error());
+  std::set<std::string> nodes;
+  for (const fs::path& entry : *entries) {
+    const std::string name = entry.filename();
+    if (!name.starts_with(kPrefix) || entry.extension() != kExtension) continue;
+    nodes.insert(name.substr(kPrefix.size(), name.size() - kPrefix.size() - kExtension.size()));
+  }
+  try {
+    const std::optional<Studio> studio = load_take_studio(paths);
+    for (const StudioNode& node : studio ? studio->nodes : std::vector<StudioNode>()) {
+      nodes.insert(node.name);
+    }
+  } catch (const InputError&) {  // damaged, or of another version
+  }
+  return nodes;
+}
+
 }  // namespace
 
 io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string& node) {
-  const fs::path path = paths.folder / ("." + node + std::string(kExtension));
+  const fs::path path = paths.folder / (std::string(kPrefix) + node + std::string(kExtension));
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
-    io::UniqueFd fd(io::uninterrupted(
-        [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644); }));
+    io::UniqueFd fd = open_lock_file(path);
     if (!fd) return io::io_error("lock", path);
     const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
     if (!locked && errno == EWOULDBLOCK) {
-      return io::io_error("lock", path, holder_in(fd.get()) + " records into it", EWOULDBLOCK);
+      return io::io_error("lock", path, holder_in(fd.get()) + " has locked it", EWOULDBLOCK);
     }
     if (!locked && !is_unsupported(errno)) return io::io_error("lock", path);
     if (!is_current(fd.get(), path)) continue;
@@ -72,20 +106,40 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
   return io::io_error("lock", path, "other processes create and remove it repeatedly", EAGAIN);
 }
 
+// After a deletion of the take, another process may have a new take and lock file of this name.
 TakeLock::~TakeLock() {
-  if (fd_) remove_working_file(path_);
+  if (fd_ && is_current(fd_.get(), path_)) remove_working_file(path_);
 }
 
-std::string take_lock_holder(const TakePaths& paths) {
+io::Result<std::string> take_lock_holder(const TakePaths& paths) {
   const auto entries = io::list_folder(paths.folder);
-  for (const fs::path& entry : entries.value_or(std::vector<fs::path>())) {
-    if (!entry.filename().string().starts_with(".") || entry.extension() != kExtension) continue;
-    const io::UniqueFd fd(open(entry.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
-    if (fd && flock(fd.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      return holder_in(fd.get());
-    }
+  if (!entries) return tl::make_unexpected(entries.error());
+  for (const fs::path& entry : *entries) {
+    if (!entry.filename().string().starts_with(kPrefix) || entry.extension() != kExtension)
+      continue;
+    const io::UniqueFd fd(io::uninterrupted(
+        [&] { return open(entry.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK); }));
+    if (!fd && errno == ENOENT) continue;  // its holder has just ended
+    if (!fd) return io::io_error("read the lock", entry);
+    if (flock(fd.get(), LOCK_SH | LOCK_NB) == 0 || is_unsupported(errno)) continue;
+    if (errno != EWOULDBLOCK) return io::io_error("read the lock", entry);
+    return holder_in(fd.get());
   }
-  return {};
+  return std::string();
+}
+
+io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths) {
+  const auto nodes = possible_recorders(paths);
+  if (!nodes) return tl::make_unexpected(nodes.error());
+  std::vector<TakeLock> locks;
+  for (const std::string& node : *nodes) {
+    auto lock = TakeLock::acquire(paths, node);
+    // On a full disk, a lock file that does not exist is held by no process.
+    if (!lock && (lock.error().code == ENOSPC || lock.error().code == EDQUOT)) continue;
+    if (!lock) return tl::make_unexpected(lock.error());
+    locks.push_back(*std::move(lock));
+  }
+  return locks;
 }
 
 }  // namespace v3d

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "base/io/result.h"
 #include "base/io/unique_fd.h"
@@ -24,7 +25,7 @@ class TakeLock {
   /// lock file cannot be created.
   [[nodiscard]] static io::Result<TakeLock> acquire(const TakePaths& paths,
                                                     const std::string& node);
-  /// Removes the lock file, then releases the lock.
+  /// Removes the lock file, unless another file has its name, then releases the lock.
   ~TakeLock();
   TakeLock(TakeLock&&) noexcept = default;
   TakeLock& operator=(TakeLock&&) = delete;
@@ -42,7 +43,13 @@ class TakeLock {
 };
 
 /// The process that holds a lock of any node on this take: "process 812 on cap01". Empty when none
-/// does.
-std::string take_lock_holder(const TakePaths& paths);
+/// does. Fails with path and cause when the folder or a lock file cannot be read: then a process
+/// may hold a lock.
+[[nodiscard]] io::Result<std::string> take_lock_holder(const TakePaths& paths);
+
+/// Acquires the locks of all nodes that may record into the take: those in its studio file, and
+/// those that have a lock file. Used by programs that are no node. Fails as TakeLock::acquire()
+/// does, also when the folder cannot be listed; then it holds no lock.
+[[nodiscard]] io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths);
 
 }  // namespace v3d

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 
 #include "base/core/error.h"
 #include "base/core/printable.h"
@@ -32,6 +33,11 @@ FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& n
       [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); });
   if (file_ < 0) throw InputError(errno_message(path.string()));
   if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) {
+      const std::string problem = errno_message("cannot lock " + path.string());
+      close(file_);
+      throw InputError(problem);
+    }
     const std::string holder = owner_in(file_);
     close(file_);
     throw InputError(folder.string() + ": " + holder +

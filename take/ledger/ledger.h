@@ -24,6 +24,8 @@ struct CameraLedger {
   std::vector<int64_t> missing;  ///< pulses without a frame
   std::vector<int64_t> duplicate;  ///< pulses with more than one frame
   std::vector<int64_t> suspect;    ///< pulses whose frame may have a wrong number
+
+  friend bool operator==(const CameraLedger&, const CameraLedger&) = default;
 };
 
 struct Ledger {

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include "base/core/error.h"
 #include "base/io/whole_file.h"
@@ -19,6 +21,8 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+
+int synced_file_systems = 0;
 
 /// A verified take on a node, and a copy of it in an archive.
 class TakeCopy : public testing::Test {
@@ -66,8 +70,40 @@ class TakeCopy : public testing::Test {
 TEST_F(TakeCopy, accepts_another_slate_and_a_joined_ledger) {
   EXPECT_THAT(missing(), IsEmpty());
   test::write_text(node_.slate(), "mark = 'rejected'\n");
-  test::write_text(archive_.ledger(), "# joined\n");
+  test::write_text(archive_.slate(), "mark = ''\n");
+  // The other node counted a pulse more.
+  Ledger other{.take = "kendo-07", .commanded = 2, .sensed = 2, .cameras = {}};
+  other.cameras.push_back(account("cam08", {0, 1}, {}, 2));
+  ASSERT_TRUE(save_ledger(archive_.ledger(), merge({load_ledger(node_.ledger()), other})));
   EXPECT_THAT(missing(), IsEmpty());
+}
+
+TEST_F(TakeCopy, requires_a_ledger_with_the_same_account_of_each_camera) {
+  Ledger ledger = load_ledger(archive_.ledger());
+  ledger.cameras[0].missing = {0};
+  ASSERT_TRUE(save_ledger(archive_.ledger(), ledger));
+  EXPECT_THAT(missing(),
+              ElementsAre(HasSubstr("archive/kendo-07/ledger.toml: has another account of cam07")));
+  ledger.cameras.clear();
+  ASSERT_TRUE(save_ledger(archive_.ledger(), ledger));
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("another account of cam07")));
+  test::write_text(archive_.ledger(), "# joined\n");
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/ledger.toml")));
+  fs::remove(archive_.ledger());
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/ledger.toml: No such file")));
+}
+
+TEST_F(TakeCopy, requires_a_slate_that_can_be_read_when_the_original_has_one) {
+  test::write_text(node_.slate(), "mark = 'rejected'\n");
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/slate.toml: No such file")));
+  test::write_text(archive_.slate(), "mark = 'torn");
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/slate.toml")));
+}
+
+TEST_F(TakeCopy, is_synced_with_its_names_before_it_is_compared) {
+  synced_file_systems = 0;
+  EXPECT_THAT(missing(), IsEmpty());
+  EXPECT_EQ(synced_file_systems, 1);
 }
 
 TEST_F(TakeCopy, reports_a_file_with_a_changed_bit) {
@@ -122,3 +158,9 @@ TEST_F(TakeCopy, rejects_another_take_and_a_missing_camera) {
 
 }  // namespace
 }  // namespace v3d
+
+/// Replaces that of the C library, to count its calls.
+extern "C" int syncfs(int fd) {
+  ++v3d::synced_file_systems;
+  return static_cast<int>(syscall(SYS_syncfs, fd));
+}

@@ -6,6 +6,7 @@
 #include "common/console.h"
 #include "take/ledger/verified.h"
 #include "take/take_copy.h"
+#include "take/take_lock.h"
 #include "take/take_removal.h"
 #include "v3dctl/takes/named_takes.h"
 
@@ -69,6 +70,10 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
     for (const std::string& text : listing_lines(takes)) note(text);
     throw InputError(format_bytes(bytes) +
                      " would be deleted permanently; add --yes to delete them");
+  }
+  std::vector<std::vector<TakeLock>> locks;  // until all takes are deleted
+  for (const TakeListing& take : takes) {
+    locks.push_back(io::value_or_throw(lock_whole_take(take.paths)));
   }
   for (const TakeListing& take : takes) {
     if (!arguments.no_copy) require_copy(take, arguments.copy);

@@ -118,10 +118,8 @@ void save_result(const TakePaths& paths, const Verification& verification) {
 
 /// The result includes the disagreements that the recovery found before it wrote the ledger.
 Verification recover_and_verify(const TakePaths& paths) {
-  if (const std::string recorder = take_lock_holder(paths); !recorder.empty()) {
-    throw InputError(paths.folder.string() + ": " + recorder +
-                     " records into it; stop that process first");
-  }
+  load_take_info(paths);  // throws for a folder that is no take
+  const auto locks = io::value_or_throw(lock_whole_take(paths));
   std::vector<std::string> found = recover_take(paths).disagreements;
   Verification verification = verify_take(paths, ReadFrom::kDisk);
   std::vector<std::string>& all = verification.disagreements;
@@ -178,10 +176,9 @@ void add_verify(CommandLine& line) {
       "--images", arguments->images,
       "Also compare the silhouettes of each camera with the hull of the others: report "
       "cameras with a frame lag or displaced since the calibration");
-  command->add_flag(
-      "--signed", arguments->is_signed,
-      "Fail unless every capture node of the take, and every file, has a signature "
-      "with a key of the studio file");
+  command->add_flag("--signed", arguments->is_signed,
+                    "Fail unless every capture node of the take, and every file, has a signature "
+                    "with a key of the studio file");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
