@@ -34,8 +34,9 @@ struct ReceptionCounts {
 class Bus {
  public:
   /// `lcm_url` and `frame_groups` are as in the studio file; no frame group is joined before
-  /// join_frame_groups(). `channels`: the channels that are received. Throws InputError with the
-  /// remedy when the network cannot be reached (usually because a multicast route is missing).
+  /// join_frame_groups(). `channels`: the channels that are received. Throws InputError for
+  /// another syntax of the URL, and std::runtime_error with the remedy when the network cannot be
+  /// reached: usually a multicast route is missing, or the network is not up yet.
   explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {},
                ChannelList channels = {});
   ~Bus();
@@ -68,7 +69,7 @@ class Bus {
   void announce_frame_key(const std::string& node);
   /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
   /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use
-  /// the common group. Throws InputError when a group cannot be joined.
+  /// the common group. Throws std::runtime_error when a group cannot be joined.
   void join_frame_groups(const FrameGroupSet& groups);
 
   /// Owns the registration of a handler. The destructor waits until the handler has returned and

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <stdexcept>
 #include <vector>
 
 #include "base/config/lcm_group.h"
@@ -14,8 +15,9 @@
 namespace v3d {
 namespace {
 
+/// Not an InputError: the network may come up later, so a daemon must be started again.
 [[noreturn]] void fail_to_join(const std::string& url) {
-  throw InputError(
+  throw std::runtime_error(
       errno_message("network.lcm_url: cannot join " + url) +
       ": usually the multicast route is missing; try: ip link set dev IFACE multicast on && ip "
       "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine)");
@@ -34,8 +36,10 @@ sockaddr_in address_of(const std::string& url) {
   const auto group = lcm_group(url);
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  errno = EINVAL;
-  check_joined(group && inet_pton(AF_INET, group->address.c_str(), &address.sin_addr) == 1, url);
+  if (!group || inet_pton(AF_INET, group->address.c_str(), &address.sin_addr) != 1) {
+    throw InputError("network.lcm_url: cannot join " + url +
+                     ": expected udpm://ADDRESS:PORT with an address in 239.0.0.0/8");
+  }
   address.sin_port = htons(group->port);
   return address;
 }
@@ -61,7 +65,7 @@ void check_route(const sockaddr_in& group, const std::string& url) {
 
 io::UniqueFd udp_socket() {
   io::UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  if (!fd) throw InputError(errno_message("network: cannot open a UDP socket"));
+  if (!fd) throw std::runtime_error(errno_message("network: cannot open a UDP socket"));
   return fd;
 }
 

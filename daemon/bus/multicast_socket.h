@@ -18,7 +18,7 @@
 
 namespace v3d {
 
-/// Opens a UDP socket for IPv4. Throws InputError with errno's text.
+/// Opens a UDP socket for IPv4. Throws std::runtime_error with errno's text.
 io::UniqueFd udp_socket();
 
 /// Ring buffer of received datagrams: 512 places of 64 KiB, allocated once.
@@ -70,8 +70,8 @@ class DatagramRing {
 /// be called from any thread.
 class MulticastReceiver {
  public:
-  /// `url`: the address of the group in LCM's syntax. Throws InputError with the remedy when the
-  /// group cannot be joined.
+  /// `url`: the address of the group in LCM's syntax. Throws InputError for
+  /// another syntax, and std::runtime_error with the remedy when the group cannot be joined.
   explicit MulticastReceiver(const std::string& url);
 
   int fd() const { return socket_.get(); }
@@ -103,7 +103,7 @@ class SendingSession {
 /// Sends to a multicast group without joining it. Any thread.
 class MulticastSender {
  public:
-  /// Throws InputError with the remedy when there is no route to the group.
+  /// Throws std::runtime_error with the remedy when there is no route to the group.
   explicit MulticastSender(const std::string& url);
 
   /// Sends all datagrams of a message without others between them: liblcm's receivers reassemble

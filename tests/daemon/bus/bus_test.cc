@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -369,9 +370,29 @@ TEST(Bus, releases_an_ended_handler_and_keeps_calling_the_others) {
   EXPECT_EQ(*mine, 1);
 }
 
-TEST(Bus, reports_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
+TEST(Bus, reports_the_field_of_a_malformed_url) {
   const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
   EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));
+  EXPECT_THAT(message, testing::HasSubstr("expected udpm://"));
+}
+
+// systemd does not start a daemon again that ended with an InputError.
+TEST(Bus, reports_the_remedy_without_a_route_and_not_as_wrong_input) {
+  std::string message;
+  bool is_input_error = false, has_namespace = false;
+  std::jthread([&] {
+    has_namespace = unshare(CLONE_NEWNET) == 0;  // of this thread only
+    if (!has_namespace) return;
+    try {
+      Bus bus(kUrl);
+    } catch (const InputError&) {
+      is_input_error = true;
+    } catch (const std::runtime_error& error) {
+      message = error.what();
+    }
+  }).join();
+  if (!has_namespace) GTEST_SKIP() << "a network namespace needs root";
+  EXPECT_FALSE(is_input_error);
   EXPECT_THAT(message, testing::HasSubstr("ip route add"));
 }
 
