@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
@@ -248,6 +249,14 @@ Result<fs::file_type> type_of(const fs::path& path) {
   }
   if (errno == ENOENT || errno == ENOTDIR) return fs::file_type::not_found;
   return io_error("read", path);
+}
+
+Result<uint64_t> free_bytes(const fs::path& folder) {
+  struct statvfs status {};
+  if (uninterrupted([&] { return ::statvfs(folder.c_str(), &status); }) != 0) {
+    return io_error("read the free space of", folder);
+  }
+  return uint64_t{status.f_bavail} * status.f_frsize;
 }
 
 Status create_folders(const fs::path& folder) {

@@ -84,6 +84,9 @@ inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 [[nodiscard]] Result<std::vector<std::filesystem::path>> list_folder(
     const std::filesystem::path& folder);
 
+/// Bytes of the file system of `folder` that are free for this user.
+[[nodiscard]] Result<uint64_t> free_bytes(const std::filesystem::path& folder);
+
 /// Creates a folder and its missing parents, and waits until their names are on the disk.
 [[nodiscard]] Status create_folders(const std::filesystem::path& folder);
 

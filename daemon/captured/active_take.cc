@@ -64,17 +64,25 @@ void ActiveTake::start_recording() {
   const NodeTake::Plan plan = recording_plan();
   check_disk(context_.studio.storage.takes, plan.disk);
   auto recording = NodeTake::begin(context_, plan);
-  start_pulse_recorder(recording->paths().pulses());
+  const TakePaths paths = recording->paths();
+  try {
+    start_pulse_recorder(paths.pulses());
+  } catch (...) {
+    recording.reset();
+    quarantine_unarmed_take(paths);
+    throw;
+  }
   recording_ = std::move(recording);
 }
 
 void ActiveTake::resume_recording(int64_t commanded) {
   const TakePaths paths = take_paths(context_.studio, plan_.order.take);
-  const EdgeTimes edges = read_edge_times(paths);
+  NodeTake::LoggedPulses pulses;
+  pulses.edges = read_edge_times(paths, pulses.problems);
   PulseRecorder::Resume resume{.sensed = {}, .commanded = commanded};
-  for (const auto& [pulse, edge] : edges) resume.sensed.insert(pulse);
+  for (const auto& [pulse, edge] : pulses.edges) resume.sensed.insert(pulse);
   auto recording =
-      NodeTake::resume(context_, recording_plan(), edges, context_.trigger.reports_edges());
+      NodeTake::resume(context_, recording_plan(), pulses, context_.trigger.reports_edges());
   start_pulse_recorder(paths.pulses(), std::move(resume));
   context_.trigger.start();
   was_started_ = true;
@@ -184,23 +192,15 @@ TakeResult ActiveTake::close() {
   const auto pulses = std::exchange(pulses_, nullptr);
   if (recording_) {
     const bool is_empty = is_empty_take(ledger, was_started_, context_.trigger.is_here());
-    result.close_report = std::exchange(recording_, nullptr)->close(ledger, is_empty);
+    result.close_report =
+        std::exchange(recording_, nullptr)->close(ledger, is_empty, pulses->synced());
   }
-  add_pulse_log_errors(*pulses, result);
+  if (pulses->lost_in_log() > 0) {
+    result.close_report.pulse_log_error = "cannot write " + format_count(pulses->lost_in_log()) +
+                                          " pulses to the pulse log of " + ledger.take + " in " +
+                                          context_.studio.storage.takes.string();
+  }
   return result;
-}
-
-void ActiveTake::add_pulse_log_errors(const PulseRecorder& pulses, TakeResult& result) const {
-  const std::string log = "the pulse log of " + result.ledger.take;
-  const std::string takes = context_.studio.storage.takes.string();
-  if (!pulses.is_synced() && result.close_report.write_error.empty()) {
-    result.close_report.write_error =
-        "cannot write the last pulses to " + log + " in " + takes + ": v3dctl verify lists them";
-  }
-  if (pulses.lost_in_log() > 0) {
-    result.close_report.pulse_log_error =
-        "cannot write " + format_count(pulses.lost_in_log()) + " pulses to " + log + " in " + takes;
-  }
 }
 
 }  // namespace v3d

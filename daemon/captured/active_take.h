@@ -100,7 +100,6 @@ class ActiveTake {
   int64_t commanded() const { return context_.trigger.commanded(pulses_->seen()); }
   bool sensed_count_is_known(int64_t commanded) const;
   bool pulses_are_complete(bool is_idle) const;
-  void add_pulse_log_errors(const PulseRecorder& pulses, TakeResult& result) const;
 
   const Context context_;
   const Plan plan_;

@@ -148,9 +148,8 @@ bool CameraPipeline::idle_since(MonotonicInstant since) const {
 
 CameraLedger CameraPipeline::close(int64_t commanded) {
   stop_thread();
-  const io::Status synced = log_.sync();
-  if (!synced) spdlog::error("{}: {}", camera(), synced.error().message);
-  synced_ = synced.has_value();
+  synced_ = log_.sync();
+  if (!synced_) spdlog::error("{}: {}", camera(), synced_.error().message);
   CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;

@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "base/io/result.h"
 #include "capture/cameras/camera_worker.h"
 #include "capture/segmentation/segmenter.h"
 #include "daemon/bus/bus.h"
@@ -70,8 +71,8 @@ class CameraPipeline {
   CameraLedger close(int64_t commanded);
   /// After close(): name, size and checksum of the log, for the ledger.
   TakeFile file() const { return log_.file(); }
-  /// After close(): false when flushing the log to disk failed.
-  bool is_synced() const { return synced_; }
+  /// After close(): whether flushing the log to disk succeeded, else its error.
+  const io::Status& synced() const { return synced_; }
 
  private:
   void run();
@@ -100,7 +101,7 @@ class CameraPipeline {
   FrameNumbers live_numbers_;
   CameraAccount account_;  ///< the pipeline's thread only, until close()
   ExposureCount exposures_;
-  bool synced_ = true;
+  io::Status synced_;
   std::atomic<int64_t> received_ = 0;
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;

@@ -173,7 +173,8 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   } catch (const std::exception&) {
     cameras_.disarm();
     const TakePaths paths = take_paths(studio_, take);
-    if (!take_lock_holder(paths).empty()) throw;  // another process of this node records the take
+    const auto holder = take_lock_holder(paths);
+    if (!holder || !holder->empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
     recover_reopened_take(paths, node_);
     throw;
@@ -257,15 +258,18 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   if (!take_->is_drained()) return std::nullopt;
   const TakeResult result = close_take();
   if (is_check()) return check_report(result);
-  const bool written = result.close_report.write_error.empty();
-  return NodeReport{.event = written ? Input::kDrained : Input::kBroken,
-                    .text = written ? result.ledger.verdict() : result.close_report.write_error,
+  const std::string& error = result.close_report.error;
+  return NodeReport{.event = error.empty() ? Input::kDrained : Input::kBroken,
+                    .text = error.empty() ? result.ledger.verdict() : error,
                     .detail = ledger_json(result.ledger)};
 }
 
 TakeResult CaptureNode::close_take() {
   TakeResult result = std::exchange(take_, nullptr)->close();
   last_ = result.counts;
+  if (!result.close_report.error.empty()) {
+    events_.send(Severity::kAlarm, "take", result.close_report.error, advice::kStaysOpen);
+  }
   if (!result.close_report.quarantine_notice.empty()) {
     events_.send(Severity::kInfo, "take", result.close_report.quarantine_notice,
                  advice::kQuarantined);
@@ -314,9 +318,10 @@ std::string CaptureNode::check_disks() {
 
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
+  const io::Result<double> free = disk_free_bytes(studio_);
   std::string text = std::to_string(cameras_.ready().size()) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
-                     format_bytes(disk_free_bytes(studio_)) + " free";
+                     (free ? format_bytes(*free) : "an unknown number of bytes") + " free";
   if (!trigger_.is_here()) return text;
   return text + (trigger_.sensor() != nullptr ? ", trigger here" : ", trigger here, not sensed");
 }
@@ -336,9 +341,10 @@ std::string CaptureNode::fault_text() const {
 void CaptureNode::report_health(HealthMessage& health) {
   health.text = fault_text();
   health.values["cameras"] = static_cast<double>(cameras_.size());
-  health.values["disk_free_bytes"] = disk_free_bytes(studio_);
-  if (const double bytes = bytes_per_second(); bytes > 0) {
-    health.values["disk_seconds_left"] = disk_free_bytes(studio_) / bytes;
+  const io::Result<double> free = disk_free_bytes(studio_);
+  report_free_space(free, health);
+  if (const double bytes = bytes_per_second(); free && bytes > 0) {
+    health.values["disk_seconds_left"] = *free / bytes;
   }
   const TakeCounts counts = take_counts();
   report_take(counts, health);

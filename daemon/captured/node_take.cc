@@ -1,6 +1,7 @@
 #include "daemon/captured/node_take.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 
@@ -40,8 +41,19 @@ NodeTake::NodeTake(Context context, TakeInfo info, const DiskDemand& demand, Tak
       admission_([&cameras = context.cameras] { return cameras.max_queued(); }, kLiveBacklog) {}
 
 std::unique_ptr<NodeTake> NodeTake::begin(Context context, const Plan& plan) {
-  TakeInfo info = new_take(context, plan);
-  TakeLock lock = lock_take(take_paths(context.studio, info.name), context.name);
+  const TakePaths paths = take_paths(context.studio, plan.order.take);
+  TakeLock lock = lock_take(paths, context.name);
+  check_new_take(context.studio, plan.order.take);
+  try {
+    return create(context, plan, new_take(context, plan), std::move(lock));
+  } catch (...) {
+    quarantine_unarmed_take(paths);
+    throw;
+  }
+}
+
+std::unique_ptr<NodeTake> NodeTake::create(Context context, const Plan& plan, TakeInfo info,
+                                           TakeLock lock) {
   create_take(context.studio, info);
   persist_command(context.studio, context.name, plan.order);
   std::unique_ptr<NodeTake> take(
@@ -54,21 +66,24 @@ std::unique_ptr<NodeTake> NodeTake::begin(Context context, const Plan& plan) {
 }
 
 std::unique_ptr<NodeTake> NodeTake::resume(Context context, const Plan& plan,
-                                           const EdgeTimes& pulses, bool edges_are_reported) {
+                                           const LoggedPulses& pulses, bool edges_are_reported) {
   const TakePaths paths = take_paths(context.studio, plan.order.take);
   TakeLock lock = lock_take(paths, context.name);
   // Mark the take as open first: a crash after this line must be recovered with its new frames.
   TakeInfo info = reopen_take(paths);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
+  take->unread_ = pulses.problems;
   for (const auto& worker : context.cameras) {
     const std::string& camera = worker->camera();
     if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;
-    ResumeState resume = read_resume_state(take->paths_, camera, pulses);
+    ResumeState resume = read_resume_state(take->paths_, camera, pulses.edges);
+    take->unread_.insert(take->unread_.end(), resume.problems.begin(), resume.problems.end());
     worker->rejoin(period_of(take->info_.rate_hz), edges_are_reported, resume.camera);
     take->add_pipeline(*worker, load_background(take->paths_.background(), camera),
                        std::move(resume));
   }
+  for (const std::string& problem : take->unread_) spdlog::error("{}", problem);
   take->sync_names();
   return take;
 }
@@ -127,29 +142,41 @@ void NodeTake::stop_pipelines(Ledger& ledger) {
   }
 }
 
-std::string NodeTake::unsynced_cameras() const {
+std::string NodeTake::unsynced(const io::Status& pulse_log) const {
   std::vector<std::string> cameras;
+  std::vector<std::string> causes;
   for (const auto& pipeline : pipelines_) {
-    if (!pipeline->is_synced()) cameras.push_back(pipeline->camera());
+    if (pipeline->synced()) continue;
+    cameras.push_back(pipeline->camera());
+    causes.push_back(pipeline->synced().error().message);
   }
-  return fmt::format("{}", fmt::join(cameras, ", "));
+  if (!pulse_log) causes.push_back(pulse_log.error().message);
+  if (causes.empty()) return "";
+  const std::string what =
+      cameras.empty() ? "pulses" : fmt::format("frames of {}", fmt::join(cameras, ", "));
+  return "cannot write the last " + what + ": " + causes.front();
 }
 
-TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty) {
-  const std::string unsynced = unsynced_cameras();
+std::string NodeTake::open_reason(const io::Status& pulse_log) const {
+  std::string reason = unsynced(pulse_log);
+  if (reason.empty() && !unread_.empty()) {
+    reason = "cannot count what it had before the restart: " + unread_.front();
+  }
+  return reason.empty() ? "" : info_.name + " stays open: " + reason;
+}
+
+TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty, const io::Status& pulse_log) {
+  const std::string open_reason = this->open_reason(pulse_log);
+  const TakeState state = open_reason.empty() ? TakeState::kComplete : TakeState::kRecording;
   pipelines_.clear();
   disk_.reset();  // frees the space reserved for the ledger
-  const std::string takes = context_.studio.storage.takes.string();
-  if (!close_take(context_.studio, info_, ledger)) {
-    return {.write_error = "cannot write the ledger of " + info_.name + " to " + takes};
+  if (const io::Status closed = close_take(context_.studio, info_, ledger, state); !closed) {
+    spdlog::error("{}", closed.error().message);
+    return {.error = closed.error().message};
   }
+  if (!open_reason.empty()) return {.error = open_reason};
   TakeCloseReport report{.signing_error = sign(ledger.files)};
   lock_.reset();  // before the folder may be moved
-  if (!unsynced.empty()) {
-    report.write_error = "cannot write the last frames of " + unsynced + " to " + takes +
-                         ": v3dctl verify lists them";
-    return report;
-  }
   if (!is_empty || may_hold_frames(paths_)) return report;
   const auto moved_to = quarantine_take(paths_);
   return {.quarantine_notice = info_.name + " has neither pulses nor frames" +

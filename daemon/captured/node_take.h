@@ -26,10 +26,12 @@ namespace v3d {
 /// Result of closing a take: one line each for the operator, empty where there is nothing to
 /// report.
 struct TakeCloseReport {
-  std::string write_error = {};        ///< ledger or last frames could not be written to disk
+  /// The ledger could not be written, or the take stays open (state recording) until a recovery
+  /// counts it: its last frames or pulses could not be written, or its earlier ones not be read.
+  std::string error = {};
   std::string pulse_log_error = {};    ///< pulses are missing from pulses.lcmlog
   std::string quarantine_notice = {};  ///< the take is empty and was moved to the quarantine
-  std::string signing_error = {};      ///< empty without a signing key, too
+  std::string signing_error = {};      ///< empty where takes are not signed, too
 };
 
 /// Lives from arming until the ledger is written. Holds the take's lock. One thread.
@@ -50,14 +52,19 @@ class NodeTake {
   };
 
   /// Creates the folder of a new take, and a pipeline for every camera that is ready. Throws
-  /// InputError; also while another process records into this take under the node's name.
+  /// InputError, also when the take exists or another process records into it under the node's
+  /// name. After another failure, the folder is in the quarantine and the name is free again.
   static std::unique_ptr<NodeTake> begin(Context context, const Plan& plan);
 
-  /// Resumes a take after a restart. `pulses`: the pulses in the log, by which cameras find their
-  /// pulse numbers. `edges_are_reported`: see NodeTrigger::reports_edges(). Throws InputError; the
-  /// caller must then disarm the cameras.
+  /// The pulses in the log of a take, by which cameras find their pulse numbers.
+  struct LoggedPulses {
+    EdgeTimes edges = {};
+    std::vector<std::string> problems = {};  ///< why pulses may be absent
+  };
+  /// Resumes a take after a restart. `edges_are_reported`: see NodeTrigger::reports_edges(). Throws
+  /// InputError; the caller must then disarm the cameras.
   static std::unique_ptr<NodeTake> resume(Context context, const Plan& plan,
-                                          const EdgeTimes& pulses, bool edges_are_reported);
+                                          const LoggedPulses& pulses, bool edges_are_reported);
 
   const TakePaths& paths() const { return paths_; }
 
@@ -77,17 +84,21 @@ class NodeTake {
   /// Stops the pipelines and adds cameras and files to `ledger`, whose `commanded` is set.
   void stop_pipelines(Ledger& ledger);
   /// After stop_pipelines(): writes and signs the ledger. Moves the take to the quarantine
-  /// (take/take_removal.h) if `is_empty` and no frame log has a byte. Only the destructor may be
-  /// called afterwards.
-  TakeCloseReport close(const Ledger& ledger, bool is_empty);
+  /// (take/take_removal.h) if `is_empty` and no frame log has a byte. `pulse_log`: whether it was
+  /// flushed to disk. Only the destructor may be called afterwards.
+  TakeCloseReport close(const Ledger& ledger, bool is_empty, const io::Status& pulse_log);
 
  private:
   NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock);
+  static std::unique_ptr<NodeTake> create(Context context, const Plan& plan, TakeInfo info,
+                                          TakeLock lock);
   void add_pipeline(CameraWorker& worker, const BackgroundModel& background,
                     std::optional<ResumeState> resume = {});
   DiskErrors disk_errors() const;
-  /// Cameras whose log could not be flushed to disk, separated by commas.
-  std::string unsynced_cameras() const;
+  /// What could not be flushed to disk, with the first cause; empty if everything was.
+  std::string unsynced(const io::Status& pulse_log) const;
+  /// Why a recovery must count the take again; empty if it is closed.
+  std::string open_reason(const io::Status& pulse_log) const;
   /// Signs the take. Returns the error; empty on success and without a signing key.
   std::string sign(const std::vector<TakeFile>& files) const;
   /// Makes the names of the logs survive a power cut. Throws InputError.
@@ -100,6 +111,7 @@ class NodeTake {
   std::unique_ptr<TakeDisk> disk_;  ///< null when closed
   LiveAdmission admission_;
   std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
+  std::vector<std::string> unread_;  ///< why frames or pulses before a restart are not counted
 };
 
 }  // namespace v3d

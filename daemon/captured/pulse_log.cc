@@ -28,9 +28,8 @@ void PulseLog::close() {
   if (!thread_.joinable()) return;
   stopping_ = true;
   thread_.join();
-  const io::Status synced = log_.sync();
-  synced_ = synced.has_value();
-  if (!synced_) spdlog::error("{}", synced.error().message);
+  synced_ = log_.sync();
+  if (!synced_) spdlog::error("{}", synced_.error().message);
 }
 
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "base/io/result.h"
 #include "daemon/bus/bounded_queue.h"
 #include "take/logs/frame_log.h"
 
@@ -31,8 +32,8 @@ class PulseLog {
   /// Pulses that could not be written, or were dropped from the queue. Final after close(). The
   /// first error is also written to the daemon's log.
   int64_t lost() const { return failed_ + queue_.dropped(); }
-  /// After close(): false when flushing to disk failed.
-  bool is_synced() const { return synced_; }
+  /// After close(): whether flushing to disk succeeded, else its error.
+  const io::Status& synced() const { return synced_; }
 
  private:
   void run();
@@ -40,7 +41,7 @@ class PulseLog {
   EventLogWriter log_;
   BoundedQueue<PulseMessage> queue_;
   std::atomic<int64_t> failed_ = 0;
-  bool synced_ = true;
+  io::Status synced_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };

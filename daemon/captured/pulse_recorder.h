@@ -56,9 +56,9 @@ class PulseRecorder {
   int64_t seen() const;
   /// Stops the thread and closes the log.
   void close();
-  /// After close(): PulseLog::lost() and PulseLog::is_synced(); 0 and true without a log.
+  /// After close(): PulseLog::lost() and PulseLog::synced(); 0 and success without a log.
   int64_t lost_in_log() const { return log_ ? log_->lost() : 0; }
-  bool is_synced() const { return !log_ || log_->is_synced(); }
+  io::Status synced() const { return log_ ? log_->synced() : io::Status(); }
   /// Pulse messages that did not arrive; 0 on the trigger's node.
   int64_t lost_messages() const { return subscription_ ? subscription_->counts().lost : 0; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }

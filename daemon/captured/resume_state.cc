@@ -1,7 +1,5 @@
 #include "daemon/captured/resume_state.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 
 #include "base/core/error.h"
@@ -17,15 +15,17 @@ constexpr size_t kLastFrames = 256;
 /// A larger latency means that the clocks of this host and the trigger's host differ.
 constexpr Duration kMaxLatency = std::chrono::seconds(1);
 
-/// Empty, with an error in the daemon's log, when the log cannot be read.
-std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
+/// Adds to `problems` why frames of the log may be absent.
+std::vector<FrameLabel> labels_of(const std::filesystem::path& log,
+                                  std::vector<std::string>& problems) {
   if (is_absent_log(log)) return {};
   try {
     const FrameLogReader reader(log);
-    for (const std::string& error : reader.read_errors()) spdlog::error("{}", error);
+    const std::vector<std::string>& errors = reader.read_errors();
+    problems.insert(problems.end(), errors.begin(), errors.end());
     return reader.labels();
   } catch (const InputError& error) {
-    spdlog::error("{}", error.what());
+    problems.emplace_back(error.what());
     return {};
   }
 }
@@ -68,21 +68,21 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
 
 }  // namespace
 
-EdgeTimes read_edge_times(const TakePaths& take) {
+EdgeTimes read_edge_times(const TakePaths& take, std::vector<std::string>& problems) {
   EdgeTimes edges;
   if (is_absent_log(take.pulses())) return edges;
   try {
     for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {
-    spdlog::error("{}", error.what());
+    problems.emplace_back(error.what());
   }
   return edges;
 }
 
 ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges) {
-  const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
   ResumeState state;
+  const std::vector<FrameLabel> labels = labels_of(take.frames(camera), state.problems);
   for (const FrameLabel& label : labels) {
     state.account.add(label.pulse, label.suspect);
     state.exposures.add(label.camera_counter);

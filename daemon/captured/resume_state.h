@@ -17,18 +17,19 @@ namespace v3d {
 /// Times of pulses by pulse number, by the realtime clock of the trigger's node.
 using EdgeTimes = std::map<int64_t, RealtimeInstant>;
 
-/// The pulses in the take's pulse log. Empty, with an error in the daemon's log, when the log
-/// cannot be read.
-EdgeTimes read_edge_times(const TakePaths& take);
+/// The pulses in the take's pulse log. Where the log cannot be read, there are none, and the cause
+/// is added to `problems`.
+EdgeTimes read_edge_times(const TakePaths& take, std::vector<std::string>& problems);
 
 struct ResumeState {
   CameraResumeState camera;
   CameraAccount account;  ///< of every frame in the log
   ExposureCount exposures;
+  std::vector<std::string> problems{};  ///< why frames may be absent: path and cause
 };
 
-/// Reads the log of one camera. A log that does not exist or cannot be read gives a state without
-/// frames. Requires: recover_take() has completed.
+/// Reads the log of one camera. A log that does not exist gives a state without frames; so does a
+/// log that cannot be read, with the cause. Requires: recover_take() has completed.
 ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges);
 

@@ -43,12 +43,6 @@ std::string what_fits(const DiskDemand& demand, double free_bytes) {
          ": arm with --pulses " + std::to_string(pulses) + ", or make room: v3dctl takes";
 }
 
-double space_of(const fs::path& folder) {
-  std::error_code error;
-  const fs::space_info space = fs::space(folder, error);
-  return error ? 0 : static_cast<double>(space.available);
-}
-
 /// Creates the file that reserves space for the ledger. Returns 0 or an errno.
 int reserve_room(const fs::path& path) {
   // O_NONBLOCK: a FIFO of that name fails and does not block.
@@ -80,16 +74,13 @@ void check_disk(const fs::path& takes, const DiskDemand& demand) {
   if (access(takes.c_str(), W_OK) != 0) {
     throw InputError(errno_message("cannot record into " + takes.string()));
   }
-  std::error_code error;
-  const fs::space_info space = fs::space(takes, error);
-  if (error)
-    throw InputError("cannot read the free space of " + takes.string() + ": " + error.message());
-  const std::string lack = space_shortage(demand, static_cast<double>(space.available));
+  const uint64_t free = io::value_or_throw(io::free_bytes(takes));
+  const std::string lack = space_shortage(demand, static_cast<double>(free));
   if (!lack.empty()) throw InputError(takes.string() + ": " + lack);
 }
 
-TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
-    : take_(std::move(take)), demand_(demand) {
+TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand, FreeSpaceReader free_bytes)
+    : take_(std::move(take)), demand_(demand), free_bytes_(std::move(free_bytes)) {
   const int error = reserve_room(take_.reserve());
   if (error == 0) return;
   remove_working_file(take_.reserve());
@@ -99,16 +90,19 @@ TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
 
 TakeDisk::~TakeDisk() { remove_working_file(take_.reserve()); }
 
-double TakeDisk::free_bytes() const { return space_of(take_.folder); }
+io::Result<bool> TakeDisk::is_gone() const {
+  return io::type_of(take_.info()).map([](fs::file_type type) {
+    return type == fs::file_type::not_found;
+  });
+}
 
 std::string TakeDisk::stop_reason(const DiskErrors& errors) const {
   if (errors.failed > 0) return "cannot write frames to " + takes() + ": it is full or broken";
-  std::error_code error;
   // Without the folder, the free space would be that of another disk; warning() reports it.
-  if (!fs::exists(take_.info(), error)) return "";
-  const double free = free_bytes();
-  if (free >= demand_.bytes_in_flight()) return "";
-  return takes() + " is nearly full: " + format_bytes(free) + " free";
+  if (is_gone().value_or(false)) return "";
+  const io::Result<uint64_t> free = free_bytes_(take_.folder);
+  if (!free || static_cast<double>(*free) >= demand_.bytes_in_flight()) return "";
+  return takes() + " is nearly full: " + format_bytes(static_cast<double>(*free)) + " free";
 }
 
 std::string TakeDisk::queue_warning(int64_t waiting) {
@@ -121,8 +115,8 @@ std::string TakeDisk::queue_warning(int64_t waiting) {
 }
 
 std::string TakeDisk::warning(const DiskErrors& errors) const {
-  std::error_code error;
-  if (!fs::exists(take_.info(), error)) {
+  const io::Result<bool> is_gone = this->is_gone();
+  if (is_gone.value_or(false)) {
     return "the folder of the take is gone: is the disk of " + takes() + " still mounted?";
   }
   if (errors.failed > 0) {
@@ -132,7 +126,13 @@ std::string TakeDisk::warning(const DiskErrors& errors) const {
     return format_count(errors.dropped) + " frames lost: " + takes() +
            " is too slow, or this machine too busy";
   }
-  const double seconds = free_bytes() / std::max(1.0, demand_.bytes_per_pulse * demand_.rate_hz);
+  if (!is_gone) return is_gone.error().message;
+  const io::Result<uint64_t> free = free_bytes_(take_.folder);
+  return free ? shortage_warning(static_cast<double>(*free)) : free.error().message;
+}
+
+std::string TakeDisk::shortage_warning(double free_bytes) const {
+  const double seconds = free_bytes / std::max(1.0, demand_.bytes_per_pulse * demand_.rate_hz);
   if (seconds > kEnoughSeconds) return "";
   // In steps of 10 s; otherwise the text would change every second.
   return "full in less than " + format_count(10 * (1 + static_cast<int64_t>(seconds) / 10)) +

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 
+#include "base/io/file.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -35,12 +37,18 @@ std::string space_shortage(const DiskDemand& demand, double free_bytes);
 /// mounted), is not writable or has too little space.
 void check_disk(const std::filesystem::path& takes, const DiskDemand& demand);
 
+/// Reads the free bytes of the disk of a folder: io::free_bytes(), or a replacement in tests.
+using FreeSpaceReader = std::function<io::Result<uint64_t>(const std::filesystem::path&)>;
+
 /// Monitors the disk from the beginning of a take until its ledger is written. One thread.
+///
+/// When the free space cannot be read, the take continues: stop_reason() is empty and warning() has
+/// the cause.
 class TakeDisk {
  public:
   /// Reserves 4 MiB for the ledger in the folder of the take, which exists. Throws InputError when
   /// the disk has no space for it.
-  TakeDisk(TakePaths take, const DiskDemand& demand);
+  TakeDisk(TakePaths take, const DiskDemand& demand, FreeSpaceReader free_bytes = io::free_bytes);
   /// Frees the reserved space.
   ~TakeDisk();
   TakeDisk(const TakeDisk&) = delete;
@@ -56,11 +64,14 @@ class TakeDisk {
   std::string warning(const DiskErrors& errors) const;
 
  private:
-  double free_bytes() const;
+  /// Like io::type_of(): true when there is no take.toml.
+  io::Result<bool> is_gone() const;
+  std::string shortage_warning(double free_bytes) const;
   std::string takes() const { return take_.folder.parent_path().string(); }
 
   const TakePaths take_;
   const DiskDemand demand_;
+  const FreeSpaceReader free_bytes_;
   bool queue_is_full_ = false;
 };
 

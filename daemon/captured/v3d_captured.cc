@@ -21,7 +21,7 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
   for (const v3d::RecoveredTake& take : recovered) {
     if (take.ledger) ledgers.push_back(*take.ledger);
   }
-  for (const auto& [take, order] : v3d::persisted_commands(studio, node)) {
+  for (const auto& [take, order] : v3d::persisted_commands(studio, node).commands) {
     try {
       ledgers.push_back(v3d::load_ledger(v3d::take_paths(studio, take).ledger()));
     } catch (const v3d::InputError&) {  // armed, but never closed

@@ -14,13 +14,19 @@ inline constexpr char kRejoined[] =
 inline constexpr char kFramesSuspect[] =
     "Check the camera's trigger cable, and that nothing else triggers it; v3dctl verify lists the "
     "frames";
-inline constexpr char kDisk[] = "Stop the take, then make room: v3dctl takes lists the takes";
+inline constexpr char kDisk[] =
+    "Stop the take, then make room (v3dctl takes lists the takes), or check the disk (journalctl "
+    "-k)";
 inline constexpr char kQueue[] =
     "Close other programs on this PC; stop the take before frames are lost, or use a faster disk";
 inline constexpr char kQuarantined[] =
     "No action is needed if the take was aborted before its first pulse; the folder may be deleted";
 inline constexpr char kUnsigned[] =
     "The take is complete; sign it on this PC: v3dctl takes sign TAKE --node NODE";
+inline constexpr char kStaysOpen[] =
+    "What is on the disk is kept; check the disk (journalctl -k), then v3dctl verify TAKE "
+    "--recover "
+    "counts it";
 inline constexpr char kTakeEnded[] =
     "What was recorded is kept; before the next take make room (v3dctl takes lists the "
     "takes), or check the disk (journalctl -k)";

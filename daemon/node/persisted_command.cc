@@ -19,10 +19,14 @@ fs::path command_file(const fs::path& take, const std::string& node) {
   return take / (".order-" + node);
 }
 
-std::optional<CommandMessage> read_command(const fs::path& file) {
+/// Empty without such a file.
+io::Result<std::optional<CommandMessage>> read_command(const fs::path& file) {
   const auto text = io::read_file(file, kMaxOrderBytes, io::OpenMode::kReadWithinFolder);
-  if (!text) return std::nullopt;
-  return decode<CommandMessage>(Bytes(text->begin(), text->end()));
+  if (!text && text.error().code == ENOENT) return std::nullopt;
+  if (!text) return tl::make_unexpected(text.error());
+  auto command = decode<CommandMessage>(Bytes(text->begin(), text->end()));
+  if (!command) return io::io_error("read", file, "it is damaged", EBADMSG);
+  return command;
 }
 
 }  // namespace
@@ -38,16 +42,28 @@ void drop_command(const Studio& studio, const std::string& node, const std::stri
   remove_working_file(command_file(take_paths(studio, take).folder, node));
 }
 
-std::map<std::string, CommandMessage> persisted_commands(const Studio& studio,
-                                                         const std::string& node) {
-  std::map<std::string, CommandMessage> orders;
+io::Result<bool> has_persisted_command(const TakePaths& take, const std::string& node) {
+  return io::type_of(command_file(take.folder, node)).map([](fs::file_type type) {
+    return type != fs::file_type::not_found;
+  });
+}
+
+CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node) {
+  CommandsOnDisk found;
   const auto takes = io::list_folder(studio.storage.takes);
+  found.folder_was_listed = takes || takes.error().code == ENOENT;
+  if (!found.folder_was_listed) spdlog::error("{}", takes.error().message);
   for (const fs::path& take : takes.value_or(std::vector<fs::path>())) {
     const std::string name = take.filename().string();
     auto order = read_command(command_file(take, node));
-    if (order && order->take == name) orders.emplace(name, std::move(*order));
+    if (!order) {
+      spdlog::error("{}", order.error().message);
+      found.unread.insert(name);
+    } else if (*order && (*order)->take == name) {
+      found.commands.emplace(name, *std::move(*order));
+    }
   }
-  return orders;
+  return found;
 }
 
 std::optional<RejoinDecision::Found> RejoinDecision::decide(
@@ -60,17 +76,35 @@ std::optional<RejoinDecision::Found> RejoinDecision::decide(
 }
 
 PersistedCommands::PersistedCommands(const Studio& studio, std::string node)
-    : studio_(studio), node_(std::move(node)), decision_(persisted_commands(studio, node_)) {}
+    : studio_(studio), node_(std::move(node)), decision_({}) {
+  read();
+}
+
+void PersistedCommands::read() {
+  on_disk_ = persisted_commands(studio_, node_);
+  read_at_ = Monotonic::now();
+  decision_ = RejoinDecision(std::exchange(on_disk_.commands, {}));
+}
 
 std::optional<PersistedCommands::Found> PersistedCommands::find_running(TrainMonitor& train) {
-  if (!decision_.is_open()) return std::nullopt;
+  constexpr Duration kPause = std::chrono::seconds(1);
+  const bool may_lack_orders = !on_disk_.unread.empty() || !on_disk_.folder_was_listed;
+  if (!decision_.is_open() && !may_lack_orders) return std::nullopt;
   const auto running = train.running();
-  return running ? decision_.decide(*running) : std::nullopt;
+  if (!running) return std::nullopt;
+  if (!on_disk_.folder_was_listed || on_disk_.unread.contains(running->take)) {
+    if (Monotonic::now() - read_at_ >= kPause) read();
+    return std::nullopt;
+  }
+  on_disk_ = {};
+  return decision_.decide(*running);
 }
 
 void PersistedCommands::drop_all() {
-  for (const auto& [take, order] : persisted_commands(studio_, node_))
+  for (const auto& [take, order] : persisted_commands(studio_, node_).commands) {
     drop_command(studio_, node_, take);
+  }
+  on_disk_ = {};
   decision_.close();
 }
 

@@ -4,11 +4,15 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
 #include "base/config/studio_file.h"
+#include "base/core/time.h"
+#include "base/io/result.h"
 #include "daemon/node/train_monitor.h"
+#include "take/take.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -18,10 +22,19 @@ namespace v3d {
 void persist_command(const Studio& studio, const std::string& node, const CommandMessage& order);
 /// Deletes the order of one take.
 void drop_command(const Studio& studio, const std::string& node, const std::string& take);
-/// The saved orders of this node by take name; the take may have ended. Has more than one entry
-/// when take folders were copied to this PC.
-std::map<std::string, CommandMessage> persisted_commands(const Studio& studio,
-                                                         const std::string& node);
+/// Whether the folder of a take has an order of this node. Fails with path and cause.
+[[nodiscard]] io::Result<bool> has_persisted_command(const TakePaths& take,
+                                                     const std::string& node);
+
+struct CommandsOnDisk {
+  /// By take name; the take may have ended. Has more than one entry when take folders were copied
+  /// to this PC.
+  std::map<std::string, CommandMessage> commands;
+  std::set<std::string> unread;   ///< takes whose order cannot be read
+  bool folder_was_listed = true;  ///< false: there may be others
+};
+/// The saved orders of this node. Logs why an order cannot be read.
+CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node);
 
 /// Decides once whether a restarted node rejoins the running take. No input or output. One thread.
 class RejoinDecision {
@@ -53,14 +66,19 @@ class PersistedCommands {
 
   using Found = RejoinDecision::Found;
   /// The order of the running take, at most once. Reads the health of the trigger's node; the first
-  /// message decides. Call often, until drop_all().
+  /// message decides. While an order cannot be read, it reads all again every second, and decides
+  /// by a later message. Call often, until drop_all().
   std::optional<Found> find_running(TrainMonitor& train);
   /// Deletes all persisted orders, on disk too. Call when the node receives a new order.
   void drop_all();
 
  private:
+  void read();
+
   const Studio& studio_;
   const std::string node_;
+  CommandsOnDisk on_disk_;  ///< but for the commands, which decision_ has
+  MonotonicInstant read_at_;
   RejoinDecision decision_;
 };
 

@@ -7,6 +7,7 @@
 #include "base/core/error.h"
 #include "base/core/name.h"
 #include "base/io/file.h"
+#include "daemon/node/persisted_command.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/take_removal.h"
@@ -54,14 +55,6 @@ std::string summary_of(const Verification& found) {
     if (text.starts_with("cannot read")) line += "; " + text;
   }
   return line;
-}
-
-bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras) {
-  const auto is_ours = [&](const std::string& camera) {
-    return std::find(cameras.begin(), cameras.end(), camera) != cameras.end();
-  };
-  return info.state == TakeState::kRecording &&
-         std::any_of(info.cameras.begin(), info.cameras.end(), is_ours);
 }
 
 }  // namespace
@@ -127,16 +120,44 @@ void recover_reopened_take(const TakePaths& paths, const std::string& node) {
   }
 }
 
-bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
+io::Status close_take(const Studio& studio, TakeInfo info, const Ledger& ledger, TakeState state) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
-  info.state = TakeState::kComplete;
-  const auto unsummed = save_account(paths, info, ledger);
-  if (!unsummed) spdlog::error("take {}: {}", info.name, unsummed.error().message);
-  for (const std::string& line : unsummed.value_or(std::vector<std::string>())) {
+  info.state = state;
+  const auto unread = save_account(paths, info, ledger);
+  const std::string of_take = "the ledger of " + info.name;
+  if (!unread) {
+    return tl::make_unexpected(
+        io::IoError{.code = unread.error().code,
+                    .message = "cannot write " + of_take + ": " + unread.error().message});
+  }
+  if (unread->empty()) return {};
+  for (const std::string& line : *unread) {
     spdlog::error("take {}: its ledger lacks a checksum: {}", info.name, line);
   }
-  return unsummed && unsummed->empty();
+  return tl::make_unexpected(
+      io::IoError{.code = EIO, .message = of_take + " lacks a checksum: " + unread->front()});
+}
+
+void quarantine_unarmed_take(const TakePaths& paths) {
+  const auto holder = take_lock_holder(paths);
+  if (!holder || !holder->empty()) return;  // another node may record into the same folder
+  const auto moved_to = quarantine_take(paths);
+  if (moved_to) {
+    spdlog::warn("{} could not be armed: moved to {}", paths.folder.string(), moved_to->string());
+  } else {
+    spdlog::error("{} could not be armed, and {}", paths.folder.string(), moved_to.error().message);
+  }
+}
+
+bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras,
+                     bool has_command) {
+  if (info.state != TakeState::kRecording) return false;
+  const auto is_own = [&](const std::string& camera) {
+    return std::ranges::find(cameras, camera) != cameras.end();
+  };
+  const bool has_no_cameras = info.cameras.empty() && cameras.empty();
+  return has_command || has_no_cameras || std::ranges::any_of(info.cameras, is_own);
 }
 
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
@@ -149,7 +170,8 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
     const TakePaths paths{folder};
     try {
       if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) continue;
-      if (!is_open_take_of(load_take_info(paths), cameras)) continue;
+      const bool has_command = io::value_or_throw(has_persisted_command(paths, node));
+      if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;
       const TakeLock lock = lock_take(paths, node);
       Verification found = recover_take(paths);
       takes.push_back({summary_of(found), std::move(found.ledger)});
@@ -160,10 +182,18 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
   return takes;
 }
 
-double disk_free_bytes(const Studio& studio) {
-  std::error_code error;
-  const fs::space_info space = fs::space(studio.storage.takes, error);
-  return error ? 0 : static_cast<double>(space.available);
+io::Result<double> disk_free_bytes(const Studio& studio) {
+  return io::free_bytes(studio.storage.takes).map([](uint64_t bytes) {
+    return static_cast<double>(bytes);
+  });
+}
+
+void report_free_space(const io::Result<double>& free_bytes, HealthMessage& health) {
+  if (free_bytes) {
+    health.values["disk_free_bytes"] = *free_bytes;
+  } else if (health.text.empty()) {
+    health.text = free_bytes.error().message;
+  }
 }
 
 }  // namespace v3d

@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "base/io/result.h"
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_lock.h"
+#include "wire/messages.h"
 
 namespace v3d {
 
@@ -41,20 +43,37 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node);
 /// another process records into it. Errors are logged; the next start of the daemon tries again.
 void recover_reopened_take(const TakePaths& paths, const std::string& node);
 
-/// Writes the ledger and the final take.toml. Returns false, and logs the error, when the disk
-/// reports one; also when a file of the ledger cannot be read for its checksum.
-bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
+/// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
+/// count again. Fails with one line for the operator, which names the take, the path and the cause:
+/// the ledger cannot be written, or it was written without the checksum of a file that cannot be
+/// read.
+[[nodiscard]] io::Status close_take(const Studio& studio, TakeInfo info, const Ledger& ledger,
+                                    TakeState state = TakeState::kComplete);
+
+/// Moves a take to the quarantine (take/take_removal.h) after its arming failed, so that its name
+/// is free again. Logs the result.
+void quarantine_unarmed_take(const TakePaths& paths);
+
+/// Whether a node with these cameras must recover a take: it is in state recording, and it was
+/// recorded by one of them or by the command that the node has persisted in its folder
+/// (`has_command`). A node that has the trigger and no camera also recovers takes without cameras.
+bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras,
+                     bool has_command);
 
 struct RecoveredTake {
   std::string line;              ///< result, for the log
   std::optional<Ledger> ledger;  ///< empty when the take could not be recovered
 };
-/// Recovers takes of these cameras that a crash left open: writes their ledgers and sets their
-/// state to recovered. Skips a take that another process records into as `node`; its line says so.
+/// Recovers the takes of `node`, which has these cameras, that a crash left open
+/// (is_open_take_of()): writes their ledgers and sets their state to recovered. Skips a take that
+/// another process records into as `node`; its line says so.
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras);
 
-/// Free bytes of the disk that has the takes; 0 when they cannot be read.
-double disk_free_bytes(const Studio& studio);
+/// Free bytes of the disk that has the takes. Fails with path and cause.
+[[nodiscard]] io::Result<double> disk_free_bytes(const Studio& studio);
+/// Adds the value disk_free_bytes to the health of a node. Where it cannot be read, there is no
+/// value, and the text has the cause unless it reports something else.
+void report_free_space(const io::Result<double>& free_bytes, HealthMessage& health);
 
 }  // namespace v3d

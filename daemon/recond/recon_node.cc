@@ -281,7 +281,7 @@ std::optional<NodeReport> ReconNode::poll_draining() {
 void ReconNode::report_health(HealthMessage& health) {
   const ReconCounts counts = pipeline_ ? pipeline_->counts() : last_;
   health.values.merge(values_of(counts));
-  health.values["disk_free_bytes"] = disk_free_bytes(studio_);
+  report_free_space(disk_free_bytes(studio_), health);
   events_.report_condition(Severity::kAlarm, "disk",
                            counts.write_errors == 0
                                ? ""

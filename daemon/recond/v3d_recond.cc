@@ -70,7 +70,7 @@ void run(const v3d::Studio& studio, const std::string& given) {
   v3d::NodeLoop loop(
       {node, "v3d-recond", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
       delegate);
-  for (const auto& [take, command] : v3d::persisted_commands(studio, node)) {
+  for (const auto& [take, command] : v3d::persisted_commands(studio, node).commands) {
     recover_take(v3d::take_paths(studio, take).mesh(), take, loop);
   }
   loop.run();

@@ -71,15 +71,19 @@ class Driver {
 
   void continue_take() {
     recover();
-    const EdgeTimes edges = read_edge_times(paths_);
+    std::vector<std::string> problems;
+    const EdgeTimes edges = read_edge_times(paths_, problems);
     lock_.emplace(lock_take(paths_, kDrivenNode));
     info_ = reopen_take(paths_);
     first_pulse_ = kDrivenPulses;
     for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
     disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
     for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
-      accounts_[c] = read_resume_state(paths_, kDrivenCameras[c], edges).account;
+      const ResumeState state = read_resume_state(paths_, kDrivenCameras[c], edges);
+      accounts_[c] = state.account;
+      problems.insert(problems.end(), state.problems.begin(), state.problems.end());
     }
+    for (const std::string& problem : problems) fail(problem);
     open_logs(LogOpening::kContinue);
     mark("ready");
   }
@@ -104,7 +108,7 @@ class Driver {
     logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
-    const bool is_synced = pulses_->is_synced();
+    const bool is_synced = pulses_->synced().has_value();
     pulses_.reset();
     if (lost > 0 || !is_synced) {
       fail(paths_.pulses().string() + ": " + std::to_string(lost) + " pulses lost" +
@@ -113,7 +117,9 @@ class Driver {
     disk_.reset();
     Ledger ledger = account();
     ledger.files = std::move(files);
-    if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());
+    if (auto closed = close_take(studio_, info_, ledger); !closed) {
+      return fail(closed.error().message);
+    }
     lock_.reset();
     if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());
     if (status_ == 0) mark("complete");

@@ -195,7 +195,9 @@ TEST_F(BadDiskStudio4, does_not_report_a_take_as_complete_after_a_failed_fsync) 
   ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
   const Answer stopped = command(CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text,
-              HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04"));
+              HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04: "));
+  EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("Input/output error"));
+  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecording) << "the next start counts it";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "base/io/big_endian.h"
 #include "daemon/control/reply_json.h"
+#include "daemon/node/take_folder.h"
 #include "take/ledger/verify.h"
 
 namespace v3d::simulation {
@@ -99,8 +100,12 @@ void NodeProcess::boot() {
 
 /// Recovers open takes, as recover_open_takes() does with files.
 void NodeProcess::recover_takes() {
+  if (!host_.captures) return;
   for (auto& [name, take] : host_.disk.takes) {
-    if (!take.is_open || !host_.captures) continue;
+    TakeInfo info;
+    info.state = take.is_open ? TakeState::kRecording : TakeState::kComplete;
+    info.cameras = take.cameras;
+    if (!is_open_take_of(info, host_.cameras, take.persisted_order.has_value())) continue;
     Ledger ledger;
     ledger.take = name;
     recount_pulses(take.pulses, 0, take.ledger, ledger);

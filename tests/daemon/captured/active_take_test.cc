@@ -45,7 +45,9 @@ class ActiveTakeTest : public testing::Test {
     return studio;
   }
   ActiveTake::Context context() {
-    return {{studio_, node_, bus_, cameras_, slots_}, trigger_, [](const PulseEdge&) {}};
+    return {{studio_, node_, bus_, cameras_, slots_, signer_ ? &*signer_ : nullptr},
+            trigger_,
+            [](const PulseEdge&) {}};
   }
   static ActiveTake::Plan plan(CommandVerb verb) {
     CommandMessage order;
@@ -74,6 +76,7 @@ class ActiveTakeTest : public testing::Test {
   NodeTrigger trigger_;
   NodeCameras cameras_{studio_, node_, pulse_times_};
   PrioritySemaphore slots_{1};
+  std::optional<TakeSigner> signer_;
 };
 
 class TakeOfTheTriggersNode : public ActiveTakeTest {
@@ -104,6 +107,20 @@ TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
   EXPECT_EQ(result.close_report.write_error, "");
   EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
   EXPECT_EQ(std::ssize(read_edge_times(paths())), result.ledger.sensed.value());
+}
+
+TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed) {
+  signer_ = {kTriggerNode, SigningKey::make()};
+  const auto take = started(CommandVerb::kArm);
+  run_train(*take);
+  test::write_text(paths().studio(), "damaged");
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.commanded, kPulses);
+  EXPECT_EQ(result.close_report.write_error, "");
+  EXPECT_THAT(result.close_report.signing_error,
+              testing::AllOf(testing::HasSubstr("take kendo-07 is not signed: cannot sign"),
+                             testing::HasSubstr("studio.toml")));
+  EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
 }
 
 TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {

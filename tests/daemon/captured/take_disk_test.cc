@@ -94,6 +94,14 @@ TEST_F(TakeDiskTest, stops_the_take_after_a_write_error) {
   EXPECT_THAT(disk.stop_reason({.dropped = 0, .failed = 1}), HasSubstr("is full or broken"));
 }
 
+TEST_F(TakeDiskTest, continues_the_take_and_names_the_cause_when_the_free_space_cannot_be_read) {
+  const TakeDisk disk(paths_, xga({}), [](const std::filesystem::path& folder) {
+    return io::io_error("read the free space of", folder, "Input/output error", EIO);
+  });
+  EXPECT_EQ(disk.stop_reason({}), "");
+  EXPECT_THAT(disk.warning({}), HasSubstr("Input/output error"));
+}
+
 TEST_F(TakeDiskTest, reports_a_deleted_take_and_does_not_measure_another_disk) {
   DiskDemand demand = xga({});
   demand.bytes_per_pulse = 1e18;

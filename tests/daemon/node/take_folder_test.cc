@@ -5,11 +5,13 @@
 
 #include "base/core/error.h"
 #include "base/io/whole_file.h"
+#include "daemon/node/persisted_command.h"
 #include "support/begun_take.h"
 #include "support/lock_holder.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -77,8 +79,21 @@ TEST_F(TakeFolderTest, ends_with_its_ledger) {
   EXPECT_EQ(load_take_info(paths).state, TakeState::kComplete);
   EXPECT_EQ(load_take_info(paths).pulses, 3);
   EXPECT_EQ(load_ledger(paths.ledger()).commanded, 3);
+}
+
+TEST_F(TakeFolderTest, names_the_cause_when_its_ledger_cannot_be_written_or_lacks_a_checksum) {
+  create_take(studio_, info_);
+  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  std::filesystem::create_symlink("gone", paths.folder / "notes.txt");
+  EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
+            "the ledger of kendo-07 lacks a checksum: cannot read " +
+                (paths.folder / "notes.txt").string() + ": No such file or directory");
+  EXPECT_EQ(load_ledger(paths.ledger()).commanded, 3);
   std::filesystem::remove_all(paths.folder);
-  EXPECT_FALSE(close_take(studio_, info_, ledger));
+  EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
+            "cannot write the ledger of kendo-07: cannot list folder " + paths.folder.string() +
+                ": No such file or directory");
 }
 
 TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
@@ -102,6 +117,38 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
 }
 
+TEST_F(TakeFolderTest, is_recovered_by_a_node_that_has_the_trigger_and_no_camera) {
+  create_take(studio_, info_);
+  CommandMessage order;
+  order.take = info_.name;
+  persist_command(studio_, "cap01", order);
+  EXPECT_TRUE(recover_open_takes(studio_, "cap02", {}).empty());
+  EXPECT_EQ(recover_open_takes(studio_, "cap01", {}).size(), 1U);
+  EXPECT_EQ(load_take_info(take_paths(studio_, info_.name)).state, TakeState::kRecovered);
+}
+
+TEST_F(TakeFolderTest, stays_open_for_the_next_recovery_when_it_is_closed_as_recording) {
+  create_take(studio_, info_);
+  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  EXPECT_TRUE(close_take(studio_, info_, ledger, TakeState::kRecording));
+  EXPECT_EQ(load_ledger(take_paths(studio_, "kendo-07").ledger()).commanded, 3);
+  EXPECT_EQ(recover_open_takes(studio_, "cap01", {"cam01"}).size(), 1U);
+}
+
+TEST_F(TakeFolderTest, frees_its_name_when_it_could_not_be_armed_unless_another_node_uses_it) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  {
+    test::LockHolder other(paths, "cap02");
+    quarantine_unarmed_take(paths);
+    EXPECT_TRUE(std::filesystem::exists(paths.info()));
+  }
+  quarantine_unarmed_take(paths);
+  check_new_take(studio_, "kendo-07");
+  EXPECT_TRUE(std::filesystem::exists(studio_.storage.takes / kQuarantineFolder / "kendo-07" /
+                                      "take.toml"));
+}
+
 TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_records_it) {
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, "kendo-07");
@@ -110,12 +157,12 @@ TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_record
   ASSERT_EQ(found.size(), 1U);
   EXPECT_FALSE(found[0].ledger);
   EXPECT_THAT(found[0].line,
-              testing::ContainsRegex("kendo-07.*process [0-9]+ on .* records into it"));
+              testing::ContainsRegex("kendo-07.*process [0-9]+ on .* has locked it"));
   recover_reopened_take(paths, "cap01");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
   EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
   EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),
-              HasSubstr("records into it"));
+              HasSubstr("has locked it"));
   other.kill();
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).at(0).ledger);
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);

@@ -1,0 +1,63 @@
+#include "daemon/node/persisted_command.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "daemon/node/take_folder.h"
+#include "support/temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::Key;
+
+class PersistedCommandTest : public testing::Test {
+ protected:
+  PersistedCommandTest() {
+    studio_.storage.takes = folder_ / "takes";
+    for (const char* take : {"kendo-07", "kendo-08"}) {
+      fs::create_directories(take_paths(studio_, take).folder);
+      CommandMessage order;
+      order.verb = CommandVerb::kArm;
+      order.take = take;
+      persist_command(studio_, "cap01", order);
+    }
+  }
+  /// Makes the order of a take unreadable: EISDIR.
+  void damage(const std::string& take) {
+    const fs::path order = take_paths(studio_, take).folder / ".order-cap01";
+    fs::remove(order);
+    fs::create_directory(order);
+  }
+
+  const test::TemporaryFolder folder_;
+  Studio studio_;
+};
+
+TEST_F(PersistedCommandTest, is_found_for_its_own_node_only) {
+  EXPECT_THAT(persisted_commands(studio_, "cap01").commands,
+              ElementsAre(Key("kendo-07"), Key("kendo-08")));
+  EXPECT_THAT(persisted_commands(studio_, "cap02").commands, IsEmpty());
+  EXPECT_TRUE(has_persisted_command(take_paths(studio_, "kendo-07"), "cap01").value());
+  EXPECT_FALSE(has_persisted_command(take_paths(studio_, "kendo-07"), "cap02").value());
+}
+
+TEST_F(PersistedCommandTest, that_cannot_be_read_is_reported_as_unread_and_not_as_absent) {
+  damage("kendo-08");
+  const CommandsOnDisk found = persisted_commands(studio_, "cap01");
+  EXPECT_THAT(found.commands, ElementsAre(Key("kendo-07")));
+  EXPECT_THAT(found.unread, ElementsAre("kendo-08"));
+}
+
+TEST_F(PersistedCommandTest, may_exist_in_a_folder_of_takes_that_cannot_be_listed) {
+  studio_.storage.takes = folder_ / "missing";
+  EXPECT_TRUE(persisted_commands(studio_, "cap01").folder_was_listed);
+  studio_.storage.takes = take_paths(studio_, "kendo-07").folder / ".order-cap01";
+  EXPECT_FALSE(persisted_commands(studio_, "cap01").folder_was_listed);
+}
+
+}  // namespace
+}  // namespace v3d
