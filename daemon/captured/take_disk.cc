@@ -73,13 +73,17 @@ std::string space_shortage(const DiskDemand& demand, double free_bytes) {
          " free (" + what_fits(demand, free_bytes) + ")";
 }
 
+std::string folder_fault(const fs::path& takes) {
+  std::error_code error;
+  if (!fs::is_directory(takes, error)) {
+    return takes.string() + ": no such folder; is its disk mounted?";
+  }
+  if (access(takes.c_str(), W_OK) == 0) return "";
+  return errno_message("cannot record into " + takes.string());
+}
+
 void check_disk(const fs::path& takes, const DiskDemand& demand) {
-  if (!fs::is_directory(takes)) {
-    throw InputError(takes.string() + ": no such folder; is its disk mounted?");
-  }
-  if (access(takes.c_str(), W_OK) != 0) {
-    throw InputError(errno_message("cannot record into " + takes.string()));
-  }
+  if (const std::string fault = folder_fault(takes); !fault.empty()) throw InputError(fault);
   std::error_code error;
   const fs::space_info space = fs::space(takes, error);
   if (error)
