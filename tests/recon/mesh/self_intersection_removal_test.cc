@@ -61,7 +61,7 @@ TEST(SelfIntersectionRemoval, moves_only_vertices_near_an_intersection) {
   const Mesh ball = shapes::sphere({0, 0, 0}, kBall, 30);
   Mesh mesh = ball;
   // A spike through the opposite side near the pole, and a bulge without an intersection.
-  mesh.vertices.front().z() -= 2.2F;
+  mesh.vertices.front() += Eigen::Vector3f(0.13F, 0.07F, -2.2F);
   const size_t bulge = mesh.vertices.size() / 2;
   mesh.vertices[bulge] *= 1.05F;
   const Mesh before = mesh;
@@ -80,8 +80,8 @@ TEST(SelfIntersectionRemoval, changes_no_mesh_without_an_intersection) {
 }
 
 TEST(SelfIntersectionRemoval, counts_what_remains_of_a_start_that_intersects_itself) {
-  Mesh start = shapes::box({0, 0, 0}, {1, 1, 1});
-  shapes::append(start, shapes::box({0.5F, 0.5F, 0.5F}, {1.5F, 1.5F, 1.5F}));
+  Mesh start = shapes::sphere({0, 0, 0}, kBall, 12);
+  shapes::append(start, shapes::sphere({1, 0.1F, 0.2F}, kBall, 12));
   Mesh mesh = start;
   const size_t remaining =
       remove_self_intersections(Neighbours(start), start.vertices, std::nullopt, mesh);
