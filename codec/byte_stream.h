@@ -2,12 +2,13 @@
 #pragma once
 
 #include <bit>
-#include <cassert>
 #include <cstdint>
 #include <cstring>
 #include <span>
 #include <type_traits>
 #include <vector>
+
+#include "codec/check.h"
 
 namespace v3d {
 
@@ -37,7 +38,7 @@ class ByteReader {
   template <class T>
   T number() {
     static_assert(std::is_arithmetic_v<T>);
-    assert(bytes_.size() >= sizeof(T));
+    V3D_CODEC_CHECK(bytes_.size() >= sizeof(T));
     T value;
     std::memcpy(&value, bytes_.data(), sizeof(T));
     bytes_ = bytes_.subspan(sizeof(T));

@@ -1,7 +1,7 @@
-#include <cassert>
 #include <utility>
 
 #include "codec/byte_stream.h"
+#include "codec/check.h"
 #include "codec/colour_code.h"
 #include "codec/colour_model.h"
 #include "codec/rans.h"
@@ -132,7 +132,7 @@ void ColourEncoder::write_symbols(ByteWriter& bytes) const {
 
 CodedColours encode_colours(std::span<const LumaChroma> colours, const KnownVertices& known,
                             const ColourSteps& steps, const PreviousColours* previous) {
-  assert(colours.size() == known.vertices());
+  V3D_CODEC_CHECK(colours.size() == known.vertices());
   return ColourEncoder(colours, known, steps, previous).run();
 }
 

@@ -1,8 +1,9 @@
 #include "codec/cube_cases.h"
 
-#include <cassert>
 #include <limits>
 #include <vector>
+
+#include "codec/check.h"
 
 namespace v3d {
 namespace {
@@ -23,7 +24,7 @@ int edge_between(int a, int b) {
     case 2:
       return 4 + ((low & 1) | (low >> 1 & 2));
     default:
-      assert((a ^ b) == 4);
+      V3D_CODEC_CHECK((a ^ b) == 4);
       return 8 + (low & 3);
   }
 }
@@ -106,7 +107,7 @@ Cut best_cut(const std::vector<int>& loop, int first, int last) {
 void add_triangles(CubeCase& out, const std::vector<int>& loop, int first, int last) {
   if (last - first < 2) return;
   const int tip = best_cut(loop, first, last).tip;
-  assert(tip > 0);
+  V3D_CODEC_CHECK(tip > 0);
   add_triangles(out, loop, first, tip);
   out.triangles[out.count++] = {static_cast<uint8_t>(loop[first]), static_cast<uint8_t>(loop[tip]),
                                 static_cast<uint8_t>(loop[last])};

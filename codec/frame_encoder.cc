@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <utility>
 
+#include "codec/check.h"
 #include "codec/frame_codec.h"
 #include "codec/frame_parts.h"
 #include "codec/triangle_code.h"
@@ -53,7 +53,7 @@ bool are_places(std::span<const VertexValues> numbers, const FrameState& state) 
 class FrameEncoder::Impl {
  public:
   explicit Impl(const EncoderOptions& options) : options_(options) {
-    assert(options.key_every >= 1 && options.displacement_step_m > 0);
+    V3D_CODEC_CHECK(options.key_every >= 1 && options.displacement_step_m > 0);
   }
 
   std::optional<std::vector<uint8_t>> encode(const FrameContent& content) {

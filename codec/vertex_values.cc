@@ -1,10 +1,10 @@
 #include "codec/vertex_values.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cstdlib>
 #include <utility>
 
+#include "codec/check.h"
 #include "codec/range_coder.h"
 #include "codec/spread_class.h"
 
@@ -124,7 +124,7 @@ void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, std::span<const Verte
 
 std::vector<uint8_t> encode_values(std::span<const VertexValues> values, const KnownVertices& known,
                                    const ValueRange& range) {
-  assert(values.size() == known.vertices());
+  V3D_CODEC_CHECK(values.size() == known.vertices());
   RangeEncoder coder;
   ValueCode(coder, known, range).run(values);
   return coder.take();

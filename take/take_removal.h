@@ -1,7 +1,7 @@
 // Removal of takes. Only this code deletes or moves recorded files.
 //
-// tests/take/removal_test.cc asserts that no other source file calls unlink, remove_all,
-// resize_file, ftruncate or similar functions on files of a take.
+// tests/take/removal_calls.py finds all calls in sources and scripts that remove, shorten or
+// overwrite files, and removal_calls.txt says of each which files it may reach.
 #pragma once
 
 #include <filesystem>

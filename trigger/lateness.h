@@ -1,4 +1,6 @@
-// Lateness statistics of a pulse train: a histogram of constant size.
+// Lateness statistics of a pulse train: a histogram of constant size. The percentiles of
+// base/core/statistics.h need all values; a train of days at 1000 Hz has too many, and the thread
+// that adds them must not allocate.
 #pragma once
 
 #include <array>

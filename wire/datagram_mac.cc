@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "base/io/big_endian.h"
+
 namespace v3d {
 namespace {
 
@@ -14,19 +16,11 @@ constexpr size_t kUntaggedSize = kMacTrailerSize - 16;
 
 static_assert(crypto_onetimeauth_BYTES == 16);
 
-template <class Integer>
-void write_integer(uint8_t*& at, Integer value) {
-  for (int shift = 8 * (sizeof value - 1); shift >= 0; shift -= 8) {
-    *at++ = static_cast<uint8_t>(value >> shift);
-  }
-}
-
-template <class Integer>
-Integer read_integer(const uint8_t*& at) {
-  Integer value = 0;
-  for (size_t i = 0; i < sizeof value; ++i) value = static_cast<Integer>(value << 8 | *at++);
-  return value;
-}
+// Offsets in the trailer: magic, session (4 bytes), time (8 bytes), tag.
+constexpr size_t kSessionAt = kMagic.size();
+constexpr size_t kTimeAt = kSessionAt + 4;
+constexpr size_t kTagAt = kTimeAt + 8;
+static_assert(kTagAt == kUntaggedSize);
 
 /// Key of one datagram: keyed BLAKE2b of the trailer without its tag and of the head. It is on the
 /// stack and is overwritten after use: guarded memory for each datagram would cost more than the
@@ -55,22 +49,22 @@ class OneTimeKey {
 
 std::array<uint8_t, kMacTrailerSize> MacTrailer::bytes() const {
   std::array<uint8_t, kMacTrailerSize> bytes{};
-  uint8_t* at = std::copy(kMagic.begin(), kMagic.end(), bytes.data());
-  write_integer(at, session);
-  write_integer(at, static_cast<uint64_t>(to_ns(sent) / kNsPerUs));
-  std::copy(tag.begin(), tag.end(), at);
+  const std::span<uint8_t> all(bytes);
+  std::ranges::copy(kMagic, bytes.begin());
+  write_big_endian(session, all.subspan(kSessionAt, 4));
+  write_big_endian(static_cast<uint64_t>(to_ns(sent) / kNsPerUs), all.subspan(kTimeAt, 8));
+  std::ranges::copy(tag, all.subspan(kTagAt).begin());
   return bytes;
 }
 
 std::optional<MacTrailer> read_trailer(std::span<const uint8_t, kMacTrailerSize> bytes) {
   if (!std::equal(kMagic.begin(), kMagic.end(), bytes.begin())) return std::nullopt;
-  const uint8_t* at = bytes.data() + kMagic.size();
   MacTrailer trailer;
-  trailer.session = read_integer<uint32_t>(at);
-  const auto sent_us = read_integer<uint64_t>(at);
+  trailer.session = static_cast<uint32_t>(read_big_endian(bytes.subspan<kSessionAt, 4>()));
+  const uint64_t sent_us = read_big_endian(bytes.subspan<kTimeAt, 8>());
   if (sent_us > std::numeric_limits<int64_t>::max() / kNsPerUs) return std::nullopt;
   trailer.sent = from_ns<Realtime>(static_cast<int64_t>(sent_us) * kNsPerUs);
-  std::copy_n(at, trailer.tag.size(), trailer.tag.begin());
+  std::ranges::copy(bytes.subspan<kTagAt>(), trailer.tag.begin());
   return trailer;
 }
 

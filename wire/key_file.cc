@@ -1,6 +1,5 @@
 #include "wire/key_file.h"
 
-#include <fcntl.h>
 #include <grp.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,10 +8,10 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
+#include <span>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/io/unique_fd.h"
 #include "wire/hexadecimal.h"
 
 namespace v3d {
@@ -59,8 +58,15 @@ std::string_view key_line(std::string_view text) {
   return found;
 }
 
-bool write_all(int fd, std::string_view text) {
-  return write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+std::span<const uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
+}
+
+/// "`what` `path`: <cause of `error`>".
+InputError failure(const std::string& what, const std::filesystem::path& path,
+                   const io::IoError& error) {
+  errno = error.code;
+  return InputError(errno_message(what + " " + path.string()));
 }
 
 /// Makes the file readable for `group`. In a user namespace, root may not own the group; then only
@@ -93,18 +99,17 @@ SecretBuffer parse_key_file(std::string_view text, const std::filesystem::path& 
 void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, const KeyKind& kind,
                    const char* group) {
   const std::string name(kind.name);
-  const io::UniqueFd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  if (!fd) throw InputError(errno_message("cannot make the " + name + " " + path.string()));
-  set_group(fd.get(), group);
+  auto file = io::File::open(path, io::OpenMode::kCreatePrivate);
+  if (!file) throw failure("cannot make the " + name, path, file.error());
+  set_group(file->fd(), group);
   SecretBuffer line(2 * key.size() + 1);
   write_hexadecimal(key.bytes(), line.bytes());
   line.bytes().back() = '\n';
-  const bool written =
-      write_all(fd.get(), kind.remark) && write_all(fd.get(), line.text()) && fsync(fd.get()) == 0;
+  io::Status written = file->write(0, {bytes_of(kind.remark), line.bytes()});
+  if (written) written = file->sync();
   if (written) return;
-  const std::string problem = errno_message("cannot write the " + name + " " + path.string());
   unlink(path.c_str());
-  throw InputError(problem);
+  throw failure("cannot write the " + name, path, written.error());
 }
 
 }  // namespace v3d

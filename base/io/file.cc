@@ -33,6 +33,7 @@ int flags_of(OpenMode mode) {
     case OpenMode::kReadWithinFolder:
       return O_RDONLY | O_NOFOLLOW | kCommonFlags;
     case OpenMode::kCreate:
+    case OpenMode::kCreatePrivate:
       return O_RDWR | O_CREAT | O_EXCL | kCommonFlags;
     case OpenMode::kWriteExisting:
       return O_RDWR | O_NOFOLLOW | kCommonFlags;
@@ -46,6 +47,7 @@ std::string_view action_of(OpenMode mode) {
     case OpenMode::kReadWithinFolder:
       return "read";
     case OpenMode::kCreate:
+    case OpenMode::kCreatePrivate:
       return "create";
     case OpenMode::kWriteExisting:
       return "write";
@@ -82,16 +84,30 @@ Status sync_and_rename(File file, Status status, const fs::path& path) {
   return status;
 }
 
-/// Like renameat2(RENAME_NOREPLACE), also on file systems without support for the flag (NFS).
-int rename_no_replace(const fs::path& from, const fs::path& to) {
+/// Gives a file a second name, which fails with EEXIST when the name is taken, and removes the
+/// first. After a crash between the two calls the file has both names.
+int move_file(const fs::path& from, const fs::path& to) {
+  return ::link(from.c_str(), to.c_str()) == 0 ? ::unlink(from.c_str()) : -1;
+}
+
+/// Reserves the name with an empty folder, which fails with EEXIST when the name is taken, and
+/// renames onto it, which fails when the folder is no longer empty.
+int move_folder(const fs::path& from, const fs::path& to) {
+  if (::mkdir(to.c_str(), 0777) != 0) return -1;
+  if (::rename(from.c_str(), to.c_str()) == 0) return 0;
+  const int error = errno;
+  ::rmdir(to.c_str());  // fails, as intended, when the folder is not empty
+  errno = error;
+  return -1;
+}
+
+/// renameat2(RENAME_NOREPLACE); on file systems without the flag (NFS) two calls, neither of which
+/// replaces anything.
+int rename_to_new_name(const fs::path& from, const fs::path& to) {
   if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  if (errno != EINVAL) return -1;
   struct stat status {};
-  if (lstat(to.c_str(), &status) == 0) {
-    errno = EEXIST;
-    return -1;
-  }
-  return ::rename(from.c_str(), to.c_str());
+  if ((errno != EINVAL && errno != ENOSYS) || lstat(from.c_str(), &status) != 0) return -1;
+  return S_ISDIR(status.st_mode) ? move_folder(from, to) : move_file(from, to);
 }
 
 Status copy_bytes(const File& from, File& to) {
@@ -108,7 +124,8 @@ Status copy_bytes(const File& from, File& to) {
 }  // namespace
 
 Result<File> File::open(fs::path path, OpenMode mode) {
-  UniqueFd fd(uninterrupted([&] { return ::open(path.c_str(), flags_of(mode), 0644); }));
+  const mode_t rights = mode == OpenMode::kCreatePrivate ? 0600 : 0644;
+  UniqueFd fd(uninterrupted([&] { return ::open(path.c_str(), flags_of(mode), rights); }));
   if (!fd && errno == ELOOP && (flags_of(mode) & O_NOFOLLOW) != 0) {
     return io_error(action_of(mode), path,
                     "it is a symbolic link, or its path has too many of them", ELOOP);
@@ -282,7 +299,7 @@ Status sync_file_system(const std::filesystem::path& folder) {
 }
 
 Status rename_new(const fs::path& from, const fs::path& to) {
-  if (rename_no_replace(from, to) != 0) return io_error("rename " + from.string() + " to", to);
+  if (rename_to_new_name(from, to) != 0) return io_error("rename " + from.string() + " to", to);
   if (Status status = sync_folder(folder_of(to)); !status) return status;
   return folder_of(from) == folder_of(to) ? Status() : sync_folder(folder_of(from));
 }

@@ -19,6 +19,7 @@ enum class OpenMode : uint8_t {
   kRead,              ///< an existing regular file
   kReadWithinFolder,  ///< an existing regular file; fails with ELOOP where it is a symbolic link
   kCreate,            ///< a new file for writing; fails with EEXIST when the name is taken
+  kCreatePrivate,     ///< like kCreate; only the owner may read it
   kWriteExisting,     ///< an existing regular file for writing, no symbolic link; keeps its content
 };
 

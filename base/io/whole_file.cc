@@ -1,6 +1,8 @@
 #include "base/io/whole_file.h"
 
+#include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/recorded_file.h"
 
 namespace v3d {
 
@@ -18,6 +20,9 @@ std::string read_take_file(const std::filesystem::path& path) {
 }
 
 void replace_file(const std::filesystem::path& path, std::string_view text) {
+  if (is_recorded_file(path)) {
+    throw InputError(path.string() + ": is a recorded file of a take; expected another file name");
+  }
   io::throw_if_failed(io::replace_file(path, text));
 }
 

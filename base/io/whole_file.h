@@ -25,7 +25,9 @@ inline constexpr uint64_t kMaxTakeTextBytes = 8 << 20;
 /// takes to other disks.
 std::string read_take_file(const std::filesystem::path& path);
 
-/// Like io::replace_file(). Throws std::runtime_error with path and cause.
+/// Like io::replace_file(), for results of commands and set-up files. Throws InputError when `path`
+/// is a recorded file (base/io/recorded_file.h), and std::runtime_error with path and cause when it
+/// cannot be written. Code that owns a file of a take uses io::replace_file().
 void replace_file(const std::filesystem::path& path, std::string_view text);
 
 }  // namespace v3d

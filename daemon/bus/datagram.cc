@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "base/core/check.h"
+#include "base/io/big_endian.h"
 
 namespace v3d {
 namespace {
@@ -16,17 +17,11 @@ constexpr size_t kLongHeader = 20;
 constexpr size_t kShortPayload = kMaxDatagram - kShortHeader;
 constexpr size_t kLongPayload = kMaxDatagram - kLongHeader;
 
-uint16_t read16(const uint8_t* at) { return static_cast<uint16_t>(at[0] << 8 | at[1]); }
-uint32_t read32(const uint8_t* at) {
-  return static_cast<uint32_t>(read16(at)) << 16 | read16(at + 2);
+uint32_t read32(std::span<const uint8_t> bytes, size_t at) {
+  return static_cast<uint32_t>(read_big_endian(bytes.subspan(at, 4)));
 }
-void write16(uint8_t* at, uint16_t value) {
-  at[0] = static_cast<uint8_t>(value >> 8);
-  at[1] = static_cast<uint8_t>(value);
-}
-void write32(uint8_t* at, uint32_t value) {
-  write16(at, static_cast<uint16_t>(value >> 16));
-  write16(at + 2, static_cast<uint16_t>(value));
+uint16_t read16(std::span<const uint8_t> bytes, size_t at) {
+  return static_cast<uint16_t>(read_big_endian(bytes.subspan(at, 2)));
 }
 
 /// Reads the channel name at the front of `bytes`. Empty when there is no NUL-terminated name.
@@ -49,7 +44,7 @@ bool read_named(std::span<const uint8_t> bytes, size_t header, Datagram& datagra
 
 std::optional<Datagram> parse_short(std::span<const uint8_t> bytes) {
   Datagram datagram;
-  datagram.sequence = read32(bytes.data() + 4);
+  datagram.sequence = read32(bytes, 4);
   if (!read_named(bytes, kShortHeader, datagram)) return std::nullopt;
   datagram.message_size = static_cast<uint32_t>(datagram.data.size());
   return datagram;
@@ -68,11 +63,11 @@ bool is_consistent(const Datagram& d) {
 std::optional<Datagram> parse_long(std::span<const uint8_t> bytes) {
   if (bytes.size() < kLongHeader) return std::nullopt;
   Datagram datagram;
-  datagram.sequence = read32(bytes.data() + 4);
-  datagram.message_size = read32(bytes.data() + 8);
-  datagram.offset = read32(bytes.data() + 12);
-  datagram.number = read16(bytes.data() + 16);
-  datagram.count = read16(bytes.data() + 18);
+  datagram.sequence = read32(bytes, 4);
+  datagram.message_size = read32(bytes, 8);
+  datagram.offset = read32(bytes, 12);
+  datagram.number = read16(bytes, 16);
+  datagram.count = read16(bytes, 18);
   if (datagram.number > 0) {
     datagram.head = bytes.first(kLongHeader);
     datagram.data = bytes.subspan(kLongHeader);
@@ -91,8 +86,9 @@ void put_channel(OutgoingDatagram& datagram, std::string_view channel) {
 OutgoingDatagram short_datagram(uint32_t sequence, std::string_view channel,
                                 std::span<const uint8_t> message) {
   OutgoingDatagram datagram;
-  write32(datagram.head_bytes.data(), kShortMagic);
-  write32(datagram.head_bytes.data() + 4, sequence);
+  const std::span<uint8_t> head(datagram.head_bytes);
+  write_big_endian(kShortMagic, head.first(4));
+  write_big_endian(sequence, head.subspan(4, 4));
   datagram.head_size = kShortHeader;
   put_channel(datagram, channel);
   datagram.data = message;
@@ -102,13 +98,13 @@ OutgoingDatagram short_datagram(uint32_t sequence, std::string_view channel,
 OutgoingDatagram long_datagram(uint32_t sequence, size_t message_size, size_t offset, size_t number,
                                size_t count) {
   OutgoingDatagram datagram;
-  uint8_t* const head = datagram.head_bytes.data();
-  write32(head, kLongMagic);
-  write32(head + 4, sequence);
-  write32(head + 8, static_cast<uint32_t>(message_size));
-  write32(head + 12, static_cast<uint32_t>(offset));
-  write16(head + 16, static_cast<uint16_t>(number));
-  write16(head + 18, static_cast<uint16_t>(count));
+  const std::span<uint8_t> head(datagram.head_bytes);
+  write_big_endian(kLongMagic, head.first(4));
+  write_big_endian(sequence, head.subspan(4, 4));
+  write_big_endian(message_size, head.subspan(8, 4));
+  write_big_endian(offset, head.subspan(12, 4));
+  write_big_endian(number, head.subspan(16, 2));
+  write_big_endian(count, head.subspan(18, 2));
   datagram.head_size = kLongHeader;
   return datagram;
 }
@@ -117,7 +113,7 @@ OutgoingDatagram long_datagram(uint32_t sequence, size_t message_size, size_t of
 
 std::optional<Datagram> parse_datagram(std::span<const uint8_t> bytes) {
   if (bytes.size() < kShortHeader) return std::nullopt;
-  switch (read32(bytes.data())) {
+  switch (read32(bytes, 0)) {
     case kShortMagic:
       return parse_short(bytes);
     case kLongMagic:

@@ -386,9 +386,12 @@ void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) c
 }
 
 void CaptureNode::report_warnings(const TakeCounts& counts) {
-  if (take_ && take_->recording() != nullptr) {
-    events_.report_condition(Severity::kAlarm, "disk", take_->recording()->disk_warning(),
-                             advice::kDisk);
+  const NodeTake* const recording = take_ ? take_->recording() : nullptr;
+  if (recording != nullptr) {
+    events_.report_condition(Severity::kAlarm, "disk", recording->disk_warning(), advice::kDisk);
+  } else {
+    events_.report_condition(Severity::kAlarm, "disk", folder_fault(studio_.storage.takes),
+                             advice::kTakesFolder);
   }
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
   events_.report_condition(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);

@@ -67,13 +67,17 @@ std::string space_shortage(const DiskDemand& demand, double free_bytes) {
          " free (" + what_fits(demand, free_bytes) + ")";
 }
 
+std::string folder_fault(const fs::path& takes) {
+  std::error_code error;
+  if (!fs::is_directory(takes, error)) {
+    return takes.string() + ": no such folder; is its disk mounted?";
+  }
+  if (access(takes.c_str(), W_OK) == 0) return "";
+  return errno_message("cannot record into " + takes.string());
+}
+
 void check_disk(const fs::path& takes, const DiskDemand& demand) {
-  if (!fs::is_directory(takes)) {
-    throw InputError(takes.string() + ": no such folder; is its disk mounted?");
-  }
-  if (access(takes.c_str(), W_OK) != 0) {
-    throw InputError(errno_message("cannot record into " + takes.string()));
-  }
+  if (const std::string fault = folder_fault(takes); !fault.empty()) throw InputError(fault);
   const uint64_t free = io::value_or_throw(io::free_bytes(takes));
   const std::string lack = space_shortage(demand, static_cast<double>(free));
   if (!lack.empty()) throw InputError(takes.string() + ": " + lack);

@@ -33,8 +33,11 @@ struct DiskErrors {
 /// ...", with the number of pulses that fit. A take without a length needs space for 5 min.
 std::string space_shortage(const DiskDemand& demand, double free_bytes);
 
-/// Throws InputError, naming the folder, when the takes' folder does not exist (its disk is not
-/// mounted), is not writable or has too little space.
+/// Why nothing can be recorded into the takes' folder: it does not exist (its disk is not mounted),
+/// or is not writable. Names the folder; empty when it is good.
+std::string folder_fault(const std::filesystem::path& takes);
+
+/// Throws InputError, naming the folder, when it has a folder_fault() or too little space.
 void check_disk(const std::filesystem::path& takes, const DiskDemand& demand);
 
 /// Reads the free bytes of the disk of a folder: io::free_bytes(), or a replacement in tests.

@@ -17,6 +17,8 @@ inline constexpr char kFramesSuspect[] =
 inline constexpr char kDisk[] =
     "Stop the take, then make room (v3dctl takes lists the takes), or check the disk (journalctl "
     "-k)";
+inline constexpr char kTakesFolder[] =
+    "Mount the disk of the takes on this PC, or correct takes under [storage]";
 inline constexpr char kQueue[] =
     "Close other programs on this PC; stop the take before frames are lost, or use a faster disk";
 inline constexpr char kQuarantined[] =

@@ -29,26 +29,19 @@ FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& n
   std::error_code error;
   std::filesystem::create_directories(folder, error);  // open() reports the error
   const std::filesystem::path path = folder / name;
-  file_ = io::uninterrupted(
-      [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); });
-  if (file_ < 0) throw InputError(errno_message(path.string()));
-  if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) {
-      const std::string problem = errno_message("cannot lock " + path.string());
-      close(file_);
-      throw InputError(problem);
-    }
-    const std::string holder = owner_in(file_);
-    close(file_);
-    throw InputError(folder.string() + ": " + holder +
+  file_.reset(io::uninterrupted(
+      [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); }));
+  if (!file_) throw InputError(errno_message(path.string()));
+  if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) throw InputError(errno_message("cannot lock " + path.string()));
+    throw InputError(folder.string() + ": " + owner_in(file_.get()) +
                      " writes its takes here already; every reconstruction node needs a "
                      "takes folder of its own ([storage] takes)");
   }
-  const bool written = ftruncate(file_, 0) == 0 && pwrite(file_, owner.data(), owner.size(), 0) ==
-                                                       static_cast<ssize_t>(owner.size());
+  const bool written =
+      ftruncate(file_.get(), 0) == 0 &&
+      pwrite(file_.get(), owner.data(), owner.size(), 0) == static_cast<ssize_t>(owner.size());
   static_cast<void>(written);  // only used in a message; a full disk is reported elsewhere
 }
-
-FolderLock::~FolderLock() { close(file_); }
 
 }  // namespace v3d

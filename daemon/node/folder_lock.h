@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <string>
 
+#include "base/io/unique_fd.h"
+
 namespace v3d {
 
 /// Holds the lock file `folder`/`name`. The kernel releases it when the process ends, also when it
@@ -15,12 +17,9 @@ class FolderLock {
   /// be opened.
   FolderLock(const std::filesystem::path& folder, const std::string& name,
              const std::string& owner);
-  ~FolderLock();
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
 
  private:
-  int file_ = -1;
+  io::UniqueFd file_;
 };
 
 }  // namespace v3d

@@ -32,7 +32,7 @@ struct FilePartBody {
       if (part_.size == 0) return boost::none;
       const auto wanted = std::min<int64_t>(part_.size, static_cast<int64_t>(chunk_.size()));
       const ssize_t got =
-          pread(part_.file->fd(), chunk_.data(), static_cast<size_t>(wanted), part_.first);
+          pread(part_.file->get(), chunk_.data(), static_cast<size_t>(wanted), part_.first);
       if (got <= 0) {  // an error, or the file was truncated
         error = boost::beast::http::make_error_code(boost::beast::http::error::partial_message);
         return boost::none;

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/io/unique_fd.h"
+
 namespace v3d {
 
 /// An HTTP request. Fields that were not sent are empty.
@@ -30,22 +32,9 @@ struct WebRequest {
   bool has_unread_body = false;  ///< the body was too large, or of unknown size
 };
 
-/// Owns a file descriptor.
-class OpenFile {
- public:
-  explicit OpenFile(int fd) : fd_(fd) {}
-  ~OpenFile();
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  const int fd_;
-};
-
 /// A part of a file. Copies share the open file.
 struct FilePart {
-  std::shared_ptr<const OpenFile> file;
+  std::shared_ptr<const io::UniqueFd> file;
   int64_t first = 0;
   int64_t size = 0;
 };

@@ -2,12 +2,12 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/name.h"
 #include "base/core/time.h"
+#include "base/io/uninterrupted.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/served_files.h"
@@ -19,11 +19,11 @@ namespace {
 
 /// A regular file, or the requested part of it. Links are not followed.
 WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
-  if (fd < 0) return plain_answer(404, "there is no such file");
-  const auto file = std::make_shared<const OpenFile>(fd);
+  const auto file = std::make_shared<const io::UniqueFd>(io::uninterrupted(
+      [&] { return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
+  if (!*file) return plain_answer(404, "there is no such file");
   struct stat state {};
-  if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode))
+  if (fstat(file->get(), &state) != 0 || !S_ISREG(state.st_mode))
     return plain_answer(404, "not a regular file");
   WebAnswer answer{.type = content_type(path)};
   const std::string tag = tag_of(stamp_of(state));
@@ -107,8 +107,6 @@ std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder
   if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
   return takes;
 }
-
-OpenFile::~OpenFile() { close(fd_); }
 
 WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
                  CommandEndpoint& commands, const ListTakes& list)

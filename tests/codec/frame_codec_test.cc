@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "codec/byte_stream.h"
 #include "codec/crc32.h"
 #include "codec/frame_header.h"
 #include "codec/occupancy.h"
@@ -65,6 +66,13 @@ TEST(FrameCodec, keeps_the_metadata_of_a_frame) {
   EXPECT_EQ(facts.quality, 0.75F);
   EXPECT_EQ(facts.origin, expected.origin);
   EXPECT_EQ(facts.step, expected.step);
+}
+
+TEST(FrameCodec, aborts_in_every_build_when_a_precondition_is_violated) {
+  EXPECT_DEATH(FrameEncoder({.key_every = 0}),
+               "frame_encoder.cc:[0-9]+: check failed: options.key_every >= 1");
+  const std::array<uint8_t, 3> bytes{};
+  EXPECT_DEATH(ByteReader(bytes).number<uint32_t>(), "byte_stream.h:[0-9]+: check failed");
 }
 
 TEST(FrameCodec, needs_less_than_a_bit_per_vertex_for_a_ball_and_no_displacement) {

@@ -44,6 +44,22 @@ TEST_F(SmallDiskStudio4, rejects_arming_when_the_disk_has_too_little_space) {
               HasSubstr("Read-only file system"));
 }
 
+TEST_F(SmallDiskStudio4, reports_a_read_only_disk_before_a_take_is_armed) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  disk_.become_read_only();
+  const auto is_reported = [&] {
+    while (const auto event = events.wait(Monotonic::now())) {
+      if (event->subject == "disk" && event->severity == Severity::kAlarm) {
+        EXPECT_THAT(event->text, HasSubstr("Read-only file system"));
+        return true;
+      }
+    }
+    return false;
+  };
+  EXPECT_TRUE(becomes_true(is_reported, within(60))) << log();
+}
+
 TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);

@@ -1,16 +1,16 @@
-// Only `v3dctl takes delete` deletes footage: tests of the sources and of the behaviour.
+// Only `v3dctl takes delete` deletes footage: tests of the behaviour. removal_calls.py tests the
+// sources.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <map>
-#include <set>
-#include <sstream>
+#include <filesystem>
 
-#include "base/io/whole_file.h"
+#include "base/io/recorded_file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
 
@@ -19,56 +19,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Sources that may remove or shorten files, and which files. Except for take_removal, none of them
-/// is a recorded file.
-const std::map<std::string, std::string> kMayRemove = {
-    {"take/take_removal.cc", "takes delete, quarantine, working files"},
-    {"base/io/file.cc", "its own temporary file, when it cannot replace the file"},
-    {"daemon/node/folder_lock.cc", "the lock file of a folder"},
-    {"sim/cameras/trigger_cable.cc", "the socket of the simulated trigger cable"},
-    {"tools/bench/record_bench.cc", "its own scratch folder"},
-    {"tools/v3dctl/setup/doctor_machine.cc", "the file that it tests the disk's speed with"},
-    {"tools/v3dctl/reconstruct/take_reconstruction.cc", "its own unfinished mesh file"},
-    {"tools/v3dctl/reconstruct/shard_folder.cc", "shards of a reconstruction"},
-    {"tools/v3dctl/import/take_builder.cc", "its own unfinished import"},
-    {"tools/v3dctl/takes/collect.cc", "its own copies in .collect"},
-    {"wire/key_file.cc", "its own unfinished key file"},
-};
-
-std::vector<fs::path> sources() {
-  std::vector<fs::path> files;
-  for (const char* folder : {"base", "calib", "capture", "codec", "daemon", "recon", "sim", "take",
-                             "tools", "trigger", "wire"}) {
-    for (const auto& entry : fs::recursive_directory_iterator(fs::path(V3D_SOURCE_DIR) / folder)) {
-      const fs::path extension = entry.path().extension();
-      if (extension == ".cc" || extension == ".h") files.push_back(entry.path());
-    }
+TEST(RecordedFile, is_every_file_that_a_take_has) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder.path()};
+  for (const fs::path& path :
+       {paths.info(), paths.ledger(), paths.calib(), paths.studio(), paths.pulses(),
+        paths.frames("cam07"), segment_path(paths.frames("cam07"), 1),
+        segment_index_path(paths.frames("cam07")), paths.background() / "cam07.mean.png",
+        paths.mesh(), paths.slate(), paths.reserve(), paths.verified(),
+        paths.folder / "signature.cap01.toml"}) {
+    fs::create_directories(path.parent_path());
+    test::write_text(path, "");
   }
-  return files;
-}
-
-/// True when a source calls a function that removes or shortens files. Ignores comments.
-bool removes_files(const fs::path& file) {
-  std::istringstream lines(read_file(file));
-  for (std::string line; std::getline(lines, line);) {
-    line.resize(std::min(line.size(), line.find("//")));
-    for (const char* call :
-         {"unlink(", "unlinkat(", "rmdir(", "remove_all(", "resize_file(", "ftruncate(",
-          "ftruncate64(", " ::truncate(", "fs::remove(", "filesystem::remove(", "O_TRUNC"}) {
-      if (line.find(call) != std::string::npos) return true;
-    }
+  for (const auto& entry : fs::recursive_directory_iterator(folder.path())) {
+    EXPECT_TRUE(entry.is_directory() || is_recorded_file(entry.path())) << entry.path();
   }
-  return false;
-}
-
-TEST(RemovalCalls, are_made_only_by_the_listed_sources) {
-  std::set<std::string> found;
-  for (const fs::path& file : sources()) {
-    if (removes_files(file)) found.insert(fs::relative(file, V3D_SOURCE_DIR).string());
-  }
-  std::set<std::string> allowed;
-  for (const auto& [file, reason] : kMayRemove) allowed.insert(file);
-  EXPECT_EQ(found, allowed);
 }
 
 class TakeRemoval : public testing::Test {

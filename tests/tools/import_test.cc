@@ -144,7 +144,7 @@ TEST_F(Import, makes_a_take_that_is_not_read_with_a_calibration_of_another_size)
   import_take(options_);
   std::string calib = read_file(options_.take / "calib.toml");
   calib.replace(calib.find("[64, 48]"), 8, "[16384, 16384]");
-  replace_file(options_.take / "calib.toml", calib);
+  test::write_text(options_.take / "calib.toml", calib);
   EXPECT_THAT(test::message_of<InputError>([&] { TakeFrames take(options_.take, {}); }),
               HasSubstr("the size of a is 16384x16384, but its frames are 64x48"));
 }

@@ -5,11 +5,39 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 
+#include <cerrno>
 #include <csignal>
 #include <thread>
 
 #include "support/temporary_folder.h"
+
+namespace {
+
+/// While this is set, the file system has no RENAME_NOREPLACE, and cannot tell whether a file
+/// exists whose name ends with "taken".
+bool has_faults = false;
+
+bool is_taken(const char* path) { return std::string_view(path).ends_with("taken"); }
+
+}  // namespace
+
+// These replace the functions of the C library in this program.
+extern "C" int renameat2(int from_at, const char* from, int to_at, const char* to,
+                         unsigned flags) noexcept {
+  if (!has_faults || flags == 0) {
+    return static_cast<int>(syscall(SYS_renameat2, from_at, from, to_at, to, flags));
+  }
+  errno = EINVAL;
+  return -1;
+}
+
+extern "C" int lstat(const char* path, struct stat* status) noexcept {
+  if (!has_faults || !is_taken(path)) return fstatat(AT_FDCWD, path, status, AT_SYMLINK_NOFOLLOW);
+  errno = EIO;
+  return -1;
+}
 
 namespace v3d::io {
 namespace {
@@ -146,6 +174,46 @@ TEST(ListFolder, returns_sorted_entries_and_reports_a_missing_folder) {
   test::write_text(folder / "a", "");
   EXPECT_THAT(list_folder(folder.path()).value(), ElementsAre(folder / "a", folder / "b"));
   EXPECT_EQ(list_folder(folder / "none").error().code, ENOENT);
+}
+
+class RenameNewWithoutFlag : public testing::Test {
+ protected:
+  RenameNewWithoutFlag() { has_faults = true; }
+  ~RenameNewWithoutFlag() override { has_faults = false; }
+
+  const test::TemporaryFolder folder_;
+};
+
+TEST_F(RenameNewWithoutFlag, gives_files_and_folders_a_new_name) {
+  test::write_text(folder_ / "file", "one");
+  EXPECT_TRUE(rename_new(folder_ / "file", folder_ / "second"));
+  EXPECT_EQ(read_file(folder_ / "second").value(), "one");
+  fs::create_directories(folder_ / "take/background");
+  EXPECT_TRUE(rename_new(folder_ / "take", folder_ / "copy"));
+  EXPECT_TRUE(fs::exists(folder_ / "copy/background"));
+  EXPECT_THAT(list_folder(folder_.path()).value(),
+              ElementsAre(folder_ / "copy", folder_ / "second"));
+}
+
+TEST_F(RenameNewWithoutFlag, replaces_no_file_when_it_cannot_be_examined) {
+  test::write_text(folder_ / "file", "one");
+  test::write_text(folder_ / "taken", "footage");
+  EXPECT_EQ(rename_new(folder_ / "file", folder_ / "taken").error().code, EEXIST);
+  EXPECT_EQ(read_file(folder_ / "taken").value(), "footage");
+  EXPECT_EQ(read_file(folder_ / "file").value(), "one");
+}
+
+TEST_F(RenameNewWithoutFlag, replaces_no_folder_not_even_an_empty_one) {
+  fs::create_directories(folder_ / "take/background");
+  fs::create_directories(folder_ / "taken");
+  EXPECT_EQ(rename_new(folder_ / "take", folder_ / "taken").error().code, EEXIST);
+  EXPECT_TRUE(fs::exists(folder_ / "take/background"));
+}
+
+TEST_F(RenameNewWithoutFlag, leaves_no_empty_folder_behind_after_a_failure) {
+  fs::create_directories(folder_ / "take");
+  EXPECT_FALSE(rename_new(folder_ / "take", folder_ / "take/inside"));
+  EXPECT_TRUE(fs::is_empty(folder_ / "take"));
 }
 
 TEST(RenameNew, does_not_replace_an_existing_file) {

@@ -45,6 +45,15 @@ TEST(CheckDisk, rejects_a_folder_that_does_not_exist) {
               HasSubstr("/nowhere/takes: no such folder; is its disk mounted?"));
 }
 
+TEST(FolderFault, names_a_folder_of_takes_that_is_missing_or_a_file) {
+  const test::TemporaryFolder folder;
+  EXPECT_EQ(folder_fault(folder.path()), "");
+  EXPECT_EQ(folder_fault(folder / "takes"),
+            (folder / "takes").string() + ": no such folder; is its disk mounted?");
+  test::write_text(folder / "file", "");
+  EXPECT_THAT(folder_fault(folder / "file"), HasSubstr("no such folder"));
+}
+
 class TakeDiskTest : public testing::Test {
  protected:
   TakeDiskTest() {

@@ -10,6 +10,8 @@
 #include "base/core/error.h"
 #include "base/core/time.h"
 #include "base/io/process.h"
+#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 #include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {
@@ -27,12 +29,11 @@ void pause() {
 
 /// Starts a process without input whose output goes to `log`.
 pid_t start_process(const std::vector<std::string>& words, const std::filesystem::path& log) {
-  const int output = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (output < 0) throw std::runtime_error(errno_message(log.string()));
-  const pid_t child = spawn_process(words, {.output = output, .errors = output});
-  const std::string problem = errno_message("cannot run " + words.front());
-  close(output);
-  if (child < 0) throw std::runtime_error(problem);
+  const io::UniqueFd output(io::uninterrupted(
+      [&] { return open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644); }));
+  if (!output) throw std::runtime_error(errno_message(log.string()));
+  const pid_t child = spawn_process(words, {.output = output.get(), .errors = output.get()});
+  if (child < 0) throw std::runtime_error(errno_message("cannot run " + words.front()));
   return child;
 }
 

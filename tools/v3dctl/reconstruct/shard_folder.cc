@@ -220,18 +220,15 @@ void ShardFolder::remove_others() const {
 
 ShardFolderLock::ShardFolderLock(const ShardFolder& folder) {
   const fs::path path = folder.path() / "lock";
-  fd_ = io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); });
-  if (fd_ < 0) {
+  fd_.reset(
+      io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); }));
+  if (!fd_) {
     error_ = errno_message(path.string());
-  } else if (flock(fd_, LOCK_EX | LOCK_NB) == 0) {
+  } else if (flock(fd_.get(), LOCK_EX | LOCK_NB) == 0) {
     state_ = State::kHeld;
   } else if (errno == EWOULDBLOCK) {
     state_ = State::kHeldByAnother;
   }
-}
-
-ShardFolderLock::~ShardFolderLock() {
-  if (fd_ >= 0) close(fd_);
 }
 
 }  // namespace v3d::ctl

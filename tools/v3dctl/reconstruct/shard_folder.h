@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/io/unique_fd.h"
 #include "v3dctl/reconstruct/reconstruct_report.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
 
@@ -84,16 +85,13 @@ class ShardFolderLock {
   };
 
   explicit ShardFolderLock(const ShardFolder& folder);
-  ~ShardFolderLock();
-  ShardFolderLock(const ShardFolderLock&) = delete;
-  ShardFolderLock& operator=(const ShardFolderLock&) = delete;
 
   State state() const { return state_; }
   /// Path and cause if the file could not be opened; otherwise empty.
   const std::string& error() const { return error_; }
 
  private:
-  int fd_ = -1;
+  io::UniqueFd fd_;
   State state_ = State::kUnknown;
   std::string error_;
 };

@@ -1,4 +1,3 @@
-#include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -8,7 +7,9 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/core/time.h"
 #include "base/core/units.h"
+#include "base/io/file.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {
@@ -17,8 +18,8 @@ namespace {
 using Verdict = Finding::Verdict;
 
 constexpr double kMinFreeBytes = 20e9;
-constexpr long kMinUsbMemoryMb = 1000;      // about twenty buffers for each of a few cameras
-constexpr double kMaxBytesWritten = 512e6;  // exceeds the cache of a disk that is too slow
+constexpr long kMinUsbMemoryMb = 1000;  // about twenty buffers for each of a few cameras
+constexpr uint64_t kMaxBytesWritten = 512'000'000;  // exceeds the cache of a disk that is too slow
 
 long read_number(const std::filesystem::path& path) {
   long number = -1;
@@ -43,31 +44,29 @@ double data_rate(const Studio& studio, const std::vector<StudioCamera>& cameras)
   }
 }
 
-/// Write rate in bytes per second, measured for about 1 s; negative with errno set on an error.
-double measure_writes(const std::filesystem::path& file) {
-  const int fd = open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  if (fd < 0) return -1;
-  const std::vector<char> block(4 << 20, 'v');
-  double bytes = 0;
-  bool good = true;
-  const auto begin = std::chrono::steady_clock::now();
-  const auto seconds = [&] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  };
-  while (good && seconds() < 1 && bytes < kMaxBytesWritten) {
-    for (int i = 0; i < 8 && good; ++i) {
-      const ssize_t written = write(fd, block.data(), block.size());
-      good = written > 0;
-      bytes += static_cast<double>(std::max<ssize_t>(0, written));
-    }
-    good = good && fdatasync(fd) == 0;
+/// Writes some blocks behind the first `bytes` of the file, and waits for the disk.
+io::Status write_blocks(io::File& file, uint64_t& bytes) {
+  static const std::vector<uint8_t> block(4 << 20, 'v');
+  for (int i = 0; i < 8; ++i, bytes += block.size()) {
+    if (io::Status written = file.write(bytes, {block}); !written) return written;
   }
-  const double rate = bytes / seconds();
-  const int error = errno;
-  close(fd);
-  unlink(file.c_str());
-  errno = error;
-  return good ? rate : -1;
+  return file.sync();
+}
+
+/// Write rate in bytes per second, measured for about 1 s with a new file.
+io::Result<double> measure_writes(const std::filesystem::path& path) {
+  auto file = io::File::open(path, io::OpenMode::kCreatePrivate);
+  if (!file) return tl::make_unexpected(file.error());
+  unlink(path.c_str());  // the space is free when the file is closed, also after a kill
+  uint64_t bytes = 0;
+  const MonotonicInstant begin = Monotonic::now();
+  const auto seconds = [&] { return to_seconds(Monotonic::now() - begin); };
+  while (seconds() < 1 && bytes < kMaxBytesWritten) {
+    if (auto written = write_blocks(*file, bytes); !written) {
+      return tl::make_unexpected(written.error());
+    }
+  }
+  return static_cast<double>(bytes) / seconds();
 }
 
 }  // namespace
@@ -105,9 +104,9 @@ Finding judge_disk_speed(double bytes_per_second, double needed) {
 Finding check_disk_speed(const std::filesystem::path& folder, double needed) {
   const std::filesystem::path file =
       folder / (".v3dctl-doctor." + std::to_string(getpid()) + ".tmp");
-  const double speed = measure_writes(file);
-  if (speed >= 0) return judge_disk_speed(speed, needed);
-  return {Verdict::kUnknown, "disk speed", errno_message(folder.string()),
+  const auto speed = measure_writes(file);
+  if (speed) return judge_disk_speed(*speed, needed);
+  return {Verdict::kUnknown, "disk speed", speed.error().message,
           "run v3dctl doctor as a member of the group v3d, or by sudo"};
 }
 

@@ -1,0 +1,44 @@
+#include "base/io/recorded_file.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <string_view>
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// TakePaths (take/take.h) has these names, too; tests/take/removal_test.cc compares them.
+constexpr std::array<std::string_view, 7> kTakeFiles{"take.toml",    "ledger.toml", "calib.toml",
+                                                     "studio.toml",  "mesh.v3d",    "slate.toml",
+                                                     "verified.toml"};
+
+bool is_log(std::string_view name) {
+  return name.ends_with(".lcmlog") || name.ends_with(".lcmlog.index");
+}
+
+bool is_take_file(std::string_view name) {
+  return std::ranges::find(kTakeFiles, name) != kTakeFiles.end() || name.starts_with(".") ||
+         (name.starts_with("signature.") && name.ends_with(".toml"));
+}
+
+bool is_take(const fs::path& folder) {
+  std::error_code absent;
+  return fs::exists(fs::symlink_status(folder / "take.toml", absent));
+}
+
+}  // namespace
+
+bool is_recorded_file(const fs::path& path) {
+  const std::string name = path.filename();
+  if (is_log(name)) return true;
+  std::error_code absent;
+  if (!fs::exists(fs::symlink_status(path, absent))) return false;
+  const fs::path folder = fs::canonical(path.has_parent_path() ? path.parent_path() : ".", absent);
+  if (is_take(folder)) return is_take_file(name);
+  return folder.filename() == "background" && is_take(folder.parent_path());
+}
+
+}  // namespace v3d
