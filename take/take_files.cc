@@ -133,7 +133,7 @@ io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& n
 
 io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name, ReadFrom from,
                                     int64_t limit) {
-  const auto file = io::File::open(paths.folder / name, io::OpenMode::kRead);
+  const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   struct stat status {};
   if (fstat(file->fd(), &status) != 0) return io::io_error("read", file->path());

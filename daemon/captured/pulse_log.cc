@@ -9,13 +9,11 @@ namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 constexpr size_t kQueuePulses = 4096;
-/// Time between flushes; a power cut loses the pulses of at most this time.
-constexpr Duration kSyncEvery = std::chrono::seconds(1);
 
 }  // namespace
 
-PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening)
-    : log_(path, opening), queue_(kQueuePulses) {
+PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening, Duration sync_period)
+    : log_(path, opening, LogHashing::kChecksum, sync_period), queue_(kQueuePulses) {
   if (auto synced = io::sync_folder(path.parent_path()); !synced) {
     io::throw_input_error(synced.error());
   }
@@ -35,7 +33,6 @@ void PulseLog::close() {
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
 
 void PulseLog::run() {
-  MonotonicInstant next_sync = Monotonic::now() + kSyncEvery;
   for (;;) {
     const bool is_last_round = stopping_;
     const auto pulse =
@@ -43,11 +40,6 @@ void PulseLog::run() {
     if (pulse) {
       const io::Status written = log_.write(*pulse);
       if (!written && ++failed_ == 1) spdlog::error("{}", written.error().message);
-    }
-    if (pulse && Monotonic::now() >= next_sync) {
-      // An error is reported by the next write, which then fails, too.
-      static_cast<void>(log_.sync());
-      next_sync = Monotonic::now() + kSyncEvery;
     }
     if (!pulse && is_last_round) return;
   }

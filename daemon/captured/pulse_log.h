@@ -12,13 +12,13 @@
 
 namespace v3d {
 
-/// Writes in a thread of its own and flushes to disk once a second, so that a power cut loses at
-/// most 1 s of pulses.
+/// Writes in a thread of its own. EventLogWriter syncs the log, also when no pulse follows.
 class PulseLog {
  public:
   /// Creates or continues the log. Its name survives a power cut from then on. Throws InputError
   /// when the log cannot be opened.
-  PulseLog(const std::filesystem::path& path, LogOpening opening);
+  PulseLog(const std::filesystem::path& path, LogOpening opening,
+           Duration sync_period = EventLogWriter::kSyncPeriod);
   /// Calls close().
   ~PulseLog();
   PulseLog(const PulseLog&) = delete;

@@ -12,6 +12,7 @@
 #include "base/io/file.h"
 #include "take/logs/event_log.h"
 #include "take/logs/log_segments.h"
+#include "take/logs/periodic_sync.h"
 #include "wire/channels.h"
 #include "wire/codec.h"
 
@@ -22,8 +23,8 @@ namespace {
 /// Bytes per writeback request. Frequent requests write dirty pages evenly; otherwise the kernel
 /// stalls writers when too many pages are dirty.
 constexpr int64_t kWritebackBytes = 4 << 20;
-/// Limit of bytes that are not on disk yet: 1.5 s of an XGA camera. With a higher limit, a disk
-/// that is too slow would be detected later, at the end of the take.
+/// Limit of bytes whose writeback has not finished: 1.5 s of an XGA camera. With a higher limit, a
+/// disk that is too slow would be detected later, at the end of the take.
 constexpr int64_t kMaxDirtyBytes = 32 << 20;
 
 /// The bytes before an event's data (see event_log.cc).
@@ -76,12 +77,14 @@ io::Result<AppendPosition> append_position(const std::filesystem::path& log, Log
 
 class EventLogWriter::Impl {
  public:
-  Impl(const std::filesystem::path& log, LogOpening opening, LogHashing hashing)
-      : Impl(io::value_or_throw(append_position(log, opening)), hashing) {}
+  Impl(const std::filesystem::path& log, LogOpening opening, LogHashing hashing,
+       Duration sync_period)
+      : Impl(io::value_or_throw(append_position(log, opening)), hashing, sync_period) {}
   /// Creates the segment; fails when the file exists.
-  Impl(const AppendPosition& position, LogHashing hashing)
+  Impl(const AppendPosition& position, LogHashing hashing, Duration sync_period)
       : events_(position.events),
-        file_(io::value_or_throw(io::File::open(position.segment, io::OpenMode::kCreate))) {
+        file_(io::value_or_throw(io::File::open(position.segment, io::OpenMode::kCreate))),
+        sync_(file_, sync_period) {
     if (hashing == LogHashing::kTree) tree_.emplace();
   }
   ~Impl() { static_cast<void>(sync()); }  // close() reports
@@ -95,10 +98,12 @@ class EventLogWriter::Impl {
   /// event that failed.
   io::Status write(const std::string& channel, RealtimeInstant at, const Bytes& first,
                    const Bytes& rest = {}) {
+    keep_first_error(sync_.pop_error());
     if (!disk_error_) return disk_error_;
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
+    sync_.mark_dirty();
     count({head, first, rest});
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
@@ -116,12 +121,15 @@ class EventLogWriter::Impl {
   }
 
   io::Status sync() {
-    const io::Status synced = file_.sync();
-    if (disk_error_ && !synced && is_disk_error(synced.error().code)) disk_error_ = synced;
+    keep_first_error(sync_.sync());
     return disk_error_;
   }
 
  private:
+  void keep_first_error(const io::Status& status) {
+    if (disk_error_) disk_error_ = status;
+  }
+
   /// Adds a written event to the checksum and to the hash tree.
   void count(std::initializer_list<std::span<const uint8_t>> parts) {
     for (const auto& part : parts) checksum_.add(part);
@@ -136,25 +144,24 @@ class EventLogWriter::Impl {
   /// costs several times a copy into reused pages.
   void write_back() {
     if (bytes_ - submitted_ < kWritebackBytes) return;
-    sync_file_range(file_.fd(), submitted_, bytes_ - submitted_, SYNC_FILE_RANGE_WRITE);
+    sync_range(submitted_, bytes_, SYNC_FILE_RANGE_WRITE);
     submitted_ = bytes_;
     const int64_t due = submitted_ - kMaxDirtyBytes;
     if (due > written_back_) {
-      const int failed = sync_file_range(file_.fd(), written_back_, due - written_back_,
-                                         SYNC_FILE_RANGE_WAIT_BEFORE);
-      if (failed != 0 && is_disk_error(errno)) disk_error_ = io::io_error("write", file_.path());
+      sync_range(written_back_, due, SYNC_FILE_RANGE_WAIT_BEFORE);
       written_back_ = due;
     }
     posix_fadvise(file_.fd(), 0, submitted_ - kWritebackBytes, POSIX_FADV_DONTNEED);
   }
 
-  /// True for write errors of the disk. Other errors mean that the file does not support syncing.
-  static bool is_disk_error(int error) {
-    return error == EIO || error == ENOSPC || error == EDQUOT || error == EROFS;
+  void sync_range(int64_t begin, int64_t end, unsigned flags) {
+    if (sync_file_range(file_.fd(), begin, end - begin, flags) == 0) return;
+    if (!is_unsupported_sync(errno)) keep_first_error(io::io_error("write", file_.path()));
   }
 
   int64_t events_ = 0;
   io::File file_;
+  PeriodicSync sync_;
   int64_t bytes_ = 0;
   RunningChecksum checksum_;  ///< of the `bytes_` bytes
   std::optional<HashTree> tree_;
@@ -164,8 +171,8 @@ class EventLogWriter::Impl {
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening,
-                               LogHashing hashing)
-    : impl_(std::make_unique<Impl>(path, opening, hashing)) {}
+                               LogHashing hashing, Duration sync_period)
+    : impl_(std::make_unique<Impl>(path, opening, hashing, sync_period)) {}
 EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;

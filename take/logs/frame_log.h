@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/core/time.h"
 #include "base/io/result.h"
 #include "take/logs/log_opening.h"
 #include "take/take_files.h"
@@ -21,15 +22,22 @@ namespace v3d {
 /// existing file. One thread.
 ///
 /// Unbuffered: a frame for which write() returned true survives the end of the program, and a crash
-/// leaves at most one unfinished event after it. At most 32 MB are not on disk yet: write() waits
-/// for the disk above that, so that sync() takes little time.
+/// leaves at most one unfinished event after it.
+///
+/// A separate thread syncs the file once a second while it grows (PeriodicSync): a power cut loses
+/// at most the events of the last second and of the duration of a sync. write() does not wait for
+/// these syncs. It waits for the disk when more than 32 MB are not written back, so that a sync
+/// takes little time.
 class EventLogWriter {
  public:
+  static constexpr Duration kSyncPeriod = std::chrono::seconds(1);
+
   /// kNew creates the first segment and fails when the log exists; kContinue creates the segment
   /// after the last one. Throws InputError when the file cannot be created. The caller must sync
   /// the folder.
   explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
-                          LogHashing hashing = LogHashing::kChecksum);
+                          LogHashing hashing = LogHashing::kChecksum,
+                          Duration sync_period = kSyncPeriod);
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;

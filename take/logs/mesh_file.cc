@@ -228,18 +228,19 @@ class MeshFileWriter::Impl {
   }
 
   io::Status sync() {
-    const io::Status synced = file_->sync();
-    return sync_error_ ? synced : sync_error_;
+    const io::Status synced = sync_->sync();
+    if (sync_error_) sync_error_ = synced;
+    return sync_error_;
   }
 
   io::Status close() {
     if (!file_) return closed_;
-    stop_syncs();
     // The index is at the end of the file, also after the bytes of a record that failed.
     const auto size = file_->size();
     const uint64_t offset = std::max(end_, size.value_or(end_));
     closed_ = file_->write(offset, {mesh_file::index(entries(), offset)});
     if (const auto synced = sync(); closed_) closed_ = synced;
+    sync_.reset();
     file_.reset();
     return closed_;
   }
@@ -258,11 +259,6 @@ class MeshFileWriter::Impl {
   bool has_new_loss() {
     if (sync_error_) sync_error_ = sync_->pop_error();
     return !sync_error_ && !std::exchange(loss_is_reported_, true);
-  }
-
-  void stop_syncs() {
-    if (sync_error_) sync_error_ = sync_->pop_error();
-    sync_.reset();
   }
 
   /// The part of a record that is kept in memory until the index is written, because a take may
@@ -314,7 +310,7 @@ class MeshFileWriter::Impl {
   std::optional<io::File> file_;        ///< empty when closed; declared after the members that
                                         ///< open_to_continue() sets
   std::unique_ptr<PeriodicSync> sync_;  ///< null when closed
-  io::Status sync_error_;               ///< the first error of a periodic sync
+  io::Status sync_error_;               ///< the first error of a sync
   bool loss_is_reported_ = false;       ///< by append()
   io::Status closed_;
 };

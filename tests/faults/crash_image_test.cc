@@ -101,9 +101,10 @@ class Marks {
   bool has(const std::string& what, size_t count) const { return last(what, count) > 0; }
 
   /// Frames that must survive a power cut before the change `count`: their bytes were synced, or
-  /// the driver reported the take as recovered or complete after it acknowledged them.
+  /// the driver reported them as synced, or the take as recovered or complete.
   std::vector<std::pair<std::string, int64_t>> safe_frames(size_t count) const {
-    const size_t guaranteed = std::max(last("recovered", count), last("complete", count));
+    const size_t guaranteed =
+        std::max({last("synced", count), last("recovered", count), last("complete", count)});
     std::vector<std::pair<std::string, int64_t>> frames;
     for (const Mark& mark : marks_) {
       if (mark.what != "frame" || mark.at >= count) continue;

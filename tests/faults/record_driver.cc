@@ -5,16 +5,23 @@
 //   record_driver restart FOLDER MARKS     recovers open takes, continues the take and closes it
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
+// It does not sync logs while it records: the classes do.
 // Marks, one line each: "ready", "frame CAMERA PULSE", "synced" (all frames before it),
 // "recovered", "complete", "quarantined PATH". Exit status: 0 done, 3 done but data is missing, 2
 // InputError, 1 any other error. Every error is a line on stderr.
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
+#include <condition_variable>
 #include <cstdio>
+#include <map>
 #include <memory>
+#include <mutex>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -32,6 +39,48 @@ namespace {
 
 constexpr DiskDemand kDemand{
     .rate_hz = 25, .bytes_per_pulse = 2 * 64 * 48, .pulses = 12, .queue_frames = 8};
+
+/// A short period instead of a second, because the tests run this program hundreds of times.
+constexpr Duration kSyncPeriod = std::chrono::milliseconds(50);
+
+enum class Synced { kDone, kFailed, kLate };
+
+/// The finished syncs of all files of this process. Thread-safe.
+class SyncedFiles {
+ public:
+  static SyncedFiles& of_process() {
+    static SyncedFiles files;
+    return files;
+  }
+
+  /// `bytes`: length of the file when the sync began.
+  void add(const std::filesystem::path& path, int64_t bytes, bool has_failed) {
+    const std::lock_guard lock(mutex_);
+    File& file = files_[path];
+    file.has_failed = file.has_failed || has_failed;
+    if (!has_failed) file.bytes = std::max(file.bytes, bytes);
+    changed_.notify_all();
+  }
+
+  /// Waits until the first `bytes` bytes of the file are synced, at most ten seconds.
+  Synced wait_for(const std::filesystem::path& path, int64_t bytes) {
+    std::unique_lock lock(mutex_);
+    const File& file = files_[path];
+    const bool is_over = changed_.wait_for(lock, std::chrono::seconds(10),
+                                           [&] { return file.has_failed || file.bytes >= bytes; });
+    if (file.has_failed) return Synced::kFailed;
+    return is_over ? Synced::kDone : Synced::kLate;
+  }
+
+ private:
+  struct File {
+    int64_t bytes = 0;
+    bool has_failed = false;
+  };
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::map<std::filesystem::path, File> files_;
+};
 
 class Driver {
  public:
@@ -96,8 +145,7 @@ class Driver {
       pulses_->write(sensed);
       sensed_.insert(pulse);
       for (size_t c = 0; c < logs_.size(); ++c) record_frame(c, pulse);
-      // Longer takes are synced while they are recorded.
-      if (n == kDrivenPulses / 2) sync_logs();
+      if (n == kDrivenPulses / 2) wait_for_sync();
     }
   }
 
@@ -148,12 +196,12 @@ class Driver {
  private:
   void open_logs(LogOpening opening) {
     for (const std::string& camera : kDrivenCameras) {
-      logs_.emplace_back(paths_.frames(camera), opening);
+      logs_.emplace_back(paths_.frames(camera), opening, LogHashing::kChecksum, kSyncPeriod);
     }
     if (auto synced = io::sync_folder(paths_.folder); !synced) {
       io::throw_input_error(synced.error());
     }
-    pulses_ = std::make_unique<PulseLog>(paths_.pulses(), opening);
+    pulses_ = std::make_unique<PulseLog>(paths_.pulses(), opening, kSyncPeriod);
   }
 
   void record_frame(size_t camera, int64_t pulse) {
@@ -161,6 +209,17 @@ class Driver {
     if (auto written = logs_[camera].write(message); !written) return fail(written.error().message);
     accounts_[camera].add(pulse, false);
     mark("frame " + kDrivenCameras[camera] + " " + std::to_string(pulse));
+  }
+
+  /// Waits until the logs have synced all frames by themselves, or a sync has failed.
+  void wait_for_sync() {
+    bool is_synced = true;
+    for (const EventLogWriter& log : logs_) {
+      const auto synced = SyncedFiles::of_process().wait_for(log.path(), log.bytes());
+      if (synced == Synced::kLate) fail(log.path().string() + ": is not synced within 10 s");
+      is_synced = is_synced && synced == Synced::kDone;
+    }
+    if (is_synced) mark("synced");
   }
 
   void sync_logs() {
@@ -230,6 +289,20 @@ int run(const std::string& operation, const std::filesystem::path& folder, const
 
 }  // namespace
 }  // namespace v3d::test
+
+/// Replaces fsync() of the C library in this program. Files are written by position, so that the
+/// file offset is free to find the length.
+extern "C" int fsync(int fd) {
+  static auto* const next = reinterpret_cast<int (*)(int)>(dlsym(RTLD_NEXT, "fsync"));
+  std::error_code error;
+  const auto path = std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd), error);
+  const int64_t bytes = lseek(fd, 0, SEEK_END);
+  const int failed = next(fd);
+  const int cause = errno;
+  v3d::test::SyncedFiles::of_process().add(path, bytes, failed != 0 && cause != EINTR);
+  errno = cause;
+  return failed;
+}
 
 int main(int argc, char** argv) {
   if (argc != 4) return 2;

@@ -239,6 +239,18 @@ TEST_F(VerifyListedTake, reports_a_file_with_a_changed_bit_and_both_checksums) {
   }
 }
 
+TEST_F(VerifyListedTake, reports_a_link_to_the_same_content_outside_of_the_take) {
+  const test::TemporaryFolder outside;
+  for (const char* file : {"calib.toml", "background/cam01.mean.png"}) {
+    std::filesystem::copy_file(paths_.folder / file, outside / "copy");
+    std::filesystem::remove(paths_.folder / file);
+    std::filesystem::create_symlink(outside / "copy", paths_.folder / file);
+    EXPECT_THAT(verify_take(paths_).disagreements,
+                Contains(HasSubstr(std::string(file) + ": it is a symbolic link")));
+    std::filesystem::rename(outside / "copy", paths_.folder / file);
+  }
+}
+
 TEST_F(VerifyListedTake, reports_missing_and_shorter_files) {
   std::filesystem::remove(paths_.background() / "cam01.mean.png");
   test::write_text(paths_.studio(), "#");
