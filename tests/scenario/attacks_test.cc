@@ -95,9 +95,10 @@ class AttackedStudio : public Studio4 {
     const double by_recon = std::max(0.0, value("recon01", "commands_forged"));
     const double by_capture = std::max(0.0, value("cap01", "commands_forged"));
     Bus bus(studio_.network.lcm_url);
+    bus.authenticator().set_key(StudioKey::load(studio_.network.key));
     CommandMessage command;
     command.sender = "attacker";
-    bus.publish(kCommandChannel, encode_with_mac(command, StudioKey::make()));
+    bus.publish_command(encode_with_mac(command, StudioKey::make()));
     EXPECT_TRUE(reaches("recon01", "commands_forged", by_recon + 1)) << log();
     EXPECT_TRUE(reaches("cap01", "commands_forged", by_capture + 1)) << log();
   }
