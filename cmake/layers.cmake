@@ -3,7 +3,7 @@
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a target links a layer that its rule does not name.
 set(V3D_LAYERS core io image geometry config base codec wire take trigger segmentation capture recon calib sim
-  bus control node captured recond recorded viewd)
+  bus control web node captured recond recorded viewd)
 # v3d_may_use(<target> <layer>...): sets the rule of a target. The name of a layer means the target v3d_<layer>.
 macro(v3d_may_use target)
   set(V3D_MAY_USE_${target} "${ARGN}")
@@ -27,11 +27,12 @@ v3d_may_use(v3d_calib base)
 v3d_may_use(v3d_sim base)
 v3d_may_use(v3d_bus base wire)
 v3d_may_use(v3d_control base wire take bus)
-v3d_may_use(v3d_node base wire take bus control)
+v3d_may_use(v3d_web base)
+v3d_may_use(v3d_node base wire take bus control web)
 v3d_may_use(v3d_captured base wire take trigger segmentation capture bus control node)
 v3d_may_use(v3d_recond base codec wire take recon bus control node)
 v3d_may_use(v3d_recorded base codec take recon segmentation)
-v3d_may_use(v3d_viewd base codec wire take recon bus control node recorded)
+v3d_may_use(v3d_viewd base codec wire take recon bus control web node recorded)
 v3d_may_use(v3d-captured captured)
 v3d_may_use(v3d-recond recond)
 v3d_may_use(v3d-viewd viewd)

@@ -75,12 +75,6 @@ class Bus::Impl {
     return sender_.send(channel, bytes, authenticator_.mac().get(), key ? &*key : nullptr);
   }
 
-  bool publish_signed(const std::string& channel, std::span<const uint8_t> bytes) {
-    const bool with_mac =
-        authenticator_.requires_command_macs() || needs_fragments(channel, bytes.size());
-    return publish(channel, bytes, with_mac);
-  }
-
   size_t frame_groups() const { return std::max<size_t>(frame_urls_.size(), 1); }
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
     MulticastSender& sender = *frame_senders_[FrameNumbers::group_of(pulse, frame_senders_.size())];
@@ -294,10 +288,10 @@ bool Bus::publish_authenticated(const std::string& channel, std::span<const uint
   return impl_->publish(channel, message, true);
 }
 bool Bus::publish_command(std::span<const uint8_t> message) {
-  return impl_->publish_signed(kCommandChannel, message);
+  return impl_->publish(kCommandChannel, message, true);
 }
 bool Bus::publish_reply(std::span<const uint8_t> message) {
-  return impl_->publish_signed(kReplyChannel, message);
+  return impl_->publish(kReplyChannel, message, true);
 }
 size_t Bus::frame_groups() const { return impl_->frame_groups(); }
 bool Bus::publish_frame(int64_t pulse, const std::string& channel,

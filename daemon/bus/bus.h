@@ -50,7 +50,7 @@ class Bus {
   /// channel's messages are signed, appends the signature of this process (MemberSignatures).
   bool publish_authenticated(const std::string& channel, std::span<const uint8_t> message);
   /// Sends a command or reply, which contains its own MAC or signature. Each datagram gets a MAC
-  /// too when the message has several, or after MessageAuthenticator::require_command_macs().
+  /// too when there is a studio key.
   bool publish_command(std::span<const uint8_t> message);
   bool publish_reply(std::span<const uint8_t> message);
   MessageAuthenticator& authenticator() { return authenticator_; }

@@ -16,8 +16,8 @@ struct ChannelKind {
   std::string_view name;  ///< of the channel, or the prefix before the name of a node or camera
   enum class Of { kStudio, kNodes, kCameras } of = Of::kStudio;
   size_t max_bytes = 0;  ///< of a message, including a trailer if there is one
-  /// Messages contain their own MAC (wire/studio_key.h) or signature. Messages of one datagram then
-  /// need no other MAC, unless MessageAuthenticator::require_command_macs() was called.
+  /// Commands and replies: they contain their own MAC (wire/studio_key.h) or signature, which the
+  /// subscriber verifies (Credentials). Their datagrams carry a MAC like all others.
   bool holds_own_mac = false;
   /// Unverified messages are delivered too, marked as such: an operator must see the health of a
   /// node that has no key.

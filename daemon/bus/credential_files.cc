@@ -58,7 +58,6 @@ CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials
       accepted_(paths_.accepted_serial, paths_.studio, paths_.authority) {
   if (paths_.members.empty()) return;
   credentials_.require_members();
-  authenticator_.require_command_macs();
   authenticator_.members().require();
 }
 

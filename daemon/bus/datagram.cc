@@ -150,10 +150,6 @@ std::vector<OutgoingDatagram> split_message(uint32_t sequence, std::string_view 
   return datagrams;
 }
 
-bool needs_fragments(std::string_view channel, size_t message_size) {
-  return channel.size() + 1 + message_size > kShortPayload;
-}
-
 DatagramParts split_trailer(const Datagram& datagram) {
   if (datagram.data.size() < kMacTrailerSize) return {datagram.data, std::nullopt};
   const auto data = datagram.data.first(datagram.data.size() - kMacTrailerSize);

@@ -71,9 +71,6 @@ struct OutgoingDatagram {
 std::vector<OutgoingDatagram> split_message(uint32_t sequence, std::string_view channel,
                                             std::span<const uint8_t> message, bool with_trailer);
 
-/// Whether a message without a trailer does not fit into one datagram.
-bool needs_fragments(std::string_view channel, size_t message_size);
-
 /// The message's data in this datagram, and its trailer; the latter is empty when the last 32 bytes
 /// of the data are not a trailer.
 struct DatagramParts {

@@ -38,11 +38,6 @@ class MessageAuthenticator {
   void discard_old_key(MonotonicInstant now);
   /// Rejects every message while there is no key.
   void require_authentication() { insists_ = true; }
-  /// Requires a MAC in each datagram of commands and replies too. Used when members sign them, so
-  /// that a forged command costs one hash and no verification of a signature. To be called before
-  /// the first message is received.
-  void require_command_macs() { covers_commands_ = true; }
-  bool requires_command_macs() const { return covers_commands_; }
   MemberSignatures& members() { return members_; }
   const MemberSignatures& members() const { return members_; }
 
@@ -77,7 +72,6 @@ class MessageAuthenticator {
   MemberSignatures members_;
   std::atomic<bool> has_key_ = false;
   std::atomic<bool> insists_ = false;
-  std::atomic<bool> covers_commands_ = false;
   std::atomic<int64_t> forged_ = 0;
   std::atomic<int64_t> unkeyed_ = 0;
   std::atomic<int64_t> not_signed_ = 0;

@@ -46,8 +46,11 @@ std::span<const uint8_t> without_signature(const ChannelKind& kind,
   return split ? split->message : bytes;
 }
 
-MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts, uint64_t sender) {
+/// `sender`: a frame session, a source address, or 0 for the session in the trailer.
+MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts,
+                            uint64_t sender = 0) {
   const size_t trailer = parts.trailer ? kMacTrailerSize : 0;
+  if (sender == 0 && parts.trailer) sender = parts.trailer->session;
   return {.sender = sender,
           .sequence = datagram.sequence,
           .sent_ns = parts.trailer ? to_ns(parts.trailer->sent) : 0,
@@ -97,12 +100,10 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   if (datagram.is_whole() && !is_handled_here(*kind) && !wanted_(datagram.channel)) {
     return std::nullopt;
   }
-  const bool is_verified_later =
-      kind != nullptr && kind->holds_own_mac && !authenticator_.requires_command_macs();
-  if (datagram.is_whole() && is_verified_later) return pass(datagram.channel, datagram.data);
   const DatagramParts parts = split_trailer(datagram);
   if (is_of_frames(kind, parts, now.monotonic)) return receive_frame(datagram, kind, parts, now);
-  if (parts.trailer && filter_.is_received(stamp_of(datagram, *parts.trailer))) {
+  if (is_skipped(identity_of(datagram, parts))) return std::nullopt;
+  if (parts.trailer && is_repeated(datagram, *parts.trailer)) {
     if (is_first) authenticator_.count_replayed();
     return std::nullopt;
   }
@@ -123,44 +124,79 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   return receive_recent(datagram, kind, parts, stamp, now);
 }
 
-/// The checks after verification of the MAC: recent, answered, subscribed.
+/// Whether an equal datagram was accepted. To be called before the verification of the MAC. When
+/// members are required, the sequence number proves nothing yet: any member can send any number in
+/// the session of another one.
+bool MessageReceiver::is_repeated(const Datagram& datagram, const MacTrailer& trailer) const {
+  if (authenticator_.members().are_required()) return recent_tags_.contains(trailer.tag);
+  return filter_.is_received(stamp_of(datagram, trailer));
+}
+
+/// The checks after verification of the MAC: subscribed, recent.
 std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& datagram,
                                                                const ChannelKind* kind,
                                                                const DatagramParts& parts,
                                                                const SessionStamp& stamp,
                                                                const ReceiverTime& now) {
-  const bool is_first = kind != nullptr;
-  const Signer signer = claimed_signer(datagram, kind, parts.data);
-  if (!filter_.is_recent(stamp, now)) {
-    authenticator_.count_stale();
-    ask(stamp, signer, now);
-    return std::nullopt;
-  }
-  const bool needs_answer = is_first && kind->needs_answer && can_answer(signer);
-  if (needs_answer && !filter_.has_answered(stamp.session, signer)) {
-    ask(stamp, signer, now);
-    return std::nullopt;
-  }
   const bool is_handled = datagram.is_whole() && is_handled_here(*kind);
-  if (is_first && !is_handled && !wanted_(datagram.channel)) {
-    filter_.note(stamp, now);
-    reassembly_.drop(identity_of(datagram, parts, stamp.session));
+  if (kind != nullptr && !is_handled && !wanted_(datagram.channel)) {
+    skip(identity_of(datagram, parts));
     return std::nullopt;
   }
-  const auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
-                                           : reassemble(datagram, parts, stamp.session);
+  if (!datagram.is_whole()) {
+    if (!may_be_recent(stamp, now)) {
+      authenticator_.count_stale();
+      ask(stamp, std::nullopt, now);
+      return std::nullopt;
+    }
+    recent_tags_.insert(parts.trailer->tag);
+  }
+  const auto message =
+      datagram.is_whole() ? pass(datagram.channel, parts.data) : reassemble(datagram, parts);
   if (!message) return std::nullopt;
-  return accept(*message, stamp, now);
+  const auto accepted = accept(*message, stamp, now);
+  if (accepted && accepted->is_accepted) recent_tags_.insert(parts.trailer->tag);
+  return accepted;
 }
 
-/// The last checks of a complete message: its signer may send it, and no other member has answered
-/// for its session. Only then is it noted as received. Otherwise another holder of the studio key
-/// could mark messages of this session as received.
+bool MessageReceiver::may_be_recent(const SessionStamp& fragment, const ReceiverTime& now) const {
+  return authenticator_.members().are_required() ? filter_.is_recent_for_any(fragment, now)
+                                                 : filter_.is_recent(fragment, now);
+}
+
+/// Whether the session has proven that this complete message is recent. Otherwise asks it.
+bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& stamp,
+                                const Signer& signer, const ReceiverTime& now) {
+  if (!filter_.is_recent(stamp, now, signer)) {
+    authenticator_.count_stale();
+    ask(stamp, signer, now);
+    return false;
+  }
+  if (!kind.needs_answer || !can_answer(signer)) return true;
+  if (filter_.has_answered(stamp.session, signer)) return true;
+  ask(stamp, signer, now);
+  return false;
+}
+
+/// The last checks of a complete message: not received, recent, and its signer may send it. Only
+/// then is it noted as received.
+///
+/// The signature of a command or reply does not contain its sequence number. When members are
+/// required, such a message is therefore not noted: otherwise any member could send a recorded one
+/// with a later number, and later commands would count as received. A repeated datagram is
+/// rejected by its tag, and CommandReplayFilter rejects a repeated command.
 std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
                                                        const SessionStamp& stamp,
                                                        const ReceiverTime& now) {
   const ChannelKind& kind = *channels_.find(message.channel);
   const MemberSignatures& members = authenticator_.members();
+  const Signer signer = claimed_signer(kind, message.bytes);
+  const bool is_noted = !kind.holds_own_mac || !members.are_required();
+  if (is_noted && filter_.is_received(stamp, signer)) {
+    authenticator_.count_replayed();
+    return std::nullopt;
+  }
+  if (!is_recent(kind, stamp, signer, now)) return std::nullopt;
   if (kind.is_signed() && members.are_required()) {
     const VerifiedMessage verified =
         members.verify(message.bytes, origin_of(message.channel, stamp), kind,
@@ -171,19 +207,14 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
       message.is_accepted = false;
       return kind.is_shown_unverified ? std::optional(message) : std::nullopt;
     }
-    if (filter_.is_answered_by_other(stamp.session, verified.signer)) {
-      authenticator_.count_stale();
-      ask(stamp, verified.signer, now);
-      return std::nullopt;
-    }
     if (kind.is_of_frame_keys) {
-      filter_.note(stamp, now);
-      register_frame_key(message, verified.signer, stamp, now);
+      filter_.note(stamp, now, signer);
+      register_frame_key(message, signer, stamp, now);
       return std::nullopt;
     }
   }
   message.bytes = without_signature(kind, message.bytes);
-  filter_.note(stamp, now);
+  if (is_noted) filter_.note(stamp, now, signer);
   return message;
 }
 
@@ -307,12 +338,13 @@ void MessageReceiver::register_frame_key(const ReceivedMessage& message, const S
   frame_filter_.accept({id, announced->newest, stamp.sent}, now);
 }
 
-/// The key id in the signature of a message of one datagram. Does not verify the signature.
-Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKind* kind,
-                                       std::span<const uint8_t> data) const {
-  if (!datagram.is_whole() || !authenticator_.members().are_required()) return std::nullopt;
-  if (!kind->is_signed() && !kind->holds_own_mac) return std::nullopt;
-  const auto split = split_signature(data);
+/// The key id in the signature of a message, when members are required. Does not verify the
+/// signature.
+Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
+                                       std::span<const uint8_t> message) const {
+  if (!authenticator_.members().are_required()) return std::nullopt;
+  if (!kind.is_signed() && !kind.holds_own_mac) return std::nullopt;
+  const auto split = split_signature(message);
   return split ? Signer(split->key_id) : std::nullopt;
 }
 
@@ -396,18 +428,16 @@ void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant no
 std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram& datagram,
                                                                  const ChannelKind* kind,
                                                                  uint64_t source) {
-  const Sequence sequence = {source, datagram.sequence};
   const DatagramParts parts = split_trailer(datagram);
+  const MessageIdentity identity = identity_of(datagram, parts, source);
   if (kind != nullptr && !wanted_(datagram.channel)) {
-    skip(sequence);
-    reassembly_.drop(identity_of(datagram, parts, source));
+    skip(identity);
     return std::nullopt;
   }
   if (datagram.is_whole()) {
-    const auto& bytes = kind->holds_own_mac ? datagram.data : parts.data;
-    return pass(datagram.channel, without_signature(*kind, bytes));
+    return pass(datagram.channel, without_signature(*kind, parts.data));
   }
-  if (kind == nullptr && is_skipped(sequence)) return std::nullopt;
+  if (kind == nullptr && is_skipped(identity)) return std::nullopt;
   auto message = reassemble(datagram, parts, source);
   if (message) {
     message->bytes = without_signature(*channels_.find(message->channel), message->bytes);
@@ -448,12 +478,21 @@ std::optional<ReceivedMessage> MessageReceiver::pass(std::string_view channel,
   return ReceivedMessage{channel, bytes};
 }
 
-bool MessageReceiver::is_skipped(const Sequence& message) const {
-  return skipped_[message.sender % skipped_.size()] == message;
+namespace {
+
+size_t place_of(const MessageIdentity& message, size_t places) {
+  return (message.sender ^ message.sequence) % places;
 }
 
-void MessageReceiver::skip(const Sequence& message) {
-  skipped_[message.sender % skipped_.size()] = message;
+}  // namespace
+
+bool MessageReceiver::is_skipped(const MessageIdentity& message) const {
+  return skipped_[place_of(message, skipped_.size())] == message;
+}
+
+void MessageReceiver::skip(const MessageIdentity& message) {
+  skipped_[place_of(message, skipped_.size())] = message;
+  reassembly_.drop(message);
 }
 
 DatagramCounts MessageReceiver::counts() const {

@@ -13,6 +13,7 @@
 #include "daemon/bus/frame_sessions.h"
 #include "daemon/bus/message_authenticator.h"
 #include "daemon/bus/reassembly.h"
+#include "daemon/bus/recent_tags.h"
 #include "daemon/bus/session_replay_filter.h"
 #include "wire/messages.h"
 
@@ -56,7 +57,10 @@ struct SessionPort {
 ///
 /// When members are required, a message also needs the signature of a member that may send it
 /// (MemberSignatures), and the answer of its session must be signed with the same key. The receiver
-/// verifies at most one signature a message, and none for senders without the studio key.
+/// verifies at most one signature a message, and none for senders without the studio key. Each key
+/// has its own windows of sequence numbers, so that no member can make messages of another one
+/// count as received. Before the MAC, repeated datagrams are then detected by their tag
+/// (RecentTags).
 ///
 /// When members are required, live frames need the MAC of a frame key of the node that owns the
 /// camera (FrameSessions), and no other message is accepted with it. A session is then identified
@@ -86,11 +90,6 @@ class MessageReceiver {
   DatagramCounts counts() const;
 
  private:
-  struct Sequence {
-    uint64_t sender = 0;
-    uint32_t number = 0;
-    friend bool operator==(const Sequence&, const Sequence&) = default;
-  };
   std::optional<ReceivedMessage> receive_authentic(const Datagram& datagram,
                                                    const ChannelKind* kind,
                                                    const ReceiverTime& now);
@@ -105,6 +104,10 @@ class MessageReceiver {
                                                          const DatagramParts& parts,
                                                          const FrameSession& session,
                                                          const ReceiverTime& now);
+  bool is_repeated(const Datagram& datagram, const MacTrailer& trailer) const;
+  bool may_be_recent(const SessionStamp& fragment, const ReceiverTime& now) const;
+  bool is_recent(const ChannelKind& kind, const SessionStamp& stamp, const Signer& signer,
+                 const ReceiverTime& now);
   bool is_of_frames(const ChannelKind* kind, const DatagramParts& parts,
                     MonotonicInstant now) const;
   bool may_be_frame(const ChannelKind* kind, const DatagramParts& parts) const;
@@ -118,8 +121,7 @@ class MessageReceiver {
                                         const ReceiverTime& now);
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
                     MonotonicInstant now) const;
-  Signer claimed_signer(const Datagram& datagram, const ChannelKind* kind,
-                        std::span<const uint8_t> data) const;
+  Signer claimed_signer(const ChannelKind& kind, std::span<const uint8_t> message) const;
   bool can_answer(const Signer& signer) const;
   void ask(const SessionStamp& stamp, const Signer& signer, const ReceiverTime& now);
   void drop_old_questions();
@@ -132,16 +134,17 @@ class MessageReceiver {
                                         MonotonicInstant now);
   void answer(const SessionMessage& question, MonotonicInstant now);
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
-                                            uint64_t sender);
+                                            uint64_t sender = 0);
   std::optional<ReceivedMessage> pass(std::string_view channel, std::span<const uint8_t> bytes);
-  bool is_skipped(const Sequence& message) const;
-  void skip(const Sequence& message);
+  bool is_skipped(const MessageIdentity& message) const;
+  void skip(const MessageIdentity& message);
 
   ChannelList channels_;
   MessageAuthenticator& authenticator_;
   const Wanted wanted_;
   const SessionPort sessions_;
   SessionReplayFilter filter_;
+  RecentTags recent_tags_;  ///< used when members are required
   SessionQuestions questions_;
   FrameSessions frame_sessions_;
   SessionReplayFilter frame_filter_;  ///< of frame sessions, by FrameSession::id
@@ -149,8 +152,8 @@ class MessageReceiver {
   MonotonicInstant answers_since_;
   int answers_ = 0;
   Reassembly reassembly_;
-  /// Messages without a subscription, when no authentication is required. Indexed by sender.
-  std::array<Sequence, 256> skipped_{};
+  /// Messages without a subscription, whose further fragments are not needed.
+  std::array<MessageIdentity, 256> skipped_{};
   std::atomic<int64_t> malformed_ = 0;
   std::atomic<int64_t> foreign_ = 0;
   std::atomic<int64_t> oversized_ = 0;

@@ -8,6 +8,10 @@
 namespace v3d {
 namespace {
 
+bool is_young(Duration age) {
+  return age <= SessionReplayFilter::kOldest && -age <= SessionReplayFilter::kAhead;
+}
+
 /// `sequence` minus `other`, with wrap-around; negative when `sequence` is older.
 int64_t distance(uint32_t sequence, uint32_t other) {
   return static_cast<int32_t>(sequence - other);
@@ -17,13 +21,19 @@ int64_t distance(uint32_t sequence, uint32_t other) {
 
 // --- window -------------------------------------------------------------------------------------
 
-const SessionReplayFilter::Session* SessionReplayFilter::find(uint32_t session) const {
-  const auto found = std::ranges::find(sessions_, session, &Session::id);
+const SessionReplayFilter::Session* SessionReplayFilter::find(uint32_t session,
+                                                              const Signer& signer) const {
+  const auto found = std::ranges::find_if(
+      sessions_, [&](const Session& known) { return known.is_of(session, signer); });
   return found == sessions_.end() ? nullptr : &*found;
 }
 
-bool SessionReplayFilter::is_received(const SessionStamp& stamp) const {
-  const Session* const known = find(stamp.session);
+bool SessionReplayFilter::knows(uint32_t session) const {
+  return std::ranges::find(sessions_, session, &Session::id) != sessions_.end();
+}
+
+bool SessionReplayFilter::is_received(const SessionStamp& stamp, const Signer& signer) const {
+  const Session* const known = find(stamp.session, signer);
   if (known == nullptr) return false;
   const int64_t ahead = distance(stamp.sequence, known->newest);
   if (ahead > 0) return false;
@@ -31,8 +41,10 @@ bool SessionReplayFilter::is_received(const SessionStamp& stamp) const {
 }
 
 SessionReplayFilter::Session& SessionReplayFilter::find_or_add(const SessionStamp& stamp,
-                                                               const ReceiverTime& now) {
-  const auto found = std::ranges::find(sessions_, stamp.session, &Session::id);
+                                                               const ReceiverTime& now,
+                                                               const Signer& signer) {
+  const auto found = std::ranges::find_if(
+      sessions_, [&](const Session& known) { return known.is_of(stamp.session, signer); });
   if (found != sessions_.end()) return *found;
   if (sessions_.size() == kMaxSessions) {
     const auto silent = std::ranges::min_element(sessions_, {}, &Session::received_at);
@@ -42,14 +54,16 @@ SessionReplayFilter::Session& SessionReplayFilter::find_or_add(const SessionStam
   }
   Session& added = sessions_.emplace_back();
   added.id = stamp.session;
+  added.signer = signer;
   added.newest = stamp.sequence;
   added.fast_sent = stamp.sent;
   added.fast_received = now.monotonic;
   return added;
 }
 
-void SessionReplayFilter::note(const SessionStamp& stamp, const ReceiverTime& now) {
-  Session& known = find_or_add(stamp, now);
+void SessionReplayFilter::note(const SessionStamp& stamp, const ReceiverTime& now,
+                               const Signer& signer) {
+  Session& known = find_or_add(stamp, now, signer);
   if (known.delay(stamp.sent, now.monotonic) <= known.drift(now.monotonic)) {
     known.fast_sent = stamp.sent;
     known.fast_received = now.monotonic;
@@ -68,36 +82,39 @@ void SessionReplayFilter::note(const SessionStamp& stamp, const ReceiverTime& no
 
 // --- recency ------------------------------------------------------------------------------------
 
-bool SessionReplayFilter::is_recent(const SessionStamp& stamp, const ReceiverTime& now) const {
-  const Session* const known = find(stamp.session);
-  const Duration age = known == nullptr
-                           ? now.realtime - stamp.sent
-                           : known->delay(stamp.sent, now.monotonic) - known->drift(now.monotonic);
-  if (known == nullptr && stamp.sent <= floor_) return false;
-  return age <= kOldest && -age <= kAhead;
+bool SessionReplayFilter::agrees_with_wall_clock(RealtimeInstant sent,
+                                                 const ReceiverTime& now) const {
+  return sent > floor_ && is_young(now.realtime - sent);
+}
+
+bool SessionReplayFilter::is_recent(const SessionStamp& stamp, const ReceiverTime& now,
+                                    const Signer& signer) const {
+  const Session* const known = find(stamp.session, signer);
+  if (known == nullptr) return agrees_with_wall_clock(stamp.sent, now);
+  return is_young(known->age(stamp.sent, now.monotonic));
+}
+
+bool SessionReplayFilter::is_recent_for_any(const SessionStamp& stamp,
+                                            const ReceiverTime& now) const {
+  return agrees_with_wall_clock(stamp.sent, now) ||
+         std::ranges::any_of(sessions_, [&](const Session& known) {
+           return known.id == stamp.session && is_young(known.age(stamp.sent, now.monotonic));
+         });
 }
 
 bool SessionReplayFilter::has_answered(uint32_t session, const Signer& signer) const {
-  const Session* const known = find(session);
-  return known != nullptr && known->has_answered && known->answered_by == signer;
-}
-
-bool SessionReplayFilter::is_answered_by_other(uint32_t session, const Signer& signer) const {
-  const Session* const known = find(session);
-  return known != nullptr && known->has_answered && known->answered_by != signer;
+  const Session* const known = find(session, signer);
+  return known != nullptr && known->has_answered;
 }
 
 void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime& now,
                                  const Signer& signer) {
-  Session& session = find_or_add(newest, now);
+  Session& session = find_or_add(newest, now, signer);
   session.fast_sent = newest.sent;
   session.fast_received = now.monotonic;
   session.newest_sent = newest.sent;
   session.received_at = now.monotonic;
-  const bool is_first = !session.has_answered || session.answered_by != signer;
-  session.has_answered = true;
-  session.answered_by = signer;
-  if (!is_first) return;
+  if (std::exchange(session.has_answered, true)) return;
   if (distance(newest.sequence, session.newest) > 0) session.newest = newest.sequence;
   session.received.set();
 }

@@ -40,9 +40,11 @@ struct ReceiverTime {
 /// recording. The caller passes it to accept().
 ///
 /// Messages that nodes act on need an answer of their session in any case (has_answered()). With a
-/// wall clock alone, recordings of that time would be accepted after a restart. When members sign,
-/// the key that signs the messages must sign the answer too. Every member has the studio key, so it
-/// can send and answer in the session of another member whose messages it has recorded.
+/// wall clock alone, recordings of that time would be accepted after a restart.
+///
+/// Where members sign, a session is identified by its number and the key that signs its messages
+/// and answers. Every member has the studio key, so it can send and answer with the number of
+/// another member's session. It changes only the window and clock of its own key.
 ///
 /// At most kMaxSessions are stored. A new one replaces the session that was silent longest. Then
 /// unknown sessions are not recent with messages that were sent before the last one of the removed
@@ -65,21 +67,22 @@ class SessionReplayFilter {
 
   /// Whether the message was received before. To be called before the verification of the message.
   /// Sequence numbers may wrap.
-  bool is_received(const SessionStamp& stamp) const;
-  /// Whether the session is stored: an authentic message of it was accepted, or it has answered.
-  bool knows(uint32_t session) const { return find(session) != nullptr; }
+  bool is_received(const SessionStamp& stamp, const Signer& signer = {}) const;
+  /// Whether the session is stored for any signer: an authentic message of it was accepted, or it
+  /// has answered.
+  bool knows(uint32_t session) const;
   /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
-  bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
-  /// Whether the last accept() for the session had this signer.
+  bool is_recent(const SessionStamp& stamp, const ReceiverTime& now,
+                 const Signer& signer = {}) const;
+  /// Whether the message is recent for any signer. For fragments, whose signer is not known yet.
+  bool is_recent_for_any(const SessionStamp& stamp, const ReceiverTime& now) const;
+  /// Whether accept() was called for the session and the signer.
   bool has_answered(uint32_t session, const Signer& signer = {}) const;
-  /// Whether the last accept() for the session had another signer: the stored time and numbers of
-  /// the session then come from the answer of another member.
-  bool is_answered_by_other(uint32_t session, const Signer& signer) const;
-  /// Records an authentic, recent message as received.
-  void note(const SessionStamp& stamp, const ReceiverTime& now);
-  /// Records that the session has answered a question. `newest.sent` is the session's current time,
-  /// `newest.sequence` the number of its last message. After the first answer of a signer, messages
-  /// up to that number count as received.
+  /// Records an authentic, recent message as received. With a signer: its signature was verified.
+  void note(const SessionStamp& stamp, const ReceiverTime& now, const Signer& signer = {});
+  /// Records that the session has answered a question with this signer. `newest.sent` is the
+  /// session's current time, `newest.sequence` the number of its last message. After the first
+  /// answer, messages up to that number count as received.
   void accept(const SessionStamp& newest, const ReceiverTime& now, const Signer& signer = {});
   /// Number of removed sessions. After a removal, answers to earlier questions must be ignored:
   /// they may be older than messages that were received.
@@ -88,9 +91,9 @@ class SessionReplayFilter {
  private:
   struct Session {
     uint32_t id = 0;
+    Signer signer;
     uint32_t newest = 0;
     bool has_answered = false;
-    Signer answered_by;  ///< signer of the last answer
     RealtimeInstant newest_sent = RealtimeInstant::min();
     MonotonicInstant received_at;  ///< time of the last reception
     // The message with the shortest delay: times of sending and reception.
@@ -105,9 +108,17 @@ class SessionReplayFilter {
     Duration drift(MonotonicInstant now) const {
       return from_seconds(kDrift * to_seconds(now - fast_received));
     }
+    /// The least possible age of a message.
+    Duration age(RealtimeInstant sent, MonotonicInstant now) const {
+      return delay(sent, now) - drift(now);
+    }
+    bool is_of(uint32_t session, const Signer& other) const {
+      return id == session && signer == other;
+    }
   };
-  const Session* find(uint32_t session) const;
-  Session& find_or_add(const SessionStamp& stamp, const ReceiverTime& now);
+  const Session* find(uint32_t session, const Signer& signer) const;
+  Session& find_or_add(const SessionStamp& stamp, const ReceiverTime& now, const Signer& signer);
+  bool agrees_with_wall_clock(RealtimeInstant sent, const ReceiverTime& now) const;
 
   std::vector<Session> sessions_;
   RealtimeInstant floor_ = RealtimeInstant::min();

@@ -13,7 +13,10 @@ constexpr Duration kReportedFor = std::chrono::seconds(10);
 }  // namespace
 
 CommandReplayFilter::CommandReplayFilter(std::string node, std::function<int64_t()> draw)
-    : node_(std::move(node)), draw_(std::move(draw)) {}
+    : node_(std::move(node)), draw_(std::move(draw)) {
+  constexpr size_t kLongestProblem = 256;
+  problem_.reserve(kLongestProblem);
+}
 
 CommandCounts CommandReplayFilter::counts() const {
   const std::lock_guard lock(mutex_);
@@ -152,7 +155,7 @@ void CommandReplayFilter::record(const CommandMessage& command, MonotonicInstant
   senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
 }
 
-void CommandReplayFilter::set_problem(const std::string& problem, MonotonicInstant now) {
+void CommandReplayFilter::set_problem(std::string_view problem, MonotonicInstant now) {
   problem_ = problem;
   problem_time_ = now;
 }

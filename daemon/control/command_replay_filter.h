@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "base/core/time.h"
 #include "daemon/bus/credentials.h"
@@ -82,7 +83,8 @@ class CommandReplayFilter {
   void record(const CommandMessage& command, MonotonicInstant now);
   void renew_nonces(MonotonicInstant now);
   void draw_nonces(MonotonicInstant now);
-  void set_problem(const std::string& problem, MonotonicInstant now);
+  /// Allocates nothing unless the text is longer than all before.
+  void set_problem(std::string_view problem, MonotonicInstant now);
 
   const std::string node_;
   const std::function<int64_t()> draw_;

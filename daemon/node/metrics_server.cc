@@ -1,8 +1,7 @@
 #include "daemon/node/metrics_server.h"
 
-#include <prometheus/collectable.h>
-#include <prometheus/exposer.h>
 #include <prometheus/metric_family.h>
+#include <prometheus/text_serializer.h>
 #include <spdlog/spdlog.h>
 
 #include <cctype>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "base/core/error.h"
+#include "daemon/web/web_server.h"
 
 namespace v3d {
 namespace {
@@ -43,14 +43,28 @@ ClientMetric info_of(const HealthMessage& health) {
                1);
 }
 
-class LastHealth : public prometheus::Collectable {
+class MetricsHandler final : public WebHandler {
  public:
   void set(const HealthMessage& health) {
     const std::lock_guard lock(mutex_);
     health_ = health;
   }
 
-  std::vector<MetricFamily> Collect() const override {
+  WebAnswer answer(const WebRequest& request) override {
+    const bool is_read = request.method == "GET" || request.method == "HEAD";
+    if (!is_read || request.target != "/metrics") {
+      return plain_answer(404, "there is only GET /metrics");
+    }
+    return {.type = "text/plain; version=0.0.4; charset=utf-8",
+            .body = prometheus::TextSerializer().Serialize(families())};
+  }
+  ClientRole role_of(const WebRequest& /*request*/) const override { return ClientRole::kViewer; }
+  Opening open_stream(const WebRequest& /*request*/) override {
+    return {nullptr, plain_answer(404, "there is no stream")};
+  }
+
+ private:
+  std::vector<MetricFamily> families() const {
     const std::lock_guard lock(mutex_);
     std::map<std::string, MetricFamily> families;
     if (health_.node.empty()) return {};
@@ -70,7 +84,6 @@ class LastHealth : public prometheus::Collectable {
     return list;
   }
 
- private:
   static void add(std::map<std::string, MetricFamily>& families, const std::string& family_name,
                   ClientMetric metric) {
     MetricFamily& family = families[family_name];
@@ -84,37 +97,24 @@ class LastHealth : public prometheus::Collectable {
   HealthMessage health_;
 };
 
-/// civetweb uses one thread per connection until the request has been read. A client that never
-/// completes its request occupies a thread for the whole time limit.
-std::vector<std::string> server_options(const std::string& address) {
-  return {"listening_ports", address, "num_threads", "32", "request_timeout_ms", "1000"};
-}
-
 }  // namespace
 
 class MetricsServer::Impl {
  public:
   explicit Impl(const std::string& address)
-      : health_(std::make_shared<LastHealth>()), exposer_(server_options(address)) {
-    exposer_.RegisterCollectable(health_);
-  }
-  void update(const HealthMessage& health) { health_->set(health); }
+      : server_(parse_web_address(address, "network.metrics"), handler_, {.keeps_alive = false}) {}
+  void update(const HealthMessage& health) { handler_.set(health); }
+  uint16_t port() const { return server_.port(); }
 
  private:
-  const std::shared_ptr<LastHealth> health_;
-  prometheus::Exposer exposer_;
+  MetricsHandler handler_;
+  WebServer server_;  ///< last: its thread uses the handler
 };
 
-MetricsServer::MetricsServer(const std::string& address) {
-  try {
-    impl_ = std::make_unique<Impl>(address);
-  } catch (const std::exception&) {  // civetweb gives no reason
-    throw InputError("network.metrics: cannot listen on " + address +
-                     "; is it an address of this PC, and free?");
-  }
-}
+MetricsServer::MetricsServer(const std::string& address) : impl_(std::make_unique<Impl>(address)) {}
 MetricsServer::~MetricsServer() = default;
 void MetricsServer::update(const HealthMessage& health) { impl_->update(health); }
+uint16_t MetricsServer::port() const { return impl_->port(); }
 
 std::unique_ptr<MetricsServer> serve_metrics(const std::string& address) {
   if (address.empty()) return nullptr;

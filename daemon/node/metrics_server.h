@@ -1,6 +1,7 @@
-// Serves the health of a node to Prometheus over HTTP. Adapter of prometheus-cpp.
+// Serves the health of a node to Prometheus over HTTP. prometheus-cpp makes the text.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -12,11 +13,13 @@ namespace v3d {
 /// the label `node`; values of a camera are v3d_camera_NAME and have the label `camera`, too.
 /// v3d_info has state, take, program and version as labels.
 ///
-/// Has 32 threads. A client must send its request within 1 s, so that slow clients do not block
-/// others.
+/// Connections are bounded as those of v3d-viewd (ConnectionSlots): where their places are taken, a
+/// new connection replaces the oldest one without a whole request. Each connection ends after one
+/// answer.
 class MetricsServer {
  public:
-  /// `address`: "127.0.0.1:9464". Throws InputError when it cannot listen there.
+  /// `address`: "127.0.0.1:9464"; port 0 selects a free port. Throws InputError when it cannot
+  /// listen there.
   explicit MetricsServer(const std::string& address);
   ~MetricsServer();
   MetricsServer(const MetricsServer&) = delete;
@@ -24,6 +27,7 @@ class MetricsServer {
 
   /// Any thread.
   void update(const HealthMessage& health);
+  uint16_t port() const;
 
  private:
   class Impl;

@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "base/core/printable.h"
-#include "daemon/viewd/web_access.h"
+#include "daemon/web/web_access.h"
 
 namespace v3d {
 namespace {

@@ -10,7 +10,7 @@
 #include "daemon/viewd/child_program.h"
 #include "daemon/viewd/operator_command.h"
 #include "daemon/viewd/token_throttle.h"
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 #include "wire/messages.h"
 
 namespace v3d {

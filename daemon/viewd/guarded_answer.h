@@ -4,7 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include "base/core/error.h"
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 
 namespace v3d {
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 #include "wire/messages.h"
 
 namespace v3d {

@@ -12,7 +12,7 @@
 #include "base/core/time.h"
 #include "daemon/viewd/operator_command.h"
 #include "daemon/viewd/view_json.h"
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 
 namespace v3d {
 

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string>
 
-#include "daemon/viewd/web_message.h"
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_message.h"
+#include "daemon/web/web_target.h"
 
 namespace v3d {
 

@@ -12,8 +12,8 @@
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/studio_status.h"
-#include "daemon/viewd/web_server.h"
 #include "daemon/viewd/web_site.h"
+#include "daemon/web/web_server.h"
 
 namespace {
 
@@ -101,7 +101,8 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   const auto subscribe = [&](v3d::WebSite::StreamKind kind) {
     return kind == v3d::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
   };
-  v3d::WebServer server(address, site, subscribe);
+  v3d::SiteHandler handler(site, subscribe);
+  v3d::WebServer server(address, handler);
   const std::string host =
       address.host.find(':') == std::string::npos ? address.host : "[" + address.host + "]";
   spdlog::info("serves http://{}:{}/{}", host, server.port(),

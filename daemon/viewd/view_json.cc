@@ -162,8 +162,4 @@ std::string state_json(const StudioState& state) {
                   {"nodes", nodes}});
 }
 
-std::string pong_json(int64_t ping, RealtimeInstant now) {
-  return text_of({{"type", "pong"}, {"ping", ping}, {"now_ms", milliseconds(now)}});
-}
-
 }  // namespace v3d

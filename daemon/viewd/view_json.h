@@ -57,7 +57,4 @@ struct StudioState {
 /// "cameras"; if heard: "program", "version", "state", "take", "text", "values"}]}
 std::string state_json(const StudioState& state);
 
-/// {"type": "pong", "ping", "now_ms"}: synchronises the clock of the page.
-std::string pong_json(int64_t ping, RealtimeInstant now);
-
 }  // namespace v3d

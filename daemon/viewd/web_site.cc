@@ -12,7 +12,7 @@
 #include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/view_json.h"
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_target.h"
 
 namespace v3d {
 namespace {
@@ -166,6 +166,14 @@ WebAnswer WebSite::answer(const WebRequest& request) {
     if (is_command(request, target)) return commands_.post(request, Monotonic::now());
     return find(request, *target);
   });
+}
+
+// --- the server's interface ----------------------------------------------------------------------
+
+WebHandler::Opening SiteHandler::open_stream(const WebRequest& request) {
+  WebSite::Opening opening = site_.open_stream(request);
+  if (!opening.stream) return {nullptr, std::move(opening.refusal)};
+  return {subscribe_(*opening.stream), {}};
 }
 
 WebSite::Opening WebSite::open_stream(const WebRequest& request) const {

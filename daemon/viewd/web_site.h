@@ -21,11 +21,10 @@
 
 #include "base/config/studio_file.h"
 #include "daemon/viewd/command_endpoint.h"
-#include "daemon/viewd/connection_slots.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/take_pictures.h"
-#include "daemon/viewd/web_access.h"
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_access.h"
+#include "daemon/web/web_handler.h"
 #include "take/take_listing.h"
 
 namespace v3d {
@@ -74,6 +73,22 @@ class WebSite {
   const TakePictures pictures_;
   const std::shared_ptr<CachedListing> take_listing_;
   const std::shared_ptr<CachedListing> scene_listing_;
+};
+
+/// A WebSite with its WebSockets, for the server.
+class SiteHandler final : public WebHandler {
+ public:
+  using Subscribe = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
+  /// `site` and the objects that `subscribe` uses must outlive this object.
+  SiteHandler(WebSite& site, Subscribe subscribe) : site_(site), subscribe_(std::move(subscribe)) {}
+
+  WebAnswer answer(const WebRequest& request) override { return site_.answer(request); }
+  ClientRole role_of(const WebRequest& request) const override { return site_.role_of(request); }
+  Opening open_stream(const WebRequest& request) override;
+
+ private:
+  WebSite& site_;
+  const Subscribe subscribe_;
 };
 
 }  // namespace v3d

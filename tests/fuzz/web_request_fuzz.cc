@@ -5,8 +5,8 @@
 
 #include "base/core/name.h"
 #include "daemon/viewd/command_endpoint.h"
-#include "daemon/viewd/web_access.h"
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_access.h"
+#include "daemon/web/web_target.h"
 #include "fuzz_input.h"
 
 using v3d::test::must;

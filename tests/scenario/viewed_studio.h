@@ -77,8 +77,9 @@ inline int served_port(const ChildProcess& viewd) {
 class ViewedStudio : public Studio4 {
  protected:
   /// `more`: lines appended to the section [viewer] of the studio file.
-  explicit ViewedStudio(const std::string& more = "")
-      : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more}) {
+  explicit ViewedStudio(const std::string& more = "", bool has_members = false)
+      : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more,
+                 .has_members = has_members}) {
     write_text(folder_ / "operator.token", std::string(kOperatorToken) + "\n");
     chmod((folder_ / "operator.token").c_str(), 0600);
     std::filesystem::create_directories(folder_ / "page");

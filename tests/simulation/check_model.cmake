@@ -2,6 +2,9 @@
 #       [-DPAN_OPTIONS=...] [-DHAS_FAULT=yes] -P check_model.cmake
 # Builds Spin's verifier of the model with the daemons' transition table and runs it. With HAS_FAULT, the verifier must find
 # an error.
+if(NOT EXISTS "${SPIN}")
+  message(FATAL_ERROR "spin is not installed, so the model is not checked; try: tools/install-deps")
+endif()
 file(MAKE_DIRECTORY ${DIR})
 file(COPY ${MODEL} ${CMAKE_CURRENT_LIST_DIR}/node.pml DESTINATION ${DIR})
 get_filename_component(model ${MODEL} NAME)

@@ -1,5 +1,6 @@
 // Benchmark of live frames over the loopback network: rate of received frames, and processor time
-// of both ends. The bus is compared with liblcm and one MAC (HMAC-SHA-512-256) for each message.
+// of both ends. The bus, with and without a member list, is compared with liblcm and one MAC
+// (HMAC-SHA-512-256) for each message.
 // Needs a multicast route on `lo` (in its own namespace: unshare -Urn).
 #include <lcm/lcm.h>
 #include <sys/resource.h>
@@ -62,6 +63,60 @@ class BusPair {
   Bus sender_{kUrl};
   Bus receiver_{kUrl};
   std::optional<Bus::Listening> listening_;
+};
+
+/// A studio of one capture and one reconstruction node.
+Studio studio_of_members() {
+  Studio studio;
+  studio.nodes = {{"cap01"}, {"recon01"}};
+  studio.trigger.node = "cap01";
+  studio.cameras.resize(kCameras);
+  for (size_t c = 0; c < studio.cameras.size(); ++c) {
+    studio.cameras[c].name = rig()[c].name;
+    studio.cameras[c].node = "cap01";
+  }
+  return studio;
+}
+
+/// Sender and receiver by the bus, with a member list: frames carry the MAC of a frame key.
+class MemberPair {
+ public:
+  explicit MemberPair(std::atomic<int64_t>& received) {
+    const StudioKey key = StudioKey::make();
+    const SigningKey capture = SigningKey::make(), recon = SigningKey::make();
+    const auto list = std::make_shared<const MemberList>(
+        MemberList{.studio = "bench",
+                   .serial = 1,
+                   .members = {{"cap01", Role::kCapture, capture.public_key()},
+                               {"recon01", Role::kReconstruction, recon.public_key()}}});
+    enrol(sender_, key, capture, list);
+    enrol(receiver_, key, recon, list);
+    answers_.emplace(sender_.subscribe(kEventChannel, [](const ReceivedMessage&) {}));
+    listening_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const ReceivedMessage& in) {
+      if (decode<FrameMessage>(in.bytes)) ++received;
+    }));
+    while (received == 0) {  // until the receiver has the frame key
+      sender_.announce_frame_key("cap01");
+      send(0, one_pulse()[0]);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    received = 0;
+  }
+  void send(int camera, const Bytes& frame) {
+    sender_.publish_frame(0, frame_channel(rig()[camera].name), frame);
+  }
+
+ private:
+  static void enrol(Bus& bus, const StudioKey& key, const SigningKey& signing_key,
+                    const std::shared_ptr<const MemberList>& list) {
+    bus.authenticator().set_key(key);
+    bus.authenticator().members().require();
+    bus.authenticator().members().set_signing_key(signing_key);
+    bus.authenticator().members().set_members(list);
+  }
+  Bus sender_{kUrl, {}, ChannelList(studio_of_members())};
+  Bus receiver_{kUrl, {}, ChannelList(studio_of_members())};
+  std::optional<Bus::Listening> answers_, listening_;
 };
 
 /// Sender and receiver by liblcm. Each message ends with one MAC of all its bytes.
@@ -138,11 +193,13 @@ constexpr double kLive = 25;
 void by_bus(benchmark::State& state) { receive<BusPair>(state, kUnpaced); }
 void by_liblcm(benchmark::State& state) { receive<LcmPair>(state, kUnpaced); }
 void by_bus_live(benchmark::State& state) { receive<BusPair>(state, kLive); }
+void by_members_live(benchmark::State& state) { receive<MemberPair>(state, kLive); }
 void by_liblcm_live(benchmark::State& state) { receive<LcmPair>(state, kLive); }
 
 BENCHMARK(by_bus)->Name("receive/15xXGA");
 BENCHMARK(by_liblcm)->Name("receive/15xXGA/liblcm");
 BENCHMARK(by_bus_live)->Name("receive/15xXGA/25Hz");
+BENCHMARK(by_members_live)->Name("receive/15xXGA/25Hz/members");
 BENCHMARK(by_liblcm_live)->Name("receive/15xXGA/25Hz/liblcm");
 
 }  // namespace

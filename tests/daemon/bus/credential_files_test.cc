@@ -149,7 +149,7 @@ TEST_F(MemberFiles, make_a_node_accept_operators_and_sign_its_replies) {
   EXPECT_THAT(files_->problem(), IsEmpty());
   EXPECT_TRUE(accepts_ada());
   EXPECT_TRUE(is_accepted_as("cap01"));
-  EXPECT_TRUE(authenticator_.requires_command_macs());
+  EXPECT_TRUE(authenticator_.members().are_required());
 }
 
 TEST_F(MemberFiles, revoke_and_enroll_members_while_the_process_runs) {

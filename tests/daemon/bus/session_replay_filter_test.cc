@@ -42,13 +42,25 @@ TEST(SessionReplayFilter, keeps_answers_of_different_keys_apart) {
   EXPECT_TRUE(filter.has_answered(7, key_id(1)));
   EXPECT_FALSE(filter.has_answered(7, key_id(2)));
   EXPECT_FALSE(filter.has_answered(7)) << "unknown key";
-  EXPECT_TRUE(filter.is_answered_by_other(7, key_id(2)));
-  EXPECT_FALSE(filter.is_answered_by_other(8, key_id(2))) << "no answer yet";
   filter.accept(stamp(7, 200), kNow, key_id(2));
   EXPECT_TRUE(filter.has_answered(7, key_id(2)));
-  EXPECT_FALSE(filter.has_answered(7, key_id(1)));
-  EXPECT_TRUE(filter.is_received(stamp(7, 150))) << "the first answer of this key";
+  EXPECT_TRUE(filter.has_answered(7, key_id(1)));
   EXPECT_FALSE(filter.is_received(stamp(7, 201)));
+}
+
+TEST(SessionReplayFilter, keeps_numbers_and_times_of_different_keys_apart) {
+  SessionReplayFilter filter;
+  filter.note(stamp(7, 100), kNow, key_id(1));
+  filter.note(stamp(7, 1'000'000, 1s), kNow, key_id(2));
+  filter.accept(stamp(7, 2'000'000, 1h), kNow, key_id(2));
+  EXPECT_FALSE(filter.is_received(stamp(7, 101), key_id(1)));
+  EXPECT_TRUE(filter.is_received(stamp(7, 101), key_id(2)));
+  EXPECT_TRUE(filter.is_recent(stamp(7, 101), kNow, key_id(1)));
+  EXPECT_FALSE(filter.is_recent(stamp(7, 101), kNow, key_id(2)));
+  for (const Duration sent : {Duration(0s), Duration(1h)}) {
+    EXPECT_TRUE(filter.is_recent_for_any(stamp(7, 101, sent), kNow));
+  }
+  EXPECT_FALSE(filter.is_recent_for_any(stamp(7, 101, -1h), kNow));
 }
 
 TEST(SessionQuestions, accept_an_answer_of_the_named_key_or_of_any_key_when_none_was_named) {

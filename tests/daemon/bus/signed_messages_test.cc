@@ -108,9 +108,10 @@ class SignedMessages : public testing::Test {
   MessageAuthenticator authenticator_;
   std::vector<SessionMessage> sent_;
   RawDatagram datagram_;
+  std::string_view unwanted_;
   MessageReceiver receiver_{ChannelList(studio()),
                             authenticator_,
-                            [](std::string_view) { return true; },
+                            [this](std::string_view channel) { return channel != unwanted_; },
                             {.send = [this](const SessionMessage& m) { sent_.push_back(m); }}};
 };
 
@@ -322,7 +323,6 @@ TEST_F(SignedMessages, need_a_signed_answer) {
 }
 
 TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_answer) {
-  authenticator_.require_command_macs();
   DatagramSender ada(studio_key_);
   const auto send = [&] {
     const Bytes command = sign_message(encode(CommandMessage{}), key("ada"));
@@ -340,6 +340,113 @@ TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_
   EXPECT_FALSE(send());
   answer_as("ada");
   EXPECT_TRUE(send());
+}
+
+// --- members that send in the session of another one ---------------------------------------------
+
+/// Attack: a viewer has the studio key, so it can send with any session and sequence number.
+class SuppressingViewer : public SignedMessages {
+ protected:
+  /// A sender in the session of `victim` whose numbers are far ahead.
+  DatagramSender ahead_of(const DatagramSender& victim) {
+    DatagramSender viewer(studio_key_);
+    viewer.session = victim.session;
+    viewer.sequence = victim.sequence + (ahead_ += 10'000);
+    return viewer;
+  }
+  Bytes stop() const { return sign_message(encode(CommandMessage{}), key("ada")); }
+  /// A short message as two fragments.
+  std::vector<RawDatagram> in_two_fragments(const MessageOrigin& origin,
+                                            std::span<const uint8_t> message) const {
+    const size_t half = message.size() / 2;
+    std::vector<RawDatagram> fragments;
+    for (const uint16_t number : {0, 1}) {
+      RawDatagram bytes = test::fragment_header(
+          {.sequence = origin.sequence,
+           .message_size = static_cast<uint32_t>(message.size() + kMacTrailerSize),
+           .offset = static_cast<uint32_t>(number * half),
+           .number = number});
+      if (number == 0) test::put_text(bytes, std::string(origin.channel) + '\0');
+      const auto data = number == 0 ? message.first(half) : message.subspan(half);
+      MacTrailer trailer{.session = origin.session, .sent = origin.sent};
+      DatagramMac(studio_key_).sign(bytes, data, trailer);
+      bytes.insert(bytes.end(), data.begin(), data.end());
+      const auto end = trailer.bytes();
+      bytes.insert(bytes.end(), end.begin(), end.end());
+      fragments.push_back(std::move(bytes));
+    }
+    return fragments;
+  }
+
+  uint32_t ahead_ = 0;
+};
+
+TEST_F(SuppressingViewer, does_not_keep_an_operator_from_commanding) {
+  DatagramSender ada(studio_key_);
+  const auto first = ada.datagrams(kCommandChannel, stop());
+  EXPECT_TRUE(accepts(first));
+  receive(ahead_of(ada).datagrams(kCommandChannel, Bytes(100, 7)));
+  EXPECT_TRUE(accepts(ada.datagrams(kCommandChannel, stop()))) << "after a forged command";
+  receive(ahead_of(ada).datagrams(kCommandChannel, stop()));
+  EXPECT_TRUE(accepts(ada.datagrams(kCommandChannel, stop()))) << "after a recorded command";
+  receive(ahead_of(ada).datagrams(kReplyChannel, Bytes(100'000, 7)));
+  EXPECT_TRUE(accepts(ada.datagrams(kCommandChannel, stop()))) << "after a long forged reply";
+  EXPECT_TRUE(accepts(ada.datagrams(kReplyChannel, Bytes(100'000, 5)))) << "a long reply";
+  EXPECT_FALSE(accepts(first)) << "an equal datagram is a replay";
+  EXPECT_EQ(authenticator_.counts().replayed, 1);
+}
+
+TEST_F(SuppressingViewer, does_not_suppress_messages_by_signing_in_the_same_session) {
+  DatagramSender recon01(studio_key_);
+  const auto sends = [&](size_t size) {
+    return accepts(recon01.signed_datagrams(kMeshChannel, Bytes(size, 5), key("recon01")));
+  };
+  EXPECT_TRUE(sends(100));
+  EXPECT_TRUE(
+      accepts(ahead_of(recon01).signed_datagrams(kMeshChannel, Bytes(100, 5), key("recon02"))));
+  EXPECT_TRUE(
+      accepts(ahead_of(recon01).signed_datagrams(kMeshChannel, Bytes(100'000, 5), key("recon02"))));
+  EXPECT_TRUE(sends(100));
+  EXPECT_TRUE(sends(100'000));
+}
+
+TEST_F(SuppressingViewer, does_not_suppress_messages_by_parts_of_a_message_without_subscription) {
+  DatagramSender ada(studio_key_);
+  EXPECT_TRUE(accepts(ada.datagrams(kCommandChannel, stop())));
+  unwanted_ = "V3D_PREVIEW_cam01";
+  receive(ahead_of(ada).datagrams("V3D_PREVIEW_cam01", Bytes(100'000, 7)));
+  EXPECT_TRUE(accepts(ada.datagrams(kCommandChannel, stop())));
+}
+
+TEST_F(SuppressingViewer, does_not_make_messages_old_by_a_later_time_or_by_an_answer) {
+  DatagramSender recon01(studio_key_);
+  // recon02 causes a question about the session of recon01 and answers with a time of its own.
+  DatagramSender recon02 = ahead_of(recon01);
+  receive(recon02.datagrams(kMeshChannel, Bytes(100'000, 5), kNow + 1h));
+  ASSERT_EQ(sent_.size(), 1U);
+  SessionMessage forged = sent_.back();
+  forged.is_answer = true;
+  receive(recon02.signed_datagrams(kSessionChannel, encode(forged), key("recon02"), kNow + 1h));
+  EXPECT_TRUE(
+      accepts(recon02.signed_datagrams(kMeshChannel, Bytes(100, 5), key("recon02"), kNow + 1h)));
+  EXPECT_TRUE(accepts(recon01.signed_datagrams(kMeshChannel, Bytes(100, 5), key("recon01"))));
+  EXPECT_TRUE(accepts(recon01.signed_datagrams(kMeshChannel, Bytes(100'000, 5), key("recon01"))));
+}
+
+/// Attack: a member splits recorded health of another one, so that its first datagram does not show
+/// the signer.
+TEST_F(SuppressingViewer, does_not_make_health_accepted_by_splitting_it) {
+  DatagramSender cap01(studio_key_);
+  const MessageOrigin origin = cap01.origin("V3D_HEALTH_cap01");
+  const Bytes recorded = sign_on_bus(health("cap01"), origin, key("cap01"));
+  EXPECT_FALSE(accepts(in_two_fragments(origin, recorded)));
+  ASSERT_EQ(sent_.size(), 1U);
+  answer(cap01, "cap01", cap01.sequence);
+  EXPECT_FALSE(accepts(in_two_fragments(origin, recorded)));
+  cap01.sequence = 5;
+  EXPECT_TRUE(accepts(in_two_fragments(
+      cap01.origin("V3D_HEALTH_cap01"),
+      sign_on_bus(health("cap01"), cap01.origin("V3D_HEALTH_cap01"), key("cap01")))));
 }
 
 // --- receivers that verify no signature ---------------------------------------------------------

@@ -188,7 +188,6 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
   bus.authenticator().set_key(key_);
-  bus.authenticator().require_command_macs();
   CommandMessage command;
   command.sender = "guest@viewer";
   command.verb = CommandVerb::kAbort;

@@ -13,8 +13,8 @@
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/studio_status.h"
-#include "daemon/viewd/web_access.h"
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_access.h"
+#include "daemon/web/web_target.h"
 #include "viewed_site.h"
 
 namespace v3d {

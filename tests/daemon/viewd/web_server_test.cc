@@ -1,6 +1,6 @@
 // The web server over loopback: connection limits, request timeouts, and slow disks. Clients use
 // several addresses of 127.0.0.0/8.
-#include "daemon/viewd/web_server.h"
+#include "daemon/web/web_server.h"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "base/io/unique_fd.h"
-#include "daemon/viewd/connection_slots.h"
+#include "daemon/web/connection_slots.h"
 #include "support/child_process.h"
 #include "viewed_site.h"
 
@@ -101,9 +101,8 @@ class ServedSite : public test::ViewedSite {
                     disk_.wait();
                     return WebSite::list_takes(folder);
                   });
-    server_ = std::make_unique<WebServer>(
-        WebAddress{"127.0.0.1", 0}, *site_,
-        [](WebSite::StreamKind) { return std::make_unique<Silent>(); }, limits);
+    handler_.emplace(*site_, [](WebSite::StreamKind) { return std::make_unique<Silent>(); });
+    server_ = std::make_unique<WebServer>(WebAddress{"127.0.0.1", 0}, *handler_, limits);
   }
   ~ServedSite() override { wake_disk(); }
   void wake_disk() {
@@ -130,6 +129,7 @@ class ServedSite : public test::ViewedSite {
   bool disk_is_awake_ = false;
   std::atomic<int> listings_ = 0;
   std::optional<WebSite> site_;
+  std::optional<SiteHandler> handler_;
   std::unique_ptr<WebServer> server_;
   std::vector<std::unique_ptr<Client>> clients_;
 };

@@ -1,13 +1,13 @@
-// State that the connections of a web server share: the site, slots and subscribers.
+// State that the connections of a web server share: the handler, slots and subscribers.
 #pragma once
 
 #include <functional>
 #include <map>
 #include <set>
 
-#include "daemon/viewd/connection_slots.h"
-#include "daemon/viewd/web_server.h"
-#include "daemon/viewd/web_site.h"
+#include "daemon/web/connection_slots.h"
+#include "daemon/web/web_handler.h"
+#include "daemon/web/web_server.h"
 
 namespace v3d {
 
@@ -16,8 +16,7 @@ class WebSubscriber;
 
 /// Used on the server's thread only.
 struct WebConnections {
-  WebSite& site;
-  WebServer::Subscribe subscribe;
+  WebHandler& handler;
   WebLimits limits;
   ConnectionSlots slots = {};
   std::map<ConnectionSlots::Id, WebConnection*> open = {};

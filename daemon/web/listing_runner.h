@@ -12,7 +12,7 @@
 #include <memory>
 #include <string>
 
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 
 namespace v3d {
 

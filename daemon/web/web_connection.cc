@@ -1,11 +1,11 @@
-#include "daemon/viewd/web_connection.h"
+#include "daemon/web/web_connection.h"
 
 #include <chrono>
 #include <limits>
 #include <utility>
 
-#include "daemon/viewd/file_part_body.h"
-#include "daemon/viewd/web_subscriber.h"
+#include "daemon/web/file_part_body.h"
+#include "daemon/web/web_subscriber.h"
 
 namespace v3d {
 namespace {
@@ -42,7 +42,7 @@ WebRequest to_web_request(const Request& request, const std::string& address) {
 template <class Response>
 void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
   response.result(static_cast<unsigned>(answer.status));
-  response.set(http::field::server, "v3d-viewd");
+  response.set(http::field::server, "v3d");
   response.set(http::field::content_type, answer.type);
   response.set("X-Content-Type-Options", "nosniff");
   response.set("Referrer-Policy", "no-referrer");
@@ -109,7 +109,7 @@ void WebConnection::on_header() {
   const Request& request = parser_->get();
   const auto size = parser_->content_length();
   const bool has_body = parser_->chunked() || (size && *size > 0);
-  keep_alive_ = request.keep_alive() && !has_body;
+  keep_alive_ = all_.limits.keeps_alive && request.keep_alive() && !has_body;
   if (!has_body) return on_request(false);
   if (request.method() != http::verb::post || parser_->chunked() ||
       *size > WebServer::kMaxBodyBytes) {
@@ -124,10 +124,10 @@ void WebConnection::on_header() {
 
 void WebConnection::on_request(bool has_unread_body) {
   const Request& request = parser_->get();
-  WebSite& site = all_.site;
+  WebHandler& handler = all_.handler;
   WebRequest web_request = to_web_request(request, address_);
   web_request.has_unread_body = has_unread_body;
-  const ClientRole role = site.role_of(web_request);
+  const ClientRole role = handler.role_of(web_request);
   all_.slots.set_role(id_, role);
   if (slot_->is_reserved()) {
     keep_alive_ = false;  // free the slot for the next operator
@@ -136,17 +136,17 @@ void WebConnection::on_request(bool has_unread_body) {
     }
   }
   if (!websocket::is_upgrade(request)) {
-    answer_or_defer(site.answer(web_request), request.method() == http::verb::head);
+    answer_or_defer(handler.answer(web_request), request.method() == http::verb::head);
     return;
   }
-  WebSite::Opening opening = site.open_stream(web_request);
+  WebHandler::Opening opening = handler.open_stream(web_request);
   if (!opening.stream) {
     answer(std::move(opening.refusal), false);
     return;
   }
   socket_.expires_never();
   std::make_shared<WebSubscriber>(std::move(slot_), socket_.release_socket(),
-                                  all_.subscribe(*opening.stream))
+                                  std::move(opening.stream))
       ->start(request);
 }
 

@@ -1,4 +1,4 @@
-#include "daemon/viewd/web_access.h"
+#include "daemon/web/web_access.h"
 
 #include <arpa/inet.h>
 #include <sys/stat.h>
@@ -71,7 +71,7 @@ bool WebAddress::is_loopback() const { return is_loopback_name(host); }
 
 WebAddress parse_web_address(std::string_view text, const std::string& field) {
   const size_t colon = text.rfind(':');
-  WebAddress address;
+  WebAddress address{.host = {}, .port = 0, .field = field};
   if (colon != std::string_view::npos) {
     const std::string_view port = text.substr(colon + 1);
     const char* end = port.data() + port.size();

@@ -1,4 +1,4 @@
-#include "daemon/viewd/connection_slots.h"
+#include "daemon/web/connection_slots.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "daemon/viewd/web_server.h"
+#include "daemon/web/web_server.h"
 
 #include <spdlog/spdlog.h>
 
@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "daemon/viewd/listing_runner.h"
-#include "daemon/viewd/web_connection.h"
-#include "daemon/viewd/web_subscriber.h"
+#include "daemon/web/listing_runner.h"
+#include "daemon/web/web_connection.h"
+#include "daemon/web/web_subscriber.h"
 
 namespace v3d {
 namespace {
@@ -28,9 +28,8 @@ constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
 class WebServer::Impl {
  public:
-  Impl(const WebAddress& address, WebSite& site, Subscribe subscribe, const WebLimits& limits)
-      : connections_{.site = site,
-                     .subscribe = std::move(subscribe),
+  Impl(const WebAddress& address, WebHandler& handler, const WebLimits& limits)
+      : connections_{.handler = handler,
                      .limits = limits,
                      .defer = [this](
                                   auto answer,
@@ -43,7 +42,7 @@ class WebServer::Impl {
     if (!error) acceptor_.bind(endpoint, error);
     if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
     if (error) {
-      throw InputError("viewer.listen: cannot listen on " + address.host + ":" +
+      throw InputError(address.field + ": cannot listen on " + address.host + ":" +
                        std::to_string(address.port) + ": " + error.message());
     }
     accept();
@@ -146,9 +145,8 @@ class WebServer::Impl {
   ListingRunner listings_{io_, connections_.limits.listing_timeout};
 };
 
-WebServer::WebServer(const WebAddress& address, WebSite& site, Subscribe subscribe,
-                     const WebLimits& limits)
-    : impl_(std::make_unique<Impl>(address, site, std::move(subscribe), limits)) {}
+WebServer::WebServer(const WebAddress& address, WebHandler& handler, const WebLimits& limits)
+    : impl_(std::make_unique<Impl>(address, handler, limits)) {}
 WebServer::~WebServer() = default;
 uint16_t WebServer::port() const { return impl_->port(); }
 void WebServer::run_on_thread(const std::function<void(int64_t)>& work) {

@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "daemon/viewd/web_message.h"
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_message.h"
+#include "daemon/web/web_target.h"
 
 namespace v3d {
 
@@ -14,9 +14,11 @@ namespace v3d {
 struct WebAddress {
   std::string host;  ///< an IP address, without brackets
   uint16_t port = 0;
+  std::string field = {};  ///< of the studio file, for error messages
   bool is_loopback() const;
 };
-/// Throws InputError with `field` if the text is not an address.
+/// `field`: name of the field in the studio file. Throws InputError with it if the text is not an
+/// address.
 WebAddress parse_web_address(std::string_view text, const std::string& field);
 
 /// Reads a token: the only line of the file, 16 to 256 letters, digits, '-' and '_'. Throws

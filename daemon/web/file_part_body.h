@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "daemon/viewd/web_message.h"
+#include "daemon/web/web_message.h"
 
 namespace v3d {
 

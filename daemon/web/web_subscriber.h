@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "daemon/viewd/web_connections.h"
+#include "daemon/web/web_connections.h"
 
 namespace v3d {
 

@@ -1,4 +1,4 @@
-#include "daemon/viewd/listing_runner.h"
+#include "daemon/web/listing_runner.h"
 
 #include <algorithm>
 #include <boost/asio/post.hpp>

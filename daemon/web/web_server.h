@@ -7,9 +7,8 @@
 #include <functional>
 #include <memory>
 
-#include "daemon/viewd/web_access.h"
-#include "daemon/viewd/web_message.h"
-#include "daemon/viewd/web_site.h"
+#include "daemon/web/web_access.h"
+#include "daemon/web/web_handler.h"
 
 namespace v3d {
 
@@ -19,6 +18,8 @@ struct WebLimits {
   std::chrono::nanoseconds request_timeout = std::chrono::seconds(5);
   /// After this time, a request for a listing of folders gets 503.
   std::chrono::nanoseconds listing_timeout = std::chrono::seconds(10);
+  /// Whether a connection may send several requests.
+  bool keeps_alive = true;
 };
 
 /// Answers requests and feeds WebSockets on one thread.
@@ -37,12 +38,9 @@ class WebServer {
   static constexpr uint64_t kMaxBodyBytes = 4096;
   static constexpr int kMaxDeferred = 64;
 
-  using Subscribe = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
-
-  /// `site` and the objects that `subscribe` uses must outlive the server; they are used on its
-  /// thread only. Throws InputError if it cannot listen on the address. Port 0 selects a free port.
-  WebServer(const WebAddress& address, WebSite& site, Subscribe subscribe,
-            const WebLimits& limits = {});
+  /// `handler` must outlive the server, and is used on its thread only. Throws InputError if it
+  /// cannot listen on the address. Port 0 selects a free port.
+  WebServer(const WebAddress& address, WebHandler& handler, const WebLimits& limits = {});
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;

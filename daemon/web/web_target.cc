@@ -1,4 +1,4 @@
-#include "daemon/viewd/web_target.h"
+#include "daemon/web/web_target.h"
 
 #include <algorithm>
 #include <charconv>

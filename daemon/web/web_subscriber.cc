@@ -1,12 +1,12 @@
-#include "daemon/viewd/web_subscriber.h"
+#include "daemon/web/web_subscriber.h"
 
 #include <charconv>
 #include <chrono>
+#include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
 #include "base/core/time.h"
-#include "daemon/viewd/view_json.h"
 
 namespace v3d {
 namespace {
@@ -30,6 +30,10 @@ std::optional<int64_t> ping_in(std::string_view message) {
   const char* end = message.data() + message.size();
   const auto parsed = std::from_chars(message.data(), end, number);
   return parsed.ec == std::errc() && parsed.ptr == end ? std::optional(number) : std::nullopt;
+}
+
+std::string pong_json(int64_t ping, RealtimeInstant now) {
+  return nlohmann::json{{"type", "pong"}, {"ping", ping}, {"now_ms", 1e-6 * to_ns(now)}}.dump();
 }
 
 }  // namespace

@@ -7,14 +7,9 @@
 #include <optional>
 #include <string>
 
-namespace v3d {
+#include "daemon/web/web_handler.h"
 
-/// The permission of the last request of a connection.
-enum class ClientRole : uint8_t {
-  kUnauthenticated,  ///< no request yet, or one that WebAccess refuses
-  kViewer,           ///< a request that WebAccess allows
-  kOperator          ///< such a request with the operators' token
-};
+namespace v3d {
 
 /// Bounded table of connections: kMaxCommon for all clients, kMaxPerAddress of them for one
 /// address, and kReserved for requests with the operators' token.
