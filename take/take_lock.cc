@@ -60,7 +60,8 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
     io::UniqueFd fd(io::uninterrupted(
         [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644); }));
     if (!fd) return io::io_error("lock", path);
-    const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
+    const bool locked =
+        io::uninterrupted([&] { return flock(fd.get(), LOCK_EX | LOCK_NB); }) == 0;
     if (!locked && errno == EWOULDBLOCK) {
       return io::io_error("lock", path, holder_in(fd.get()) + " records into it", EWOULDBLOCK);
     }

@@ -44,8 +44,9 @@ std::string what_fits(const DiskDemand& demand, double free_bytes) {
 }
 
 double space_of(const fs::path& folder) {
-  std::error_code error;
-  const fs::space_info space = fs::space(folder, error);
+  fs::space_info space;
+  const std::error_code error =
+      io::uninterrupted_code([&](std::error_code& code) { space = fs::space(folder, code); });
   return error ? 0 : static_cast<double>(space.available);
 }
 
@@ -80,8 +81,9 @@ void check_disk(const fs::path& takes, const DiskDemand& demand) {
   if (access(takes.c_str(), W_OK) != 0) {
     throw InputError(errno_message("cannot record into " + takes.string()));
   }
-  std::error_code error;
-  const fs::space_info space = fs::space(takes, error);
+  fs::space_info space;
+  const std::error_code error =
+      io::uninterrupted_code([&](std::error_code& code) { space = fs::space(takes, code); });
   if (error)
     throw InputError("cannot read the free space of " + takes.string() + ": " + error.message());
   const std::string lack = space_shortage(demand, static_cast<double>(space.available));

@@ -31,9 +31,12 @@ FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& n
   file_ = io::uninterrupted(
       [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); });
   if (file_ < 0) throw InputError(errno_message(path.string()));
-  if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+  if (io::uninterrupted([&] { return flock(file_, LOCK_EX | LOCK_NB); }) != 0) {
+    const bool is_held = errno == EWOULDBLOCK;
+    const std::string cause = errno_message("cannot lock " + path.string());
     const std::string holder = owner_in(file_);
     close(file_);
+    if (!is_held) throw InputError(cause);
     throw InputError(folder.string() + ": " + holder +
                      " writes its takes here already; every reconstruction node needs a "
                      "takes folder of its own ([storage] takes)");

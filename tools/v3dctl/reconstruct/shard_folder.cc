@@ -223,7 +223,7 @@ ShardFolderLock::ShardFolderLock(const ShardFolder& folder) {
   fd_ = io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); });
   if (fd_ < 0) {
     error_ = errno_message(path.string());
-  } else if (flock(fd_, LOCK_EX | LOCK_NB) == 0) {
+  } else if (io::uninterrupted([&] { return flock(fd_, LOCK_EX | LOCK_NB); }) == 0) {
     state_ = State::kHeld;
   } else if (errno == EWOULDBLOCK) {
     state_ = State::kHeldByAnother;
