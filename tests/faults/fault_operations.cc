@@ -383,7 +383,11 @@ FaultOperation collect_operation(const std::string& name, const fs::path& progra
                                                   const ProgramResult& result) {
     return check_collected(place, result, command(place));
   };
-  if (name == "collect_rsync") operation.program = "rsync";
+  if (name == "collect_rsync") {
+    operation.program = "rsync";
+    operation.rejection =
+        "rsync from cap01 ended with status";  // rsync's own messages are above it
+  }
   return operation;
 }
 
