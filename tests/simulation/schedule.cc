@@ -256,6 +256,7 @@ void Schedule::draw_fault(Duration at) {
                                     .get()] { person->kill(); });
       return;
     case 7:
+      outcome_.loses_ledgers = true;
       time_.after(at, [this, node] {
         trace_.add([&] { return "the disk of " + node->host().name + " takes no ledger"; });
         node->host().disk.loses_ledgers = true;
