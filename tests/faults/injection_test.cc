@@ -65,7 +65,9 @@ class Injection : public testing::TestWithParam<std::string> {
     if (must_succeed(fault) || (result.status == 0 && !operation_.may_do_less)) {
       found.insert(found.end(), differences.begin(), differences.end());
     }
-    const bool is_rejected = !operation_.rejection.empty() && result.reports(operation_.rejection);
+    const bool is_rejected =
+        !operation_.rejection.empty() &&
+        (result.err + result.out).find(operation_.rejection) != std::string::npos;
     if (!is_done && !operation_.may_do_less && !is_rejected && !result.reports(cause_of(fault))) {
       found.emplace_back("no line with path and cause");
     }
