@@ -94,7 +94,8 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
     io::UniqueFd fd = open_lock_file(path);
     if (!fd) return io::io_error("lock", path);
-    const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
+    const bool locked =
+        io::uninterrupted([&] { return flock(fd.get(), LOCK_EX | LOCK_NB); }) == 0;
     if (!locked && errno == EWOULDBLOCK) {
       return io::io_error("lock", path, holder_in(fd.get()) + " has locked it", EWOULDBLOCK);
     }

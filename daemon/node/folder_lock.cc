@@ -32,7 +32,7 @@ FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& n
   file_.reset(io::uninterrupted(
       [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); }));
   if (!file_) throw InputError(errno_message(path.string()));
-  if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0) {
+  if (io::uninterrupted([&] { return flock(file_.get(), LOCK_EX | LOCK_NB); }) != 0) {
     if (errno != EWOULDBLOCK) throw InputError(errno_message("cannot lock " + path.string()));
     throw InputError(folder.string() + ": " + owner_in(file_.get()) +
                      " writes its takes here already; every reconstruction node needs a "

@@ -7,6 +7,7 @@
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/units.h"
+#include "base/io/file.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
@@ -134,8 +135,7 @@ void ReconNode::arm(const CommandMessage& command) {
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }
-  std::error_code error;
-  std::filesystem::create_directories(paths.folder, error);  // opening the mesh file reports errors
+  if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
   open(command, std::nullopt);
   persist_command(studio_, node_, command);
 }

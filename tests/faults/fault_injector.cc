@@ -7,6 +7,7 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sched.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/sendfile.h>
 #include <sys/stat.h>
@@ -317,6 +318,17 @@ void* mmap(void* address, size_t size, int protection, int flags, int fd, off_t 
 }
 void* mmap64(void* address, size_t size, int protection, int flags, int fd, off_t offset)
     __attribute__((alias("mmap")));
+
+off_t lseek(int fd, off_t offset, int from) {
+  static auto* const next = real<off_t(int, off_t, int)>("lseek");
+  return unless_faulty(plan().next("lseek", path_of(fd)), [&] { return next(fd, offset, from); });
+}
+off_t lseek64(int fd, off_t offset, int from) __attribute__((alias("lseek")));
+
+int flock(int fd, int operation) {
+  static auto* const next = real<int(int, int)>("flock");
+  return unless_faulty(plan().next("flock", path_of(fd)), [&] { return next(fd, operation); });
+}
 
 // --- waiting for the disk -----------------------------------------------------------------------
 

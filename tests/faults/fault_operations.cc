@@ -10,10 +10,15 @@
 #include <stdexcept>
 
 #include "base/io/whole_file.h"
+#include "daemon/bus/accepted_serial.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/verified.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
+#include "take/slate.h"
+#include "wire/signing_key.h"
 
 namespace v3d::test {
 namespace {
@@ -22,6 +27,7 @@ namespace fs = std::filesystem;
 using Lost = std::vector<std::string>;
 
 const std::string kTake = "take";
+constexpr size_t kSimulatedPulses = 2;
 
 // --- the driver ---------------------------------------------------------------------------------
 
@@ -91,12 +97,30 @@ Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
   }
   for (const std::string& mark : marks) expect_marked_frame(take, mark, lost);
   if (!is_complete) return lost;
+  if (!fs::exists(take.folder / ("signature." + kDrivenNode + ".toml"))) {
+    lost.emplace_back("reported as complete, but not signed");
+  }
   try {
     if (!verify_take(take).whole()) lost.push_back("reported as complete, but verify disagrees");
   } catch (const std::exception& error) {
     lost.push_back(std::string("reported as complete: ") + error.what());
   }
   return lost;
+}
+
+/// A serial number that was reported as saved must be there. A torn file would throw.
+Lost check_serial(const FaultyWorkplace& place, const ProgramResult&) {
+  const auto marks = place.marked();
+  const bool is_saved = std::ranges::find(marks, "serial") != marks.end();
+  const Studio studio = driven_studio(place.disk());
+  try {
+    const int64_t serial =
+        AcceptedSerial(member_serial_file(studio), studio.name, "authority").load();
+    if (is_saved && serial != kDrivenSerial) return {"the saved serial number is lost"};
+  } catch (const std::exception& error) {
+    return {error.what()};
+  }
+  return {};
 }
 
 void run_driver_to_cut(const FaultyWorkplace& place) {
@@ -114,6 +138,7 @@ FaultOperation driven(const std::string& name) {
       .check = check_driven};
   operation.may_do_less = name == "quarantine";  // a take that may hold frames is not moved
   if (name == "restart") operation.prepare = run_driver_to_cut;
+  if (name == "serial") operation.check = check_serial;
   return operation;
 }
 
@@ -129,7 +154,8 @@ const fs::path& simulated_take() {
   static const TemporaryFolder folder("/dev/shm");
   static const fs::path take = [] {
     fs::path made = folder / kTake;
-    run_or_throw(V3D_BIN "/v3d-sim take " + made.string() + " --frames 2 --cameras 3 --size 64x48");
+    run_or_throw(V3D_BIN "/v3d-sim take " + made.string() + " --frames " +
+                 std::to_string(kSimulatedPulses) + " --cameras 3 --size 64x48");
     const std::string key = folder / "node.key";
     run_or_throw(V3D_BIN "/v3dctl key node --out " + key);
     run_or_throw(V3D_BIN "/v3dctl takes sign --dir " + folder.path().string() + " " + kTake +
@@ -197,6 +223,82 @@ FaultOperation of_simulated_take(const std::string& name, const fs::path& progra
                 expect_whole_text(takes_of(place) / kTake / "slate.toml", "mark = ", lost);
                 return lost;
               }};
+}
+
+/// True when the power was cut after the program had reported success.
+bool is_cut_after_success(const ProgramResult& result) {
+  return result.is_power_cut && !result.fired && result.status == 0;
+}
+
+/// Adds to the check of `operation`: after a power cut that follows success, `expect` must return
+/// an empty string.
+void expect_after_success(FaultOperation& operation,
+                          const std::function<std::string(const TakePaths&)>& expect) {
+  operation.check = [check = operation.check, expect](const FaultyWorkplace& place,
+                                                      const ProgramResult& result) {
+    Lost lost = check(place, result);
+    if (!is_cut_after_success(result)) return lost;
+    try {
+      const std::string problem = expect({takes_of(place) / kTake});
+      if (!problem.empty()) lost.push_back(problem);
+    } catch (const std::exception& error) {
+      lost.emplace_back(error.what());
+    }
+    return lost;
+  };
+}
+
+FaultOperation verify_operation(const fs::path& programs) {
+  FaultOperation operation = of_simulated_take("verify", programs, {"verify", "@takes/take"});
+  expect_after_success(operation, [](const TakePaths& take) {
+    return load_verified(take) ? "" : "verified.toml is lost";
+  });
+  return operation;
+}
+
+FaultOperation slate_operation(const fs::path& programs) {
+  FaultOperation operation = of_simulated_take(
+      "slate", programs, {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
+  expect_after_success(operation, [](const TakePaths& take) {
+    return load_slate(take.slate()).scene == "12" ? "" : "the new scene is lost";
+  });
+  return operation;
+}
+
+FaultOperation reconstruct_operation(const fs::path& programs) {
+  FaultOperation operation = of_simulated_take(
+      "reconstruct", programs,
+      {"reconstruct", "@takes/take", "--voxel", "10cm", "--min-views", "2", "--threads", "1"});
+  operation.has_reproducible_output = false;  // it prints times
+  expect_after_success(operation, [](const TakePaths& take) {
+    MeshFileReader meshes(take.mesh());
+    const bool is_whole = meshes.pulses().size() == kSimulatedPulses &&
+                          std::ranges::all_of(meshes.pulses(), [&](int64_t pulse) {
+                            return meshes.read(pulse).has_value();
+                          });
+    return is_whole ? "" : "meshes are lost";
+  });
+  return operation;
+}
+
+/// Makes the signing key of a PC. A key file is whole or absent: a torn one would stop the daemons.
+FaultOperation key_operation(const fs::path& programs) {
+  FaultOperation operation =
+      of_simulated_take("key", programs, {"key", "node", "--out", "@node.key"});
+  operation.has_reproducible_output = false;  // it prints the key
+  operation.makes_other_files = true;
+  operation.prepare = [](const FaultyWorkplace& place) { fs::create_directories(place.disk()); };
+  operation.check = [](const FaultyWorkplace& place, const ProgramResult& result) {
+    const fs::path key = place.disk() / "node.key";
+    if (!fs::exists(key)) return result.status == 0 ? Lost{"the key is lost"} : Lost();
+    try {
+      SigningKey::load(key);
+    } catch (const std::exception& error) {
+      return Lost{error.what()};
+    }
+    return Lost();
+  };
+  return operation;
 }
 
 FaultOperation recover_operation(const fs::path& programs) {
@@ -281,27 +383,27 @@ FaultOperation collect_operation(const std::string& name, const fs::path& progra
                                                   const ProgramResult& result) {
     return check_collected(place, result, command(place));
   };
-  if (name == "collect_rsync") operation.program = "rsync";
+  if (name == "collect_rsync") {
+    operation.program = "rsync";
+    operation.rejection =
+        "rsync from cap01 ended with status";  // rsync's own messages are above it
+  }
   return operation;
 }
 
 }  // namespace
 
 FaultOperation fault_operation(const std::string& name, const fs::path& programs) {
-  if (name == "record" || name == "restart" || name == "quarantine") return driven(name);
+  if (name == "record" || name == "restart" || name == "quarantine" || name == "serial") {
+    return driven(name);
+  }
   if (name == "recover") return recover_operation(programs);
   if (name.starts_with("delete")) return delete_operation(name, programs);
   if (name.starts_with("collect")) return collect_operation(name, programs);
-  if (name == "verify") return of_simulated_take(name, programs, {"verify", "@takes/take"});
-  if (name == "slate") {
-    return of_simulated_take(name, programs,
-                             {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
-  }
-  FaultOperation reconstruct = of_simulated_take(
-      name, programs,
-      {"reconstruct", "@takes/take", "--voxel", "10cm", "--min-views", "2", "--threads", "1"});
-  reconstruct.has_reproducible_output = false;  // it prints times
-  return reconstruct;
+  if (name == "verify") return verify_operation(programs);
+  if (name == "slate") return slate_operation(programs);
+  if (name == "key") return key_operation(programs);
+  return reconstruct_operation(programs);
 }
 
 }  // namespace v3d::test

@@ -23,12 +23,15 @@ struct FaultOperation {
   bool has_reproducible_output = true;
   /// With exit status `done`, the operation may have done less, if that loses no data.
   bool may_do_less = false;
+  /// The content of its files differs in every run.
+  bool makes_other_files = false;
   /// A message that may replace path and cause, because it leads to them; empty: none.
   std::string rejection = {};
 };
 
 /// The operation of this name: record, restart, quarantine, verify, recover, reconstruct, collect,
-/// collect_rsync, slate, delete or delete_copied. `programs`: the folder of the tested v3dctl.
+/// collect_rsync, slate, delete, delete_copied, key or serial. `programs`: the folder of the tested
+/// v3dctl.
 FaultOperation fault_operation(const std::string& name, const std::filesystem::path& programs);
 
 }  // namespace v3d::test

@@ -46,6 +46,7 @@ int error_number(std::string_view name) {
   if (name == "ENOSPC") return ENOSPC;
   if (name == "EMFILE") return EMFILE;
   if (name == "EINTR") return EINTR;
+  if (name == "ENOLCK") return ENOLCK;
   return EIO;
 }
 

@@ -4,9 +4,9 @@
 //   V3D_FAULT_CALL     family of calls that fails (kFaultCalls)
 //   V3D_FAULT_NUMBER   which call of the family fails, from 1; 0: none, calls are counted only
 //   V3D_FAULT_LASTS    1: every later call of the family fails too
-//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, SHORT (half of the bytes is transferred), or
-//                      POWER_CUT (before the call, the ext4 file system of the prefix is shut down
-//                      and the program is killed)
+//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, ENOLCK, EINTR, SHORT (half of the bytes is
+//                      transferred), or POWER_CUT (before the call, the ext4 file system of the
+//                      prefix is shut down and the program is killed)
 //   V3D_FAULT_PROGRAM  name of the program that gets the fault; empty: all programs
 //   V3D_FAULT_TRACE    file outside the prefix: every change below the prefix is appended
 //                      (fault_trace.h)

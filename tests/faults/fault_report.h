@@ -13,7 +13,7 @@
 namespace v3d::test {
 
 /// Families of system calls that can fail; "open64" counts as "open", and so on.
-inline constexpr std::array<std::string_view, 23> kFaultCalls = {"open",
+inline constexpr std::array<std::string_view, 25> kFaultCalls = {"open",
                                                                  "opendir",
                                                                  "readdir",
                                                                  "stat",
@@ -35,7 +35,9 @@ inline constexpr std::array<std::string_view, 23> kFaultCalls = {"open",
                                                                  "link",
                                                                  "fallocate",
                                                                  "copy",
-                                                                 "mmap"};
+                                                                 "mmap",
+                                                                 "flock",
+                                                                 "lseek"};
 
 /// Index of the family in kFaultCalls; kFaultCalls.size() when there is none.
 constexpr size_t fault_call(std::string_view name) {

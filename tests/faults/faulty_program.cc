@@ -2,16 +2,18 @@
 
 #include <fcntl.h>
 #include <spawn.h>
-#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
+#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
 #include "base/core/time.h"
 #include "base/io/whole_file.h"
+#include "mapped_report.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::test {
@@ -20,34 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr Duration kMaxRunTime = std::chrono::seconds(60);
-
-/// The shared memory of the injector.
-class MappedReport {
- public:
-  explicit MappedReport(const fs::path& file) {
-    write_text(file, std::string(sizeof(FaultReport), '\0'));
-    const int fd = open(file.c_str(), O_RDWR | O_CLOEXEC);
-    void* const memory =
-        mmap(nullptr, sizeof(FaultReport), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-    close(fd);
-    if (memory == MAP_FAILED) throw std::runtime_error("mmap " + file.string());
-    report_ = static_cast<FaultReport*>(memory);
-  }
-  ~MappedReport() { munmap(report_, sizeof(FaultReport)); }
-  MappedReport(const MappedReport&) = delete;
-  MappedReport& operator=(const MappedReport&) = delete;
-
-  void read(ProgramResult& result) const {
-    for (size_t i = 0; i < kFaultCalls.size(); ++i) {
-      if (report_->calls[i] > 0) result.calls.emplace(kFaultCalls[i], report_->calls[i]);
-    }
-    result.fired = report_->fired > 0;
-    result.fired_on = report_->fired_on.data();
-  }
-
- private:
-  FaultReport* report_ = nullptr;
-};
 
 std::vector<char*> pointers(const std::vector<std::string>& texts) {
   std::vector<char*> pointers;
@@ -88,15 +62,31 @@ int wait_for(pid_t child) {
 
 }  // namespace
 
+bool names_path_and_cause(const std::string& line, const std::string& cause) {
+  const bool names_file = line.find('/') != std::string::npos ||
+                          line.find(".toml") != std::string::npos ||
+                          line.find(".lcmlog") != std::string::npos;
+  return names_file && line.find(cause) != std::string::npos;
+}
+
 bool ProgramResult::reports(const std::string& cause) const {
   std::istringstream lines(err + "\n" + out);
   for (std::string line; std::getline(lines, line);) {
-    const bool names_file = line.find('/') != std::string::npos ||
-                            line.find(".toml") != std::string::npos ||
-                            line.find(".lcmlog") != std::string::npos;
-    if (names_file && line.find(cause) != std::string::npos) return true;
+    if (names_path_and_cause(line, cause)) return true;
   }
   return false;
+}
+
+std::vector<std::string> injector_variables(const fs::path& prefix, const fs::path& report) {
+  return {"LD_PRELOAD=" V3D_FAULT_INJECTOR, "V3D_FAULT_PREFIX=" + prefix.string(),
+          "V3D_FAULT_REPORT=" + report.string()};
+}
+
+std::vector<std::string> variables_of(const Fault& fault) {
+  return {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
+          "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
+          fault.lasts ? "V3D_FAULT_LASTS=1" : "V3D_FAULT_LASTS=0",
+          "V3D_FAULT_PROGRAM=" + fault.program};
 }
 
 FaultyWorkplace::FaultyWorkplace(fs::path root) : root_(std::move(root)) { clear(); }
@@ -118,10 +108,7 @@ std::vector<std::string> FaultyWorkplace::marked() const {
 
 ProgramResult FaultyWorkplace::run(const std::vector<std::string>& command,
                                    const Fault& fault) const {
-  return run_with(command, {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
-                            "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
-                            fault.lasts ? "V3D_FAULT_LASTS=1" : "V3D_FAULT_LASTS=0",
-                            "V3D_FAULT_PROGRAM=" + fault.program});
+  return run_with(command, variables_of(fault));
 }
 
 ProgramResult FaultyWorkplace::run_traced(const std::vector<std::string>& command) const {
@@ -132,9 +119,7 @@ ProgramResult FaultyWorkplace::run_traced(const std::vector<std::string>& comman
 ProgramResult FaultyWorkplace::run_with(const std::vector<std::string>& command,
                                         std::vector<std::string> environment) const {
   const MappedReport report(root_ / "report");
-  environment.push_back("LD_PRELOAD=" V3D_FAULT_INJECTOR);
-  environment.push_back("V3D_FAULT_PREFIX=" + disk().string());
-  environment.push_back("V3D_FAULT_REPORT=" + (root_ / "report").string());
+  std::ranges::move(injector_variables(disk(), root_ / "report"), std::back_inserter(environment));
   for (char** variable = environ; *variable != nullptr; ++variable) {
     environment.emplace_back(*variable);
   }

@@ -33,6 +33,15 @@ struct ProgramResult {
   bool reports(const std::string& cause) const;
 };
 
+/// True when the line names a file and contains `cause`.
+bool names_path_and_cause(const std::string& line, const std::string& cause);
+
+/// Environment variables (fault_plan.h) that preload the injector, with its shared memory in the
+/// file `report`, for files below `prefix`; and those of one fault.
+std::vector<std::string> injector_variables(const std::filesystem::path& prefix,
+                                            const std::filesystem::path& report);
+std::vector<std::string> variables_of(const Fault& fault);
+
 /// Folder in which a program runs. Faults concern files below `disk()`.
 class FaultyWorkplace {
  public:

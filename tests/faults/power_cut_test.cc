@@ -97,8 +97,8 @@ TEST_P(PowerCut, before_any_change_keeps_all_reported_data) {
 
 INSTANTIATE_TEST_SUITE_P(Ext4, PowerCut,
                          testing::Values("record", "restart", "quarantine", "verify", "recover",
-                                         "reconstruct", "collect", "slate", "delete",
-                                         "delete_copied"),
+                                         "reconstruct", "collect", "collect_rsync", "slate",
+                                         "delete", "delete_copied", "key", "serial"),
                          [](const auto& operation) { return std::string(operation.param); });
 
 }  // namespace

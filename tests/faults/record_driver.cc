@@ -5,10 +5,11 @@
 //   record_driver restart FOLDER MARKS     recovers open takes, continues the take and closes it
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
+//   record_driver serial FOLDER MARKS      saves the serial number of an accepted member list
 // It does not sync logs while it records: the classes do.
 // Marks, one line each: "ready", "frame CAMERA PULSE", "synced" (all frames before it),
-// "recovered", "complete", "quarantined PATH". Exit status: 0 done, 3 done but data is missing, 2
-// InputError, 1 any other error. Every error is a line on stderr.
+// "recovered", "complete" (and signed), "quarantined PATH", "serial". Exit status: 0 done, 3 done
+// but data is missing, 2 InputError, 1 any other error. Every error is a line on stderr.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -25,12 +26,14 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "daemon/bus/accepted_serial.h"
 #include "daemon/captured/pulse_log.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
 #include "daemon/node/persisted_command.h"
 #include "daemon/node/take_folder.h"
 #include "recorded_take.h"
+#include "take/ledger/take_signature.h"
 #include "take/logs/frame_log.h"
 #include "take/take_removal.h"
 
@@ -168,6 +171,9 @@ class Driver {
     if (auto closed = close_take(studio_, info_, ledger); !closed) {
       return fail(closed.error().message);
     }
+    const io::Status signed_now =
+        sign_take(paths_, {kDrivenNode, SigningKey::make()}, ledger.files);
+    if (!signed_now) fail(signed_now.error().message);
     lock_.reset();
     if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());
     if (status_ == 0) mark("complete");
@@ -187,6 +193,12 @@ class Driver {
     mark("quarantined " + place->string());
   }
 
+  void save_serial() {
+    const AcceptedSerial serial(member_serial_file(studio_), studio_.name, "authority");
+    if (auto saved = serial.save(kDrivenSerial); !saved) return fail(saved.error().message);
+    mark("serial");
+  }
+
   /// Writes all queued pulses. A daemon that crashes loses the pulses in this queue; this driver
   /// must not.
   void wait_for_pulses() { pulses_->close(); }
@@ -196,7 +208,7 @@ class Driver {
  private:
   void open_logs(LogOpening opening) {
     for (const std::string& camera : kDrivenCameras) {
-      logs_.emplace_back(paths_.frames(camera), opening, LogHashing::kChecksum, kSyncPeriod);
+      logs_.emplace_back(paths_.frames(camera), opening, LogHashing::kTree, kSyncPeriod);
     }
     if (auto synced = io::sync_folder(paths_.folder); !synced) {
       io::throw_input_error(synced.error());
@@ -271,6 +283,10 @@ int run(const std::string& operation, const std::filesystem::path& folder, const
   Driver driver(folder, marks);
   if (operation == "recover") {
     driver.recover();
+    return driver.status();
+  }
+  if (operation == "serial") {
+    driver.save_serial();
     return driver.status();
   }
   operation == "restart" ? driver.continue_take() : driver.begin();

@@ -28,6 +28,12 @@ inline Studio driven_studio(const std::filesystem::path& folder) {
   return studio;
 }
 
+inline constexpr int64_t kDrivenSerial = 7;  ///< of the operation "serial"
+/// The file of the serial number of the accepted member list.
+inline std::filesystem::path member_serial_file(const Studio& studio) {
+  return studio.storage.takes / (".member-list-" + kDrivenNode);
+}
+
 /// Writes the files and folders that a studio has before its first take.
 void make_driven_studio(const std::filesystem::path& folder);
 /// Compares the studio's files with their copies in the take, which may lie in the quarantine.

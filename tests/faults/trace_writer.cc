@@ -65,7 +65,7 @@ void record_write(int fd, const std::string& path, std::string bytes, off_t offs
   if (!plan().traces()) return;
   if (plan().is_marks(path)) append({.change = Change::kMark, .bytes = std::move(bytes)});
   if (!plan().is_below(path) || bytes.empty()) return;
-  if (offset < 0) offset = lseek(fd, 0, SEEK_CUR) - static_cast<off_t>(bytes.size());
+  if (offset < 0) offset = syscall(SYS_lseek, fd, 0, SEEK_CUR) - static_cast<off_t>(bytes.size());
   append({.change = Change::kWrite,
           .file = inode_of(fd),
           .offset = static_cast<uint64_t>(offset),

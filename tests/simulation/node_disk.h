@@ -33,9 +33,17 @@ struct TakeOnDisk {
 
 /// All takes of one node, by name.
 struct NodeDisk {
-  bool is_full = false;  ///< frames cannot be written; space for ledgers is reserved
+  bool is_full = false;        ///< frames cannot be written; space for ledgers is reserved
+  bool loses_ledgers = false;  ///< ledger.toml and take.toml cannot be written
   std::map<std::string, TakeOnDisk> takes;
 
+  /// True when a take was recorded whose ledger could not be written; a restart recovers it.
+  bool lacks_ledger() const {
+    for (const auto& [name, take] : takes) {
+      if (take.is_open && take.has_frames()) return true;
+    }
+    return false;
+  }
   std::map<std::string, CommandMessage> persisted_commands() const {
     std::map<std::string, CommandMessage> orders;
     for (const auto& [name, take] : takes) {

@@ -33,6 +33,7 @@ void OperatorProcess::begin_next() {
   const OperatorStep& step = steps_.front();
   stamp_.emplace(name_ + "@desk/" + std::to_string(++runs_));
   world_.truth.on_order(stamp_->sender(), step.order.verb);
+  world_.truth.on_order_begins(stamp_->sender());
   world_.events.add_run(stamp_->sender(), step.order);
   trace_.add([&] {
     return stamp_->sender() + ": v3dctl " + std::string(name(step.order.verb)) + " " +

@@ -224,7 +224,7 @@ void Schedule::draw_fault(Duration at) {
     time_.after(std::min(at + lasts, faults_end_), end);
   };
   const auto reboot = [node] { node->boot(); };
-  switch (draws_.integer(0, steps_clocks_ ? 8 : 6)) {
+  switch (draws_.integer(0, steps_clocks_ ? 9 : 7)) {
     case 0:
     case 1:
       return begin_and_end([node] { node->crash(); }, reboot);
@@ -254,6 +254,13 @@ void Schedule::draw_fault(Duration at) {
       time_.after(at, [person = operators_[static_cast<size_t>(draws_.integer(
                                                0, static_cast<int>(operators_.size()) - 1))]
                                     .get()] { person->kill(); });
+      return;
+    case 7:
+      outcome_.loses_ledgers = true;
+      time_.after(at, [this, node] {
+        trace_.add([&] { return "the disk of " + node->host().name + " takes no ledger"; });
+        node->host().disk.loses_ledgers = true;
+      });
       return;
     default: {
       const double size = draws_.chance(0.5) ? draws_.between(1, 10) : draws_.between(10, 3600);
@@ -301,7 +308,7 @@ void Schedule::heal() {
   network_.set_faults({});
   network_.join_parts();
   for (const auto& node : nodes_) {
-    node->host().disk.is_full = false;
+    node->host().disk.is_full = node->host().disk.loses_ledgers = false;
     node->host().frame_loss = 0;
     node->host().not_ready = 0;
     trigger_.set_unsensed(0);
@@ -371,6 +378,11 @@ void Schedule::record_final_take() {
 }
 
 void Schedule::check_disks() {
+  for (const auto& node : nodes_) {
+    if (!node->host().disk.lacks_ledger()) continue;
+    node->crash();  // its restart recovers the takes
+    node->boot();
+  }
   run_until(seconds(5), [] { return false; });
   for (const auto& node : nodes_) truth_.check_disk(node->host().name, node->host().disk);
   for (const std::string& take : truth_.takes()) {

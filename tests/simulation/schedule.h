@@ -17,10 +17,11 @@ struct Outcome {
   ProtocolTrace events;
   int pulses = 0;
   int takes = 0;
-  int complete = 0;      ///< takes whose joined ledger is complete
-  int faults = 0;        ///< injected faults: crashes, partitions, full disks ...
-  double settled_s = 0;  ///< seconds from the end of the faults until the studio was settled
-  double idle_s = 0;     ///< seconds from the operator's stop until every node was idle
+  int complete = 0;            ///< takes whose joined ledger is complete
+  bool loses_ledgers = false;  ///< a disk takes no ledger at some time
+  int faults = 0;              ///< injected faults: crashes, partitions, full disks ...
+  double settled_s = 0;        ///< seconds from the end of the faults until the studio was settled
+  double idle_s = 0;           ///< seconds from the operator's stop until every node was idle
 };
 
 /// Runs the schedule of `seed`; the same seed gives the same outcome. `with_trace` fills

@@ -223,6 +223,11 @@ std::optional<NodeReport> SimulatedCapture::poll_draining() {
   if (order_.verb == CommandVerb::kCheck) {
     return NodeReport{.event = Input::kDrained, .text = "checked cameras", .detail = {}};
   }
+  const auto take = host_.disk.takes.find(order_.take);
+  if (take != host_.disk.takes.end() && take->second.is_open) {
+    return NodeReport{
+        .event = Input::kBroken, .text = "cannot write the ledger", .detail = ledger_json(ledger)};
+  }
   return NodeReport{
       .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
 }
@@ -238,6 +243,11 @@ Ledger SimulatedCapture::close_take() {
   if (order_.verb != CommandVerb::kArm) return ledger;
   for (const std::string& camera : host_.cameras) {
     ledger.cameras.push_back(accounts_[camera].ledger(camera, ledger.commanded));
+  }
+  if (host_.disk.loses_ledgers) {
+    // A recovery finds the frames, but not the exact number of pulses.
+    if (host_.trigger != nullptr) world_.truth.on_trigger_lost();
+    return ledger;
   }
   on_disk().ledger = ledger;
   on_disk().is_open = false;

@@ -16,6 +16,8 @@ void Truth::on_change(const Change& change) {
   const std::string id = order_id(change.order);
   if (change.cause == Cause::kTakeBack) check_take_back(change, node);
   if (expects_pulses(change.from) && !expects_pulses(change.to)) node.left[node.id] = change.cause;
+  const bool leaves = change.to == Phase::kIdle || change.to == Phase::kFault;
+  if (leaves && change.node == studio_.commanded.trigger) ended_[change.order.sender] = ++events_;
   node.phase = change.to;
   node.id = change.to == Phase::kIdle || change.to == Phase::kFault ? "" : id;
   if (change.to == Phase::kArmed) node.committed.insert(id);
@@ -118,6 +120,7 @@ void Truth::on_answer(const CommandMessage& order, const std::string& sender, in
     violate("a start was answered 'done', but no pulse was made");
   }
   if (order.verb != CommandVerb::kArm && order.verb != CommandVerb::kCheck) return;
+  check_only_winner(order, sender);
   CommandMessage armed = order;
   armed.sender = sender;
   armed.counter = counter;
@@ -125,6 +128,15 @@ void Truth::on_answer(const CommandMessage& order, const std::string& sender, in
     if (nodes_[name].committed.contains(order_id(armed))) continue;
     violate("arm " + order.take + " was answered 'done', but " + name + " was never armed for it");
   }
+}
+
+/// Two operators never both win: when two orders to arm overlap in time and both are answered
+/// "done", the trigger's node has left the first one before the second one was answered.
+void Truth::check_only_winner(const CommandMessage& order, const std::string& sender) {
+  if (winner_ && begun_[sender] < winner_->answered && !ended_.contains(winner_->sender)) {
+    violate("arm " + order.take + " and arm " + winner_->take + " overlap, and both are done");
+  }
+  winner_ = Winner{.sender = sender, .take = order.take, .answered = ++events_};
 }
 
 void Truth::check_stop(const Answer& answer) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -52,6 +53,8 @@ class Truth {
   };
   void on_change(const Change& change);
   void on_order(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
+  /// Called when an order of an operator begins, at any time.
+  void on_order_begins(const std::string& sender) { begun_[sender] = ++events_; }
   void on_train(const CommandMessage& order);
   void on_pulse(int64_t pulse, bool sensed);
   void on_trigger_lost() { trains_[running_].trigger_lost = true; }
@@ -88,6 +91,7 @@ class Truth {
   };
   void check_take_back(const Change& change, const Node& node);
   void check_recording(const std::string& name, const Node& node, const std::string& id);
+  void check_only_winner(const CommandMessage& order, const std::string& sender);
   void check_stop(const Answer& answer);
   void check_complete(const Ledger& ledger);
   void check_cameras(const std::string& where, const Ledger& ledger);
@@ -97,6 +101,15 @@ class Truth {
   const Studio studio_;
   std::string violation_;
   std::map<std::string, CommandVerb> verbs_;  ///< of orders, by sender
+  /// An order to arm that was answered "done", and was not ended yet.
+  struct Winner {
+    std::string sender, take;
+    int64_t answered = 0;
+  };
+  int64_t events_ = 0;                    ///< number of orders that began, and of answers
+  std::map<std::string, int64_t> begun_;  ///< when an order began, by sender
+  std::map<std::string, int64_t> ended_;  ///< when the trigger's node last left an order, by order
+  std::optional<Winner> winner_;
   std::map<std::string, Node> nodes_;
   std::map<std::string, Train> trains_;         ///< by order
   std::map<std::string, std::string> by_take_;  ///< order by take

@@ -141,8 +141,12 @@ void write_traces(const std::vector<SeededTrace>& traces) {
 /// False where nothing was written.
 bool write(uint64_t first, uint64_t count, const Mutation& mutate) {
   std::vector<SeededTrace> traces;
-  for (uint64_t seed = first; seed < first + count; ++seed) {
-    ProtocolTrace trace = play_schedule(seed, false).events;
+  // The model has no ledger that cannot be written, so such schedules are left out.
+  for (uint64_t seed = first, left = count; left > 0; ++seed) {
+    const Outcome outcome = play_schedule(seed, false);
+    if (outcome.loses_ledgers) continue;
+    --left;
+    ProtocolTrace trace = outcome.events;
     if (mutate(trace.events)) traces.push_back({seed, std::move(trace)});
   }
   if (traces.empty()) return false;

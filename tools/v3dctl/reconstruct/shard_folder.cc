@@ -224,7 +224,7 @@ ShardFolderLock::ShardFolderLock(const ShardFolder& folder) {
       io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); }));
   if (!fd_) {
     error_ = errno_message(path.string());
-  } else if (flock(fd_.get(), LOCK_EX | LOCK_NB) == 0) {
+  } else if (io::uninterrupted([&] { return flock(fd_.get(), LOCK_EX | LOCK_NB); }) == 0) {
     state_ = State::kHeld;
   } else if (errno == EWOULDBLOCK) {
     state_ = State::kHeldByAnother;

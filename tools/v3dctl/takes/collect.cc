@@ -128,7 +128,7 @@ class Collector {
   /// Copies the part of one node.
   TakePaths fetch(const std::string& take, const TakeSource& source) {
     const TakePaths part{stage(take) / source.node};
-    fs::create_directories(part.folder);
+    io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
     if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
