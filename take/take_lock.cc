@@ -94,8 +94,7 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
     io::UniqueFd fd = open_lock_file(path);
     if (!fd) return io::io_error("lock", path);
-    const bool locked =
-        io::uninterrupted([&] { return flock(fd.get(), LOCK_EX | LOCK_NB); }) == 0;
+    const bool locked = io::uninterrupted([&] { return flock(fd.get(), LOCK_EX | LOCK_NB); }) == 0;
     if (!locked && errno == EWOULDBLOCK) {
       return io::io_error("lock", path, holder_in(fd.get()) + " has locked it", EWOULDBLOCK);
     }
@@ -122,7 +121,9 @@ io::Result<std::string> take_lock_holder(const TakePaths& paths) {
         [&] { return open(entry.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK); }));
     if (!fd && errno == ENOENT) continue;  // its holder has just ended
     if (!fd) return io::io_error("read the lock", entry);
-    if (flock(fd.get(), LOCK_SH | LOCK_NB) == 0 || is_unsupported(errno)) continue;
+    if (io::uninterrupted([&] { return flock(fd.get(), LOCK_SH | LOCK_NB); }) == 0 ||
+        is_unsupported(errno))
+      continue;
     if (errno != EWOULDBLOCK) return io::io_error("read the lock", entry);
     return holder_in(fd.get());
   }
