@@ -114,7 +114,9 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node) {
 void recover_reopened_take(const TakePaths& paths, const std::string& node) {
   try {
     const TakeLock lock = lock_take(paths, node);
-    recover_take(paths);
+    for (const std::string& error : recover_take(paths).read_errors) {
+      spdlog::error("{} stays open: {}", paths.folder.string(), error);
+    }
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
   }
@@ -174,7 +176,13 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
       if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;
       const TakeLock lock = lock_take(paths, node);
       Verification found = recover_take(paths);
-      takes.push_back({summary_of(found), std::move(found.ledger)});
+      if (found.read_errors.empty()) {
+        takes.push_back({summary_of(found), std::move(found.ledger)});
+      } else {
+        takes.push_back({"take " + found.info.name + " stays open, the next start tries again: " +
+                             found.read_errors.front(),
+                         {}});
+      }
     } catch (const std::exception& problem) {
       takes.push_back({"cannot recover " + folder.string() + ": " + problem.what(), {}});
     }

@@ -18,6 +18,9 @@ struct Verification {
   /// One line for each damaged file, and for each difference between files and ledger; each names
   /// the file.
   std::vector<std::string> disagreements;
+  /// Those of `disagreements` that are errors of the disk, with path and cause. The ledger then
+  /// lacks pulses or frames that a later call may find.
+  std::vector<std::string> read_errors;
   /// One line for each observation that is not a fault: a ledger of an older version, a log without
   /// a checksum, files that do not belong to the take.
   std::vector<std::string> notes;
@@ -27,10 +30,18 @@ struct Verification {
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// Fills in the pulses of `ledger`: `sensed` from the pulse log, `known` from take.toml, all else
-/// from the `stored` ledger. For a take that was not closed, the commanded pulses are unknown; the
-/// highest sensed pulse gives their number.
-void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+/// What a take that was not closed tells about its pulses.
+struct PulseEvidence {
+  PulseSet sensed;             ///< of pulses.lcmlog
+  bool has_sense_line = true;  ///< by the studio file of the take
+  int64_t known = 0;           ///< pulses by take.toml
+  int64_t last_labelled = -1;  ///< highest pulse of a frame that is not suspect; -1: none
+};
+
+/// Fills in the pulses of `ledger`: `sensed` from the pulse log, all else from the `stored` ledger.
+/// For a take that was not closed, the commanded pulses are unknown: the highest sensed pulse gives
+/// their number, and without a sense line the highest pulse of a frame.
+void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 
 /// Verifies a take: reads every event of every log, and every file for its checksum, and compares
@@ -43,6 +54,12 @@ void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<L
 /// exists. Throws InputError when the folder is not a take.
 Verification verify_take(const TakePaths& paths, ReadFrom from = ReadFrom::kPageCache);
 
+/// What recover_take() does with a take that has read errors.
+enum class AfterReadErrors : uint8_t {
+  kStayOpen,  ///< writes no ledger and leaves the state, so that a later call can find more
+  kRecover,   ///< an operator decided that the disk gives no more
+};
+
 /// Recovers a take that was not closed: writes its ledger and sets the state "recovered".
 ///
 /// Changes no byte of a log: writes the end of the last whole event of each segment beside it
@@ -52,6 +69,7 @@ Verification verify_take(const TakePaths& paths, ReadFrom from = ReadFrom::kPage
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
 /// written. The state in take.toml is then unchanged, and a later call can succeed.
-Verification recover_take(const TakePaths& paths);
+Verification recover_take(const TakePaths& paths,
+                          AfterReadErrors after = AfterReadErrors::kStayOpen);
 
 }  // namespace v3d

@@ -21,6 +21,7 @@
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
+#include "take_studio.h"
 
 namespace v3d::test {
 namespace {
@@ -100,6 +101,8 @@ namespace {
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
 
 constexpr ImageSize kSize{64, 48};
 constexpr int64_t kFrames = 20;
@@ -160,10 +163,32 @@ TEST_F(TakeRecovery, keeps_every_frame_when_a_header_is_unreadable) {
                   Contains(HasSubstr("cannot read " + log().string() + ": Input/output error")));
       EXPECT_LT(recovered.ledger.cameras[0].written, kFrames);
       EXPECT_GT(recovered.ledger.cameras[0].written, kFrames - 8) << "later events are searched";
+      EXPECT_THAT(recovered.read_errors, Not(IsEmpty()));
+      EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecording)
+          << "the next start tries again";
+      EXPECT_FALSE(std::filesystem::exists(paths_.ledger()));
     }
     EXPECT_EQ(contents(), before_) << "header of event " << event;
     expect_every_frame();
   }
+}
+
+TEST_F(TakeRecovery, closes_a_take_with_an_unreadable_header_on_request_of_an_operator) {
+  const test::UnreadableByte bad(event_bytes_ + 20);
+  recover_take(paths_, AfterReadErrors::kRecover);
+  EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecovered);
+  EXPECT_FALSE(load_ledger(paths_.ledger()).cameras[0].missing.empty());
+}
+
+TEST_F(TakeRecovery, counts_pulses_by_the_frames_where_nothing_senses_them) {
+  test::write_text(
+      paths_.studio(),
+      test::studio_text({{"cap01", {kCamera}}}, "kind = 'gpio'\nchip = 'gpiochip0'\nline = 17"));
+  const Verification recovered = recover_take(paths_);
+  EXPECT_EQ(recovered.ledger.commanded, kFrames);
+  EXPECT_FALSE(recovered.ledger.sensed);
+  EXPECT_THAT(recovered.ledger.cameras[0].suspect, IsEmpty());
+  EXPECT_THAT(recovered.ledger.cameras[0].missing, IsEmpty());
 }
 
 TEST_F(TakeRecovery, keeps_every_frame_when_no_file_can_be_opened) {

@@ -120,7 +120,7 @@ void save_result(const TakePaths& paths, const Verification& verification) {
 Verification recover_and_verify(const TakePaths& paths) {
   load_take_info(paths);  // throws for a folder that is no take
   const auto locks = io::value_or_throw(lock_whole_take(paths));
-  std::vector<std::string> found = recover_take(paths).disagreements;
+  std::vector<std::string> found = recover_take(paths, AfterReadErrors::kRecover).disagreements;
   Verification verification = verify_take(paths, ReadFrom::kDisk);
   std::vector<std::string>& all = verification.disagreements;
   std::erase_if(found,
