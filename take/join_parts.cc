@@ -9,6 +9,7 @@
 #include "take/ledger/take_account.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -60,7 +61,12 @@ size_t mesh_count(const TakePaths& part) {
 std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
   std::vector<Part> recorded;
   for (const TakePaths& paths : parts) {
-    if (!file_exists(paths.info())) continue;
+    if (!file_exists(paths.info())) {
+      if (may_hold_frames(paths)) {
+        throw InputError(paths.folder.string() + ": has logs of cameras and no take.toml");
+      }
+      continue;  // of a node that only reconstructs
+    }
     recorded.push_back({paths, load_take_info(paths), load_ledger(paths.ledger())});
   }
   if (recorded.empty()) throw InputError("no part of the take has a take.toml");

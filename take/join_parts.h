@@ -14,9 +14,10 @@ namespace v3d {
 /// Files are hard-linked where the file system permits it, and copied elsewhere; the parts do not
 /// change. A part of a node that only reconstructs has no take.toml.
 ///
-/// Throws InputError when no part has a take.toml, when a part contains a symbolic link, and when
-/// the parts contradict each other: different names, rates or calibrations, or one camera in two
-/// parts. Throws std::runtime_error when a file cannot be written.
+/// Throws InputError when no part has a take.toml, when a part has logs of cameras and no
+/// take.toml, when a part contains a symbolic link, and when the parts contradict each other:
+/// different names, rates or calibrations, or one camera in two parts. Throws std::runtime_error
+/// when a file cannot be written.
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 
 /// The part whose mesh.v3d has the most meshes, the first of them when several have as many; null

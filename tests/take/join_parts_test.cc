@@ -73,6 +73,14 @@ class JoinParts : public testing::Test {
   const TakePaths whole_{folder_ / "whole"};
 };
 
+TEST_F(JoinParts, rejects_a_part_that_has_logs_and_no_take_toml) {
+  std::filesystem::remove(part("cap02").info());
+  EXPECT_THAT(test::message_of<InputError>([&] {
+                join_parts({part("cap01"), part("cap02")}, TakePaths{folder_ / "whole"});
+              }),
+              HasSubstr("cap02: has logs of cameras and no take.toml"));
+}
+
 TEST_F(JoinParts, creates_one_take_that_verifies) {
   EXPECT_THAT(join().cameras, ElementsAre("cam01", "cam02", "cam03"));
   std::filesystem::remove(whole_.mesh());  // the mesh file of this test is invalid

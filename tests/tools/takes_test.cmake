@@ -71,6 +71,48 @@ expect("${err}" "cannot list the takes of cap02 at far:")
 v3dctl(takes collect ${sources} --to ${WORK}/archive nobody-01)
 expect_status(2)
 expect("${err}" "no node has a take nobody-01")
+# A take of which a capture node has nothing is not collected, unless the node is left out on purpose.
+file(COPY ${WORK}/cap01/kendo-07 DESTINATION ${WORK}/cap01/lost-01.tmp)
+file(RENAME ${WORK}/cap01/lost-01.tmp/kendo-07 ${WORK}/cap01/lost-01)
+file(REMOVE_RECURSE ${WORK}/cap01/lost-01.tmp)
+file(WRITE ${WORK}/cap01/lost-01/studio.toml "name = 'dojo'
+[[node]]
+name = 'cap01'
+[[node]]
+name = 'cap02'
+[trigger]
+node = 'cap01'
+wire = 'wire'
+[[camera]]
+name = 'cam01'
+node = 'cap01'
+address = '127.0.0.1'
+[[camera]]
+name = 'cam03'
+node = 'cap02'
+address = '127.0.0.1'
+[space]
+min = [0, 0, 0]
+max = [1, 1, 1]
+[reconstruction]
+node = 'cap01'
+[storage]
+takes = 'takes'
+background = 'background'
+calib = 'calib.toml'
+")
+v3dctl(takes collect ${sources} --to ${WORK}/archive lost-01)
+expect_status(3)
+expect("${out}" "lost-01: not collected: cap02 has no part of it at far:.*is its disk mounted")
+if(EXISTS ${WORK}/archive/lost-01)
+  message(SEND_ERROR "a take without the cameras of cap02 was collected")
+endif()
+v3dctl(takes collect --from cap01=${WORK}/cap01 --to ${WORK}/archive lost-01)
+if(NOT EXISTS ${WORK}/archive/lost-01)
+  message(SEND_ERROR "cap02 could not be left out: ${out}${err}")
+endif()
+file(REMOVE_RECURSE ${WORK}/cap01/lost-01 ${WORK}/archive/lost-01)
+
 # A copy with a byte lost between rsync and the disk is not collected; a repeated command repairs it.
 file(MAKE_DIRECTORY ${WORK}/bin)
 find_program(RSYNC rsync REQUIRED)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <sstream>
 
 #include "base/core/error.h"
@@ -117,12 +118,33 @@ class Collector {
     try {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
+      require_capture_nodes(parts);
       result.meshes_of = source_of_meshes(parts);
       result.verification = join(take, sources, parts, place);
     } catch (const std::exception& error) {
       result.problem = error.what();
     }
     return result;
+  }
+
+  /// Throws InputError when a node that is collected from has no part of a take, although it has
+  /// cameras or the trigger in the studio file of the take: its disk may not be mounted.
+  void require_capture_nodes(const std::vector<TakePaths>& parts) const {
+    for (const TakePaths& recorded : parts) {
+      const std::optional<Studio> studio = load_take_studio(recorded);
+      if (!studio || !fs::exists(recorded.info())) continue;
+      for (const TakeSource& source : request_.sources) {
+        const bool captures =
+            !studio->cameras_of(source.node).empty() || studio->trigger.node == source.node;
+        const bool has_part = std::ranges::any_of(parts, [&](const TakePaths& part) {
+          return part.folder.filename() == source.node && fs::exists(part.info());
+        });
+        if (!captures || has_part) continue;
+        throw InputError(source.node + " has no part of it at " + source.place +
+                         ": is its disk mounted? To collect without the node, name the others "
+                         "with --from");
+      }
+    }
   }
 
   /// Copies the part of one node.

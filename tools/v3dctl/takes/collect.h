@@ -38,7 +38,8 @@ std::vector<TakeSource> sources_of(const Studio& studio);
 /// Copies the parts of each take into `to`/.collect and continues copies that were interrupted.
 /// Joins the parts, verifies the whole by reading it back from the disk past the page cache, and
 /// renames it into `to` in one step. A copy that differs from the nodes' files is not collected. A
-/// take that is being recorded is skipped. Throws InputError when a node cannot be listed, or when
+/// take that is being recorded is skipped, and so is one of which a source that recorded it by the
+/// take's studio file has no part. Throws InputError when a node cannot be listed, or when
 /// no node has a requested take. Other errors are in CollectedTake::problem; the parts then stay
 /// for the next run.
 std::vector<CollectedTake> collect_takes(const CollectRequest& request);
