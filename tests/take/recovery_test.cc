@@ -21,7 +21,6 @@
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
-#include "take_studio.h"
 
 namespace v3d::test {
 namespace {
@@ -178,17 +177,6 @@ TEST_F(TakeRecovery, closes_a_take_with_an_unreadable_header_on_request_of_an_op
   recover_take(paths_, AfterReadErrors::kRecover);
   EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecovered);
   EXPECT_FALSE(load_ledger(paths_.ledger()).cameras[0].missing.empty());
-}
-
-TEST_F(TakeRecovery, counts_pulses_by_the_frames_where_nothing_senses_them) {
-  test::write_text(
-      paths_.studio(),
-      test::studio_text({{"cap01", {kCamera}}}, "kind = 'gpio'\nchip = 'gpiochip0'\nline = 17"));
-  const Verification recovered = recover_take(paths_);
-  EXPECT_EQ(recovered.ledger.commanded, kFrames);
-  EXPECT_FALSE(recovered.ledger.sensed);
-  EXPECT_THAT(recovered.ledger.cameras[0].suspect, IsEmpty());
-  EXPECT_THAT(recovered.ledger.cameras[0].missing, IsEmpty());
 }
 
 TEST_F(TakeRecovery, keeps_every_frame_when_no_file_can_be_opened) {

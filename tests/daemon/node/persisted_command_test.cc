@@ -22,6 +22,7 @@ class PersistedCommandTest : public testing::Test {
       fs::create_directories(take_paths(studio_, take).folder);
       CommandMessage order;
       order.verb = CommandVerb::kArm;
+      order.sender = "desk";
       order.take = take;
       persist_command(studio_, "cap01", order);
     }
@@ -53,9 +54,10 @@ TEST_F(PersistedCommandTest, that_cannot_be_read_is_reported_as_unread_and_not_a
 }
 
 TEST_F(PersistedCommandTest, may_exist_in_a_folder_of_takes_that_cannot_be_listed) {
+  const fs::path file = take_paths(studio_, "kendo-07").folder / ".order-cap01";
   studio_.storage.takes = folder_ / "missing";
   EXPECT_TRUE(persisted_commands(studio_, "cap01").folder_was_listed);
-  studio_.storage.takes = take_paths(studio_, "kendo-07").folder / ".order-cap01";
+  studio_.storage.takes = file;
   EXPECT_FALSE(persisted_commands(studio_, "cap01").folder_was_listed);
 }
 
