@@ -22,8 +22,11 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
     if (take.ledger) ledgers.push_back(*take.ledger);
   }
   for (const auto& [take, order] : v3d::persisted_commands(studio, node).commands) {
+    const v3d::TakePaths paths = v3d::take_paths(studio, take);
     try {
-      ledgers.push_back(v3d::load_ledger(v3d::take_paths(studio, take).ledger()));
+      // The ledger of an open take is of an earlier recovery, or lacks what was not written.
+      if (v3d::load_take_info(paths).state == v3d::TakeState::kRecording) continue;
+      ledgers.push_back(v3d::load_ledger(paths.ledger()));
     } catch (const v3d::InputError&) {  // armed, but never closed
     }
   }
