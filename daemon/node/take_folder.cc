@@ -40,12 +40,12 @@ io::Status write_take_files(const Studio& studio, const TakeInfo& info, const Ta
   return status;
 }
 
+/// Throws InputError with path and cause when the folder cannot be listed.
 bool holds_logs(const TakePaths& paths) {
-  if (io::type_of(paths.folder) == fs::file_type::not_found) return false;
-  const auto entries = io::list_folder(paths.folder);
-  return !entries || std::ranges::any_of(*entries, [](const fs::path& entry) {
-    return entry.extension() == ".lcmlog";
-  });
+  if (io::value_or_throw(io::type_of(paths.folder)) == fs::file_type::not_found) return false;
+  const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(paths.folder));
+  return std::ranges::any_of(entries,
+                             [](const fs::path& entry) { return entry.extension() == ".lcmlog"; });
 }
 
 /// Result of a recovery, for the daemon's log.
