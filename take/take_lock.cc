@@ -99,7 +99,11 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
       return io::io_error("lock", path, holder_in(fd.get()) + " has locked it", EWOULDBLOCK);
     }
     if (!locked && !is_unsupported(errno)) return io::io_error("lock", path);
-    if (!is_current(fd.get(), path)) continue;
+    errno = 0;
+    if (!is_current(fd.get(), path)) {
+      if (errno != 0 && errno != ENOENT) return io::io_error("lock", path);
+      continue;
+    }
     write_holder(fd.get());
     return TakeLock(path, std::move(fd), locked);
   }

@@ -77,7 +77,11 @@ void PowerCutDisk::restart() {
 void PowerCutDisk::mount() const {
   run("mount -t ext4 -o loop " + image(number_).string() + " " + place_.string());
 }
-void PowerCutDisk::unmount() const { run("umount " + place_.string()); }
+void PowerCutDisk::unmount() const {
+  // A killed program may leave a child, such as rsync, that ends a little later.
+  run("n=0; until umount " + place_.string() +
+      "; do n=$((n+1)); [ $n -lt 200 ] || exit 1; sleep 0.05; done");
+}
 
 fs::path PowerCutDisk::image(int number) const {
   return files_ / ("disk" + std::to_string(number));
