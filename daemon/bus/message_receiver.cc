@@ -102,7 +102,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   }
   const DatagramParts parts = split_trailer(datagram);
   if (is_of_frames(kind, parts, now.monotonic)) return receive_frame(datagram, kind, parts, now);
-  if (is_skipped(identity_of(datagram, parts))) return std::nullopt;
+  if (skipped_.contains(identity_of(datagram, parts))) return std::nullopt;
   if (parts.trailer && is_repeated(datagram, *parts.trailer)) {
     if (is_first) authenticator_.count_replayed();
     return std::nullopt;
@@ -437,7 +437,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
   if (datagram.is_whole()) {
     return pass(datagram.channel, without_signature(*kind, parts.data));
   }
-  if (kind == nullptr && is_skipped(identity)) return std::nullopt;
+  if (kind == nullptr && skipped_.contains(identity)) return std::nullopt;
   auto message = reassemble(datagram, parts, source);
   if (message) {
     message->bytes = without_signature(*channels_.find(message->channel), message->bytes);
@@ -478,20 +478,8 @@ std::optional<ReceivedMessage> MessageReceiver::pass(std::string_view channel,
   return ReceivedMessage{channel, bytes};
 }
 
-namespace {
-
-size_t place_of(const MessageIdentity& message, size_t places) {
-  return (message.sender ^ message.sequence) % places;
-}
-
-}  // namespace
-
-bool MessageReceiver::is_skipped(const MessageIdentity& message) const {
-  return skipped_[place_of(message, skipped_.size())] == message;
-}
-
 void MessageReceiver::skip(const MessageIdentity& message) {
-  skipped_[place_of(message, skipped_.size())] = message;
+  skipped_.insert(message);
   reassembly_.drop(message);
 }
 

@@ -15,6 +15,7 @@
 #include "daemon/bus/reassembly.h"
 #include "daemon/bus/recent_tags.h"
 #include "daemon/bus/session_replay_filter.h"
+#include "daemon/bus/skipped_messages.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -136,7 +137,6 @@ class MessageReceiver {
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
                                             uint64_t sender = 0);
   std::optional<ReceivedMessage> pass(std::string_view channel, std::span<const uint8_t> bytes);
-  bool is_skipped(const MessageIdentity& message) const;
   void skip(const MessageIdentity& message);
 
   ChannelList channels_;
@@ -152,8 +152,7 @@ class MessageReceiver {
   MonotonicInstant answers_since_;
   int answers_ = 0;
   Reassembly reassembly_;
-  /// Messages without a subscription, whose further fragments are not needed.
-  std::array<MessageIdentity, 256> skipped_{};
+  SkippedMessages skipped_;  ///< without a subscription
   std::atomic<int64_t> malformed_ = 0;
   std::atomic<int64_t> foreign_ = 0;
   std::atomic<int64_t> oversized_ = 0;

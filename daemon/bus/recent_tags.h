@@ -11,10 +11,10 @@
 
 namespace v3d {
 
-/// Detects repeated datagrams before their MAC is computed. The tag depends on every byte of a
-/// datagram, so a sender without the key can only repeat it. Nobody can choose a datagram with the
-/// tag of one that is not sent yet. Stores kSets * kWays tags; a new tag replaces the oldest one of
-/// its set. Allocates nothing after construction. One thread.
+/// Detects repeated datagrams before their MAC is computed. The tag is the MAC itself. A sender
+/// without the key cannot make a datagram with a valid tag of its own; it can only repeat one that
+/// was sent. Stores kSets * kWays tags; a new tag replaces the oldest one of its set. Allocates
+/// nothing after construction. One thread.
 class RecentTags {
  public:
   static constexpr size_t kSets = 2048;

@@ -2,50 +2,19 @@
 
 #include "base/io/file.h"
 #include "base/io/whole_file.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
 #include "take/take_removal.h"
 
 namespace v3d::test {
-namespace {
-
-constexpr char kStudio[] = R"(name = "dojo"
-[[node]]
-name = "cap01"
-[[node]]
-name = "recon01"
-[[camera]]
-name = "cam01"
-node = "cap01"
-address = "127.0.0.11"
-[[camera]]
-name = "cam02"
-node = "cap01"
-address = "127.0.0.12"
-[trigger]
-node = "cap01"
-kind = "simulated"
-wire = "trigger.sock"
-[space]
-min = [-1.5, -1.5, 0]
-max = [1.5, 1.5, 2]
-[network]
-lcm_url = "udpm://239.255.76.67:7667?ttl=0"
-[storage]
-takes = "takes"
-background = "background"
-calib = "calib.toml"
-[reconstruction]
-node = "recon01"
-)";
-
-}  // namespace
 
 void make_driven_studio(const std::filesystem::path& folder) {
   const Studio studio = driven_studio(folder);
   std::filesystem::create_directories(studio.storage.takes);
   std::filesystem::create_directories(studio.storage.background);
-  write_text(studio.path, kStudio);
+  write_text(studio.path,
+             studio_text({{kDrivenNode, {kDrivenCameras.begin(), kDrivenCameras.end()}}}));
   write_text(studio.storage.calib, "[metadata]\n");
   for (const std::string& camera : kDrivenCameras) {
     write_text(studio.storage.background / (camera + ".mean.png"), std::string(6000, 'm'));

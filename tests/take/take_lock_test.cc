@@ -8,8 +8,8 @@
 #include <cerrno>
 
 #include "support/lock_holder.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
-#include "take_studio.h"
 
 namespace v3d {
 namespace {

@@ -10,6 +10,7 @@
 #include "base/core/error.h"
 #include "base/io/whole_file.h"
 #include "recording.h"
+#include "signed_take.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -19,7 +20,6 @@
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
-#include "take_studio.h"
 
 namespace v3d {
 namespace {
@@ -33,106 +33,8 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::SizeIs;
 
-constexpr int64_t kPulses = 3;
-
-class TakeSigning : public testing::Test {
- protected:
-  TakeSigning() {
-    record("cap01", {"cam01", "cam02"}, cap01_);
-    studio_.nodes = {{"cap01", cap01_.public_key().text()}, {"cap02", cap02_.public_key().text()}};
-    add_camera("cam01", "cap01");
-    add_camera("cam02", "cap01");
-    add_camera("cam03", "cap02");
-  }
-
-  /// The parts of a take of two nodes, joined as `takes collect` does. The parts of the other tests
-  /// have no studio file: they are takes of one node.
-  TakePaths joined_take() {
-    for (const char* node : {"cap01", "cap02"}) {
-      fs::create_directories(part(node).folder);
-      test::write_text(part(node).studio(),
-                       test::studio_text({{"cap01", {"cam01", "cam02"}}, {"cap02", {"cam03"}}}));
-    }
-    record("cap01", {"cam01", "cam02"}, cap01_);
-    record("cap02", {"cam03"}, cap02_);
-    const TakePaths whole{folder_ / "archive"};
-    join_parts({part("cap01"), part("cap02")}, whole);
-    return whole;
-  }
-
-  /// Signs the text of a signature again, after `change`.
-  void resign(const TakePaths& paths, const std::string& node, const SigningKey& key,
-              const std::function<void(TakeSignature&)>& change) const {
-    const fs::path file = signature_path(paths, node);
-    TakeSignature signature = parse_signature(read_file(file), file);
-    change(signature);
-    ASSERT_TRUE(save_signature(paths, signature, key));
-  }
-
-  void add_camera(const std::string& name, const std::string& node) {
-    StudioCamera camera;
-    camera.name = name;
-    camera.node = node;
-    studio_.cameras.push_back(camera);
-  }
-
-  TakePaths part(const std::string& node) const { return {folder_ / node}; }
-
-  /// Records a closed take and signs it as v3d-captured does.
-  void record(const std::string& node, const std::vector<std::string>& cameras,
-              const SigningKey& key) {
-    const TakePaths paths = part(node);
-    fs::create_directories(paths.background());
-    for (const std::string& camera : cameras) fs::remove(paths.frames(camera));
-    fs::remove(paths.pulses());
-    TakeInfo info = test::begun_take(cameras);
-    info.started =
-        RealtimeInstant(std::chrono::seconds(cameras.size()));  // start times of nodes differ
-    info.pulses = kPulses;
-    info.state = TakeState::kComplete;
-    test::write_text(paths.calib(), "# the rig\n");
-    Ledger ledger{.take = info.name, .commanded = kPulses, .sensed = kPulses, .cameras = {}};
-    EventLogWriter sensed(paths.pulses());
-    for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-      PulseMessage message;
-      message.pulse = pulse;
-      EXPECT_TRUE(sensed.write(message));
-    }
-    for (const std::string& camera : cameras) {
-      test::write_text(paths.background() / (camera + ".toml"), camera);
-      EventLogWriter frames(paths.frames(camera), LogOpening::kNew, LogHashing::kTree);
-      CameraAccount account;
-      for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-        EXPECT_TRUE(frames.write(test::recorded_frame(camera, pulse, {64, 48})));
-        account.add(pulse, false);
-      }
-      ledger.cameras.push_back(account.ledger(camera, kPulses));
-      ledger.files.push_back(frames.file());
-    }
-    save_account_or_throw(paths, info, ledger);
-    io::throw_if_failed(sign_take(paths, {node, key}, ledger.files));
-  }
-
-  SignatureCheck check() const { return check_signatures(take_, &studio_); }
-  SignatureCheck check(const TakePaths& paths) const { return check_signatures(paths, &studio_); }
-
-  void change(const fs::path& file, const std::string& from, const std::string& to) const {
-    std::string text = read_file(file);
-    const size_t at = text.find(from);
-    ASSERT_NE(at, std::string::npos);
-    text.replace(at, from.size(), to);
-    test::write_text(file, text);
-  }
-  fs::path signature_file() const { return take_.folder / "signature.cap01.toml"; }
-  std::string error_message(const std::string& text) const {
-    return test::message_of<InputError>([&] { parse_signature(text, signature_file()); });
-  }
-
-  const test::TemporaryFolder folder_;
-  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make();
-  const TakePaths take_ = part("cap01");
-  Studio studio_;
-};
+constexpr int64_t kPulses = test::kSignedPulses;
+class TakeSigning : public test::SignedTake {};
 
 TEST_F(TakeSigning, verifies_with_the_name_and_key_of_its_node) {
   const SignatureCheck found = check();
@@ -310,95 +212,6 @@ TEST_F(TakeSigning, stays_signed_by_all_nodes_after_join) {
   EXPECT_THAT(check(whole).notes,
               Contains("without a signature: background/cam03.toml, cam03.lcmlog"));
 }
-
-TEST_F(TakeSigning, names_the_capture_nodes_of_the_take_and_the_counts_of_its_own_cameras) {
-  joined_take();
-  const fs::path file = signature_path(part("cap02"), "cap02");
-  const TakeSignature signature = parse_signature(read_file(file), file);
-  const SignedNode cap01{"cap01", {"cam01", "cam02"}}, cap02{"cap02", {"cam03"}};
-  EXPECT_THAT(signature.nodes, ElementsAre(cap01, cap02));
-  EXPECT_THAT(signature.cameras, ElementsAre(SignedCamera{"cam03", kPulses, kPulses, kPulses, 0}));
-}
-
-/// Removes all that cap02 recorded, and edits take.toml and ledger.toml so that they agree.
-void remove_cap02(const TakePaths& whole) {
-  for (const char* name : {"cam03.lcmlog", "background/cam03.toml", "signature.cap02.toml"}) {
-    fs::remove(whole.folder / name);
-  }
-  TakeInfo info = load_take_info(whole);
-  info.cameras = {"cam01", "cam02"};
-  Ledger ledger = load_ledger(whole.ledger());
-  ledger.cameras.pop_back();
-  ledger.files.clear();
-  save_account_or_throw(whole, info, ledger);
-}
-
-TEST_F(TakeSigning, reveals_that_everything_of_a_node_was_removed) {
-  const TakePaths whole = joined_take();
-  remove_cap02(whole);
-  ASSERT_TRUE(verify_take(whole).whole()) << "the edits agree with each other";
-  EXPECT_FALSE(check(whole).is_complete);
-  EXPECT_THAT(check(whole).notes,
-              ElementsAre("no signature of cap02, for which the studio file has a key"));
-  // The attacker also removes the studio file of the take: it is signed.
-  fs::remove(whole.studio());
-  EXPECT_FALSE(check(whole).is_complete);
-}
-
-TEST_F(TakeSigning, of_the_part_of_one_node_is_not_the_signature_of_the_take) {
-  joined_take();
-  EXPECT_THAT(check(part("cap01")).disagreements, IsEmpty());
-  EXPECT_FALSE(check(part("cap01")).is_complete);
-}
-
-TEST_F(TakeSigning, of_format_1_is_read_and_does_not_prove_that_the_take_has_all_nodes) {
-  const TakePaths whole = joined_take();
-  const auto to_format_1 = [](TakeSignature& signature) {
-    signature.format = 1;
-    signature.nodes.clear();
-    signature.cameras.clear();
-  };
-  resign(whole, "cap02", cap02_, to_format_1);
-  EXPECT_THAT(check(whole).notes, ElementsAre(HasSubstr("signature.cap02.toml: has format 1")));
-  EXPECT_TRUE(check(whole).is_complete) << "the signature of cap01 names all nodes";
-  resign(whole, "cap01", cap01_, to_format_1);
-  EXPECT_THAT(check(whole).disagreements, IsEmpty());
-  EXPECT_THAT(check(whole).signers, SizeIs(2));
-  EXPECT_EQ(check(whole).signers[0].files, 7);
-  EXPECT_FALSE(check(whole).is_complete);
-}
-
-TEST_F(TakeSigning, is_rejected_when_two_nodes_name_other_nodes_of_the_take) {
-  const TakePaths whole = joined_take();
-  resign(whole, "cap02", cap02_, [](TakeSignature& signature) { signature.nodes.pop_back(); });
-  EXPECT_THAT(check(whole).disagreements,
-              ElementsAre("signature.cap02.toml: names other nodes of the take than "
-                          "signature.cap01.toml does"));
-}
-
-TEST_F(TakeSigning, is_rejected_with_other_cameras_counts_or_state) {
-  const TakePaths whole = joined_take();
-  Ledger ledger = load_ledger(whole.ledger());
-  ledger.cameras[2].exposed += 1;
-  ASSERT_TRUE(save_ledger(whole.ledger(), ledger));
-  EXPECT_THAT(check(whole).disagreements,
-              ElementsAre("ledger.toml: its counts of frames of cam03 are not those of "
-                          "signature.cap02.toml"));
-  ledger.cameras[2].exposed -= 1;
-  ASSERT_TRUE(save_ledger(whole.ledger(), ledger));
-  TakeInfo info = load_take_info(whole);
-  info.cameras.pop_back();
-  ASSERT_TRUE(save_take_info(whole, info));
-  EXPECT_THAT(check(whole).disagreements,
-              ElementsAre("take.toml: has no camera cam03, which signature.cap02.toml names"));
-  info.cameras.emplace_back("cam03");
-  ASSERT_TRUE(save_take_info(whole, info));
-  resign(whole, "cap01", cap01_,
-         [](TakeSignature& signature) { signature.state = TakeState::kRecovered; });
-  EXPECT_THAT(check(whole).disagreements,
-              ElementsAre("take.toml: says complete, signature.cap01.toml recovered"));
-}
-
 TEST_F(TakeSigning, fails_with_a_cause_for_a_take_without_a_ledger_or_with_a_damaged_take_toml) {
   for (const fs::path& file : {take_.info(), take_.ledger()}) {
     const std::string content = read_file(file);

@@ -1,4 +1,4 @@
-// The studio.toml of a take, for tests.
+// Text of a small studio file, for tests.
 #pragma once
 
 #include <map>
