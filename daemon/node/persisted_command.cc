@@ -19,10 +19,10 @@ fs::path command_file(const fs::path& take, const std::string& node) {
   return take / (".order-" + node);
 }
 
-/// Empty without such a file.
+/// Empty without such a file, and for a file beside the takes.
 io::Result<std::optional<CommandMessage>> read_command(const fs::path& file) {
   const auto text = io::read_file(file, kMaxOrderBytes, io::OpenMode::kReadWithinFolder);
-  if (!text && text.error().code == ENOENT) return std::nullopt;
+  if (!text && (text.error().code == ENOENT || text.error().code == ENOTDIR)) return std::nullopt;
   if (!text) return tl::make_unexpected(text.error());
   auto command = decode<CommandMessage>(Bytes(text->begin(), text->end()));
   if (!command) return io::io_error("read", file, "it is damaged", EBADMSG);

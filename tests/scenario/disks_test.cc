@@ -205,14 +205,24 @@ TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_fra
   expect_every_frame_accounted_for(verified);
 }
 
-TEST_F(BadDiskStudio4, does_not_report_a_take_as_complete_after_a_failed_fsync) {
-  arm_and_start(20);
+TEST_F(BadDiskStudio4, ends_a_take_that_cannot_be_synced_and_does_not_report_it_as_complete) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   set_disk_fault("forgets");
-  ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
+  std::string text;
+  const auto stays_open = [&] {
+    while (const auto event = events.wait(Monotonic::now())) {
+      if (event->text.find("stays open") != std::string::npos) text = event->text;
+    }
+    return !text.empty();
+  };
+  ASSERT_TRUE(becomes_true(stays_open, within(60))) << log();
+  EXPECT_THAT(text, HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04: "));
+  EXPECT_THAT(text, HasSubstr("Input/output error"));
   const Answer stopped = command(CommandVerb::kStop);
-  EXPECT_THAT(stopped.replies.at("cap01").text,
-              HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04: "));
-  EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("Input/output error"));
+  EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("kendo-07 stays open: ")) << log();
   EXPECT_EQ(load_take_info(take()).state, TakeState::kRecording) << "the next start counts it";
 }
 

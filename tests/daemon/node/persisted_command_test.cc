@@ -53,6 +53,13 @@ TEST_F(PersistedCommandTest, that_cannot_be_read_is_reported_as_unread_and_not_a
   EXPECT_THAT(found.unread, ElementsAre("kendo-08"));
 }
 
+TEST_F(PersistedCommandTest, is_not_searched_in_a_file_beside_the_takes) {
+  test::write_text(studio_.storage.takes / "notes.txt", "fight");
+  const CommandsOnDisk found = persisted_commands(studio_, "cap01");
+  EXPECT_THAT(found.commands, ElementsAre(Key("kendo-07"), Key("kendo-08")));
+  EXPECT_THAT(found.unread, IsEmpty());
+}
+
 TEST_F(PersistedCommandTest, may_exist_in_a_folder_of_takes_that_cannot_be_listed) {
   const fs::path file = take_paths(studio_, "kendo-07").folder / ".order-cap01";
   studio_.storage.takes = folder_ / "missing";
