@@ -49,7 +49,7 @@ std::string ledger_json(const Ledger& ledger) {
                        {"duplicate", c.duplicate},
                        {"suspect", c.suspect}});
   }
-  const nlohmann::json json = {
+  nlohmann::json json = {
       {"take", ledger.take},
       {"complete", ledger.complete()},
       {"pulses",
@@ -59,6 +59,7 @@ std::string ledger_json(const Ledger& ledger) {
         {"extra", ledger.extra},
         {"runt", ledger.runt}}},
       {"cameras", cameras}};
+  if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
   return json.dump();
 }
 

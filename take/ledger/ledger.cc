@@ -95,9 +95,9 @@ bool check_own_checksum(std::string_view text, const std::filesystem::path& path
 }  // namespace
 
 bool Ledger::complete() const {
-  return !cameras.empty() && commanded > 0 && sensed.value_or(commanded) == commanded &&
-         unsensed.empty() && extra == 0 && runt.empty() &&
-         std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
+  return !cameras.empty() && commanded > 0 && !commanded_is_minimum &&
+         sensed.value_or(commanded) == commanded && unsensed.empty() && extra == 0 &&
+         runt.empty() && std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
            return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
                   c.suspect.empty();
          });
@@ -114,8 +114,9 @@ std::string Ledger::verdict() const {
   }
   const auto count = [](size_t n) { return format_count(static_cast<int64_t>(n)); };
   std::string text = "take " + take + ": " + (complete() ? "complete" : "incomplete") + ", " +
-                     count(cameras.size()) + " cameras x " + format_count(commanded) + " pulses, " +
-                     count(missing) + " missing, " + count(suspect) + " suspect";
+                     count(cameras.size()) + " cameras x " +
+                     (commanded_is_minimum ? "at least " : "") + format_count(commanded) +
+                     " pulses, " + count(missing) + " missing, " + count(suspect) + " suspect";
   if (duplicate > 0) text += ", " + count(duplicate) + " duplicate";
   if (!sensed) text += ", pulses not sensed";
   if (sensed && *sensed != commanded) text += ", " + format_count(*sensed) + " pulses sensed";
@@ -158,6 +159,9 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
 Ledger merge(const std::vector<Ledger>& parts) {
   Ledger whole;
   for (const Ledger& part : parts) whole.commanded = std::max(whole.commanded, part.commanded);
+  whole.commanded_is_minimum = std::ranges::all_of(parts, [&](const Ledger& part) {
+    return part.commanded < whole.commanded || part.commanded_is_minimum;
+  });
   for (const Ledger& part : parts) {
     whole.take = part.take;
     if (part.sensed >= whole.sensed) {
@@ -219,7 +223,8 @@ std::vector<std::string> table_lines(const Ledger& ledger) {
   }
   const std::string sensed =
       ledger.sensed ? format_count(*ledger.sensed) + " sensed" : "not sensed";
-  lines.push_back(format_count(ledger.commanded) + " pulses commanded, " + sensed);
+  lines.push_back((ledger.commanded_is_minimum ? "at least " : "") +
+                  format_count(ledger.commanded) + " pulses commanded, " + sensed);
   return lines;
 }
 
@@ -239,6 +244,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   if (has_checksum) table.text("xxh3");  // else an unknown field
   ledger.take = table.text("take");
   ledger.commanded = read_count(table, "commanded");
+  ledger.commanded_is_minimum = table.boolean_or("commanded_is_minimum", false);
   if (table.boolean_or("sense_line", true)) ledger.sensed = read_count(table, "sensed");
   if (table.has("unsensed")) ledger.unsensed = table.integers("unsensed");
   if (table.has("extra")) ledger.extra = read_count(table, "extra");
@@ -254,6 +260,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
 io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
   std::string text = "take = " + toml_string(ledger.take) +
                      "\ncommanded = " + std::to_string(ledger.commanded) +
+                     (ledger.commanded_is_minimum ? "\ncommanded_is_minimum = true" : "") +
                      "\nsense_line = " + (ledger.sensed ? "true" : "false") + "\n";
   if (ledger.sensed) {
     text += "sensed = " + std::to_string(*ledger.sensed) +

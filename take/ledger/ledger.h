@@ -31,6 +31,9 @@ struct CameraLedger {
 struct Ledger {
   std::string take;
   int64_t commanded = 0;
+  /// True when more pulses may have been commanded: the recording was interrupted on a node without
+  /// a sense line, and `commanded` is the number up to the last frame.
+  bool commanded_is_minimum = false;
   std::optional<int64_t> sensed;  ///< pulses that the sense line detected; empty: no sense line
   std::vector<int64_t> unsensed = {};  ///< commanded pulses that it did not detect
   int64_t extra = 0;                   ///< pulses that it detected besides those of the train
@@ -40,8 +43,8 @@ struct Ledger {
   /// before 2026-12, which had no list. A camera log that a recovery found has no checksum.
   std::vector<TakeFile> files = {};
 
-  /// True when all pulses were sensed (if the studio has a sense line), no other pulses were, and
-  /// each camera has exactly one unsuspected frame of each pulse.
+  /// True when the number of pulses is known, all pulses were sensed (if the studio has a sense
+  /// line), no other pulses were, and each camera has exactly one unsuspected frame of each pulse.
   bool complete() const;
   /// The result in one line: "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0
   /// suspect".
@@ -73,8 +76,9 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
                      const std::vector<int64_t>& suspect, int64_t commanded);
 
 /// Merges the ledgers of all nodes of a take: the cameras of all nodes, and the pulses of the node
-/// that sensed the most. If a camera's node counted fewer pulses, the remaining pulses are missing
-/// for that camera, except those with a suspect frame.
+/// that sensed the most. The number of pulses is a minimum only when it is one in each of the parts
+/// that have the highest number. If a camera's node counted fewer pulses, the remaining pulses are
+/// missing for that camera, except those with a suspect frame.
 Ledger merge(const std::vector<Ledger>& parts);
 
 /// Formats ascending numbers, neighbours as ranges: "3-17, 20".

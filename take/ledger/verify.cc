@@ -140,6 +140,22 @@ class FileCheck {
   Verification& result_;
 };
 
+/// The frames of one camera.
+struct CountedCamera {
+  std::string name;
+  CameraAccount account{};
+  ExposureCount exposures{};
+  int64_t last_labelled = -1;  ///< highest pulse of a frame that is not suspect
+
+  void add(const FrameLabel& label) {
+    account.add(label.pulse, label.suspect);
+    exposures.add(label.camera_counter);
+    if (!label.suspect && label.pulse < kMaxPulses) {
+      last_labelled = std::max(last_labelled, label.pulse);
+    }
+  }
+};
+
 class Verifier {
  public:
   Verifier(const TakePaths& paths, Depth depth, ReadFrom from)
@@ -153,11 +169,16 @@ class Verifier {
     // Each log is read for its checksum, then event by event from the page cache.
     const bool reads_files =
         depth_ == Depth::kFrames && result_.info.state != TakeState::kRecording;
-    if (reads_files) files.read_log(paths_.pulses());
-    count_pulses(stored);
+    std::vector<CountedCamera> cameras;
     for (const std::string& camera : result_.info.cameras) {
       if (reads_files) files.read_log(paths_.frames(camera));
-      CameraLedger counted = count_frames(camera);
+      cameras.push_back(count_frames(camera));
+    }
+    if (reads_files) files.read_log(paths_.pulses());
+    count_pulses(stored, cameras);
+    for (const CountedCamera& camera : cameras) {
+      CameraLedger counted = camera.account.ledger(camera.name, result_.ledger.commanded);
+      counted.exposed = camera.exposures.exposed();
       if (stored) compare(*stored, counted);
       result_.ledger.cameras.push_back(std::move(counted));
     }
@@ -192,10 +213,16 @@ class Verifier {
     }
   }
 
-  void count_pulses(const std::optional<Ledger>& stored) {
+  void count_pulses(const std::optional<Ledger>& stored,
+                    const std::vector<CountedCamera>& cameras) {
     Ledger& ledger = result_.ledger;
     ledger.take = result_.info.name;
-    PulseSet sensed;
+    PulseEvidence evidence{
+        .sensed = {}, .has_sense_line = has_sense_line(), .known = result_.info.pulses};
+    for (const CountedCamera& camera : cameras) {
+      evidence.last_labelled = std::max(evidence.last_labelled, camera.last_labelled);
+    }
+    PulseSet& sensed = evidence.sensed;
     try {
       for (const PulseMessage& message : read_pulses(paths_.pulses())) {
         if (message.pulse < kMaxPulses) {
@@ -208,7 +235,7 @@ class Verifier {
     } catch (const InputError& error) {
       report(error.what(), is_absent_log(paths_.pulses()));
     }
-    recount_pulses(sensed, result_.info.pulses, stored, ledger);
+    recount_pulses(evidence, stored, ledger);
     if (stored && stored->sensed && *stored->sensed != sensed.size()) {
       disagree(paths_.pulses(), "holds " + format_count(sensed.size()) +
                                     " pulses, the ledger says " + format_count(*stored->sensed));
@@ -225,21 +252,28 @@ class Verifier {
     if (!is_absent) result_.read_errors.push_back(line);
   }
 
-  CameraLedger count_frames(const std::string& camera) {
-    CameraAccount account;
-    ExposureCount exposures;
+  /// By the studio file of the take; true where it has none.
+  bool has_sense_line() {
+    try {
+      const std::optional<Studio> studio = load_take_studio(paths_);
+      return !studio || studio->trigger.is_sensed();
+    } catch (const InputError&) {  // reported as a damaged file of the take
+      return true;
+    }
+  }
+
+  CountedCamera count_frames(const std::string& camera) {
+    CountedCamera counted{.name = camera};
     if (const auto log = EventLogReader::open(paths_.frames(camera))) {
-      count_events(*log, camera, account, exposures);
+      count_events(*log, counted);
     } else {
       report(log.error().message, is_absent_log(paths_.frames(camera)));
     }
-    CameraLedger counted = account.ledger(camera, result_.ledger.commanded);
-    counted.exposed = exposures.exposed();
     return counted;
   }
 
-  void count_events(const EventLogReader& log, const std::string& camera, CameraAccount& account,
-                    ExposureCount& exposures) {
+  void count_events(const EventLogReader& log, CountedCamera& counted) {
+    const std::string& camera = counted.name;
     const std::filesystem::path file = paths_.frames(camera);
     int64_t damaged = log.damaged_places(), unreadable = 0;
     std::vector<std::string> errors = log.read_errors();
@@ -251,8 +285,7 @@ class Verifier {
       } else if (!*label) {
         ++damaged;
       } else {
-        account.add((*label)->pulse, (*label)->suspect);
-        exposures.add((*label)->camera_counter);
+        counted.add(**label);
       }
     }
     for (const std::string& error : errors) report(error, false);
@@ -388,11 +421,14 @@ io::Status index_segments(const std::filesystem::path& path,
 
 }  // namespace
 
-void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& stored,
                     Ledger& ledger) {
-  const bool has_sense_line = !stored || stored->sensed;
+  const PulseSet& sensed = evidence.sensed;
+  const bool has_sense_line = stored ? stored->sensed.has_value() : evidence.has_sense_line;
+  const int64_t last = has_sense_line ? sensed.last() : evidence.last_labelled;
   if (has_sense_line) ledger.sensed = sensed.size();
-  ledger.commanded = stored ? stored->commanded : std::max(known, sensed.last() + 1);
+  ledger.commanded = stored ? stored->commanded : std::max(evidence.known, last + 1);
+  ledger.commanded_is_minimum = stored ? stored->commanded_is_minimum : !has_sense_line;
   if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
   if (!stored) return;
   ledger.extra = stored->extra;  // not in the log

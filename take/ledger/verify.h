@@ -30,10 +30,19 @@ struct Verification {
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// Fills in the pulses of `ledger`: `sensed` from the pulse log, `known` from take.toml, all else
-/// from the `stored` ledger. For a take that was not closed, the commanded pulses are unknown; the
-/// highest sensed pulse gives their number.
-void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+/// What a take that was not closed tells about its pulses.
+struct PulseEvidence {
+  PulseSet sensed;             ///< of pulses.lcmlog
+  bool has_sense_line = true;  ///< by the studio file of the take
+  int64_t known = 0;           ///< pulses by take.toml
+  int64_t last_labelled = -1;  ///< highest pulse of a frame that is not suspect; -1: none
+};
+
+/// Fills in the pulses of `ledger`: `sensed` from the pulse log, all else from the `stored` ledger.
+/// For a take that was not closed, the commanded pulses are unknown: the highest sensed pulse gives
+/// their number. Without a sense line, the highest pulse of a frame gives the lowest possible
+/// number.
+void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 
 /// Verifies a take: reads every event of every log, and every file for its checksum, and compares

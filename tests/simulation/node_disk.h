@@ -23,11 +23,11 @@ struct TakeOnDisk {
   std::optional<CommandMessage> persisted_order;       ///< .order-<node>
   int64_t meshes = 0;                                  ///< mesh.v3d, where the node reconstructs
 
-  bool has_frames() const {
+  bool has_frames_or_pulses() const {
     for (const auto& [camera, written] : frames) {
       if (!written.empty()) return true;
     }
-    return false;
+    return pulses.size() > 0;
   }
 };
 
@@ -37,12 +37,14 @@ struct NodeDisk {
   bool loses_ledgers = false;  ///< ledger.toml and take.toml cannot be written
   std::map<std::string, TakeOnDisk> takes;
 
-  /// True when a take was recorded whose ledger could not be written; a restart recovers it.
-  bool lacks_ledger() const {
+  /// The recorded takes that were not closed, because the ledger could not be written or the node
+  /// crashed; a restart recovers them.
+  std::vector<std::string> open_takes() const {
+    std::vector<std::string> open;
     for (const auto& [name, take] : takes) {
-      if (take.is_open && take.has_frames()) return true;
+      if (take.is_open && take.has_frames_or_pulses()) open.push_back(name);
     }
-    return false;
+    return open;
   }
   std::map<std::string, CommandMessage> persisted_commands() const {
     std::map<std::string, CommandMessage> orders;

@@ -108,7 +108,13 @@ void NodeProcess::recover_takes() {
     if (!is_open_take_of(info, host_.cameras, take.persisted_order.has_value())) continue;
     Ledger ledger;
     ledger.take = name;
-    recount_pulses(take.pulses, 0, take.ledger, ledger);
+    PulseEvidence evidence{.sensed = take.pulses, .has_sense_line = world_.has_sense_line};
+    for (const std::string& camera : take.cameras) {
+      for (const int64_t pulse : take.frames[camera]) {
+        evidence.last_labelled = std::max(evidence.last_labelled, pulse);
+      }
+    }
+    recount_pulses(evidence, take.ledger, ledger);
     for (const std::string& camera : take.cameras) {
       ledger.cameras.push_back(account(camera, take.frames[camera], {}, ledger.commanded));
     }

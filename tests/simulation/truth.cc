@@ -97,7 +97,8 @@ void Truth::on_frame_written(const std::string& node, const std::string& take,
 }
 
 void Truth::on_removed(const std::string& node, const std::string& take, const TakeOnDisk& disk) {
-  if (disk.has_frames()) violate(node + " removes " + take + ", which has frames");
+  if (disk.has_frames_or_pulses())
+    violate(node + " removes " + take + ", which has frames or pulses");
 }
 
 bool Truth::has_frame(const std::string& take, const std::string& camera, int64_t pulse) const {
@@ -199,6 +200,9 @@ void Truth::check_cameras(const std::string& where, const Ledger& ledger) {
 // --- disks --------------------------------------------------------------------------------------
 
 void Truth::check_disk(const std::string& node, const NodeDisk& disk) {
+  for (const std::string& take : disk.open_takes()) {
+    if (studio_.cameras.contains(node)) violate(node + " has left " + take + " open");
+  }
   for (const auto& [take, cameras] : nodes_[node].written) {
     for (const auto& [camera, pulses] : cameras) {
       const auto kept = disk.takes.find(take);

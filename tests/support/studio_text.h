@@ -7,8 +7,10 @@
 
 namespace v3d::test {
 
-/// A studio file with these nodes, each with its cameras. The trigger is on the first node.
-inline std::string studio_text(const std::map<std::string, std::vector<std::string>>& nodes) {
+/// A studio file with these nodes, each with its cameras. The trigger is on the first node;
+/// `trigger`: its other fields, by default those of the simulated trigger, which is sensed.
+inline std::string studio_text(const std::map<std::string, std::vector<std::string>>& nodes,
+                               const std::string& trigger = "wire = 'wire'") {
   std::string text = "name = 'dojo'\n", cameras;
   for (const auto& [node, names] : nodes) {
     text += "[[node]]\nname = '" + node + "'\n";
@@ -17,7 +19,7 @@ inline std::string studio_text(const std::map<std::string, std::vector<std::stri
           "[[camera]]\nname = '" + camera + "'\nnode = '" + node + "'\naddress = '127.0.0.1'\n";
     }
   }
-  return text + "[trigger]\nnode = '" + nodes.begin()->first + "'\nwire = 'wire'\n" + cameras +
+  return text + "[trigger]\nnode = '" + nodes.begin()->first + "'\n" + trigger + "\n" + cameras +
          "[space]\nmin = [0, 0, 0]\nmax = [1, 1, 1]\n[reconstruction]\nnode = '" +
          nodes.begin()->first +
          "'\n[storage]\ntakes = 'takes'\nbackground = 'background'\ncalib = 'calib.toml'\n";

@@ -16,6 +16,7 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
 #include "take/logs/event_log.h"
@@ -177,6 +178,43 @@ TEST_F(TakeRecovery, closes_a_take_with_an_unreadable_header_on_request_of_an_op
   recover_take(paths_, AfterReadErrors::kRecover);
   EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecovered);
   EXPECT_FALSE(load_ledger(paths_.ledger()).cameras[0].missing.empty());
+}
+
+/// The take of a node whose trigger has no sense line.
+class TakeRecoveryWithoutSenseLine : public TakeRecovery {
+ protected:
+  TakeRecoveryWithoutSenseLine() {
+    std::filesystem::remove(paths_.pulses());
+    EventLogWriter(paths_.pulses());
+    test::write_text(
+        paths_.studio(),
+        test::studio_text({{"cap01", {kCamera}}}, "kind = 'gpio'\nchip = 'gpiochip0'\nline = 17"));
+  }
+};
+
+TEST_F(TakeRecoveryWithoutSenseLine, knows_the_pulses_up_to_the_last_frame_only) {
+  const Ledger recovered = recover_take(paths_).ledger;
+  EXPECT_EQ(recovered.commanded, kFrames);
+  EXPECT_TRUE(recovered.commanded_is_minimum);
+  EXPECT_FALSE(recovered.sensed);
+  EXPECT_THAT(recovered.cameras[0].suspect, IsEmpty());
+  EXPECT_THAT(recovered.cameras[0].missing, IsEmpty());
+  EXPECT_FALSE(recovered.complete());
+  EXPECT_THAT(recovered.verdict(), HasSubstr("incomplete, 1 cameras x at least 20 pulses"));
+}
+
+TEST_F(TakeRecoveryWithoutSenseLine, is_verified_and_joined_with_that_minimum) {
+  recover_take(paths_);
+  const Ledger verified = verify_take(paths_).ledger;
+  EXPECT_TRUE(verified.commanded_is_minimum);
+  Ledger trigger;
+  trigger.commanded = kFrames + 3;
+  const Ledger joined = merge({verified, trigger});
+  EXPECT_FALSE(joined.commanded_is_minimum);
+  EXPECT_THAT(joined.cameras[0].missing, ElementsAre(20, 21, 22));
+  trigger.commanded = 0;
+  EXPECT_TRUE(merge({verified, trigger}).commanded_is_minimum)
+      << "an unreported node knows nothing";
 }
 
 TEST_F(TakeRecovery, keeps_every_frame_when_no_file_can_be_opened) {

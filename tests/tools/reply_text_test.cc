@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/control/reply_json.h"
+
 namespace v3d::ctl {
 namespace {
 
@@ -94,6 +96,18 @@ TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
   const Ledger ledger = merge_ledgers(answer).ledger;
   EXPECT_FALSE(ledger.complete());
   EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
+}
+
+TEST(TakeAccounts, keep_a_number_of_pulses_that_is_a_minimum) {
+  Ledger recovered;
+  recovered.take = "kendo";
+  recovered.commanded = 10;
+  for (const bool is_minimum : {false, true}) {
+    recovered.commanded_is_minimum = is_minimum;
+    Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", ledger_json(recovered));
+    EXPECT_EQ(merge_ledgers(answer).ledger.commanded_is_minimum, is_minimum);
+  }
 }
 
 TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {

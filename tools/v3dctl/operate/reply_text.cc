@@ -72,6 +72,7 @@ Ledger parse_ledger(const Json& json) {
   ledger.take = json.at("take").get<std::string>();
   const Json& pulses = json.at("pulses");
   ledger.commanded = read_count(pulses.at("commanded"));
+  ledger.commanded_is_minimum = pulses.value("commanded_is_minimum", false);
   if (!pulses.at("sensed").is_null()) ledger.sensed = read_count(pulses.at("sensed"));
   read_numbers(pulses, "unsensed", ledger.unsensed);
   read_numbers(pulses, "runt", ledger.runt);
