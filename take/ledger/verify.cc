@@ -217,8 +217,10 @@ class Verifier {
                     const std::vector<CountedCamera>& cameras) {
     Ledger& ledger = result_.ledger;
     ledger.take = result_.info.name;
-    PulseEvidence evidence{
-        .sensed = {}, .has_sense_line = has_sense_line(), .known = result_.info.pulses};
+    PulseEvidence evidence{.sensed = {},
+                           .has_sense_line = has_sense_line(),
+                           .known = result_.info.pulses,
+                           .is_closed = result_.info.state == TakeState::kComplete};
     for (const CountedCamera& camera : cameras) {
       evidence.last_labelled = std::max(evidence.last_labelled, camera.last_labelled);
     }
@@ -428,7 +430,7 @@ void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& 
   const int64_t last = has_sense_line ? sensed.last() : evidence.last_labelled;
   if (has_sense_line) ledger.sensed = sensed.size();
   ledger.commanded = stored ? stored->commanded : std::max(evidence.known, last + 1);
-  ledger.commanded_is_minimum = stored ? stored->commanded_is_minimum : !has_sense_line;
+  ledger.commanded_is_minimum = stored ? stored->commanded_is_minimum : !evidence.is_closed;
   if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
   if (!stored) return;
   ledger.extra = stored->extra;  // not in the log

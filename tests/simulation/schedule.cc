@@ -386,17 +386,16 @@ void Schedule::check_disks() {
   run_until(seconds(5), [] { return false; });
   for (const auto& node : nodes_) truth_.check_disk(node->host().name, node->host().disk);
   for (const std::string& take : truth_.takes()) {
-    std::vector<Ledger> parts;
+    std::map<std::string, Ledger> parts;
     bool has_triggers = false;
     for (const auto& node : nodes_) {
       const auto kept = node->host().disk.takes.find(take);
       if (kept == node->host().disk.takes.end() || !kept->second.ledger) continue;
-      parts.push_back(*kept->second.ledger);
+      parts.emplace(node->host().name, *kept->second.ledger);
       has_triggers = has_triggers || node->is_trigger();
     }
-    truth_.check_joined(take, parts, has_triggers);
     ++outcome_.takes;
-    outcome_.complete += merge(parts).complete() ? 1 : 0;
+    outcome_.complete += truth_.check_joined(take, parts, has_triggers) ? 1 : 0;
   }
 }
 

@@ -215,17 +215,22 @@ void Truth::check_disk(const std::string& node, const NodeDisk& disk) {
   }
 }
 
-void Truth::check_joined(const std::string& take, const std::vector<Ledger>& parts,
+bool Truth::check_joined(const std::string& take, const std::map<std::string, Ledger>& parts,
                          bool has_triggers) {
-  const Ledger joined = merge(parts);
+  std::vector<Ledger> ledgers;
+  for (const auto& [node, ledger] : parts) ledgers.push_back(ledger);
+  const Ledger joined = merge(ledgers);
   const Train& train = trains_[by_take_[take]];
-  check_complete(joined);
+  const bool is_joined = std::ranges::all_of(
+      studio_.cameras, [&](const auto& node) { return parts.contains(node.first); });
+  if (is_joined) check_complete(joined);
   check_cameras("the joined ledger", joined);
   if (joined.commanded > train.pulses)
     violate("the joined ledger of " + take + " has too many pulses");
   if (has_triggers && !train.trigger_lost && joined.commanded < train.pulses) {
     violate("the joined ledger of " + take + " lacks pulses");
   }
+  return is_joined && joined.complete();
 }
 
 std::vector<std::string> Truth::takes() const {

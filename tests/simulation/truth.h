@@ -66,8 +66,10 @@ class Truth {
                  const Answer& answer);
   /// Checks a node's disk at the end: no frame is lost, and the ledgers are right.
   void check_disk(const std::string& node, const NodeDisk& disk);
-  /// Checks the joined ledgers of all nodes.
-  void check_joined(const std::string& take, const std::vector<Ledger>& parts, bool has_triggers);
+  /// Checks the joined ledgers of all nodes, by node. "takes collect" joins no parts without that
+  /// of a capture node. True when they are joined and reported as complete.
+  bool check_joined(const std::string& take, const std::map<std::string, Ledger>& parts,
+                    bool has_triggers);
 
   /// Takes for which pulses were made.
   std::vector<std::string> takes() const;

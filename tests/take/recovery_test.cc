@@ -180,6 +180,12 @@ TEST_F(TakeRecovery, closes_a_take_with_an_unreadable_header_on_request_of_an_op
   EXPECT_FALSE(load_ledger(paths_.ledger()).cameras[0].missing.empty());
 }
 
+TEST_F(TakeRecovery, cannot_know_of_pulses_after_the_last_one) {
+  EXPECT_TRUE(recover_take(paths_).ledger.commanded_is_minimum);
+  EXPECT_EQ(verify_take(paths_).ledger.verdict(),
+            "take kendo-07: incomplete, 1 cameras x at least 21 pulses, 1 missing, 0 suspect");
+}
+
 /// The take of a node whose trigger has no sense line.
 class TakeRecoveryWithoutSenseLine : public TakeRecovery {
  protected:

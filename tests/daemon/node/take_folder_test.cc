@@ -109,7 +109,8 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   const auto recovered = recover_open_takes(studio_, "cap01", {"cam01"});
   ASSERT_EQ(recovered.size(), 1U);
   EXPECT_EQ(recovered[0].line,
-            "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect; "
+            "recovered take kendo-07: incomplete, 1 cameras x at least 1 pulses, 1 missing, "
+            "0 suspect; "
             "cannot read " +
                 paths.frames("cam01").string() + ": No such file or directory");
   ASSERT_TRUE(recovered[0].ledger);
