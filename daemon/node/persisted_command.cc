@@ -101,9 +101,9 @@ std::optional<PersistedCommands::Found> PersistedCommands::find_running(TrainMon
 }
 
 void PersistedCommands::drop_all() {
-  for (const auto& [take, order] : persisted_commands(studio_, node_).commands) {
-    drop_command(studio_, node_, take);
-  }
+  const CommandsOnDisk found = persisted_commands(studio_, node_);
+  for (const auto& [take, order] : found.commands) drop_command(studio_, node_, take);
+  for (const std::string& take : found.unread) drop_command(studio_, node_, take);
   on_disk_ = {};
   decision_.close();
 }

@@ -60,6 +60,15 @@ TEST_F(PersistedCommandTest, is_not_searched_in_a_file_beside_the_takes) {
   EXPECT_THAT(found.unread, IsEmpty());
 }
 
+TEST_F(PersistedCommandTest, is_dropped_with_all_others_even_when_it_cannot_be_read) {
+  const fs::path damaged = take_paths(studio_, "kendo-08").folder / ".order-cap01";
+  test::write_text(damaged, "no order");
+  PersistedCommands commands(studio_, "cap01");
+  commands.drop_all();
+  EXPECT_FALSE(fs::exists(damaged));
+  EXPECT_FALSE(fs::exists(take_paths(studio_, "kendo-07").folder / ".order-cap01"));
+}
+
 TEST_F(PersistedCommandTest, may_exist_in_a_folder_of_takes_that_cannot_be_listed) {
   const fs::path file = take_paths(studio_, "kendo-07").folder / ".order-cap01";
   studio_.storage.takes = folder_ / "missing";
