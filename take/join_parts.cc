@@ -1,6 +1,7 @@
 #include "take/join_parts.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -46,15 +47,6 @@ void link_log(const fs::path& log, const fs::path& place) {
     const fs::path to = place.parent_path() / segment.filename();
     link_if_present(segment, to);
     link_if_present(segment_index_path(segment), segment_index_path(to));
-  }
-}
-
-/// Number of meshes of a part; 0 if its mesh file cannot be read.
-size_t mesh_count(const TakePaths& part) {
-  try {
-    return MeshFileReader(part.mesh()).pulses().size();
-  } catch (const InputError&) {
-    return 0;
   }
 }
 
@@ -128,15 +120,20 @@ std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger&
 
 }  // namespace
 
-const TakePaths* part_with_most_meshes(const std::vector<TakePaths>& parts) {
-  const TakePaths* best = nullptr;
-  size_t max_meshes = 0;
+MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts) {
+  MeshPart best;
+  std::optional<size_t> max_meshes;
   for (const TakePaths& part : parts) {
     if (!file_exists(part.mesh())) continue;
-    const size_t meshes = mesh_count(part);
-    if (best && meshes <= max_meshes) continue;
-    best = &part;
-    max_meshes = meshes;
+    try {
+      const size_t meshes = MeshFileReader(part.mesh()).pulses().size();
+      if (max_meshes && meshes <= *max_meshes) continue;
+      best.part = &part;
+      max_meshes = meshes;
+    } catch (const InputError& error) {
+      best.errors.emplace_back(error.what());
+      if (!best.part) best.part = &part;
+    }
   }
   return best;
 }
@@ -155,8 +152,9 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
     ledgers.push_back(part.ledger);
   }
   for (const TakePaths& part : parts) link_shared_files(part, into);
-  if (const TakePaths* meshes = part_with_most_meshes(parts))
+  if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
+  }
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });

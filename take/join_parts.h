@@ -1,6 +1,7 @@
 // Joins the parts of one take, which several nodes recorded, into one take folder.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "take/take.h"
@@ -20,8 +21,16 @@ namespace v3d {
 /// when a file cannot be written.
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 
-/// The part whose mesh.v3d has the most meshes, the first of them when several have as many; null
-/// when no part has a mesh.v3d.
-const TakePaths* part_with_most_meshes(const std::vector<TakePaths>& parts);
+/// The part whose mesh.v3d a joined take has.
+struct MeshPart {
+  const TakePaths* part = nullptr;  ///< null: no part has a mesh.v3d
+  /// One line for each mesh.v3d that cannot be read, with path and cause: it may have more meshes.
+  std::vector<std::string> errors;
+};
+
+/// The part whose mesh.v3d has the most meshes, the first of them when several have as many. A
+/// mesh.v3d that cannot be read is chosen only when no other exists. Throws InputError when the
+/// folder of a part cannot be read.
+MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts);
 
 }  // namespace v3d

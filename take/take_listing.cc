@@ -34,6 +34,15 @@ int64_t bytes_in(const fs::path& folder) {
   return bytes;
 }
 
+void count_meshes(TakeListing& take) {
+  const fs::path mesh = take.paths.mesh();
+  try {
+    take.meshes = file_exists(mesh) ? std::ssize(MeshFileReader(mesh).pulses()) : 0;
+  } catch (const InputError& error) {
+    take.mesh_error = error.what();
+  }
+}
+
 }  // namespace
 
 std::string_view TakeListing::verdict() const {
@@ -47,7 +56,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
   take.paths = paths;
   take.info = load_take_info(paths);
   if (file_exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
-  if (file_exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
+  count_meshes(take);
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();
   take.verified = verified && verified->agrees;

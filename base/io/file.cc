@@ -159,6 +159,14 @@ Result<size_t> File::read(uint64_t offset, std::span<uint8_t> bytes) const {
   return done;
 }
 
+Status File::read_whole(uint64_t offset, std::span<uint8_t> bytes) const {
+  const auto got = read(offset, bytes);
+  if (!got) return tl::make_unexpected(got.error());
+  if (*got < bytes.size())
+    return io_error("read", path_, "the file became shorter while it was read", EIO);
+  return {};
+}
+
 Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_t>> parts) {
   constexpr size_t kMaxParts = 4;
   std::array<iovec, kMaxParts> vectors{};

@@ -9,23 +9,26 @@ namespace {
 nlohmann::ordered_json take_json(const TakeListing& take) {
   std::error_code error;
   const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
-  return {{"name", take.info.name},
-          {"studio", take.info.studio},
-          {"started_ns", to_ns(take.info.started)},
-          {"state", take.verdict()},
-          {"verified", take.verified},
-          {"rate_hz", take.info.rate_hz},
-          {"pulses", take.info.pulses},
-          {"seconds", take.seconds()},
-          {"bytes", take.bytes},
-          {"mesh_bytes", error ? 0 : mesh_bytes},
-          {"cameras", take.info.cameras},
-          {"meshes", take.meshes},
-          {"slate",
-           {{"scene", take.slate.scene},
-            {"take", take.slate.take},
-            {"note", take.slate.note},
-            {"mark", name(take.slate.mark)}}}};
+  nlohmann::ordered_json json = {
+      {"name", take.info.name},
+      {"studio", take.info.studio},
+      {"started_ns", to_ns(take.info.started)},
+      {"state", take.verdict()},
+      {"verified", take.verified},
+      {"rate_hz", take.info.rate_hz},
+      {"pulses", take.info.pulses},
+      {"seconds", take.seconds()},
+      {"bytes", take.bytes},
+      {"mesh_bytes", error ? 0 : mesh_bytes},
+      {"cameras", take.info.cameras},
+      {"meshes", take.meshes ? nlohmann::ordered_json(*take.meshes) : nullptr},
+      {"slate",
+       {{"scene", take.slate.scene},
+        {"take", take.slate.take},
+        {"note", take.slate.note},
+        {"mark", name(take.slate.mark)}}}};
+  if (!take.meshes) json["mesh_error"] = take.mesh_error;
+  return json;
 }
 
 }  // namespace

@@ -53,12 +53,12 @@ class FileTree {
   io::Result<Hash> hash(uint64_t at, uint64_t length) {
     LeafHash leaf;
     for (const uint64_t end = at + length; at < end;) {
-      const auto got = file_.read(at, std::span(chunk_).first(std::min(kBlock, end - at)));
-      if (!got) return tl::make_unexpected(got.error());
-      if (*got == 0)
-        return io::io_error("read", file_.path(), "the file became shorter while it was read", EIO);
-      leaf.add(std::span(chunk_).first(*got));
-      at += *got;
+      const auto block = std::span(chunk_).first(std::min(kBlock, end - at));
+      if (const auto read = file_.read_whole(at, block); !read) {
+        return tl::make_unexpected(read.error());
+      }
+      leaf.add(block);
+      at += block.size();
     }
     return leaf.value();
   }

@@ -293,9 +293,7 @@ class Verifier {
     if (!file_exists(paths_.mesh())) return;  // reconstruction is optional
     try {
       MeshFileReader meshes(paths_.mesh());
-      const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
-                                         [&](int64_t pulse) { return !meshes.read(pulse); });
-      if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+      check_meshes(meshes);
       if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
         disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
                                     format_count(std::ssize(meshes.pulses())) +
@@ -304,6 +302,19 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
+  }
+
+  /// Reads every mesh. A read error is no error of the ledger, which does not count meshes.
+  void check_meshes(MeshFileReader& meshes) {
+    int64_t damaged = 0, unreadable = 0;
+    for (const int64_t pulse : meshes.pulses()) {
+      const auto mesh = meshes.read(pulse);
+      if (mesh && !*mesh) ++damaged;
+      if (!mesh && ++unreadable == 1) result_.disagreements.push_back(mesh.error().message);
+    }
+    if (unreadable > 0)
+      disagree(paths_.mesh(), format_count(unreadable) + " meshes cannot be read");
+    if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
   }
 
   const TakePaths paths_;

@@ -189,12 +189,9 @@ std::vector<std::string> EventLogReader::read_errors() const {
 }
 
 io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
-  const io::File& file = segments_[event.segment].file;
   Bytes bytes(std::min<size_t>(event.data_size, limit));
-  const auto got = file.read(event.data_offset, bytes);
-  if (!got) return tl::make_unexpected(got.error());
-  if (*got < bytes.size())
-    return io::io_error("read", file.path(), "the file became shorter while it was read", EIO);
+  const auto read = segments_[event.segment].file.read_whole(event.data_offset, bytes);
+  if (!read) return tl::make_unexpected(read.error());
   return bytes;
 }
 

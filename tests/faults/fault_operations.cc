@@ -274,7 +274,7 @@ FaultOperation reconstruct_operation(const fs::path& programs) {
     MeshFileReader meshes(take.mesh());
     const bool is_whole = meshes.pulses().size() == kSimulatedPulses &&
                           std::ranges::all_of(meshes.pulses(), [&](int64_t pulse) {
-                            return meshes.read(pulse).has_value();
+                            return io::value_or_throw(meshes.read(pulse)).has_value();
                           });
     return is_whole ? "" : "meshes are lost";
   });

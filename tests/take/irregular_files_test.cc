@@ -10,6 +10,7 @@
 #include <fstream>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "base/io/whole_file.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/verified.h"
 #include "take/logs/event_log.h"
@@ -184,13 +186,26 @@ TEST_F(IrregularTakeFiles, are_reported_and_do_not_end_the_listing_when_they_are
     std::vector<std::string> reports;
     const auto takes = find_takes(
         folder_.path(), [&](const InputError& error) { reports.emplace_back(error.what()); });
-    const bool is_optional =
-        std::string_view(name) == "verified.toml";  // made again by v3dctl verify
-    ASSERT_EQ(takes.size(), is_optional ? 2u : 1u) << name;
+    const std::set<std::string> optional = {"mesh.v3d", "verified.toml"};  // can be made again
+    ASSERT_EQ(takes.size(), optional.contains(name) ? 2u : 1u) << name;
     EXPECT_EQ(takes.front().paths.folder, take_.folder) << name;
-    if (is_optional) continue;
+    if (optional.contains(name)) continue;
     EXPECT_THAT(reports, testing::ElementsAre(HasSubstr(name))) << name;
   }
+}
+
+TEST_F(IrregularTakeFiles, are_listed_with_the_cause_instead_of_no_meshes) {
+  const auto listed = [&] { return read_take_listing(take_); };
+  EXPECT_EQ(listed().meshes, 1);
+  {
+    const test::UnreadableByte bad(0, take_.folder);
+    EXPECT_EQ(listed().meshes, std::nullopt);
+    EXPECT_EQ(listed().mesh_error, "cannot read " + take_.mesh().string() + ": Input/output error");
+  }
+  test::write_text(take_.mesh(), "");
+  EXPECT_THAT(listed().mesh_error, HasSubstr("mesh.v3d: is not a mesh file"));
+  fs::remove(take_.mesh());
+  EXPECT_EQ(listed().meshes, 0) << "the take was not reconstructed";
 }
 
 TEST_F(IrregularTakeFiles, are_rejected_when_ledger_or_verification_are_links) {

@@ -143,18 +143,22 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
     MeshFileWriter file(part(node).mesh());
     for (int64_t pulse = 0; pulse < meshes; ++pulse)
       EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
-    file.close();
+    EXPECT_TRUE(file.close());
   };
   reconstruct("recon02", 2);
   reconstruct("recon03", 3);
   reconstruct("recon04", 3);
   const std::vector<TakePaths> parts = {part("recon01"), part("recon02"), part("cap01"),
                                         part("cap02"),   part("recon03"), part("recon04")};
-  ASSERT_NE(part_with_most_meshes(parts), nullptr);
-  EXPECT_EQ(part_with_most_meshes(parts)->folder, part("recon03").folder);
+  const MeshPart most = part_with_most_meshes(parts);
+  ASSERT_NE(most.part, nullptr);
+  EXPECT_EQ(most.part->folder, part("recon03").folder);
+  EXPECT_THAT(most.errors, ElementsAre(HasSubstr("recon01/mesh.v3d: is not a mesh file")));
   join_parts(parts, whole_);
   EXPECT_EQ(MeshFileReader(whole_.mesh()).pulses().size(), 3U);
-  EXPECT_EQ(part_with_most_meshes({part("cap01")}), nullptr);
+  EXPECT_EQ(part_with_most_meshes({part("cap01")}).part, nullptr);
+  const std::vector<TakePaths> unreadable = {part("recon01")};
+  EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
 }
 
 TEST_F(JoinParts, rejects_parts_without_a_recording) {

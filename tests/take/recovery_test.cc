@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
@@ -17,6 +16,7 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/verify.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
@@ -24,23 +24,6 @@
 
 namespace v3d::test {
 namespace {
-
-/// If not negative, reads of this byte of a log or mesh file fail with EIO.
-std::atomic<off_t> unreadable_byte = -1;
-
-bool is_recorded(int fd) {
-  const std::filesystem::path file =
-      std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd));
-  return file.extension() == ".lcmlog" || file.extension() == ".v3d";
-}
-
-class UnreadableByte {
- public:
-  explicit UnreadableByte(off_t at) { unreadable_byte = at; }
-  ~UnreadableByte() { unreadable_byte = -1; }
-  UnreadableByte(const UnreadableByte&) = delete;
-  UnreadableByte& operator=(const UnreadableByte&) = delete;
-};
 
 /// While true, opening any file or folder fails with EMFILE.
 std::atomic<bool> has_no_descriptors = false;
@@ -80,18 +63,6 @@ extern "C" DIR* opendir(const char* path) {
     return nullptr;
   }
   return next(path);
-}
-
-extern "C" ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
-  static auto* const next =
-      reinterpret_cast<ssize_t (*)(int, void*, size_t, off_t)>(dlsym(RTLD_NEXT, "pread"));
-  const off_t bad = v3d::test::unreadable_byte;
-  const bool is_hit = bad >= 0 && offset <= bad && bad < offset + static_cast<off_t>(size);
-  if (is_hit && v3d::test::is_recorded(fd)) {
-    errno = EIO;
-    return -1;
-  }
-  return next(fd, bytes, size, offset);
 }
 
 namespace v3d {

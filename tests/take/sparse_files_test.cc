@@ -172,7 +172,7 @@ TEST(SparseMeshFile, allocates_no_memory_for_the_mesh_length_in_its_index) {
   EXPECT_LT(mebibytes_of([&] {
               MeshFileReader reader(folder / "mesh.v3d");
               EXPECT_TRUE(reader.pulses().empty());
-              EXPECT_FALSE(reader.read(0));
+              EXPECT_FALSE(reader.read(0).value());
             }),
             kMaxMebibytes);
 }

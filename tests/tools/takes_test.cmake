@@ -161,6 +161,17 @@ expect("${out}" "\"verified\": true")
 expect("${out}" "\"mark\": \"circled\"")
 expect("${out}" "\"seconds\": 0.16")
 
+# A mesh file that cannot be read is listed with the cause, not as one without meshes.
+file(WRITE ${WORK}/archive/kendo-07/mesh.v3d "")
+v3dctl(takes ${WORK}/archive)
+expect_status(0)
+expect("${out}" "^kendo-07 .*25 Hz, mesh.v3d cannot be read  scene 12")
+expect("${err}" "v3dctl: .*archive/kendo-07/mesh.v3d: is not a mesh file")
+v3dctl(takes ${WORK}/archive --json)
+expect("${out}" "\"meshes\": null")
+expect("${out}" "\"mesh_error\": \".*archive/kendo-07/mesh.v3d: is not a mesh file")
+file(REMOVE ${WORK}/archive/kendo-07/mesh.v3d)
+
 # delete rejects a take without a copy, circled or unverified, and a command without --yes.
 v3dctl(takes delete kendo-07 --yes --dir ${WORK}/archive)
 expect_status(2)

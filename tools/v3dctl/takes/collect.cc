@@ -1,6 +1,7 @@
 #include "v3dctl/takes/collect.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -119,8 +120,11 @@ class Collector {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
       require_capture_nodes(parts);
-      result.meshes_of = source_of_meshes(parts);
+      const MeshPart meshes = part_with_most_meshes(parts);
+      if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
       result.verification = join(take, sources, parts, place);
+      // After the record of the verification, because the copy itself is right.
+      std::ranges::copy(meshes.errors, std::back_inserter(result.verification.disagreements));
     } catch (const std::exception& error) {
       result.problem = error.what();
     }
@@ -177,10 +181,9 @@ class Collector {
     }
   }
 
-  static std::string source_of_meshes(const std::vector<TakePaths>& parts) {
-    const auto have = std::count_if(parts.begin(), parts.end(),
-                                    [](const TakePaths& part) { return fs::exists(part.mesh()); });
-    return have > 1 ? part_with_most_meshes(parts)->folder.filename().string() : "";
+  static int64_t mesh_files(const std::vector<TakePaths>& parts) {
+    return std::ranges::count_if(parts,
+                                 [](const TakePaths& part) { return fs::exists(part.mesh()); });
   }
 
   /// Whether every part equals the files of its node. rsync reads the copy from the page cache,
