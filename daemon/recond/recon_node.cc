@@ -202,7 +202,9 @@ void ReconNode::drain() { drain_began_ = Monotonic::now(); }
 
 void ReconNode::disarm() {
   if (!pipeline_) return;
-  pipeline_->close();
+  if (const io::Status closed = pipeline_->close(); !closed) {
+    events_.send(Severity::kAlarm, "disk", closed.error().message, advice::kMeshDisk);
+  }
   last_ = pipeline_->counts();
   pipeline_.reset();
   stop_displacement_monitor();
@@ -263,12 +265,11 @@ std::optional<NodeReport> ReconNode::poll_draining() {
   if (!(waited && pipeline_->drained(kDrainIdle)) && now < drain_began_ + kDrainWithin) {
     return std::nullopt;
   }
-  const bool closed = pipeline_->close();
+  const io::Status closed = pipeline_->close();
   const ReconCounts counts = pipeline_->counts();
   if (!closed) {
-    return NodeReport{.event = Input::kBroken,
-                      .text = "cannot write " + take_paths(studio_, command_.take).mesh().string(),
-                      .detail = detail_of(counts)};
+    return NodeReport{
+        .event = Input::kBroken, .text = closed.error().message, .detail = detail_of(counts)};
   }
   return NodeReport{
       .event = Input::kDrained,

@@ -36,7 +36,7 @@ class MeshFileWriter {
   /// Waits until all meshes are on disk. Must not be called after close().
   [[nodiscard]] io::Status sync();
   /// Writes the index and waits until it is on disk. After a failure the file is still readable.
-  io::Status close();
+  [[nodiscard]] io::Status close();
 
  private:
   class Impl;
