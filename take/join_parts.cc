@@ -25,7 +25,9 @@ struct Part {
 
 /// Throws InputError for a symbolic link, whose target may be outside of the take.
 void reject_link(const fs::path& path) {
-  if (fs::is_symlink(path)) throw InputError(path.string() + ": it is a symbolic link");
+  if (io::value_or_throw(io::entry_type_of(path)) == fs::file_type::symlink) {
+    throw InputError(path.string() + ": it is a symbolic link");
+  }
 }
 
 /// Creates a hard link `place` to `file`. Copies the file where hard links fail, for example across
@@ -85,7 +87,7 @@ void link_shared_files(const TakePaths& part, const TakePaths& into) {
     if (is_signature(name)) link_if_present(part.folder / name, into.folder / name);
   }
   reject_link(part.background());
-  if (!fs::is_directory(part.background())) return;
+  if (!file_exists(part.background())) return;
   for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
     link_if_present(plate, into.background() / plate.filename());
   }

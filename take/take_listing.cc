@@ -67,7 +67,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
 
 std::vector<TakeListing> find_takes(const fs::path& folder,
                                     const std::function<void(const InputError&)>& on_unreadable) {
-  if (!fs::is_directory(folder))
+  if (io::value_or_throw(io::type_of(folder)) != fs::file_type::directory)
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
   for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {

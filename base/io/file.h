@@ -83,6 +83,8 @@ inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 /// The kind of file at `path`, symbolic links followed; file_type::not_found when there is none.
 /// Unlike std::filesystem::exists(path, error), it reports other errors as errors.
 [[nodiscard]] Result<std::filesystem::file_type> type_of(const std::filesystem::path& path);
+/// The same without following a symbolic link: file_type::symlink.
+[[nodiscard]] Result<std::filesystem::file_type> entry_type_of(const std::filesystem::path& path);
 
 /// The entries of a folder, sorted by name.
 [[nodiscard]] Result<std::vector<std::filesystem::path>> list_folder(

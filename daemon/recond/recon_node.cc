@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/units.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
@@ -132,7 +133,7 @@ void ReconNode::arm(const CommandMessage& command) {
   if (command.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
   check_take_name(command.take);
   const TakePaths paths = take_paths(studio_, command.take);
-  if (std::filesystem::exists(paths.mesh())) {
+  if (file_exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }
   if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());

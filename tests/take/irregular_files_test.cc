@@ -156,6 +156,19 @@ TEST_F(IrregularTakeFiles, are_read_from_a_linked_take_folder) {
   EXPECT_EQ(MeshFileReader(linked.mesh()).pulses().size(), 1u);
 }
 
+TEST_F(IrregularTakeFiles, are_not_treated_as_absent_when_their_folder_cannot_be_examined) {
+  const fs::path loop = folder_ / "loop";
+  fs::create_symlink("loop", loop);
+  const TakePaths behind{loop / "kendo-07"};
+  const auto rejects_with_cause = testing::ThrowsMessage<InputError>(testing::AllOf(
+      HasSubstr("cannot read " + loop.string()), HasSubstr("Too many levels of symbolic links")));
+  EXPECT_THAT([&] { load_take_info(behind); }, rejects_with_cause);
+  EXPECT_THAT([&] { load_take_studio(behind); }, rejects_with_cause);
+  EXPECT_THAT([&] { find_takes(behind.folder, [](const InputError&) {}); }, rejects_with_cause);
+  EXPECT_FALSE(take_file_names(behind));
+  EXPECT_FALSE(stat_take_file(behind, "take.toml"));
+}
+
 TEST_F(IrregularTakeFiles, are_rejected_when_text_exceeds_the_size_limit) {
   for (const fs::path& path : {take_.info(), take_.slate(), take_.calib(), take_.studio()}) {
     std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";

@@ -10,6 +10,7 @@
 #include "base/core/name.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
+#include "base/io/whole_file.h"
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "take/join_parts.h"
@@ -111,7 +112,7 @@ class Collector {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
     const TakePaths place{request_.to / take};
-    if (fs::exists(place.info())) {
+    if (file_exists(place.info())) {
       result.was_there = true;
       remove_copies(stage(take));
       return result;
@@ -136,12 +137,12 @@ class Collector {
   void require_capture_nodes(const std::vector<TakePaths>& parts) const {
     for (const TakePaths& recorded : parts) {
       const std::optional<Studio> studio = load_take_studio(recorded);
-      if (!studio || !fs::exists(recorded.info())) continue;
+      if (!studio || !file_exists(recorded.info())) continue;
       for (const TakeSource& source : request_.sources) {
         const bool captures =
             !studio->cameras_of(source.node).empty() || studio->trigger.node == source.node;
         const bool has_part = std::ranges::any_of(parts, [&](const TakePaths& part) {
-          return part.folder.filename() == source.node && fs::exists(part.info());
+          return part.folder.filename() == source.node && file_exists(part.info());
         });
         if (!captures || has_part) continue;
         throw InputError(source.node + " has no part of it at " + source.place +
@@ -157,7 +158,7 @@ class Collector {
     io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
-    if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
+    if (file_exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
       throw InputError(source.node + " records it, or stopped and has not restarted since");
     }
     if (on_terminal()) note(source.node + "  " + take);
@@ -183,7 +184,7 @@ class Collector {
 
   static int64_t mesh_files(const std::vector<TakePaths>& parts) {
     return std::ranges::count_if(parts,
-                                 [](const TakePaths& part) { return fs::exists(part.mesh()); });
+                                 [](const TakePaths& part) { return file_exists(part.mesh()); });
   }
 
   /// Whether every part equals the files of its node. rsync reads the copy from the page cache,
