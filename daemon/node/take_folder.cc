@@ -54,6 +54,7 @@ std::string summary_of(const Verification& found) {
   for (const std::string& text : found.disagreements) {
     if (text.starts_with("cannot read")) line += "; " + text;
   }
+  for (const std::string& text : found.notes) line += "; " + text;
   return line;
 }
 

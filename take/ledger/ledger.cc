@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <span>
 
 #include "base/config/toml_file.h"
-#include "base/core/checksum.h"
 #include "base/core/error.h"
 #include "base/core/units.h"
 #include "base/io/file.h"
 #include "base/io/whole_file.h"
+#include "take/checksummed_text.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -73,23 +72,6 @@ std::string text_of(const TakeFile& file) {
                      "\nbytes = " + std::to_string(file.bytes) + "\n";
   if (file.checksum) text += "xxh3 = " + toml_string(checksum_text(*file.checksum)) + "\n";
   return text;
-}
-
-constexpr std::string_view kChecksumKey = "xxh3 = ";
-
-/// The first line of a ledger: the checksum of `content`, the other lines.
-std::string checksum_line(std::string_view content) {
-  const std::span bytes(reinterpret_cast<const uint8_t*>(content.data()), content.size());
-  return std::string(kChecksumKey) + toml_string(checksum_text(checksum({bytes}))) + "\n";
-}
-
-/// True when a ledger has a checksum of its own. Throws InputError when that checksum is wrong.
-bool check_own_checksum(std::string_view text, const std::filesystem::path& path) {
-  if (!text.starts_with(kChecksumKey)) return false;
-  const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
-  if (text.substr(0, line) == checksum_line(text.substr(line))) return true;
-  throw InputError(path.string() +
-                   ": damaged: the checksum in its first line is not that of the other lines");
 }
 
 }  // namespace
@@ -233,10 +215,8 @@ Ledger load_ledger(const std::filesystem::path& path) {
 }
 
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
-  const bool has_checksum = check_own_checksum(text, path);
-  const TomlTable table = TomlTable::parse(text, path);
+  const TomlTable table = parse_checksummed(text, path);
   Ledger ledger;
-  if (has_checksum) table.text("xxh3");  // else an unknown field
   ledger.take = table.text("take");
   ledger.commanded = read_count(table, "commanded");
   if (table.boolean_or("sense_line", true)) ledger.sensed = read_count(table, "sensed");
@@ -270,7 +250,7 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
         "\n";
   }
   for (const TakeFile& file : ledger.files) text += text_of(file);
-  return io::replace_file(path, checksum_line(text) + text);
+  return io::replace_file(path, with_checksum(text));
 }
 
 }  // namespace v3d

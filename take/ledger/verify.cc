@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <type_traits>
 
 #include "base/core/error.h"
@@ -197,7 +198,9 @@ class Verifier {
     ledger.take = result_.info.name;
     PulseSet sensed;
     try {
-      for (const PulseMessage& message : read_pulses(paths_.pulses())) {
+      const EventLogReader log(paths_.pulses());
+      note_unused_indexes(log);
+      for (const PulseMessage& message : read_pulses(log)) {
         if (message.pulse < kMaxPulses) {
           sensed.insert(message.pulse);
         } else {
@@ -219,6 +222,13 @@ class Verifier {
     }
   }
 
+  void note_unused_indexes(const EventLogReader& log) {
+    for (const LogSegment& segment : log.segments()) {
+      if (segment.index_error.empty()) continue;
+      result_.notes.push_back(segment.index_error + "; the whole segment was searched for events");
+    }
+  }
+
   /// Adds a line of an unreadable file; it is a read error unless the file does not exist.
   void report(const std::string& line, bool is_absent) {
     result_.disagreements.push_back(line);
@@ -229,6 +239,7 @@ class Verifier {
     CameraAccount account;
     ExposureCount exposures;
     if (const auto log = EventLogReader::open(paths_.frames(camera))) {
+      note_unused_indexes(*log);
       count_events(*log, camera, account, exposures);
     } else {
       report(log.error().message, is_absent_log(paths_.frames(camera)));
@@ -371,11 +382,16 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
   return index;
 }
 
-/// Writes the index of every segment that has none. A segment with a read error gets no index;
-/// `read_errors` gets the error, and the next recovery retries.
+/// Problems that a recovery finds before it counts pulses and frames.
+struct IndexProblems {
+  std::vector<std::string> read_errors;  ///< of segments
+  std::vector<std::string> notes;        ///< of indexes that are replaced
+};
+
+/// Writes the index of every segment that has none, or none that can be used. A segment with a read
+/// error gets no index, and the next recovery retries.
 template <class Message>
-io::Status index_segments(const std::filesystem::path& path,
-                          std::vector<std::string>& read_errors) {
+io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems) {
   if (is_absent_log(path)) return {};  // the verification reports it
   const auto log = EventLogReader::open(path);
   if (!log) return tl::make_unexpected(log.error());
@@ -385,11 +401,14 @@ io::Status index_segments(const std::filesystem::path& path,
     // log has lost.
     if (auto synced = segment.file.sync(); !synced) return synced;
     if (segment.index) continue;
+    if (!segment.index_error.empty()) {
+      problems.notes.push_back(segment.index_error + "; the index was made again");
+    }
     io::Result<SegmentIndex> index =
         tl::make_unexpected(io::IoError{.code = EIO, .message = segment.read_error});
     if (segment.read_error.empty()) index = index_of<Message>(*log, number);
     if (!index) {
-      read_errors.push_back(index.error().message);
+      problems.read_errors.push_back(index.error().message);
     } else if (auto saved = save_segment_index(segment.file.path(), *index); !saved) {
       return saved;
     }
@@ -415,13 +434,14 @@ Verification verify_take(const TakePaths& paths, ReadFrom from) {
 }
 
 Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
-  std::vector<std::string> read_errors;
-  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), read_errors));
+  IndexProblems problems;
+  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), problems));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), read_errors));
+    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), problems));
   }
   Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
-  for (const std::string& error : read_errors) {
+  std::ranges::copy(problems.notes, std::back_inserter(result.notes));
+  for (const std::string& error : problems.read_errors) {
     const bool is_known =
         std::ranges::find(result.disagreements, error) != result.disagreements.end();
     if (is_known) continue;

@@ -136,10 +136,12 @@ io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
   if (!file) return tl::make_unexpected(file.error());
   const auto bytes = file->size();
   if (!bytes) return tl::make_unexpected(bytes.error());
+  auto index = load_segment_index(path, *bytes);
   return LogSegment{.file = *std::move(file),
                     .bytes = *bytes,
-                    .index = load_segment_index(path, *bytes),
-                    .read_error = {}};
+                    .index = index.value_or(std::nullopt),
+                    .read_error = {},
+                    .index_error = index ? std::string() : index.error().message};
 }
 
 }  // namespace

@@ -197,6 +197,29 @@ TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
   EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
 }
 
+/// Damage of an index must not hide events.
+TEST_F(TakeRecovery, searches_the_whole_segment_when_its_index_is_damaged) {
+  recover_take(paths_);
+  const std::filesystem::path file = segment_index_path(log());
+  const std::string index = read_file(file);
+  std::string fewer = index;  // hides all but the first event
+  const size_t at = fewer.find("whole_bytes = ") + 14;
+  fewer.replace(at, fewer.find('\n', at) - at, std::to_string(event_bytes_));
+  test::write_text(file, fewer);
+
+  expect_every_frame();
+  const Verification found = verify_take(paths_);
+  EXPECT_EQ(found.ledger.cameras[0].written, kFrames);
+  EXPECT_THAT(found.notes,
+              Contains(testing::AllOf(HasSubstr("cam07.lcmlog.index: damaged: the checksum"),
+                                      HasSubstr("the whole segment was searched for events"))));
+  const Verification again = recover_take(paths_);
+  EXPECT_THAT(again.notes, Contains(HasSubstr("the index was made again")));
+  EXPECT_EQ(read_file(file), index);
+  EXPECT_THAT(verify_take(paths_).notes, Not(Contains(HasSubstr(".index"))));
+  EXPECT_EQ(contents(), before_);
+}
+
 TEST_F(TakeRecovery, joins_segments_across_a_gap_in_their_numbers) {
   recover_take(paths_);
   {
