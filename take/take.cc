@@ -46,6 +46,16 @@ std::string_view name(TakeState state) {
   return "unknown";
 }
 
+io::Result<std::vector<std::filesystem::path>> list_take_folders(
+    const std::filesystem::path& takes) {
+  auto entries = io::list_folder(takes);
+  if (!entries) return entries;
+  std::erase_if(*entries, [](const std::filesystem::path& entry) {
+    return entry.filename().string().starts_with(".");
+  });
+  return entries;
+}
+
 TakeInfo load_take_info(const TakePaths& paths) {
   if (io::value_or_throw(io::type_of(paths.folder)) != std::filesystem::file_type::directory) {
     throw InputError(paths.folder.string() +

@@ -70,7 +70,7 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
   if (io::value_or_throw(io::type_of(folder)) != fs::file_type::directory)
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
-  for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
+  for (const fs::path& entry : io::value_or_throw(list_take_folders(folder))) {
     const TakePaths paths{entry};
     try {
       if (!file_exists(paths.info())) continue;

@@ -82,6 +82,13 @@ void print_listing(const std::vector<TakeListing>& takes, bool json) {
   for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
 }
 
+std::string interrupted_text(const std::vector<InterruptedDeletion>& deletions) {
+  std::vector<std::string> names;
+  for (const InterruptedDeletion& deletion : deletions) names.push_back(printable(deletion.take));
+  return "the deletion of " + format_count(std::ssize(names)) +
+         (names.size() == 1 ? " take" : " takes") + " was interrupted: " + join_names(names);
+}
+
 CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,
                                const std::string& description, const std::string& example) {
   CLI::App* command = takes->add_subcommand(name, description);
