@@ -8,6 +8,7 @@
 #include "base/io/whole_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
+#include "take/ledger/take_signature.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
@@ -103,6 +104,20 @@ void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
   }
 }
 
+/// The capture nodes of the take that no part comes from.
+std::vector<TakeNode> absent_nodes(const std::vector<Part>& parts, const TakePaths& into,
+                                   const std::vector<std::string>& cameras) {
+  std::vector<TakeNode> nodes = capture_nodes(into);
+  std::erase_if(nodes, [&](const TakeNode& node) {
+    const bool has_part = std::ranges::any_of(
+        parts, [&](const Part& part) { return part.paths.folder.filename() == node.name; });
+    // A part may be a copy that was joined before.
+    return has_part || std::ranges::find_first_of(cameras, node.cameras) != cameras.end() ||
+           file_exists(signature_path(into, node.name));
+  });
+  return nodes;
+}
+
 /// Entries of the joined ledger for all files of `into`. The entries of the pulse log come from
 /// `of_pulses`, the ledger of the part whose pulse log is used.
 std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger& of_pulses,
@@ -162,6 +177,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
   link_log(sensed_most->paths.pulses(), into.pulses());
   Ledger ledger = merge(ledgers);
+  ledger.absent_nodes = absent_nodes(recorded, into, info.cameras);
   ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;
   save_account_or_throw(into, info, std::move(ledger));

@@ -8,10 +8,13 @@
 
 namespace v3d {
 
-/// Joins `parts` into the new take folder `into`, and returns its take.toml.
+/// Joins `parts` into the new take folder `into`, and returns its take.toml. The folder of a part
+/// has the name of its node.
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
 /// that sensed the most pulses, the meshes of part_with_most_meshes() and one ledger (merge()).
+/// The ledger names the capture nodes of the take's studio file that have neither a part, nor a
+/// camera or signature in another part.
 /// Files are hard-linked where the file system permits it, and copied elsewhere; the parts do not
 /// change. A part of a node that only reconstructs has no take.toml.
 ///

@@ -55,7 +55,11 @@ TakeListing read_take_listing(const TakePaths& paths) {
   TakeListing take;
   take.paths = paths;
   take.info = load_take_info(paths);
-  if (file_exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
+  if (file_exists(paths.ledger())) {
+    const Ledger ledger = load_ledger(paths.ledger());
+    take.whole = ledger.complete();
+    take.absent_nodes = ledger.absent_nodes;
+  }
   count_meshes(take);
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();

@@ -12,13 +12,15 @@
 #include "base/core/error.h"
 #include "take/slate.h"
 #include "take/take.h"
+#include "take/take_nodes.h"
 
 namespace v3d {
 
 struct TakeListing {
   TakePaths paths;
   TakeInfo info;
-  bool whole = false;     ///< the ledger reports the take as complete
+  bool whole = false;                  ///< the ledger reports the take as complete
+  std::vector<TakeNode> absent_nodes;  ///< Ledger::absent_nodes
   bool examined = false;  ///< v3dctl verify has read the current files, with any result
   bool verified = false;  ///< `examined`, and all files matched the ledger
   int64_t bytes = 0;      ///< size of all files of the take

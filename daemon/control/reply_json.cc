@@ -6,6 +6,14 @@
 namespace v3d {
 namespace {
 
+/// Adds `absent_nodes` [{name, cameras}] if there are any.
+template <class Json>
+void add_absent_nodes(const std::vector<TakeNode>& nodes, Json& json) {
+  for (const TakeNode& node : nodes) {
+    json["absent_nodes"].push_back({{"name", node.name}, {"cameras", node.cameras}});
+  }
+}
+
 nlohmann::ordered_json take_json(const TakeListing& take) {
   std::error_code error;
   const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
@@ -28,6 +36,7 @@ nlohmann::ordered_json take_json(const TakeListing& take) {
         {"note", take.slate.note},
         {"mark", name(take.slate.mark)}}}};
   if (!take.meshes) json["mesh_error"] = take.mesh_error;
+  add_absent_nodes(take.absent_nodes, json);
   return json;
 }
 
@@ -52,7 +61,7 @@ std::string ledger_json(const Ledger& ledger) {
                        {"duplicate", c.duplicate},
                        {"suspect", c.suspect}});
   }
-  const nlohmann::json json = {
+  nlohmann::json json = {
       {"take", ledger.take},
       {"complete", ledger.complete()},
       {"pulses",
@@ -62,6 +71,7 @@ std::string ledger_json(const Ledger& ledger) {
         {"extra", ledger.extra},
         {"runt", ledger.runt}}},
       {"cameras", cameras}};
+  add_absent_nodes(ledger.absent_nodes, json);
   return json.dump();
 }
 

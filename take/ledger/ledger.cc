@@ -78,7 +78,7 @@ std::string text_of(const TakeFile& file) {
 
 bool Ledger::complete() const {
   return !cameras.empty() && commanded > 0 && sensed.value_or(commanded) == commanded &&
-         unsensed.empty() && extra == 0 && runt.empty() &&
+         unsensed.empty() && extra == 0 && runt.empty() && absent_nodes.empty() &&
          std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
            return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
                   c.suspect.empty();
@@ -103,6 +103,7 @@ std::string Ledger::verdict() const {
   if (sensed && *sensed != commanded) text += ", " + format_count(*sensed) + " pulses sensed";
   if (extra > 0) text += ", " + format_count(extra) + " extra pulses";
   if (!runt.empty()) text += ", " + count(runt.size()) + " runt pulses";
+  if (!absent_nodes.empty()) text += ", without " + text_of(absent_nodes);
   return text;
 }
 
@@ -173,6 +174,9 @@ std::vector<std::string> problem_lines(const Ledger& ledger) {
                             const std::vector<int64_t>& pulses) {
     if (!pulses.empty()) lines.push_back(who + ": " + what + " " + number_ranges(pulses));
   };
+  for (const TakeNode& node : ledger.absent_nodes) {
+    lines.push_back("not in this copy: " + text_of({node}));
+  }
   add_line("sense line", "missing pulses", ledger.unsensed);
   add_line("sense line", "runt pulses", ledger.runt);
   for (const CameraLedger& camera : ledger.cameras) {
@@ -226,6 +230,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
+  ledger.absent_nodes = read_nodes(table, "absent_node");
   for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
   table.reject_unknown_fields();
   return ledger;
@@ -249,6 +254,7 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
         "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
         "\n";
   }
+  for (const TakeNode& node : ledger.absent_nodes) text += toml_of("absent_node", node);
   for (const TakeFile& file : ledger.files) text += text_of(file);
   return io::replace_file(path, with_checksum(text));
 }

@@ -425,6 +425,7 @@ void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<L
   ledger.commanded = stored ? stored->commanded : std::max(known, sensed.last() + 1);
   if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
   if (!stored) return;
+  ledger.absent_nodes = stored->absent_nodes;
   ledger.extra = stored->extra;  // not in the log
   ledger.runt = stored->runt;
 }

@@ -30,9 +30,9 @@ struct Verification {
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// Fills in the pulses of `ledger`: `sensed` from the pulse log, `known` from take.toml, all else
-/// from the `stored` ledger. For a take that was not closed, the commanded pulses are unknown; the
-/// highest sensed pulse gives their number.
+/// Fills in the pulses of `ledger`: `sensed` from the pulse log, `known` from take.toml, all else,
+/// and the absent nodes, from the `stored` ledger. For a take that was not closed, the commanded
+/// pulses are unknown; the highest sensed pulse gives their number.
 void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 

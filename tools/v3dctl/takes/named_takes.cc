@@ -42,7 +42,8 @@ std::string listing_line(const TakeListing& take, size_t name_width) {
       format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),
       format_count(take.info.pulses).c_str(), take.info.rate_hz, mesh_count_text(take).c_str());
   const std::string slate = take.slate.text();
-  return text + (slate.empty() ? "" : "  " + slate);
+  return text + (take.absent_nodes.empty() ? "" : ", without " + text_of(take.absent_nodes)) +
+         (slate.empty() ? "" : "  " + slate);
 }
 
 }  // namespace
