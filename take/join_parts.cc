@@ -1,12 +1,14 @@
 #include "take/join_parts.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "base/io/whole_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
+#include "take/ledger/take_signature.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
@@ -24,7 +26,9 @@ struct Part {
 
 /// Throws InputError for a symbolic link, whose target may be outside of the take.
 void reject_link(const fs::path& path) {
-  if (fs::is_symlink(path)) throw InputError(path.string() + ": it is a symbolic link");
+  if (io::value_or_throw(io::entry_type_of(path)) == fs::file_type::symlink) {
+    throw InputError(path.string() + ": it is a symbolic link");
+  }
 }
 
 /// Creates a hard link `place` to `file`. Copies the file where hard links fail, for example across
@@ -46,15 +50,6 @@ void link_log(const fs::path& log, const fs::path& place) {
     const fs::path to = place.parent_path() / segment.filename();
     link_if_present(segment, to);
     link_if_present(segment_index_path(segment), segment_index_path(to));
-  }
-}
-
-/// Number of meshes of a part; 0 if its mesh file cannot be read.
-size_t mesh_count(const TakePaths& part) {
-  try {
-    return MeshFileReader(part.mesh()).pulses().size();
-  } catch (const InputError&) {
-    return 0;
   }
 }
 
@@ -93,7 +88,7 @@ void link_shared_files(const TakePaths& part, const TakePaths& into) {
     if (is_signature(name)) link_if_present(part.folder / name, into.folder / name);
   }
   reject_link(part.background());
-  if (!fs::is_directory(part.background())) return;
+  if (!file_exists(part.background())) return;
   for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
     link_if_present(plate, into.background() / plate.filename());
   }
@@ -107,6 +102,20 @@ void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
     info.cameras.push_back(camera);
     link_log(part.paths.frames(camera), into.frames(camera));
   }
+}
+
+/// The capture nodes of the take that no part comes from.
+std::vector<TakeNode> absent_nodes(const std::vector<Part>& parts, const TakePaths& into,
+                                   const std::vector<std::string>& cameras) {
+  std::vector<TakeNode> nodes = capture_nodes(into);
+  std::erase_if(nodes, [&](const TakeNode& node) {
+    const bool has_part = std::ranges::any_of(
+        parts, [&](const Part& part) { return part.paths.folder.filename() == node.name; });
+    // A part may be a copy that was joined before.
+    return has_part || std::ranges::find_first_of(cameras, node.cameras) != cameras.end() ||
+           file_exists(signature_path(into, node.name));
+  });
+  return nodes;
 }
 
 /// Entries of the joined ledger for all files of `into`. The entries of the pulse log come from
@@ -128,15 +137,20 @@ std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger&
 
 }  // namespace
 
-const TakePaths* part_with_most_meshes(const std::vector<TakePaths>& parts) {
-  const TakePaths* best = nullptr;
-  size_t max_meshes = 0;
+MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts) {
+  MeshPart best;
+  std::optional<size_t> max_meshes;
   for (const TakePaths& part : parts) {
     if (!file_exists(part.mesh())) continue;
-    const size_t meshes = mesh_count(part);
-    if (best && meshes <= max_meshes) continue;
-    best = &part;
-    max_meshes = meshes;
+    try {
+      const size_t meshes = MeshFileReader(part.mesh()).pulses().size();
+      if (max_meshes && meshes <= *max_meshes) continue;
+      best.part = &part;
+      max_meshes = meshes;
+    } catch (const InputError& error) {
+      best.errors.emplace_back(error.what());
+      if (!best.part) best.part = &part;
+    }
   }
   return best;
 }
@@ -155,13 +169,15 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
     ledgers.push_back(part.ledger);
   }
   for (const TakePaths& part : parts) link_shared_files(part, into);
-  if (const TakePaths* meshes = part_with_most_meshes(parts))
+  if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
+  }
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
   link_log(sensed_most->paths.pulses(), into.pulses());
   Ledger ledger = merge(ledgers);
+  ledger.absent_nodes = absent_nodes(recorded, into, info.cameras);
   ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;
   save_account_or_throw(into, info, std::move(ledger));

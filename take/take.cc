@@ -46,8 +46,18 @@ std::string_view name(TakeState state) {
   return "unknown";
 }
 
+io::Result<std::vector<std::filesystem::path>> list_take_folders(
+    const std::filesystem::path& takes) {
+  auto entries = io::list_folder(takes);
+  if (!entries) return entries;
+  std::erase_if(*entries, [](const std::filesystem::path& entry) {
+    return entry.filename().string().starts_with(".");
+  });
+  return entries;
+}
+
 TakeInfo load_take_info(const TakePaths& paths) {
-  if (!std::filesystem::is_directory(paths.folder)) {
+  if (io::value_or_throw(io::type_of(paths.folder)) != std::filesystem::file_type::directory) {
     throw InputError(paths.folder.string() +
                      ": no such folder; expected a take folder with take.toml");
   }
@@ -62,8 +72,7 @@ Rig load_take_calib(const TakePaths& paths) {
 }
 
 std::optional<Studio> load_take_studio(const TakePaths& paths) {
-  std::error_code error;
-  const auto kind = std::filesystem::symlink_status(paths.studio(), error).type();
+  const auto kind = io::value_or_throw(io::entry_type_of(paths.studio()));
   if (kind == std::filesystem::file_type::not_found) return std::nullopt;
   return parse_studio(read_take_file(paths.studio()), paths.studio());
 }

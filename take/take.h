@@ -60,6 +60,11 @@ struct TakePaths {
   std::filesystem::path verified() const { return folder / "verified.toml"; }
 };
 
+/// The entries of a folder of takes, sorted by name, without hidden ones: locks, unfinished
+/// collections and interrupted deletions are no takes. Fails with path and cause.
+[[nodiscard]] io::Result<std::vector<std::filesystem::path>> list_take_folders(
+    const std::filesystem::path& takes);
+
 /// Reads take.toml. Throws InputError when the folder or take.toml is missing, and with file, line
 /// and field when take.toml is invalid.
 TakeInfo load_take_info(const TakePaths& paths);

@@ -23,12 +23,12 @@ std::set<int64_t> pulses_in(const TakePaths& take) {
   return pulses;
 }
 
-/// Pulses whose mesh can be read.
+/// Pulses with an undamaged mesh. Throws InputError when a mesh cannot be read from the disk.
 std::set<int64_t> meshes_in(const TakePaths& take) {
   MeshFileReader meshes(take.mesh());
   std::set<int64_t> pulses;
   for (const int64_t pulse : meshes.pulses()) {
-    if (meshes.read(pulse)) pulses.insert(pulse);
+    if (io::value_or_throw(meshes.read(pulse))) pulses.insert(pulse);
   }
   return pulses;
 }
@@ -124,14 +124,16 @@ class CopyCheck {
   }
 
   /// True for the file of another node that contains every pulse or mesh of the original.
-  bool may_differ(const std::string& name) const {
+  /// Reports a file that cannot be read.
+  bool may_differ(const std::string& name) {
     try {
       if (name == original_.pulses().filename()) {
         return std::ranges::includes(pulses_in(copy_), pulses_in(original_));
       }
       return name == original_.mesh().filename() &&
              std::ranges::includes(meshes_in(copy_), meshes_in(original_));
-    } catch (const InputError&) {
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
       return false;
     }
   }

@@ -12,6 +12,7 @@
 #include "base/core/checksum.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
+#include "take/logs/sparse_file.h"
 
 namespace v3d {
 namespace {
@@ -65,17 +66,18 @@ io::Status drop_from_page_cache(const io::File& file) {
   return {};
 }
 
-io::Result<uint64_t> checksum_of(const io::File& file, int64_t limit) {
+/// The checksum of the first `size` bytes.
+io::Result<uint64_t> checksum_of(const io::File& file, int64_t size) {
   constexpr int64_t kChunk = 1 << 20;
   std::vector<uint8_t> chunk(kChunk);
+  SparseReader reader(file);
   RunningChecksum sum;
-  for (int64_t offset = 0; offset < limit;) {
-    const auto size = static_cast<size_t>(std::min(kChunk, limit - offset));
-    const auto got = file.read(static_cast<uint64_t>(offset), std::span(chunk).first(size));
-    if (!got) return tl::make_unexpected(got.error());
-    if (*got == 0) break;
-    sum.add(std::span(chunk).first(*got));
-    offset += static_cast<int64_t>(*got);
+  for (int64_t offset = 0; offset < size; offset += kChunk) {
+    const auto part = std::span(chunk).first(static_cast<size_t>(std::min(kChunk, size - offset)));
+    if (auto read = reader.read_whole(static_cast<uint64_t>(offset), part); !read) {
+      return tl::make_unexpected(read.error());
+    }
+    sum.add(part);
   }
   return sum.value();
 }
@@ -142,7 +144,7 @@ io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& n
       return tl::make_unexpected(dropped.error());
     }
   }
-  const auto sum = checksum_of(*file, limit);
+  const auto sum = checksum_of(*file, std::min<int64_t>(limit, status.st_size));
   if (!sum) return tl::make_unexpected(sum.error());
   TakeFile read = file_of(name, status);
   read.checksum = *sum;

@@ -34,6 +34,15 @@ int64_t bytes_in(const fs::path& folder) {
   return bytes;
 }
 
+void count_meshes(TakeListing& take) {
+  const fs::path mesh = take.paths.mesh();
+  try {
+    take.meshes = file_exists(mesh) ? std::ssize(MeshFileReader(mesh).pulses()) : 0;
+  } catch (const InputError& error) {
+    take.mesh_error = error.what();
+  }
+}
+
 }  // namespace
 
 std::string_view TakeListing::verdict() const {
@@ -46,8 +55,12 @@ TakeListing read_take_listing(const TakePaths& paths) {
   TakeListing take;
   take.paths = paths;
   take.info = load_take_info(paths);
-  if (file_exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
-  if (file_exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
+  if (file_exists(paths.ledger())) {
+    const Ledger ledger = load_ledger(paths.ledger());
+    take.whole = ledger.complete();
+    take.absent_nodes = ledger.absent_nodes;
+  }
+  count_meshes(take);
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();
   take.verified = verified && verified->agrees;
@@ -58,10 +71,10 @@ TakeListing read_take_listing(const TakePaths& paths) {
 
 std::vector<TakeListing> find_takes(const fs::path& folder,
                                     const std::function<void(const InputError&)>& on_unreadable) {
-  if (!fs::is_directory(folder))
+  if (io::value_or_throw(io::type_of(folder)) != fs::file_type::directory)
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
-  for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
+  for (const fs::path& entry : io::value_or_throw(list_take_folders(folder))) {
     const TakePaths paths{entry};
     try {
       if (!file_exists(paths.info())) continue;

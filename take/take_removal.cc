@@ -15,18 +15,37 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kLogExtension = ".lcmlog";
+constexpr std::string_view kDeleted = ".deleted-";
 
 }  // namespace
 
 io::Status delete_take(const TakePaths& paths) {
-  const fs::path& folder = paths.folder;
-  const fs::path deleted = folder.parent_path() / (".deleted-" + folder.filename().string());
-  const auto remove = [&](std::error_code& code) { fs::remove_all(deleted, code); };
-  io::uninterrupted_code(remove);  // remains of an interrupted deletion
-  if (auto renamed = io::rename_new(folder, deleted); !renamed) return renamed;
-  const std::error_code error = io::uninterrupted_code(remove);
-  if (error) return io::io_error("delete", deleted, error.message(), error.value());
-  return io::sync_folder(folder.parent_path());
+  const std::string name = paths.folder.filename();
+  const InterruptedDeletion rest{name, paths.folder.parent_path() / (std::string(kDeleted) + name)};
+  // An earlier take of this name may have been deleted and the deletion interrupted.
+  if (auto removed = finish_deletion(rest); !removed) return removed;
+  if (auto renamed = io::rename_new(paths.folder, rest.folder); !renamed) return renamed;
+  return finish_deletion(rest);
+}
+
+io::Result<std::vector<InterruptedDeletion>> interrupted_deletions(const fs::path& takes) {
+  const auto entries = io::list_folder(takes);
+  if (!entries) return tl::make_unexpected(entries.error());
+  std::vector<InterruptedDeletion> deletions;
+  for (const fs::path& entry : *entries) {
+    const std::string name = entry.filename();
+    if (!name.starts_with(kDeleted) || name.size() == kDeleted.size()) continue;
+    deletions.push_back({name.substr(kDeleted.size()), entry});
+  }
+  return deletions;
+}
+
+io::Status finish_deletion(const InterruptedDeletion& deletion) {
+  V3D_CHECK(deletion.folder.filename().string().starts_with(kDeleted));
+  const std::error_code error =
+      io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(deletion.folder, code); });
+  if (error) return io::io_error("delete", deletion.folder, error.message(), error.value());
+  return io::sync_folder(deletion.folder.parent_path());
 }
 
 bool may_hold_frames(const TakePaths& paths) {

@@ -5,6 +5,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "base/io/result.h"
 #include "take/take.h"
@@ -14,9 +16,20 @@ namespace v3d {
 /// Folder inside the takes folder for takes that appeared to be empty. No take may have this name.
 inline constexpr const char* kQuarantineFolder = "quarantine";
 
-/// Deletes a take: renames its folder to a hidden name, then removes it. After an interruption the
-/// take is no longer listed. Fails with path and cause.
+/// Deletes a take: renames its folder to ".deleted-<name>", then removes it. After an interruption
+/// the take is no longer listed, and finish_deletion() removes the rest. Fails with path and cause.
 [[nodiscard]] io::Status delete_take(const TakePaths& paths);
+
+/// The rest of a deletion that was interrupted: of the process, by a power cut or by a disk error.
+struct InterruptedDeletion {
+  std::string take;
+  std::filesystem::path folder;  ///< ".deleted-<take>" in the folder of takes
+};
+/// The interrupted deletions in a folder of takes, sorted by name. Fails with path and cause.
+[[nodiscard]] io::Result<std::vector<InterruptedDeletion>> interrupted_deletions(
+    const std::filesystem::path& takes);
+/// Removes what is left. Fails with path and cause.
+[[nodiscard]] io::Status finish_deletion(const InterruptedDeletion& deletion);
 
 /// True when a camera log contains at least one byte, or the folder cannot be read.
 bool may_hold_frames(const TakePaths& paths);

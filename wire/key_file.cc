@@ -107,6 +107,7 @@ void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, c
   line.bytes().back() = '\n';
   io::Status written = file->write(0, {bytes_of(kind.remark), line.bytes()});
   if (written) written = file->sync();
+  if (written) written = io::sync_folder(std::filesystem::absolute(path).parent_path());
   if (written) return;
   unlink(path.c_str());
   throw failure("cannot write the " + name, path, written.error());

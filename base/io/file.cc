@@ -110,6 +110,15 @@ int rename_to_new_name(const fs::path& from, const fs::path& to) {
   return S_ISDIR(status.st_mode) ? move_folder(from, to) : move_file(from, to);
 }
 
+/// `result`: of stat() or lstat(), with its errno.
+Result<fs::file_type> type_from(int result, const struct stat& status, const fs::path& path) {
+  if (result != 0 && (errno == ENOENT || errno == ENOTDIR)) return fs::file_type::not_found;
+  if (result != 0) return io_error("read", path);
+  if (S_ISREG(status.st_mode)) return fs::file_type::regular;
+  if (S_ISDIR(status.st_mode)) return fs::file_type::directory;
+  return S_ISLNK(status.st_mode) ? fs::file_type::symlink : fs::file_type::unknown;
+}
+
 Status copy_bytes(const File& from, File& to) {
   std::vector<uint8_t> chunk(1 << 20);
   for (uint64_t offset = 0;;) {
@@ -157,6 +166,14 @@ Result<size_t> File::read(uint64_t offset, std::span<uint8_t> bytes) const {
     done += static_cast<size_t>(n);
   }
   return done;
+}
+
+Status File::read_whole(uint64_t offset, std::span<uint8_t> bytes) const {
+  const auto got = read(offset, bytes);
+  if (!got) return tl::make_unexpected(got.error());
+  if (*got < bytes.size())
+    return io_error("read", path_, "the file became shorter while it was read", EIO);
+  return {};
 }
 
 Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_t>> parts) {
@@ -260,12 +277,12 @@ Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
 
 Result<fs::file_type> type_of(const fs::path& path) {
   struct stat status {};
-  if (::stat(path.c_str(), &status) == 0) {
-    if (S_ISREG(status.st_mode)) return fs::file_type::regular;
-    return S_ISDIR(status.st_mode) ? fs::file_type::directory : fs::file_type::unknown;
-  }
-  if (errno == ENOENT || errno == ENOTDIR) return fs::file_type::not_found;
-  return io_error("read", path);
+  return type_from(::stat(path.c_str(), &status), status, path);
+}
+
+Result<fs::file_type> entry_type_of(const fs::path& path) {
+  struct stat status {};
+  return type_from(::lstat(path.c_str(), &status), status, path);
 }
 
 Result<uint64_t> free_bytes(const fs::path& folder) {

@@ -37,6 +37,9 @@ class File {
   /// Reads into `bytes` from `offset`. The count is less than bytes.size() only at the end of the
   /// file.
   [[nodiscard]] Result<size_t> read(uint64_t offset, std::span<uint8_t> bytes) const;
+  /// Fills `bytes` from `offset`. The bytes were inside the file when it was opened, so the end of
+  /// the file is an error, too (EIO): another program shortened the file.
+  [[nodiscard]] Status read_whole(uint64_t offset, std::span<uint8_t> bytes) const;
   /// Writes the concatenated parts (4 at most) at `offset`. After a failure, some of the bytes may
   /// be in the file.
   [[nodiscard]] Status write(uint64_t offset,
@@ -80,6 +83,8 @@ inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 /// The kind of file at `path`, symbolic links followed; file_type::not_found when there is none.
 /// Unlike std::filesystem::exists(path, error), it reports other errors as errors.
 [[nodiscard]] Result<std::filesystem::file_type> type_of(const std::filesystem::path& path);
+/// The same without following a symbolic link: file_type::symlink.
+[[nodiscard]] Result<std::filesystem::file_type> entry_type_of(const std::filesystem::path& path);
 
 /// The entries of a folder, sorted by name.
 [[nodiscard]] Result<std::vector<std::filesystem::path>> list_folder(

@@ -68,7 +68,7 @@ std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missin
 }
 
 void NodeCameras::check_prepared(const std::vector<std::string>& may_be_missing) const {
-  if (!std::filesystem::exists(studio_.storage.calib)) {
+  if (!file_exists(studio_.storage.calib)) {
     throw InputError(studio_.storage.calib.string() +
                      ": does not exist; v3dctl calibrate guess makes a first one");
   }

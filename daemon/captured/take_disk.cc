@@ -68,8 +68,9 @@ std::string space_shortage(const DiskDemand& demand, double free_bytes) {
 }
 
 std::string folder_fault(const fs::path& takes) {
-  std::error_code error;
-  if (!fs::is_directory(takes, error)) {
+  const auto type = io::type_of(takes);
+  if (!type) return type.error().message;
+  if (*type != fs::file_type::directory) {
     return takes.string() + ": no such folder; is its disk mounted?";
   }
   if (access(takes.c_str(), W_OK) == 0) return "";

@@ -6,26 +6,38 @@
 namespace v3d {
 namespace {
 
+/// Adds `absent_nodes` [{name, cameras}] if there are any.
+template <class Json>
+void add_absent_nodes(const std::vector<TakeNode>& nodes, Json& json) {
+  for (const TakeNode& node : nodes) {
+    json["absent_nodes"].push_back({{"name", node.name}, {"cameras", node.cameras}});
+  }
+}
+
 nlohmann::ordered_json take_json(const TakeListing& take) {
   std::error_code error;
   const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
-  return {{"name", take.info.name},
-          {"studio", take.info.studio},
-          {"started_ns", to_ns(take.info.started)},
-          {"state", take.verdict()},
-          {"verified", take.verified},
-          {"rate_hz", take.info.rate_hz},
-          {"pulses", take.info.pulses},
-          {"seconds", take.seconds()},
-          {"bytes", take.bytes},
-          {"mesh_bytes", error ? 0 : mesh_bytes},
-          {"cameras", take.info.cameras},
-          {"meshes", take.meshes},
-          {"slate",
-           {{"scene", take.slate.scene},
-            {"take", take.slate.take},
-            {"note", take.slate.note},
-            {"mark", name(take.slate.mark)}}}};
+  nlohmann::ordered_json json = {
+      {"name", take.info.name},
+      {"studio", take.info.studio},
+      {"started_ns", to_ns(take.info.started)},
+      {"state", take.verdict()},
+      {"verified", take.verified},
+      {"rate_hz", take.info.rate_hz},
+      {"pulses", take.info.pulses},
+      {"seconds", take.seconds()},
+      {"bytes", take.bytes},
+      {"mesh_bytes", error ? 0 : mesh_bytes},
+      {"cameras", take.info.cameras},
+      {"meshes", take.meshes ? nlohmann::ordered_json(*take.meshes) : nullptr},
+      {"slate",
+       {{"scene", take.slate.scene},
+        {"take", take.slate.take},
+        {"note", take.slate.note},
+        {"mark", name(take.slate.mark)}}}};
+  if (!take.meshes) json["mesh_error"] = take.mesh_error;
+  add_absent_nodes(take.absent_nodes, json);
+  return json;
 }
 
 }  // namespace
@@ -60,6 +72,7 @@ std::string ledger_json(const Ledger& ledger) {
         {"runt", ledger.runt}}},
       {"cameras", cameras}};
   if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
+  add_absent_nodes(ledger.absent_nodes, json);
   return json.dump();
 }
 

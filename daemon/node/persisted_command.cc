@@ -50,7 +50,7 @@ io::Result<bool> has_persisted_command(const TakePaths& take, const std::string&
 
 CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node) {
   CommandsOnDisk found;
-  const auto takes = io::list_folder(studio.storage.takes);
+  const auto takes = list_take_folders(studio.storage.takes);
   found.folder_was_listed = takes || takes.error().code == ENOENT;
   if (!found.folder_was_listed) spdlog::error("{}", takes.error().message);
   for (const fs::path& take : takes.value_or(std::vector<fs::path>())) {

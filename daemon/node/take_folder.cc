@@ -54,6 +54,7 @@ std::string summary_of(const Verification& found) {
   for (const std::string& text : found.disagreements) {
     if (text.starts_with("cannot read")) line += "; " + text;
   }
+  for (const std::string& text : found.notes) line += "; " + text;
   return line;
 }
 
@@ -166,7 +167,7 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
                                               const std::vector<std::string>& cameras) {
   std::vector<RecoveredTake> takes;
   if (io::type_of(studio.storage.takes) == fs::file_type::not_found) return takes;
-  const auto folders = io::list_folder(studio.storage.takes);
+  const auto folders = list_take_folders(studio.storage.takes);
   if (!folders) takes.push_back({"cannot search for open takes: " + folders.error().message, {}});
   for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
     const TakePaths paths{folder};

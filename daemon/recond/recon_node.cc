@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/units.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
@@ -132,7 +133,7 @@ void ReconNode::arm(const CommandMessage& command) {
   if (command.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
   check_take_name(command.take);
   const TakePaths paths = take_paths(studio_, command.take);
-  if (std::filesystem::exists(paths.mesh())) {
+  if (file_exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }
   if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
@@ -202,7 +203,9 @@ void ReconNode::drain() { drain_began_ = Monotonic::now(); }
 
 void ReconNode::disarm() {
   if (!pipeline_) return;
-  pipeline_->close();
+  if (const io::Status closed = pipeline_->close(); !closed) {
+    events_.send(Severity::kAlarm, "disk", closed.error().message, advice::kMeshDisk);
+  }
   last_ = pipeline_->counts();
   pipeline_.reset();
   stop_displacement_monitor();
@@ -263,12 +266,11 @@ std::optional<NodeReport> ReconNode::poll_draining() {
   if (!(waited && pipeline_->drained(kDrainIdle)) && now < drain_began_ + kDrainWithin) {
     return std::nullopt;
   }
-  const bool closed = pipeline_->close();
+  const io::Status closed = pipeline_->close();
   const ReconCounts counts = pipeline_->counts();
   if (!closed) {
-    return NodeReport{.event = Input::kBroken,
-                      .text = "cannot write " + take_paths(studio_, command_.take).mesh().string(),
-                      .detail = detail_of(counts)};
+    return NodeReport{
+        .event = Input::kBroken, .text = closed.error().message, .detail = detail_of(counts)};
   }
   return NodeReport{
       .event = Input::kDrained,

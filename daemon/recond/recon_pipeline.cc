@@ -72,7 +72,9 @@ std::unique_ptr<SharedTake> ReconPipeline::make_shared_take(
   return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, receive});
 }
 
-ReconPipeline::~ReconPipeline() { close(); }
+ReconPipeline::~ReconPipeline() {
+  if (const io::Status closed = close(); !closed) spdlog::error("{}", closed.error().message);
+}
 
 void ReconPipeline::stop() {
   stopping_ = true;
@@ -82,11 +84,9 @@ void ReconPipeline::stop() {
   if (shared_) shared_->stop();
 }
 
-bool ReconPipeline::close() {
+io::Status ReconPipeline::close() {
   stop();
-  const io::Status closed = file_.close();
-  if (!closed) spdlog::error("{}", closed.error().message);
-  return closed.has_value();
+  return file_.close();
 }
 
 // --- frames to sets -----------------------------------------------------------------------------

@@ -87,7 +87,7 @@ class ReconPipeline {
   };
   /// `bus` must outlive the pipeline. Throws InputError when the mesh file cannot be created.
   ReconPipeline(Setup setup, Bus& bus);
-  ~ReconPipeline();
+  ~ReconPipeline();  ///< closes; an error is logged
   ReconPipeline(const ReconPipeline&) = delete;
   ReconPipeline& operator=(const ReconPipeline&) = delete;
 
@@ -99,9 +99,9 @@ class ReconPipeline {
     return assembling_.beat_since(since) && reconstructing_.beat_since(since) &&
            (!shared_ || shared_->progressed_since(since));
   }
-  /// Ends the threads, drops the sets that wait, and closes the mesh file. Returns false after a
-  /// write error.
-  bool close();
+  /// Ends the threads, drops the sets that wait, and closes the mesh file. Fails with path and
+  /// cause when meshes or their index may not be on the disk; a repeated call returns the same.
+  [[nodiscard]] io::Status close();
 
  private:
   static constexpr size_t kLatencies = 1000;

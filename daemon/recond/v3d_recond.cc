@@ -3,15 +3,14 @@
 #include <spdlog/spdlog.h>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/daemon_main.h"
 #include "daemon/node/folder_lock.h"
 #include "daemon/node/node_loop.h"
 #include "daemon/node/persisted_command.h"
 #include "daemon/node/take_folder.h"
+#include "daemon/recond/mesh_recovery.h"
 #include "daemon/recond/recon_node.h"
-#include "take/logs/mesh_file.h"
 
 namespace {
 
@@ -24,22 +23,12 @@ void require_no_capture_node(const v3d::Studio& studio, const std::string& node)
       "be the same PC)");
 }
 
-/// The number of meshes in the file of a take that this daemon did not close. Adds the missing
-/// index.
-int64_t recovered_meshes(const std::filesystem::path& mesh) {
-  const v3d::MeshFileReader meshes(mesh);
-  if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kContinue).close();
-  return static_cast<int64_t>(meshes.pulses().size());
-}
-
 void recover_take(const std::filesystem::path& mesh, const std::string& take, v3d::NodeLoop& loop) {
-  try {
-    const int64_t count = recovered_meshes(mesh);
-    loop.remember(take, v3d::format_count(count) + " meshes recovered",
-                  v3d::numbers_json({{"meshes", static_cast<double>(count)}}));
-  } catch (const v3d::InputError& error) {
-    spdlog::warn("{}", error.what());
-  }
+  const v3d::RecoveredMeshes recovered = v3d::recover_mesh_file(mesh);
+  if (!recovered.is_whole) spdlog::error("{}: {}", take, recovered.text);
+  const auto meshes = static_cast<double>(recovered.meshes.value_or(0));
+  loop.remember(take, recovered.text,
+                recovered.meshes ? v3d::numbers_json({{"meshes", meshes}}) : "");
 }
 
 /// The node in the studio file; `given` is the option --node, or empty.

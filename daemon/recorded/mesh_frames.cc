@@ -47,7 +47,7 @@ std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
 
 CompactFrame MeshFrames::read(int64_t frame) {
   frames({frame, frame + 1});
-  const auto bytes = file_.read(frame);
+  const auto bytes = io::value_or_throw(file_.read(frame));
   const auto header = bytes ? read_header(*bytes) : std::nullopt;
   if (!header) throw_damaged(frame);
   DecodeStatus status = decoder_.decode(*bytes);
@@ -62,7 +62,7 @@ CompactFrame MeshFrames::read(int64_t frame) {
 }
 
 void MeshFrames::decode(int64_t frame) {
-  const auto bytes = file_.read(frame);
+  const auto bytes = io::value_or_throw(file_.read(frame));
   if (!bytes || decoder_.decode(*bytes) != DecodeStatus::kOk) throw_damaged(frame);
 }
 

@@ -24,7 +24,8 @@ class MeshFrames {
   /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
   std::vector<int64_t> frames(FrameRange range) const;
   /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.
-  /// Throws InputError if the frame, or one that it refers to, is missing or damaged.
+  /// Throws InputError if the frame, or one that it refers to, is missing, damaged, or cannot be
+  /// read from the disk (with path and cause).
   CompactFrame read(int64_t frame);
 
  private:

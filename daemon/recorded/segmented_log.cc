@@ -1,13 +1,14 @@
 #include "daemon/recorded/segmented_log.h"
 
 #include "base/core/error.h"
+#include "base/io/file.h"
 
 namespace v3d {
 
 std::optional<BackgroundModel> load_take_background(const TakePaths& paths,
                                                     const std::string& camera) {
-  std::error_code error;
-  if (std::filesystem::is_symlink(paths.background(), error)) {
+  const auto folder = io::value_or_throw(io::entry_type_of(paths.background()));
+  if (folder == std::filesystem::file_type::symlink) {
     throw InputError(paths.background().string() +
                      ": it is a symbolic link; expected a folder of the take");
   }

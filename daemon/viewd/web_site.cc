@@ -105,6 +105,9 @@ class WebSite::CachedListing {
 std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
   std::vector<TakeListing> takes = find_takes(folder, [](const InputError&) {});
   if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
+  for (TakeListing& take : takes) {  // browsers get no paths
+    if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
+  }
   return takes;
 }
 

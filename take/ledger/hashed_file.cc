@@ -8,6 +8,7 @@
 #include "base/io/big_endian.h"
 #include "base/io/file.h"
 #include "take/logs/event_log.h"
+#include "take/logs/sparse_file.h"
 
 namespace v3d {
 namespace {
@@ -18,7 +19,7 @@ constexpr uint32_t kMaxChannelBytes = 256;
 class FileTree {
  public:
   FileTree(const io::File& file, uint64_t size, bool is_log)
-      : file_(file), size_(size), is_log_(is_log) {}
+      : file_(file), reader_(file), size_(size), is_log_(is_log) {}
 
   io::Result<Hash> root() {
     HashTree tree;
@@ -53,17 +54,18 @@ class FileTree {
   io::Result<Hash> hash(uint64_t at, uint64_t length) {
     LeafHash leaf;
     for (const uint64_t end = at + length; at < end;) {
-      const auto got = file_.read(at, std::span(chunk_).first(std::min(kBlock, end - at)));
-      if (!got) return tl::make_unexpected(got.error());
-      if (*got == 0)
-        return io::io_error("read", file_.path(), "the file became shorter while it was read", EIO);
-      leaf.add(std::span(chunk_).first(*got));
-      at += *got;
+      const auto block = std::span(chunk_).first(std::min(kBlock, end - at));
+      if (const auto read = reader_.read_whole(at, block); !read) {
+        return tl::make_unexpected(read.error());
+      }
+      leaf.add(block);
+      at += block.size();
     }
     return leaf.value();
   }
 
   const io::File& file_;
+  SparseReader reader_;
   const uint64_t size_;
   const bool is_log_;
   std::vector<uint8_t> chunk_ = std::vector<uint8_t>(kBlock);

@@ -15,7 +15,8 @@ namespace v3d {
 /// no event starts, and in every other file, the leaves are blocks of 1 MiB.
 ///
 /// `bytes`: the expected length. A file of another length is not read, and the result has no root.
-/// Memory: 1 MiB. Fails with path and cause, also when the name is a symbolic link.
+/// Memory: 1 MiB. Fails with path and cause, also when the name is a symbolic link, and for a file
+/// with large holes (SparseReader).
 [[nodiscard]] io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
                                                   int64_t bytes);
 

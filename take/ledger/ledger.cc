@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <span>
 
 #include "base/config/toml_file.h"
-#include "base/core/checksum.h"
 #include "base/core/error.h"
 #include "base/core/units.h"
 #include "base/io/file.h"
 #include "base/io/whole_file.h"
+#include "take/checksummed_text.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -75,29 +74,13 @@ std::string text_of(const TakeFile& file) {
   return text;
 }
 
-constexpr std::string_view kChecksumKey = "xxh3 = ";
-
-/// The first line of a ledger: the checksum of `content`, the other lines.
-std::string checksum_line(std::string_view content) {
-  const std::span bytes(reinterpret_cast<const uint8_t*>(content.data()), content.size());
-  return std::string(kChecksumKey) + toml_string(checksum_text(checksum({bytes}))) + "\n";
-}
-
-/// True when a ledger has a checksum of its own. Throws InputError when that checksum is wrong.
-bool check_own_checksum(std::string_view text, const std::filesystem::path& path) {
-  if (!text.starts_with(kChecksumKey)) return false;
-  const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
-  if (text.substr(0, line) == checksum_line(text.substr(line))) return true;
-  throw InputError(path.string() +
-                   ": damaged: the checksum in its first line is not that of the other lines");
-}
-
 }  // namespace
 
 bool Ledger::complete() const {
   return !cameras.empty() && commanded > 0 && !commanded_is_minimum &&
          sensed.value_or(commanded) == commanded && unsensed.empty() && extra == 0 &&
-         runt.empty() && std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
+         runt.empty() && absent_nodes.empty() &&
+         std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
            return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
                   c.suspect.empty();
          });
@@ -122,6 +105,7 @@ std::string Ledger::verdict() const {
   if (sensed && *sensed != commanded) text += ", " + format_count(*sensed) + " pulses sensed";
   if (extra > 0) text += ", " + format_count(extra) + " extra pulses";
   if (!runt.empty()) text += ", " + count(runt.size()) + " runt pulses";
+  if (!absent_nodes.empty()) text += ", without " + text_of(absent_nodes);
   return text;
 }
 
@@ -195,6 +179,9 @@ std::vector<std::string> problem_lines(const Ledger& ledger) {
                             const std::vector<int64_t>& pulses) {
     if (!pulses.empty()) lines.push_back(who + ": " + what + " " + number_ranges(pulses));
   };
+  for (const TakeNode& node : ledger.absent_nodes) {
+    lines.push_back("not in this copy: " + text_of({node}));
+  }
   add_line("sense line", "missing pulses", ledger.unsensed);
   add_line("sense line", "runt pulses", ledger.runt);
   for (const CameraLedger& camera : ledger.cameras) {
@@ -238,10 +225,8 @@ Ledger load_ledger(const std::filesystem::path& path) {
 }
 
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
-  const bool has_checksum = check_own_checksum(text, path);
-  const TomlTable table = TomlTable::parse(text, path);
+  const TomlTable table = parse_checksummed(text, path);
   Ledger ledger;
-  if (has_checksum) table.text("xxh3");  // else an unknown field
   ledger.take = table.text("take");
   ledger.commanded = read_count(table, "commanded");
   ledger.commanded_is_minimum = table.boolean_or("commanded_is_minimum", false);
@@ -252,6 +237,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
+  ledger.absent_nodes = read_nodes(table, "absent_node");
   for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
   table.reject_unknown_fields();
   return ledger;
@@ -276,8 +262,9 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
         "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
         "\n";
   }
+  for (const TakeNode& node : ledger.absent_nodes) text += toml_of("absent_node", node);
   for (const TakeFile& file : ledger.files) text += text_of(file);
-  return io::replace_file(path, checksum_line(text) + text);
+  return io::replace_file(path, with_checksum(text));
 }
 
 }  // namespace v3d

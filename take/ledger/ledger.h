@@ -12,6 +12,7 @@
 #include "base/io/result.h"
 #include "take/ledger/pulse_set.h"
 #include "take/take_files.h"
+#include "take/take_nodes.h"
 
 namespace v3d {
 
@@ -39,12 +40,16 @@ struct Ledger {
   int64_t extra = 0;                   ///< pulses that it detected besides those of the train
   std::vector<int64_t> runt = {};      ///< pulses that it detected as too short
   std::vector<CameraLedger> cameras;
+  /// Of a collected take: its capture nodes that are not in this copy, because the operator left
+  /// them out.
+  std::vector<TakeNode> absent_nodes = {};
   /// The files of the take, except those of is_written_after_ledger(). Empty in ledgers of versions
   /// before 2026-12, which had no list. A camera log that a recovery found has no checksum.
   std::vector<TakeFile> files = {};
 
   /// True when the number of pulses is known, all pulses were sensed (if the studio has a sense
-  /// line), no other pulses were, and each camera has exactly one unsuspected frame of each pulse.
+  /// line), no other pulses were, each camera has exactly one unsuspected frame of each pulse, and
+  /// no node is absent.
   bool complete() const;
   /// The result in one line: "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0
   /// suspect".
@@ -83,8 +88,8 @@ Ledger merge(const std::vector<Ledger>& parts);
 
 /// Formats ascending numbers, neighbours as ranges: "3-17, 20".
 std::string number_ranges(const std::vector<int64_t>& numbers);
-/// The missing, duplicate and suspect pulses of each camera, and the missing and runt pulses of the
-/// sense line, one line each. Empty when the ledger has none.
+/// The absent nodes, the missing and runt pulses of the sense line, and the missing, duplicate and
+/// suspect pulses of each camera, one line each. Empty when the ledger has none.
 std::vector<std::string> problem_lines(const Ledger& ledger);
 /// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);

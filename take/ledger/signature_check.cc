@@ -250,7 +250,7 @@ class Check {
     for (const std::string& camera : info_.cameras) nodes.insert(node_with(camera));
     for (const size_t i : trusted_signatures()) {
       if (!result_.signers[i].is_known) continue;
-      for (const SignedNode& node : signatures_[i].nodes) nodes.insert(node.name);
+      for (const TakeNode& node : signatures_[i].nodes) nodes.insert(node.name);
     }
     nodes.erase("");  // of a camera that the studio file does not list
     return nodes;

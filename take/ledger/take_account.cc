@@ -37,8 +37,10 @@ TakeFile entry_of_text(const std::string& name, const std::string& text) {
           .checksum = checksum({bytes})};
 }
 
-TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
-                       std::vector<std::string>& unread) {
+/// Entry of another file. Adds a line to `unread` when it has no checksum; empty when its length
+/// cannot be read either.
+std::optional<TakeFile> entry_of_file(const TakePaths& paths, const std::string& name,
+                                      std::vector<std::string>& unread) {
   /// The pulse log of the longest take (kMaxPulses) has 2 GB. A sparse file can have any length.
   constexpr int64_t kMaxBytes = int64_t{4} << 30;
   auto known = stat_take_file(paths, name);
@@ -50,7 +52,7 @@ TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
   auto read = read_take_file(paths, name, ReadFrom::kPageCache);
   if (read) return *std::move(read);
   unread.push_back(read.error().message);
-  return stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
+  return known ? std::optional(*std::move(known)) : std::nullopt;
 }
 
 /// Adds the files that `ledger` does not list yet. Returns one line for each file that could not be
@@ -63,8 +65,11 @@ io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const Tak
   std::vector<std::string> unread;
   for (const std::string& name : *names) {
     if (is_written_after_ledger(name) || ledger.file(name)) continue;
-    auto entry = is_camera_log(name, info) ? entry_of_camera_log(paths, name, previous)
-                                           : entry_of_file(paths, name, unread);
+    if (!is_camera_log(name, info)) {
+      if (auto entry = entry_of_file(paths, name, unread)) ledger.files.push_back(*entry);
+      continue;
+    }
+    auto entry = entry_of_camera_log(paths, name, previous);
     if (!entry) return tl::make_unexpected(entry.error());
     ledger.files.push_back(*std::move(entry));
   }

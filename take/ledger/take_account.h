@@ -18,7 +18,7 @@ bool is_camera_log(const std::string& name, const TakeInfo& info);
 /// First adds the files of the take that `ledger.files` does not list, and reads them for their
 /// checksums. Camera logs are not read, because they may be tens of gigabytes: such a log keeps the
 /// checksum of the previous ledger if its length is the same, or gets none. A file that cannot be
-/// read, or is larger than 4 GiB, gets no checksum.
+/// read, or is larger than 4 GiB, gets no checksum; one whose length cannot be read gets no entry.
 ///
 /// Returns one line for each file that was not read, with the cause. Fails with path and cause when
 /// the ledger or take.toml cannot be written.

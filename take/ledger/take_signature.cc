@@ -23,14 +23,6 @@ std::string text_of(const TakeFile& file) {
   return text;
 }
 
-std::string text_of(const SignedNode& node) {
-  std::string cameras;
-  for (const std::string& camera : node.cameras) {
-    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
-  }
-  return "\n[[capture_node]]\nname = " + toml_string(node.name) + "\ncameras = [" + cameras + "]\n";
-}
-
 std::string text_of(const SignedCamera& camera) {
   return "\n[[camera]]\nname = " + toml_string(camera.name) +
          "\nexposed = " + std::to_string(camera.exposed) +
@@ -49,7 +41,7 @@ std::string text_of(const TakeSignature& signature) {
       "\nrate_hz = " + toml_number(signature.rate_hz) +
       "\npulses = " + std::to_string(signature.pulses) +
       "\nstate = " + toml_string(std::string(name(signature.state))) + "\n";
-  for (const SignedNode& node : signature.nodes) text += text_of(node);
+  for (const TakeNode& node : signature.nodes) text += toml_of("capture_node", node);
   for (const SignedCamera& camera : signature.cameras) text += text_of(camera);
   for (const TakeFile& file : signature.files) text += text_of(file);
   return text;
@@ -63,12 +55,6 @@ TakeFile read_entry(const TomlTable& table) {
   }
   table.reject_unknown_fields();
   return file;
-}
-
-SignedNode read_node(const TomlTable& table) {
-  SignedNode node{.name = table.text("name"), .cameras = table.texts("cameras")};
-  table.reject_unknown_fields();
-  return node;
 }
 
 SignedCamera read_camera(const TomlTable& table) {
@@ -105,23 +91,6 @@ io::Result<TakeFile> signed_file(const TakePaths& paths, const std::string& name
   auto now = stat_take_file(paths, name);
   if (!now || !may_read) return now;
   return hash_take_file(paths, name, now->bytes);
-}
-
-/// The nodes of the take's studio file that record: those with cameras, and that of the trigger.
-std::vector<SignedNode> capture_nodes(const TakePaths& paths) {
-  const std::optional<Studio> studio = load_take_studio(paths);
-  if (!studio) return {};
-  std::vector<SignedNode> nodes;
-  for (const StudioNode& node : studio->nodes) {
-    SignedNode signed_node{.name = node.name, .cameras = {}};
-    for (const StudioCamera& camera : studio->cameras_of(node.name)) {
-      signed_node.cameras.push_back(camera.name);
-    }
-    const bool records = !signed_node.cameras.empty() || studio->trigger.node == node.name;
-    if (records) nodes.push_back(std::move(signed_node));
-  }
-  std::ranges::sort(nodes, {}, &SignedNode::name);
-  return nodes;
 }
 
 /// The counts of the ledger, which the node has just written or an operator signs for it.
@@ -225,8 +194,7 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
                      .cameras = {},
                      .files = {}};
   if (read.names_nodes()) {
-    for (const TomlTable& node : table.tables("capture_node"))
-      read.nodes.push_back(read_node(node));
+    read.nodes = read_nodes(table, "capture_node");
     for (const TomlTable& camera : table.tables("camera")) {
       read.cameras.push_back(read_camera(camera));
     }

@@ -15,17 +15,10 @@
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_files.h"
+#include "take/take_nodes.h"
 #include "wire/signing_key.h"
 
 namespace v3d {
-
-/// A capture node of a take, with its cameras in the studio file. A camera may have been missing in
-/// the take (arm --allow-missing).
-struct SignedNode {
-  std::string name;
-  std::vector<std::string> cameras;
-  friend bool operator==(const SignedNode&, const SignedNode&) = default;
-};
 
 /// A camera that the signing node recorded, with the counts of its ledger (CameraLedger).
 struct SignedCamera {
@@ -54,9 +47,7 @@ struct TakeSignature {
   double rate_hz = 0;
   int64_t pulses = 0;
   TakeState state = TakeState::kComplete;
-  /// All capture nodes of the take, by the studio file of the take, sorted by name: those with
-  /// cameras, and that of the trigger. Empty in a take without a studio file, as an imported one.
-  std::vector<SignedNode> nodes;
+  std::vector<TakeNode> nodes;  ///< capture_nodes()
   std::vector<SignedCamera> cameras;
   /// All files of the node for which is_signed_file() is true. For a file without a root, only the
   /// length is signed: a camera log that was recorded before a restart of the daemon.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <type_traits>
 
 #include "base/core/error.h"
@@ -226,7 +227,9 @@ class Verifier {
     }
     PulseSet& sensed = evidence.sensed;
     try {
-      for (const PulseMessage& message : read_pulses(paths_.pulses())) {
+      const EventLogReader log(paths_.pulses());
+      note_unused_indexes(log);
+      for (const PulseMessage& message : read_pulses(log)) {
         if (message.pulse < kMaxPulses) {
           sensed.insert(message.pulse);
         } else {
@@ -245,6 +248,13 @@ class Verifier {
     if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
       disagree(paths_.info(), "says " + format_count(result_.info.pulses) +
                                   " pulses, the ledger says " + format_count(ledger.commanded));
+    }
+  }
+
+  void note_unused_indexes(const EventLogReader& log) {
+    for (const LogSegment& segment : log.segments()) {
+      if (segment.index_error.empty()) continue;
+      result_.notes.push_back(segment.index_error + "; the whole segment was searched for events");
     }
   }
 
@@ -267,6 +277,7 @@ class Verifier {
   CountedCamera count_frames(const std::string& camera) {
     CountedCamera counted{.name = camera};
     if (const auto log = EventLogReader::open(paths_.frames(camera))) {
+      note_unused_indexes(*log);
       count_events(*log, counted);
     } else {
       report(log.error().message, is_absent_log(paths_.frames(camera)));
@@ -328,9 +339,7 @@ class Verifier {
     if (!file_exists(paths_.mesh())) return;  // reconstruction is optional
     try {
       MeshFileReader meshes(paths_.mesh());
-      const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
-                                         [&](int64_t pulse) { return !meshes.read(pulse); });
-      if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+      check_meshes(meshes);
       if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
         disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
                                     format_count(std::ssize(meshes.pulses())) +
@@ -339,6 +348,19 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
+  }
+
+  /// Reads every mesh. A read error is no error of the ledger, which does not count meshes.
+  void check_meshes(MeshFileReader& meshes) {
+    int64_t damaged = 0, unreadable = 0;
+    for (const int64_t pulse : meshes.pulses()) {
+      const auto mesh = meshes.read(pulse);
+      if (mesh && !*mesh) ++damaged;
+      if (!mesh && ++unreadable == 1) result_.disagreements.push_back(mesh.error().message);
+    }
+    if (unreadable > 0)
+      disagree(paths_.mesh(), format_count(unreadable) + " meshes cannot be read");
+    if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
   }
 
   const TakePaths paths_;
@@ -395,11 +417,16 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
   return index;
 }
 
-/// Writes the index of every segment that has none. A segment with a read error gets no index;
-/// `read_errors` gets the error, and the next recovery retries.
+/// Problems that a recovery finds before it counts pulses and frames.
+struct IndexProblems {
+  std::vector<std::string> read_errors;  ///< of segments
+  std::vector<std::string> notes;        ///< of indexes that are replaced
+};
+
+/// Writes the index of every segment that has none, or none that can be used. A segment with a read
+/// error gets no index, and the next recovery retries.
 template <class Message>
-io::Status index_segments(const std::filesystem::path& path,
-                          std::vector<std::string>& read_errors) {
+io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems) {
   if (is_absent_log(path)) return {};  // the verification reports it
   const auto log = EventLogReader::open(path);
   if (!log) return tl::make_unexpected(log.error());
@@ -409,11 +436,14 @@ io::Status index_segments(const std::filesystem::path& path,
     // log has lost.
     if (auto synced = segment.file.sync(); !synced) return synced;
     if (segment.index) continue;
+    if (!segment.index_error.empty()) {
+      problems.notes.push_back(segment.index_error + "; the index was made again");
+    }
     io::Result<SegmentIndex> index =
         tl::make_unexpected(io::IoError{.code = EIO, .message = segment.read_error});
     if (segment.read_error.empty()) index = index_of<Message>(*log, number);
     if (!index) {
-      read_errors.push_back(index.error().message);
+      problems.read_errors.push_back(index.error().message);
     } else if (auto saved = save_segment_index(segment.file.path(), *index); !saved) {
       return saved;
     }
@@ -433,6 +463,7 @@ void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& 
   ledger.commanded_is_minimum = stored ? stored->commanded_is_minimum : !evidence.is_closed;
   if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
   if (!stored) return;
+  ledger.absent_nodes = stored->absent_nodes;
   ledger.extra = stored->extra;  // not in the log
   ledger.runt = stored->runt;
 }
@@ -442,13 +473,14 @@ Verification verify_take(const TakePaths& paths, ReadFrom from) {
 }
 
 Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
-  std::vector<std::string> read_errors;
-  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), read_errors));
+  IndexProblems problems;
+  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), problems));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), read_errors));
+    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), problems));
   }
   Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
-  for (const std::string& error : read_errors) {
+  std::ranges::copy(problems.notes, std::back_inserter(result.notes));
+  for (const std::string& error : problems.read_errors) {
     const bool is_known =
         std::ranges::find(result.disagreements, error) != result.disagreements.end();
     if (is_known) continue;

@@ -22,7 +22,7 @@ struct Verification {
   /// lacks pulses or frames that a later call may find.
   std::vector<std::string> read_errors;
   /// One line for each observation that is not a fault: a ledger of an older version, a log without
-  /// a checksum, files that do not belong to the take.
+  /// a checksum, a damaged index of a recovery, files that do not belong to the take.
   std::vector<std::string> notes;
   /// Every file of the take with its checksum. Empty for a take that is being recorded.
   std::vector<TakeFile> files;
@@ -39,9 +39,10 @@ struct PulseEvidence {
   int64_t last_labelled = -1;  ///< highest pulse of a frame that is not suspect; -1: none
 };
 
-/// Fills in the pulses of `ledger`: `sensed` from the pulse log, all else from the `stored` ledger.
-/// For a take that was not closed, the number of commanded pulses is unknown. The highest sensed
-/// pulse gives the lowest possible number; without a sense line, the highest pulse of a frame does.
+/// Fills in the pulses of `ledger`: `sensed` from the pulse log, all else, and the absent nodes,
+/// from the `stored` ledger. For a take that was not closed, the number of commanded pulses is
+/// unknown. The highest sensed pulse gives the lowest possible number; without a sense line, the
+/// highest pulse of a frame does.
 void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 
@@ -64,8 +65,9 @@ enum class AfterReadErrors : uint8_t {
 /// Recovers a take that was not closed: writes its ledger and sets the state "recovered".
 ///
 /// Changes no byte of a log: writes the end of the last whole event of each segment beside it
-/// (SegmentIndex), and syncs the logs before it writes the ledger. Reads only the labels of older
-/// events, and those last events that a power cut may have damaged; verify_take() reads the rest.
+/// (SegmentIndex), also where the index of an earlier recovery is damaged, and syncs the logs
+/// before it writes the ledger. Reads only the labels of older events, and those last events that a
+/// power cut may have damaged; verify_take() reads the rest.
 ///
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be

@@ -136,10 +136,12 @@ io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
   if (!file) return tl::make_unexpected(file.error());
   const auto bytes = file->size();
   if (!bytes) return tl::make_unexpected(bytes.error());
+  auto index = load_segment_index(path, *bytes);
   return LogSegment{.file = *std::move(file),
                     .bytes = *bytes,
-                    .index = load_segment_index(path, *bytes),
-                    .read_error = {}};
+                    .index = index.value_or(std::nullopt),
+                    .read_error = {},
+                    .index_error = index ? std::string() : index.error().message};
 }
 
 }  // namespace
@@ -189,12 +191,9 @@ std::vector<std::string> EventLogReader::read_errors() const {
 }
 
 io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
-  const io::File& file = segments_[event.segment].file;
   Bytes bytes(std::min<size_t>(event.data_size, limit));
-  const auto got = file.read(event.data_offset, bytes);
-  if (!got) return tl::make_unexpected(got.error());
-  if (*got < bytes.size())
-    return io::io_error("read", file.path(), "the file became shorter while it was read", EIO);
+  const auto read = segments_[event.segment].file.read_whole(event.data_offset, bytes);
+  if (!read) return tl::make_unexpected(read.error());
   return bytes;
 }
 

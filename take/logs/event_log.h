@@ -40,11 +40,13 @@ struct LogSegment {
   int64_t damaged_places = 0;  ///< gaps between events: bytes that are not an event
   uint64_t torn_bytes = 0;     ///< bytes after the last whole event
   std::string read_error;      ///< first read error of the disk; empty: none
+  std::string index_error;     ///< why its index is not used (load_segment_index()); empty: none
 };
 
 /// The events of all segments of one log, in order of recording. Opening reads headers only.
 ///
-/// Skips the bytes that a recovery found torn (SegmentIndex). A read error of the disk is not
+/// Skips the bytes that a recovery found torn (SegmentIndex). A segment whose index is damaged is
+/// searched as one without an index. A read error of the disk is not
 /// treated as end of file or damage: the bytes after it are searched for events, and read_errors()
 /// reports it. One thread.
 class EventLogReader {

@@ -47,19 +47,19 @@ struct AppendPosition {
 };
 
 /// Number of events in `segments`, from the indexes of recoveries; counts them when a segment has
-/// no index.
+/// no index that can be used.
 io::Result<int64_t> count_events(const std::filesystem::path& log,
                                  const std::vector<std::filesystem::path>& segments) {
   int64_t events = 0;
   for (const auto& segment : segments) {
     std::error_code error;
     const auto index = load_segment_index(segment, std::filesystem::file_size(segment, error));
-    if (!index) {
+    if (!index || !*index) {
       const auto reader = EventLogReader::open(log);
       if (!reader) return tl::make_unexpected(reader.error());
       return static_cast<int64_t>(reader->events().size());
     }
-    events += index->events;
+    events += (*index)->events;
   }
   return events;
 }
@@ -250,7 +250,10 @@ const std::vector<std::string>& FrameLogReader::read_errors() const { return imp
 std::optional<Frame> FrameLogReader::read(int64_t pulse) { return impl_->read(pulse); }
 
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path) {
-  const EventLogReader log(path);
+  return read_pulses(EventLogReader(path));
+}
+
+std::vector<PulseMessage> read_pulses(const EventLogReader& log) {
   if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
   std::vector<PulseMessage> pulses;
   for (const EventSpan& event : log.events()) {

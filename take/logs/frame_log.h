@@ -59,6 +59,8 @@ class EventLogWriter {
   std::unique_ptr<Impl> impl_;
 };
 
+class EventLogReader;
+
 /// Random access to the frames of one camera by pulse number, over all segments of its log. Opening
 /// reads the headers of all events; a torn last event is skipped and reported. One thread per
 /// reader.
@@ -92,5 +94,6 @@ inline constexpr uint32_t kMaxPulseBytes = 4 << 10;
 /// All pulses of pulses.lcmlog, in order. Ignores damaged events and events longer than
 /// kMaxPulseBytes. Throws InputError as FrameLogReader does, and on read errors.
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
+std::vector<PulseMessage> read_pulses(const EventLogReader& log);
 
 }  // namespace v3d

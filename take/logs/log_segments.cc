@@ -1,6 +1,7 @@
 #include "take/logs/log_segments.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <map>
 #include <string>
@@ -8,6 +9,7 @@
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "take/checksummed_text.h"
 
 namespace v3d {
 namespace {
@@ -23,7 +25,7 @@ uint64_t count_of(const TomlTable& table, const char* key) {
 }
 
 SegmentIndex parse_index(std::string_view text, const fs::path& path) {
-  const TomlTable table = TomlTable::parse(text, path);
+  const TomlTable table = parse_checksummed(text, path);
   SegmentIndex index{.bytes = count_of(table, "bytes"),
                      .whole_bytes = count_of(table, "whole_bytes"),
                      .events = static_cast<int64_t>(count_of(table, "events")),
@@ -82,25 +84,30 @@ fs::path next_segment(const fs::path& log, const std::vector<fs::path>& segments
 
 fs::path segment_index_path(const fs::path& segment) { return segment.string() + ".index"; }
 
-std::optional<SegmentIndex> load_segment_index(const fs::path& segment, uint64_t segment_bytes) {
+io::Result<std::optional<SegmentIndex>> load_segment_index(const fs::path& segment,
+                                                           uint64_t segment_bytes) {
   const fs::path path = segment_index_path(segment);
   const auto text = io::read_file(path, 4096, io::OpenMode::kReadWithinFolder);
-  if (!text) return std::nullopt;
+  if (!text && text.error().code == ENOENT) return std::nullopt;
+  if (!text) return tl::make_unexpected(text.error());
   try {
     const SegmentIndex index = parse_index(*text, path);
-    if (index.bytes != segment_bytes || index.whole_bytes > index.bytes) return std::nullopt;
-    return index;
-  } catch (const InputError&) {
-    return std::nullopt;
+    if (index.bytes == segment_bytes && index.whole_bytes <= index.bytes) return index;
+    return io::io_error("use", path,
+                        "it is the index of a segment of " + std::to_string(index.bytes) +
+                            " bytes, this one has " + std::to_string(segment_bytes));
+  } catch (const InputError& error) {
+    return tl::make_unexpected(io::IoError{.code = EBADMSG, .message = error.what()});
   }
 }
 
 io::Status save_segment_index(const fs::path& segment, const SegmentIndex& index) {
-  return io::replace_file(segment_index_path(segment),
-                          "bytes = " + std::to_string(index.bytes) +
-                              "\nwhole_bytes = " + std::to_string(index.whole_bytes) +
-                              "\nevents = " + std::to_string(index.events) +
-                              "\ndamaged_places = " + std::to_string(index.damaged_places) + "\n");
+  return io::replace_file(
+      segment_index_path(segment),
+      with_checksum("bytes = " + std::to_string(index.bytes) +
+                    "\nwhole_bytes = " + std::to_string(index.whole_bytes) +
+                    "\nevents = " + std::to_string(index.events) +
+                    "\ndamaged_places = " + std::to_string(index.damaged_places) + "\n"));
 }
 
 }  // namespace v3d

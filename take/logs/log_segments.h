@@ -42,10 +42,12 @@ struct SegmentIndex {
 };
 
 std::filesystem::path segment_index_path(const std::filesystem::path& segment);
-/// Reads the index of `segment`. Empty when there is none, when it cannot be read, or when
-/// `segment_bytes` differs from the length in the index.
-std::optional<SegmentIndex> load_segment_index(const std::filesystem::path& segment,
-                                               uint64_t segment_bytes);
+/// Reads the index of `segment`, which has `segment_bytes` bytes. Empty when there is none. Fails
+/// with one line when it cannot be read, is damaged, or is that of a segment of another length: the
+/// segment must then be searched for events, because a wrong index would hide them.
+[[nodiscard]] io::Result<std::optional<SegmentIndex>> load_segment_index(
+    const std::filesystem::path& segment, uint64_t segment_bytes);
+/// Writes the index with a checksum of its own (take/checksummed_text.h).
 [[nodiscard]] io::Status save_segment_index(const std::filesystem::path& segment,
                                             const SegmentIndex& index);
 

@@ -39,13 +39,14 @@ class IndexedFile {
     if (!load_index()) rebuild_index();
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
   }
-  std::optional<std::vector<uint8_t>> read(int64_t pulse) const {
+  io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse) const {
     const auto entry = std::lower_bound(entries_.begin(), entries_.end(), pulse,
                                         [](const Entry& e, int64_t p) { return e.pulse < p; });
     if (entry == entries_.end() || entry->pulse != pulse) return std::nullopt;
     std::vector<uint8_t> payload(entry->payload_size);
-    const auto got = file_.read(entry->offset + mesh_file::kRecordSize, payload);
-    if (got != payload.size() || crc32(payload) != entry->payload_crc) return std::nullopt;
+    const auto read = file_.read_whole(entry->offset + mesh_file::kRecordSize, payload);
+    if (!read) return tl::make_unexpected(read.error());
+    if (crc32(payload) != entry->payload_crc) return std::nullopt;
     return payload;
   }
 
@@ -338,7 +339,7 @@ MeshFileReader::~MeshFileReader() = default;
 MeshFileReader::MeshFileReader(MeshFileReader&&) noexcept = default;
 const std::vector<int64_t>& MeshFileReader::pulses() const { return impl_->pulses(); }
 bool MeshFileReader::index_was_rebuilt() const { return impl_->index_was_rebuilt(); }
-std::optional<std::vector<uint8_t>> MeshFileReader::read(int64_t pulse) {
+io::Result<std::optional<std::vector<uint8_t>>> MeshFileReader::read(int64_t pulse) {
   return impl_->read(pulse);
 }
 

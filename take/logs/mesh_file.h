@@ -36,7 +36,7 @@ class MeshFileWriter {
   /// Waits until all meshes are on disk. Must not be called after close().
   [[nodiscard]] io::Status sync();
   /// Writes the index and waits until it is on disk. After a failure the file is still readable.
-  io::Status close();
+  [[nodiscard]] io::Status close();
 
  private:
   class Impl;
@@ -45,14 +45,17 @@ class MeshFileWriter {
 
 class MeshFileReader {
  public:
-  explicit MeshFileReader(const std::filesystem::path& path);  ///< throws InputError
+  /// Throws InputError when the file cannot be opened or its index cannot be read, and when it is
+  /// not a mesh file.
+  explicit MeshFileReader(const std::filesystem::path& path);
   ~MeshFileReader();
   MeshFileReader(MeshFileReader&&) noexcept;
 
   const std::vector<int64_t>& pulses() const;
   bool index_was_rebuilt() const;
-  /// The compact frame of `pulse`; empty when there is none or its checksum is wrong.
-  std::optional<std::vector<uint8_t>> read(int64_t pulse);
+  /// The compact frame of `pulse`; empty when there is none or its checksum is wrong. Fails with
+  /// path and cause when the disk cannot read it.
+  [[nodiscard]] io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse);
 
  private:
   class Impl;

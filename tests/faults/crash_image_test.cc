@@ -14,12 +14,14 @@
 #include <iostream>
 #include <sstream>
 
+#include "base/io/whole_file.h"
 #include "daemon/node/take_folder.h"
 #include "faulty_program.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d::test {
 namespace {
@@ -54,6 +56,20 @@ class CrashImage : public testing::TestWithParam<CrashMode> {
       ASSERT_TRUE(made.contains(file)) << file;
       ASSERT_TRUE(made.at(file) == content) << file;
     }
+  }
+
+  /// The model of a disk on which record_driver runs these operations.
+  CrashModel traced(const std::vector<std::string>& operations) {
+    make_driven_studio(place_.disk());
+    CrashModel model(place_.disk());
+    for (const std::string& operation : operations) {
+      const ProgramResult driven =
+          place_.run_traced({V3D_RECORD_DRIVER, operation, place_.disk(), place_.marks()});
+      EXPECT_EQ(driven.status, 0) << driven.err;
+    }
+    model.add(read_trace(place_.trace()));
+    expect_right_model(model);
+    return model;
   }
 
   void check_images(const std::string& what, const CrashModel& model, const Check& check) {
@@ -103,14 +119,15 @@ class Marks {
 
   bool has(const std::string& what, size_t count) const { return last(what, count) > 0; }
 
-  /// Frames that must survive a power cut before the change `count`: their bytes were synced, or
-  /// the driver reported them as synced, or the take as recovered or complete.
-  std::vector<std::pair<std::string, int64_t>> safe_frames(size_t count) const {
+  /// Frames ("frame") or meshes ("mesh") that must survive a power cut before the change `count`:
+  /// their bytes were synced, or the driver reported them as synced, or the take as recovered or
+  /// complete.
+  std::vector<std::pair<std::string, int64_t>> safe(const std::string& what, size_t count) const {
     const size_t guaranteed =
         std::max({last("synced", count), last("recovered", count), last("complete", count)});
     std::vector<std::pair<std::string, int64_t>> frames;
     for (const Mark& mark : marks_) {
-      if (mark.what != "frame" || mark.at >= count) continue;
+      if (mark.what != what || mark.at >= count) continue;
       const bool is_safe =
           mark.at < guaranteed || model_.is_synced(write_before(mark.at, mark.camera), count);
       if (is_safe) frames.emplace_back(mark.camera, mark.pulse);
@@ -146,11 +163,12 @@ class Marks {
   std::vector<Mark> marks_;
 };
 
-void expect_frame(const TakePaths& take, const std::string& camera, int64_t pulse, Lost& lost) {
+void expect_frame(const TakePaths& take, const std::string& camera, int64_t pulse, ImageSize size,
+                  Lost& lost) {
   const std::string name = camera + ", pulse " + std::to_string(pulse);
   try {
     const auto frame = FrameLogReader(take.frames(camera)).read(pulse);
-    const auto recorded = recorded_frame(camera, pulse, kDrivenSize).frame.image.bytes;
+    const auto recorded = recorded_frame(camera, pulse, size).frame.image.bytes;
     if (!frame || frame->image.bytes != recorded) lost.push_back("lost: " + name);
   } catch (const std::exception& error) {
     lost.push_back("lost: " + name + ": " + error.what());
@@ -181,7 +199,7 @@ void expect_complete(const TakePaths& take, Lost& lost) {
 
 /// Recovers the takes of the image as a daemon does after a power cut. Returns what is lost, one
 /// line each.
-Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
+Lost check_recorded(const fs::path& image, const Marks& marks, ImageSize size, size_t count) {
   Lost lost;
   const Studio studio = driven_studio(image);
   const TakePaths take = take_paths(studio, kDrivenTake);
@@ -194,8 +212,8 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
     }
     const Files recovered = contents_of(image);
     expect_unchanged(before, recovered, lost);
-    for (const auto& [camera, pulse] : marks.safe_frames(count)) {
-      expect_frame(take, camera, pulse, lost);
+    for (const auto& [camera, pulse] : marks.safe("frame", count)) {
+      expect_frame(take, camera, pulse, size, lost);
     }
     if (is_ready) {
       const bool was_open = load_take_info(take).state == TakeState::kRecovered;
@@ -212,32 +230,66 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
 }
 
 TEST_P(CrashImage, keeps_every_synced_frame_of_a_recorded_take) {
-  make_driven_studio(place_.disk());
-  CrashModel model(place_.disk());
-  const std::vector<std::string> record = {V3D_RECORD_DRIVER, "record", place_.disk(),
-                                           place_.marks()};
-  ASSERT_EQ(place_.run_traced(record).status, 0);
-  model.add(read_trace(place_.trace()));
-  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  CrashModel model = traced({"record"});
   const Marks marks(model);
   check_images("record", model, [&](const fs::path& image, size_t count) {
-    return check_recorded(image, marks, count);
+    return check_recorded(image, marks, kDrivenSize, count);
+  });
+}
+
+TEST_P(CrashImage, keeps_every_synced_frame_of_many_pages) {
+  CrashModel model = traced({"record_large"});
+  const Marks marks(model);
+  check_images("record_large", model, [&](const fs::path& image, size_t count) {
+    return check_recorded(image, marks, kLargeSize, count);
   });
 }
 
 TEST_P(CrashImage, keeps_every_synced_or_recovered_frame_of_a_take_with_a_restart) {
-  make_driven_studio(place_.disk());
-  CrashModel model(place_.disk());
-  for (const char* operation : {"cut", "restart"}) {
-    const std::vector<std::string> drive = {V3D_RECORD_DRIVER, operation, place_.disk(),
-                                            place_.marks()};
-    ASSERT_EQ(place_.run_traced(drive).status, 0);
-  }
-  model.add(read_trace(place_.trace()));
-  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  CrashModel model = traced({"cut", "restart"});
   const Marks marks(model);
   check_images("restart", model, [&](const fs::path& image, size_t count) {
-    return check_recorded(image, marks, count);
+    return check_recorded(image, marks, kDrivenSize, count);
+  });
+}
+
+// --- meshes -------------------------------------------------------------------------------------
+
+constexpr int64_t kNextMesh = 1000;  ///< pulse of the mesh after the power cut
+
+/// Continues the mesh file as v3d-recond does after a power cut. Once it was ready, this must be
+/// possible, and every synced mesh must be there.
+Lost check_meshes(const fs::path& image, const Marks& marks, size_t count) {
+  if (!marks.has("ready", count)) return {};
+  const fs::path file = take_paths(driven_studio(image), kDrivenTake).mesh();
+  Lost lost;
+  try {
+    const std::string before = read_file(file);
+    if (marks.has("closed", count) && MeshFileReader(file).index_was_rebuilt()) {
+      lost.emplace_back("the index of a closed file is lost");
+    }
+    MeshFileWriter writer(file, LogOpening::kContinue);
+    io::throw_if_failed(writer.append(kNextMesh, driven_mesh(kNextMesh)));
+    io::throw_if_failed(writer.close());
+    if (!read_file(file).starts_with(before)) lost.emplace_back("existing bytes were changed");
+    auto expected = marks.safe("mesh", count);
+    expected.emplace_back("mesh", kNextMesh);
+    MeshFileReader meshes(file);
+    for (const auto& [name, pulse] : expected) {
+      if (io::value_or_throw(meshes.read(pulse)) == driven_mesh(pulse)) continue;
+      lost.push_back("lost: mesh of pulse " + std::to_string(pulse));
+    }
+  } catch (const std::exception& error) {
+    lost.push_back(std::string("exception: ") + error.what());
+  }
+  return lost;
+}
+
+TEST_P(CrashImage, keeps_every_synced_mesh_of_a_growing_file) {
+  CrashModel model = traced({"mesh", "mesh_restart"});
+  const Marks marks(model);
+  check_images("mesh", model, [&](const fs::path& image, size_t count) {
+    return check_meshes(image, marks, count);
   });
 }
 

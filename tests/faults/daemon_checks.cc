@@ -72,8 +72,9 @@ class DaemonChecks {
     if (!fs::exists(take_.mesh())) return 0;
     try {
       MeshFileReader meshes(take_.mesh());
-      return std::ranges::count_if(meshes.pulses(),
-                                   [&](int64_t pulse) { return meshes.read(pulse).has_value(); });
+      return std::ranges::count_if(meshes.pulses(), [&](int64_t pulse) {
+        return io::value_or_throw(meshes.read(pulse)).has_value();
+      });
     } catch (const std::exception& error) {
       lost_.push_back("cannot read meshes: " + std::string(error.what()));
       return 0;

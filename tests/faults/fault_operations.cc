@@ -274,7 +274,7 @@ FaultOperation reconstruct_operation(const fs::path& programs) {
     MeshFileReader meshes(take.mesh());
     const bool is_whole = meshes.pulses().size() == kSimulatedPulses &&
                           std::ranges::all_of(meshes.pulses(), [&](int64_t pulse) {
-                            return meshes.read(pulse).has_value();
+                            return io::value_or_throw(meshes.read(pulse)).has_value();
                           });
     return is_whole ? "" : "meshes are lost";
   });
@@ -322,6 +322,16 @@ FaultOperation recover_operation(const fs::path& programs) {
   return operation;
 }
 
+/// Checks that the next deletion finishes one that was interrupted.
+void expect_finished_deletion(const FaultyWorkplace& place, Lost& lost) {
+  const fs::path rest = takes_of(place) / (".deleted-" + kTake);
+  if (!fs::exists(rest)) return;
+  const ProgramResult finished =
+      place.run({V3D_BIN "/v3dctl", "takes", "delete", "--dir", takes_of(place), "--yes"}, {});
+  if (finished.status == 0 && !fs::exists(rest)) return;
+  lost.push_back("an interrupted deletion is not finished: " + finished.err);
+}
+
 /// Deletes a take. For "delete_copied", v3dctl first reads back a copy in the archive.
 FaultOperation delete_operation(const std::string& name, const fs::path& programs) {
   const bool with_copy = name == "delete_copied";
@@ -339,6 +349,7 @@ FaultOperation delete_operation(const std::string& name, const fs::path& program
     Lost lost;
     if (is_listed) lost = check_recorded(takes_of(place) / kTake);
     if (is_listed && result.status == 0) lost.push_back("reported as deleted, but still there");
+    expect_finished_deletion(place, lost);
     if (!with_copy) return lost;
     for (const std::string& what : check_recorded(place.disk() / "archive" / kTake)) {
       lost.push_back("in the archive, " + what);

@@ -134,7 +134,7 @@ TEST_P(Injection, loses_no_data_and_reports_one_failed_system_call) {
 INSTANTIATE_TEST_SUITE_P(Faults, Injection,
                          testing::Values("record", "restart", "quarantine", "verify", "recover",
                                          "reconstruct", "collect", "collect_rsync", "slate",
-                                         "delete", "delete_copied", "serial"),
+                                         "delete", "delete_copied", "key", "serial"),
                          [](const auto& operation) { return operation.param; });
 
 }  // namespace

@@ -6,10 +6,14 @@
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
 //   record_driver serial FOLDER MARKS      saves the serial number of an accepted member list
+//   record_driver record_large FOLDER MARKS  like record, with frames of 192 pages
+//   record_driver mesh FOLDER MARKS        writes a mesh.v3d, with _exit() before it is closed
+//   record_driver mesh_restart FOLDER MARKS  continues that mesh.v3d and closes it
 // It does not sync logs while it records: the classes do.
 // Marks, one line each: "ready", "frame CAMERA PULSE", "synced" (all frames before it),
-// "recovered", "complete" (and signed), "quarantined PATH", "serial". Exit status: 0 done, 3 done
-// but data is missing, 2 InputError, 1 any other error. Every error is a line on stderr.
+// "recovered", "complete" (and signed), "quarantined PATH", "serial", "mesh mesh PULSE", "closed".
+// Exit status: 0 done, 3 done but data is missing, 2 InputError, 1 any other error. Every error is
+// a line on stderr.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -36,6 +40,7 @@
 #include "recorded_take.h"
 #include "take/ledger/take_signature.h"
 #include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
 
 namespace v3d::test {
@@ -88,8 +93,9 @@ class SyncedFiles {
 
 class Driver {
  public:
-  Driver(const std::filesystem::path& folder, const char* marks)
-      : studio_(driven_studio(folder)),
+  Driver(const std::filesystem::path& folder, const char* marks, ImageSize size)
+      : size_(size),
+        studio_(driven_studio(folder)),
         paths_(take_paths(studio_, kDrivenTake)),
         marks_(open(marks, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
     info_ = {.name = kDrivenTake,
@@ -200,6 +206,26 @@ class Driver {
     mark("serial");
   }
 
+  /// Appends kDrivenMeshes meshes.
+  void write_meshes(LogOpening opening) {
+    if (auto made = io::create_folders(paths_.folder); !made) io::throw_input_error(made.error());
+    MeshFileWriter file(paths_.mesh(), opening);
+    mark("ready");
+    const int64_t first = file.last_pulse().value_or(-1) + 1;
+    for (int64_t pulse = first; pulse < first + kDrivenMeshes; ++pulse) {
+      if (auto written = file.append(pulse, driven_mesh(pulse)); !written) {
+        fail(written.error().message);
+      } else {
+        mark("mesh mesh " + std::to_string(pulse));
+      }
+      if (pulse == first + kDrivenMeshes / 2) wait_for_sync_of(paths_.mesh());
+    }
+    if (opening == LogOpening::kNew) _exit(status_);
+    if (auto closed = file.close(); !closed) return fail(closed.error().message);
+    mark("synced");
+    mark("closed");
+  }
+
   /// Writes all queued pulses. A daemon that crashes loses the pulses in this queue; this driver
   /// must not.
   void wait_for_pulses() { pulses_->close(); }
@@ -218,7 +244,7 @@ class Driver {
   }
 
   void record_frame(size_t camera, int64_t pulse) {
-    const auto message = recorded_frame(kDrivenCameras[camera], pulse, kDrivenSize);
+    const auto message = recorded_frame(kDrivenCameras[camera], pulse, size_);
     if (auto written = logs_[camera].write(message); !written) return fail(written.error().message);
     accounts_[camera].add(pulse, false);
     mark("frame " + kDrivenCameras[camera] + " " + std::to_string(pulse));
@@ -233,6 +259,14 @@ class Driver {
       is_synced = is_synced && synced == Synced::kDone;
     }
     if (is_synced) mark("synced");
+  }
+
+  /// Waits until a file has synced its present content by itself.
+  void wait_for_sync_of(const std::filesystem::path& file) {
+    const auto bytes = static_cast<int64_t>(std::filesystem::file_size(file));
+    const auto synced = SyncedFiles::of_process().wait_for(file, bytes);
+    if (synced == Synced::kDone) return mark("synced");
+    fail(file.string() + ": is not synced within 10 s");
   }
 
   void sync_logs() {
@@ -266,6 +300,7 @@ class Driver {
     status_ = 3;
   }
 
+  const ImageSize size_;
   const Studio studio_;
   const TakePaths paths_;
   const int marks_;
@@ -281,13 +316,17 @@ class Driver {
 };
 
 int run(const std::string& operation, const std::filesystem::path& folder, const char* marks) {
-  Driver driver(folder, marks);
+  Driver driver(folder, marks, operation == "record_large" ? kLargeSize : kDrivenSize);
   if (operation == "recover") {
     driver.recover();
     return driver.status();
   }
   if (operation == "serial") {
     driver.save_serial();
+    return driver.status();
+  }
+  if (operation.starts_with("mesh")) {
+    driver.write_meshes(operation == "mesh" ? LogOpening::kNew : LogOpening::kContinue);
     return driver.status();
   }
   operation == "restart" ? driver.continue_take() : driver.begin();

@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     }
     try {
       v3d::MeshFileReader meshes(path);
-      for (const int64_t pulse : meshes.pulses()) meshes.read(pulse);
+      for (const int64_t pulse : meshes.pulses()) v3d::io::value_or_throw(meshes.read(pulse));
     } catch (const v3d::InputError&) {
     }
   }

@@ -36,7 +36,7 @@ void expect_meshes_of_a_person(MeshFileReader& meshes) {
   CompactDecoder decoder;
   for (int64_t next = 0; const int64_t pulse : meshes.pulses()) {
     if (pulse != next++) return;
-    const auto compact = meshes.read(pulse);
+    const auto compact = meshes.read(pulse).value();
     ASSERT_TRUE(compact) << pulse;
     ASSERT_EQ(decoder.decode(*compact), DecodeStatus::kOk) << pulse;
     const CompactFrame frame = decoder.frame();
@@ -112,15 +112,15 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   for (const int64_t pulse : live.pulses()) {
     whole = (whole && pulse == next) || pulse % EncoderOptions().key_every == 0;
     next = pulse + 1;
-    ASSERT_TRUE(live.read(pulse));
+    ASSERT_TRUE(live.read(pulse).value());
     if (whole) {
-      EXPECT_EQ(live.read(pulse), recorded.read(pulse)) << "pulse " << pulse;
+      EXPECT_EQ(live.read(pulse).value(), recorded.read(pulse).value()) << "pulse " << pulse;
     }
   }
   EXPECT_EQ(live.pulses().front(), 0) << log();
   CompactDecoder decoder;
   for (const PulseMessage& pulse : read_pulses(take().pulses())) {
-    const auto compact = recorded.read(pulse.pulse);
+    const auto compact = recorded.read(pulse.pulse).value();
     ASSERT_TRUE(compact) << pulse.pulse;
     ASSERT_EQ(decoder.decode(*compact), DecodeStatus::kOk) << pulse.pulse;
     EXPECT_EQ(decoder.frame().exposure, pulse.edge) << pulse.pulse;
@@ -148,13 +148,13 @@ TEST_F(FineStudio4, reconstructs_in_high_quality_the_pulses_it_has_time_for) {
   // The set of pulses with a live mesh is random. The first one is a key frame, which decodes
   // alone.
   const int64_t first = live.pulses().front();
-  const auto compact = live.read(first);
+  const auto compact = live.read(first).value();
   ASSERT_TRUE(compact);
   EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.005) << "the surface was deformed";
   MeshFileReader recorded(reconstruct_copy(
       bin("v3dctl"), take(), folder_.path(),
       {"--no-smoothing", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
-  EXPECT_EQ(recorded.read(first), compact);
+  EXPECT_EQ(recorded.read(first).value(), compact);
 }
 
 TEST_F(Studio4, reports_the_end_of_a_train_of_known_length) {

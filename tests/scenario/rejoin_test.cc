@@ -79,8 +79,8 @@ class StudioOfThree : public Studio4 {
     int same = 0;
     CompactDecoder seen, made;
     for (const int64_t pulse : recorded.pulses()) {
-      ASSERT_EQ(made.decode(recorded.read(pulse).value()), DecodeStatus::kOk);
-      const auto bytes = live.read(pulse);
+      ASSERT_EQ(made.decode(recorded.read(pulse).value().value()), DecodeStatus::kOk);
+      const auto bytes = live.read(pulse).value();
       if (!bytes) continue;
       ASSERT_EQ(seen.decode(*bytes), DecodeStatus::kOk);
       if (pulse <= after || seen.frame().cameras.size() < 4) continue;
@@ -160,7 +160,7 @@ TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_kill
   EXPECT_EQ(std::ssize(meshes.pulses()), recon["meshes"].get<int64_t>());
   EXPECT_GE(before, 20) << "the file keeps the meshes from before the restart";
   EXPECT_THAT(range(0, 19), IsSubsetOf(meshes.pulses()));
-  for (const int64_t pulse : meshes.pulses()) EXPECT_TRUE(meshes.read(pulse)) << pulse;
+  for (const int64_t pulse : meshes.pulses()) EXPECT_TRUE(meshes.read(pulse).value()) << pulse;
   check_joined();
   for (const CameraLedger& camera : verified_.ledger.cameras) {
     EXPECT_THAT(camera.missing, IsEmpty()) << "the capture nodes are not affected";

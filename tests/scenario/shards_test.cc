@@ -224,7 +224,7 @@ class SharedStudio : public testing::Test {
   /// Pulses of the mesh file of node `i`.
   Pulses file(int i) const {
     MeshFileReader reader(TakePaths{folder_ / node(i) / kTake}.mesh());
-    for (const int64_t pulse : reader.pulses()) EXPECT_TRUE(reader.read(pulse)) << pulse;
+    for (const int64_t pulse : reader.pulses()) EXPECT_TRUE(reader.read(pulse).value()) << pulse;
     return reader.pulses();
   }
   static Pulses range(int64_t first, int64_t end) {

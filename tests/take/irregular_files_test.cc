@@ -10,6 +10,7 @@
 #include <fstream>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "base/io/whole_file.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/verified.h"
 #include "take/logs/event_log.h"
@@ -154,6 +156,19 @@ TEST_F(IrregularTakeFiles, are_read_from_a_linked_take_folder) {
   EXPECT_EQ(MeshFileReader(linked.mesh()).pulses().size(), 1u);
 }
 
+TEST_F(IrregularTakeFiles, are_not_treated_as_absent_when_their_folder_cannot_be_examined) {
+  const fs::path loop = folder_ / "loop";
+  fs::create_symlink("loop", loop);
+  const TakePaths behind{loop / "kendo-07"};
+  const auto rejects_with_cause = testing::ThrowsMessage<InputError>(testing::AllOf(
+      HasSubstr("cannot read " + loop.string()), HasSubstr("Too many levels of symbolic links")));
+  EXPECT_THAT([&] { load_take_info(behind); }, rejects_with_cause);
+  EXPECT_THAT([&] { load_take_studio(behind); }, rejects_with_cause);
+  EXPECT_THAT([&] { find_takes(behind.folder, [](const InputError&) {}); }, rejects_with_cause);
+  EXPECT_FALSE(take_file_names(behind));
+  EXPECT_FALSE(stat_take_file(behind, "take.toml"));
+}
+
 TEST_F(IrregularTakeFiles, are_rejected_when_text_exceeds_the_size_limit) {
   for (const fs::path& path : {take_.info(), take_.slate(), take_.calib(), take_.studio()}) {
     std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";
@@ -184,13 +199,26 @@ TEST_F(IrregularTakeFiles, are_reported_and_do_not_end_the_listing_when_they_are
     std::vector<std::string> reports;
     const auto takes = find_takes(
         folder_.path(), [&](const InputError& error) { reports.emplace_back(error.what()); });
-    const bool is_optional =
-        std::string_view(name) == "verified.toml";  // made again by v3dctl verify
-    ASSERT_EQ(takes.size(), is_optional ? 2u : 1u) << name;
+    const std::set<std::string> optional = {"mesh.v3d", "verified.toml"};  // can be made again
+    ASSERT_EQ(takes.size(), optional.contains(name) ? 2u : 1u) << name;
     EXPECT_EQ(takes.front().paths.folder, take_.folder) << name;
-    if (is_optional) continue;
+    if (optional.contains(name)) continue;
     EXPECT_THAT(reports, testing::ElementsAre(HasSubstr(name))) << name;
   }
+}
+
+TEST_F(IrregularTakeFiles, are_listed_with_the_cause_instead_of_no_meshes) {
+  const auto listed = [&] { return read_take_listing(take_); };
+  EXPECT_EQ(listed().meshes, 1);
+  {
+    const test::UnreadableByte bad(0, take_.folder);
+    EXPECT_EQ(listed().meshes, std::nullopt);
+    EXPECT_EQ(listed().mesh_error, "cannot read " + take_.mesh().string() + ": Input/output error");
+  }
+  test::write_text(take_.mesh(), "");
+  EXPECT_THAT(listed().mesh_error, HasSubstr("mesh.v3d: is not a mesh file"));
+  fs::remove(take_.mesh());
+  EXPECT_EQ(listed().meshes, 0) << "the take was not reconstructed";
 }
 
 TEST_F(IrregularTakeFiles, are_rejected_when_ledger_or_verification_are_links) {

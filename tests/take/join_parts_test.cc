@@ -16,6 +16,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_listing.h"
 
 namespace v3d {
 namespace {
@@ -143,18 +144,87 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
     MeshFileWriter file(part(node).mesh());
     for (int64_t pulse = 0; pulse < meshes; ++pulse)
       EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
-    file.close();
+    EXPECT_TRUE(file.close());
   };
   reconstruct("recon02", 2);
   reconstruct("recon03", 3);
   reconstruct("recon04", 3);
   const std::vector<TakePaths> parts = {part("recon01"), part("recon02"), part("cap01"),
                                         part("cap02"),   part("recon03"), part("recon04")};
-  ASSERT_NE(part_with_most_meshes(parts), nullptr);
-  EXPECT_EQ(part_with_most_meshes(parts)->folder, part("recon03").folder);
+  const MeshPart most = part_with_most_meshes(parts);
+  ASSERT_NE(most.part, nullptr);
+  EXPECT_EQ(most.part->folder, part("recon03").folder);
+  EXPECT_THAT(most.errors, ElementsAre(HasSubstr("recon01/mesh.v3d: is not a mesh file")));
   join_parts(parts, whole_);
   EXPECT_EQ(MeshFileReader(whole_.mesh()).pulses().size(), 3U);
-  EXPECT_EQ(part_with_most_meshes({part("cap01")}), nullptr);
+  EXPECT_EQ(part_with_most_meshes({part("cap01")}).part, nullptr);
+  const std::vector<TakePaths> unreadable = {part("recon01")};
+  EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
+}
+
+/// A studio of three capture nodes, of which cap03 has the trigger and no camera.
+constexpr const char* kStudio = R"(name = "dojo"
+[[node]]
+name = "cap01"
+[[node]]
+name = "cap02"
+[[node]]
+name = "cap03"
+[[node]]
+name = "recon01"
+[trigger]
+node = "cap03"
+wire = "wire"
+[[camera]]
+name = "cam01"
+node = "cap01"
+address = "127.0.0.1"
+[[camera]]
+name = "cam03"
+node = "cap02"
+address = "127.0.0.1"
+[[camera]]
+name = "cam04"
+node = "cap02"
+address = "127.0.0.1"
+[space]
+min = [0, 0, 0]
+max = [1, 1, 1]
+[reconstruction]
+node = "recon01"
+[storage]
+takes = "takes"
+background = "background"
+calib = "calib.toml"
+)";
+
+TEST_F(JoinParts, names_the_capture_nodes_that_are_left_out) {
+  test::write_text(part("cap01").studio(), kStudio);
+  record("cap03", {}, 3);
+  join_parts({part("cap01"), part("recon01")}, whole_);
+  const Ledger ledger = load_ledger(whole_.ledger());
+  const TakeNode cap02{"cap02", {"cam03", "cam04"}}, cap03{"cap03", {}};
+  EXPECT_THAT(ledger.absent_nodes, ElementsAre(cap02, cap03));
+  EXPECT_FALSE(ledger.complete());
+  EXPECT_THAT(ledger.verdict(), testing::EndsWith(", without cap02 (cam03, cam04), cap03"));
+  const Verification verified = verify_take(whole_);
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  EXPECT_FALSE(verified.whole());
+  EXPECT_THAT(problem_lines(verified.ledger),
+              ElementsAre("not in this copy: cap02 (cam03, cam04)", "not in this copy: cap03"));
+  EXPECT_THAT(read_take_listing(whole_).absent_nodes, ElementsAre(cap02, cap03));
+}
+
+TEST_F(JoinParts, names_no_node_that_has_a_part_or_a_camera_in_a_copy) {
+  test::write_text(part("cap01").studio(), kStudio);
+  record("cap03", {}, 3);
+  join_parts({part("cap01"), part("cap02"), part("cap03")}, whole_);
+  EXPECT_THAT(load_ledger(whole_.ledger()).absent_nodes, IsEmpty());
+  EXPECT_TRUE(load_ledger(whole_.ledger()).complete());
+  const TakePaths again{folder_ / "again"};
+  join_parts({whole_}, again);
+  EXPECT_THAT(load_ledger(again.ledger()).absent_nodes, ElementsAre(TakeNode{"cap03", {}}))
+      << "nothing proves that a copy has the part of a node without cameras";
 }
 
 TEST_F(JoinParts, rejects_parts_without_a_recording) {

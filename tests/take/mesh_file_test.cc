@@ -8,6 +8,7 @@
 #include "codec/crc32.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 
 namespace v3d {
 namespace {
@@ -35,9 +36,9 @@ TEST(MeshFile, returns_every_mesh_by_its_pulse) {
   MeshFileReader reader(folder / "mesh.v3d");
   EXPECT_EQ(reader.pulses(), (std::vector<int64_t>{0, 1, 5}));
   EXPECT_FALSE(reader.index_was_rebuilt());
-  EXPECT_EQ(reader.read(5), payload_of(5));
-  EXPECT_FALSE(reader.read(2));
-  EXPECT_FALSE(reader.read(6));
+  EXPECT_EQ(reader.read(5).value(), payload_of(5));
+  EXPECT_FALSE(reader.read(2).value());
+  EXPECT_FALSE(reader.read(6).value());
 }
 
 TEST(MeshFile, has_the_documented_bytes) {
@@ -65,8 +66,8 @@ TEST(MeshFile, continues_after_truncation_at_any_byte) {
     MeshFileReader reader(folder / "mesh.v3d");
     EXPECT_FALSE(reader.index_was_rebuilt());
     ASSERT_EQ(reader.pulses().size(), kept + 1) << size << " bytes";
-    EXPECT_EQ(reader.read(7), payload_of(7));
-    EXPECT_EQ(reader.read(0).has_value(), kept > 0);
+    EXPECT_EQ(reader.read(7).value(), payload_of(7));
+    EXPECT_EQ(reader.read(0).value().has_value(), kept > 0);
     EXPECT_TRUE(size < whole.size() || kept == 3U);
   }
 }
@@ -104,7 +105,9 @@ TEST(MeshFile, keeps_every_whole_mesh_when_continued_and_truncated_again) {
     MeshFileReader reader(folder / "mesh.v3d");
     EXPECT_TRUE(reader.index_was_rebuilt());
     ASSERT_EQ(reader.pulses().size(), before + 10) << size << " bytes";
-    for (const int64_t pulse : reader.pulses()) EXPECT_EQ(reader.read(pulse), payload_of(pulse));
+    for (const int64_t pulse : reader.pulses()) {
+      EXPECT_EQ(reader.read(pulse).value(), payload_of(pulse));
+    }
   }
 }
 
@@ -134,7 +137,9 @@ TEST(MeshFile, keeps_all_whole_records_when_truncated_at_any_byte) {
     const size_t records = (length >= ends[1]) + (length >= ends[2]) + (length >= ends[3]);
     EXPECT_EQ(reader.pulses().size(), records) << length;
     EXPECT_TRUE(reader.index_was_rebuilt()) << length;
-    for (const int64_t pulse : reader.pulses()) EXPECT_EQ(reader.read(pulse), payload_of(pulse));
+    for (const int64_t pulse : reader.pulses()) {
+      EXPECT_EQ(reader.read(pulse).value(), payload_of(pulse));
+    }
   }
 }
 
@@ -148,7 +153,7 @@ TEST(MeshFile, loses_at_most_one_mesh_when_any_byte_is_changed) {
     MeshFileReader reader(folder / "damaged");
     int good = 0;
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
-      if (const auto payload = reader.read(pulse)) {
+      if (const auto payload = reader.read(pulse).value()) {
         EXPECT_EQ(*payload, payload_of(pulse));
         ++good;
       }
@@ -156,6 +161,35 @@ TEST(MeshFile, loses_at_most_one_mesh_when_any_byte_is_changed) {
     EXPECT_GE(good, 2) << i;
     bytes[i] = static_cast<char>(~bytes[i]);
   }
+}
+
+TEST(MeshFile, reports_a_read_error_of_a_mesh_with_path_and_cause_and_a_wrong_checksum_as_damage) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path path = folder / "mesh.v3d";
+  write_meshes(path, {0, 1, 2});
+  MeshFileReader reader(path);
+  std::string bytes = read_file(path);
+  bytes[16 + 24] = static_cast<char>(~bytes[16 + 24]);  // in the payload of the first record
+  test::write_text(path, bytes);
+  {
+    const test::UnreadableByte bad(16 + 44 + 24);  // in the payload of the second record
+    const auto read = reader.read(1);
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().message, "cannot read " + path.string() + ": Input/output error");
+    EXPECT_EQ(reader.read(0).value(), std::nullopt) << "damaged";
+    EXPECT_EQ(reader.read(2).value(), payload_of(2));
+  }
+  EXPECT_EQ(reader.read(1).value(), payload_of(1)) << "the disk reads it again";
+}
+
+TEST(MeshFile, reports_a_mesh_that_another_program_cut_off_as_a_read_error) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "mesh.v3d", {0, 1});
+  MeshFileReader reader(folder / "mesh.v3d");
+  std::filesystem::resize_file(folder / "mesh.v3d", 16 + 44 + 30);
+  EXPECT_EQ(reader.read(0).value(), payload_of(0));
+  ASSERT_FALSE(reader.read(1));
+  EXPECT_THAT(reader.read(1).error().message, testing::HasSubstr("the file became shorter"));
 }
 
 TEST(MeshFile, rejects_files_that_are_not_a_mesh_file_with_their_name) {

@@ -134,7 +134,7 @@ class PowerCutRecovery : public testing::Test {
     EXPECT_EQ(verified.ledger.cameras[0].written, frames);
     EXPECT_THAT(verified.disagreements, IsEmpty());
     const auto bytes = std::filesystem::file_size(paths_.frames(kCamera));
-    const auto index = load_segment_index(paths_.frames(kCamera), bytes);
+    const auto index = load_segment_index(paths_.frames(kCamera), bytes).value();
     ASSERT_TRUE(index);
     EXPECT_EQ(static_cast<int64_t>(index->whole_bytes), frames * event_bytes_);
     EXPECT_EQ(index->events, frames);

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
@@ -18,6 +17,7 @@
 #include "support/message_of.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/verify.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
@@ -25,23 +25,6 @@
 
 namespace v3d::test {
 namespace {
-
-/// If not negative, reads of this byte of a log or mesh file fail with EIO.
-std::atomic<off_t> unreadable_byte = -1;
-
-bool is_recorded(int fd) {
-  const std::filesystem::path file =
-      std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd));
-  return file.extension() == ".lcmlog" || file.extension() == ".v3d";
-}
-
-class UnreadableByte {
- public:
-  explicit UnreadableByte(off_t at) { unreadable_byte = at; }
-  ~UnreadableByte() { unreadable_byte = -1; }
-  UnreadableByte(const UnreadableByte&) = delete;
-  UnreadableByte& operator=(const UnreadableByte&) = delete;
-};
 
 /// While true, opening any file or folder fails with EMFILE.
 std::atomic<bool> has_no_descriptors = false;
@@ -81,18 +64,6 @@ extern "C" DIR* opendir(const char* path) {
     return nullptr;
   }
   return next(path);
-}
-
-extern "C" ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
-  static auto* const next =
-      reinterpret_cast<ssize_t (*)(int, void*, size_t, off_t)>(dlsym(RTLD_NEXT, "pread"));
-  const off_t bad = v3d::test::unreadable_byte;
-  const bool is_hit = bad >= 0 && offset <= bad && bad < offset + static_cast<off_t>(size);
-  if (is_hit && v3d::test::is_recorded(fd)) {
-    errno = EIO;
-    return -1;
-  }
-  return next(fd, bytes, size, offset);
 }
 
 namespace v3d {
@@ -268,6 +239,29 @@ TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
   EXPECT_EQ(joined.torn_bytes(), 0) << "the index excludes the torn event";
   const Verification whole = verify_take(paths_);
   EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
+}
+
+/// Damage of an index must not hide events.
+TEST_F(TakeRecovery, searches_the_whole_segment_when_its_index_is_damaged) {
+  recover_take(paths_);
+  const std::filesystem::path file = segment_index_path(log());
+  const std::string index = read_file(file);
+  std::string fewer = index;  // hides all but the first event
+  const size_t at = fewer.find("whole_bytes = ") + 14;
+  fewer.replace(at, fewer.find('\n', at) - at, std::to_string(event_bytes_));
+  test::write_text(file, fewer);
+
+  expect_every_frame();
+  const Verification found = verify_take(paths_);
+  EXPECT_EQ(found.ledger.cameras[0].written, kFrames);
+  EXPECT_THAT(found.notes,
+              Contains(testing::AllOf(HasSubstr("cam07.lcmlog.index: damaged: the checksum"),
+                                      HasSubstr("the whole segment was searched for events"))));
+  const Verification again = recover_take(paths_);
+  EXPECT_THAT(again.notes, Contains(HasSubstr("the index was made again")));
+  EXPECT_EQ(read_file(file), index);
+  EXPECT_THAT(verify_take(paths_).notes, Not(Contains(HasSubstr(".index"))));
+  EXPECT_EQ(contents(), before_);
 }
 
 TEST_F(TakeRecovery, joins_segments_across_a_gap_in_their_numbers) {

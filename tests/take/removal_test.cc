@@ -12,6 +12,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_listing.h"
 #include "take/take_removal.h"
 
 namespace v3d {
@@ -86,6 +87,36 @@ TEST_F(TakeRemoval, keeps_a_mesh_file_with_a_mesh_and_removes_an_empty_one) {
   remove_mesh_file_without_meshes(paths_);
   EXPECT_FALSE(fs::exists(paths_.mesh()));
   EXPECT_TRUE(fs::exists(paths_.info())) << "a folder with other files remains";
+}
+
+TEST_F(TakeRemoval, finishes_interrupted_deletions_which_are_no_takes) {
+  record();
+  const TakePaths deleted{folder_ / ".deleted-kendo-06"};
+  fs::copy(paths_.folder, deleted.folder);
+  fs::create_directories(folder_ / ".collect/kendo-05");
+  fs::create_directories(folder_ / ".deleted-");
+  const auto rests = interrupted_deletions(folder_.path());
+  ASSERT_TRUE(rests);
+  ASSERT_EQ(rests->size(), 1U);
+  EXPECT_EQ(rests->front().take, "kendo-06");
+  EXPECT_EQ(rests->front().folder, deleted.folder);
+  EXPECT_EQ(list_take_folders(folder_.path()).value(), std::vector<fs::path>{paths_.folder});
+  EXPECT_EQ(find_takes(folder_.path(), [](const InputError&) {}).size(), 1U);
+  const io::Status finished = finish_deletion(rests->front());
+  EXPECT_TRUE(finished) << finished.error().message;
+  EXPECT_FALSE(fs::exists(deleted.folder));
+  EXPECT_TRUE(fs::exists(paths_.frames("cam07")));
+  EXPECT_TRUE(interrupted_deletions(folder_.path())->empty());
+  EXPECT_EQ(interrupted_deletions(folder_ / "none").error().message,
+            "cannot list folder " + (folder_ / "none").string() + ": No such file or directory");
+}
+
+TEST_F(TakeRemoval, deletes_a_take_after_an_interrupted_deletion_of_its_name) {
+  record();
+  fs::create_directories(folder_ / ".deleted-kendo-07/background");
+  const auto deleted = delete_take(paths_);
+  EXPECT_TRUE(deleted) << deleted.error().message;
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 
 TEST_F(TakeRemoval, deletes_the_whole_take) {

@@ -20,7 +20,7 @@ TEST_F(TakeOfSigningNodes, names_the_capture_nodes_of_the_take_and_the_counts_of
   joined_take();
   const fs::path file = signature_path(part("cap02"), "cap02");
   const TakeSignature signature = parse_signature(read_file(file), file);
-  const SignedNode cap01{"cap01", {"cam01", "cam02"}}, cap02{"cap02", {"cam03"}};
+  const TakeNode cap01{"cap01", {"cam01", "cam02"}}, cap02{"cap02", {"cam03"}};
   EXPECT_THAT(signature.nodes, ElementsAre(cap01, cap02));
   EXPECT_THAT(signature.cameras,
               ElementsAre(SignedCamera{"cam03", test::kSignedPulses, test::kSignedPulses,

@@ -1,5 +1,5 @@
 // Sparse files: a file that takes 4 KiB of the disk can claim any length. Readers allocate no
-// memory for the claimed length and report the damage.
+// memory for the claimed length, read no holes, and report the damage.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +12,7 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/hashed_file.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
@@ -136,6 +137,74 @@ TEST(SparseLog, of_pulses_is_recovered_in_seconds_for_any_length) {
   recover();
 }
 
+/// Bytes that this process has read by system calls so far.
+int64_t bytes_read() {
+  std::ifstream in("/proc/self/io");
+  std::string key;
+  int64_t bytes = 0;
+  if (!(in >> key >> bytes) || key != "rchar:") ADD_FAILURE() << "no rchar in /proc/self/io";
+  return bytes;
+}
+
+std::string error_of_hole(const fs::path& file) {
+  return "cannot read " + file.string() +
+         ": it has 4,398,046,5[0-9,]* bytes in holes; expected at most 17,179,869,184";
+}
+
+/// A take with three files of 4 TiB that take 4 KiB on the disk: a log and a file of the ledger,
+/// and one that the ledger does not list.
+TEST(SparseTake, is_verified_without_reading_its_holes) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder.path()};
+  TakeInfo info = test::begun_take({"cam01"});
+  info.state = TakeState::kComplete;
+  io::throw_if_failed(save_take_info(paths, info));
+  write_sparse_event(paths.frames("cam01"), "V3D_FRAME_cam01", 5000);
+  Ledger ledger{.take = "kendo-07", .commanded = 1, .sensed = 1, .cameras = {}};
+  const fs::path listed = paths.calib(), other = folder / "notes.bin";
+  for (const fs::path& file : {paths.frames("cam01"), listed, other}) {
+    std::ofstream(file, std::ios::app) << "x";
+    fs::resize_file(file, kLongHole);
+    if (file == other) continue;
+    ledger.files.push_back({.name = file.filename(),
+                            .bytes = static_cast<int64_t>(kLongHole),
+                            .changed_ns = 0,
+                            .checksum = 1});
+  }
+  io::throw_if_failed(save_ledger(paths.ledger(), ledger));
+  const int64_t before = bytes_read();
+  const Verification found = verify_take(paths);
+  EXPECT_LT(bytes_read() - before, 100 * kMebibyte);
+  for (const fs::path& file : {paths.frames("cam01"), listed, other}) {
+    EXPECT_THAT(found.disagreements,
+                testing::Contains(testing::MatchesRegex(error_of_hole(file))).Times(1));
+    const auto hashed = hash_take_file(paths, file.filename(), static_cast<int64_t>(kLongHole));
+    ASSERT_FALSE(hashed);
+    EXPECT_THAT(hashed.error().message, testing::MatchesRegex(error_of_hole(file)));
+  }
+}
+
+TEST(SparseTake, has_the_checksums_of_its_bytes_when_its_holes_are_short) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder.path()};
+  constexpr size_t kData = 100'000, kHole = 5 * kMebibyte + 1234;
+  const std::string begin(kData, 'b'), end(kData, 'e');
+  for (const char* name : {"sparse", "sparse.lcmlog"}) {
+    std::ofstream(folder / name) << begin;
+    fs::resize_file(folder / name, kData + kHole);
+    std::ofstream(folder / name, std::ios::app) << end;
+    fs::resize_file(folder / name, 2 * kData + 2 * kHole);
+    const std::string dense = std::string("dense-") + name;
+    std::ofstream(folder / dense) << begin << std::string(kHole, '\0') << end
+                                  << std::string(kHole, '\0');
+    constexpr int64_t kBytes = 2 * kData + 2 * kHole;
+    EXPECT_EQ(read_take_file(paths, name, ReadFrom::kPageCache)->checksum,
+              read_take_file(paths, dense, ReadFrom::kPageCache)->checksum);
+    EXPECT_EQ(hash_take_file(paths, name, kBytes)->root,
+              hash_take_file(paths, dense, kBytes)->root);
+  }
+}
+
 /// Writes a mesh file of `size` bytes, header and hole, followed by `end`.
 void write_sparse_meshes(const fs::path& path, uint64_t size, std::span<const uint8_t> end) {
   const std::vector<uint8_t> header = mesh_file::header();
@@ -172,7 +241,7 @@ TEST(SparseMeshFile, allocates_no_memory_for_the_mesh_length_in_its_index) {
   EXPECT_LT(mebibytes_of([&] {
               MeshFileReader reader(folder / "mesh.v3d");
               EXPECT_TRUE(reader.pulses().empty());
-              EXPECT_FALSE(reader.read(0));
+              EXPECT_FALSE(reader.read(0).value());
             }),
             kMaxMebibytes);
 }

@@ -10,6 +10,7 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
@@ -143,6 +144,20 @@ TEST_F(TakeCopy, accepts_pulses_and_meshes_of_a_node_with_more) {
   EXPECT_THAT(missing(), IsEmpty());
   reconstruct(archive_, {1});
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("mesh.v3d: has")));
+}
+
+TEST_F(TakeCopy, is_not_enough_while_a_mesh_of_the_original_cannot_be_read) {
+  const auto reconstruct = [](const TakePaths& take, const std::vector<int64_t>& pulses) {
+    MeshFileWriter file(take.mesh());
+    for (const int64_t pulse : pulses) EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
+  };
+  reconstruct(node_, {0, 1});
+  verify();
+  reconstruct(archive_, {1});
+  const test::UnreadableByte bad(16 + 24, node_.folder);  // the payload of pulse 0
+  EXPECT_THAT(missing(),
+              ElementsAre("cannot read " + node_.mesh().string() + ": Input/output error",
+                          HasSubstr("archive/kendo-07/mesh.v3d: has")));
 }
 
 TEST_F(TakeCopy, rejects_another_take_and_a_missing_camera) {

@@ -11,6 +11,7 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
@@ -290,6 +291,25 @@ TEST_F(VerifyListedTake, is_not_whole_with_a_truncated_mesh_file) {
   const Verification v = verify_take(paths_);
   EXPECT_FALSE(v.whole());
   EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("mesh.v3d: ends without its index")));
+}
+
+TEST_F(VerifyListedTake, counts_unreadable_meshes_apart_from_damaged_ones) {
+  {
+    MeshFileWriter meshes(paths_.mesh());
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      EXPECT_TRUE(meshes.append(pulse, std::vector<uint8_t>(10'000, 1)));
+    }
+    EXPECT_TRUE(meshes.close());
+  }
+  flip_a_bit("mesh.v3d", 5'000);
+  const test::UnreadableByte bad(15'000, paths_.folder);
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.disagreements,
+              ElementsAre("cannot read " + paths_.mesh().string() + ": Input/output error",
+                          "cannot read " + paths_.mesh().string() + ": Input/output error",
+                          "mesh.v3d: 1 meshes cannot be read", "mesh.v3d: 1 damaged meshes"))
+      << "the first line is of the checksum of the file";
+  EXPECT_THAT(v.read_errors, IsEmpty()) << "the ledger counts no meshes";
 }
 
 TEST_F(VerifyListedTake, is_not_whole_with_a_flipped_bit_in_its_ledger_until_recovered) {

@@ -17,6 +17,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "take/take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
@@ -139,6 +140,18 @@ TEST_F(Reconstruct, is_read_in_any_order_of_its_frames) {
   EXPECT_NE(colours[3], colours[4]);
   for (const int64_t frame : {5, 3, 6, 6, 4}) {
     EXPECT_EQ(jumping.read(frame).mesh.colours, colours[frame]) << frame;
+  }
+}
+
+TEST_F(Reconstruct, is_read_with_path_and_cause_of_a_read_error) {
+  const std::filesystem::path mesh = TakePaths{request_.take}.mesh();
+  write_sequence(mesh);
+  MeshFrames meshes(request_.take);
+  const test::UnreadableByte bad(16 + 24, mesh.parent_path());  // in the payload of frame 3
+  for (const int64_t frame : {3, 4}) {
+    EXPECT_EQ(test::message_of<InputError>([&] { meshes.read(frame); }),
+              "cannot read " + mesh.string() + ": Input/output error")
+        << "frame " << frame << ", which needs frame 3";
   }
 }
 

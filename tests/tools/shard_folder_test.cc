@@ -51,7 +51,7 @@ class FinishedShard : public testing::Test {
     MeshFileWriter file(folder_.mesh(shard_));
     for (const int64_t pulse : pulses)
       EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 7)));
-    file.close();
+    EXPECT_TRUE(file.close());
   }
   void damage(const std::filesystem::path& path, size_t at) {
     std::string text = read_file(path);

@@ -50,7 +50,7 @@ void save_meshes(const std::filesystem::path& path) {
         pulse < kFirstMissing ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
     io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
-  file.close();
+  io::throw_if_failed(file.close());
 }
 
 }  // namespace

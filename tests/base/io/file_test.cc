@@ -245,5 +245,36 @@ TEST(CreateFolders, creates_missing_parents_and_rejects_a_file_in_the_path) {
   EXPECT_FALSE(create_folders(folder / "file/b"));
 }
 
+TEST(EntryType, is_that_of_the_name_itself_and_an_error_when_it_cannot_be_read) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "file", "x");
+  std::filesystem::create_symlink("file", folder / "link");
+  std::filesystem::create_symlink("loop", folder / "loop");
+  EXPECT_EQ(entry_type_of(folder / "file"), std::filesystem::file_type::regular);
+  EXPECT_EQ(entry_type_of(folder / "link"), std::filesystem::file_type::symlink);
+  EXPECT_EQ(type_of(folder / "link"), std::filesystem::file_type::regular);
+  EXPECT_EQ(entry_type_of(folder / "file/below"), std::filesystem::file_type::not_found);
+  EXPECT_EQ(entry_type_of(folder / "none"), std::filesystem::file_type::not_found);
+  const auto failed = entry_type_of(folder / "loop/file");
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().message, "cannot read " + (folder / "loop/file").string() +
+                                        ": Too many levels of symbolic links");
+}
+
+TEST(WholeRead, fails_at_the_end_of_the_file) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "file", "0123456789");
+  const auto file = File::open(folder / "file", OpenMode::kRead);
+  ASSERT_TRUE(file);
+  std::array<uint8_t, 4> bytes{};
+  ASSERT_TRUE(file->read_whole(6, bytes));
+  EXPECT_EQ(bytes[3], '9');
+  const auto failed = file->read_whole(7, bytes);
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().code, EIO);
+  EXPECT_EQ(failed.error().message, "cannot read " + (folder / "file").string() +
+                                        ": the file became shorter while it was read");
+}
+
 }  // namespace
 }  // namespace v3d::io

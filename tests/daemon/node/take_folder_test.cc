@@ -119,6 +119,16 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
 }
 
+TEST_F(TakeFolderTest, is_not_recovered_when_its_deletion_was_interrupted) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  EventLogWriter(paths.frames("cam01"));
+  std::filesystem::rename(paths.folder, studio_.storage.takes / ".deleted-kendo-07");
+  EXPECT_THAT(recover_open_takes(studio_, "cap01", {"cam01"}), testing::IsEmpty());
+  std::filesystem::rename(studio_.storage.takes / ".deleted-kendo-07", paths.folder);
+  EXPECT_THAT(recover_open_takes(studio_, "cap01", {"cam01"}), testing::SizeIs(1));
+}
+
 TEST_F(TakeFolderTest, is_recovered_by_a_node_that_has_the_trigger_and_no_camera) {
   create_take(studio_, info_);
   CommandMessage order;

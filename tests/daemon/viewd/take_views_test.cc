@@ -82,7 +82,7 @@ class ViewedBall : public test::ViewedSite {
       content.facts.cameras = {"left", "right"};
       EXPECT_TRUE(file.append(pulse, *encoder.encode(content)));
     }
-    file.close();
+    EXPECT_TRUE(file.close());
   }
 
   int64_t vertices_ = 0;
@@ -178,6 +178,16 @@ TEST_F(ViewedBall, answers_404_without_frames_and_outside_the_takes) {
   }
   std::filesystem::remove(folder_ / "takes/kendo-07/left.lcmlog");
   EXPECT_THAT(get("/api/takes/kendo-07/views/0").body, HasSubstr("raw frames are not here"));
+}
+
+TEST_F(ViewedBall,
+       is_listed_without_a_number_of_meshes_and_without_a_path_when_its_mesh_is_damaged) {
+  write(folder_ / "takes/kendo-07/mesh.v3d", "");
+  const std::string listing = get("/api/takes").body;
+  const nlohmann::json take = nlohmann::json::parse(listing).at("takes").at(0);
+  EXPECT_TRUE(take.at("meshes").is_null()) << listing;
+  EXPECT_THAT(take.at("mesh_error"), HasSubstr("mesh.v3d cannot be read"));
+  EXPECT_THAT(listing, Not(HasSubstr(folder_.path().string())));
 }
 
 TEST_F(ViewedBall, survives_damaged_files) {

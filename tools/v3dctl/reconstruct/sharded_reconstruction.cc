@@ -170,8 +170,9 @@ class ShardedRun {
       MeshFileReader meshes(folder_.mesh(shard));
       for (const int64_t pulse : shard.pulses) {
         const auto compact = meshes.read(pulse);
-        if (!compact) throw std::runtime_error(folder_.mesh(shard).string() + ": has changed");
-        file.append(pulse, *compact);
+        if (!compact) throw std::runtime_error(compact.error().message);
+        if (!*compact) throw std::runtime_error(folder_.mesh(shard).string() + ": has changed");
+        file.append(pulse, **compact);
       }
       append(report_, found_.at(shard.number));
     }

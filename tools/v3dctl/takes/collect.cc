@@ -1,6 +1,7 @@
 #include "v3dctl/takes/collect.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -9,6 +10,7 @@
 #include "base/core/name.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
+#include "base/io/whole_file.h"
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "take/join_parts.h"
@@ -110,7 +112,7 @@ class Collector {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
     const TakePaths place{request_.to / take};
-    if (fs::exists(place.info())) {
+    if (file_exists(place.info())) {
       result.was_there = true;
       remove_copies(stage(take));
       return result;
@@ -119,8 +121,11 @@ class Collector {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
       require_capture_nodes(parts);
-      result.meshes_of = source_of_meshes(parts);
+      const MeshPart meshes = part_with_most_meshes(parts);
+      if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
       result.verification = join(take, sources, parts, place);
+      // After the record of the verification, because the copy itself is right.
+      std::ranges::copy(meshes.errors, std::back_inserter(result.verification.disagreements));
     } catch (const std::exception& error) {
       result.problem = error.what();
     }
@@ -132,12 +137,12 @@ class Collector {
   void require_capture_nodes(const std::vector<TakePaths>& parts) const {
     for (const TakePaths& recorded : parts) {
       const std::optional<Studio> studio = load_take_studio(recorded);
-      if (!studio || !fs::exists(recorded.info())) continue;
+      if (!studio || !file_exists(recorded.info())) continue;
       for (const TakeSource& source : request_.sources) {
         const bool captures =
             !studio->cameras_of(source.node).empty() || studio->trigger.node == source.node;
         const bool has_part = std::ranges::any_of(parts, [&](const TakePaths& part) {
-          return part.folder.filename() == source.node && fs::exists(part.info());
+          return part.folder.filename() == source.node && file_exists(part.info());
         });
         if (!captures || has_part) continue;
         throw InputError(source.node + " has no part of it at " + source.place +
@@ -153,7 +158,7 @@ class Collector {
     io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
-    if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
+    if (file_exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
       throw InputError(source.node + " records it, or stopped and has not restarted since");
     }
     if (on_terminal()) note(source.node + "  " + take);
@@ -177,10 +182,9 @@ class Collector {
     }
   }
 
-  static std::string source_of_meshes(const std::vector<TakePaths>& parts) {
-    const auto have = std::count_if(parts.begin(), parts.end(),
-                                    [](const TakePaths& part) { return fs::exists(part.mesh()); });
-    return have > 1 ? part_with_most_meshes(parts)->folder.filename().string() : "";
+  static int64_t mesh_files(const std::vector<TakePaths>& parts) {
+    return std::ranges::count_if(parts,
+                                 [](const TakePaths& part) { return file_exists(part.mesh()); });
   }
 
   /// Whether every part equals the files of its node. rsync reads the copy from the page cache,

@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "base/core/error.h"
+#include "base/core/printable.h"
 #include "base/core/units.h"
 #include "common/console.h"
 #include "take/ledger/verified.h"
@@ -54,7 +55,35 @@ void require_copy(const TakeListing& take, const fs::path& copies) {
                    " away, then v3dctl takes collect copies the take again");
 }
 
+std::vector<InterruptedDeletion> rests_in(const fs::path& folder) {
+  return io::value_or_throw(interrupted_deletions(folder));
+}
+
+/// Finishes all interrupted deletions. They were requested with --yes.
+void finish_deletions(const fs::path& folder) {
+  for (const InterruptedDeletion& rest : rests_in(folder)) {
+    io::throw_if_failed(finish_deletion(rest));
+    std::printf("finished the deletion of %s\n", printable(rest.take).c_str());
+  }
+}
+
+/// `takes delete` without names.
+int run_finish(const fs::path& folder, bool yes) {
+  const std::vector<InterruptedDeletion> rests = rests_in(folder);
+  if (rests.empty()) {
+    throw InputError("takes delete: name the takes; " + folder.string() +
+                     " has no interrupted deletion to finish");
+  }
+  if (!yes) {
+    throw InputError(interrupted_text(rests) + "; add --yes to finish");
+  }
+  finish_deletions(folder);
+  return kExitDone;
+}
+
 int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
+  const fs::path folder = takes_folder(line, *arguments.takes);
+  if (arguments.takes->names.empty()) return run_finish(folder, arguments.yes);
   if (arguments.copy.empty() == !arguments.no_copy) {
     throw InputError(
         "takes delete: name the folder of the copies, which are read back first (--copy DIR), or "
@@ -82,6 +111,7 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
     io::throw_if_failed(delete_take(take.paths));
     std::printf("deleted %s\n", take.info.name.c_str());
   }
+  finish_deletions(folder);
   return kExitDone;
 }
 
@@ -93,7 +123,8 @@ void add_takes_delete(CommandLine& line, CLI::App* takes, const SharedTakesArgum
                            "v3dctl takes delete kendo-06 --copy /mnt/archive --yes");
   auto arguments = std::make_shared<DeleteArguments>();
   arguments->takes = shared;
-  add_names_option(command, shared);
+  command->add_option("NAME", shared->names,
+                      "Takes (none: finish deletions that were interrupted)");
   command
       ->add_option("--copy", arguments->copy,
                    "Folder of takes with the copies; each is read back from its disk and compared")

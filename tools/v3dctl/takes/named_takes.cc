@@ -5,7 +5,9 @@
 
 #include "base/core/error.h"
 #include "base/core/name.h"
+#include "base/core/printable.h"
 #include "base/core/units.h"
+#include "common/console.h"
 #include "common/local_time.h"
 #include "daemon/control/reply_json.h"
 
@@ -26,18 +28,22 @@ std::string length_text(double seconds) {
   return text;
 }
 
+std::string mesh_count_text(const TakeListing& take) {
+  return take.meshes ? format_count(*take.meshes) + " meshes" : "mesh.v3d cannot be read";
+}
+
 std::string listing_line(const TakeListing& take, size_t name_width) {
   char text[512];
-  std::snprintf(text, sizeof text,
-                "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s meshes",
-                static_cast<int>(name_width), take.info.name.c_str(),
-                local_time(take.info.started, "%Y-%m-%d %H:%M").c_str(), take.verdict().data(),
-                take.verified ? "verified" : "unverified", length_text(take.seconds()).c_str(),
-                format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),
-                format_count(take.info.pulses).c_str(), take.info.rate_hz,
-                format_count(take.meshes).c_str());
+  std::snprintf(
+      text, sizeof text, "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s",
+      static_cast<int>(name_width), take.info.name.c_str(),
+      local_time(take.info.started, "%Y-%m-%d %H:%M").c_str(), take.verdict().data(),
+      take.verified ? "verified" : "unverified", length_text(take.seconds()).c_str(),
+      format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),
+      format_count(take.info.pulses).c_str(), take.info.rate_hz, mesh_count_text(take).c_str());
   const std::string slate = take.slate.text();
-  return text + (slate.empty() ? "" : "  " + slate);
+  return text + (take.absent_nodes.empty() ? "" : ", without " + text_of(take.absent_nodes)) +
+         (slate.empty() ? "" : "  " + slate);
 }
 
 }  // namespace
@@ -67,11 +73,21 @@ std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes) {
 }
 
 void print_listing(const std::vector<TakeListing>& takes, bool json) {
+  for (const TakeListing& take : takes) {
+    if (!take.meshes) note("v3dctl: " + printable(take.mesh_error));
+  }
   if (json) {
     std::printf("%s\n", takes_json(takes, 2).c_str());
     return;
   }
   for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
+}
+
+std::string interrupted_text(const std::vector<InterruptedDeletion>& deletions) {
+  std::vector<std::string> names;
+  for (const InterruptedDeletion& deletion : deletions) names.push_back(printable(deletion.take));
+  return "the deletion of " + format_count(std::ssize(names)) +
+         (names.size() == 1 ? " take" : " takes") + " was interrupted: " + join_names(names);
 }
 
 CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,

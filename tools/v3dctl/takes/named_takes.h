@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "take/take_listing.h"
+#include "take/take_removal.h"
 #include "v3dctl/command_line.h"
 
 namespace v3d::ctl {
@@ -26,6 +27,9 @@ std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArgumen
 /// One line for each take, in columns.
 std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes);
 void print_listing(const std::vector<TakeListing>& takes, bool json);
+
+/// "the deletion of 2 takes was interrupted: kendo-06, kendo-07".
+std::string interrupted_text(const std::vector<InterruptedDeletion>& deletions);
 
 /// Adds a subcommand with one example to `takes`.
 CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,

@@ -15,7 +15,12 @@ int run_list(const CommandLine& line, const TakesArguments& arguments) {
   const auto report_skipped = [](const InputError& error) {
     note("v3dctl: skipped: " + printable(error.what()));
   };
-  print_listing(find_takes(takes_folder(line, arguments), report_skipped), arguments.json);
+  const std::filesystem::path folder = takes_folder(line, arguments);
+  print_listing(find_takes(folder, report_skipped), arguments.json);
+  const auto rests = io::value_or_throw(interrupted_deletions(folder));
+  if (!rests.empty()) {
+    note("v3dctl: " + interrupted_text(rests) + "; to finish: v3dctl takes delete --yes");
+  }
   return kExitDone;
 }
 

@@ -110,22 +110,27 @@ void print_text(const Verification& verification) {
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 
+void prepend_new_lines(std::vector<std::string> lines, std::vector<std::string>& to) {
+  std::erase_if(lines,
+                [&](const std::string& line) { return std::ranges::find(to, line) != to.end(); });
+  to.insert(to.begin(), lines.begin(), lines.end());
+}
+
 // Marks the take as verified, which `takes delete` requires. A read-only folder is reported.
 void save_result(const TakePaths& paths, const Verification& verification) {
   const io::Status saved = save_verified(paths, verification);
   if (!saved) note("v3dctl: verified, but cannot save the result: " + saved.error().message);
 }
 
-/// The result includes the disagreements that the recovery found before it wrote the ledger.
+/// The result includes the disagreements and notes of the recovery, found before it wrote the
+/// ledger and the indexes of logs.
 Verification recover_and_verify(const TakePaths& paths) {
   load_take_info(paths);  // throws for a folder that is no take
   const auto locks = io::value_or_throw(lock_whole_take(paths));
-  std::vector<std::string> found = recover_take(paths, AfterReadErrors::kRecover).disagreements;
+  const Verification recovered = recover_take(paths, AfterReadErrors::kRecover);
   Verification verification = verify_take(paths, ReadFrom::kDisk);
-  std::vector<std::string>& all = verification.disagreements;
-  std::erase_if(found,
-                [&](const std::string& line) { return std::ranges::find(all, line) != all.end(); });
-  all.insert(all.begin(), found.begin(), found.end());
+  prepend_new_lines(recovered.disagreements, verification.disagreements);
+  prepend_new_lines(recovered.notes, verification.notes);
   return verification;
 }
 

@@ -53,7 +53,7 @@ class Viewer {
       keyHere: () => this.keyHere(),
       seek: (seconds) => this.seekScene(seconds),
       save: () => this.saveScene(),
-      takes: () => this.takes.filter((take) => take.meshes > 0).map((take) => take.name),
+      takes: () => this.takes.filter((take) => (take.meshes ?? 0) > 0).map((take) => take.name),
       pathOf: (take) => `../${take}`,
     });
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.onMessage(event.data);

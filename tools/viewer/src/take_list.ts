@@ -12,7 +12,9 @@ export interface Take {
   bytes: number;
   mesh_bytes: number;
   cameras: string[];
-  meshes: number;
+  /** null: mesh.v3d cannot be read, for the reason `mesh_error`. */
+  meshes: number | null;
+  mesh_error?: string;
   slate: { scene: string; take: string; note: string; mark: '' | 'circled' | 'rejected' };
 }
 
@@ -47,6 +49,11 @@ export function slateText(slate: Take['slate']): string {
   return parts.filter(Boolean).join(', ');
 }
 
+function meshText(take: Take): string {
+  if (take.meshes === null) return 'meshes cannot be read';
+  return take.meshes ? `${take.meshes} meshes, ${formatBytes(take.mesh_bytes)}` : 'no meshes';
+}
+
 function part(tag: string, text: string, look = ''): HTMLElement {
   const element = document.createElement(tag);
   element.textContent = text;
@@ -65,10 +72,9 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   name.append(part('em', formatSeconds(take.seconds)));
   const about = part('div', '', 'about');
   about.append(part('span', take.state, `verdict ${take.state}`));
-  const size = take.meshes ? `${take.meshes} meshes, ${formatBytes(take.mesh_bytes)}` : 'no meshes';
-  about.append([' ', slateText(take.slate), size].filter(Boolean).join(' · '));
+  about.append([' ', slateText(take.slate), meshText(take)].filter(Boolean).join(' · '));
   button.append(name, about);
-  button.title = [take.name, slateText(take.slate), new Date(take.started_ns / 1e6).toLocaleString(),
+  button.title = [take.name, slateText(take.slate), take.mesh_error, new Date(take.started_ns / 1e6).toLocaleString(),
     `${take.cameras.length} cameras, ${take.pulses} pulses at ${take.rate_hz} Hz, ${formatBytes(take.bytes)}`]
     .filter(Boolean).join('\n');
   button.addEventListener('click', () => open(take.name));

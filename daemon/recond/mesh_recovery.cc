@@ -1,0 +1,32 @@
+#include "daemon/recond/mesh_recovery.h"
+
+#include "base/core/error.h"
+#include "base/core/units.h"
+#include "take/logs/mesh_file.h"
+
+namespace v3d {
+namespace {
+
+io::Status add_index(const std::filesystem::path& mesh) {
+  return MeshFileWriter(mesh, LogOpening::kContinue).close();
+}
+
+}  // namespace
+
+RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh) {
+  try {
+    const MeshFileReader file(mesh);
+    const auto meshes = static_cast<int64_t>(file.pulses().size());
+    const io::Status indexed = file.index_was_rebuilt() ? add_index(mesh) : io::Status();
+    return {.meshes = meshes,
+            .is_whole = indexed.has_value(),
+            .text = format_count(meshes) + " meshes recovered" +
+                    (indexed ? "" : "; no index was added: " + indexed.error().message)};
+  } catch (const InputError& error) {
+    return {.meshes = {},
+            .is_whole = false,
+            .text = "no meshes recovered: " + std::string(error.what())};
+  }
+}
+
+}  // namespace v3d
