@@ -47,21 +47,6 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
   return others;
 }
 
-/// The signing key of this node, where the studio file names one. Throws InputError when the studio
-/// file lists another public key for the node: its signatures would be rejected.
-std::optional<TakeSigner> signer_of(const Studio& studio, const std::string& node) {
-  if (studio.storage.signing_key.empty()) return std::nullopt;
-  TakeSigner signer{node, SigningKey::load(studio.storage.signing_key)};
-  const auto own = std::ranges::find(studio.nodes, node, &StudioNode::name);
-  const std::string listed = own == studio.nodes.end() ? "" : own->public_key;
-  const std::string key = signer.key.public_key().text();
-  if (!listed.empty() && listed != key) {
-    throw InputError(studio.storage.signing_key.string() + ": its public key is " + key + ", but " +
-                     studio.path.string() + " has another for node " + node);
-  }
-  return signer;
-}
-
 }  // namespace
 
 CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
@@ -75,7 +60,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       persisted_commands_(studio, node),
       cameras_(studio, node, pulse_times_),
       slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
-      signer_(signer_of(studio, node)) {
+      signer_(studio, node) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -187,7 +172,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
 }
 
 ActiveTake::Context CaptureNode::take_context() {
-  return {{studio_, node_, bus_, cameras_, slots_, signer_ ? &*signer_ : nullptr},
+  return {{studio_, node_, bus_, cameras_, slots_, signer_.signer()},
           trigger_,
           [this](const PulseEdge& edge) { notify_cameras(edge); }};
 }
@@ -393,6 +378,8 @@ void CaptureNode::report_warnings(const TakeCounts& counts) {
     events_.report_condition(Severity::kAlarm, "disk", folder_fault(studio_.storage.takes),
                              advice::kTakesFolder);
   }
+  events_.report_condition(Severity::kWarning, "signing key", signer_.warning(),
+                           advice::kSigningKey);
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
   events_.report_condition(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
   events_.report_condition(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",

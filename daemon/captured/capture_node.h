@@ -13,6 +13,7 @@
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
 #include "daemon/captured/node_cameras.h"
+#include "daemon/captured/node_signer.h"
 #include "daemon/captured/node_trigger.h"
 #include "daemon/captured/priority_semaphore.h"
 #include "daemon/control/node_delegate.h"
@@ -29,10 +30,11 @@ namespace v3d {
 class CaptureNode : public NodeDelegate {
  public:
   /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
-  /// InputError when the node has neither camera nor trigger, or its signing key cannot be read.
+  /// InputError when the node has neither camera nor trigger.
   CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
   ~CaptureNode() override;
 
+  void set_signing_key(const SigningKey& key) override { signer_.set_key(key); }
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
   std::optional<CommandMessage> rejoin() override;
@@ -92,7 +94,7 @@ class CaptureNode : public NodeDelegate {
   PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;
-  const std::optional<TakeSigner> signer_;  ///< empty: takes are not signed
+  NodeSigner signer_;
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order

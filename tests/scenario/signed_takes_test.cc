@@ -2,17 +2,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <csignal>
-
 #include "studio4.h"
+#include "take/ledger/take_signature.h"
 
 namespace v3d {
 namespace {
 
+using test::becomes_true;
 using test::ChildProcess;
 using test::Studio4;
 using test::within;
-using testing::AllOf;
 using testing::HasSubstr;
 
 class SignedStudio : public Studio4 {
@@ -35,6 +34,11 @@ class SignedStudio : public Studio4 {
     ChildProcess process(command, folder_ / "v3dctl.log");
     const int status = process.wait(within(60)).value_or(-1);
     return {status, process.output()};
+  }
+  /// The public key with which cap01 signed the take.
+  std::string key_of_signature() const {
+    const auto path = signature_path(take(), "cap01");
+    return parse_signature(read_file(path), path).key.text();
   }
   std::pair<int, std::string> verify() const {
     return v3dctl({"verify", (archive() / take_name_).string(), "--signed"});
@@ -60,15 +64,32 @@ TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_c
   EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
 }
 
-TEST_F(SignedStudio, does_not_start_a_node_with_a_key_other_than_that_of_the_studio_file) {
-  captured_->signal(SIGTERM);
-  captured_->wait(within(30));
-  std::filesystem::remove(folder_ / "node.key");
-  SigningKey::make().save(folder_ / "node.key");
-  start_captured();
-  EXPECT_EQ(captured_->wait(within(30)), 2);
-  EXPECT_THAT(captured_->output(), AllOf(HasSubstr("node.key: its public key is "),
-                                         HasSubstr("has another for node cap01")));
+TEST_F(SignedStudio, signs_a_running_take_with_the_old_key_and_the_next_one_with_the_new_key) {
+  ASSERT_NO_FATAL_FAILURE(arm_and_start(0));
+  ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
+  const SigningKey next = SigningKey::make();
+  next.save(folder_ / "next.key");
+  std::filesystem::rename(folder_ / "next.key", folder_ / "node.key");
+  const auto logs = [&](const std::string& text) {
+    return becomes_true([&] { return captured_->output().find(text) != std::string::npos; },
+                        within(60));
+  };
+  ASSERT_TRUE(logs("node.key: a new signing key")) << log();
+  EXPECT_TRUE(logs("studio.toml has another for node cap01")) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const std::string first = studio_.nodes.front().public_key;
+  EXPECT_EQ(key_of_signature(), first);
+
+  std::string text = read_file(studio_.path);
+  replace(text, first, next.public_key().text());
+  test::write_text(studio_.path, text);
+  EXPECT_TRUE(logs("signing key: the problem has ended")) << log();
+  take_name_ = "kendo-08";
+  ASSERT_NO_FATAL_FAILURE(record_and_collect());
+  EXPECT_EQ(key_of_signature(), next.public_key().text());
+  const auto [status, verified] = verify();
+  EXPECT_EQ(status, 0) << verified;
 }
 
 }  // namespace
