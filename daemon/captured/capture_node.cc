@@ -60,7 +60,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       persisted_commands_(studio, node),
       cameras_(studio, node, pulse_times_),
       slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
-      signer_(studio, node) {
+      signer_(studio, node),
+      recovered_takes_(studio, node) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -74,6 +75,11 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
 CaptureNode::~CaptureNode() { disarm(); }
 
 // --- commands -----------------------------------------------------------------------------------
+
+void CaptureNode::set_signing_key(const SigningKey& key) {
+  signer_.set_key(key);
+  recovered_takes_.search(signer_.signer());
+}
 
 void CaptureNode::arm(const CommandMessage& order) {
   if (order.verb == CommandVerb::kCheck) {
@@ -142,6 +148,7 @@ void CaptureNode::disarm() {
   cameras_.train_ended();
   if (take_has_ledger()) close_take();
   take_.reset();
+  recovered_takes_.set_paused(false);
   cameras_.disarm();
   pulse_times_.end();
 }
@@ -154,7 +161,9 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   reset_for_order(rejoin_order->order, std::nullopt);
   const std::string& take = plan_.order.take;
   try {
+    const auto no_signing = recovered_takes_.hold();
     take_ = ActiveTake::resume(take_context(), plan_, rejoin_order->commanded);
+    recovered_takes_.set_paused(true);
   } catch (const std::exception&) {
     cameras_.disarm();
     const TakePaths paths = take_paths(studio_, take);
@@ -162,6 +171,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
     if (!holder || !holder->empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
     recover_reopened_take(paths, node_);
+    recovered_takes_.search(signer_.signer());
     throw;
   }
   events_.send(Severity::kWarning, "take",
@@ -214,6 +224,7 @@ std::optional<NodeReport> CaptureNode::poll_arming() {
     return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
   take_ = ActiveTake::begin(take_context(), plan_);
+  recovered_takes_.set_paused(true);
   std::string text = is_check() ? "ready" : ready_text();
   if (!waiting.empty()) text = "without " + waiting;
   return NodeReport{.event = Input::kReady, .text = std::move(text), .detail = {}};
@@ -334,6 +345,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   const TakeCounts counts = take_counts();
   report_take(counts, health);
   report_warnings(counts);
+  report_signed_takes(health);
   report_trigger(health);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
@@ -392,6 +404,18 @@ void CaptureNode::report_warnings(const TakeCounts& counts) {
                                : format_count(counts.pulses_not_live) +
                                      " pulses without live picture: this PC is busy recording them",
                            advice::kLivePicture);
+}
+
+void CaptureNode::report_signed_takes(HealthMessage& health) {
+  health.values["takes_to_sign"] = static_cast<double>(recovered_takes_.pending());
+  for (const RecoveredTakeSigner::Result& result : recovered_takes_.results()) {
+    if (result.error.empty()) {
+      events_.send(Severity::kInfo, "take", result.take + " is signed, after its recovery", "");
+    } else {
+      events_.send(Severity::kWarning, "take", "a recovered take is not signed: " + result.error,
+                   advice::kRecoveredUnsigned);
+    }
+  }
 }
 
 std::string CaptureNode::trigger_warning(const TakeCounts& counts) const {

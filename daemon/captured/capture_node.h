@@ -16,6 +16,7 @@
 #include "daemon/captured/node_signer.h"
 #include "daemon/captured/node_trigger.h"
 #include "daemon/captured/priority_semaphore.h"
+#include "daemon/captured/recovered_take_signer.h"
 #include "daemon/control/node_delegate.h"
 #include "daemon/node/disk_monitor.h"
 #include "daemon/node/persisted_command.h"
@@ -34,7 +35,7 @@ class CaptureNode : public NodeDelegate {
   CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
   ~CaptureNode() override;
 
-  void set_signing_key(const SigningKey& key) override { signer_.set_key(key); }
+  void set_signing_key(const SigningKey& key) override;
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
   std::optional<CommandMessage> rejoin() override;
@@ -82,6 +83,8 @@ class CaptureNode : public NodeDelegate {
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;
+  /// Sends events about takes that were signed after their recovery.
+  void report_signed_takes(HealthMessage& health);
 
   const Studio& studio_;
   const std::string node_;
@@ -95,6 +98,7 @@ class CaptureNode : public NodeDelegate {
   NodeCameras cameras_;
   PrioritySemaphore slots_;
   NodeSigner signer_;
+  RecoveredTakeSigner recovered_takes_;
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order
