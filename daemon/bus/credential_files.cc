@@ -66,31 +66,35 @@ std::string CredentialFiles::poll(MonotonicInstant now) {
   authenticator_.discard_old_key(now);
   std::string changes =
       try_to([&] { return read_studio_key(now); }, "studio key", key_.has_value(), key_problem_);
-  if (paths_.members.empty()) return changes;
   const auto add = [&](const std::string& line) {
     changes += line.empty() || changes.empty() ? line : "; " + line;
   };
-  add(try_to([&] { return read_members(); }, "member list", members_ != nullptr, members_problem_));
-  add(save_accepted_serial());
-  if (!signs_) return changes;
-  add(try_to([&] { return read_signing_key(); }, "signing key", own_.has_value(),
-             signing_problem_));
+  if (!paths_.members.empty()) {
+    add(try_to([&] { return read_members(); }, "member list", members_ != nullptr,
+               members_problem_));
+    add(save_accepted_serial());
+  }
+  if (!reads_signing_key()) return changes;
+  add(try_to([&] { return read_signing_key(); }, "signing key", own_.has_value(), signing_problem_,
+             paths_.members.empty() ? "takes are not signed: " : ""));
   const std::string before = std::exchange(not_member_, why_not_member());
   if (not_member_ != before) add(not_member_);
   return changes;
 }
 
 /// Calls `read` and returns its line for the log. Stores the message of an InputError in `problem`,
-/// and returns it when it differs from the previous one.
+/// and returns it when it differs from the previous one. `effect_of_none`: the effect of the error
+/// when nothing is in use.
 template <class Read>
 std::string CredentialFiles::try_to(Read read, const std::string& what, bool is_in_use,
-                                    std::string& problem) {
+                                    std::string& problem, const std::string& effect_of_none) {
   try {
     const std::string change = read();
     const bool was_wrong = !std::exchange(problem, "").empty();
     return change.empty() && was_wrong ? "the " + what + " is readable again" : change;
   } catch (const InputError& error) {
-    const std::string effect = is_in_use ? "the previous " + what + " stays in use: " : "";
+    const std::string effect =
+        is_in_use ? "the previous " + what + " stays in use: " : effect_of_none;
     const std::string before = std::exchange(problem, effect + error.what());
     return problem == before ? "" : problem;
   }
@@ -168,12 +172,18 @@ std::string CredentialFiles::save_accepted_serial() {
   return is_new ? problem : "";
 }
 
+/// Without a member list, only a capture node has something to sign: its takes.
+bool CredentialFiles::reads_signing_key() const {
+  const bool is_used = !paths_.members.empty() || paths_.role == Role::kCapture;
+  return signs_ && is_used && !paths_.signing_key.empty();
+}
+
 std::string CredentialFiles::read_signing_key() {
   const KeyKind& kind = paths_.node.empty() ? kOperatorKey : kNodeKey;
   const SigningKey read = SigningKey::load(paths_.signing_key, kind);
-  if (own_ == read.public_key()) return "";
+  if (own_ && own_->public_key() == read.public_key()) return "";
   const bool is_first = !own_;
-  own_ = read.public_key();
+  own_ = read;
   credentials_.set_signing_key(read);
   authenticator_.members().set_signing_key(read);
   return is_first ? "" : paths_.signing_key.string() + ": a new " + std::string(kind.name);
@@ -181,16 +191,16 @@ std::string CredentialFiles::read_signing_key() {
 
 std::string CredentialFiles::why_not_member() const {
   if (!members_ || !own_) return "";
+  const PublicKey own = own_->public_key();
   const auto is_own = [&](const Member& m) {
-    return m.key == *own_ && m.role == paths_.role &&
-           (paths_.node.empty() || m.name == paths_.node);
+    return m.key == own && m.role == paths_.role && (paths_.node.empty() || m.name == paths_.node);
   };
   if (std::ranges::any_of(members_->members, is_own)) return "";
   const std::string role(name(paths_.role));
   const std::string member = paths_.node.empty() ? "NAME" : paths_.node;
   return paths_.members.string() + ": no " + role + (paths_.node.empty() ? "" : " " + member) +
          " has the public key of " + paths_.signing_key.string() + "; try: v3dctl key enroll " +
-         member + " --role " + role + " --public-key " + own_->text();
+         member + " --role " + role + " --public-key " + own.text();
 }
 
 bool CredentialFiles::is_ready() const {

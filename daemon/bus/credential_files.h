@@ -19,9 +19,11 @@ namespace v3d {
 struct CredentialPaths {
   std::string studio;  ///< its name
   std::filesystem::path studio_key;
-  std::filesystem::path members = {};      ///< empty: there is no member list
-  std::string authority = {};              ///< public key that verifies the list, hexadecimal
-  std::filesystem::path signing_key = {};  ///< used where there is a member list
+  std::filesystem::path members = {};  ///< empty: there is no member list
+  std::string authority = {};          ///< public key that verifies the list, hexadecimal
+  /// Signs the takes of a capture node and, where there is a member list, the messages of every
+  /// node and operator. Empty: none.
+  std::filesystem::path signing_key = {};
   /// File with the highest serial number that was accepted (AcceptedSerial). Empty: it is not kept
   /// over a restart, as for an operator.
   std::filesystem::path accepted_serial = {};
@@ -51,6 +53,8 @@ class CredentialFiles {
   std::string poll(MonotonicInstant now);
 
   bool has_studio_key() const { return key_.has_value(); }
+  /// The signing key as last read; empty before.
+  const std::optional<SigningKey>& signing_key() const { return own_; }
   /// Whether all keys and lists that this process needs to accept commands and to sign were read.
   bool is_ready() const;
   /// One line with the remedy when a file is wrong or this process is not a member; otherwise
@@ -61,12 +65,14 @@ class CredentialFiles {
 
  private:
   template <class Read>
-  std::string try_to(Read read, const std::string& what, bool is_in_use, std::string& problem);
+  std::string try_to(Read read, const std::string& what, bool is_in_use, std::string& problem,
+                     const std::string& effect_of_none = "");
   std::string read_studio_key(MonotonicInstant now);
   std::string read_members();
   void reject_older(const MemberList& read) const;
   std::string load_accepted_serial();
   std::string save_accepted_serial();
+  bool reads_signing_key() const;
   std::string read_signing_key();
   std::string why_not_member() const;
 
@@ -80,7 +86,7 @@ class CredentialFiles {
   std::string members_text_;  ///< of the list that is in force
   AcceptedSerial accepted_;
   std::optional<int64_t> accepted_serial_;  ///< in its file; empty before the first list
-  std::optional<PublicKey> own_;
+  std::optional<SigningKey> own_;
   std::string key_problem_, members_problem_, signing_problem_, serial_problem_, not_member_;
 };
 

@@ -47,21 +47,6 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
   return others;
 }
 
-/// The signing key of this node, where the studio file names one. Throws InputError when the studio
-/// file lists another public key for the node: its signatures would be rejected.
-std::optional<TakeSigner> signer_of(const Studio& studio, const std::string& node) {
-  if (studio.storage.signing_key.empty()) return std::nullopt;
-  TakeSigner signer{node, SigningKey::load(studio.storage.signing_key)};
-  const auto own = std::ranges::find(studio.nodes, node, &StudioNode::name);
-  const std::string listed = own == studio.nodes.end() ? "" : own->public_key;
-  const std::string key = signer.key.public_key().text();
-  if (!listed.empty() && listed != key) {
-    throw InputError(studio.storage.signing_key.string() + ": its public key is " + key + ", but " +
-                     studio.path.string() + " has another for node " + node);
-  }
-  return signer;
-}
-
 }  // namespace
 
 CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
@@ -75,7 +60,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       persisted_commands_(studio, node),
       cameras_(studio, node, pulse_times_),
       slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
-      signer_(signer_of(studio, node)) {
+      signer_(studio, node),
+      recovered_takes_(studio, node) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -89,6 +75,11 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
 CaptureNode::~CaptureNode() { disarm(); }
 
 // --- commands -----------------------------------------------------------------------------------
+
+void CaptureNode::set_signing_key(const SigningKey& key) {
+  signer_.set_key(key);
+  recovered_takes_.search(signer_.signer());
+}
 
 void CaptureNode::arm(const CommandMessage& order) {
   if (order.verb == CommandVerb::kCheck) {
@@ -157,6 +148,7 @@ void CaptureNode::disarm() {
   cameras_.train_ended();
   if (take_has_ledger()) close_take();
   take_.reset();
+  recovered_takes_.set_paused(false);
   cameras_.disarm();
   pulse_times_.end();
 }
@@ -169,7 +161,9 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   reset_for_order(rejoin_order->order, std::nullopt);
   const std::string& take = plan_.order.take;
   try {
+    const auto no_signing = recovered_takes_.hold();
     take_ = ActiveTake::resume(take_context(), plan_, rejoin_order->commanded);
+    recovered_takes_.set_paused(true);
   } catch (const std::exception&) {
     cameras_.disarm();
     const TakePaths paths = take_paths(studio_, take);
@@ -177,6 +171,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
     if (!holder || !holder->empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
     recover_reopened_take(paths, node_);
+    recovered_takes_.search(signer_.signer());
     throw;
   }
   events_.send(Severity::kWarning, "take",
@@ -187,7 +182,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
 }
 
 ActiveTake::Context CaptureNode::take_context() {
-  return {{studio_, node_, bus_, cameras_, slots_, signer_ ? &*signer_ : nullptr},
+  return {{studio_, node_, bus_, cameras_, slots_, signer_.signer()},
           trigger_,
           [this](const PulseEdge& edge) { notify_cameras(edge); }};
 }
@@ -229,6 +224,7 @@ std::optional<NodeReport> CaptureNode::poll_arming() {
     return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
   take_ = ActiveTake::begin(take_context(), plan_);
+  recovered_takes_.set_paused(true);
   std::string text = is_check() ? "ready" : ready_text();
   if (!waiting.empty()) text = "without " + waiting;
   return NodeReport{.event = Input::kReady, .text = std::move(text), .detail = {}};
@@ -349,6 +345,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   const TakeCounts counts = take_counts();
   report_take(counts, health);
   report_warnings(counts);
+  report_signed_takes(health);
   report_trigger(health);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
@@ -393,6 +390,8 @@ void CaptureNode::report_warnings(const TakeCounts& counts) {
     events_.report_condition(Severity::kAlarm, "disk", folder_fault(studio_.storage.takes),
                              advice::kTakesFolder);
   }
+  events_.report_condition(Severity::kWarning, "signing key", signer_.warning(),
+                           advice::kSigningKey);
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
   events_.report_condition(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
   events_.report_condition(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",
@@ -405,6 +404,18 @@ void CaptureNode::report_warnings(const TakeCounts& counts) {
                                : format_count(counts.pulses_not_live) +
                                      " pulses without live picture: this PC is busy recording them",
                            advice::kLivePicture);
+}
+
+void CaptureNode::report_signed_takes(HealthMessage& health) {
+  health.values["takes_to_sign"] = static_cast<double>(recovered_takes_.pending());
+  for (const RecoveredTakeSigner::Result& result : recovered_takes_.results()) {
+    if (result.error.empty()) {
+      events_.send(Severity::kInfo, "take", result.take + " is signed, after its recovery", "");
+    } else {
+      events_.send(Severity::kWarning, "take", "a recovered take is not signed: " + result.error,
+                   advice::kRecoveredUnsigned);
+    }
+  }
 }
 
 std::string CaptureNode::trigger_warning(const TakeCounts& counts) const {

@@ -13,8 +13,10 @@
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
 #include "daemon/captured/node_cameras.h"
+#include "daemon/captured/node_signer.h"
 #include "daemon/captured/node_trigger.h"
 #include "daemon/captured/priority_semaphore.h"
+#include "daemon/captured/recovered_take_signer.h"
 #include "daemon/control/node_delegate.h"
 #include "daemon/node/disk_monitor.h"
 #include "daemon/node/persisted_command.h"
@@ -29,10 +31,11 @@ namespace v3d {
 class CaptureNode : public NodeDelegate {
  public:
   /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
-  /// InputError when the node has neither camera nor trigger, or its signing key cannot be read.
+  /// InputError when the node has neither camera nor trigger.
   CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
   ~CaptureNode() override;
 
+  void set_signing_key(const SigningKey& key) override;
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
   std::optional<CommandMessage> rejoin() override;
@@ -80,6 +83,8 @@ class CaptureNode : public NodeDelegate {
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;
+  /// Sends events about takes that were signed after their recovery.
+  void report_signed_takes(HealthMessage& health);
 
   const Studio& studio_;
   const std::string node_;
@@ -92,7 +97,8 @@ class CaptureNode : public NodeDelegate {
   PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;
-  const std::optional<TakeSigner> signer_;  ///< empty: takes are not signed
+  NodeSigner signer_;
+  RecoveredTakeSigner recovered_takes_;
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order

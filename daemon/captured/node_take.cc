@@ -33,14 +33,14 @@ TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan) 
 }  // namespace
 
 NodeTake::NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock)
-    : context_(context),
+    : context_(std::move(context)),
       info_(std::move(info)),
-      paths_(take_paths(context.studio, info_.name)),
+      paths_(take_paths(context_.studio, info_.name)),
       lock_(std::move(lock)),
       disk_(std::make_unique<TakeDisk>(paths_, demand)),
-      admission_([&cameras = context.cameras] { return cameras.max_queued(); }, kLiveBacklog) {}
+      admission_([&cameras = context_.cameras] { return cameras.max_queued(); }, kLiveBacklog) {}
 
-std::unique_ptr<NodeTake> NodeTake::begin(Context context, const Plan& plan) {
+std::unique_ptr<NodeTake> NodeTake::begin(const Context& context, const Plan& plan) {
   const TakePaths paths = take_paths(context.studio, plan.order.take);
   TakeLock lock = lock_take(paths, context.name);
   check_new_take(context.studio, plan.order.take);
@@ -52,7 +52,7 @@ std::unique_ptr<NodeTake> NodeTake::begin(Context context, const Plan& plan) {
   }
 }
 
-std::unique_ptr<NodeTake> NodeTake::create(Context context, const Plan& plan, TakeInfo info,
+std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& plan, TakeInfo info,
                                            TakeLock lock) {
   create_take(context.studio, info);
   persist_command(context.studio, context.name, plan.order);
@@ -65,7 +65,7 @@ std::unique_ptr<NodeTake> NodeTake::create(Context context, const Plan& plan, Ta
   return take;
 }
 
-std::unique_ptr<NodeTake> NodeTake::resume(Context context, const Plan& plan,
+std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& plan,
                                            const LoggedPulses& pulses, bool edges_are_reported) {
   const TakePaths paths = take_paths(context.studio, plan.order.take);
   TakeLock lock = lock_take(paths, context.name);

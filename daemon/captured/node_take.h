@@ -44,7 +44,7 @@ class NodeTake {
     Bus& bus;
     NodeCameras& cameras;
     PrioritySemaphore& slots;
-    const TakeSigner* signer = nullptr;  ///< null: takes are not signed
+    std::shared_ptr<const TakeSigner> signer = nullptr;  ///< null: the take is not signed
   };
   struct Plan {
     CommandMessage order;
@@ -54,7 +54,7 @@ class NodeTake {
   /// Creates the folder of a new take, and a pipeline for every camera that is ready. Throws
   /// InputError, also when the take exists or another process records into it under the node's
   /// name. After another failure, the folder is in the quarantine and the name is free again.
-  static std::unique_ptr<NodeTake> begin(Context context, const Plan& plan);
+  static std::unique_ptr<NodeTake> begin(const Context& context, const Plan& plan);
 
   /// The pulses in the log of a take, by which cameras find their pulse numbers.
   struct LoggedPulses {
@@ -63,7 +63,7 @@ class NodeTake {
   };
   /// Resumes a take after a restart. `edges_are_reported`: see NodeTrigger::reports_edges(). Throws
   /// InputError; the caller must then disarm the cameras.
-  static std::unique_ptr<NodeTake> resume(Context context, const Plan& plan,
+  static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
                                           const LoggedPulses& pulses, bool edges_are_reported);
 
   const TakePaths& paths() const { return paths_; }
@@ -90,7 +90,7 @@ class NodeTake {
 
  private:
   NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock);
-  static std::unique_ptr<NodeTake> create(Context context, const Plan& plan, TakeInfo info,
+  static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan, TakeInfo info,
                                           TakeLock lock);
   void add_pipeline(CameraWorker& worker, const BackgroundModel& background,
                     std::optional<ResumeState> resume = {});

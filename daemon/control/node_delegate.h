@@ -7,6 +7,7 @@
 #include "base/core/time.h"
 #include "daemon/control/control.h"
 #include "wire/messages.h"
+#include "wire/signing_key.h"
 
 namespace v3d {
 
@@ -21,6 +22,10 @@ struct NodeReport {
 class NodeDelegate {
  public:
   virtual ~NodeDelegate() = default;
+
+  /// The key of `[storage] signing_key`, after it was read for the first time or replaced. A take
+  /// that is armed keeps the previous key.
+  virtual void set_signing_key(const SigningKey& /*key*/) {}
 
   virtual void arm(const CommandMessage& command) = 0;
   virtual void learn(const CommandMessage& command) = 0;

@@ -25,6 +25,13 @@ inline constexpr char kQuarantined[] =
     "No action is needed if the take was aborted before its first pulse; the folder may be deleted";
 inline constexpr char kUnsigned[] =
     "The take is complete; sign it on this PC: v3dctl takes sign TAKE --node NODE";
+inline constexpr char kRecoveredUnsigned[] =
+    "The next start of v3d-captured tries again; or sign it on this PC: v3dctl takes sign TAKE "
+    "--node NODE";
+inline constexpr char kSigningKey[] =
+    "v3dctl verify rejects the takes that it signs: enter the public key in the studio file of "
+    "every "
+    "PC (v3dctl key node prints it)";
 inline constexpr char kStaysOpen[] =
     "What is on the disk is kept; check the disk (journalctl -k), then v3dctl verify TAKE "
     "--recover "

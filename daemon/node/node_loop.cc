@@ -38,10 +38,18 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& delegate)
 
 void NodeLoop::read_credentials() {
   const std::string change = files_.poll(Monotonic::now());
+  pass_on_signing_key();
   if (change.empty()) return;
   const std::string problem = credential_problem();
   if (problem.empty()) return spdlog::info("{}", change);
   spdlog::error("{}", problem);
+}
+
+void NodeLoop::pass_on_signing_key() {
+  const std::optional<SigningKey>& key = files_.signing_key();
+  if (!key || key->public_key() == passed_key_) return;
+  passed_key_ = key->public_key();
+  delegate_.set_signing_key(*key);
 }
 
 std::string NodeLoop::credential_problem() const {

@@ -30,7 +30,8 @@ struct NodeIdentity {
 
 /// Without a studio key, or without the member list and the signing key that the studio file names,
 /// the node rejects every command; its log and its health explain how to create them. It reads
-/// their files once a second, so they can be created or replaced without a restart. One thread.
+/// their files once a second, so they can be created or replaced without a restart, and passes the
+/// signing key on to the delegate. One thread.
 class NodeLoop {
  public:
   /// `delegate` and `bus` outlive the loop.
@@ -60,6 +61,7 @@ class NodeLoop {
   /// If the text of `health` is empty, sets it to the problem of the credentials or messages.
   void report_problem(HealthMessage& health) const;
   void read_credentials();
+  void pass_on_signing_key();
   std::string credential_problem() const;
   void feed_watchdog();
   void shut_down();
@@ -70,6 +72,7 @@ class NodeLoop {
   NodeProtocol protocol_;
   CommandReplayFilter filter_;
   CredentialFiles files_;
+  std::optional<PublicKey> passed_key_;  ///< of the signing key that the delegate has
   Subscription<CommandReplayFilter::Admitted> commands_;
   NameMonitor name_monitor_;
   std::string name_alarm_;  ///< empty: no other process has this node's name

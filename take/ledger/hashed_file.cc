@@ -18,8 +18,8 @@ constexpr uint32_t kMaxChannelBytes = 256;
 
 class FileTree {
  public:
-  FileTree(const io::File& file, uint64_t size, bool is_log)
-      : file_(file), reader_(file), size_(size), is_log_(is_log) {}
+  FileTree(const io::File& file, uint64_t size, bool is_log, const MayContinue& may_continue)
+      : file_(file), reader_(file), size_(size), is_log_(is_log), may_continue_(may_continue) {}
 
   io::Result<Hash> root() {
     HashTree tree;
@@ -54,6 +54,9 @@ class FileTree {
   io::Result<Hash> hash(uint64_t at, uint64_t length) {
     LeafHash leaf;
     for (const uint64_t end = at + length; at < end;) {
+      if (may_continue_ && !may_continue_()) {
+        return io::io_error("read", file_.path(), "stopped", ECANCELED);
+      }
       const auto block = std::span(chunk_).first(std::min(kBlock, end - at));
       if (const auto read = reader_.read_whole(at, block); !read) {
         return tl::make_unexpected(read.error());
@@ -68,20 +71,21 @@ class FileTree {
   SparseReader reader_;
   const uint64_t size_;
   const bool is_log_;
+  const MayContinue& may_continue_;
   std::vector<uint8_t> chunk_ = std::vector<uint8_t>(kBlock);
 };
 
 }  // namespace
 
-io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
-                                    int64_t bytes) {
+io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name, int64_t bytes,
+                                    const MayContinue& may_continue) {
   const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   const auto size = file->size();
   if (!size) return tl::make_unexpected(size.error());
   TakeFile hashed{.name = name, .bytes = static_cast<int64_t>(*size), .checksum = {}};
   if (hashed.bytes != bytes) return hashed;
-  const auto root = FileTree(*file, *size, name.ends_with(".lcmlog")).root();
+  const auto root = FileTree(*file, *size, name.ends_with(".lcmlog"), may_continue).root();
   if (!root) return tl::make_unexpected(root.error());
   hashed.root = *root;
   return hashed;

@@ -104,7 +104,8 @@ class Check {
     result_.signers.push_back({.node = signature.node,
                                .key = signature.key,
                                .is_known = !trusted.empty(),
-                               .signed_at = signature.signed_at});
+                               .signed_at = signature.signed_at,
+                               .occasion = signature.occasion});
     signatures_.push_back(std::move(signature));
   }
 

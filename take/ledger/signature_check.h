@@ -7,6 +7,7 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "take/ledger/take_signature.h"
 #include "take/take.h"
 #include "wire/signing_key.h"
 
@@ -18,6 +19,7 @@ struct SignedBy {
   PublicKey key;
   bool is_known = false;  ///< the studio file lists this key for this node
   RealtimeInstant signed_at;
+  SigningOccasion occasion = SigningOccasion::kUnknown;
   int64_t files = 0;  ///< number of files of the take that match this signature
 };
 

@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kFormat = TakeSignature::kNodesFormat;
+constexpr int64_t kFormat = TakeSignature::kOccasionFormat;
 
 std::string text_of(const TakeFile& file) {
   std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
@@ -31,6 +31,11 @@ std::string text_of(const SignedCamera& camera) {
          "\npublished = " + std::to_string(camera.published) + "\n";
 }
 
+std::string text_of_occasion(const TakeSignature& signature) {
+  if (signature.format < TakeSignature::kOccasionFormat) return "";
+  return "\noccasion = " + toml_string(std::string(name(signature.occasion)));
+}
+
 std::string text_of(const TakeSignature& signature) {
   std::string text =
       "format = " + std::to_string(signature.format) + "\ntake = " + toml_string(signature.take) +
@@ -38,7 +43,7 @@ std::string text_of(const TakeSignature& signature) {
       "\npublic_key = " + toml_string(signature.key.text()) +
       "\nstarted_ns = " + std::to_string(to_ns(signature.started)) +
       "  # since 1970, CLOCK_REALTIME\nsigned_ns = " + std::to_string(to_ns(signature.signed_at)) +
-      "\nrate_hz = " + toml_number(signature.rate_hz) +
+      text_of_occasion(signature) + "\nrate_hz = " + toml_number(signature.rate_hz) +
       "\npulses = " + std::to_string(signature.pulses) +
       "\nstate = " + toml_string(std::string(name(signature.state))) + "\n";
   for (const TakeNode& node : signature.nodes) text += toml_of("capture_node", node);
@@ -75,6 +80,16 @@ int64_t read_format(const TomlTable& table) {
   return format;
 }
 
+SigningOccasion read_occasion(const TomlTable& table, int64_t format) {
+  if (format < TakeSignature::kOccasionFormat) return SigningOccasion::kUnknown;
+  const std::string text = table.text("occasion");
+  for (const SigningOccasion occasion :
+       {SigningOccasion::kStop, SigningOccasion::kRecovery, SigningOccasion::kCommand}) {
+    if (text == name(occasion)) return occasion;
+  }
+  table.fail("occasion", "expected stop, recovery or command, found '" + text + "'");
+}
+
 TakeState read_state(const TomlTable& table) {
   const std::string text = table.text("state");
   for (const TakeState state : {TakeState::kComplete, TakeState::kRecovered}) {
@@ -83,14 +98,19 @@ TakeState read_state(const TomlTable& table) {
   table.fail("state", "expected complete or recovered, found '" + text + "'");
 }
 
-enum class CameraLogs : uint8_t { kKnownOnly, kRead };
+/// How files without a known root are signed.
+struct Reading {
+  bool reads_camera_logs = true;  ///< false: their lengths are signed
+  MayContinue may_continue = {};
+};
 
-io::Result<TakeFile> signed_file(const TakePaths& paths, const std::string& name,
-                                 const TakeFile* known, bool may_read) {
+io::Result<TakeFile> signed_file(const TakePaths& paths, const TakeInfo& info,
+                                 const std::string& name, const TakeFile* known,
+                                 const Reading& reading) {
   if (known != nullptr && known->root) return *known;
   auto now = stat_take_file(paths, name);
-  if (!now || !may_read) return now;
-  return hash_take_file(paths, name, now->bytes);
+  if (!now || (!reading.reads_camera_logs && is_camera_log(name, info))) return now;
+  return hash_take_file(paths, name, now->bytes, reading.may_continue);
 }
 
 /// The counts of the ledger, which the node has just written or an operator signs for it.
@@ -103,13 +123,15 @@ std::vector<SignedCamera> camera_counts(const TakePaths& paths) {
 }
 
 /// All but the files. Throws InputError when take.toml, studio.toml or the ledger cannot be read.
-TakeSignature signature_of(const TakePaths& paths, const TakeInfo& info, const TakeSigner& signer) {
+TakeSignature signature_of(const TakePaths& paths, const TakeInfo& info, const TakeSigner& signer,
+                           SigningOccasion occasion) {
   return {.take = info.name,
           .studio = info.studio,
           .node = signer.node,
           .key = signer.key.public_key(),
           .started = info.started,
           .signed_at = Realtime::now(),
+          .occasion = occasion,
           .rate_hz = info.rate_hz,
           .pulses = info.pulses,
           .state = info.state,
@@ -118,33 +140,56 @@ TakeSignature signature_of(const TakePaths& paths, const TakeInfo& info, const T
           .files = {}};
 }
 
-io::Status sign_or_throw(const TakePaths& paths, const TakeSigner& signer,
-                         const std::vector<TakeFile>& known, CameraLogs logs) {
+io::Result<TakeSignature> make_or_throw(const TakePaths& paths, const TakeSigner& signer,
+                                        SigningOccasion occasion,
+                                        const std::vector<TakeFile>& known,
+                                        const Reading& reading) {
   const TakeInfo info = load_take_info(paths);
-  TakeSignature signature = signature_of(paths, info, signer);
+  TakeSignature signature = signature_of(paths, info, signer, occasion);
   const auto names = take_file_names(paths);
   if (!names) return tl::make_unexpected(names.error());
   for (const std::string& name : *names) {
     if (!is_signed_file(name)) continue;
     const auto found = std::ranges::find(known, name, &TakeFile::name);
-    const bool may_read = logs == CameraLogs::kRead || !is_camera_log(name, info);
-    auto file = signed_file(paths, name, found == known.end() ? nullptr : &*found, may_read);
+    auto file = signed_file(paths, info, name, found == known.end() ? nullptr : &*found, reading);
     if (!file) return tl::make_unexpected(file.error());
     signature.files.push_back(*std::move(file));
   }
-  return save_signature(paths, signature, signer.key);
+  return signature;
 }
 
-io::Status sign(const TakePaths& paths, const TakeSigner& signer,
-                const std::vector<TakeFile>& known, CameraLogs logs) {
+io::Result<TakeSignature> make_signature(const TakePaths& paths, const TakeSigner& signer,
+                                         SigningOccasion occasion,
+                                         const std::vector<TakeFile>& known,
+                                         const Reading& reading) {
   try {
-    return sign_or_throw(paths, signer, known, logs);
+    return make_or_throw(paths, signer, occasion, known, reading);
   } catch (const InputError& error) {
     return io::io_error("sign", paths.folder, error.what());
   }
 }
 
+io::Status save_if_made(const TakePaths& paths, const io::Result<TakeSignature>& signature,
+                        const TakeSigner& signer) {
+  if (!signature) return tl::make_unexpected(signature.error());
+  return save_signature(paths, *signature, signer.key);
+}
+
 }  // namespace
+
+std::string_view name(SigningOccasion occasion) {
+  switch (occasion) {
+    case SigningOccasion::kStop:
+      return "stop";
+    case SigningOccasion::kRecovery:
+      return "recovery";
+    case SigningOccasion::kCommand:
+      return "command";
+    case SigningOccasion::kUnknown:
+      break;
+  }
+  return "unknown";
+}
 
 SignedCamera signed_counts(const CameraLedger& camera) {
   return {.name = camera.name,
@@ -170,23 +215,35 @@ io::Status save_signature(const TakePaths& paths, const TakeSignature& signature
 
 io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
                      const std::vector<TakeFile>& files) {
-  return sign(paths, signer, files, CameraLogs::kKnownOnly);
+  return save_if_made(
+      paths,
+      make_signature(paths, signer, SigningOccasion::kStop, files, {.reads_camera_logs = false}),
+      signer);
 }
 
-io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer) {
-  return sign(paths, signer, {}, CameraLogs::kRead);
+io::Result<TakeSignature> read_signature(const TakePaths& paths, const TakeSigner& signer,
+                                         SigningOccasion occasion,
+                                         const MayContinue& may_continue) {
+  return make_signature(paths, signer, occasion, {}, {.may_continue = may_continue});
+}
+
+io::Status sign_whole_take(const TakePaths& paths, const TakeSigner& signer,
+                           SigningOccasion occasion) {
+  return save_if_made(paths, read_signature(paths, signer, occasion), signer);
 }
 
 TakeSignature parse_signature(std::string_view text, const fs::path& path) {
   const SignedText signed_text = split_signed_text(text, path);
   const TomlTable table = TomlTable::parse(signed_text.text, path);
-  TakeSignature read{.format = read_format(table),
+  const int64_t format = read_format(table);
+  TakeSignature read{.format = format,
                      .take = table.text("take"),
                      .studio = table.text("studio"),
                      .node = table.text("node"),
                      .key = PublicKey::parse(table.text("public_key"), path.string()),
                      .started = from_ns<Realtime>(table.integer("started_ns")),
                      .signed_at = from_ns<Realtime>(table.integer("signed_ns")),
+                     .occasion = read_occasion(table, format),
                      .rate_hz = table.number("rate_hz"),
                      .pulses = table.integer("pulses"),
                      .state = read_state(table),

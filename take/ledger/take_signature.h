@@ -12,6 +12,7 @@
 
 #include "base/core/time.h"
 #include "base/io/result.h"
+#include "take/ledger/hashed_file.h"
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_files.h"
@@ -31,19 +32,33 @@ struct SignedCamera {
 };
 SignedCamera signed_counts(const CameraLedger& camera);
 
+/// When a take was signed. A signature of the stop covers what the node wrote. Those made later
+/// cover what the disk had then.
+enum class SigningOccasion : uint8_t {
+  kUnknown,   ///< a signature of an older format
+  kStop,      ///< by the node, when it closed the take
+  kRecovery,  ///< by the node, after a recovery had closed the take
+  kCommand    ///< by v3dctl takes sign
+};
+/// "stop", "recovery", "command"; "unknown" for kUnknown.
+std::string_view name(SigningOccasion occasion);
+
 /// The content of signature.<node>.toml.
 struct TakeSignature {
   /// The first format with `nodes` and `cameras`. Without them, the removal of everything that a
   /// node recorded is not noticed.
   static constexpr int64_t kNodesFormat = 2;
+  /// The first format with `occasion`.
+  static constexpr int64_t kOccasionFormat = 3;
 
-  int64_t format = kNodesFormat;
+  int64_t format = kOccasionFormat;
   std::string take;
   std::string studio;
   std::string node;
   PublicKey key;
   RealtimeInstant started;
   RealtimeInstant signed_at;
+  SigningOccasion occasion = SigningOccasion::kUnknown;
   double rate_hz = 0;
   int64_t pulses = 0;
   TakeState state = TakeState::kComplete;
@@ -69,7 +84,8 @@ struct TakeSigner {
 /// take.toml. The signature itself contains the fields of take.toml.
 bool is_signed_file(std::string_view name);
 
-/// Signs a closed take as `signer`, and replaces an earlier signature of this node.
+/// Signs a take that was just closed as `signer` (SigningOccasion::kStop), and replaces an earlier
+/// signature of this node.
 ///
 /// `files`: entries with known roots, for example from EventLogWriter::file(). Other files are
 /// read, except camera logs. Requires the ledger. Fails with path and cause; throws nothing that a
@@ -77,9 +93,16 @@ bool is_signed_file(std::string_view name);
 [[nodiscard]] io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
                                    const std::vector<TakeFile>& files);
 
-/// Reads all files including camera logs, and signs the take. Used after a recovery. Fails with
-/// path and cause.
-[[nodiscard]] io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer);
+/// Reads all files of a closed take, camera logs included, and makes the signature that
+/// save_signature() writes. Fails with path and cause; with ECANCELED when `may_continue` returned
+/// false.
+[[nodiscard]] io::Result<TakeSignature> read_signature(const TakePaths& paths,
+                                                       const TakeSigner& signer,
+                                                       SigningOccasion occasion,
+                                                       const MayContinue& may_continue = {});
+/// read_signature() and save_signature().
+[[nodiscard]] io::Status sign_whole_take(const TakePaths& paths, const TakeSigner& signer,
+                                         SigningOccasion occasion);
 
 /// Signs `signature` with `key`, and replaces signature.<node>.toml. Fails with path and cause.
 [[nodiscard]] io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,

@@ -5,15 +5,19 @@
 #include <csignal>
 
 #include "studio4.h"
+#include "take/ledger/take_signature.h"
 
 namespace v3d {
 namespace {
 
+using test::becomes_true;
 using test::ChildProcess;
 using test::Studio4;
 using test::within;
 using testing::AllOf;
+using testing::ContainsRegex;
 using testing::HasSubstr;
+using testing::Not;
 
 class SignedStudio : public Studio4 {
  protected:
@@ -24,10 +28,17 @@ class SignedStudio : public Studio4 {
     ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
     const Answer stopped = command(CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-    const auto [status, text] = v3dctl({"takes", "collect", take_name_, "--to", archive().string(),
-                                        "--from", "cap01=" + folder_.path().string(), "--from",
-                                        "cap02=" + (folder_ / "cap02").string()});
+    const auto [status, text] = collect();
     ASSERT_EQ(status, 0) << text;
+  }
+  std::pair<int, std::string> collect() const {
+    return v3dctl({"takes", "collect", take_name_, "--to", archive().string(), "--from",
+                   "cap01=" + folder_.path().string(), "--from",
+                   "cap02=" + (folder_ / "cap02").string()});
+  }
+  bool captured_logs(const std::string& text) const {
+    return becomes_true([&] { return captured_->output().find(text) != std::string::npos; },
+                        within(60));
   }
   std::pair<int, std::string> v3dctl(const std::vector<std::string>& words) const {
     std::vector<std::string> command = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
@@ -35,6 +46,11 @@ class SignedStudio : public Studio4 {
     ChildProcess process(command, folder_ / "v3dctl.log");
     const int status = process.wait(within(60)).value_or(-1);
     return {status, process.output()};
+  }
+  /// The public key with which cap01 signed the take.
+  std::string key_of_signature() const {
+    const auto path = signature_path(take(), "cap01");
+    return parse_signature(read_file(path), path).key.text();
   }
   std::pair<int, std::string> verify() const {
     return v3dctl({"verify", (archive() / take_name_).string(), "--signed"});
@@ -60,15 +76,49 @@ TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_c
   EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
 }
 
-TEST_F(SignedStudio, does_not_start_a_node_with_a_key_other_than_that_of_the_studio_file) {
-  captured_->signal(SIGTERM);
-  captured_->wait(within(30));
-  std::filesystem::remove(folder_ / "node.key");
-  SigningKey::make().save(folder_ / "node.key");
+TEST_F(SignedStudio, signs_a_running_take_with_the_old_key_and_the_next_one_with_the_new_key) {
+  ASSERT_NO_FATAL_FAILURE(arm_and_start(0));
+  ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
+  const SigningKey next = SigningKey::make();
+  next.save(folder_ / "next.key");
+  std::filesystem::rename(folder_ / "next.key", folder_ / "node.key");
+  ASSERT_TRUE(captured_logs("node.key: a new signing key")) << log();
+  EXPECT_TRUE(captured_logs("studio.toml has another for node cap01")) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const std::string first = studio_.nodes.front().public_key;
+  EXPECT_EQ(key_of_signature(), first);
+
+  std::string text = read_file(studio_.path);
+  replace(text, first, next.public_key().text());
+  test::write_text(studio_.path, text);
+  EXPECT_TRUE(captured_logs("signing key: the problem has ended")) << log();
+  take_name_ = "kendo-08";
+  ASSERT_NO_FATAL_FAILURE(record_and_collect());
+  EXPECT_EQ(key_of_signature(), next.public_key().text());
+  const auto [status, verified] = verify();
+  EXPECT_EQ(status, 0) << verified;
+}
+
+TEST_F(SignedStudio, signs_a_recovered_take_in_the_background_and_verify_states_it) {
+  ASSERT_NO_FATAL_FAILURE(arm_and_start(0));
+  ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
+  captured_->signal(SIGKILL);
+  ASSERT_TRUE(captured_->wait(within(60)));
+  const auto is_closed_by_cap02 = [&] {
+    return std::filesystem::exists(folder_ / "cap02" / take_name_ / "signature.cap02.toml");
+  };
   start_captured();
-  EXPECT_EQ(captured_->wait(within(30)), 2);
-  EXPECT_THAT(captured_->output(), AllOf(HasSubstr("node.key: its public key is "),
-                                         HasSubstr("has another for node cap01")));
+  ASSERT_TRUE(becomes_true(is_closed_by_cap02, within(60))) << log();
+  ASSERT_TRUE(captured_logs("take: kendo-07 is signed, after its recovery")) << log();
+  EXPECT_EQ(value("cap01", "takes_to_sign"), 0);
+
+  const std::string late = "; signed after a recovery, not at the stop";
+  collect();
+  const std::string text = verify().second;
+  EXPECT_THAT(text, AllOf(ContainsRegex("signed by cap01, key [^\n]*" + late),
+                          Not(ContainsRegex("signed by cap02, key [^\n]*" + late)),
+                          Not(HasSubstr("not every node and file has a signature"))));
 }
 
 }  // namespace

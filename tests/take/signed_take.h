@@ -104,6 +104,11 @@ class SignedTake : public testing::Test {
     io::throw_if_failed(sign_take(paths, {node, key}, ledger.files));
   }
 
+  /// Signs take_ as `v3dctl takes sign` does.
+  io::Status sign_whole(const std::string& node, const SigningKey& key) const {
+    return sign_whole_take(take_, {node, key}, SigningOccasion::kCommand);
+  }
+
   SignatureCheck check() const { return check_signatures(take_, &studio_); }
   SignatureCheck check(const TakePaths& paths) const { return check_signatures(paths, &studio_); }
 

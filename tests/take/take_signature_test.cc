@@ -98,10 +98,41 @@ TEST_F(TakeSigning, reports_an_unknown_signer_without_a_studio_file) {
 
 TEST_F(TakeSigning, has_the_same_roots_from_the_writer_and_from_reading) {
   const TakeSignature before = parse_signature(read_file(signature_file()), signature_file());
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  ASSERT_TRUE(sign_whole("cap01", cap01_));
   const TakeSignature after = parse_signature(read_file(signature_file()), signature_file());
   EXPECT_EQ(before.files, after.files);
   for (const TakeFile& file : after.files) EXPECT_TRUE(file.root) << file.name;
+}
+
+TEST_F(TakeSigning, states_whether_it_was_signed_at_the_stop_after_a_recovery_or_by_a_command) {
+  EXPECT_THAT(read_file(signature_file()), HasSubstr("format = 3"));
+  EXPECT_EQ(check().signers.at(0).occasion, SigningOccasion::kStop);
+  for (const SigningOccasion occasion : {SigningOccasion::kRecovery, SigningOccasion::kCommand}) {
+    ASSERT_TRUE(sign_whole_take(take_, {"cap01", cap01_}, occasion));
+    EXPECT_EQ(check().signers.at(0).occasion, occasion);
+    EXPECT_TRUE(check().is_complete);
+  }
+  std::string text = read_file(signature_file());
+  text.replace(text.find("'command'"), 9, "'stop'");
+  EXPECT_THAT(error_message(text), HasSubstr("its signature is wrong"));
+  text.replace(text.find("'stop'"), 6, "'later'");
+  EXPECT_THAT(error_message(text), HasSubstr("expected stop, recovery or command"));
+}
+
+TEST_F(TakeSigning, has_no_occasion_in_format_2) {
+  resign(take_, "cap01", cap01_, [](TakeSignature& signature) { signature.format = 2; });
+  EXPECT_THAT(read_file(signature_file()), Not(HasSubstr("occasion")));
+  EXPECT_EQ(check().signers.at(0).occasion, SigningOccasion::kUnknown);
+  EXPECT_TRUE(check().is_complete);
+}
+
+TEST_F(TakeSigning, stops_reading_when_it_may_not_continue) {
+  int reads = 0;
+  const auto stopped = read_signature(take_, {"cap01", cap01_}, SigningOccasion::kRecovery,
+                                      [&] { return ++reads < 3; });
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().code, ECANCELED);
+  EXPECT_EQ(reads, 3);
 }
 
 TEST_F(TakeSigning, is_rejected_when_any_byte_of_a_file_is_changed) {
@@ -165,7 +196,7 @@ TEST_F(TakeSigning, is_rejected_when_any_byte_of_the_signature_is_changed) {
 }
 
 TEST_F(TakeSigning, is_rejected_when_another_key_signed_it) {
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", SigningKey::make()}));
+  ASSERT_TRUE(sign_whole("cap01", SigningKey::make()));
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("the studio file has")));
   EXPECT_FALSE(check().is_complete);
   studio_.nodes[0].public_key.clear();
@@ -176,7 +207,7 @@ TEST_F(TakeSigning, is_rejected_when_another_key_signed_it) {
 
 TEST_F(TakeSigning, is_rejected_when_the_signer_does_not_own_the_camera) {
   fs::remove(signature_file());
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  ASSERT_TRUE(sign_whole("cap02", cap02_));
   EXPECT_THAT(check().disagreements,
               Contains("cam01.lcmlog: was signed by cap02, but its camera belongs to cap01"));
   EXPECT_THAT(check().notes, Contains(HasSubstr("no signature of cap01")));
@@ -217,7 +248,7 @@ TEST_F(TakeSigning, fails_with_a_cause_for_a_take_without_a_ledger_or_with_a_dam
     const std::string content = read_file(file);
     test::write_text(file, "damaged");
     for (const io::Status& done :
-         {sign_take(take_, {"cap01", cap01_}, {}), sign_recovered_take(take_, {"cap01", cap01_})}) {
+         {sign_take(take_, {"cap01", cap01_}, {}), sign_whole("cap01", cap01_)}) {
       ASSERT_FALSE(done);
       EXPECT_THAT(done.error().message,
                   AllOf(HasSubstr("cannot sign " + take_.folder.string()),
@@ -244,7 +275,7 @@ TEST_F(TakeSigning, is_rejected_when_a_stranger_signed_a_changed_file) {
   for (const fs::path& file : {take_.frames("cam01"), take_.pulses(), take_.calib()}) {
     const std::string content = read_file(file);
     test::write_text(file, content + "x");
-    ASSERT_TRUE(sign_recovered_take(take_, {"stranger", SigningKey::make()}));
+    ASSERT_TRUE(sign_whole("stranger", SigningKey::make()));
     const std::string name = file.filename();
     EXPECT_THAT(check().disagreements,
                 ElementsAre(name + ": does not match the signature of cap01"));
@@ -256,7 +287,7 @@ TEST_F(TakeSigning, is_rejected_when_a_stranger_signed_a_changed_file) {
 TEST_F(TakeSigning, is_not_complete_with_a_file_that_only_a_stranger_signed) {
   test::write_text(take_.folder / "cam09.lcmlog", "frames");
   EXPECT_FALSE(check().is_complete);
-  ASSERT_TRUE(sign_recovered_take(take_, {"stranger", SigningKey::make()}));
+  ASSERT_TRUE(sign_whole("stranger", SigningKey::make()));
   EXPECT_THAT(check().disagreements, IsEmpty());
   EXPECT_FALSE(check().is_complete);
   fs::remove(take_.folder / "cam09.lcmlog");
@@ -265,10 +296,10 @@ TEST_F(TakeSigning, is_not_complete_with_a_file_that_only_a_stranger_signed) {
 }
 
 TEST_F(TakeSigning, accepts_plates_and_logs_only_from_the_node_of_the_camera) {
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  ASSERT_TRUE(sign_whole("cap02", cap02_));
   EXPECT_THAT(check().disagreements, IsEmpty()) << "both signed the same files";
   test::write_text(take_.background() / "cam01.toml", "another plate");
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  ASSERT_TRUE(sign_whole("cap02", cap02_));
   EXPECT_THAT(check().disagreements,
               ElementsAre("background/cam01.toml: does not match the signature of cap01"));
 }
@@ -277,7 +308,7 @@ TEST_F(TakeSigning, reads_no_file_outside_the_take) {
   test::write_text(folder_ / "outside", "secret");
   for (const std::string& name : {std::string("../outside"), (folder_ / "outside").string()}) {
     // The signature is valid: the attacker has a known key.
-    ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+    ASSERT_TRUE(sign_whole("cap01", cap01_));
     TakeSignature signature = parse_signature(read_file(signature_file()), signature_file());
     signature.files.push_back({.name = name, .bytes = 6, .checksum = {}});
     ASSERT_TRUE(save_signature(take_, signature, cap01_));
@@ -301,7 +332,7 @@ TEST_F(TakeSigning, is_rejected_with_another_rate_or_number_of_pulses) {
 TEST_F(TakeSigning, is_not_complete_when_a_log_is_signed_by_its_length_only) {
   ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
   EXPECT_FALSE(check().is_complete);
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  ASSERT_TRUE(sign_whole("cap01", cap01_));
   EXPECT_TRUE(check().is_complete);
 }
 
@@ -309,7 +340,7 @@ TEST_F(TakeSigning, covers_a_damaged_log) {
   std::string content = read_file(take_.frames("cam02"));
   content.insert(content.size() / 2, std::string(3 << 20, 'x'));
   test::write_text(take_.frames("cam02"), content);
-  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  ASSERT_TRUE(sign_whole("cap01", cap01_));
   EXPECT_THAT(check().disagreements, IsEmpty());
   content.back() = static_cast<char>(content.back() ^ 1);
   test::write_text(take_.frames("cam02"), content);

@@ -87,6 +87,58 @@ TEST_F(KeyFile, that_is_damaged_readable_for_others_or_missing_leaves_the_key_in
   EXPECT_TRUE(key.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 1h)));
 }
 
+/// The signing key of a capture node of a studio without a member list.
+class SigningKeyFile : public KeyFile {
+ protected:
+  SigningKeyFile() { replace_key(); }
+
+  CredentialFiles files_of(const std::string& node, Role role) {
+    return {{.studio = "kyoto",
+             .studio_key = path_,
+             .signing_key = signing_key_,
+             .node = node,
+             .role = role},
+            credentials_,
+            authenticator_};
+  }
+  PublicKey replace_signing_key() const {
+    const SigningKey key = SigningKey::make();
+    key.save(folder_ / "next.key");
+    std::filesystem::rename(folder_ / "next.key", signing_key_);
+    return key.public_key();
+  }
+
+  const std::filesystem::path signing_key_ = folder_ / "node.key";
+};
+
+TEST_F(SigningKeyFile, is_read_when_it_is_made_or_replaced_without_a_restart) {
+  CredentialFiles files = files_of("cap01", Role::kCapture);
+  EXPECT_THAT(files.poll(kNow), AllOf(StartsWith("takes are not signed: "),
+                                      HasSubstr("make one on each PC with v3dctl key node")));
+  EXPECT_TRUE(files.is_ready()) << "the node records takes without a signature";
+  EXPECT_FALSE(files.signing_key().has_value());
+  const PublicKey first = replace_signing_key();
+  EXPECT_THAT(files.poll(kNow), HasSubstr("the signing key is readable again"));
+  EXPECT_EQ(files.signing_key().value().public_key(), first);
+  EXPECT_THAT(files.problem(), IsEmpty());
+  const PublicKey second = replace_signing_key();
+  EXPECT_THAT(files.poll(kNow), HasSubstr("node.key: a new signing key"));
+  EXPECT_EQ(files.signing_key().value().public_key(), second);
+  test::write_text(signing_key_, "damaged");
+  EXPECT_THAT(files.poll(kNow), StartsWith("the previous signing key stays in use: "));
+  EXPECT_EQ(files.signing_key().value().public_key(), second);
+}
+
+TEST_F(SigningKeyFile, is_not_read_by_processes_that_sign_nothing) {
+  for (const auto& [node, role] :
+       {std::pair("recon01", Role::kReconstruction), std::pair("", Role::kOperator)}) {
+    CredentialFiles files = files_of(node, role);
+    files.start_signing();
+    EXPECT_THAT(files.poll(kNow), IsEmpty()) << node;
+    EXPECT_THAT(files.problem(), IsEmpty()) << node;
+  }
+}
+
 /// The files of a node of a studio with a member list.
 class MemberFiles : public testing::Test {
  protected:

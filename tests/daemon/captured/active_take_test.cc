@@ -53,9 +53,7 @@ class ActiveTakeTest : public testing::Test {
     return studio;
   }
   ActiveTake::Context context() {
-    return {{studio_, node_, bus_, cameras_, slots_, signer_ ? &*signer_ : nullptr},
-            trigger_,
-            [](const PulseEdge&) {}};
+    return {{studio_, node_, bus_, cameras_, slots_, signer_}, trigger_, [](const PulseEdge&) {}};
   }
   static ActiveTake::Plan plan(CommandVerb verb) {
     CommandMessage order;
@@ -84,7 +82,7 @@ class ActiveTakeTest : public testing::Test {
   NodeTrigger trigger_;
   NodeCameras cameras_{studio_, node_, pulse_times_};
   PrioritySemaphore slots_{1};
-  std::optional<TakeSigner> signer_;
+  std::shared_ptr<const TakeSigner> signer_;
 };
 
 class TakeOfTheTriggersNode : public ActiveTakeTest {
@@ -118,7 +116,7 @@ TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
 }
 
 TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed) {
-  signer_ = {kTriggerNode, SigningKey::make()};
+  signer_ = std::make_shared<const TakeSigner>(TakeSigner{kTriggerNode, SigningKey::make()});
   const auto take = started(CommandVerb::kArm);
   run_train(*take);
   test::write_text(paths().studio(), "damaged");

@@ -3,8 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include "base/config/calib_file.h"
+#include "base/io/whole_file.h"
+#include "daemon/node/take_folder.h"
 #include "support/child_process.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/take_signature.h"
 #include "trigger/cable_server.h"
 
 namespace v3d {
@@ -17,15 +22,26 @@ class TriggerOnlyNode : public testing::Test {
  protected:
   Studio studio() const {
     Studio studio;
+    studio.name = "dojo";
+    studio.path = folder_ / "studio.toml";
+    test::write_text(studio.path, test::studio_text({{"cap01", {}}, {"cap02", {"cam01"}}}));
     studio.nodes = {{"cap01"}};
     studio.trigger.node = "cap01";
     studio.trigger.wire = cable_.path();
     studio.trigger.rate_hz = 5;
+    studio.storage.takes = folder_ / "takes";
     studio.storage.background = folder_ / "background";
+    studio.storage.calib = folder_ / "calib.toml";
+    const Eigen::Matrix3d intrinsics = Eigen::Vector3d(600, 600, 1).asDiagonal();
+    save_calib(studio.storage.calib,
+               {RigCamera{.name = "cam01", .model = {{640, 480}, intrinsics, {}, {}}}});
+    std::filesystem::create_directories(studio.storage.takes);
+    std::filesystem::create_directories(studio.storage.background);
     return studio;
   }
   static CommandMessage order(CommandVerb verb) {
     CommandMessage order;
+    order.sender = "ada@pc";
     order.verb = verb;
     order.take = name(verb);
     order.pulses = kPulses;
@@ -41,6 +57,23 @@ class TriggerOnlyNode : public testing::Test {
         },
         test::within(30)));
     return report.value_or(NodeReport{});
+  }
+  void start_take(const std::string& take) {
+    CommandMessage arm = order(CommandVerb::kArm);
+    arm.take = take;
+    node_.arm(arm);
+    ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
+    node_.start();
+  }
+  void finish_take() {
+    EXPECT_EQ(report(Phase::kRecording).event, Input::kTrainEnded);
+    node_.drain();
+    EXPECT_EQ(report(Phase::kDraining).event, Input::kDrained);
+    node_.disarm();
+  }
+  PublicKey key_of_signature(const std::string& take) const {
+    const auto path = signature_path(take_paths(studio_, take), "cap01");
+    return parse_signature(read_file(path), path).key;
   }
   double pulses_commanded() {
     HealthMessage health;
@@ -72,6 +105,22 @@ TEST_F(TriggerOnlyNode, fires_every_pulse_of_a_check) {
   node_.drain();
   EXPECT_EQ(report(Phase::kDraining).text, "checked 0 cameras");
   EXPECT_EQ(pulses_commanded(), kPulses);
+}
+
+TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_armed) {
+  const SigningKey first = SigningKey::make(), second = SigningKey::make();
+  start_take("kendo-01");
+  node_.set_signing_key(first);
+  finish_take();
+  EXPECT_FALSE(std::filesystem::exists(signature_path(take_paths(studio_, "kendo-01"), "cap01")))
+      << "it was armed without a key";
+  start_take("kendo-02");
+  node_.set_signing_key(second);
+  finish_take();
+  EXPECT_EQ(key_of_signature("kendo-02"), first.public_key());
+  start_take("kendo-03");
+  finish_take();
+  EXPECT_EQ(key_of_signature("kendo-03"), second.public_key());
 }
 
 }  // namespace

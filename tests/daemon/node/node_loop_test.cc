@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 #include <thread>
 
 #include "base/io/whole_file.h"
@@ -20,9 +21,19 @@ namespace {
 using test::becomes_true;
 using test::within;
 
-/// A node that does nothing.
+/// A node that only keeps the signing keys that it gets.
 class IdleDelegate : public NodeDelegate {
  public:
+  /// The public keys, oldest first. Any thread.
+  std::vector<PublicKey> signing_keys() const {
+    const std::scoped_lock lock(mutex_);
+    return keys_;
+  }
+
+  void set_signing_key(const SigningKey& key) override {
+    const std::scoped_lock lock(mutex_);
+    keys_.push_back(key.public_key());
+  }
   void arm(const CommandMessage&) override {}
   void learn(const CommandMessage&) override {}
   void start() override {}
@@ -31,6 +42,10 @@ class IdleDelegate : public NodeDelegate {
   std::optional<NodeReport> poll(Phase) override { return std::nullopt; }
   void report_health(HealthMessage&) override {}
   bool progressed_since(MonotonicInstant) const override { return true; }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<PublicKey> keys_;
 };
 
 /// A node with its loop in a thread.
@@ -49,6 +64,7 @@ class RunningNode {
     stopping_ = true;
     thread_.join();
   }
+  std::vector<PublicKey> signing_keys() const { return delegate_.signing_keys(); }
   RunningNode(const RunningNode&) = delete;
   RunningNode& operator=(const RunningNode&) = delete;
 
@@ -116,6 +132,21 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
     EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
     EXPECT_EQ(health.values.at("commands_forged"), 0) << node;
   }
+}
+
+TEST_F(NodeLoops, pass_a_signing_key_that_is_made_or_replaced_to_the_capture_node) {
+  studio_.storage.signing_key = folder_ / "node.key";
+  start();
+  std::vector<PublicKey> made;
+  EXPECT_EQ(capture_->signing_keys(), made);
+  for (int i = 0; i < 2; ++i) {
+    const SigningKey key = SigningKey::make();
+    key.save(folder_ / "next.key");
+    std::filesystem::rename(folder_ / "next.key", studio_.storage.signing_key);
+    made.push_back(key.public_key());
+    ASSERT_TRUE(becomes_true([&] { return capture_->signing_keys() == made; }, within(60)));
+  }
+  EXPECT_THAT(recon_->signing_keys(), testing::IsEmpty()) << "it signs nothing";
 }
 
 /// With a member list.

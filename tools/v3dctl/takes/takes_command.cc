@@ -103,7 +103,7 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
                        " is being recorded, or was not closed: v3dctl verify --recover " +
                        take.paths.folder.string());
     }
-    io::throw_if_failed(sign_recovered_take(take.paths, signer));
+    io::throw_if_failed(sign_whole_take(take.paths, signer, SigningOccasion::kCommand));
     std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
   }
   return kExitDone;
