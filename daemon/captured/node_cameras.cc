@@ -7,6 +7,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "capture/cameras/make_camera.h"
 #include "daemon/node/take_folder.h"
 
