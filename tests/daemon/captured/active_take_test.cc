@@ -171,11 +171,11 @@ class TakeOfAnotherNode : public ActiveTakeTest {
     message.pulse = pulse;
     bus_.publish_authenticated(kPulseChannel, encode(message));
   }
-  void publish_commanded(int64_t pulses) {
+  void publish_commanded(int64_t pulses, NodeState state = NodeState::kRecording) {
     HealthMessage health;
     health.sent = Realtime::now();
     health.node = kTriggerNode;
-    health.state = NodeState::kRecording;
+    health.state = state;
     health.take = kTake;
     health.values["pulses_commanded"] = static_cast<double>(pulses);
     bus_.publish(health_channel(kTriggerNode), encode(health));
@@ -210,6 +210,26 @@ TEST_F(TakeOfAnotherNode, omits_the_sensed_pulses_when_a_message_was_lost) {
   const TakeResult result = drain(*take);
   EXPECT_EQ(result.ledger.commanded, kPulses);
   EXPECT_FALSE(result.ledger.sensed.has_value());
+}
+
+TEST_F(TakeOfAnotherNode, has_a_minimum_of_pulses_when_it_is_closed_before_the_train_ends) {
+  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+  trigger_.start();
+  publish_commanded(kPulses - 1);
+  ASSERT_TRUE(receives(*take, kPulses - 1, 0));
+  EXPECT_TRUE(drain(*take).ledger.commanded_is_minimum);
+}
+
+TEST_F(TakeOfAnotherNode, has_all_pulses_when_the_triggers_node_has_stopped_or_none_can_follow) {
+  for (const auto& [pulses, state] :
+       {std::pair(kPulses - 1, NodeState::kDraining), std::pair(kPulses, NodeState::kRecording)}) {
+    std::filesystem::remove_all(paths().folder);
+    const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+    trigger_.start();
+    publish_commanded(pulses, state);
+    ASSERT_TRUE(receives(*take, pulses, 0));
+    EXPECT_FALSE(drain(*take).ledger.commanded_is_minimum) << pulses;
+  }
 }
 
 TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
