@@ -140,10 +140,12 @@ Result<File> File::open(fs::path path, OpenMode mode) {
                     "it is a symbolic link, or its path has too many of them", ELOOP);
   }
   if (!fd) return io_error(action_of(mode), path);
-  struct stat status {};
-  if (fstat(fd.get(), &status) != 0) return io_error(action_of(mode), path);
-  if (!S_ISREG(status.st_mode)) {
-    return io_error(action_of(mode), path, "it is not a regular file");
+  if ((flags_of(mode) & O_EXCL) == 0) {  // a file that was just made is a regular one
+    struct stat status {};
+    if (fstat(fd.get(), &status) != 0) return io_error(action_of(mode), path);
+    if (!S_ISREG(status.st_mode)) {
+      return io_error(action_of(mode), path, "it is not a regular file");
+    }
   }
   return File(std::move(path), std::move(fd));
 }

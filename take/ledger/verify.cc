@@ -94,7 +94,7 @@ class FileCheck {
     if (std::ranges::find(result_.files, name, &TakeFile::name) != result_.files.end()) return;
     const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
     auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
-    if (!file) return result_.disagreements.push_back(file.error().message);
+    if (!file) return report_unreadable(file.error().message);
     if (entry) compare(*entry, *file);
     if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
     result_.files.push_back(*std::move(file));
@@ -110,6 +110,13 @@ class FileCheck {
     } else if (!entry.checksum) {
       result_.notes.push_back(file.name +
                               ": the ledger has no checksum of it, as after a recovery");
+    }
+  }
+
+  /// Reports a log once, though it is read for its events and for its checksum.
+  void report_unreadable(const std::string& line) {
+    if (std::ranges::find(result_.disagreements, line) == result_.disagreements.end()) {
+      result_.disagreements.push_back(line);
     }
   }
 

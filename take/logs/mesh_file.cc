@@ -198,7 +198,9 @@ class MeshFileWriter::Impl {
     if (auto written = file_->write(0, {mesh_file::header()}); !written) {
       io::throw_input_error(written.error());
     }
-    // Sync the folder: without its directory entry, the whole file is lost in a power cut.
+    // Without its header, the file cannot be continued after a power cut; without its name in the
+    // folder, it is lost.
+    if (auto synced = sync_->sync(); !synced) io::throw_input_error(synced.error());
     if (auto synced = io::sync_folder(path.parent_path()); !synced) {
       io::throw_input_error(synced.error());
     }

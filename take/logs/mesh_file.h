@@ -20,8 +20,9 @@ namespace v3d {
 class MeshFileWriter {
  public:
   /// kNew creates the file and fails when the name exists. kContinue appends after the last byte of
-  /// an existing file, changes none of its bytes, and creates the file if it does not exist. Throws
-  /// InputError when the file cannot be created, opened or read, or is not a mesh file.
+  /// an existing file, changes none of its bytes, and creates the file if it does not exist. Header
+  /// and name of a new file are on the disk when the constructor returns. Throws InputError when
+  /// the file cannot be created, opened or read, or is not a mesh file.
   explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
   ~MeshFileWriter();  ///< calls close() and ignores its errors
   MeshFileWriter(MeshFileWriter&&) noexcept;

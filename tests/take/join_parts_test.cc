@@ -201,7 +201,7 @@ calib = "calib.toml"
 TEST_F(JoinParts, names_the_capture_nodes_that_are_left_out) {
   test::write_text(part("cap01").studio(), kStudio);
   record("cap03", {}, 3);
-  join_parts({part("cap01"), part("recon01")}, whole_);
+  join_parts({part("cap01")}, whole_);
   const Ledger ledger = load_ledger(whole_.ledger());
   const TakeNode cap02{"cap02", {"cam03", "cam04"}}, cap03{"cap03", {}};
   EXPECT_THAT(ledger.absent_nodes, ElementsAre(cap02, cap03));

@@ -22,8 +22,8 @@ const std::vector<uint8_t> kMesh(1000, 7);
 class MeshSync : public testing::Test {
  protected:
   const test::TemporaryFolder folder_;
-  test::FsyncHook hook_;
   MeshFileWriter file_{folder_ / "mesh.v3d"};
+  test::FsyncHook hook_;
 };
 
 TEST_F(MeshSync, runs_periodically_during_appends_in_another_thread) {
