@@ -173,10 +173,6 @@ bool ActiveTake::is_drained() const {
       commanded(), is_idle ? std::optional(Monotonic::now() - idle_time) : std::nullopt);
 }
 
-bool ActiveTake::commanded_is_final(int64_t commanded) const {
-  return context_.trigger.commanded_is_final() || plan_.train.count == commanded;
-}
-
 bool ActiveTake::sensed_count_is_known(int64_t commanded) const {
   return v3d::sensed_count_is_known(context_.studio.trigger.is_sensed(),
                                     context_.trigger.sensor() != nullptr, pulses_->sensed(),
@@ -187,7 +183,8 @@ TakeResult ActiveTake::close() {
   TakeResult result;
   Ledger& ledger = result.ledger;
   ledger.commanded = commanded();
-  ledger.commanded_is_minimum = !commanded_is_final(ledger.commanded);
+  ledger.commanded_is_minimum =
+      !context_.trigger.end_is_known() && plan_.train.count != ledger.commanded;
   if (check_) result.checked = check_->close(ledger.commanded);
   if (sensed_count_is_known(ledger.commanded)) pulses_->fill_ledger(ledger, ledger.commanded);
   if (recording_) recording_->stop_pipelines(ledger);

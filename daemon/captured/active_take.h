@@ -98,7 +98,6 @@ class ActiveTake {
   void start_pulse_recorder(const std::filesystem::path& log,
                             std::optional<PulseRecorder::Resume> resume = {});
   int64_t commanded() const { return context_.trigger.commanded(pulses_->seen()); }
-  bool commanded_is_final(int64_t commanded) const;
   bool sensed_count_is_known(int64_t commanded) const;
   bool pulses_are_complete(bool is_idle) const;
 

@@ -50,8 +50,8 @@ class NodeTrigger {
   bool sensor_count_is_better() const;
   /// Pulses of the train until now. `seen`: pulses that this node has seen.
   int64_t commanded(int64_t seen) const;
-  /// After the train: true when no pulse can have been commanded beyond commanded().
-  bool commanded_is_final() const { return generator_ || monitor_->commanded_is_final(); }
+  /// False on another node that has not heard the end of the train: it may go on.
+  bool end_is_known() const { return generator_ || monitor_->ended(); }
 
   /// One line each; empty without a fault, and on other nodes.
   std::string fault() const { return generator_ ? generator_->fault() : ""; }

@@ -46,10 +46,7 @@ void TrainState::on_health(const HealthMessage& health, const std::string& take)
   const bool is_current =
       was_running_ || std::chrono::abs(health.sent - *first_sent_) > kMaxInFlight;
   ended_ = ended_ || (!is_running && is_current);
-  if (!ours || commanded_is_final_) return;
-  const auto commanded = commanded_by(health);
-  commanded_ = commanded.value_or(commanded_);
-  commanded_is_final_ = commanded && health.state == NodeState::kDraining;
+  if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }
 
 TrainMonitor::TrainMonitor(Bus& bus, const std::string& trigger_node)

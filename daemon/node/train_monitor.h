@@ -34,15 +34,11 @@ class TrainState {
   bool ended() const { return ended_; }
   /// Pulses of the take that have been commanded, according to the last message.
   int64_t commanded() const { return commanded_; }
-  /// True once a message was sent between the last pulse and the end of the take: commanded() is
-  /// the number of its pulses. False when such messages were lost or the trigger's node crashed.
-  bool commanded_is_final() const { return commanded_is_final_; }
 
  private:
   bool is_newer(const HealthMessage& health);
 
   bool ended_ = false;
-  bool commanded_is_final_ = false;
   bool was_running_ = false;                   ///< the trigger's node was armed or recording
   std::optional<RealtimeInstant> first_sent_;  ///< of the first message, by that node's clock
   RealtimeInstant newest_sent_;
@@ -68,7 +64,6 @@ class TrainMonitor {
   void poll(const std::string& take);
   bool ended() const { return train_.ended(); }
   int64_t commanded() const { return train_.commanded(); }
-  bool commanded_is_final() const { return train_.commanded_is_final(); }
 
  private:
   Subscription<HealthMessage> health_;

@@ -236,8 +236,8 @@ Ledger SimulatedCapture::close_take() {
   Ledger ledger;
   ledger.take = order_.take;
   ledger.commanded = commanded();
-  ledger.commanded_is_minimum = host_.trigger == nullptr && !train_.commanded_is_final() &&
-                                train_length() != ledger.commanded;
+  ledger.commanded_is_minimum =
+      host_.trigger == nullptr && !train_.ended() && train_length() != ledger.commanded;
   const bool knows = sensed_count_is_known(world_.has_sense_line, host_.trigger != nullptr,
                                            pulses_.count(), ledger.commanded);
   if (knows) pulses_.fill_ledger(ledger, ledger.commanded);

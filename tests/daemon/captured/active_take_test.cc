@@ -226,8 +226,12 @@ TEST_F(TakeOfAnotherNode, has_all_pulses_when_the_triggers_node_has_stopped_or_n
     std::filesystem::remove_all(paths().folder);
     const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
     trigger_.start();
+    publish_commanded(pulses);
     publish_commanded(pulses, state);
     ASSERT_TRUE(receives(*take, pulses, 0));
+    if (state == NodeState::kDraining) {
+      ASSERT_TRUE(becomes_true([&] { return trigger_.train_has_ended(kTake); }, within(30)));
+    }
     EXPECT_FALSE(drain(*take).ledger.commanded_is_minimum) << pulses;
   }
 }
