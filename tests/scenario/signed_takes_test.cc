@@ -112,6 +112,12 @@ TEST_F(SignedStudio, signs_a_recovered_take_in_the_background_and_verify_states_
   ASSERT_TRUE(becomes_true(is_closed_by_cap02, within(60))) << log();
   ASSERT_TRUE(captured_logs("take: kendo-07 is signed, after its recovery")) << log();
   EXPECT_EQ(value("cap01", "takes_to_sign"), 0);
+  const auto reconstruction_has_closed_its_file = [&] {
+    const auto health = client_->health(within(5));
+    return std::ranges::all_of(
+        health, [](const auto& node) { return node.second.state == NodeState::kIdle; });
+  };
+  ASSERT_TRUE(becomes_true(reconstruction_has_closed_its_file, within(60))) << log();
 
   const std::string late = "; signed after a recovery, not at the stop";
   collect();
