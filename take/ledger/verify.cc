@@ -9,6 +9,7 @@
 #include "base/core/units.h"
 #include "base/io/whole_file.h"
 #include "take/ledger/exposure_count.h"
+#include "take/ledger/file_check.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
@@ -51,102 +52,6 @@ io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, cons
   if (!message) return tl::make_unexpected(message.error());
   return *message ? std::optional((*message)->frame.label) : std::nullopt;
 }
-
-/// True for files that programs read as part of a take. The ledger must list them.
-bool is_part_of_take(const std::string& name) {
-  const TakePaths paths;
-  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
-         name.starts_with(paths.background().string() + "/");
-}
-
-/// Reads the files of a take and compares them with the file list of its ledger.
-class FileCheck {
- public:
-  FileCheck(const TakePaths& paths, const Ledger* stored, ReadFrom from, Verification& result)
-      : paths_(paths), stored_(stored), from_(from), result_(result) {}
-
-  /// Reads all segments of a log. Later readers find them in the page cache.
-  void read_log(const std::filesystem::path& log) {
-    const auto segments = existing_segments(log);
-    if (!segments) return result_.disagreements.push_back(segments.error().message);
-    for (const auto& segment : *segments) read(segment.filename());
-  }
-
-  /// Reads all other files. Reports files that are missing, and files that the ledger does not
-  /// list.
-  void finish() {
-    const auto names = take_file_names(paths_);
-    if (!names) return result_.disagreements.push_back(names.error().message);
-    for (const std::string& name : *names) {
-      if (name != paths_.verified().filename()) read(name);
-    }
-    std::ranges::sort(result_.files, {}, &TakeFile::name);
-    if (!has_list()) return;
-    for (const TakeFile& file : stored_->files) {
-      if (!std::ranges::binary_search(*names, file.name)) report_missing(file);
-    }
-  }
-
- private:
-  bool has_list() const { return stored_ && !stored_->files.empty(); }
-
-  void read(const std::string& name) {
-    if (std::ranges::find(result_.files, name, &TakeFile::name) != result_.files.end()) return;
-    const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
-    auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
-    if (!file) return report_unreadable(file.error().message);
-    if (entry) compare(*entry, *file);
-    if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
-    result_.files.push_back(*std::move(file));
-  }
-
-  void compare(const TakeFile& entry, const TakeFile& file) {
-    if (file.bytes != entry.bytes) {
-      disagree(file.name, "has " + format_count(file.bytes) + " bytes, the ledger says " +
-                              format_count(entry.bytes));
-    } else if (entry.checksum && entry.checksum != file.checksum) {
-      disagree(file.name, "has the checksum " + checksum_text(*file.checksum) +
-                              ", the ledger says " + checksum_text(*entry.checksum));
-    } else if (!entry.checksum) {
-      result_.notes.push_back(file.name +
-                              ": the ledger has no checksum of it, as after a recovery");
-    }
-  }
-
-  /// Reports a log once, though it is read for its events and for its checksum.
-  void report_unreadable(const std::string& line) {
-    if (std::ranges::find(result_.disagreements, line) == result_.disagreements.end()) {
-      result_.disagreements.push_back(line);
-    }
-  }
-
-  /// Reports a missing file, unless the frame count has already reported it.
-  void report_missing(const TakeFile& file) {
-    const std::string path = (paths_.folder / file.name).string();
-    const bool is_known = std::ranges::any_of(result_.disagreements, [&](const std::string& line) {
-      return line.find(path) != std::string::npos || line.starts_with(file.name + ": missing");
-    });
-    if (!is_known) {
-      disagree(file.name,
-               "missing; the ledger lists it with " + format_count(file.bytes) + " bytes");
-    }
-  }
-
-  void report_unnamed(const std::string& name) {
-    const std::string what = "is not named in the ledger";
-    if (is_part_of_take(name)) return disagree(name, what + "; move it out of the take");
-    result_.notes.push_back(name + ": " + what);
-  }
-
-  void disagree(const std::string& name, const std::string& what) {
-    result_.disagreements.push_back(name + ": " + what);
-  }
-
-  const TakePaths& paths_;
-  const Ledger* const stored_;
-  const ReadFrom from_;
-  Verification& result_;
-};
 
 /// The frames of one camera.
 struct CountedCamera {

@@ -1,0 +1,88 @@
+#include "take/ledger/file_check.h"
+
+#include <algorithm>
+
+#include "base/core/units.h"
+#include "take/logs/log_segments.h"
+
+namespace v3d {
+namespace {
+
+/// True for files that programs read as part of a take. The ledger must list them.
+bool is_part_of_take(const std::string& name) {
+  const TakePaths paths;
+  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
+         name.starts_with(paths.background().string() + "/");
+}
+
+}  // namespace
+
+void FileCheck::read_log(const std::filesystem::path& log) {
+  const auto segments = existing_segments(log);
+  if (!segments) return result_.disagreements.push_back(segments.error().message);
+  for (const auto& segment : *segments) read(segment.filename());
+}
+
+void FileCheck::finish() {
+  const auto names = take_file_names(paths_);
+  if (!names) return result_.disagreements.push_back(names.error().message);
+  for (const std::string& name : *names) {
+    if (name != paths_.verified().filename()) read(name);
+  }
+  std::ranges::sort(result_.files, {}, &TakeFile::name);
+  if (!has_list()) return;
+  for (const TakeFile& file : stored_->files) {
+    if (!std::ranges::binary_search(*names, file.name)) report_missing(file);
+  }
+}
+
+void FileCheck::read(const std::string& name) {
+  if (!read_.insert(name).second) return;
+  const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
+  auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
+  if (!file) return report_unreadable(file.error().message);
+  if (entry) compare(*entry, *file);
+  if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
+  result_.files.push_back(*std::move(file));
+}
+
+void FileCheck::compare(const TakeFile& entry, const TakeFile& file) {
+  if (file.bytes != entry.bytes) {
+    disagree(file.name, "has " + format_count(file.bytes) + " bytes, the ledger says " +
+                            format_count(entry.bytes));
+  } else if (entry.checksum && entry.checksum != file.checksum) {
+    disagree(file.name, "has the checksum " + checksum_text(*file.checksum) + ", the ledger says " +
+                            checksum_text(*entry.checksum));
+  } else if (!entry.checksum) {
+    result_.notes.push_back(file.name + ": the ledger has no checksum of it, as after a recovery");
+  }
+}
+
+/// Reports a log once, though it is read for its events, too.
+void FileCheck::report_unreadable(const std::string& line) {
+  if (std::ranges::find(result_.disagreements, line) != result_.disagreements.end()) return;
+  result_.disagreements.push_back(line);
+}
+
+/// Reports a missing file, unless the frame count has already reported it.
+void FileCheck::report_missing(const TakeFile& file) {
+  const std::string path = (paths_.folder / file.name).string();
+  const bool is_known = std::ranges::any_of(result_.disagreements, [&](const std::string& line) {
+    return line.find(path) != std::string::npos || line.starts_with(file.name + ": missing");
+  });
+  if (!is_known) {
+    disagree(file.name, "missing; the ledger lists it with " + format_count(file.bytes) + " bytes");
+  }
+}
+
+void FileCheck::report_unnamed(const std::string& name) {
+  const std::string what = "is not named in the ledger";
+  if (is_part_of_take(name)) return disagree(name, what + "; move it out of the take");
+  result_.notes.push_back(name + ": " + what);
+}
+
+void FileCheck::disagree(const std::string& name, const std::string& what) {
+  result_.disagreements.push_back(name + ": " + what);
+}
+
+}  // namespace v3d
