@@ -293,6 +293,22 @@ TEST_P(CrashImage, keeps_every_synced_mesh_of_a_growing_file) {
   });
 }
 
+// --- keys ---------------------------------------------------------------------------------------
+
+TEST_P(CrashImage, keeps_a_key_file_that_was_reported_as_made) {
+  CrashModel model(place_.disk());
+  const ProgramResult made =
+      place_.run_traced({V3D_BIN "/v3dctl", "key", "node", "--out", place_.disk() / "node.key"});
+  ASSERT_EQ(made.status, 0) << made.out << made.err;
+  model.add(read_trace(place_.trace()));
+  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  check_images("key", model, [&](const fs::path& image, size_t count) {
+    const bool is_over = count == model.trace().size();
+    return !is_over || contents_of(image) == contents_of(place_.disk()) ? Lost()
+                                                                        : Lost{"the key is lost"};
+  });
+}
+
 // --- collecting and deleting --------------------------------------------------------------------
 
 /// Checks that the folder `take` holds the files of `recorded`, or is absent if `must_exist` is
