@@ -28,7 +28,7 @@ struct InterruptedDeletion {
 /// The interrupted deletions in a folder of takes, sorted by name. Fails with path and cause.
 [[nodiscard]] io::Result<std::vector<InterruptedDeletion>> interrupted_deletions(
     const std::filesystem::path& takes);
-/// Removes what is left. Fails with path and cause.
+/// Removes the folder of an interrupted deletion and all files in it. Fails with path and cause.
 [[nodiscard]] io::Status finish_deletion(const InterruptedDeletion& deletion);
 
 /// True when a camera log contains at least one byte, or the folder cannot be read.

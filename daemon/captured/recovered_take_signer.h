@@ -73,7 +73,7 @@ class RecoveredTakeSigner {
   std::mutex saving_;         ///< held while a take is locked and its signature written
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
-  std::shared_ptr<const TakeSigner> next_signer_;  ///< of a search that was not begun; or null
+  std::shared_ptr<const TakeSigner> next_signer_;  ///< null: no search is requested
   bool paused_ = false;
   bool stopping_ = false;
   size_t pending_ = 0;

@@ -9,6 +9,7 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verified.h"
@@ -162,68 +163,38 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
 }
 
-/// A studio of three capture nodes, of which cap03 has the trigger and no camera.
-constexpr const char* kStudio = R"(name = "dojo"
-[[node]]
-name = "cap01"
-[[node]]
-name = "cap02"
-[[node]]
-name = "cap03"
-[[node]]
-name = "recon01"
-[trigger]
-node = "cap03"
-wire = "wire"
-[[camera]]
-name = "cam01"
-node = "cap01"
-address = "127.0.0.1"
-[[camera]]
-name = "cam03"
-node = "cap02"
-address = "127.0.0.1"
-[[camera]]
-name = "cam04"
-node = "cap02"
-address = "127.0.0.1"
-[space]
-min = [0, 0, 0]
-max = [1, 1, 1]
-[reconstruction]
-node = "recon01"
-[storage]
-takes = "takes"
-background = "background"
-calib = "calib.toml"
-)";
+/// A studio of three capture nodes, of which cap00 has the trigger and no camera.
+std::string studio_of_three() {
+  return test::studio_text(
+      {{"cap00", {}}, {"cap01", {"cam01", "cam02"}}, {"cap02", {"cam03", "cam04"}}});
+}
 
 TEST_F(JoinParts, names_the_capture_nodes_that_are_left_out) {
-  test::write_text(part("cap01").studio(), kStudio);
-  record("cap03", {}, 3);
+  test::write_text(part("cap01").studio(), studio_of_three());
+  record("cap00", {}, 3);
   join_parts({part("cap01")}, whole_);
   const Ledger ledger = load_ledger(whole_.ledger());
-  const TakeNode cap02{"cap02", {"cam03", "cam04"}}, cap03{"cap03", {}};
-  EXPECT_THAT(ledger.absent_nodes, ElementsAre(cap02, cap03));
+  const TakeNode cap00{"cap00", {}}, cap02{"cap02", {"cam03", "cam04"}};
+  EXPECT_THAT(ledger.absent_nodes, ElementsAre(cap00, cap02));
   EXPECT_FALSE(ledger.complete());
-  EXPECT_THAT(ledger.verdict(), testing::EndsWith(", without cap02 (cam03, cam04), cap03"));
+  EXPECT_THAT(ledger.verdict(), testing::EndsWith(", without cap00, cap02 (cam03, cam04)"));
   const Verification verified = verify_take(whole_);
   EXPECT_THAT(verified.disagreements, IsEmpty());
   EXPECT_FALSE(verified.whole());
   EXPECT_THAT(problem_lines(verified.ledger),
-              ElementsAre("not in this copy: cap02 (cam03, cam04)", "not in this copy: cap03"));
-  EXPECT_THAT(read_take_listing(whole_).absent_nodes, ElementsAre(cap02, cap03));
+              ElementsAre("not in this copy: cap00", "not in this copy: cap02 (cam03, cam04)"));
+  EXPECT_THAT(read_take_listing(whole_).absent_nodes, ElementsAre(cap00, cap02));
 }
 
 TEST_F(JoinParts, names_no_node_that_has_a_part_or_a_camera_in_a_copy) {
-  test::write_text(part("cap01").studio(), kStudio);
-  record("cap03", {}, 3);
-  join_parts({part("cap01"), part("cap02"), part("cap03")}, whole_);
+  test::write_text(part("cap01").studio(), studio_of_three());
+  record("cap00", {}, 3);
+  join_parts({part("cap00"), part("cap01"), part("cap02")}, whole_);
   EXPECT_THAT(load_ledger(whole_.ledger()).absent_nodes, IsEmpty());
   EXPECT_TRUE(load_ledger(whole_.ledger()).complete());
   const TakePaths again{folder_ / "again"};
   join_parts({whole_}, again);
-  EXPECT_THAT(load_ledger(again.ledger()).absent_nodes, ElementsAre(TakeNode{"cap03", {}}))
+  EXPECT_THAT(load_ledger(again.ledger()).absent_nodes, ElementsAre(TakeNode{"cap00", {}}))
       << "nothing proves that a copy has the part of a node without cameras";
 }
 
