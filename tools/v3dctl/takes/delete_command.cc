@@ -55,27 +55,27 @@ void require_copy(const TakeListing& take, const fs::path& copies) {
                    " away, then v3dctl takes collect copies the take again");
 }
 
-std::vector<InterruptedDeletion> rests_in(const fs::path& folder) {
+std::vector<InterruptedDeletion> interrupted_in(const fs::path& folder) {
   return io::value_or_throw(interrupted_deletions(folder));
 }
 
 /// Finishes all interrupted deletions. They were requested with --yes.
 void finish_deletions(const fs::path& folder) {
-  for (const InterruptedDeletion& rest : rests_in(folder)) {
-    io::throw_if_failed(finish_deletion(rest));
-    std::printf("finished the deletion of %s\n", printable(rest.take).c_str());
+  for (const InterruptedDeletion& deletion : interrupted_in(folder)) {
+    io::throw_if_failed(finish_deletion(deletion));
+    std::printf("finished the deletion of %s\n", printable(deletion.take).c_str());
   }
 }
 
 /// `takes delete` without names.
 int run_finish(const fs::path& folder, bool yes) {
-  const std::vector<InterruptedDeletion> rests = rests_in(folder);
-  if (rests.empty()) {
+  const std::vector<InterruptedDeletion> interrupted = interrupted_in(folder);
+  if (interrupted.empty()) {
     throw InputError("takes delete: name the takes; " + folder.string() +
                      " has no interrupted deletion to finish");
   }
   if (!yes) {
-    throw InputError(interrupted_text(rests) + "; add --yes to finish");
+    throw InputError(interrupted_text(interrupted) + "; add --yes to finish");
   }
   finish_deletions(folder);
   return kExitDone;

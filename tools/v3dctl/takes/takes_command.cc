@@ -17,9 +17,9 @@ int run_list(const CommandLine& line, const TakesArguments& arguments) {
   };
   const std::filesystem::path folder = takes_folder(line, arguments);
   print_listing(find_takes(folder, report_skipped), arguments.json);
-  const auto rests = io::value_or_throw(interrupted_deletions(folder));
-  if (!rests.empty()) {
-    note("v3dctl: " + interrupted_text(rests) + "; to finish: v3dctl takes delete --yes");
+  const auto interrupted = io::value_or_throw(interrupted_deletions(folder));
+  if (!interrupted.empty()) {
+    note("v3dctl: " + interrupted_text(interrupted) + "; to finish: v3dctl takes delete --yes");
   }
   return kExitDone;
 }

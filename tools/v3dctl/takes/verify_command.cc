@@ -74,8 +74,8 @@ Json signatures_json(const SignatureCheck& check) {
   return {{"complete", check.is_complete}, {"signers", std::move(list)}};
 }
 
-/// Says when a signature was made, if not at the stop of the take.
-const char* late_text(SigningOccasion occasion) {
+/// Says when a signature was made, if not at the stop of the take; otherwise empty.
+const char* occasion_text(SigningOccasion occasion) {
   if (occasion == SigningOccasion::kRecovery) return "; signed after a recovery, not at the stop";
   if (occasion == SigningOccasion::kCommand) return "; signed by a command, not at the stop";
   return "";
@@ -85,7 +85,7 @@ void print_signers(const SignatureCheck& check) {
   for (const SignedBy& signer : check.signers) {
     std::printf("signed by %s, key %s%s: %s files match%s\n", signer.node.c_str(),
                 signer.key.text().c_str(), signer.is_known ? "" : " (not in the studio file)",
-                format_count(signer.files).c_str(), late_text(signer.occasion));
+                format_count(signer.files).c_str(), occasion_text(signer.occasion));
   }
 }
 
