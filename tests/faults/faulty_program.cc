@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdlib>
+#include <fstream>
 #include <iterator>
 #include <sstream>
 #include <stdexcept>
@@ -46,14 +48,44 @@ pid_t spawn(const std::vector<std::string>& command, const std::vector<std::stri
   return child;
 }
 
-int wait_for(pid_t child) {
+/// One line for every process that started at the same time as `child` or later: number, name,
+/// state, and the system call and the kernel function that it is in.
+std::string describe_processes_since(pid_t child) {
+  std::ostringstream text;
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const int process = std::atoi(entry.path().filename().c_str());
+    if (process < child) continue;
+    const auto first_line = [&](const char* name) {
+      std::ifstream file(entry.path() / name);
+      std::string line;
+      std::getline(file, line);
+      return line;
+    };
+    std::string state = first_line("stat");
+    state.resize(std::min<size_t>(state.size(), 60));
+    text << "  " << state << "... system call " << first_line("syscall") << ", in "
+         << first_line("wchan") << "\n";
+  }
+  return text.str();
+}
+
+/// Waits for the end of `child`. After kMaxRunTime, kills it and appends to the file `err` what it
+/// waited for.
+int wait_for(pid_t child, const fs::path& err) {
   const MonotonicInstant deadline = Monotonic::now() + kMaxRunTime;
   for (int status = 0;;) {
-    const bool is_late = Monotonic::now() > deadline;
-    if (is_late) kill(child, SIGKILL);
-    if (waitpid(child, &status, is_late ? 0 : WNOHANG) == child) {
-      if (is_late) return -1;
+    if (waitpid(child, &status, WNOHANG) == child) {
       return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+    }
+    if (Monotonic::now() > deadline) {
+      std::ofstream(err, std::ios::app)
+          << "killed after "
+          << std::chrono::duration_cast<std::chrono::seconds>(kMaxRunTime).count()
+          << " s; processes at that time:\n"
+          << describe_processes_since(child);
+      kill(child, SIGKILL);
+      waitpid(child, &status, 0);
+      return -1;
     }
     const timespec poll_interval{0, 500'000};
     nanosleep(&poll_interval, nullptr);
@@ -125,7 +157,7 @@ ProgramResult FaultyWorkplace::run_with(const std::vector<std::string>& command,
   }
   const fs::path out = root_ / "out", err = root_ / "err";
   ProgramResult result;
-  result.status = wait_for(spawn(command, environment, out, err));
+  result.status = wait_for(spawn(command, environment, out, err), err);
   result.out = read_file(out);
   result.err = read_file(err);
   report.read(result);
