@@ -21,7 +21,7 @@ struct Fault {
 
 /// Result of one run.
 struct ProgramResult {
-  int status = 0;  ///< exit status; 128 + signal; -1: killed after 60 s
+  int status = 0;  ///< exit status; 128 + signal; -1: killed after three minutes
   std::string out, err;
   std::map<std::string, uint32_t> calls;  ///< number of calls by family
   bool fired = false;                     ///< the fault was injected
