@@ -3,6 +3,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <utility>
+
 #include "base/core/error.h"
 #include "daemon/web/web_message.h"
 
@@ -21,6 +23,12 @@ WebAnswer guarded_answer(const Make& make) {
     spdlog::error("{}", error.what());
     return plain_answer(500, "internal error; see the log of v3d-viewd");
   }
+}
+
+/// An answer that `make` makes later, as work of this kind. `make` owns what it uses.
+template <class Make>
+WebAnswer later_answer(WorkKind kind, Make make) {
+  return {.work = [make = std::move(make)] { return guarded_answer(make); }, .kind = kind};
 }
 
 }  // namespace v3d

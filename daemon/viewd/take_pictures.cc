@@ -22,17 +22,28 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
   return pulse;
 }
 
-/// 304 if the browser has the content with this ETag, else an answer with `make` as deferred work.
+/// 304 if the browser has the content with this ETag, else the answer of `make`.
 template <class Make>
-WebAnswer deferred_answer(const WebRequest& request, const std::string& tag, Make make) {
+WebAnswer tagged_answer(const WebRequest& request, const std::string& tag, const Make& make) {
   std::vector<std::pair<std::string, std::string>> fields = {{"ETag", tag},
                                                              {"Cache-Control", "no-cache"}};
   if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
-  return {.work = [fields = std::move(fields), make = std::move(make)] {
-    WebAnswer answer = guarded_answer(make);
-    if (answer.status == 200) answer.fields = fields;
-    return answer;
-  }};
+  WebAnswer answer = make();
+  if (answer.status == 200) answer.fields = std::move(fields);
+  return answer;
+}
+
+WebAnswer photograph_answer(TakePhotographs& all, const std::string& take, int64_t pulse,
+                            const std::string& camera) {
+  const auto jpeg = all.read(take, pulse, camera);
+  if (!jpeg) return plain_answer(404, "this camera has no frame of this pulse");
+  return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
+}
+
+WebAnswer views_answer(TakeViews& all, const std::string& take, int64_t pulse) {
+  auto message = all.read(take, pulse);
+  if (!message) return plain_answer(404, "there is no mesh of this pulse");
+  return {.type = "application/octet-stream", .body = std::move(*message)};
 }
 
 }  // namespace
@@ -61,28 +72,25 @@ WebAnswer TakePictures::photograph(const WebRequest& request, const std::string&
   if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
     return plain_answer(404, "there is no such photograph");
   }
-  const auto log = stamp_of_log(TakePaths{takes_ / take}.frames(camera));
-  if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
-  return deferred_answer(request, tag_of(*log),
-                         [all = photographs_, take, camera, pulse = *pulse]() -> WebAnswer {
-                           const auto jpeg = all->read(take, pulse, camera);
-                           if (!jpeg)
-                             return plain_answer(404, "this camera has no frame of this pulse");
-                           return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
-                         });
+  return later_answer(WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take,
+                                           take, camera, pulse = *pulse] {
+    const auto log = stamp_of_log(TakePaths{folder}.frames(camera));
+    if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
+    return tagged_answer(request, tag_of(*log),
+                         [&] { return photograph_answer(*all, take, pulse, camera); });
+  });
 }
 
 WebAnswer TakePictures::views(const WebRequest& request, const std::string& take,
                               const std::string& pulse_text) const {
   const auto pulse = parse_pulse(pulse_text);
   if (!pulse || !is_file_name(take)) return plain_answer(404, "there is no such view");
-  const auto tag = TakeViews::tag(takes_ / take);
-  if (!tag) return plain_answer(404, "there is no such take, or its raw frames are not here");
-  return deferred_answer(request, *tag, [all = views_, take, pulse = *pulse]() -> WebAnswer {
-    auto message = all->read(take, pulse);
-    if (!message) return plain_answer(404, "there is no mesh of this pulse");
-    return {.type = "application/octet-stream", .body = std::move(*message)};
-  });
+  return later_answer(
+      WorkKind::kPicture, [request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
+        const auto tag = TakeViews::tag(folder);
+        if (!tag) return plain_answer(404, "there is no such take, or its raw frames are not here");
+        return tagged_answer(request, *tag, [&] { return views_answer(*all, take, pulse); });
+      });
 }
 
 }  // namespace v3d

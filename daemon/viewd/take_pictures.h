@@ -16,8 +16,8 @@ namespace v3d {
 class TakePhotographs;
 class TakeViews;
 
-/// Takes without raw frames in their folder get 404. A matching ETag is answered at once; other
-/// answers are deferred work (WebAnswer::work). One thread; the work runs on any other.
+/// Takes without raw frames in their folder get 404. Valid requests are answered by work
+/// (WorkKind::kPicture), which runs on one other thread at a time.
 class TakePictures {
  public:
   /// `takes`: the folder of the takes.
@@ -33,8 +33,8 @@ class TakePictures {
                   const std::string& pulse) const;
 
   const std::filesystem::path takes_;
-  const std::shared_ptr<TakePhotographs> photographs_;  ///< used by deferred work only
-  const std::shared_ptr<TakeViews> views_;              ///< used by deferred work only
+  const std::shared_ptr<TakePhotographs> photographs_;  ///< used by the work only
+  const std::shared_ptr<TakeViews> views_;              ///< used by the work only
 };
 
 }  // namespace v3d

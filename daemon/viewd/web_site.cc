@@ -3,6 +3,9 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
+#include <cerrno>
+#include <utility>
+
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/name.h"
@@ -17,11 +20,22 @@
 namespace v3d {
 namespace {
 
+/// The answer where a file cannot be opened, by errno: 503 when a later attempt may succeed.
+WebAnswer unopened_answer(int error) {
+  if (error != EMFILE && error != ENFILE && error != ENOMEM) {
+    return plain_answer(404, "there is no such file");
+  }
+  WebAnswer answer = plain_answer(503, "too many open files; try again");
+  answer.fields = {{"Retry-After", "1"}};
+  return answer;
+}
+
 /// A regular file, or the requested part of it. Links are not followed.
-WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
-  const auto file = std::make_shared<const io::UniqueFd>(io::uninterrupted(
+WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path, WorkKind kind) {
+  io::UniqueFd opened(io::uninterrupted(
       [&] { return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
-  if (!*file) return plain_answer(404, "there is no such file");
+  if (!opened) return unopened_answer(errno);
+  const auto file = std::make_shared<const io::UniqueFd>(std::move(opened));
   struct stat state {};
   if (fstat(file->get(), &state) != 0 || !S_ISREG(state.st_mode))
     return plain_answer(404, "not a regular file");
@@ -45,18 +59,25 @@ WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& pa
                                                     std::to_string(range.first + range.size - 1) +
                                                     "/" + all);
   }
-  answer.file = FilePart{.file = file, .first = range.first, .size = range.size};
+  answer.file = FilePart{.file = file, .first = range.first, .size = range.size, .kind = kind};
   return answer;
 }
 
 /// Files below assets/ may be cached for ever, because their names change with their content.
 WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const PageFile& page) {
-  WebAnswer answer = file_answer(request, page.path);
-  answer.type = page.type;
   const bool is_immutable = !target.path.empty() && target.path.front() == "assets";
-  answer.fields.emplace_back("Cache-Control",
-                             is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
-  return answer;
+  return later_answer(WorkKind::kPage, [request, page, is_immutable] {
+    WebAnswer answer = file_answer(request, page.path, WorkKind::kPage);
+    answer.type = page.type;
+    answer.fields.emplace_back("Cache-Control",
+                               is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
+    return answer;
+  });
+}
+
+WebAnswer rig_answer(std::function<Rig()> load) {
+  return later_answer(WorkKind::kFile,
+                      [load = std::move(load)] { return json_answer(rig_json(load())); });
 }
 
 WebAnswer redirect_with_cookie(const WebTarget& target, const std::string& cookie) {
@@ -91,6 +112,7 @@ class WebSite::CachedListing {
   static WebAnswer answer(const std::string& name, const std::shared_ptr<CachedListing>& listing) {
     return {
         .work = [listing] { return guarded_answer([&] { return json_answer(listing->json()); }); },
+        .kind = WorkKind::kListing,
         .listing = name};
   }
 
@@ -189,15 +211,16 @@ WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
   return {{}, plain_answer(404, "there is no such stream")};
 }
 
-WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
+WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) const {
   const std::vector<std::string>& path = target.path;
   if (target.text() == "/api/takes") return CachedListing::answer("takes", take_listing_);
   if (target.text() == "/api/scenes") return CachedListing::answer("scenes", scene_listing_);
   if (target.text() == "/api/order") return commands_.report();
-  if (target.text() == "/api/rig") return json_answer(rig_json(load_calib(calib_)));
+  if (target.text() == "/api/rig")
+    return rig_answer([calib = calib_] { return load_calib(calib); });
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
     if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
-    return json_answer(rig_json(load_take_calib(TakePaths{takes_ / path[2]})));
+    return rig_answer([take = TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
   }
   if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return take_file(request, path[1], path[2]);
@@ -207,13 +230,15 @@ WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
 }
 
 WebAnswer WebSite::take_file(const WebRequest& request, const std::string& take,
-                             const std::string& file) {
-  if (!is_file_name(take) || !(is_served(file) || is_of_scene(takes_ / take, file))) {
-    return plain_answer(404, "there is no such file of a take");
-  }
-  WebAnswer answer = file_answer(request, takes_ / take / file);
-  answer.fields.emplace_back("Cache-Control", "no-cache");
-  return answer;
+                             const std::string& file) const {
+  const WebAnswer unknown = plain_answer(404, "there is no such file of a take");
+  if (!is_file_name(take) || !is_file_name(file)) return unknown;
+  return later_answer(WorkKind::kFile, [request, folder = takes_ / take, file, unknown] {
+    if (!is_served(file) && !is_of_scene(folder, file)) return unknown;
+    WebAnswer answer = file_answer(request, folder / file, WorkKind::kFile);
+    answer.fields.emplace_back("Cache-Control", "no-cache");
+    return answer;
+  });
 }
 
 }  // namespace v3d

@@ -29,8 +29,8 @@
 
 namespace v3d {
 
-/// Answers requests. Only the CommandEndpoint changes anything. One thread; deferred work of
-/// answers runs on any other, one at a time, and may outlive this object.
+/// Answers requests. Only the CommandEndpoint changes anything. One thread, which reads from no
+/// disk; the work of answers (WebAnswer::work) runs on others, and may outlive this object.
 class WebSite {
  public:
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
@@ -62,8 +62,9 @@ class WebSite {
 
   std::optional<WebAnswer> refusal(const WebRequest& request,
                                    const std::optional<WebTarget>& target) const;
-  WebAnswer find(const WebRequest& request, const WebTarget& target);
-  WebAnswer take_file(const WebRequest& request, const std::string& take, const std::string& file);
+  WebAnswer find(const WebRequest& request, const WebTarget& target) const;
+  WebAnswer take_file(const WebRequest& request, const std::string& take,
+                      const std::string& file) const;
 
   const std::filesystem::path takes_;
   const std::filesystem::path calib_;

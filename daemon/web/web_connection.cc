@@ -1,10 +1,14 @@
 #include "daemon/web/web_connection.h"
 
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/write.hpp>
 #include <chrono>
 #include <limits>
 #include <utility>
 
-#include "daemon/web/file_part_body.h"
+#include "base/io/uninterrupted.h"
 #include "daemon/web/web_subscriber.h"
 
 namespace v3d {
@@ -51,6 +55,17 @@ void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
                "data:; connect-src 'self' blob: data:; worker-src 'self'; frame-ancestors 'none'");
   for (const auto& [name, value] : answer.fields) response.set(name, value);
   response.keep_alive(keep_alive);
+}
+
+/// The next bytes of a file, as the body of an answer; another status when there are none.
+WebAnswer read_file_part(const FilePart& part) {
+  constexpr int64_t kMaxBytes = 256 << 10;
+  std::string bytes(static_cast<size_t>(std::min(part.size, kMaxBytes)), '\0');
+  const ssize_t got = io::uninterrupted(
+      [&] { return pread(part.file->get(), bytes.data(), bytes.size(), part.first); });
+  if (got <= 0) return plain_answer(500, "the file ended or cannot be read");
+  bytes.resize(static_cast<size_t>(got));
+  return {.body = std::move(bytes)};
 }
 
 WebAnswer busy() {
@@ -161,48 +176,80 @@ void WebConnection::answer_or_defer(WebAnswer first, bool head_only) {
 
 // --- answers ------------------------------------------------------------------------------------
 
-/// Sends in parts, each with its own timeout, because a large file takes long on a slow network.
-template <class Sending>
-void WebConnection::send_some(const std::shared_ptr<Sending>& sending) {
+/// Exists until the last byte was sent; the serializer refers to the response.
+struct WebConnection::TextSending {
+  http::response<http::string_body> response{};
+  http::response_serializer<http::string_body> serializer{response};
+};
+
+void WebConnection::answer(WebAnswer answer, bool head_only) {
+  if (answer.file && !head_only) return send_file(std::move(answer));
+  const auto sending = std::make_shared<TextSending>();
+  auto& response = sending->response;
+  set_head(response, answer, keep_alive_);
+  const auto size = answer.file ? answer.file->size : static_cast<int64_t>(answer.body.size());
+  response.body() = head_only ? "" : std::move(answer.body);
+  if (head_only) {
+    response.content_length(static_cast<uint64_t>(size));
+  } else if (answer.status != 304) {
+    response.prepare_payload();
+  }
+  send(sending);
+}
+
+/// Sends in parts, each with its own timeout, because the network may be slow.
+void WebConnection::send(const std::shared_ptr<TextSending>& sending) {
   socket_.expires_after(kSendTimeout);
   http::async_write_some(socket_, sending->serializer,
                          [self = shared_from_this(), sending](error_code error, size_t) {
                            if (error) return;
-                           if (!sending->serializer.is_done()) return self->send_some(sending);
+                           if (!sending->serializer.is_done()) return self->send(sending);
                            self->after_answer();
                          });
 }
 
-template <class Body>
-void WebConnection::send(http::response<Body> response) {
-  // Must exist until the last byte was sent; the serializer refers to the response.
-  struct Sending {
-    explicit Sending(http::response<Body> from) : response(std::move(from)), serializer(response) {}
-    http::response<Body> response;
-    http::response_serializer<Body> serializer;
-  };
-  send_some(std::make_shared<Sending>(std::move(response)));
+/// An answer with a file: the header is sent first.
+struct WebConnection::FileSending {
+  explicit FileSending(FilePart file) : part(std::move(file)) {}
+  FilePart part;      ///< what was not read yet
+  std::string bytes;  ///< what was read and is being sent
+  http::response<http::empty_body> response{};
+  http::response_serializer<http::empty_body> serializer{response};
+};
+
+void WebConnection::send_file(WebAnswer answer) {
+  const auto sending = std::make_shared<FileSending>(std::move(*answer.file));
+  set_head(sending->response, answer, keep_alive_);
+  sending->response.content_length(static_cast<uint64_t>(sending->part.size));
+  socket_.expires_after(kSendTimeout);
+  http::async_write_header(socket_, sending->serializer,
+                           [self = shared_from_this(), sending](error_code error, size_t) {
+                             if (!error) self->read_part(sending);
+                           });
 }
 
-void WebConnection::answer(WebAnswer answer, bool head_only) {
-  if (head_only || !answer.file) {
-    http::response<http::string_body> response;
-    set_head(response, answer, keep_alive_);
-    response.body() = head_only ? "" : std::move(answer.body);
-    const auto size = answer.file ? answer.file->size : static_cast<int64_t>(answer.body.size());
-    if (head_only) {
-      response.content_length(static_cast<uint64_t>(size));
-    } else if (answer.status != 304) {
-      response.prepare_payload();
-    }
-    send(std::move(response));
-    return;
-  }
-  http::response<FilePartBody> response;
-  set_head(response, answer, keep_alive_);
-  response.content_length(static_cast<uint64_t>(answer.file->size));
-  response.body() = std::move(*answer.file);
-  send(std::move(response));
+/// The connection ends, so that the client notices the missing bytes, when the file has become
+/// shorter, or the disk is late or fails.
+void WebConnection::read_part(const std::shared_ptr<FileSending>& sending) {
+  if (sending->part.size == 0) return after_answer();
+  WebAnswer reading{.work = [part = sending->part] { return read_file_part(part); },
+                    .kind = sending->part.kind};
+  all_.defer(std::move(reading), [self = shared_from_this(), sending](WebAnswer read) {
+    if (read.status != 200) return;
+    sending->bytes = std::move(read.body);
+    self->send_part(sending);
+  });
+}
+
+void WebConnection::send_part(const std::shared_ptr<FileSending>& sending) {
+  socket_.expires_after(kSendTimeout);
+  boost::asio::async_write(socket_, boost::asio::buffer(sending->bytes),
+                           [self = shared_from_this(), sending](error_code error, size_t bytes) {
+                             if (error) return;
+                             sending->part.first += static_cast<int64_t>(bytes);
+                             sending->part.size -= static_cast<int64_t>(bytes);
+                             self->read_part(sending);
+                           });
 }
 
 void WebConnection::after_answer() {

@@ -33,10 +33,12 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
   void on_request(bool has_unread_body);
   void answer_or_defer(WebAnswer first, bool head_only);
   void answer(WebAnswer answer, bool head_only);
-  template <class Body>
-  void send(boost::beast::http::response<Body> response);
-  template <class Sending>
-  void send_some(const std::shared_ptr<Sending>& sending);
+  struct TextSending;
+  void send(const std::shared_ptr<TextSending>& sending);
+  struct FileSending;
+  void send_file(WebAnswer answer);
+  void read_part(const std::shared_ptr<FileSending>& sending);
+  void send_part(const std::shared_ptr<FileSending>& sending);
   void after_answer();
 
   WebConnections& all_;

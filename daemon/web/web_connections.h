@@ -21,8 +21,8 @@ struct WebConnections {
   ConnectionSlots slots = {};
   std::map<ConnectionSlots::Id, WebConnection*> open = {};
   std::set<WebSubscriber*> subscribers = {};
-  /// Runs the work of an answer on its thread, then calls `done` on the server's thread. Returns
-  /// false if too much work waits.
+  /// Runs the work of an answer on a thread of its kind, then calls `done` on the server's thread.
+  /// Returns false if too much work waits.
   std::function<bool(WebAnswer answer, std::function<void(WebAnswer)> done)> defer;
 };
 

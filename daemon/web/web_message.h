@@ -32,11 +32,21 @@ struct WebRequest {
   bool has_unread_body = false;  ///< the body was too large, or of unknown size
 };
 
+/// Work that may wait for a disk, by the threads that do it. A slow or hanging disk delays only
+/// work of the same kind.
+enum class WorkKind : uint8_t {
+  kListing,  ///< lists folders; requests for the same listing share one run
+  kPicture,  ///< reads and computes pictures, one at a time
+  kFile,     ///< reads files of takes
+  kPage      ///< reads files of the page
+};
+
 /// A part of a file. Copies share the open file.
 struct FilePart {
   std::shared_ptr<const io::UniqueFd> file;
   int64_t first = 0;
   int64_t size = 0;
+  WorkKind kind = WorkKind::kFile;  ///< of the work that reads it
 };
 
 struct WebAnswer {
@@ -45,12 +55,12 @@ struct WebAnswer {
   std::string body = {};
   std::optional<FilePart> file = {};  ///< instead of `body`
   std::vector<std::pair<std::string, std::string>> fields = {};
-  /// Makes the answer if that takes long. Runs on another thread, one at a time. Must not throw or
-  /// return an answer with work. The other fields are then ignored, except `listing`.
+  /// Makes the answer, if that may take long or reads from a disk. Runs on another thread. Must not
+  /// throw or return an answer with work. The other fields are then ignored, except `kind` and
+  /// `listing`.
   std::function<WebAnswer()> work = {};
-  /// The name of the listing, if `work` lists folders. Listings have a thread of their own, and
-  /// requests for the same listing share one run (listing_runner.h).
-  std::string listing = {};
+  WorkKind kind = WorkKind::kFile;
+  std::string listing = {};  ///< the name of the listing, where `kind` is kListing
 };
 
 /// An answer of one line of text.

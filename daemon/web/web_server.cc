@@ -5,15 +5,14 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <future>
 #include <thread>
 #include <utility>
 
 #include "base/core/error.h"
-#include "daemon/web/listing_runner.h"
 #include "daemon/web/web_connection.h"
 #include "daemon/web/web_subscriber.h"
+#include "daemon/web/work_runner.h"
 
 namespace v3d {
 namespace {
@@ -23,6 +22,9 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
+/// A connection waits for one work at most, so this many are enough for all while the disk works.
+constexpr size_t kMaxFileReads = ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved;
+constexpr char kLateFile[] = "the disk is slow; try again";
 
 }  // namespace
 
@@ -52,8 +54,6 @@ class WebServer::Impl {
   ~Impl() {
     io_.stop();
     thread_.join();
-    worker_.stop();
-    worker_.join();
   }
 
   Impl(const Impl&) = delete;
@@ -84,18 +84,21 @@ class WebServer::Impl {
   }
 
   bool defer(WebAnswer answer, std::function<void(WebAnswer)> done) {
-    if (!answer.listing.empty()) {
-      return listings_.run(answer.listing, std::move(answer.work), std::move(done));
+    return runner_of(answer.kind).run(answer.listing, std::move(answer.work), std::move(done));
+  }
+
+  WorkRunner& runner_of(WorkKind kind) {
+    switch (kind) {
+      case WorkKind::kListing:
+        return listings_;
+      case WorkKind::kPicture:
+        return pictures_;
+      case WorkKind::kPage:
+        return pages_;
+      case WorkKind::kFile:
+        break;
     }
-    if (deferred_ >= kMaxDeferred) return false;
-    ++deferred_;
-    asio::post(worker_, [this, work = std::move(answer.work), done = std::move(done)]() mutable {
-      asio::post(io_, [this, done = std::move(done), answer = work()]() mutable {
-        --deferred_;
-        done(std::move(answer));
-      });
-    });
-    return true;
+    return files_;
   }
 
   void accept() {
@@ -140,9 +143,19 @@ class WebServer::Impl {
   asio::steady_timer accept_retry_{io_};
   bool accept_failed_ = false;
   std::thread thread_;
-  int deferred_ = 0;  ///< used on the server's thread only
-  asio::thread_pool worker_{1};
-  ListingRunner listings_{io_, connections_.limits.listing_timeout};
+  WorkRunner listings_{io_,
+                       {.timeout = connections_.limits.disk_timeout,
+                        .late = "the disk is slow to list its folders; try again"}};
+  WorkRunner pictures_{io_, {.timeout = connections_.limits.picture_timeout, .late = kLateFile}};
+  WorkRunner files_{io_,
+                    {.threads = 4,
+                     .max_waiting = kMaxFileReads,
+                     .timeout = connections_.limits.disk_timeout,
+                     .late = kLateFile}};
+  WorkRunner pages_{io_,
+                    {.max_waiting = kMaxFileReads,
+                     .timeout = connections_.limits.disk_timeout,
+                     .late = kLateFile}};
 };
 
 WebServer::WebServer(const WebAddress& address, WebHandler& handler, const WebLimits& limits)

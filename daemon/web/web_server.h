@@ -16,8 +16,10 @@ struct WebLimits {
   /// From the first byte of a request (for the first request: from the connection) to its last
   /// byte.
   std::chrono::nanoseconds request_timeout = std::chrono::seconds(5);
-  /// After this time, a request for a listing of folders gets 503.
-  std::chrono::nanoseconds listing_timeout = std::chrono::seconds(10);
+  /// After this time, a request that waits for a disk gets 503, and a file that is being sent ends.
+  std::chrono::nanoseconds disk_timeout = std::chrono::seconds(10);
+  /// After this time, a request for a picture gets 503.
+  std::chrono::nanoseconds picture_timeout = std::chrono::seconds(60);
   /// Whether a connection may send several requests.
   bool keeps_alive = true;
 };
@@ -25,9 +27,9 @@ struct WebLimits {
 /// Answers requests and feeds WebSockets on one thread.
 ///
 /// Each WebSocket has one message in flight, and gets the next one (WebStream::next()) when that
-/// was sent. So nothing is queued for slow clients, and little in the kernel. Deferred work
-/// (WebAnswer::work) runs on a second thread, one at a time, and listings on a third one
-/// (listing_runner.h), so that they delay no other requests.
+/// was sent. So nothing is queued for slow clients, and little in the kernel. The thread reads from
+/// no disk: work (WebAnswer::work) and the parts of files that are sent run on other threads, by
+/// their kind (work_runner.h), so that they delay no other requests and no WebSocket.
 ///
 /// Bounded: connections (connection_slots.h), size of header and body of a request, size of
 /// messages from WebSockets, duration of requests and idle connections, and waiting work (more gets
@@ -36,7 +38,6 @@ class WebServer {
  public:
   static constexpr int kMaxHeaderBytes = 8192;
   static constexpr uint64_t kMaxBodyBytes = 4096;
-  static constexpr int kMaxDeferred = 64;
 
   /// `handler` must outlive the server, and is used on its thread only. Throws InputError if it
   /// cannot listen on the address. Port 0 selects a free port.

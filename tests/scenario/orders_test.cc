@@ -46,15 +46,8 @@ pid_t child_of(pid_t pid) {
 
 class CommandedStudio : public test::ViewedStudio {
  protected:
-  CommandedStudio() : ViewedStudio("control = true\noperator_token = \"operator.token\"\n") {}
+  CommandedStudio() : ViewedStudio(test::kAcceptsOrders) {}
 
-  std::unique_ptr<Connection> post(const std::string& order, const std::string& token) const {
-    return std::make_unique<Connection>(
-        port_, "/api/order",
-        "Connection: close\r\nContent-Type: application/json\r\nX-V3D-Operator: " + token +
-            "\r\nContent-Length: " + std::to_string(order.size()) + "\r\n",
-        "POST", order);
-  }
   /// The bytes of the studio key.
   std::string studio_secret() const {
     const std::string text = read_file(studio_.network.key);

@@ -29,6 +29,7 @@ struct Studio4Options {
   std::string voxel = "40mm";
   /// Lines appended to the studio file, whose last section is [reconstruction].
   std::string more{};
+  std::string network{};    ///< lines added to the section [network]
   std::string faults{};     ///< text of a fault script; empty: no faults
   std::string rate = "20";  ///< trigger, Hz
   std::string takes = ".";  ///< folder of the takes
@@ -50,6 +51,7 @@ class Studio4 : public testing::Test {
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
     std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
     put_takes_into(options.takes);
+    add_to_network(options.network);
     if (options.two_nodes) assign_cameras_to_two_nodes();
     if (options.is_signed) give_signing_keys(options.two_nodes);
     if (options.has_members) make_member_list(options.two_nodes);
@@ -73,6 +75,11 @@ class Studio4 : public testing::Test {
     std::string text = read_file(folder_ / "studio.toml");
     const std::string before = "takes = \".\"";
     text.replace(text.find(before), before.size(), "takes = \"" + folder + "\"");
+    write_text(folder_ / "studio.toml", text);
+  }
+  void add_to_network(const std::string& lines) const {
+    std::string text = read_file(folder_ / "studio.toml");
+    replace(text, "[network]\n", "[network]\n" + lines);
     write_text(folder_ / "studio.toml", text);
   }
   static void replace(std::string& text, const std::string& before, const std::string& after) {

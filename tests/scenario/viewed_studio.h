@@ -57,6 +57,8 @@ class Connection {
 };
 
 inline constexpr char kOperatorToken[] = "operators-0123456789";
+/// Lines of the section [viewer] with which v3d-viewd accepts orders.
+inline constexpr char kAcceptsOrders[] = "control = true\noperator_token = \"operator.token\"\n";
 
 /// Waits up to 30 s until v3d-viewd serves, and returns its port. Throws std::runtime_error.
 inline int served_port(const ChildProcess& viewd) {
@@ -77,8 +79,11 @@ inline int served_port(const ChildProcess& viewd) {
 class ViewedStudio : public Studio4 {
  protected:
   /// `more`: lines appended to the section [viewer] of the studio file.
-  explicit ViewedStudio(const std::string& more = "", bool has_members = false)
+  /// `network`: lines added to the section [network].
+  explicit ViewedStudio(const std::string& more = "", bool has_members = false,
+                        const std::string& network = "")
       : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more,
+                 .network = network,
                  .has_members = has_members}) {
     write_text(folder_ / "operator.token", std::string(kOperatorToken) + "\n");
     chmod((folder_ / "operator.token").c_str(), 0600);
@@ -97,6 +102,15 @@ class ViewedStudio : public Studio4 {
         port_, target,
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n");
+  }
+
+  /// Posts an order, as JSON.
+  std::unique_ptr<Connection> post(const std::string& order, const std::string& token) const {
+    return std::make_unique<Connection>(
+        port_, "/api/order",
+        "Connection: close\r\nContent-Type: application/json\r\nX-V3D-Operator: " + token +
+            "\r\nContent-Length: " + std::to_string(order.size()) + "\r\n",
+        "POST", order);
   }
 
   std::optional<ChildProcess> viewd_;

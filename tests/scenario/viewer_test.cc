@@ -1,4 +1,5 @@
 // Scenario tests of the HTTP and WebSocket replies of the real v3d-viewd while a studio records.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -14,6 +15,8 @@ using test::Connection;
 using test::served_port;
 using test::ViewedStudio;
 using test::within;
+using testing::HasSubstr;
+using testing::Not;
 
 constexpr int kPulses = 40;
 
@@ -124,9 +127,14 @@ TEST_F(ViewerWithFewDescriptors, limits_the_rate_of_accept_attempts_without_free
   const double seconds = to_seconds(Monotonic::now() - begin);
   EXPECT_LE(count_in_log(not_accepted), 12 * (seconds + 1)) << seconds << " s";
   EXPECT_GE(count_in_log("cannot accept a connection"), 1) << viewd_->output();
+  for (const auto& client : clients) EXPECT_THAT(client->text(), Not(HasSubstr("404")));
   clients.clear();
-  EXPECT_TRUE(Connection(port_, "/", "Connection: close\r\n").receives("<!doctype html>"))
-      << viewd_->output();
+  // 503 is right until the daemon has closed the connections of these clients.
+  const auto is_served = [&] {
+    Connection client(port_, "/", "Connection: close\r\n");
+    return client.receives("\r\n\r\n") && client.text().find(" 200 OK") != std::string::npos;
+  };
+  EXPECT_TRUE(becomes_true(is_served, within(30))) << viewd_->output();
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -166,10 +167,10 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
 TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   WebRequest request{.method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
-  request.if_none_match = field(site.answer(request), "ETag");
-  EXPECT_EQ(site.answer(request).status, 304);
+  request.if_none_match = field(done(site.answer(request)), "ETag");
+  EXPECT_EQ(done(site.answer(request)).status, 304);
   write(folder_ / "takes/kendo-07/mesh.v3d", "01234567890");
-  EXPECT_EQ(site.answer(request).status, 200);
+  EXPECT_EQ(done(site.answer(request)).status, 200);
 }
 
 TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
@@ -184,6 +185,35 @@ TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
   std::filesystem::remove(folder_ / "takes/kendo-07/mesh.v3d");
   std::filesystem::create_directory(folder_ / "takes/kendo-07/mesh.v3d");
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
+}
+
+/// The process opens no descriptor during the lifetime.
+class NoFreeDescriptor {
+ public:
+  NoFreeDescriptor() {
+    getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none{0, before_.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoFreeDescriptor() { setrlimit(RLIMIT_NOFILE, &before_); }
+  NoFreeDescriptor(const NoFreeDescriptor&) = delete;
+  NoFreeDescriptor& operator=(const NoFreeDescriptor&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(ViewedSite, answers_503_for_a_file_when_it_has_no_free_descriptor) {
+  WebSite site = this->site();
+  const WebRequest request{
+      .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
+  const auto status = [&] { return done(site.answer(request)).status; };
+  const auto status_without_descriptor = [&] {
+    const NoFreeDescriptor limit;
+    return status();
+  };
+  EXPECT_EQ(status_without_descriptor(), 503);
+  EXPECT_EQ(status(), 200);
 }
 
 TEST_F(ViewedSite, serves_a_scene_and_its_files) {

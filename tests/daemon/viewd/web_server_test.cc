@@ -207,7 +207,7 @@ TEST_F(ServedSite, answers_other_requests_while_a_slow_disk_lists_the_takes_once
 }
 
 TEST_F(ServedSite, answers_503_when_the_disk_does_not_list_the_takes_in_time) {
-  serve({.listing_timeout = std::chrono::milliseconds(100)});
+  serve({.disk_timeout = std::chrono::milliseconds(100)});
   const auto first = client();
   EXPECT_TRUE(first->write(request("/api/takes")).receives("503 Service"));
   EXPECT_THAT(first->text(), HasSubstr("the disk is slow to list its folders; try again\n"));

@@ -1,4 +1,4 @@
-#include "daemon/web/listing_runner.h"
+#include "daemon/web/work_runner.h"
 
 #include <algorithm>
 #include <boost/asio/post.hpp>
@@ -6,18 +6,20 @@
 
 namespace v3d {
 
-ListingRunner::~ListingRunner() {
-  thread_.stop();
-  thread_.join();
+WorkRunner::~WorkRunner() {
+  if (!threads_) return;
+  threads_->stop();
+  threads_->join();
 }
 
-bool ListingRunner::run(const std::string& name, std::function<WebAnswer()> work, Done done) {
-  if (waiting_ >= kMaxWaiting) return false;
+bool WorkRunner::run(std::string name, std::function<WebAnswer()> work, Done done) {
+  if (waiting_ >= limits_.max_waiting || runs_.size() >= limits_.max_waiting) return false;
+  if (name.empty()) name = "#" + std::to_string(unnamed_++);
   const auto waiter = std::make_shared<Waiter>(io_, std::move(done));
   const bool is_new = !runs_.contains(name);
   runs_[name].push_back(waiter);
   ++waiting_;
-  waiter->deadline.expires_after(timeout_);
+  waiter->deadline.expires_after(limits_.timeout);
   waiter->deadline.async_wait([this, name, waiter](boost::system::error_code stopped) {
     if (!stopped) time_out(name, waiter);
   });
@@ -25,13 +27,14 @@ bool ListingRunner::run(const std::string& name, std::function<WebAnswer()> work
   return true;
 }
 
-void ListingRunner::start(const std::string& name, std::function<WebAnswer()> work) {
-  boost::asio::post(thread_, [this, name, work = std::move(work)] {
+void WorkRunner::start(const std::string& name, std::function<WebAnswer()> work) {
+  if (!threads_) threads_.emplace(limits_.threads);
+  boost::asio::post(*threads_, [this, name, work = std::move(work)] {
     boost::asio::post(io_, [this, name, answer = work()] { finish(name, answer); });
   });
 }
 
-void ListingRunner::finish(const std::string& name, const WebAnswer& answer) {
+void WorkRunner::finish(const std::string& name, const WebAnswer& answer) {
   const Waiters waiters = std::move(runs_[name]);
   runs_.erase(name);
   waiting_ -= waiters.size();
@@ -41,11 +44,11 @@ void ListingRunner::finish(const std::string& name, const WebAnswer& answer) {
   }
 }
 
-void ListingRunner::time_out(const std::string& name, const std::shared_ptr<Waiter>& waiter) {
+void WorkRunner::time_out(const std::string& name, const std::shared_ptr<Waiter>& waiter) {
   const auto run = runs_.find(name);
   if (run == runs_.end() || std::erase(run->second, waiter) == 0) return;  // has been answered
   --waiting_;
-  WebAnswer answer = plain_answer(503, "the disk is slow to list its folders; try again");
+  WebAnswer answer = plain_answer(503, limits_.late);
   answer.fields = {{"Retry-After", "5"}};
   waiter->done(std::move(answer));
 }
