@@ -135,7 +135,6 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
           .detail = std::move(detail)};
 }
 
-/// A train of known length ends by itself. A later stop still gets the ledger of that take.
 bool Controller::asks_for_last_take(const CommandMessage& command) const {
   return command.verb == CommandVerb::kStop && phase_ == Phase::kIdle && !last_take_.empty() &&
          (command.take.empty() ? !last_was_check_ : command.take == last_take_);

@@ -50,6 +50,8 @@ class Controller {
   Step on_start_failed(const std::string& text);
 
   Phase phase() const { return phase_; }
+  /// A train of known length ends by itself. A later stop still gets the ledger of that take.
+  bool asks_for_last_take(const CommandMessage& command) const;
   /// The last arm, check or background command.
   const CommandMessage& order() const { return order_; }
   const std::string& fault() const { return fault_; }
@@ -69,7 +71,6 @@ class Controller {
   ReplyMessage execute(const CommandMessage& command, Step& step);
   /// Why the command does not apply to the take or owner of this node; empty if it applies.
   std::string mismatch(const CommandMessage& command) const;
-  bool asks_for_last_take(const CommandMessage& command) const;
 
   /// Equals that of CommandReplayFilter. The least recent sender is removed first.
   static constexpr size_t kMaxSenders = 64;

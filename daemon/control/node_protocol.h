@@ -55,6 +55,10 @@ class NodeProtocol {
   bool may_shut_down(MonotonicInstant now) const;
 
   Phase phase() const { return controller_.phase(); }
+  /// Whether the node has a take, or the result of the last one for this stop. Not for orders.
+  bool has_take_of(const CommandMessage& command) const {
+    return phase() != Phase::kIdle || controller_.asks_for_last_take(command);
+  }
   const CommandMessage& order() const { return controller_.order(); }
 
  private:

@@ -76,8 +76,15 @@ void NodeLoop::on_command(const CommandReplayFilter::Admitted& admitted) {
   const CommandMessage& command = admitted.command;
   spdlog::debug("{} {} from {} #{}", name(command.verb), command.take, command.sender,
                 command.counter);
+  if (may_mean_duplicate(command)) return;
   if (!admitted.is_current) return publish(filter_.nonce_reply(command, Monotonic::now()));
   if (!reject_for_duplicate_name(command)) protocol_.on_command(command);
+}
+
+/// Whether to send no reply: another process has this node's name and may have the take of this
+/// command. This process has none, so its reply would say that nothing is recorded.
+bool NodeLoop::may_mean_duplicate(const CommandMessage& command) const {
+  return !name_alarm_.empty() && !is_order(command.verb) && !protocol_.has_take_of(command);
 }
 
 /// Both processes with this name reject new orders. A running take continues, and can be stopped.

@@ -50,6 +50,7 @@ class NodeLoop {
 
  private:
   void on_command(const CommandReplayFilter::Admitted& admitted);
+  bool may_mean_duplicate(const CommandMessage& command) const;
   bool reject_for_duplicate_name(const CommandMessage& command);
   void check_name(HealthMessage& health);
   MonotonicInstant next_deadline() const;

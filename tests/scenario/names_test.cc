@@ -33,6 +33,14 @@ class DuplicateNodeName : public Studio4 {
         },
         within(60));
   }
+  bool duplicate_knows() const {
+    return becomes_true(
+        [&] {
+          return duplicate_->output().find("another process sends as node cap01") !=
+                 std::string::npos;
+        },
+        within(60));
+  }
   std::optional<ChildProcess> duplicate_;
 };
 
@@ -65,6 +73,19 @@ TEST_F(DuplicateNodeName, does_not_damage_a_running_take) {
       },
       within(60)))
       << log();
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
+}
+
+TEST_F(DuplicateNodeName, is_stopped_by_the_process_that_records) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
+  start_duplicate();
+  ASSERT_TRUE(raises_alarm()) << log() << duplicate_->output();
+  ASSERT_TRUE(duplicate_knows()) << duplicate_->output();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log() << duplicate_->output();
+  EXPECT_THAT(stopped.replies.at("cap01").detail, testing::HasSubstr("\"complete\":true"));
   const Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
 }

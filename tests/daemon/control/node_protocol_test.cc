@@ -111,5 +111,20 @@ TEST_F(Node, survives_a_disk_error_while_disarming) {
   EXPECT_EQ(protocol_.phase(), Phase::kIdle);
 }
 
+TEST_F(Node, has_the_take_of_a_command_when_it_records_it_or_recorded_it_last) {
+  CommandMessage stop;
+  stop.verb = CommandVerb::kStop;
+  stop.take = "kendo-07";
+  EXPECT_FALSE(protocol_.has_take_of(stop));
+  command(CommandVerb::kArm);
+  EXPECT_TRUE(protocol_.has_take_of(stop));
+  command(CommandVerb::kAbort);
+  EXPECT_FALSE(protocol_.has_take_of(stop));
+  protocol_.remember("kendo-07", "recovered", "");
+  EXPECT_TRUE(protocol_.has_take_of(stop));
+  stop.take = "kendo-08";
+  EXPECT_FALSE(protocol_.has_take_of(stop));
+}
+
 }  // namespace
 }  // namespace v3d
