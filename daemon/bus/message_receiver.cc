@@ -214,6 +214,7 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
     }
   }
   message.bytes = without_signature(kind, message.bytes);
+  message.session = stamp.session;
   if (is_noted) filter_.note(stamp, now, signer);
   return message;
 }
@@ -434,13 +435,12 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
     skip(identity);
     return std::nullopt;
   }
-  if (datagram.is_whole()) {
-    return pass(datagram.channel, without_signature(*kind, parts.data));
-  }
   if (kind == nullptr && skipped_.contains(identity)) return std::nullopt;
-  auto message = reassemble(datagram, parts, source);
+  auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
+                                     : reassemble(datagram, parts, source);
   if (message) {
     message->bytes = without_signature(*channels_.find(message->channel), message->bytes);
+    message->session = source;
   }
   return message;
 }

@@ -28,6 +28,9 @@ struct ReceivedMessage {
   /// False for a message that is delivered although it is not authentic
   /// (ChannelKind::is_shown_unverified).
   bool is_accepted = true;
+  /// The sending socket, of accepted messages: its session, or its address where no authentication
+  /// is required. A process that restarts has another one.
+  uint64_t session = 0;
 };
 
 /// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete

@@ -70,6 +70,21 @@ TEST_F(Receiver, returns_a_message_without_its_trailer) {
   EXPECT_THAT(got->bytes, testing::ElementsAreArray(sent));
 }
 
+TEST_F(Receiver, returns_the_session_of_short_and_long_messages) {
+  const auto last_of = [&](Sender& sender, size_t size) {
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& datagram : sender.datagrams("V3D_FRAME_cam01", message(size))) {
+      got = receive(datagram);
+    }
+    return got.value().session;
+  };
+  Sender restarted(key_);
+  for (const size_t size : {100U, 300'000U}) {
+    EXPECT_EQ(last_of(sender_, size), sender_.session);
+    EXPECT_EQ(last_of(restarted, size), restarted.session);
+  }
+}
+
 TEST_F(Receiver, returns_a_long_message_for_any_order_of_its_datagrams) {
   std::mt19937 random(7);
   const auto sent = message(300'000);
@@ -323,6 +338,7 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
   }
   ASSERT_TRUE(got);
   EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  EXPECT_EQ(got->session, kSource) << "without a session, the address of the sender";
 }
 
 TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
