@@ -1,16 +1,15 @@
 #include "daemon/node/train_monitor.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "wire/channels.h"
+#include "wire/codec.h"
 
 namespace v3d {
 namespace {
 
 constexpr size_t kHealthQueue = 8;
-/// The network reorders messages by less than this. A message that seems older was sent after the
-/// clock of the trigger's node was set back.
-constexpr Duration kMaxReordering = std::chrono::seconds(10);
-/// A message is in flight for less than this.
-constexpr Duration kMaxInFlight = std::chrono::milliseconds(500);
 
 /// Empty for an implausible number.
 std::optional<int64_t> commanded_by(const HealthMessage& health) {
@@ -20,42 +19,63 @@ std::optional<int64_t> commanded_by(const HealthMessage& health) {
   return static_cast<int64_t>(commanded->second);
 }
 
+std::optional<ReceivedHealth> open_health(const ReceivedMessage& in) {
+  if (!in.is_accepted) return std::nullopt;
+  auto health = decode<HealthMessage>(in.bytes);
+  if (!health || in.channel != health_channel(health->node)) return std::nullopt;
+  return ReceivedHealth{
+      .health = *std::move(health), .session = in.session, .received = Monotonic::now()};
+}
+
 }  // namespace
 
-bool TrainState::is_newer(const HealthMessage& health) {
-  if (health.sent <= newest_sent_ && newest_sent_ - health.sent < kMaxReordering) return false;
-  newest_sent_ = health.sent;
+bool HealthOrder::is_newest(const ReceivedHealth& message) {
+  if (std::ranges::find(former_, message.session) != former_.end()) return false;
+  if (session_ == message.session) {
+    if (message.health.seq <= seq_) return false;
+  } else if (session_) {
+    if (former_.size() == kMaxFormer) former_.pop_front();
+    former_.push_back(*session_);
+  }
+  session_ = message.session;
+  seq_ = message.health.seq;
   return true;
 }
 
-std::optional<TrainState::RunningTake> TrainState::running(const HealthMessage& health) {
-  if (!is_newer(health)) return std::nullopt;
+void TrainState::reset(MonotonicInstant now) {
+  began_ = now;
+  ended_ = was_running_ = false;
+  commanded_ = 0;
+}
+
+std::optional<TrainState::RunningTake> TrainState::running(const ReceivedHealth& message) {
+  if (!order_.is_newest(message)) return std::nullopt;
+  const HealthMessage& health = message.health;
   const bool records = health.state == NodeState::kRecording;
+  was_running_ = records;
   return RunningTake{.take = records ? health.take : "",
                      .commanded = commanded_by(health).value_or(0)};
 }
 
-void TrainState::on_health(const HealthMessage& health, const std::string& take) {
-  if (!is_newer(health)) return;
-  if (!first_sent_) first_sent_ = health.sent;
+void TrainState::on_health(const ReceivedHealth& message, const std::string& take) {
+  if (!order_.is_newest(message)) return;
+  const HealthMessage& health = message.health;
   const bool ours = health.take == take;
   const bool is_running =
       ours && (health.state == NodeState::kArmed || health.state == NodeState::kRecording);
   was_running_ = was_running_ || is_running;
   // Until the node is known to run, messages from before it was armed may still be in flight.
-  const bool is_current =
-      was_running_ || std::chrono::abs(health.sent - *first_sent_) > kMaxInFlight;
+  const bool is_current = was_running_ || message.received - began_ > kMaxAge;
   ended_ = ended_ || (!is_running && is_current);
   if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }
 
 TrainMonitor::TrainMonitor(Bus& bus, const std::string& trigger_node)
-    : health_(bus, health_channel(trigger_node), kHealthQueue) {}
+    : health_(bus, health_channel(trigger_node), kHealthQueue, open_health) {}
 
 void TrainMonitor::reset() {
-  while (health_.wait(Monotonic::now())) {
-  }
-  train_.reset();
+  while (const auto health = health_.wait(Monotonic::now())) train_.note(*health);
+  train_.reset(Monotonic::now());
 }
 
 void TrainMonitor::poll(const std::string& take) {

@@ -146,7 +146,6 @@ std::optional<CommandMessage> ReconNode::rejoin() {
   if (!found) return std::nullopt;
   command_ = found->order;
   open(command_, found->commanded);
-  train_.reset();
   events_.send(Severity::kWarning, "reconstruction",
                node_ + " restarted and reconstructs " + command_.take + " again from pulse " +
                    std::to_string(found->commanded),

@@ -203,7 +203,7 @@ void NodeProcess::process(Channel channel, size_t from, const Bytes& bytes) {
     if (channel == Channel::kPulse) work_->on_pulse_message(*decode<PulseMessage>(message));
     if (channel != Channel::kHealth) return;
     const HealthMessage health = *decode<HealthMessage>(message);
-    if (from == trigger_place_) work_->on_trigger_health(health);
+    if (from == trigger_place_) work_->on_trigger_health(health, stamp.session);
     work_->on_other_health(health);
   }
 }

@@ -2,8 +2,9 @@
  *
  * All nodes are armed for one take. An operator starts it, and may give up at every step. A last operator stops and
  * aborts. Nodes crash kCrashes times in total, including the trigger's node (0). The others learn from its health whether
- * pulses run. Health is lost, delayed and reordered. After a restart a node accepts only later messages: earlier ones belong
- * to sessions that have not answered (session.pml). Checked in every state:
+ * pulses run. Health is lost and delayed; a node ignores messages that are older than the last one (HealthOrder). After a
+ * restart a node accepts only later messages: earlier ones belong to sessions that have not answered (session.pml). Before
+ * a recording ends, messages from before the start do not count (TrainState::kMaxAge). Checked in every state:
  *   - pulses begin only after every node records;
  *   - pulses run only while the trigger's node records: its crash ends them;
  *   - while pulses run, only a stopped node regards them as ended;
@@ -13,7 +14,7 @@
  *
  * Macros switch on faults, to show that the model finds them: START_ALL_AT_ONCE (the trigger's node starts with the
  * others), PULSES_SURVIVE (pulses continue when the trigger's node crashes), STALE_HEALTH (a node accepts health from before
- * its restart), DEAF (no node receives health of the trigger's node, and only that node receives the stop). */
+ * its restart), LATE_HEALTH (a node accepts health from before the trigger's node was armed), DEAF (no node receives health of the trigger's node, and only that node receives the stop). */
 
 #ifndef NODES
 #define NODES 3
@@ -25,7 +26,7 @@
 #define OTHERS (ALL - 1)
 #define OPERATORS 2
 #define LAST 1
-#define kMaxHealth 8
+#define kMaxHealth 10
 
 #define cmd(op, c) ((op) * 4 + (c))
 #define verb_of(op, c) verb[cmd(op, c)]
@@ -47,7 +48,7 @@ bool pulses;
 /* Phases of the trigger's node, in the order in which its health shows them; the last one is repeated. */
 byte health[kMaxHealth];
 byte newest;
-byte heard_from[NODES];        /* index of the oldest health that still reaches the node */
+byte heard_from[NODES];        /* index of the last health that the node has received or must ignore */
 bool crashed_in_take;          /* node 1 crashed while pulses ran */
 
 #define has(set, node) (((set) >> (node)) & 1)
@@ -112,14 +113,22 @@ end:
      }
   :: atomic { phase[n] == P_draining -> report(n, I_drained, O_done); after_step(n) }
   :: atomic {
-       hears(n) && phase[n] == P_recording && !runs(health[newest]) ->
-       assert(!pulses);
-       report(n, I_train_ended, O_done); after_step(n)
+       hears(n) && phase[n] == P_recording && (heard_from[n] < newest || !runs(health[newest])) ->
+       if
+       :: heard_from[n] < newest -> select(h : heard_from[n] + 1 .. newest)
+       :: else -> h = newest
+       fi;
+       heard_from[n] = h;
+       if
+       :: !runs(health[h]) -> assert(!pulses); report(n, I_train_ended, O_done)
+       :: else
+       fi;
+       h = 0; after_step(n)
      }
   :: atomic {
        hears(n) && may_rejoin[n] && phase[n] == P_idle -> select(h : heard_from[n] .. newest);
        if
-       :: health[h] == P_recording -> rejoin(n)
+       :: health[h] == P_recording -> heard_from[n] = h; rejoin(n)
        :: else -> may_rejoin[n] = false
        fi;
        h = 0; after_step(n)
@@ -205,7 +214,10 @@ init {
     for (i : 0 .. NODES - 1) {
       phase[i] = P_armed; take[i] = 0; kept[i] = 0
     }
-    health[0] = P_armed;
+    health[0] = P_idle; health[1] = P_idle; health[2] = P_armed; newest = 2;
+#ifndef LATE_HEALTH
+    for (i : 0 .. NODES - 1) { heard_from[i] = newest }
+#endif
     for (i : 0 .. NODES - 1) { run Node(i) }
     run Starter(); run Last()
   }

@@ -24,22 +24,22 @@ constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
   if (!rejoin_.is_open()) return std::nullopt;
   std::optional<TrainState::RunningTake> running;
-  for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
+  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) {
     if (auto update = train_.running(health)) running = std::move(update);
   }
   return running ? rejoin_.decide(*running) : std::nullopt;
 }
 
 void SimulatedWork::listen_to_train() {
-  for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
+  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) {
     train_.on_health(health, order_.take);
   }
 }
 
 /// Forgets the earlier train, as TrainMonitor::reset() does.
 void SimulatedWork::restart_train() {
-  trigger_health_.clear();
-  train_.reset();
+  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) train_.note(health);
+  train_.reset(now());
 }
 
 void SimulatedWork::clear_persisted_orders() {
@@ -145,7 +145,6 @@ std::optional<CommandMessage> SimulatedCapture::rejoin() {
   take.is_open = is_open_ = was_started_ = true;
   disk_is_full_ = false;
   write_errors_ = 0;
-  restart_train();
   return order_;
 }
 
@@ -325,7 +324,6 @@ std::optional<CommandMessage> SimulatedRecon::rejoin() {
   if (!found) return std::nullopt;
   order_ = found->order;
   is_open_ = true;
-  restart_train();
   return order_;
 }
 

@@ -24,7 +24,9 @@ class SimulatedWork : public NodeDelegate {
       : world_(world), host_(host), rejoin_(host.disk.persisted_commands()) {}
 
   /// Called with accepted health of the trigger's node; on_other_health(): of any node.
-  void on_trigger_health(const HealthMessage& health) { trigger_health_.push_back(health); }
+  void on_trigger_health(const HealthMessage& health, uint32_t session) {
+    trigger_health_.push_back({.health = health, .session = session, .received = now()});
+  }
   virtual void on_other_health(const HealthMessage&) {}
   virtual void on_pulse_message(const PulseMessage&) {}
   /// Called when a camera of this node has delivered the frame of a pulse.
@@ -55,7 +57,7 @@ class SimulatedWork : public NodeDelegate {
 
  private:
   RejoinDecision rejoin_;
-  std::vector<HealthMessage> trigger_health_;  ///< not yet processed
+  std::vector<ReceivedHealth> trigger_health_;  ///< not yet processed
 };
 
 class SimulatedCapture : public SimulatedWork {

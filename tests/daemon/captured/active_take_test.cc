@@ -174,6 +174,7 @@ class TakeOfAnotherNode : public ActiveTakeTest {
   void publish_commanded(int64_t pulses, NodeState state = NodeState::kRecording) {
     HealthMessage health;
     health.sent = Realtime::now();
+    health.seq = health_seq_++;
     health.node = kTriggerNode;
     health.state = state;
     health.take = kTake;
@@ -189,6 +190,8 @@ class TakeOfAnotherNode : public ActiveTakeTest {
         },
         within(30));
   }
+
+  int64_t health_seq_ = 0;
 };
 
 TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_message) {

@@ -1,0 +1,122 @@
+#include "daemon/node/train_monitor.h"
+
+#include <gtest/gtest.h>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr char kTake[] = "kendo-07";
+
+class TrainStateTest : public testing::Test {
+ protected:
+  TrainStateTest() { train_.reset(now_); }
+
+  /// The next message of the trigger's node, whose clock shows `sent_s`. It is not received yet.
+  ReceivedHealth next(NodeState state, double sent_s = 0) {
+    HealthMessage health;
+    health.seq = seq_++;
+    health.sent = from_ns<Realtime>(0) + from_seconds(sent_s);
+    health.node = "cap01";
+    health.state = state;
+    health.take = state == NodeState::kIdle ? "" : kTake;
+    return {.health = health, .session = session_, .received = {}};
+  }
+  void receive(ReceivedHealth message) {
+    message.received = now_;
+    train_.on_health(message, kTake);
+  }
+  /// The trigger's node restarts: new session, new sequence numbers.
+  void restart_sender() {
+    ++session_;
+    seq_ = 0;
+  }
+
+  MonotonicInstant now_ = from_ns<Monotonic>(0) + 1h;
+  uint64_t session_ = 1;
+  int64_t seq_ = 0;
+  TrainState train_;
+};
+
+TEST_F(TrainStateTest, ends_when_the_triggers_node_no_longer_records) {
+  receive(next(NodeState::kRecording));
+  EXPECT_FALSE(train_.ended());
+  receive(next(NodeState::kDraining));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, does_not_end_by_late_messages_from_before_a_clock_step) {
+  const ReceivedHealth before_step = next(NodeState::kIdle, 100);
+  const ReceivedHealth after_step = next(NodeState::kIdle, 96);
+  receive(after_step);
+  receive(before_step);
+  EXPECT_FALSE(train_.ended()) << "seed 20153349 of the simulator";
+}
+
+TEST_F(TrainStateTest, does_not_end_by_several_late_messages_from_before_it_was_armed) {
+  receive(next(NodeState::kIdle, 100));
+  now_ += TrainState::kMaxAge;
+  receive(next(NodeState::kIdle, 101));
+  EXPECT_FALSE(train_.ended());
+}
+
+TEST_F(TrainStateTest, does_not_end_by_a_late_message_while_pulses_run) {
+  const ReceivedHealth idle = next(NodeState::kIdle, 100);
+  receive(next(NodeState::kRecording, 96));
+  receive(idle);
+  EXPECT_FALSE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ignores_what_is_older_than_messages_before_the_start) {
+  const ReceivedHealth draining = next(NodeState::kDraining);
+  train_.note(next(NodeState::kArmed));
+  train_.reset(now_);
+  now_ += TrainState::kMaxAge + 1s;
+  receive(draining);
+  EXPECT_FALSE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ends_without_pulses_when_the_message_cannot_be_from_before_the_start) {
+  now_ += TrainState::kMaxAge + 1ms;
+  receive(next(NodeState::kIdle));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ends_when_the_triggers_node_has_restarted_with_a_clock_that_was_set_back) {
+  seq_ = 500;
+  receive(next(NodeState::kRecording, 100));
+  restart_sender();
+  receive(next(NodeState::kIdle, 97));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ignores_late_messages_of_a_process_that_has_ended) {
+  seq_ = 500;
+  const ReceivedHealth draining = next(NodeState::kDraining);
+  const ReceivedHealth idle = next(NodeState::kIdle);
+  train_.note(draining);
+  restart_sender();
+  receive(next(NodeState::kRecording));
+  receive(idle);
+  EXPECT_FALSE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ends_at_once_after_it_was_rejoined) {
+  ASSERT_EQ(train_.running(next(NodeState::kRecording)).value().take, kTake);
+  receive(next(NodeState::kIdle));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ends_anew_for_each_take) {
+  receive(next(NodeState::kRecording));
+  receive(next(NodeState::kIdle));
+  train_.reset(now_);
+  EXPECT_FALSE(train_.ended());
+  receive(next(NodeState::kRecording));
+  receive(next(NodeState::kIdle));
+  EXPECT_TRUE(train_.ended());
+}
+
+}  // namespace
+}  // namespace v3d
