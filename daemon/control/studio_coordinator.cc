@@ -147,9 +147,29 @@ bool StudioCoordinator::on_reply(const ReplyMessage& reply) {
     const bool same = last.outcome == reply.outcome && last.text == reply.text;
     if (last.outcome != Outcome::kPending || same) return false;
   }
-  replies_[reply.node] = reply;
+  bind_take(reply);
+  ReplyMessage& stored = replies_[reply.node] = reply;
+  if (starts_another_take(reply)) {
+    stored.outcome = Outcome::kRefused;
+    stored.text = "the take here is " + reply.take + ", not " + order_.take;
+  }
   if (have_all_replied()) end_of_round();
   return true;
+}
+
+/// Restricts a start or stop without a take name to the take that the first node starts or stops.
+/// A final reply to a stop may name an earlier take, whose result the node still has.
+void StudioCoordinator::bind_take(const ReplyMessage& reply) {
+  if (taking_back_ || !order_.take.empty()) return;
+  const bool starts = order_.verb == CommandVerb::kStart && reply.outcome == Outcome::kDone;
+  const bool stops = order_.verb == CommandVerb::kStop && reply.outcome == Outcome::kPending;
+  if (starts || stops) order_.take = reply.take;
+}
+
+/// A command without a take name may reach a node late, when it is armed for the next take.
+bool StudioCoordinator::starts_another_take(const ReplyMessage& reply) const {
+  return rounds_.front().verb == CommandVerb::kStart && reply.outcome == Outcome::kDone &&
+         reply.take != order_.take;
 }
 
 bool StudioCoordinator::has_replied(const std::string& node) const {

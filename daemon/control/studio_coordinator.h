@@ -57,6 +57,9 @@ struct CommandTargets {
 ///   background:  as arm; start as below; stop all, which waits for the results
 ///   start:       start all other nodes; start the trigger's node
 ///   stop, abort: the trigger's node, for at most kTriggerTimeout; all nodes
+/// A start or stop without a take name gets the name of the take that the first node starts or
+/// stops. Its repetitions hold this name, so that they cannot reach the next take of another
+/// operator. A node that has started another take counts as refusing.
 /// When a node refuses or is silent, the order is taken back: what it armed or started is aborted.
 /// A start is taken back on other nodes only when the trigger's node has replied that no pulses
 /// run. One thread.
@@ -114,6 +117,8 @@ class StudioCoordinator {
   void fail();
   void plan_take_back();
   void continue_take_back();
+  void bind_take(const ReplyMessage& reply);
+  bool starts_another_take(const ReplyMessage& reply) const;
   void adopt_take();
 
   CommandMessage order_;

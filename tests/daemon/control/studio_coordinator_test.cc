@@ -37,13 +37,14 @@ class CoordinatorTest : public testing::Test {
     for (size_t i = 0; i < last_->to.size(); ++i) text += (i > 0 ? "," : "@") + last_->to[i];
     return text;
   }
+  /// `take`: empty for that of the command, or kendo-07 where it names none.
   void reply(StudioCoordinator& coordinator, const std::string& node, Outcome outcome,
-             const std::string& text = "") {
+             const std::string& text = "", const std::string& take = "") {
     ReplyMessage reply;
     reply.node = node;
     reply.command_counter = last_->counter;
     reply.outcome = outcome;
-    reply.take = "kendo-07";
+    reply.take = !take.empty() ? take : last_->take.empty() ? "kendo-07" : last_->take;
     reply.text = text;
     coordinator.on_reply(reply);
   }
@@ -122,6 +123,46 @@ TEST_F(CoordinatorTest, starts_the_trigger_s_node_last_for_the_take_of_the_other
   all_reply(coordinator, Outcome::kDone);
   EXPECT_TRUE(coordinator.is_finished());
   EXPECT_EQ(coordinator.answer().replies.size(), 3U);
+}
+
+TEST_F(CoordinatorTest, repeats_a_start_for_the_take_that_the_first_node_has_started) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  sent(coordinator);
+  EXPECT_EQ(last_->take, "");
+  reply(coordinator, "cap02", Outcome::kDone);
+  now_ += StudioCoordinator::kRepeatAfter;
+  EXPECT_EQ(sent(coordinator), "start@recon01");
+  EXPECT_EQ(last_->take, "kendo-07") << "seed 20150232 of the simulator";
+}
+
+TEST_F(CoordinatorTest, repeats_a_stop_for_the_take_that_the_first_node_stops) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  sent(coordinator);
+  now_ += StudioCoordinator::kTriggerTimeout + 1ms;
+  EXPECT_EQ(sent(coordinator), "stop@cap01,cap02,recon01");
+  reply(coordinator, "cap02", Outcome::kDone, "complete", "kendo-06");
+  now_ += StudioCoordinator::kRepeatAfter;
+  EXPECT_EQ(sent(coordinator), "stop@cap01,recon01");
+  EXPECT_EQ(last_->take, "") << "the result of an earlier take";
+  reply(coordinator, "recon01", Outcome::kPending);
+  now_ += StudioCoordinator::kRepeatAfter;
+  EXPECT_EQ(sent(coordinator), "stop@cap01,recon01");
+  EXPECT_EQ(last_->take, "kendo-07");
+}
+
+TEST_F(CoordinatorTest, starts_no_pulses_when_a_node_has_started_another_take) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  sent(coordinator);
+  reply(coordinator, "cap02", Outcome::kDone);
+  reply(coordinator, "recon01", Outcome::kDone, "recording kendo-08", "kendo-08");
+  EXPECT_EQ(sent(coordinator), "abort@cap01") << "seed 20150232 of the simulator";
+  EXPECT_TRUE(last_->own_only);
+  EXPECT_EQ(last_->take, "kendo-07");
+  all_reply(coordinator, Outcome::kRefused);
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_FALSE(coordinator.answer().done());
+  EXPECT_EQ(coordinator.answer().replies.at("recon01").text,
+            "the take here is kendo-08, not kendo-07");
 }
 
 TEST_F(CoordinatorTest, starts_no_pulses_when_one_node_is_not_armed) {
