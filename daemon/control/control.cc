@@ -174,6 +174,7 @@ ReplyMessage Controller::verdict_reply(const CommandMessage& command, const Tran
 ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
   using Outcome = ReplyMessage::Outcome;
   if (asks_for_last_take(command)) {
+    has_sent_result_ = true;
     return reply_to(command, last_result_.outcome, last_result_.text, last_result_.detail);
   }
   if (const std::string why = mismatch(command); !why.empty()) {
@@ -244,11 +245,10 @@ void Controller::remember(const std::string& take, const std::string& text,
 }
 
 void Controller::rejoined(const CommandMessage& order) {
-  const Transition next = transition(phase_, Input::kRejoined);
-  if (next.next == phase_) return;
+  if (!may_rejoin()) return;
   order_ = start_command_ = order;
   last_take_.clear();  // the recovered ledger is no longer complete
-  phase_ = next.next;
+  phase_ = transition(phase_, Input::kRejoined).next;
 }
 
 Controller::Step Controller::on_start_failed(const std::string& text) {

@@ -42,8 +42,11 @@ class Controller {
   void remember(const std::string& take, const std::string& text, const std::string& detail);
 
   /// Enters kRecording: after a restart, the node records again into the take of this order.
-  /// Requires kIdle; otherwise nothing changes.
+  /// Requires may_rejoin(); otherwise nothing changes.
   void rejoined(const CommandMessage& order);
+  /// The node is idle and has answered no stop with the result of its last take: frames that were
+  /// written after the answer would not be in it.
+  bool may_rejoin() const { return phase_ == Phase::kIdle && !has_sent_result_; }
 
   /// Pulses could not be started. Enters kFault; the start command that was answered "done" gets
   /// the reply "refused".
@@ -82,6 +85,7 @@ class Controller {
   std::string last_take_;        ///< the last completed one
   ReplyMessage last_result_;     ///< the reply to a stop of last_take_
   bool last_was_check_ = false;  ///< a stop without a take name then gets no result
+  bool has_sent_result_ = false;
   std::deque<std::pair<std::string, LastReply>> senders_;  ///< most recent first
   std::vector<CommandMessage> pending_;                    ///< commands without a final reply
   CommandMessage start_command_;                           ///< the last one

@@ -27,7 +27,7 @@ void NodeProtocol::poll(MonotonicInstant now, bool has_key) {
     execute(controller_.on_event(report->event, report->text, report->detail));
   }
   expire_uncommitted(now);
-  if (has_key && controller_.phase() == Phase::kIdle) rejoin_running_take();
+  if (has_key && controller_.may_rejoin()) rejoin_running_take();
 }
 
 std::optional<NodeReport> NodeProtocol::poll_delegate() {

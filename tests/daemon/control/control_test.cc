@@ -135,9 +135,17 @@ class ControllerTest : public testing::Test {
   Controller::Step last_;
 };
 
+TEST_F(ControllerTest, does_not_rejoin_a_take_after_a_stop_was_answered_with_its_ledger) {
+  controller_.remember("kendo-07", "recovered", "{}");
+  EXPECT_TRUE(controller_.may_rejoin());
+  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered");
+  EXPECT_FALSE(controller_.may_rejoin()) << "seed 20169961 of the simulator";
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  EXPECT_EQ(controller_.phase(), Phase::kIdle);
+}
+
 TEST_F(ControllerTest, stops_a_rejoined_take) {
   controller_.remember("kendo-07", "recovered", "{}");
-  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered") << "before it has rejoined";
   controller_.rejoined(command(CommandVerb::kArm, 7));
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
   EXPECT_EQ(controller_.order().take, "kendo-07");

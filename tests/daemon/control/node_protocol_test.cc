@@ -15,6 +15,7 @@ using testing::HasSubstr;
 class FailingWork : public NodeDelegate {
  public:
   std::string fails_in;  ///< name of a function
+  std::optional<CommandMessage> running_take;
 
   void arm(const CommandMessage& /*order*/) override { fail_in("arm"); }
   void learn(const CommandMessage& /*order*/) override {}
@@ -23,7 +24,7 @@ class FailingWork : public NodeDelegate {
   void disarm() override { fail_in("disarm"); }
   std::optional<CommandMessage> rejoin() override {
     fail_in("rejoin");
-    return std::nullopt;
+    return running_take;
   }
   std::optional<NodeReport> poll(Phase phase) override {
     fail_in("poll");
@@ -101,6 +102,19 @@ TEST_F(Node, survives_a_disk_error_while_rejoining) {
   work_.fails_in = "rejoin";
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kIdle);
+}
+
+TEST_F(Node, rejoins_a_running_take_unless_it_has_answered_a_stop_with_its_ledger) {
+  work_.running_take.emplace().take = "kendo-07";
+  protocol_.remember("kendo-07", "recovered", "{}");
+  command(CommandVerb::kStop);
+  EXPECT_EQ(last_text(), "recovered");
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kIdle) << "seed 20169961 of the simulator";
+  NodeProtocol restarted(
+      "cap01", work_, [](const ReplyMessage&) {}, now_);
+  restarted.poll(now_, true);
+  EXPECT_EQ(restarted.phase(), Phase::kRecording);
 }
 
 TEST_F(Node, survives_a_disk_error_while_disarming) {
