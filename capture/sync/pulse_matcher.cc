@@ -16,6 +16,7 @@ constexpr double kMaxArrivalResidual = 0.4;  ///< periods, of a frame that is no
 constexpr double kMaxArrivalStddev = 0.2;    ///< standard deviation of the fit, periods
 constexpr double kMaxDelay = 1000;           ///< periods; no frame is delayed by more
 constexpr double kMaxDelayAfterReopen = 10;  ///< periods; a host that opens a camera is busy
+constexpr int64_t kMaxEqualDelay = 10;       ///< periods; frames in a row may be equally late
 constexpr int kConfirmationsOfTwo = 1;       ///< confirmations if two of three sources agree
 constexpr int kConfirmationsOfArrival = 8;   ///< confirmations if only the arrival counts
 constexpr int kMaxStragglers = 3;            ///< frames in a row
@@ -122,7 +123,11 @@ void PulseMatcher::extend_run(const Evidence& e, const FrameStamp& frame) {
 bool PulseMatcher::run_is_conclusive(const Evidence& e) const {
   if (arrivals_.stddev(run_->pulse) > kMaxArrivalStddev || clock_contradicts(e)) return false;
   const bool by_clock = !e.off_pulse && run_->pulse == e.clock_pulse;
-  const bool by_counter = !reopened_ && run_->pulse == e.by_counter;
+  // The counter errs by whole pulses, for example after a repeated frame. If the clock gives a
+  // pulse that is a little earlier, the frames may be late instead of the clock wrong.
+  const int64_t delay = run_->pulse - e.clock_pulse;
+  const bool may_be_late = !e.off_pulse && delay > 0 && delay <= kMaxEqualDelay;
+  const bool by_counter = !reopened_ && run_->pulse == e.by_counter && !may_be_late;
   if (run_->confirmations <
       (by_clock || by_counter ? kConfirmationsOfTwo : kConfirmationsOfArrival))
     return false;

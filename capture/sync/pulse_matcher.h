@@ -40,7 +40,8 @@ struct KnownFrame {
 ///   - device time and counter agree as before;
 ///   - frames in a row advance equally by clock, counter and arrival. Then the arrival gives their
 ///     pulse. The second such frame is sufficient if the clock or the counter agrees with the
-///     arrival, and the ninth if both must have restarted.
+///     arrival. The ninth is required if both must have restarted, or if only the counter agrees and
+///     the clock gives a pulse that is up to ten earlier: the frames may all be late.
 ///
 /// A frame is suspect if
 ///   - the sources disagree as above; its label is the most likely pulse;
@@ -61,7 +62,7 @@ struct KnownFrame {
 ///   - An exposure without a pulse is at least 0.35 periods away from every pulse.
 ///   - At most 250 pulses in a row have no frame.
 ///   - No two sources err by the same whole number of pulses at the same time. Examples: a clock
-///     steps back by as many periods as triggers were missed; after a disagreement, two frames in a
+///     steps back by as many periods as triggers were missed; after a disagreement, nine frames in a
 ///     row are late by the same whole number of periods.
 class PulseMatcher {
  public:

@@ -148,11 +148,33 @@ std::vector<PulseMatch> labels_after(double stepped, int64_t moved) {
 }
 
 TEST(PulseMatcher, suspects_only_the_first_frame_after_a_step_of_the_clock) {
-  for (const double stepped : {-1000.0, -3.0, -1.0, -0.5, 0.5, 1.0, 2.5, 7.0, 1e6}) {
+  for (const double stepped : {-1000.0, -11.0, -0.5, 0.5, 1.0, 2.5, 7.0, 1e6}) {
     const std::vector<PulseMatch> found = labels_after(stepped, 0);
     for (int k = 0; k < 20; ++k) {
       EXPECT_EQ(found[k].suspect, k < 1) << stepped << ", frame " << k;
       EXPECT_EQ(found[k].pulse, 10 + k) << stepped;
+    }
+  }
+}
+
+TEST(PulseMatcher, suspects_eight_frames_after_a_step_that_looks_like_a_delay) {
+  for (const double stepped : {-10.0, -3.0, -1.0}) {
+    const std::vector<PulseMatch> found = labels_after(stepped, 0);
+    for (int k = 0; k < 20; ++k) EXPECT_EQ(found[k].suspect, k < 8) << stepped << ", frame " << k;
+    EXPECT_EQ(found.back().pulse, 29) << stepped;
+  }
+}
+
+/// The camera counts a repeated frame. While the host is busy, the counter and the arrival agree on
+/// a wrong pulse.
+TEST(PulseMatcher, labels_frames_that_are_late_after_a_repeated_frame_by_their_clock) {
+  for (int late_frames = 1; late_frames <= 8; ++late_frames) {
+    PulseMatcher matcher = running();
+    EXPECT_TRUE(matcher.label(frame(9, 110)).suspect);
+    for (int k = 10; k < 30; ++k) {
+      const PulseMatch match = matcher.label(frame(k, 101 + k, k < 10 + late_frames ? 1 : 0));
+      EXPECT_TRUE(match.suspect || match.pulse == k)
+          << late_frames << " late frames, frame " << k << " was labelled " << match.pulse;
     }
   }
 }
