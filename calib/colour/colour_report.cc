@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kMaxPlaces = 24;  // in the page
 
-std::string table(const std::vector<std::string>& cameras, const ColourFit& fit) {
+std::string colour_table(const std::vector<std::string>& cameras, const ColourFit& fit) {
   std::string html =
       "<table><tr><th>camera</th><th>&Delta;E before</th><th>after</th><th>places</th>"
       "<th>black level</th><th>gain of R</th><th>G</th><th>B</th></tr>\n";
@@ -79,7 +79,7 @@ std::string colour_report_html(const std::vector<std::string>& cameras, const Co
              "%.2f.</p>\n",
              fit.overall.before, fit.overall.after, fit.ninety_percent.before,
              fit.ninety_percent.after) +
-         table(cameras, fit) + "<h2>Before</h2>\n" + squares(cameras, fit, samples, false) +
+         colour_table(cameras, fit) + "<h2>Before</h2>\n" + squares(cameras, fit, samples, false) +
          "<h2>After</h2>\n" + squares(cameras, fit, samples, true) +
          "<p>Columns are places, rows are cameras.</p>\n</body></html>\n";
 }

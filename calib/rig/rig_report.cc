@@ -127,7 +127,7 @@ void check_errors(const RigFit& fit, std::vector<std::string>& weaknesses) {
 
 constexpr int kMaxArrows = 600;  // of a camera; more would be unreadable
 
-std::string table(const RigFit& fit) {
+std::string pose_table(const RigFit& fit) {
   std::string html =
       "<table><tr><th>camera</th><th>RMS, px</th><th>views</th><th>rejected</th>"
       "<th>coverage</th><th>coefficients</th><th>time offset, images</th></tr>\n";
@@ -292,8 +292,8 @@ std::string rig_report_html(const Board& board, const RigFit& fit,
       formatted("<h1>Calibration of %zu cameras</h1>\n<p>%.2f px RMS over %zu poses of the board ",
                 fit.rig.size(), fit.rms_px, fit.world_from_board.size()) +
       html_escaped(board.text()) + ".</p>\n";
-  html += table(fit) + "<h2>Weaknesses</h2>\n" + weakness_list(fit) + "<h2>Shared views</h2>\n" +
-          shared_views(fit) + "<h2>Images</h2>\n<div class=\"row\">\n";
+  html += pose_table(fit) + "<h2>Weaknesses</h2>\n" + weakness_list(fit) +
+          "<h2>Shared views</h2>\n" + shared_views(fit) + "<h2>Images</h2>\n<div class=\"row\">\n";
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     html += camera_figure(fit, i, i < images.size() ? images[i] : std::string());
   }

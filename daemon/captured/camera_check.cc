@@ -8,7 +8,7 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kPollInterval = std::chrono::milliseconds(20);
+constexpr Duration kCheckPollInterval = std::chrono::milliseconds(20);
 
 /// Empty when there is no model yet, or it does not match the camera: a check works without one.
 std::optional<BackgroundModel> background_of(const CameraWorker& worker,
@@ -66,7 +66,7 @@ void CameraCheck::run() {
   while (!stopping_) {
     heartbeat_.beat();
     // All cameras expose at the same time, so waiting for them in turn costs no time.
-    const MonotonicInstant until = Monotonic::now() + kPollInterval;
+    const MonotonicInstant until = Monotonic::now() + kCheckPollInterval;
     for (const auto& checked : workers_) {
       while (const auto frame = checked->worker.take(until)) {
         examine(*checked, *frame);

@@ -8,15 +8,15 @@ namespace v3d {
 namespace {
 
 // Offsets and codes of chrony's candm.h, protocol version 6; all numbers are big-endian.
-constexpr uint8_t kVersion = 6;
+constexpr uint8_t kChronyVersion = 6;
 constexpr uint8_t kRequest = 1;
 constexpr uint8_t kReply = 2;
 constexpr uint16_t kTracking = 33;
 constexpr uint16_t kTrackingReply = 5;
 constexpr uint16_t kNotSynchronised = 3;  // the leap status
-constexpr size_t kReplySize = 104;
+constexpr size_t kChronyReplySize = 104;
 constexpr size_t kLeapStatus = 54;
-constexpr size_t kOffset = 68;  // current_correction
+constexpr size_t kChronyOffset = 68;  // current_correction
 constexpr size_t kRmsOffset = 76;
 constexpr size_t kRootDelay = 92;
 constexpr size_t kRootDispersion = 96;
@@ -34,8 +34,8 @@ double real(std::span<const uint8_t> bytes, size_t at) {
 }  // namespace
 
 std::vector<uint8_t> tracking_request(uint32_t sequence) {
-  std::vector<uint8_t> request(kReplySize);  // chronyd requires requests as long as the reply
-  request[0] = kVersion;
+  std::vector<uint8_t> request(kChronyReplySize);  // chronyd requires requests as long as the reply
+  request[0] = kChronyVersion;
   request[1] = kRequest;
   put_number(request, 4, 2, kTracking);
   put_number(request, 8, 4, sequence);
@@ -43,13 +43,13 @@ std::vector<uint8_t> tracking_request(uint32_t sequence) {
 }
 
 std::optional<ClockTracking> parse_tracking(std::span<const uint8_t> reply, uint32_t sequence) {
-  const bool is_answer = reply.size() == kReplySize && reply[0] == kVersion && reply[1] == kReply &&
-                         number_at(reply, 4, 2) == kTracking &&
+  const bool is_answer = reply.size() == kChronyReplySize && reply[0] == kChronyVersion &&
+                         reply[1] == kReply && number_at(reply, 4, 2) == kTracking &&
                          number_at(reply, 6, 2) == kTrackingReply && number_at(reply, 8, 2) == 0 &&
                          number_at(reply, 16, 4) == sequence;
   if (!is_answer) return std::nullopt;
   // current_correction is what chronyd will add to the clock.
-  const double offset = -real(reply, kOffset);
+  const double offset = -real(reply, kChronyOffset);
   return ClockTracking{.synchronised = number_at(reply, kLeapStatus, 2) != kNotSynchronised,
                        .offset_s = offset,
                        .rms_offset_s = real(reply, kRmsOffset),

@@ -9,14 +9,14 @@ namespace {
 
 // Offsets and codes of IEEE 1588-2008, clauses 13.3 and 15; all numbers are big-endian.
 constexpr uint8_t kManagement = 0x0d;
-constexpr uint8_t kVersion = 2;
+constexpr uint8_t kPtpVersion = 2;
 constexpr uint8_t kManagementControl = 4;
 constexpr uint8_t kNoInterval = 0x7f;
 constexpr uint8_t kResponse = 2;
 constexpr uint16_t kManagementTlv = 1;
 constexpr uint16_t kCurrentDataSet = 0x2001;
 constexpr size_t kRequestSize = 54;
-constexpr size_t kReplySize = 72;
+constexpr size_t kPtpReplySize = 72;
 constexpr size_t kLength = 2;
 constexpr size_t kSequence = 30;
 constexpr size_t kTarget = 34;  // ten bytes of ones: every port
@@ -25,7 +25,7 @@ constexpr size_t kTlv = 48;
 constexpr size_t kTlvLength = 50;
 constexpr size_t kId = 52;
 constexpr size_t kStepsRemoved = 54;
-constexpr size_t kOffset = 56;  // ns, times 2^16
+constexpr size_t kPtpOffset = 56;  // ns, times 2^16
 constexpr double kPerSecond = 65536e9;
 
 }  // namespace
@@ -33,7 +33,7 @@ constexpr double kPerSecond = 65536e9;
 std::vector<uint8_t> ptp_request(uint16_t sequence) {
   std::vector<uint8_t> request(kRequestSize);
   request[0] = kManagement;
-  request[1] = kVersion;
+  request[1] = kPtpVersion;
   put_number(request, kLength, 2, kRequestSize);
   put_number(request, kSequence, 2, sequence);
   request[kSequence + 2] = kManagementControl;
@@ -47,12 +47,12 @@ std::vector<uint8_t> ptp_request(uint16_t sequence) {
 
 std::optional<PtpStatus> parse_ptp_reply(std::span<const uint8_t> reply, uint16_t sequence) {
   const bool is_answer =
-      reply.size() == kReplySize && (reply[0] & 0x0f) == kManagement &&
-      (reply[1] & 0x0f) == kVersion && number_at(reply, kLength, 2) == kReplySize &&
+      reply.size() == kPtpReplySize && (reply[0] & 0x0f) == kManagement &&
+      (reply[1] & 0x0f) == kPtpVersion && number_at(reply, kLength, 2) == kPtpReplySize &&
       number_at(reply, kSequence, 2) == sequence && (reply[kAction] & 0x0f) == kResponse &&
       number_at(reply, kTlv, 2) == kManagementTlv && number_at(reply, kId, 2) == kCurrentDataSet;
   if (!is_answer) return std::nullopt;
-  const auto offset = static_cast<int64_t>(number_at(reply, kOffset, 8));
+  const auto offset = static_cast<int64_t>(number_at(reply, kPtpOffset, 8));
   return PtpStatus{.steps_removed = static_cast<int>(number_at(reply, kStepsRemoved, 2)),
                    .offset_s = static_cast<double>(offset) / kPerSecond};
 }

@@ -16,7 +16,7 @@ namespace websocket = boost::beast::websocket;
 using boost::system::error_code;
 
 constexpr std::chrono::seconds kHandshakeTimeout{30};
-constexpr std::chrono::seconds kIdleTimeout{20};
+constexpr std::chrono::seconds kSubscriberTimeout{20};
 constexpr size_t kMaxReceivedBytes = 256;
 /// Send buffer in the kernel: a few frames, to bound the latency.
 constexpr int kSendBuffer = 256 << 10;
@@ -50,7 +50,7 @@ void WebSubscriber::start(const Request& request) {
                                            ignored);
   websocket::stream_base::timeout limits{};
   limits.handshake_timeout = kHandshakeTimeout;
-  limits.idle_timeout = kIdleTimeout;
+  limits.idle_timeout = kSubscriberTimeout;
   limits.keep_alive_pings = true;
   socket_.set_option(limits);
   socket_.read_message_max(kMaxReceivedBytes);

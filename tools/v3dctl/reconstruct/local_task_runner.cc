@@ -20,9 +20,9 @@ namespace {
 /// Number of tasks per process. More tasks balance the load better, but each task first repeats the
 /// segmentation of earlier pulses.
 constexpr int64_t kTasksPerProcess = 3;
-constexpr auto kCancelTimeout = std::chrono::seconds(5);
+constexpr auto kLocalCancelTimeout = std::chrono::seconds(5);
 
-void pause() {
+void pause_local() {
   const timespec period{0, 50'000'000};
   nanosleep(&period, nullptr);  // the end of a child and Ctrl-C end it early
 }
@@ -75,7 +75,7 @@ bool LocalTaskRunner::poll() {
     start_task(queue_.front());
   }
   if (running_.empty()) return false;
-  pause();
+  pause_local();
   return true;
 }
 
@@ -91,8 +91,8 @@ void LocalTaskRunner::signal(int number) const {
 void LocalTaskRunner::cancel() {
   queue_.clear();
   signal(SIGTERM);
-  const MonotonicInstant deadline = Monotonic::now() + kCancelTimeout;
-  for (reap(); !running_.empty() && Monotonic::now() < deadline; reap()) pause();
+  const MonotonicInstant deadline = Monotonic::now() + kLocalCancelTimeout;
+  for (reap(); !running_.empty() && Monotonic::now() < deadline; reap()) pause_local();
   for (const pid_t child : running_) kill_process(child);
   running_.clear();
 }

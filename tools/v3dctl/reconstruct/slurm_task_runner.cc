@@ -20,9 +20,9 @@ constexpr int64_t kMaxTasks = 100;
 constexpr auto kQueryPeriod = std::chrono::seconds(1);
 constexpr auto kReportAfter = std::chrono::seconds(10);
 /// Longer than Slurm's default time between SIGTERM and SIGKILL.
-constexpr auto kCancelTimeout = std::chrono::seconds(40);
+constexpr auto kSlurmCancelTimeout = std::chrono::seconds(40);
 
-void pause() {
+void pause_slurm() {
   const timespec period{0, 100'000'000};
   nanosleep(&period, nullptr);
 }
@@ -116,7 +116,7 @@ void SlurmTaskRunner::start(const std::vector<int64_t>& missing, int64_t count) 
 
 bool SlurmTaskRunner::poll() {
   if (job_.empty()) return false;
-  pause();
+  pause_slurm();
   if (Monotonic::now() < next_query_) return true;
   query_queue();
   report_waiting();
@@ -156,8 +156,8 @@ void SlurmTaskRunner::cancel() {
   if (job_.empty()) return;
   query_queue();
   if (!job_.empty()) run_process({"scancel", job_}, Output::kCaptureBoth);
-  const MonotonicInstant deadline = Monotonic::now() + kCancelTimeout;
-  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) pause();
+  const MonotonicInstant deadline = Monotonic::now() + kSlurmCancelTimeout;
+  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) pause_slurm();
   if (!job_.empty()) note("slurm job " + job_ + " has not ended; see squeue");
   job_.clear();
 }
