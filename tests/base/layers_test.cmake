@@ -1,7 +1,8 @@
 # Configures a small project with the real cmake/layers.cmake:
 # - capture linked to base must pass;
 # - capture linked to recon must fail with a message that contains both names;
-# - an #include of a layer that is not linked must not compile.
+# - an #include of a layer that is not linked must not compile;
+# - a program that links a layer must have a rule.
 function(configure_with link include_line result_variable output_variable)
   file(REMOVE_RECURSE ${WORK})
   foreach(layer base recon capture)
@@ -13,7 +14,7 @@ function(configure_with link include_line result_variable output_variable)
   file(WRITE ${WORK}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)\nproject(layers CXX)\n"
     "include(${SOURCE}/cmake/layers.cmake)\n"
     "add_subdirectory(base)\nadd_subdirectory(recon)\nadd_subdirectory(capture)\n"
-    "target_link_libraries(v3d_capture PUBLIC ${link})\nv3d_check_layers()\n")
+    "target_link_libraries(v3d_capture PUBLIC ${link})\n${ARGN}v3d_check_layers()\n")
   execute_process(COMMAND ${CMAKE_COMMAND} -S ${WORK} -B ${WORK}/build RESULT_VARIABLE result
     OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(result EQUAL 0)
@@ -35,4 +36,9 @@ endif()
 configure_with(v3d_base "#include \"recon/recon.h\"" result output)
 if(result EQUAL 0 OR NOT output MATCHES "recon/recon.h")
   message(FATAL_ERROR "capture includes recon/recon.h, but the build did not fail with the expected message: ${output}")
+endif()
+configure_with(v3d_base "" result output
+  "add_executable(stranger capture/capture.cc)\ntarget_link_libraries(stranger PRIVATE v3d_capture)\n")
+if(result EQUAL 0 OR NOT output MATCHES "'stranger' uses layer 'capture', but has no rule")
+  message(FATAL_ERROR "'stranger' has no rule, but the configuration did not fail with the expected message: ${output}")
 endif()
