@@ -1,4 +1,4 @@
-// Writer and reader of little-endian numbers.
+// Little-endian bytes and their checksum.
 #pragma once
 
 #include <bit>
@@ -10,7 +10,9 @@
 
 #include "codec/check.h"
 
-namespace v3d {
+namespace v3d::codec {
+
+// Writer and reader of little-endian numbers.
 
 static_assert(std::endian::native == std::endian::little, "numbers are copied as they are");
 
@@ -49,4 +51,9 @@ class ByteReader {
   std::span<const uint8_t> bytes_;
 };
 
-}  // namespace v3d
+// CRC-32 checksum of IEEE 802.3, zlib and PNG.
+
+/// Returns 0xCBF43926 for "123456789". `before`: CRC-32 of the bytes that precede `bytes`.
+uint32_t crc32(std::span<const uint8_t> bytes, uint32_t before = 0);
+
+}  // namespace v3d::codec

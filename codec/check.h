@@ -8,10 +8,11 @@
 /// Aborts with "FILE:LINE: check failed: CONDITION" on stderr when the condition is false; the
 /// WebAssembly module, which has no stderr, traps. Use it for preconditions and invariants, which
 /// only a bug can violate; never for bytes from outside.
-#define V3D_CODEC_CHECK(condition) \
-  ((condition) ? static_cast<void>(0) : ::v3d::codec_check_failed(#condition, __FILE__, __LINE__))
+#define V3D_CODEC_CHECK(condition)    \
+  ((condition) ? static_cast<void>(0) \
+               : ::v3d::codec::codec_check_failed(#condition, __FILE__, __LINE__))
 
-namespace v3d {
+namespace v3d::codec {
 
 [[noreturn, gnu::cold, gnu::noinline]] inline void codec_check_failed(
     [[maybe_unused]] const char* condition, [[maybe_unused]] const char* file,
@@ -24,4 +25,4 @@ namespace v3d {
 #endif
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

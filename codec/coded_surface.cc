@@ -1,6 +1,8 @@
 #include "codec/coded_surface.h"
 
-namespace v3d {
+#include <algorithm>
+
+namespace v3d::codec {
 
 void CodedSurface::measure() {
   surface.begin(volume.view());
@@ -42,4 +44,83 @@ const LumaChroma* PreviousFrameColours::at(uint32_t vertex) const {
   return nullptr;
 }
 
-}  // namespace v3d
+ValueRange position_range(const FrameHeader& header) {
+  if (header.is(FrameHeader::kExplicit)) return {0, kMaxLatticeNumber};
+  return {-kMaxDisplacement, kMaxDisplacement};
+}
+
+std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision) {
+  std::vector<VertexValues> sums(surface.places.size());  // the fourth number counts the neighbours
+  const auto add = [&](uint32_t from, uint32_t to) {
+    for (int axis = 0; axis < 3; ++axis) sums[to][axis] += surface.places[from][axis];
+    ++sums[to][3];
+  };
+  for (const auto& [a, b, c] : surface.triangles) {
+    add(a, b);
+    add(b, c);
+    add(c, a);
+  }
+  for (size_t v = 0; v < sums.size(); ++v) {
+    const int64_t count = sums[v][3];
+    for (int axis = 0; axis < 3; ++axis) {
+      // One third of its own position plus two thirds of the mean of its neighbours, rounded.
+      const int64_t thirds = surface.places[v][axis] * count + 2 * int64_t{sums[v][axis]};
+      sums[v][axis] = static_cast<int32_t>((2 * thirds * subdivision + 3 * count) / (6 * count));
+    }
+    sums[v][3] = 0;
+  }
+  return sums;
+}
+
+namespace {
+
+float position(const FrameMetadata& facts, int axis, int64_t number) {
+  return static_cast<float>(facts.origin[axis] + static_cast<double>(number) * facts.step);
+}
+
+/// Coordinates of the lattice places of the box along an axis, metres.
+std::vector<float> positions_along(const FrameHeader& header, int axis) {
+  const int first = 2 * kBrickEdge * header.first_brick[axis];
+  std::vector<float> positions;
+  for (int place = first; place <= first + 2 * kBrickEdge * header.bricks[axis]; ++place) {
+    positions.push_back(position(header.facts, axis, int64_t{place} * header.subdivision));
+  }
+  return positions;
+}
+
+void place_on_lattice(const FrameState& state, std::span<VertexPosition> out) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::vector<float> positions = positions_along(state.header, axis);
+    const int first = 2 * kBrickEdge * state.header.first_brick[axis];
+    for (size_t v = 0; v < out.size(); ++v) {
+      out[v][axis] = positions[static_cast<size_t>(state.surface.places[v][axis] - first)];
+    }
+  }
+}
+
+void place_by_number(const FrameState& state, std::span<VertexPosition> out) {
+  for (size_t v = 0; v < out.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      out[v][axis] = position(state.header.facts, axis, state.numbers[v][axis]);
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<VertexColour> colours_of(std::span<const LumaChroma> values) {
+  std::vector<VertexColour> colours(values.size());
+  std::transform(values.begin(), values.end(), colours.begin(), colour_of);
+  return colours;
+}
+
+void make_mesh(const FrameState& state, DecodedFrame& out) {
+  out.facts = state.header.facts;
+  out.key_pulse = state.header.key_pulse;
+  out.positions.resize(state.header.vertices);
+  state.numbers.empty() ? place_on_lattice(state, out.positions)
+                        : place_by_number(state, out.positions);
+  out.colours = colours_of(state.surface.colours);
+}
+
+}  // namespace v3d::codec

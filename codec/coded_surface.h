@@ -1,5 +1,4 @@
-// Surface of a frame as encoder and decoder derive it from the occupancy alone, plus decoded
-// colours.
+// Surface derived from the occupancy; parts shared by encoder and decoder.
 #pragma once
 
 #include <array>
@@ -8,13 +7,16 @@
 #include <span>
 #include <vector>
 
-#include "codec/brick_surface.h"
+#include "codec/bricks.h"
 #include "codec/colour_code.h"
-#include "codec/known_vertices.h"
+#include "codec/frame_codec.h"
 #include "codec/occupancy.h"
 #include "codec/vertex_values.h"
 
-namespace v3d {
+namespace v3d::codec {
+
+// Surface of a frame as encoder and decoder derive it from the occupancy alone, plus decoded
+// colours.
 
 /// Surface of one frame, in the order of the discrete marching cubes. Keeps its memory.
 struct CodedSurface {
@@ -48,4 +50,31 @@ class PreviousFrameColours : public PreviousColours {
   const CodedSurface& now_;
 };
 
-}  // namespace v3d
+// Parts shared by the encoder and the decoder of frames.
+
+/// State of a frame; the next frame is predicted from it.
+struct FrameState {
+  FrameHeader header;
+  CodedSurface surface;
+  /// [vertex]: position in lattice steps from the origin. Empty: vertices lie where the volume has
+  /// them.
+  std::vector<VertexValues> numbers;
+};
+
+inline constexpr int kMaxDisplacement = 32767;
+inline constexpr int kMaxLatticeNumber = 65535;
+
+/// Range of displacements, or of positions in a frame without a volume.
+ValueRange position_range(const FrameHeader& header);
+
+/// Positions of vertices after smoothing of the voxel steps, in lattice steps. Displacements are
+/// relative to them. For a smooth deformed surface they are closer than the vertices of the volume.
+/// Normative: docs/compact-frame.md.
+std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision);
+
+std::vector<VertexColour> colours_of(std::span<const LumaChroma> values);
+
+/// Fills all of `out` except its triangles, which are those of state.surface.
+void make_mesh(const FrameState& state, DecodedFrame& out);
+
+}  // namespace v3d::codec

@@ -3,10 +3,9 @@
 #include "codec/byte_stream.h"
 #include "codec/colour_code.h"
 #include "codec/colour_model.h"
-#include "codec/rans.h"
-#include "codec/symbol_table.h"
+#include "codec/entropy_coder.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 class ColourDecoder {
@@ -136,4 +135,12 @@ std::optional<std::vector<LumaChroma>> decode_colours(std::span<const uint8_t> b
   return std::move(decoder.decoded());
 }
 
-}  // namespace v3d
+LumaChroma luma_chroma_of(const VertexColour& colour) {
+  const int co = colour[0] - colour[2];
+  const int middle = colour[2] + (co >> 1);
+  const int cg = colour[1] - middle;
+  return {static_cast<int16_t>(middle + (cg >> 1)), static_cast<int16_t>(co),
+          static_cast<int16_t>(cg), 0};
+}
+
+}  // namespace v3d::codec

@@ -4,10 +4,9 @@
 #include "codec/check.h"
 #include "codec/colour_code.h"
 #include "codec/colour_model.h"
-#include "codec/rans.h"
-#include "codec/symbol_table.h"
+#include "codec/entropy_coder.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 /// The choice of the prediction of a group examines every fourth vertex.
@@ -136,4 +135,4 @@ CodedColours encode_colours(std::span<const LumaChroma> colours, const KnownVert
   return ColourEncoder(colours, known, steps, previous).run();
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

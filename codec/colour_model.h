@@ -8,12 +8,11 @@
 #include <cstdint>
 #include <cstdlib>
 
-#include "codec/colour.h"
-#include "codec/known_vertices.h"
-#include "codec/range_coder.h"
-#include "codec/spread_class.h"
+#include "codec/colour_code.h"
+#include "codec/entropy_coder.h"
+#include "codec/vertex_values.h"
 
-namespace v3d {
+namespace v3d::codec {
 
 /// Number of consecutive vertices that share the choice of prediction (surface or previous frame).
 inline constexpr uint32_t kColourGroup = 64;
@@ -119,4 +118,4 @@ class EscapeModel {
   std::array<NumberModel, 3> excess_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -5,7 +5,7 @@
 
 #include "codec/check.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 /// Corners of the six faces, counter-clockwise seen from outside the cube.
@@ -141,4 +141,4 @@ const std::array<CubeCase, 256>& cube_cases() {
   return cases;
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-namespace v3d {
+namespace v3d::codec {
 
 // Corner c of a cube lies at (c & 1, c >> 1 & 1, c >> 2). A case is a set of occupied corners, bit
 // c for corner c. The edge of a cube along axis a (0 x, 1 y, 2 z) is number 4 * a + m, where m's
@@ -48,4 +48,4 @@ struct CubeCase {
 ///    case has such a cut; of several cuts, the one with the shortest lines is used.
 const std::array<CubeCase, 256>& cube_cases();
 
-}  // namespace v3d
+}  // namespace v3d::codec

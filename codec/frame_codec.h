@@ -9,11 +9,11 @@
 #include <span>
 #include <vector>
 
-#include "codec/brick_surface.h"
-#include "codec/colour.h"
+#include "codec/bricks.h"
+#include "codec/colour_code.h"
 #include "codec/frame_header.h"
 
-namespace v3d {
+namespace v3d::codec {
 
 using VertexPosition = std::array<float, 3>;
 using VertexTriangle = std::array<uint32_t, 3>;
@@ -112,4 +112,4 @@ class FrameDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::codec

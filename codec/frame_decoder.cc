@@ -1,10 +1,10 @@
 #include <utility>
 
+#include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
-#include "codec/frame_parts.h"
-#include "codec/triangle_code.h"
+#include "codec/vertex_values.h"
 
-namespace v3d {
+namespace v3d::codec {
 
 class FrameDecoder::Impl {
  public:
@@ -81,8 +81,9 @@ class FrameDecoder::Impl {
     const auto coded = section(bytes, now.header, kColours);
     if (coded.empty()) return true;
     const PreviousFrameColours previous(states_[last_].surface, now.surface);
-    auto values = v3d::decode_colours(coded, now.surface.known, now.header.colour_steps,
-                                      now.header.is(FrameHeader::kInter) ? &previous : nullptr);
+    auto values =
+        v3d::codec::decode_colours(coded, now.surface.known, now.header.colour_steps,
+                                   now.header.is(FrameHeader::kInter) ? &previous : nullptr);
     if (!values) return false;
     now.surface.colours = *std::move(values);
     return true;
@@ -99,4 +100,4 @@ FrameDecoder::~FrameDecoder() = default;
 DecodeStatus FrameDecoder::decode(std::span<const uint8_t> bytes) { return impl_->decode(bytes); }
 const DecodedFrame& FrameDecoder::frame() const { return impl_->frame(); }
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -3,11 +3,11 @@
 #include <utility>
 
 #include "codec/check.h"
+#include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
-#include "codec/frame_parts.h"
-#include "codec/triangle_code.h"
+#include "codec/vertex_values.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 bool facts_fit(const FrameMetadata& facts) {
@@ -194,8 +194,8 @@ class FrameEncoder::Impl {
       h.key_pulse = last().header.key_pulse;
       h.reference = last().header.checksum;
     }
-    CodedColours coded = v3d::encode_colours(wanted, now.surface.known, h.colour_steps,
-                                             follows ? &previous : nullptr);
+    CodedColours coded = v3d::codec::encode_colours(wanted, now.surface.known, h.colour_steps,
+                                                    follows ? &previous : nullptr);
     bytes = std::move(coded.bytes);
     now.surface.colours = std::move(coded.decoded);
     return true;
@@ -241,4 +241,4 @@ FrameBytes FrameEncoder::bytes() const {
           bytes[kColours]};
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "codec/byte_stream.h"
-#include "codec/colour.h"
-#include "codec/crc32.h"
+#include "codec/colour_code.h"
 #include "codec/occupancy.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
@@ -188,4 +187,4 @@ std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> by
   return bytes.empty() ? std::optional(names) : std::nullopt;
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace v3d {
+namespace v3d::codec {
 
 struct FrameLimits {
   static constexpr uint32_t kVertices = 1U << 22;
@@ -72,4 +72,4 @@ std::vector<uint8_t> encode_names(const std::vector<std::string>& names);
 /// Empty unless the bytes are exactly `count` valid names in ascending order.
 std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> bytes, int count);
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <bit>
 
-#include "codec/range_coder.h"
+#include "codec/entropy_coder.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 enum class Fill : uint8_t { kEmpty, kMixed, kFull };
@@ -346,4 +346,4 @@ bool decode_occupancy(std::span<const uint8_t> bytes, Occupancy& volume) {
   return OccupancyCode(coder, volume).run() && coder.ended();
 }
 
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "codec/brick_surface.h"
+#include "codec/bricks.h"
 
-namespace v3d {
+namespace v3d::codec {
 
 /// Occupied bricks of a bounding box. Brick (0, 0, 0) of the box is brick `first` of the grid.
 /// Bricks are sorted by z, then y, then x; no stored brick is empty. Keeps its memory.
@@ -42,4 +42,4 @@ std::vector<uint8_t> encode_occupancy(const Occupancy& volume);
 /// Time is bounded by the size of the box and of the bytes.
 bool decode_occupancy(std::span<const uint8_t> bytes, Occupancy& volume);
 
-}  // namespace v3d
+}  // namespace v3d::codec

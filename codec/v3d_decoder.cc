@@ -7,7 +7,7 @@
 #include "codec/frame_codec.h"
 
 struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header
-  v3d::FrameDecoder decoder;
+  v3d::codec::FrameDecoder decoder;
   std::vector<const char*> names;
   v3d_frame frame{};
   bool has_frame = false;
@@ -16,7 +16,7 @@ struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C h
 namespace {
 
 void fill_frame(v3d_decoder& decoder) {
-  const v3d::DecodedFrame& from = decoder.decoder.frame();
+  const v3d::codec::DecodedFrame& from = decoder.decoder.frame();
   decoder.names.clear();
   for (const std::string& name : from.facts.cameras) decoder.names.push_back(name.c_str());
   v3d_frame& to = decoder.frame;
@@ -37,11 +37,11 @@ void fill_frame(v3d_decoder& decoder) {
   decoder.has_frame = true;
 }
 
-v3d_status status_of(v3d::DecodeStatus status) {
+v3d_status status_of(v3d::codec::DecodeStatus status) {
   switch (status) {
-    case v3d::DecodeStatus::kOk:
+    case v3d::codec::DecodeStatus::kOk:
       return V3D_OK;
-    case v3d::DecodeStatus::kNeedsReference:
+    case v3d::codec::DecodeStatus::kNeedsReference:
       return V3D_NEEDS_REFERENCE;
     default:
       return V3D_MALFORMED;

@@ -1,14 +1,14 @@
 #include "take/take.h"
 
+#include <algorithm>
+
 #include "base/config/calib_file.h"
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 struct StateName {
@@ -64,17 +64,17 @@ TakeInfo load_take_info(const TakePaths& paths) {
   if (!file_exists(paths.info())) {
     throw InputError(paths.folder.string() + ": is not a take folder: take.toml is missing");
   }
-  return parse_take_info(read_take_file(paths.info()), paths.info());
+  return parse_take_info(read_take_text(paths.info()), paths.info());
 }
 
 Rig load_take_calib(const TakePaths& paths) {
-  return parse_calib(read_take_file(paths.calib()), paths.calib());
+  return parse_calib(read_take_text(paths.calib()), paths.calib());
 }
 
 std::optional<Studio> load_take_studio(const TakePaths& paths) {
   const auto kind = io::value_or_throw(io::entry_type_of(paths.studio()));
   if (kind == std::filesystem::file_type::not_found) return std::nullopt;
-  return parse_studio(read_take_file(paths.studio()), paths.studio());
+  return parse_studio(read_take_text(paths.studio()), paths.studio());
 }
 
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path) {
@@ -119,4 +119,47 @@ io::Status save_take_info(const TakePaths& paths, const TakeInfo& info) {
   return io::replace_file(paths.info(), take_info_text(info));
 }
 
-}  // namespace v3d
+std::vector<TakeNode> capture_nodes(const TakePaths& paths) {
+  const std::optional<Studio> studio = load_take_studio(paths);
+  if (!studio) return {};
+  std::vector<TakeNode> nodes;
+  for (const StudioNode& node : studio->nodes) {
+    TakeNode found{.name = node.name, .cameras = {}};
+    for (const StudioCamera& camera : studio->cameras_of(node.name)) {
+      found.cameras.push_back(camera.name);
+    }
+    const bool records = !found.cameras.empty() || studio->trigger.node == node.name;
+    if (records) nodes.push_back(std::move(found));
+  }
+  std::ranges::sort(nodes, {}, &TakeNode::name);
+  return nodes;
+}
+
+std::string toml_of(std::string_view key, const TakeNode& node) {
+  std::string cameras;
+  for (const std::string& camera : node.cameras) {
+    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
+  }
+  return "\n[[" + std::string(key) + "]]\nname = " + toml_string(node.name) + "\ncameras = [" +
+         cameras + "]\n";
+}
+
+std::vector<TakeNode> read_nodes(const TomlTable& table, std::string_view key) {
+  std::vector<TakeNode> nodes;
+  for (const TomlTable& node : table.tables(key)) {
+    nodes.push_back({.name = node.text("name"), .cameras = node.texts("cameras")});
+    node.reject_unknown_fields();
+  }
+  return nodes;
+}
+
+std::string text_of(const std::vector<TakeNode>& nodes) {
+  std::vector<std::string> texts;
+  for (const TakeNode& node : nodes) {
+    const std::string cameras = join_names(node.cameras);
+    texts.push_back(node.name + (cameras.empty() ? "" : " (" + cameras + ")"));
+  }
+  return join_names(texts);
+}
+
+}  // namespace v3d::take

@@ -1,22 +1,26 @@
-// A take on disk: the files of its folder and its description, take.toml (docs/takes.md).
-//   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
-//   mesh.v3d  slate.toml  verified.toml
-//   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
+// A take on disk: its files, its nodes, ranges of its frames.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "base/config/toml_file.h"
 #include "base/core/time.h"
 #include "base/geometry/camera_model.h"
-#include "base/io/result.h"
+#include "base/io/file.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// A take on disk: the files of its folder and its description, take.toml (docs/takes.md).
+//   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
+//   mesh.v3d  slate.toml  verified.toml
+//   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
 
 /// Limit of pulse counts and pulse numbers: four days at 25 Hz. A larger value comes from a damaged
 /// file. The limit keeps lists of missing frames short enough for memory.
@@ -45,7 +49,7 @@ struct TakePaths {
   std::filesystem::path calib() const { return folder / "calib.toml"; }
   /// The studio file at the time of the recording. Imported takes have none.
   std::filesystem::path studio() const { return folder / "studio.toml"; }
-  /// The first segment of the log, as is frames() (take/logs/log_segments.h).
+  /// The first segment of the log, as is frames() (take/logs/log_files.h).
   std::filesystem::path pulses() const { return folder / "pulses.lcmlog"; }
   std::filesystem::path frames(const std::string& camera) const {
     return folder / (camera + ".lcmlog");
@@ -68,10 +72,10 @@ struct TakePaths {
 /// Reads take.toml. Throws InputError when the folder or take.toml is missing, and with file, line
 /// and field when take.toml is invalid.
 TakeInfo load_take_info(const TakePaths& paths);
-/// The calibration at the time of the recording. Reads calib.toml with read_take_file() and parses
+/// The calibration at the time of the recording. Reads calib.toml with read_take_text() and parses
 /// it as load_calib() does.
 Rig load_take_calib(const TakePaths& paths);
-/// The studio file at the time of the recording. Reads studio.toml with read_take_file() and parses
+/// The studio file at the time of the recording. Reads studio.toml with read_take_text() and parses
 /// it as load_studio() does. Empty when the take has none.
 std::optional<Studio> load_take_studio(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
@@ -80,4 +84,36 @@ std::string take_info_text(const TakeInfo& info);
 /// Writes take.toml with io::replace_file().
 [[nodiscard]] io::Status save_take_info(const TakePaths& paths, const TakeInfo& info);
 
-}  // namespace v3d
+// The capture nodes of a take, from the studio file at the time of the recording.
+
+/// A capture node of a take, with its cameras in the studio file. A camera may have been missing in
+/// the take (arm --allow-missing).
+struct TakeNode {
+  std::string name;
+  std::vector<std::string> cameras;
+  friend bool operator==(const TakeNode&, const TakeNode&) = default;
+};
+
+/// All capture nodes of a take, sorted by name: those with cameras, and that of the trigger. Empty
+/// for a take without a studio file, as an imported one. Throws InputError when the studio file
+/// cannot be read.
+std::vector<TakeNode> capture_nodes(const TakePaths& paths);
+
+/// The node as a table `[[key]]` of TOML, and the nodes of all such tables.
+std::string toml_of(std::string_view key, const TakeNode& node);
+std::vector<TakeNode> read_nodes(const TomlTable& table, std::string_view key);
+
+/// "cap02 (cam03, cam04), cap03".
+std::string text_of(const std::vector<TakeNode>& nodes);
+
+// A range of frame numbers of a take.
+
+/// Frames by number (the pulse, counted from 0): begin <= n < end.
+struct FrameRange {
+  int64_t begin = 0;
+  int64_t end = std::numeric_limits<int64_t>::max();
+  bool contains(int64_t frame) const { return frame >= begin && frame < end; }
+  friend bool operator==(const FrameRange&, const FrameRange&) = default;
+};
+
+}  // namespace v3d::take

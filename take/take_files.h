@@ -1,25 +1,30 @@
-// Names, lengths and checksums of the files of a take.
+// Files of a take: their names, and text files with a checksum.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "base/io/result.h"
+#include "base/config/toml_file.h"
+#include "base/io/file.h"
 #include "take/take.h"
 #include "wire/hash_tree.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// Names, lengths and checksums of the files of a take.
 
 /// Name, length, modification time and checksums of one file.
 struct TakeFile {
   std::string name;  ///< relative to the folder of the take: "background/cam01.mean.png"
   int64_t bytes = 0;
   int64_t changed_ns = 0;            ///< modification time, ns since 1970; 0 in a ledger
-  std::optional<uint64_t> checksum;  ///< XXH3 (base/core/checksum.h) of all `bytes`; empty: unknown
-  std::optional<Hash> root = {};     ///< root of the hash tree (take_signature.h); empty: unknown
+  std::optional<uint64_t> checksum;  ///< XXH3 (base/core/bytes.h) of all `bytes`; empty: unknown
+  std::optional<wire::Hash> root =
+      {};  ///< root of the hash tree (take_signature.h); empty: unknown
 
   friend bool operator==(const TakeFile&, const TakeFile&) = default;
 };
@@ -58,4 +63,15 @@ bool is_written_after_ledger(std::string_view name);
 [[nodiscard]] io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
                                                   ReadFrom from, int64_t limit = INT64_MAX);
 
-}  // namespace v3d
+// Text files with a checksum of their own: ledger.toml, and the indexes of log segments.
+//
+// The first line is xxh3 = '<XXH3 of all following bytes>', a valid line of TOML.
+
+/// `content` below the line with its checksum.
+std::string with_checksum(std::string_view content);
+
+/// Parses a file that with_checksum() made, or one of an earlier version without that line. Throws
+/// InputError when the checksum is wrong, and as TomlTable::parse() does.
+TomlTable parse_checksummed(std::string_view text, const std::filesystem::path& path);
+
+}  // namespace v3d::take

@@ -1,4 +1,4 @@
-// Listing of the takes in a folder, as operators see it.
+// Listing of takes with their slates.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,38 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "take/slate.h"
+#include "base/io/file.h"
 #include "take/take.h"
-#include "take/take_nodes.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// slate.toml: the crew's notes about a take. People and tools write it after the recording. A take
+// without this file has an empty slate.
+
+enum class Mark : uint8_t { kNone, kCircled, kRejected };
+/// "", "circled", "rejected"
+std::string_view name(Mark mark);
+
+struct Slate {
+  std::string scene;
+  std::string take;
+  std::string note;
+  Mark mark = Mark::kNone;
+
+  /// All fields in one line without control characters: "scene 12, take 3, circled, the sword
+  /// slips". Empty for an empty slate.
+  std::string text() const;
+  friend bool operator==(const Slate&, const Slate&) = default;
+};
+
+/// Reads slate.toml. Returns an empty slate when the file does not exist. Throws InputError with
+/// file, line and field.
+Slate load_slate(const std::filesystem::path& path);
+Slate parse_slate(std::string_view text, const std::filesystem::path& path);
+/// Writes slate.toml with io::replace_file().
+[[nodiscard]] io::Status save_slate(const std::filesystem::path& path, const Slate& slate);
+
+// Listing of the takes in a folder, as operators see it.
 
 struct TakeListing {
   TakePaths paths;
@@ -43,4 +70,4 @@ TakeListing read_take_listing(const TakePaths& paths);
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
                                     const std::function<void(const InputError&)>& on_unreadable);
 
-}  // namespace v3d
+}  // namespace v3d::take

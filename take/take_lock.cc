@@ -11,12 +11,12 @@
 #include <set>
 
 #include "base/core/error.h"
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -148,4 +148,4 @@ io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths) {
   return locks;
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "base/io/result.h"
+#include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
 
 /// Holds flock() on `.<node>.lock` in the take folder for the lifetime of the object. The kernel
 /// releases the lock when the process ends. Move only. Thread-safe.
@@ -52,4 +52,4 @@ class TakeLock {
 /// does, also when the folder cannot be listed; then it holds no lock.
 [[nodiscard]] io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths);
 
-}  // namespace v3d
+}  // namespace v3d::take

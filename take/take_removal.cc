@@ -4,12 +4,12 @@
 
 #include <string>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 #include "take/logs/mesh_file_layout.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -88,4 +88,4 @@ void remove_working_file(const fs::path& file) {
   unlink(file.c_str());
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

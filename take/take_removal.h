@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "base/io/result.h"
+#include "base/io/file.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
 
 /// Folder inside the takes folder for takes that appeared to be empty. No take may have this name.
 inline constexpr const char* kQuarantineFolder = "quarantine";
@@ -46,4 +46,4 @@ void remove_mesh_file_without_meshes(const TakePaths& paths);
 /// ".order-cap01"). Errors are ignored: a remaining file has no effect.
 void remove_working_file(const std::filesystem::path& file);
 
-}  // namespace v3d
+}  // namespace v3d::take

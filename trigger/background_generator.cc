@@ -4,7 +4,7 @@
 
 #include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 BackgroundGenerator::BackgroundGenerator(std::unique_ptr<PulseGenerator> generator)
     : generator_(std::move(generator)), thread_([this] { run(); }) {}
@@ -115,4 +115,4 @@ void BackgroundGenerator::stop() {
   wait_until_done(kMaxWait, task);
 }
 
-}  // namespace v3d
+}  // namespace v3d::trigger

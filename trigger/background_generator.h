@@ -11,7 +11,7 @@
 
 #include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 /// Calls another generator on a thread of its own.
 ///
@@ -78,4 +78,4 @@ class BackgroundGenerator : public PulseGenerator {
   std::thread thread_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

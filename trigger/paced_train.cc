@@ -1,10 +1,13 @@
 #include "trigger/paced_train.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <ctime>
 
-#include "base/core/realtime_thread.h"
+#include "base/io/process.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 /// The thread notices stop() within this time.
@@ -145,4 +148,43 @@ std::string PacedTrain::fault() const {
          std::to_string(lateness_.max() / std::chrono::milliseconds(1)) + " ms late";
 }
 
-}  // namespace v3d
+timespec to_timespec(Duration d) {
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(d);
+  return {seconds.count(), (d - seconds).count()};
+}
+
+void sleep_until(MonotonicInstant instant) {
+  const timespec until = to_timespec(instant.time_since_epoch());
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+  }
+}
+
+void Lateness::add(Duration lateness) {
+  lateness = std::max(lateness, Duration::zero());
+  const double bucket = kPerOctave * std::log2(static_cast<double>(lateness.count()) + 1);
+  ++buckets_[std::min(buckets_.size() - 1, static_cast<size_t>(bucket))];
+  ++count_;
+  late_count_ += lateness > threshold_ ? 1 : 0;
+  max_ = std::max(max_, lateness);
+}
+
+Duration Lateness::percentile(double share) const {
+  const auto wanted = static_cast<int64_t>(std::ceil(share * static_cast<double>(count_)));
+  int64_t passed = 0;
+  for (size_t i = 0; i < buckets_.size(); ++i) {
+    passed += buckets_[i];
+    if (passed < wanted || passed == 0) continue;
+    const double end = std::exp2(static_cast<double>(i + 1) / kPerOctave);
+    return std::min(max_, Duration(static_cast<int64_t>(end)));
+  }
+  return {};
+}
+
+PulseStatistics Lateness::statistics() const {
+  return {.jitter_p50 = percentile(0.5),
+          .jitter_p99 = percentile(0.99),
+          .jitter_max = max_,
+          .late = late_count_};
+}
+
+}  // namespace v3d::trigger

@@ -1,15 +1,60 @@
-// Pulse train that this host paces with absolute deadlines on CLOCK_MONOTONIC.
+// Train paced by this host, its clock and lateness.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <ctime>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
 
-#include "trigger/host_clock.h"
-#include "trigger/lateness.h"
+#include "base/core/time.h"
 #include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
+
+// Clock of the triggers: reads CLOCK_MONOTONIC and sleeps. Tests replace it.
+
+/// Sleeps until an instant; returns at once when it has passed.
+void sleep_until(MonotonicInstant instant);
+
+struct HostClock {
+  std::function<MonotonicInstant()> now = Monotonic::now;
+  std::function<void(MonotonicInstant)> sleep_until = v3d::trigger::sleep_until;
+};
+
+/// Converts a duration, which must not be negative.
+timespec to_timespec(Duration d);
+
+// Lateness statistics of a pulse train: a histogram of constant size. The percentiles of
+// base/core/statistics.h need all values; a train of days at 1000 Hz has too many, and the thread
+// that adds them must not allocate.
+
+/// Not thread-safe.
+class Lateness {
+ public:
+  /// A pulse that is later than `threshold` is counted as late.
+  explicit Lateness(Duration threshold = {}) : threshold_(threshold) {}
+  /// A negative value counts as 0.
+  void add(Duration lateness);
+  PulseStatistics statistics() const;
+  Duration max() const { return max_; }
+
+ private:
+  /// The smallest value that at least the fraction `share` of all values do not exceed. It is
+  /// rounded up to the end of its bucket.
+  Duration percentile(double share) const;
+
+  static constexpr int kPerOctave = 8;  ///< buckets per doubling
+  Duration threshold_;
+  Duration max_{};
+  int64_t count_ = 0;
+  int64_t late_count_ = 0;
+  std::array<int64_t, 63 * kPerOctave> buckets_{};  ///< nanoseconds, logarithmic scale
+};
+
+// Pulse train that this host paces with absolute deadlines on CLOCK_MONOTONIC.
 
 /// Receives the pulses. Called by the thread of the train.
 class PulseOutput {
@@ -81,4 +126,4 @@ class PacedTrain {
   Lateness lateness_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -1,15 +1,30 @@
-// Interfaces of the camera trigger: pulse generator and sense line. GPIO, SCPI and simulated
-// triggers implement them.
+// Pulse generator: interface, parameters, factory.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
+#include "base/config/studio_file.h"
 #include "base/core/time.h"
-#include "trigger/pulse_train.h"
 
-namespace v3d {
+namespace v3d::trigger {
+
+// Parameters of a pulse train: rate, width and count.
+
+struct PulseTrain {
+  double rate_hz = 25;
+  Duration width = std::chrono::milliseconds(1);
+  std::optional<int64_t> count;  ///< pulses; empty: until stopped
+};
+
+/// Throws InputError when no generator can make the train. The message starts with `source`, the
+/// name of the generator.
+void check_train(const PulseTrain& train, const std::string& source);
+
+// Interfaces of the camera trigger: pulse generator and sense line. GPIO, SCPI and simulated
+// triggers implement them.
 
 /// Lateness of the starts of pulses, by this host's clock. A skipped pulse counts with its lateness
 /// at the time of the decision. Percentiles are exact or up to 10 % too large.
@@ -81,4 +96,11 @@ class PulseSensor {
   virtual std::string fault() const = 0;
 };
 
-}  // namespace v3d
+// Factories of the generator and the sense line that a studio file describes.
+
+/// Do not access the hardware; arm() and reset() do.
+std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger);
+/// Null where the studio has no sense line.
+std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger);
+
+}  // namespace v3d::trigger

@@ -8,7 +8,7 @@
 
 #include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 /// Numbers sensed pulses by the time since the previous pulse, in periods.
 ///
@@ -58,4 +58,4 @@ class SensedTrain {
   std::vector<int64_t> runts_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

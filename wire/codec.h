@@ -19,14 +19,14 @@
 
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::wire {
 
 using Bytes = std::vector<uint8_t>;
 
 Bytes encode(const PulseMessage& message);
 Bytes encode(const FrameMessage& message);
 Bytes encode(const MeshMessage& message);
-/// The last field of commands and replies is reserved for the MAC (wire/studio_key.h) and is zero
+/// The last field of commands and replies is reserved for the MAC (wire/secret_keys.h) and is zero
 /// here.
 Bytes encode(const CommandMessage& message);
 Bytes encode(const ReplyMessage& message);
@@ -86,4 +86,4 @@ struct FrameHead {
 std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes);
 inline constexpr size_t kFrameHeadSize = 1024;
 
-}  // namespace v3d
+}  // namespace v3d::wire

@@ -7,7 +7,7 @@
 #include "wire/codec.h"
 #include "wire/packing.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr Layout kMeshLayout = "qqsqqqqinnS0B1";
@@ -114,4 +114,4 @@ std::optional<ShardMessage> decode(std::span<const uint8_t> bytes) {
                       .given_up = std::move(w->given_up)};
 }
 
-}  // namespace v3d
+}  // namespace v3d::wire

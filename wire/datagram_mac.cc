@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <limits>
 
-#include "base/io/big_endian.h"
+#include "base/core/bytes.h"
+#include "wire/secret_keys.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr std::array<uint8_t, 4> kMagic = {'V', '3', 'D', '1'};
@@ -84,4 +86,40 @@ bool DatagramMac::verify(std::span<const uint8_t> head, std::span<const uint8_t>
   return crypto_onetimeauth_verify(trailer.tag.data(), data.data(), data.size(), key.data()) == 0;
 }
 
-}  // namespace v3d
+namespace {
+
+static_assert(std::tuple_size_v<decltype(SealedFrameKey::sealed)> ==
+              kKeySize + crypto_box_SEALBYTES);
+static_assert(std::is_same_v<decltype(SealedFrameKey::recipient), KeyId>);
+
+}  // namespace
+
+FrameKey FrameKey::make() {
+  SecretBuffer secret(kKeySize);
+  randombytes_buf(secret.bytes().data(), secret.size());
+  return FrameKey(std::move(secret));
+}
+
+std::optional<SealedFrameKey> FrameKey::seal_for(const PublicKey& recipient) const {
+  SealedFrameKey sealed;
+  if (!recipient.seal(secret_.bytes(), sealed.sealed)) return std::nullopt;
+  sealed.recipient = id_of(recipient);
+  return sealed;
+}
+
+std::optional<FrameKey> FrameKey::open(const SealedFrameKey& sealed, const SigningKey& own) {
+  SecretBuffer secret(kKeySize);
+  if (!own.open_sealed(sealed.sealed, secret.bytes())) return std::nullopt;
+  return FrameKey(std::move(secret));
+}
+
+DatagramMac FrameKey::mac() const {
+  constexpr std::string_view kPurpose = "v3d frame MAC";
+  SecretBuffer derived(kKeySize);
+  crypto_generichash(derived.bytes().data(), derived.size(),
+                     reinterpret_cast<const unsigned char*>(kPurpose.data()), kPurpose.size(),
+                     secret_.data(), secret_.size());
+  return DatagramMac(std::move(derived));
+}
+
+}  // namespace v3d::wire

@@ -2,9 +2,9 @@
 
 #include <sodium.h>
 
-#include "wire/hexadecimal.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr std::array<uint8_t, 1> kLeaf{0}, kInner{1};
@@ -71,4 +71,4 @@ std::optional<Hash> parse_hash(std::string_view text) {
   return hash;
 }
 
-}  // namespace v3d
+}  // namespace v3d::wire

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-namespace v3d {
+namespace v3d::wire {
 
 using Hash = std::array<uint8_t, 32>;
 
@@ -52,4 +52,4 @@ std::string hash_text(const Hash& hash);
 /// Empty when `text` is not 64 hexadecimal digits.
 std::optional<Hash> parse_hash(std::string_view text);
 
-}  // namespace v3d
+}  // namespace v3d::wire

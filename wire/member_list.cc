@@ -6,10 +6,10 @@
 
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "wire/signed_text.h"
+#include "base/core/text.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr std::string_view kKind = "v3d member list, version 1";
@@ -110,4 +110,4 @@ MemberList parse_member_list(std::string_view text, const std::filesystem::path&
   return list;
 }
 
-}  // namespace v3d
+}  // namespace v3d::wire

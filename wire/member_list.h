@@ -9,10 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "wire/message_signature.h"
-#include "wire/signing_key.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 
 /// Role of a member: what it may sign. An operator signs commands. Nodes (capture, reconstruction)
 /// sign replies, health, events and the other channels of their role (daemon/bus/channel_list.h). A
@@ -55,4 +54,4 @@ std::string sign_member_list(const MemberList& list, const SigningKey& authority
 MemberList parse_member_list(std::string_view text, const std::filesystem::path& path,
                              const PublicKey& authority, std::string_view studio);
 
-}  // namespace v3d
+}  // namespace v3d::wire

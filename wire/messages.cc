@@ -1,6 +1,6 @@
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::wire {
 
 std::string_view name(CommandVerb verb) {
   switch (verb) {
@@ -38,4 +38,4 @@ std::string_view name(NodeState state) {
   return "unknown";
 }
 
-}  // namespace v3d
+}  // namespace v3d::wire

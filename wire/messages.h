@@ -1,5 +1,4 @@
-// Messages between the daemons and the tools, as plain values. The codec (wire/codec.h) converts
-// them to LCM messages.
+// Messages and the channels they travel on.
 #pragma once
 
 #include <array>
@@ -13,7 +12,10 @@
 #include "base/core/time.h"
 #include "base/image/frame.h"
 
-namespace v3d {
+namespace v3d::wire {
+
+// Messages between the daemons and the tools, as plain values. The codec (wire/codec.h) converts
+// them to LCM messages.
 
 /// V3D_PULSE: one pulse that the sense line detected.
 struct PulseMessage {
@@ -125,7 +127,7 @@ struct SessionMessage {
   bool is_answer = false;
 };
 
-/// A frame key that only one recipient can open (wire/frame_key.h).
+/// A frame key that only one recipient can open (wire/datagram_mac.h).
 struct SealedFrameKey {
   std::array<uint8_t, 8> recipient{};  ///< the first bytes of its public key (KeyId)
   std::array<uint8_t, 80> sealed{};
@@ -152,7 +154,7 @@ struct PreviewMessage {
   int64_t pulse = -1;
   ImageSize size;             ///< size of the small image, pixels
   std::optional<Mask> mask;   ///< same size as the image
-  std::vector<uint8_t> jpeg;  ///< base/image/jpeg.h decodes it; the codec does not check it
+  std::vector<uint8_t> jpeg;  ///< base/image/image_files.h decodes it; the codec does not check it
 };
 
 enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };
@@ -185,4 +187,28 @@ struct EventMessage {
   std::string text;     ///< one line
 };
 
-}  // namespace v3d
+// Names of the LCM channels.
+
+inline constexpr char kCommandChannel[] = "V3D_COMMAND";
+inline constexpr char kReplyChannel[] = "V3D_REPLY";
+inline constexpr char kPulseChannel[] = "V3D_PULSE";
+inline constexpr char kMeshChannel[] = "V3D_MESH";
+inline constexpr char kEventChannel[] = "V3D_EVENT";
+inline constexpr char kSessionChannel[] = "V3D_SESSION";
+/// Prefixes: the name of the camera or of the node follows.
+inline constexpr char kFramePrefix[] = "V3D_FRAME_";
+/// Does not begin with kFramePrefix, so that a subscription to all frames does not include it.
+inline constexpr char kFrameKeyPrefix[] = "V3D_FRAMEKEY_";
+inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";
+inline constexpr char kPreviewPrefix[] = "V3D_PREVIEW_";
+inline constexpr char kShardPrefix[] = "V3D_SHARD_";
+inline constexpr char kShardMeshPrefix[] = "V3D_MESH_";
+
+inline std::string frame_channel(const std::string& camera) { return kFramePrefix + camera; }
+inline std::string frame_key_channel(const std::string& node) { return kFrameKeyPrefix + node; }
+inline std::string health_channel(const std::string& node) { return kHealthPrefix + node; }
+inline std::string preview_channel(const std::string& camera) { return kPreviewPrefix + camera; }
+inline std::string shard_channel(const std::string& node) { return kShardPrefix + node; }
+inline std::string shard_mesh_channel(const std::string& node) { return kShardMeshPrefix + node; }
+
+}  // namespace v3d::wire

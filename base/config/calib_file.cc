@@ -9,9 +9,8 @@
 
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/core/name.h"
+#include "base/core/text.h"
 
 namespace v3d {
 std::string format_plain(double value) {

@@ -7,14 +7,12 @@
 #include <iterator>
 #include <limits>
 
-#include "base/config/lcm_group.h"
-#include "base/config/pulse_rate.h"
 #include "base/config/studio_fields.h"
+#include "base/config/studio_values.h"
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "base/config/chroma_key.h"
-#include "base/geometry/box.h"
+#include "base/config/studio_values.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/image.h"
 
 namespace v3d {
@@ -16,7 +16,7 @@ namespace v3d {
 /// [[node]]: a PC that runs v3d-captured (with cameras or the trigger connected) or v3d-recond.
 struct StudioNode {
   std::string name;
-  /// Ed25519 public key that verifies the node's signatures of takes (wire/signing_key.h): 64
+  /// Ed25519 public key that verifies the node's signatures of takes (wire/signatures.h): 64
   /// hexadecimal digits. Empty: the key is unknown.
   std::string public_key = {};
 };
@@ -112,7 +112,7 @@ struct StudioNetwork {
   /// size(). Empty: frames use `lcm_url`, like all other messages. Each group has an address and a
   /// port of its own.
   std::vector<std::string> frame_groups;
-  std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/studio_key.h)
+  std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/secret_keys.h)
   /// File of the member list (wire/member_list.h). Empty: every holder of the studio key may send
   /// commands and replies.
   std::filesystem::path members = {};

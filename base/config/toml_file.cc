@@ -12,7 +12,6 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 
 namespace v3d {
 

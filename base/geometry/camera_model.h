@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "base/geometry/rigid_transform.h"
-#include "base/image/colour_response.h"
+#include "base/image/colour.h"
 #include "base/image/image.h"
 
 namespace v3d {

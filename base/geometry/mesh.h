@@ -1,12 +1,15 @@
-// Coloured triangle mesh and its basic properties.
+// Mesh and the lattice of its vertices.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 namespace v3d {
+
+// Coloured triangle mesh and its basic properties.
 
 struct Rgb8 {
   uint8_t r = 0, g = 0, b = 0;
@@ -34,5 +37,25 @@ bool is_manifold(const Mesh& mesh);
 
 /// The number of connected components (triangles that share vertices).
 int connected_components(const Mesh& mesh);
+
+// The lattice to which vertices of a compact frame are quantised.
+
+/// Positions float(origin + h * step) per axis, with an integer h.
+struct VertexLattice {
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world, metres
+  double step = 0;                                   ///< metres
+  friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
+};
+
+/// The nearest lattice point. Receivers of a compact frame decode the same bits.
+inline Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position) {
+  Eigen::Vector3f rounded;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double h =
+        std::floor((double{position[axis]} - lattice.origin[axis]) / lattice.step + 0.5);
+    rounded[axis] = static_cast<float>(lattice.origin[axis] + h * lattice.step);
+  }
+  return rounded;
+}
 
 }  // namespace v3d

@@ -1,6 +1,11 @@
 #include "base/geometry/rigid_transform.h"
 
+#include <array>
 #include <cmath>
+#include <string>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
 
 namespace v3d {
 
@@ -33,6 +38,24 @@ RigidTransform look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target
   t.rotation.row(2) = forward.transpose();
   t.translation = -(t.rotation * eye);
   return t;
+}
+
+Box parse_bounds(std::string_view text) {
+  std::array<double, 6> v{};
+  std::string_view rest = text;
+  bool good = true;
+  for (size_t i = 0; i < v.size() && good; ++i) {
+    good = take_number(rest, v[i]);
+    if (good && i + 1 < v.size()) {
+      good = rest.starts_with(',');
+      rest.remove_prefix(good ? 1 : 0);
+    }
+  }
+  if (!good || !rest.empty() || v[0] >= v[3] || v[1] >= v[4] || v[2] >= v[5]) {
+    throw InputError("bounds '" + std::string(text) +
+                     "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, with X0 < X1, Y0 < Y1 and Z0 < Z1");
+  }
+  return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
 }  // namespace v3d

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

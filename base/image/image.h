@@ -1,13 +1,16 @@
-// Images as cameras deliver them: packed rows in one of several pixel formats. Views do not copy.
+// Images and their sizes.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
 namespace v3d {
+
+// Images as cameras deliver them: packed rows in one of several pixel formats. Views do not copy.
 
 struct ImageSize {
   int width = 0;
@@ -94,5 +97,21 @@ size_t byte_count(ImageSize size, PixelFormat format);
 /// Copies the part of `source` inside `rect`. Requires: `rect` lies inside the image; for Bayer
 /// formats x0 and y0 are even, so that the part has the same filter pattern as the whole.
 Image crop(ImageView source, Rect rect);
+
+// Parses and formats image sizes of command-line options, such as 1024x768.
+
+/// The sides that parse_size() accepts.
+enum class Sides {
+  kAny,
+  kEven,  ///< even numbers only: a Bayer mosaic has tiles of 2x2 pixels
+};
+
+/// Parses "1024x768": width and height in pixels, each from 16 to kMaxImageSide.
+/// Throws InputError; the message starts with `option`.
+ImageSize parse_size(std::string_view text, Sides sides = Sides::kAny,
+                     std::string_view option = "--size");
+
+/// "1024x768", for any size.
+std::string format_size(ImageSize size);
 
 }  // namespace v3d

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

@@ -9,11 +9,13 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cstring>
 #include <string>
 #include <vector>
 
-#include "base/core/check.h"
-#include "base/io/uninterrupted.h"
+#include "base/core/error.h"
+#include "base/io/recorded_file.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d::io {
 namespace {
@@ -321,6 +323,52 @@ Status rename_new(const fs::path& from, const fs::path& to) {
   if (rename_to_new_name(from, to) != 0) return io_error("rename " + from.string() + " to", to);
   if (Status status = sync_folder(folder_of(to)); !status) return status;
   return folder_of(from) == folder_of(to) ? Status() : sync_folder(folder_of(from));
+}
+
+}  // namespace v3d::io
+
+namespace v3d {
+
+bool file_exists(const std::filesystem::path& path) {
+  return io::value_or_throw(io::type_of(path)) != std::filesystem::file_type::not_found;
+}
+
+std::string read_file(const std::filesystem::path& path) {
+  return io::value_or_throw(io::read_file(path));
+}
+
+std::string read_take_text(const std::filesystem::path& path) {
+  return io::value_or_throw(
+      io::read_file(path, kMaxTakeTextBytes, io::OpenMode::kReadWithinFolder));
+}
+
+void replace_file(const std::filesystem::path& path, std::string_view text) {
+  if (is_recorded_file(path)) {
+    throw InputError(path.string() + ": is a recorded file of a take; expected another file name");
+  }
+  io::throw_if_failed(io::replace_file(path, text));
+}
+
+}  // namespace v3d
+
+namespace v3d::io {
+
+tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path) {
+  const int code = errno;
+  return io_error(action, path, strerrordesc_np(code) ? strerrordesc_np(code) : "unknown error",
+                  code);
+}
+
+tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path,
+                                 std::string_view cause, int code) {
+  return tl::make_unexpected(IoError{
+      code, "cannot " + std::string(action) + " " + path.string() + ": " + std::string(cause)});
+}
+
+void throw_input_error(const IoError& error) { throw InputError(error.message); }
+
+void throw_if_failed(const Status& status) {
+  if (!status) throw std::runtime_error(status.error().message);
 }
 
 }  // namespace v3d::io

@@ -1,19 +1,85 @@
-// File: a regular file that is read and written by position. Every failure is a value with path and
-// cause. End of file, short counts and EINTR are distinct results.
+// Files, and results of operations on them.
 #pragma once
 
+#include <cerrno>
 #include <cstdint>
 #include <filesystem>
 #include <initializer_list>
 #include <span>
 #include <string>
 #include <string_view>
+#include <tl/expected.hpp>
+#include <utility>
 #include <vector>
 
-#include "base/io/result.h"
 #include "base/io/unique_fd.h"
 
+namespace v3d {
+
+// Reads and writes whole files in set-up code and commands: like the functions of v3d::io below,
+// but with exceptions.
+
+/// True when `path` names a file of any kind; symbolic links are followed. Throws InputError with
+/// path and cause when this cannot be determined: no permission, a loop of links, a disk error.
+bool file_exists(const std::filesystem::path& path);
+
+/// Like io::read_file(). Throws InputError with path and cause.
+std::string read_file(const std::filesystem::path& path);
+
+/// Maximum length of a text file of a take, bytes. The longest is the ledger of a take with many
+/// missing frames: some MB.
+inline constexpr uint64_t kMaxTakeTextBytes = 8 << 20;
+/// Reads a whole text file of a take (take.toml, calib.toml, ...).
+/// Throws InputError with path and cause when it is not a regular file, is a symbolic link, or is
+/// longer than kMaxTakeTextBytes. The path of its folder may contain symbolic links: operators move
+/// takes to other disks.
+std::string read_take_text(const std::filesystem::path& path);
+
+/// Like io::replace_file(), for results of commands and set-up files. Throws InputError when `path`
+/// is a recorded file (base/io/recorded_file.h), and std::runtime_error with path and cause when it
+/// cannot be written. Code that owns a file of a take uses io::replace_file().
+void replace_file(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace v3d
+
 namespace v3d::io {
+
+// Result of an operation that may fail while the program runs: a value or an IoError.
+//
+// Set-up code converts an IoError to an exception (value_or_throw, throw_if_failed); daemons handle
+// it as data.
+
+/// Cause of a failed operation.
+struct IoError {
+  int code = 0;  ///< errno
+  /// One line with path and cause: "cannot write /a/b: No space left on device".
+  std::string message;
+};
+
+template <class T>
+using Result = tl::expected<T, IoError>;
+using Status = Result<void>;
+
+/// The error of the last failed system call: "cannot `action` `path`: <text of errno>".
+/// Reads errno, so call it directly after the failure.
+tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path);
+/// The same for a failure without errno: "cannot `action` `path`: `cause`".
+tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path,
+                                 std::string_view cause, int code = EINVAL);
+
+/// For set-up that reads: throws InputError (exit status 2) with the message.
+[[noreturn]] void throw_input_error(const IoError& error);
+template <class T>
+T value_or_throw(Result<T> result) {
+  if (!result) throw_input_error(result.error());
+  return *std::move(result);
+}
+
+/// For commands that write: throws std::runtime_error (exit status 1) with the message.
+void throw_if_failed(const Status& status);
+
+// File: a regular file that is read and written by position. Every failure is a value with path and
+// cause. End of file, short counts and EINTR are distinct results.
 
 enum class OpenMode : uint8_t {
   kRead,              ///< an existing regular file

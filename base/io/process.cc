@@ -1,13 +1,22 @@
 #include "base/io/process.h"
 
 #include <fcntl.h>
+#include <pthread.h>
+#include <sched.h>
 #include <spawn.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
 
-#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d {
 namespace {
@@ -115,6 +124,54 @@ void kill_process(pid_t child) {
 
 void exec_program(const std::string& path, const std::vector<std::string>& words) {
   execv(path.c_str(), pointers_to(words).data());
+}
+
+int64_t available_memory() {
+  std::ifstream in("/proc/meminfo");
+  std::string key;
+  int64_t kibibytes = 0;
+  for (std::string unit; in >> key >> kibibytes; std::getline(in, unit)) {
+    if (key == "MemAvailable:") {
+      return kibibytes * 1024;
+    }
+  }
+  return std::numeric_limits<int64_t>::max();
+}
+
+void lock_memory() {
+  rlimit limit{};
+  // With a limit, later allocations would fail.
+  if (getrlimit(RLIMIT_MEMLOCK, &limit) != 0 || limit.rlim_cur != RLIM_INFINITY) return;
+  mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT);
+}
+
+namespace {
+
+/// Of 1 to 99; low, so that threads with a configured priority run first.
+constexpr int kPriority = 10;
+constexpr uint64_t kShortestSliceNs = 100'000;
+
+/// The kernel's struct sched_attr, first version. glibc 2.36 has neither the struct nor the call.
+struct SchedulingAttributes {
+  uint32_t size = sizeof(SchedulingAttributes);
+  uint32_t policy = SCHED_OTHER;
+  uint64_t flags = 0;
+  int32_t nice = 0;
+  uint32_t priority = 0;
+  uint64_t runtime_ns = kShortestSliceNs;  ///< for SCHED_OTHER: the time slice
+  uint64_t deadline_ns = 0;
+  uint64_t period_ns = 0;
+};
+
+}  // namespace
+
+void make_thread_realtime() {
+  sched_param parameters{};
+  parameters.sched_priority = kPriority;
+  if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0) return;
+  SchedulingAttributes attributes;
+  attributes.nice = getpriority(PRIO_PROCESS, 0);
+  syscall(SYS_sched_setattr, 0, &attributes, 0);
 }
 
 }  // namespace v3d

@@ -1,15 +1,18 @@
-// Starts other programs without a shell (posix_spawn(3)), waits for them and kills them.
-// (Boost.Process 1.74 forks, marks its pipes close-on-exec only after it has made them, and sets no
-// signal masks.)
+// Starting programs; memory and scheduling of this process.
 #pragma once
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace v3d {
+
+// Starts other programs without a shell (posix_spawn(3)), waits for them and kills them.
+// (Boost.Process 1.74 forks, marks its pipes close-on-exec only after it has made them, and sets no
+// signal masks.)
 
 struct SpawnOptions {
   /// Descriptors that become standard input, output and error of the program; -1: /dev/null.
@@ -41,5 +44,24 @@ void kill_process(pid_t child);
 /// Replaces this process by the program at `path` (execv). `words`: its argv. Returns only on
 /// failure, with errno.
 void exec_program(const std::string& path, const std::vector<std::string>& words);
+
+// The memory of this machine and of this process.
+
+/// Memory that is available without swapping (MemAvailable of /proc/meminfo), bytes. INT64_MAX when
+/// it is unknown.
+int64_t available_memory();
+
+/// Locks the memory of this process, current and future, where RLIMIT_MEMLOCK is unlimited. A
+/// real-time thread then never waits for a page from a disk.
+void lock_memory();
+
+// Real-time scheduling and locked memory, for threads that do little work but must start it on
+// time.
+
+/// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes.
+/// Uses real-time scheduling (SCHED_FIFO) where the process may (RLIMIT_RTPRIO). Otherwise it
+/// requests the shortest time slice: Linux 6.12 and later schedule it before longer ones and need
+/// no permission. On older kernels the request has no effect.
+void make_thread_realtime();
 
 }  // namespace v3d

@@ -1,11 +1,15 @@
-// UniqueFd: a file descriptor with one owner.
+// Owned file descriptors, and system calls that are repeated after a signal (EINTR).
 #pragma once
 
 #include <unistd.h>
 
+#include <cerrno>
+#include <system_error>
 #include <utility>
 
 namespace v3d::io {
+
+// UniqueFd: a file descriptor with one owner.
 
 /// Closes the descriptor when it is destroyed. -1 means that it owns none. Move only.
 class UniqueFd {
@@ -34,5 +38,27 @@ class UniqueFd {
  private:
   int fd_ = -1;
 };
+
+// Repeats a system call that a signal interrupted (EINTR).
+
+/// Repeats `call` until it returns another result than EINTR, and returns that result. `call`
+/// returns a negative value and sets errno when it fails.
+template <class Call>
+auto uninterrupted(Call call) {
+  auto result = call();
+  while (result < 0 && errno == EINTR) result = call();
+  return result;
+}
+
+/// Like uninterrupted(), for a call that sets an std::error_code. Returns the code.
+template <class Call>
+std::error_code uninterrupted_code(Call call) {
+  std::error_code code;
+  do {
+    code.clear();
+    call(code);
+  } while (code == std::errc::interrupted);
+  return code;
+}
 
 }  // namespace v3d::io

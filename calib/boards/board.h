@@ -1,16 +1,21 @@
-// Planar calibration boards, and the corners of them that cameras observe.
+// Boards, observations, initial poses, selection of views.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <map>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/geometry/camera_model.h"
 #include "base/image/image.h"
 
 namespace v3d::calib {
+
+// Planar calibration boards, and the corners of them that cameras observe.
 
 enum class BoardKind { kChess, kCharuco };
 
@@ -65,5 +70,58 @@ struct CameraObservations {
   ImageSize size;
   std::map<int64_t, BoardObservation> observations{};
 };
+
+// Initial estimates of board poses and of a camera matrix, from observations of a board.
+// The adapter of OpenCV's pose and camera estimators. lens/bundle_adjustment.h refines the
+// estimates.
+
+/// A pose of the board in the camera frame (metres).
+struct BoardPose {
+  RigidTransform cam_from_board;
+  double rms_px = 0;  ///< root mean square of the reprojection errors
+};
+
+/// Up to two poses of the board, the one with the smaller error first (IPPE).
+///
+/// A small or distant board has a second pose, tilted the other way, which fits nearly as well.
+/// Only the lens of `camera` is used, not its pose. Empty where no pose fits.
+std::vector<BoardPose> board_poses(const CameraModel& camera, const Board& board,
+                                   const BoardObservation& observation);
+
+/// The camera matrix of an undistorted lens with its principal point in the middle of the image.
+/// Requires at least one observation. Source: Zhang 2000.
+Eigen::Matrix3d initial_camera_matrix(const Board& board, ImageSize size,
+                                      std::span<const BoardObservation* const> observations);
+
+/// Reprojection residuals (observed minus projected, pixels) by corner of the observation, through
+/// the lens of `camera`; 1e6 for a corner that cannot be projected.
+std::vector<Eigen::Vector2d> residuals(const CameraModel& camera, const Board& board,
+                                       const RigidTransform& cam_from_board,
+                                       const BoardObservation& observation);
+
+/// Root mean square of the lengths of the residuals; 0 for none.
+double rms_of(std::span<const Eigen::Vector2d> residuals);
+
+/// A camera with the lens of `lens` and the pose `cam_from_world`.
+CameraModel with_pose(const CameraModel& lens, const RigidTransform& cam_from_world);
+
+// View selection: a small, diverse subset of board images for calibration, and image coverage.
+
+/// Indices, in ascending order, of at most `max_views` observations that differ most in image
+/// position, distance and tilt (farthest-point selection).
+///
+/// The observation with most corners comes first, then always the one that is farthest from all
+/// selected ones. Near duplicates are never selected. Deterministic.
+std::vector<int> select_views(const Board& board, ImageSize size,
+                              std::span<const BoardObservation* const> observations, int max_views);
+
+/// The share of the image, 0 to 1, in which corners were observed: of kCoverageColumns x
+/// kCoverageRows equal cells, those with at least one corner.
+inline constexpr int kCoverageColumns = 10;
+inline constexpr int kCoverageRows = 8;
+double coverage(ImageSize size, std::span<const BoardObservation* const> observations);
+/// The number of corners in each cell, row by row.
+std::vector<int> coverage_counts(ImageSize size,
+                                 std::span<const BoardObservation* const> observations);
 
 }  // namespace v3d::calib

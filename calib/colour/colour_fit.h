@@ -1,13 +1,16 @@
-// Colour calibration: corrections that give all cameras the same colour response.
+// Colour calibration of the cameras.
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "base/image/colour_response.h"
+#include "base/image/colour.h"
 
 namespace v3d::calib {
+
+// Colour calibration: corrections that give all cameras the same colour response.
 
 /// The colour of one place in one camera: mean R, G, B, grey values 0 to 255 in linear light.
 struct ColourSample {
@@ -67,5 +70,14 @@ ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& o
 
 /// No channel of the grey value (0 to 255) is close to black or to saturation.
 bool is_well_exposed(const Eigen::Vector3d& grey);
+
+// Perceptual colour difference (CIEDE2000).
+
+/// CIE L*a*b* of linear R, G, B from 0 to 1, with the primaries and white point of sRGB (D65).
+Eigen::Vector3d lab_of(const Eigen::Vector3d& linear_rgb);
+
+/// The CIEDE2000 difference of two colours in L*a*b*. About 1 is just noticeable.
+/// Source: Sharma, Wu, Dalal, "The CIEDE2000 Color-Difference Formula", 2005.
+double delta_e_2000(const Eigen::Vector3d& lab1, const Eigen::Vector3d& lab2);
 
 }  // namespace v3d::calib

@@ -8,9 +8,8 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/core/printable.h"
-#include "calib/formats/foreign_rig.h"
+#include "base/core/text.h"
+#include "calib/formats/rig_text.h"
 
 namespace v3d::calib {
 namespace {

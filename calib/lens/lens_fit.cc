@@ -7,9 +7,8 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "base/image/image_size.h"
-#include "calib/boards/board_pose.h"
-#include "calib/boards/view_selection.h"
+#include "base/image/image.h"
+#include "calib/boards/board.h"
 #include "calib/lens/bundle_adjustment.h"
 #include "calib/parallel_for.h"
 

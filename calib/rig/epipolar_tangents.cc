@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "base/image/mask_components.h"
+#include "base/image/mask_operations.h"
 
 namespace v3d::calib {
 namespace {

@@ -1,4 +1,4 @@
-// Relative poses of camera pairs, from boards that both cameras observe, and the graph of pairs.
+// Relative poses of pairs of cameras, initial poses of boards.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +7,11 @@
 
 #include "base/geometry/camera_model.h"
 #include "calib/boards/board.h"
+#include "calib/lens/bundle_adjustment.h"
 
 namespace v3d::calib {
+
+// Relative poses of camera pairs, from boards that both cameras observe, and the graph of pairs.
 
 /// By instant, all poses cam_from_board that an observation allows: the tilt of a board may be
 /// ambiguous, and a board with half-turn symmetry may be turned.
@@ -52,5 +55,27 @@ RigTree spanning_tree(int cameras, const std::vector<PairPose>& pairs);
 
 /// The connected components of the graph, largest first.
 std::vector<std::vector<int>> connected_components(int cameras, const std::vector<PairPose>& pairs);
+
+// Initial board poses for the bundle adjustment of a rig whose camera poses are roughly known.
+
+struct InitialBoards {
+  Bundle bundle;                  ///< cameras, boards and all observations of the boards
+  std::vector<int64_t> instants;  ///< of the boards in the bundle, in ascending order
+};
+
+struct BoardInitialization {
+  const Board& board;
+  const std::vector<CameraObservations>& observations;  ///< by camera
+  const std::vector<CandidatePoses>& poses;             ///< by camera
+  const std::vector<PairPose>& pairs;
+};
+
+/// Selects at most `max_instants` instants and gives each board its best candidate pose.
+///
+/// Instants that connect pairs with few shared views are preferred. An instant that only one camera
+/// observed is not used. The best candidate has the smallest sum of (bounded) reprojection errors.
+/// Observations of a board with half-turn symmetry are turned so that they agree.
+InitialBoards initialize_boards(const BoardInitialization& input, std::vector<CameraModel> cameras,
+                                int max_instants);
 
 }  // namespace v3d::calib

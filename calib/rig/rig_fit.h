@@ -1,5 +1,4 @@
-// Rig calibration: lenses and poses of all cameras, from a board that is carried through the
-// studio.
+// Rig calibration from its initial rig.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +8,14 @@
 #include <vector>
 
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "calib/boards/board.h"
 #include "calib/rig/pair_poses.h"
 
 namespace v3d::calib {
+
+// Rig calibration: lenses and poses of all cameras, from a board that is carried through the
+// studio.
 
 struct RigOptions {
   /// The previous calibration. Where it is given, its lenses are used without change; otherwise the
@@ -51,7 +54,7 @@ struct RejectedObservation {
 
 struct RigFit {
   /// World frame: metres, z along the mean upward direction of the images, origin at the point
-  /// nearest to all optical axes. rig/floor_fit.h determines the final world frame.
+  /// nearest to all optical axes. rig/rig_alignment.h determines the final world frame.
   Rig rig;
   double rms_px = 0;
   std::vector<CameraFit> cameras;  ///< in the order of the rig
@@ -75,5 +78,16 @@ std::string time_offset_text(const std::vector<CameraObservations>& cameras,
 /// Pure. Uses options.threads threads.
 RigFit fit_rig(const Board& board, const std::vector<CameraObservations>& cameras,
                const RigOptions& options);
+
+// An initial rig for a studio that is not calibrated yet.
+
+/// Assumed camera poses and lenses, sufficient to record a take of boards.
+///
+/// The cameras have no distortion. They stand at equal distances on a level ring around `space`
+/// (world frame, metres, z up), in the order of `names`. They look at its centre from where the
+/// whole of it is in their images. `horizontal_fov_deg`: above 0 and below 180.
+/// Requires is_image_size(size). Pure.
+Rig initial_rig(const std::vector<std::string>& names, ImageSize size, double horizontal_fov_deg,
+                const Box& space);
 
 }  // namespace v3d::calib

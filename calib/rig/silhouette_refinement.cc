@@ -12,7 +12,7 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "calib/rig/epipolar_tangents.h"
-#include "calib/rig/rig_comparison.h"
+#include "calib/rig/rig_alignment.h"
 
 namespace v3d::calib {
 namespace {

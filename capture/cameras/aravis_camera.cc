@@ -6,12 +6,9 @@
 #include <thread>
 #include <utility>
 
-#include "capture/cameras/aravis_find.h"
-#include "capture/cameras/aravis_object.h"
-#include "capture/cameras/aravis_ptp.h"
-#include "capture/cameras/aravis_setup.h"
+#include "capture/cameras/aravis_device.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 using aravis::Owned;
 using aravis::Problem;
@@ -236,4 +233,4 @@ CameraStatistics AravisCamera::statistics() const {
   return statistics;
 }
 
-}  // namespace v3d
+}  // namespace v3d::capture

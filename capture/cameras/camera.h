@@ -1,15 +1,24 @@
-// Interface of a camera backend. AravisCamera, V4l2Camera and FreeRunningCamera implement it.
+// Camera: interface, factory, resume state, adapter of free-running cameras.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "base/config/studio_file.h"
 #include "base/core/time.h"
 #include "base/image/image.h"
+#include "capture/sync/pulse_matcher.h"
+#include "capture/sync/pulse_times.h"
 
-namespace v3d {
+namespace v3d::capture {
+
+// Interface of a camera backend. AravisCamera, V4l2Camera and FreeRunningCamera implement it.
 
 /// One frame as the driver delivers it, not yet labelled with a pulse.
 struct CameraFrame {
@@ -57,4 +66,67 @@ class Camera {
   virtual PixelFormat format() const = 0;  ///< requires start()
 };
 
-}  // namespace v3d
+// Factory of cameras: selects the backend by the studio file.
+
+/// Creates the camera object without accessing the device; start() opens it. `pulses`, the pulses
+/// of this node, label the frames of a free-running camera and must outlive it.
+std::unique_ptr<Camera> make_camera(const StudioCamera& settings, const PulseTimes& pulses);
+
+// State of a camera in a running take, restored after a restart of the process.
+
+struct CameraResumeState {
+  std::vector<KnownFrame> frames;     ///< the last non-suspect frames; times of this host's clock
+  std::optional<Duration> latency{};  ///< minimum time from a pulse to the arrival of its frame
+  int64_t delivered = 0;              ///< frames of the take
+  int64_t suspect = 0;                ///< suspect frames among these
+};
+
+// Adapter for a free-running camera: labels each frame with the nearest pulse.
+
+/// The camera runs at the pulse rate, on its own clock. Each frame gets the nearest pulse
+/// (PulseTimes::find). Frames without a pulse are dropped, so that the camera is silent between
+/// takes, as a triggered camera is.
+///
+/// The camera is not synchronous: statistics() reports its phase. After its clock has drifted by a
+/// period against the pulses, a pulse has no frame, or two. A frame may wait for the pulse after
+/// it. The camera counts as lost after a silence of 1 s or 3 periods, whichever is longer.
+///
+/// Requires that device times of the camera are this host's CLOCK_MONOTONIC.
+class FreeRunningCamera : public Camera {
+ public:
+  /// Sets the frame rate of the camera, Hz, for its next start().
+  using SetRate = std::function<void(double rate_hz)>;
+  using Now = std::function<MonotonicInstant()>;
+
+  /// `pulses` must outlive this object.
+  FreeRunningCamera(std::unique_ptr<Camera> camera, SetRate set_rate, const PulseTimes& pulses,
+                    Now now = Monotonic::now);
+
+  void start() override;
+  void stop() override;
+  std::optional<CameraFrame> wait(MonotonicInstant deadline) override;
+  CameraStatistics statistics() const override;
+  bool lost() const override { return lost_ || camera_->lost(); }
+  ImageSize size() const override { return camera_->size(); }
+  PixelFormat format() const override { return camera_->format(); }
+
+ private:
+  void follow_train();
+  void receive(MonotonicInstant deadline);
+  std::optional<CameraFrame> labelled();
+
+  const std::unique_ptr<Camera> camera_;
+  const SetRate set_rate_;
+  const PulseTimes& pulses_;
+  const Now now_;
+  Duration period_{};             ///< of the camera's frames
+  int64_t train_ = 0;             ///< number of the train that phase_ belongs to
+  std::deque<CameraFrame> held_;  ///< not labelled yet, oldest first
+  MonotonicInstant last_{};       ///< arrival of the last frame, or time of start()
+  std::optional<Duration> phase_;
+  std::atomic<bool> lost_ = false;
+  std::atomic<bool> has_phase_ = false;
+  std::atomic<Duration> reported_phase_ = Duration{};
+};
+
+}  // namespace v3d::capture

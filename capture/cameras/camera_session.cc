@@ -6,7 +6,7 @@
 
 #include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr int kQuietPeriods = 2;
@@ -267,4 +267,4 @@ CameraWorkerStatus CameraSession::status() const {
   return status;
 }
 
-}  // namespace v3d
+}  // namespace v3d::capture

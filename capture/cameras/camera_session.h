@@ -10,12 +10,11 @@
 
 #include "base/image/frame.h"
 #include "capture/cameras/camera.h"
-#include "capture/cameras/camera_resume_state.h"
 #include "capture/cameras/camera_worker.h"
 #include "capture/sync/pulse_matcher.h"
-#include "capture/sync/train_start.h"
+#include "capture/sync/pulse_times.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 /// CameraWorker calls step() in a loop on its thread. Tests call it with a scripted camera and a
 /// simulated clock. Not thread-safe.
@@ -109,4 +108,4 @@ class CameraSession {
   CameraWorkerStatus counts_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::capture

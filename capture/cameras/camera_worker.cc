@@ -8,7 +8,7 @@
 
 #include "capture/cameras/camera_session.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 std::string_view name(CameraState state) {
   switch (state) {
@@ -188,4 +188,4 @@ std::optional<Frame> CameraWorker::take(MonotonicInstant deadline) { return impl
 CameraWorkerStatus CameraWorker::status() const { return impl_->status(); }
 int64_t CameraWorker::waiting() const { return impl_->waiting(); }
 
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -11,10 +11,9 @@
 #include "base/core/time.h"
 #include "base/image/frame.h"
 #include "capture/cameras/camera.h"
-#include "capture/cameras/camera_resume_state.h"
-#include "capture/sync/train_start.h"
+#include "capture/sync/pulse_times.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 enum class CameraState : uint8_t {
   kOpening,   ///< not streaming yet; CameraWorkerStatus::text is the reason of the last failure
@@ -96,4 +95,4 @@ class CameraWorker {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -1,14 +1,19 @@
-// Background model of one camera.
+// Background model: statistics, files, table; parameters.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include "base/config/chroma_key.h"
+#include "base/config/studio_values.h"
 #include "base/image/image.h"
+#include "base/image/mask.h"
 
-namespace v3d {
+namespace v3d::segmentation {
+
+// Background model of one camera.
 
 /// Mean and standard deviation of every sample over the plates (images of the empty studio), in
 /// grey values. A sample is a pixel of a Bayer or mono image, or a channel of an RGB pixel. Samples
@@ -37,4 +42,53 @@ BackgroundModel load_background(const std::filesystem::path& folder, const std::
 /// True if all files of a model exist. Throws InputError on a disk error.
 bool has_background(const std::filesystem::path& folder, const std::string& camera);
 
-}  // namespace v3d
+// Parameters of the segmentation.
+
+/// Spreads are standard deviations of a sample over the plates (BackgroundModel::spread).
+struct SegmentOptions {
+  float threshold = 4.5F;    ///< distance from the mean at which a sample differs, in spreads
+  float noise_floor = 2.0F;  ///< minimum spread, grey values, 0.5 to 64
+  float shake = 0.25F;       ///< camera movement since the plates that counts as 1 spread, pixels
+  float shadow_min = 0.5F;   ///< minimum brightness of a shadow, as a part of the background's
+  float shadow_chroma = 0.06F;  ///< maximum change of colour in a shadow, as a part of brightness
+  // Where the background has the colour of the chroma key, samples within these are background.
+  float key_min = 0.25F;     ///< minimum brightness, as a part of the background's
+  float key_max = 1.9F;      ///< maximum brightness, as a part of the background's, less than 2
+  float key_chroma = 0.12F;  ///< maximum change of colour, as a part of brightness
+  int moved = 4;       ///< maximum displacement of background that is still background, pixels
+  int min_area = 64;   ///< minimum area of a foreground piece, pixels
+  int max_hole = 160;  ///< area from which a hole is kept, pixels
+};
+
+// Background model in fixed point for the inner loop of the segmentation: three bytes a sample.
+
+/// Expected value of a saturated sample, in 1/128 grey value.
+inline constexpr uint16_t kMaxExpected = 255 << 7;
+
+/// Samples are in the order of the image's bytes. kReach further ones follow, so that a vector load
+/// at any sample stays inside the array.
+///
+/// The scales let a row be processed in 16-bit SIMD lanes. With the expected value e and the
+/// image's value s in 1/128 grey value:
+///   e = min(mean * gain >> 16, kMaxExpected)      (gain: see brightness_ratio())
+///   distance = |s - e| * (sharpness << sharpness_shift) >> 16
+/// A distance of one spread is `steps_per_spread`.
+struct BackgroundTable {
+  static constexpr size_t kReach = 256;
+
+  /// Requires one mean and one spread for each sample of an image of the model's size and format.
+  BackgroundTable(const BackgroundModel& model, const SegmentOptions& options);
+
+  ImageSize size;
+  PixelFormat format;
+  int channels;                    ///< samples per pixel
+  std::vector<uint16_t> mean;      ///< 1/256 grey value
+  std::vector<uint8_t> sharpness;  ///< inverse of the spread; 255 for the minimum spread
+  int sharpness_shift;
+  float steps_per_spread;  ///< 4 to 8
+  /// Bit (x, y): the quad of columns x, x + 1 and rows y, y + 1 has the key's colour. Size 0 x 0 if
+  /// there is no key.
+  Mask keyed;
+};
+
+}  // namespace v3d::segmentation

@@ -7,11 +7,11 @@
 
 #include <algorithm>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
 #ifndef V3D_CAPTURE_BACKGROUND_STEP
 #define V3D_CAPTURE_BACKGROUND_STEP
-namespace v3d {
+namespace v3d::segmentation {
 namespace {
 
 /// Consecutive samples of a row. The scales are those of BackgroundTable.
@@ -30,11 +30,11 @@ struct StepParameters {
 };
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::segmentation
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::segmentation::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -73,11 +73,11 @@ void step(const SampleRun& at, const StepParameters& parameters) {
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::segmentation::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::segmentation {
 namespace {
 
 HWY_EXPORT(step);
@@ -144,5 +144,5 @@ void BackgroundAdaptation::follow(ImageView image, const Mask& mask, uint32_t ga
   }
 }
 
-}  // namespace v3d
+}  // namespace v3d::segmentation
 #endif

@@ -6,9 +6,9 @@
 
 #include "base/image/image.h"
 #include "base/image/mask.h"
-#include "capture/segmentation/background_table.h"
+#include "capture/segmentation/background.h"
 
-namespace v3d {
+namespace v3d::segmentation {
 
 /// Updates are slow and bounded, so that a performer who stands still is never learnt:
 /// - Only samples within 3 spreads of the expected background are updated, and none within a cell
@@ -38,4 +38,4 @@ class BackgroundAdaptation {
   std::vector<uint8_t> tail_;      ///< the last samples of an image
 };
 
-}  // namespace v3d
+}  // namespace v3d::segmentation

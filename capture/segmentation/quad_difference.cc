@@ -1,4 +1,4 @@
-#include "capture/segmentation/quad_difference.h"
+#include "capture/segmentation/segmenter.h"
 
 // Vectors of unknown length cannot be kept in arrays.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
@@ -11,11 +11,11 @@
 #include <cmath>
 #include <cstring>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
 #ifndef V3D_CAPTURE_QUAD_SEARCH
 #define V3D_CAPTURE_QUAD_SEARCH
-namespace v3d {
+namespace v3d::segmentation {
 namespace {
 
 /// First samples of two rows of the image and of the background.
@@ -36,11 +36,11 @@ struct QuadSearch {
 };
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::segmentation
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::segmentation::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -231,11 +231,11 @@ void flag_any_row(const QuadSearch& search, int channels, const RowPair& rows,
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::segmentation::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::segmentation {
 namespace {
 
 HWY_EXPORT(measure_any_row);
@@ -321,5 +321,5 @@ const Mask& DifferingQuads::find(ImageView image, const BackgroundTable& backgro
   return quads_;
 }
 
-}  // namespace v3d
+}  // namespace v3d::segmentation
 #endif

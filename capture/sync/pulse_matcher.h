@@ -1,4 +1,4 @@
-// Assigns frames to pulses by the camera's clock, its frame counter and the time of arrival.
+// Labels frames with pulses.
 #pragma once
 
 #include <cstdint>
@@ -6,9 +6,52 @@
 #include <span>
 
 #include "base/core/time.h"
-#include "capture/sync/pulse_fit.h"
 
-namespace v3d {
+namespace v3d::capture {
+
+// Kalman filter that maps the times of one clock to pulse numbers.
+
+/// Two states: the time of the latest pulse, and the period on this clock. The period starts at the
+/// nominal value with the tolerance of two crystals (200 ppm) and may drift slowly with
+/// temperature. So the precision does not depend on the length of the train. Instants are
+/// nanoseconds of one clock, which the caller selects. Not thread-safe.
+class PulseFit {
+ public:
+  /// `jitter`: standard deviation of one time stamp, in periods.
+  PulseFit(Duration period, double jitter);
+
+  /// Restarts at `pulse`, which was at `instant_ns`. Keeps only the estimate of the period.
+  void begin(int64_t pulse, int64_t instant_ns);
+  bool is_started() const { return started_; }
+
+  /// The pulse number at this instant, with its fraction. Requires is_started().
+  double pulse_at(int64_t instant_ns) const;
+  /// Number of periods between two instants, with its fraction.
+  double periods(int64_t from_ns, int64_t to_ns) const;
+  /// Standard deviation of pulse_at() at the time of `pulse`, in periods.
+  double stddev(int64_t pulse) const;
+
+  /// Updates the filter: `pulse` was measured at `instant_ns`. Ignores pulses that are not later
+  /// than the latest one.
+  void learn(int64_t pulse, int64_t instant_ns);
+
+ private:
+  double nominal_;         ///< ns
+  double stamp_variance_;  ///< of one time stamp, ns^2
+  double drift_variance_;  ///< change of the period per pulse, ns^2
+
+  bool started_ = false;
+  int64_t pulse_ = 0;    ///< latest pulse
+  int64_t instant_ = 0;  ///< time of the latest pulse, ns, without fraction_
+  double fraction_ = 0;  ///< fraction of a nanosecond, to be added to instant_
+  double period_;        ///< ns
+  // Covariance matrix of (instant, period), ns^2.
+  double instant_variance_ = 0;
+  double covariance_ = 0;
+  double period_variance_;
+};
+
+// Assigns frames to pulses by the camera's clock, its frame counter and the time of arrival.
 
 /// Times and counter of a received frame.
 struct FrameStamp {
@@ -28,7 +71,7 @@ struct KnownFrame {
   int64_t pulse = 0;
 };
 
-/// The matcher uses no clock and no I/O. The pulse of the first frame must be known; train_start.h
+/// The matcher uses no clock and no I/O. The pulse of the first frame must be known; pulse_times.h
 /// finds it. Three independent sources give the pulse of each later frame:
 ///   - its device time, by a linear fit of times to pulses: exact while the clock keeps running;
 ///   - its counter: exact while every pulse makes one exposure;
@@ -40,8 +83,8 @@ struct KnownFrame {
 ///   - device time and counter agree as before;
 ///   - frames in a row advance equally by clock, counter and arrival. Then the arrival gives their
 ///     pulse. The second such frame is sufficient if the clock or the counter agrees with the
-///     arrival. The ninth is required if both must have restarted, or if only the counter agrees and
-///     the clock gives a pulse that is up to ten earlier: the frames may all be late.
+///     arrival. The ninth is required if both must have restarted, or if only the counter agrees
+///     and the clock gives a pulse that is up to ten earlier: the frames may all be late.
 ///
 /// A frame is suspect if
 ///   - the sources disagree as above; its label is the most likely pulse;
@@ -62,8 +105,8 @@ struct KnownFrame {
 ///   - An exposure without a pulse is at least 0.35 periods away from every pulse.
 ///   - At most 250 pulses in a row have no frame.
 ///   - No two sources err by the same whole number of pulses at the same time. Examples: a clock
-///     steps back by as many periods as triggers were missed; after a disagreement, nine frames in a
-///     row are late by the same whole number of periods.
+///     steps back by as many periods as triggers were missed; after a disagreement, nine frames in
+///     a row are late by the same whole number of periods.
 class PulseMatcher {
  public:
   explicit PulseMatcher(Duration period);
@@ -132,4 +175,4 @@ class PulseMatcher {
   uint64_t last_counter_ = 0;  ///< of the frame of last_pulse_
 };
 
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr size_t kMaxPulses = 256;
@@ -78,4 +79,93 @@ std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<
   return NearestPulse{.pulse = pulse, .phase = phase};
 }
 
-}  // namespace v3d
+namespace {
+
+/// Maximum number of exposures lost before the first frame. Larger counter differences are invalid.
+constexpr int64_t kMaxLost = 1000;
+constexpr double kEdgeError = 0.1;        ///< periods
+constexpr double kMaxArrivalDelay = 0.4;  ///< periods; delay of a frame that counts as on time
+
+double periods(Duration duration, Duration period) {
+  return static_cast<double>(duration.count()) / static_cast<double>(period.count());
+}
+
+/// Number of frames at the front that arrived before pulse 0.
+size_t count_strays(std::span<const FrameStamp> frames, const StartEvidence& e) {
+  const auto of_the_train = std::ranges::find_if(frames, [&](const FrameStamp& frame) {
+    return periods(latency_of(frame.received, 0, *e.edge, e.period), e.period) > -kEdgeError;
+  });
+  return static_cast<size_t>(of_the_train - frames.begin());
+}
+
+/// Arrival of the first frame in periods after pulse 0, estimated from several frames.
+struct Arrivals {
+  double earliest = kMaxLost;  ///< by the frame with the smallest delay
+  bool steady = false;         ///< most frames had as small a delay, so the host did not stall
+};
+
+Arrivals arrivals_of(std::span<const FrameStamp> frames, const StartEvidence& e) {
+  PulseMatcher numbers(e.period);  // counted from the first frame
+  std::vector<double> all;
+  for (const FrameStamp& frame : frames) {
+    const PulseMatch match = numbers.label(frame);
+    if (match.suspect) continue;
+    all.push_back(periods(latency_of(frame.received, match.pulse, *e.edge, e.period), e.period));
+  }
+  const double earliest = *std::ranges::min_element(all);
+  const auto on_time_frames = std::ranges::count_if(
+      all, [&](double arrival) { return arrival - earliest < kMaxArrivalDelay; });
+  return {.earliest = earliest, .steady = static_cast<size_t>(on_time_frames) > kStartFrames / 2};
+}
+
+/// The pulse of the first frame by the counter. Empty if the counter gives none.
+std::optional<int64_t> by_counter(const FrameStamp& first, size_t strays, const StartEvidence& e) {
+  if (!e.counter_of_pulse_0) return e.damaged > 0 ? std::optional(e.damaged) : std::nullopt;
+  const auto lost = static_cast<int64_t>(first.counter - *e.counter_of_pulse_0 - strays);
+  return lost >= 0 && lost <= kMaxLost ? std::optional(lost) : std::nullopt;
+}
+
+/// Result if the time of no pulse is known.
+TrainStart start_by_counter(const FrameStamp& first, const StartEvidence& e) {
+  const auto counted = by_counter(first, 0, e);
+  const bool certain = counted ? *counted == e.damaged : !e.counter_of_pulse_0;
+  return {.pulse = counted.value_or(0), .certain = certain};
+}
+
+}  // namespace
+
+Duration latency_of(MonotonicInstant received, int64_t pulse, const PulseEdge& edge,
+                    Duration period) {
+  return received - (edge.at + (pulse - edge.pulse) * period);
+}
+
+std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const StartEvidence& e,
+                                     bool no_more) {
+  const bool all = no_more || frames.size() >= kStartFrames;
+  if (!e.edge) return all ? std::optional(start_by_counter(frames.front(), e)) : std::nullopt;
+  const size_t strays = count_strays(frames, e);
+  const auto result = [&](int64_t pulse, bool certain) {
+    return TrainStart{.strays = strays, .pulse = pulse, .certain = certain};
+  };
+  frames = frames.subspan(strays);
+  if (frames.empty()) return all ? std::optional(result(0, false)) : std::nullopt;
+
+  const auto counted = by_counter(frames.front(), strays, e);
+  const Arrivals arrivals = arrivals_of(frames, e);
+  const auto latest = static_cast<int64_t>(std::floor(arrivals.earliest + kEdgeError));
+  if (latest <= 0) return result(0, true);
+  if (!e.latency) {
+    if (counted == e.damaged && *counted <= latest) return result(*counted, true);
+    if (!all) return std::nullopt;
+    return result(std::min(counted.value_or(latest), latest), false);
+  }
+  const double arrived = arrivals.earliest - periods(*e.latency, e.period);
+  const int64_t pulse = std::clamp<int64_t>(std::llround(arrived), 0, latest);
+  const bool on_time = std::abs(arrived - static_cast<double>(pulse)) < kMaxArrivalDelay;
+  if (on_time && counted == pulse && pulse == e.damaged) return result(pulse, true);
+  if (!all) return std::nullopt;
+  const bool confirmed = on_time && arrivals.steady && counted.value_or(pulse) == pulse;
+  return result(std::min(pulse, counted.value_or(pulse)), confirmed);
+}
+
+}  // namespace v3d::capture

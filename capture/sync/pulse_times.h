@@ -1,14 +1,19 @@
-// Times of the sensed pulses of a train. They label the frames of free-running cameras.
+// Times of sensed pulses, start of a train.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <mutex>
 #include <optional>
+#include <span>
 
 #include "base/core/time.h"
+#include "capture/sync/pulse_matcher.h"
 
-namespace v3d {
+namespace v3d::capture {
+
+// Times of the sensed pulses of a train. They label the frames of free-running cameras.
 
 /// The pulse nearest to an exposure.
 struct NearestPulse {
@@ -59,4 +64,58 @@ class PulseTimes {
   std::deque<Pulse> pulses_;  ///< the latest ones, in order
 };
 
-}  // namespace v3d
+// Finds the pulse of the first frame of a train by the camera's counter and the times of pulses.
+
+/// A pulse that was sensed, or commanded if there is no sense line. Time of this host's clock.
+struct PulseEdge {
+  int64_t pulse = 0;
+  MonotonicInstant at;
+  bool is_timed = true;  ///< false: `at` is the arrival of a message of an unsynchronised host
+};
+
+/// Time from a pulse to the arrival of its frame. `edge` is any pulse of the train.
+Duration latency_of(MonotonicInstant received, int64_t pulse, const PulseEdge& edge,
+                    Duration period);
+
+/// Data about the train besides its frames. Optional fields may be unknown.
+struct StartEvidence {
+  Duration period{};
+  std::optional<PulseEdge> edge{};
+  /// Counter of the last exposure before the silent interval, plus 1.
+  std::optional<uint64_t> counter_of_pulse_0{};
+  /// Number of damaged frames before the first complete one.
+  int64_t damaged = 0;
+  /// Minimum time from a pulse to the arrival of its frame in previous trains of this camera.
+  std::optional<Duration> latency{};
+};
+
+struct TrainStart {
+  size_t strays = 0;     ///< frames at the front that arrived before pulse 0 and belong to no pulse
+  int64_t pulse = 0;     ///< of the first frame after them
+  bool certain = false;  ///< false: all labels of the train may be shifted
+};
+
+/// Maximum number of frames that find_start() needs.
+inline constexpr size_t kStartFrames = 8;
+
+/// Finds the pulse of the first frame of a train.
+///
+/// `frames` are the first frames of the train, in order of arrival. Returns empty while further
+/// frames would help. It never does so with kStartFrames frames, or with `no_more`: these are all
+/// frames for now.
+///
+/// No frame arrives before its pulse. So if a frame arrived less than a period after pulse 0, the
+/// first frame is of pulse 0, whatever was lost. Otherwise two sources give the pulse:
+///   - the counter: the number of lost exposures;
+///   - the arrival, if the latency is that of previous trains.
+/// If both agree that nothing was lost, the result is certain. If both agree that frames were lost,
+/// or the counter is unknown, most of kStartFrames frames must be as early as the earliest. If the
+/// sources disagree, the result is not certain.
+///
+/// Limits: a missed first trigger is not detected if the latency is unknown or no pulse time is
+/// known. Without a pulse time and a counter, a lost first frame is not detected either. The time
+/// of a pulse that another host sensed must be right within 0.1 periods.
+std::optional<TrainStart> find_start(std::span<const FrameStamp> frames,
+                                     const StartEvidence& evidence, bool no_more);
+
+}  // namespace v3d::capture

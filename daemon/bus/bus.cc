@@ -14,11 +14,11 @@
 #include <string_view>
 #include <thread>
 
-#include "base/config/lcm_group.h"
+#include "base/config/studio_values.h"
+#include "daemon/bus/frame_keys.h"
 #include "daemon/bus/multicast_socket.h"
-#include "daemon/bus/own_frame_key.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 /// Matches channel names: one exact name, or a prefix followed by ".*".
@@ -91,7 +91,7 @@ class Bus::Impl {
     if (!authenticator_.members().are_required() || !list) return;
     if (!own_frame_key_.adapt_to(*list, Monotonic::now()))
       authenticator_.report(kTooManyRecipients);
-    const std::string channel = frame_key_channel(node);
+    const std::string channel = wire::frame_key_channel(node);
     {
       const std::lock_guard lock(frame_key_mutex_);
       frame_key_channel_ = channel;
@@ -142,7 +142,7 @@ class Bus::Impl {
   static constexpr int kMaxRepeats = 10;
 
   void send_frame_key(const std::string& channel) {
-    FrameKeyMessage message = own_frame_key_.announcement();
+    wire::FrameKeyMessage message = own_frame_key_.announcement();
     message.sent = Realtime::now();
     publish(channel, encode(message), true);
   }
@@ -180,9 +180,9 @@ class Bus::Impl {
   SessionPort session_port() {
     return {.newest_of_own = [this](uint32_t session) { return newest_of_own(session); },
             .send =
-                [this](SessionMessage message) {
+                [this](wire::SessionMessage message) {
                   message.sent = Realtime::now();
-                  publish(kSessionChannel, encode(message), true);
+                  publish(wire::kSessionChannel, encode(message), true);
                   if (message.is_answer) repeat_frame_key();
                 }};
   }
@@ -288,10 +288,10 @@ bool Bus::publish_authenticated(const std::string& channel, std::span<const uint
   return impl_->publish(channel, message, true);
 }
 bool Bus::publish_command(std::span<const uint8_t> message) {
-  return impl_->publish(kCommandChannel, message, true);
+  return impl_->publish(wire::kCommandChannel, message, true);
 }
 bool Bus::publish_reply(std::span<const uint8_t> message) {
-  return impl_->publish(kReplyChannel, message, true);
+  return impl_->publish(wire::kReplyChannel, message, true);
 }
 size_t Bus::frame_groups() const { return impl_->frame_groups(); }
 bool Bus::publish_frame(int64_t pulse, const std::string& channel,
@@ -305,4 +305,4 @@ Bus::Listening Bus::subscribe(const std::string& channels, Handler handler, Acce
   return impl_->subscribe(channels, std::move(handler), accept);
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

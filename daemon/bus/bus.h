@@ -12,16 +12,14 @@
 #include <utility>
 #include <vector>
 
-#include "daemon/bus/bounded_queue.h"
 #include "daemon/bus/channel_list.h"
-#include "daemon/bus/frame_groups.h"
 #include "daemon/bus/message_authenticator.h"
 #include "daemon/bus/message_receiver.h"
-#include "daemon/bus/sequence.h"
-#include "wire/channels.h"
+#include "daemon/bus/subscription_queue.h"
 #include "wire/codec.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// Datagrams and messages that this process did not receive, by cause.
 struct ReceptionCounts {
@@ -124,7 +122,7 @@ class Subscription {
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
       : Subscription(bus, channels, queue_limit, [](const ReceivedMessage& in) -> std::optional<M> {
           if (!in.is_accepted) return std::nullopt;
-          return decode<M>(in.bytes);
+          return wire::decode<M>(in.bytes);
         }) {}
   /// Subscribes to messages that `open` decodes.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open,
@@ -147,7 +145,8 @@ class Subscription {
 
  private:
   static bool is_of_channel(const M& message, std::string_view channel) {
-    if constexpr (std::is_same_v<M, HealthMessage>) return channel == health_channel(message.node);
+    if constexpr (std::is_same_v<M, wire::HealthMessage>)
+      return channel == wire::health_channel(message.node);
     return true;
   }
 
@@ -187,4 +186,4 @@ class Subscription {
   Bus::Listening listening_;  ///< destroyed first: its handler uses `inbox_`
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

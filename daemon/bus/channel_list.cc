@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "daemon/bus/datagram.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using enum ChannelKind::Of;
@@ -19,28 +19,31 @@ constexpr size_t kMiB = 1024 * kKiB;
 /// The limits permit raw frames of 12 megapixels, meshes of a million triangles and ledgers of long
 /// takes. Health, pulses, events and commands have small limits.
 constexpr std::array<ChannelKind, 12> kKinds = {{
-    {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
-    {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
-    {.name = kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true, .author = kOwner},
-    {.name = kEventChannel, .max_bytes = 32 * kKiB, .author = kNodeInside},
-    {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true, .author = kAnyMember},
-    {.name = kMeshChannel, .max_bytes = kMaxMessage, .author = kReconstruction},
-    {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage, .is_of_frames = true},
-    {.name = kFrameKeyPrefix,
+    {.name = wire::kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
+    {.name = wire::kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
+    {.name = wire::kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true, .author = kOwner},
+    {.name = wire::kEventChannel, .max_bytes = 32 * kKiB, .author = kNodeInside},
+    {.name = wire::kSessionChannel,
+     .max_bytes = kKiB,
+     .is_of_sessions = true,
+     .author = kAnyMember},
+    {.name = wire::kMeshChannel, .max_bytes = kMaxMessage, .author = kReconstruction},
+    {.name = wire::kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage, .is_of_frames = true},
+    {.name = wire::kFrameKeyPrefix,
      .of = kNodes,
      .max_bytes = 8 * kKiB,
      .needs_answer = true,
      .is_of_frame_keys = true,
      .author = kOwner},
-    {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB, .author = kOwner},
-    {.name = kHealthPrefix,
+    {.name = wire::kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB, .author = kOwner},
+    {.name = wire::kHealthPrefix,
      .of = kNodes,
      .max_bytes = 32 * kKiB,
      .is_shown_unverified = true,
      .needs_answer = true,
      .author = kOwner},
-    {.name = kShardPrefix, .of = kNodes, .max_bytes = kMiB, .author = kReconstructionOwner},
-    {.name = kShardMeshPrefix,
+    {.name = wire::kShardPrefix, .of = kNodes, .max_bytes = kMiB, .author = kReconstructionOwner},
+    {.name = wire::kShardMeshPrefix,
      .of = kNodes,
      .max_bytes = kMaxMessage,
      .author = kReconstructionOwner},
@@ -70,7 +73,7 @@ ChannelList::ChannelList(const Studio& studio) : is_exact_(true) {
       for (const StudioCamera& camera : studio.cameras) names_[prefix + camera.name] = camera.node;
     }
   }
-  names_[kPulseChannel] = studio.trigger.node;
+  names_[wire::kPulseChannel] = studio.trigger.node;
 }
 
 const ChannelKind* ChannelList::find(std::string_view channel) const {
@@ -95,4 +98,4 @@ bool ChannelList::use(std::string_view channel) {
   return true;
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

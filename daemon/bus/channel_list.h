@@ -1,22 +1,27 @@
-// The channels of a studio: their names, size limits and rules of authentication.
+// Channels and frame groups.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/config/studio_file.h"
 
-namespace v3d {
+namespace v3d::bus {
+
+// The channels of a studio: their names, size limits and rules of authentication.
 
 /// The properties of a channel that follow from its name alone.
 struct ChannelKind {
   std::string_view name;  ///< of the channel, or the prefix before the name of a node or camera
   enum class Of { kStudio, kNodes, kCameras } of = Of::kStudio;
   size_t max_bytes = 0;  ///< of a message, including a trailer if there is one
-  /// Commands and replies: they contain their own MAC (wire/studio_key.h) or signature, which the
+  /// Commands and replies: they contain their own MAC (wire/secret_keys.h) or signature, which the
   /// subscriber verifies (Credentials). Their datagrams carry a MAC like all others.
   bool holds_own_mac = false;
   /// Unverified messages are delivered too, marked as such: an operator must see the health of a
@@ -73,4 +78,39 @@ class ChannelList {
   std::map<std::string, std::string, std::less<>> names_;
 };
 
-}  // namespace v3d
+// Distribution of live frames over several multicast groups by pulse ([network] frame_groups), so
+// that a node receives only the frames of pulses that it reconstructs.
+
+/// Assigns sequence numbers to the live frames of one camera.
+///
+/// Every group has its own numbers, so that a receiver of some groups sees no gaps. The sequence
+/// numbers of group g of n are g, g + n, g + 2 n and so on.
+class FrameNumbers {
+ public:
+  explicit FrameNumbers(size_t groups) : next_(groups) {}
+
+  /// The sequence number of the next frame, which shows `pulse`. A negative pulse counts as 0.
+  int64_t next(int64_t pulse) {
+    const size_t group = group_of(pulse, next_.size());
+    return next_[group]++ * std::ssize(next_) + static_cast<int64_t>(group);
+  }
+
+  /// The index of the group that carries frames of `pulse`, below `groups`.
+  static size_t group_of(int64_t pulse, size_t groups) {
+    return static_cast<size_t>(std::max<int64_t>(pulse, 0)) % groups;
+  }
+
+ private:
+  std::vector<int64_t> next_;
+};
+
+/// Indices of groups, each below the number of groups.
+using FrameGroupSet = std::set<size_t>;
+
+inline FrameGroupSet all_frame_groups(size_t groups) {
+  FrameGroupSet all;
+  for (size_t group = 0; group < groups; ++group) all.insert(all.end(), group);
+  return all;
+}
+
+}  // namespace v3d::bus

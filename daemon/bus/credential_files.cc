@@ -5,15 +5,16 @@
 #include <system_error>
 #include <utility>
 
+#include "base/config/toml_file.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "wire/key_file.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 std::string read_text(const std::filesystem::path& path) {
-  auto text = io::read_file(path, kMaxMemberListBytes);
+  auto text = io::read_file(path, wire::kMaxMemberListBytes);
   if (text) return *std::move(text);
   const char* const remedy =
       text.error().code == ENOENT ? "; v3dctl key enroll makes it, copy it to every PC" : "";
@@ -36,7 +37,7 @@ CredentialPaths credentials_of_node(const Studio& studio, const std::string& nod
   if (!studio.storage.takes.empty()) {
     paths.accepted_serial = studio.storage.takes / (".member-list-" + node);
   }
-  paths.role = studio.reconstructs(node) ? Role::kReconstruction : Role::kCapture;
+  paths.role = studio.reconstructs(node) ? wire::Role::kReconstruction : wire::Role::kCapture;
   return paths;
 }
 
@@ -49,9 +50,9 @@ CredentialPaths credentials_of_operator(const Studio& studio) {
 CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials,
                                  MessageAuthenticator& authenticator)
     : paths_(std::move(paths)),
-      authority_(paths_.members.empty()
-                     ? std::nullopt
-                     : std::optional(PublicKey::parse(paths_.authority, "network.authority"))),
+      authority_(paths_.members.empty() ? std::nullopt
+                                        : std::optional(wire::PublicKey::parse(
+                                              paths_.authority, "network.authority"))),
       credentials_(credentials),
       authenticator_(authenticator),
       signs_(!paths_.node.empty()),
@@ -101,7 +102,7 @@ std::string CredentialFiles::try_to(Read read, const std::string& what, bool is_
 }
 
 std::string CredentialFiles::read_studio_key(MonotonicInstant now) {
-  const StudioKey read = StudioKey::load(paths_.studio_key);
+  const wire::StudioKey read = wire::StudioKey::load(paths_.studio_key);
   if (key_ && *key_ == read) return "";
   const bool is_first = !key_;
   key_ = read;
@@ -115,7 +116,7 @@ std::string CredentialFiles::read_studio_key(MonotonicInstant now) {
 std::string CredentialFiles::read_members() {
   const std::string text = read_text(paths_.members);
   if (members_ && text == members_text_) return "";
-  const auto read = std::make_shared<const MemberList>(
+  const auto read = std::make_shared<const wire::MemberList>(
       parse_member_list(text, paths_.members, *authority_, paths_.studio));
   const std::string note = load_accepted_serial();
   reject_older(*read);
@@ -130,7 +131,7 @@ std::string CredentialFiles::read_members() {
 
 /// Rejects a list with a lower serial number, also than before a restart: an older list would
 /// restore revoked members. While the process runs, another list needs a higher number.
-void CredentialFiles::reject_older(const MemberList& read) const {
+void CredentialFiles::reject_older(const wire::MemberList& read) const {
   const auto reject = [&](const std::string& expected) {
     throw InputError(paths_.members.string() + ": serial: expected " + expected + "; found " +
                      std::to_string(read.serial));
@@ -174,13 +175,13 @@ std::string CredentialFiles::save_accepted_serial() {
 
 /// Without a member list, only a capture node has something to sign: its takes.
 bool CredentialFiles::reads_signing_key() const {
-  const bool is_used = !paths_.members.empty() || paths_.role == Role::kCapture;
+  const bool is_used = !paths_.members.empty() || paths_.role == wire::Role::kCapture;
   return signs_ && is_used && !paths_.signing_key.empty();
 }
 
 std::string CredentialFiles::read_signing_key() {
-  const KeyKind& kind = paths_.node.empty() ? kOperatorKey : kNodeKey;
-  const SigningKey read = SigningKey::load(paths_.signing_key, kind);
+  const wire::KeyKind& kind = paths_.node.empty() ? wire::kOperatorKey : wire::kNodeKey;
+  const wire::SigningKey read = wire::SigningKey::load(paths_.signing_key, kind);
   if (own_ && own_->public_key() == read.public_key()) return "";
   const bool is_first = !own_;
   own_ = read;
@@ -191,8 +192,8 @@ std::string CredentialFiles::read_signing_key() {
 
 std::string CredentialFiles::why_not_member() const {
   if (!members_ || !own_) return "";
-  const PublicKey own = own_->public_key();
-  const auto is_own = [&](const Member& m) {
+  const wire::PublicKey own = own_->public_key();
+  const auto is_own = [&](const wire::Member& m) {
     return m.key == own && m.role == paths_.role && (paths_.node.empty() || m.name == paths_.node);
   };
   if (std::ranges::any_of(members_->members, is_own)) return "";
@@ -216,4 +217,38 @@ std::string CredentialFiles::problem() const {
   return not_member_;
 }
 
-}  // namespace v3d
+namespace {
+
+constexpr uint64_t kMaxBytes = 4096;
+
+}  // namespace
+
+AcceptedSerial::AcceptedSerial(std::filesystem::path path, std::string studio,
+                               std::string authority)
+    : path_(std::move(path)), studio_(std::move(studio)), authority_(std::move(authority)) {}
+
+int64_t AcceptedSerial::load() const {
+  if (path_.empty()) return 0;
+  const auto text = io::read_file(path_, kMaxBytes, io::OpenMode::kReadWithinFolder);
+  if (!text) {
+    if (text.error().code == ENOENT) return 0;
+    throw InputError(text.error().message);
+  }
+  const TomlTable table = TomlTable::parse(*text, path_);
+  if (table.text("studio") != studio_ || table.text("authority") != authority_) return 0;
+  const int64_t serial = table.integer("serial");
+  if (serial < 1) table.fail("serial", "expected 1 or more");
+  return serial;
+}
+
+io::Status AcceptedSerial::save(int64_t serial) const {
+  if (path_.empty()) return {};
+  return io::replace_file(path_,
+                          "# The newest member list that this node has accepted. It rejects lists "
+                          "with a lower serial.\n"
+                          "studio = " +
+                              toml_string(studio_) + "\nauthority = " + toml_string(authority_) +
+                              "\nserial = " + std::to_string(serial) + "\n");
+}
+
+}  // namespace v3d::bus

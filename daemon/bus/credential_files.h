@@ -1,7 +1,7 @@
-// Reads the key files and the member list of a process repeatedly, so that keys and members are
-// replaced without a restart.
+// Keys and member list on disk.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -9,11 +9,36 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
-#include "daemon/bus/accepted_serial.h"
+#include "base/io/file.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/message_authenticator.h"
 
-namespace v3d {
+namespace v3d::bus {
+
+// The highest serial number of a member list that a node has accepted, in a file, so that an older
+// list is rejected after a restart too.
+
+/// The file of one node. It belongs to a studio and an authority: the lists of another authority
+/// have serial numbers of their own. One thread.
+class AcceptedSerial {
+ public:
+  /// `path`: the file; empty: nothing is read or saved. `authority`: its public key, hexadecimal.
+  AcceptedSerial(std::filesystem::path path, std::string studio, std::string authority);
+
+  const std::filesystem::path& path() const { return path_; }
+  /// The number in the file; 0 when there is no file, or when it belongs to another studio or
+  /// authority. Throws InputError with path and cause when it cannot be read or is damaged.
+  int64_t load() const;
+  /// Replaces the file atomically.
+  [[nodiscard]] io::Status save(int64_t serial) const;
+
+ private:
+  const std::filesystem::path path_;
+  const std::string studio_, authority_;
+};
+
+// Reads the key files and the member list of a process repeatedly, so that keys and members are
+// replaced without a restart.
 
 /// The key files of a process, and the member as which it signs.
 struct CredentialPaths {
@@ -28,7 +53,7 @@ struct CredentialPaths {
   /// over a restart, as for an operator.
   std::filesystem::path accepted_serial = {};
   std::string node = {};  ///< empty: an operator
-  Role role = Role::kOperator;
+  wire::Role role = wire::Role::kOperator;
 };
 CredentialPaths credentials_of_node(const Studio& studio, const std::string& node);
 CredentialPaths credentials_of_operator(const Studio& studio);
@@ -54,7 +79,7 @@ class CredentialFiles {
 
   bool has_studio_key() const { return key_.has_value(); }
   /// The signing key as last read; empty before.
-  const std::optional<SigningKey>& signing_key() const { return own_; }
+  const std::optional<wire::SigningKey>& signing_key() const { return own_; }
   /// Whether all keys and lists that this process needs to accept commands and to sign were read.
   bool is_ready() const;
   /// One line with the remedy when a file is wrong or this process is not a member; otherwise
@@ -69,7 +94,7 @@ class CredentialFiles {
                      const std::string& effect_of_none = "");
   std::string read_studio_key(MonotonicInstant now);
   std::string read_members();
-  void reject_older(const MemberList& read) const;
+  void reject_older(const wire::MemberList& read) const;
   std::string load_accepted_serial();
   std::string save_accepted_serial();
   bool reads_signing_key() const;
@@ -77,17 +102,17 @@ class CredentialFiles {
   std::string why_not_member() const;
 
   const CredentialPaths paths_;
-  const std::optional<PublicKey> authority_;
+  const std::optional<wire::PublicKey> authority_;
   Credentials& credentials_;
   MessageAuthenticator& authenticator_;
   bool signs_;
-  std::optional<StudioKey> key_;
-  std::shared_ptr<const MemberList> members_;
+  std::optional<wire::StudioKey> key_;
+  std::shared_ptr<const wire::MemberList> members_;
   std::string members_text_;  ///< of the list that is in force
   AcceptedSerial accepted_;
   std::optional<int64_t> accepted_serial_;  ///< in its file; empty before the first list
-  std::optional<SigningKey> own_;
+  std::optional<wire::SigningKey> own_;
   std::string key_problem_, members_problem_, signing_problem_, serial_problem_, not_member_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -3,18 +3,18 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
-OpenedCommand open_signed_command(std::span<const uint8_t> bytes, const MemberList& members) {
+OpenedCommand open_signed_command(std::span<const uint8_t> bytes, const wire::MemberList& members) {
   OpenedCommand opened;
-  const auto signed_message = split_signature(bytes);
+  const auto signed_message = wire::split_signature(bytes);
   if (!signed_message) return opened;
   const auto signers = members.signers_of(*signed_message);
   if (signers.empty()) return opened;
-  const auto found = std::ranges::find(signers, Role::kOperator, &Member::role);
+  const auto found = std::ranges::find(signers, wire::Role::kOperator, &wire::Member::role);
   const bool may_command = found != signers.end();
   opened.result =
       may_command ? OpenedCommand::Result::kAccepted : OpenedCommand::Result::kUnauthorized;
@@ -23,21 +23,23 @@ OpenedCommand open_signed_command(std::span<const uint8_t> bytes, const MemberLi
   return opened;
 }
 
-std::optional<ReplyMessage> open_signed_reply(std::span<const uint8_t> bytes,
-                                              const MemberList& members) {
-  const auto signed_message = split_signature(bytes);
+std::optional<wire::ReplyMessage> open_signed_reply(std::span<const uint8_t> bytes,
+                                                    const wire::MemberList& members) {
+  const auto signed_message = wire::split_signature(bytes);
   if (!signed_message) return std::nullopt;
   const auto signers = members.signers_of(*signed_message);
   if (signers.empty()) return std::nullopt;
-  auto reply = decode<ReplyMessage>(signed_message->message);
-  const auto is_author = [&](const Member* m) { return m->is_node() && m->name == reply->node; };
+  auto reply = wire::decode<wire::ReplyMessage>(signed_message->message);
+  const auto is_author = [&](const wire::Member* m) {
+    return m->is_node() && m->name == reply->node;
+  };
   if (!reply || std::ranges::none_of(signers, is_author)) return std::nullopt;
   return reply;
 }
 
 }  // namespace
 
-void Credentials::set_studio_key(const StudioKey& key, MonotonicInstant now) {
+void Credentials::set_studio_key(const wire::StudioKey& key, MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
   studio_keys_.set(key, now);
 }
@@ -52,12 +54,12 @@ void Credentials::require_members() {
   requires_members_ = true;
 }
 
-void Credentials::set_members(std::shared_ptr<const MemberList> members) {
+void Credentials::set_members(std::shared_ptr<const wire::MemberList> members) {
   const std::lock_guard lock(mutex_);
   members_ = std::move(members);
 }
 
-void Credentials::set_signing_key(const SigningKey& key) {
+void Credentials::set_signing_key(const wire::SigningKey& key) {
   const std::lock_guard lock(mutex_);
   signing_key_ = key;
 }
@@ -67,13 +69,13 @@ bool Credentials::is_complete() const {
   return studio_keys_.has_key() && (!requires_members_ || (members_ && signing_key_));
 }
 
-Bytes Credentials::authenticate(Bytes message, MonotonicInstant now) const {
+wire::Bytes Credentials::authenticate(wire::Bytes message, MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
   if (requires_members_) {
     V3D_CHECK(signing_key_.has_value());
     return sign_message(std::move(message), *signing_key_);
   }
-  const StudioKey* const key = studio_keys_.sending(now);
+  const wire::StudioKey* const key = studio_keys_.sending(now);
   V3D_CHECK(key != nullptr);
   key->add_mac(message);
   return message;
@@ -87,26 +89,26 @@ OpenedCommand Credentials::open_command(std::span<const uint8_t> bytes,
   return {.result = OpenedCommand::Result::kAccepted, .message = bytes, .signer = {}};
 }
 
-std::optional<ReplyMessage> Credentials::open_reply(std::span<const uint8_t> bytes,
-                                                    MonotonicInstant now) const {
+std::optional<wire::ReplyMessage> Credentials::open_reply(std::span<const uint8_t> bytes,
+                                                          MonotonicInstant now) const {
   if (!is_complete()) return std::nullopt;
   if (const auto list = members()) return open_signed_reply(bytes, *list);
   if (!has_mac(bytes, now)) return std::nullopt;
-  return decode<ReplyMessage>(bytes);
+  return wire::decode<wire::ReplyMessage>(bytes);
 }
 
 bool Credentials::has_mac(std::span<const uint8_t> message, MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  const StudioKey* const newest = studio_keys_.newest();
+  const wire::StudioKey* const newest = studio_keys_.newest();
   if (newest != nullptr && newest->has_valid_mac(message)) return true;
-  const StudioKey* const old = studio_keys_.old(now);
+  const wire::StudioKey* const old = studio_keys_.old(now);
   return old != nullptr && old->has_valid_mac(message);
 }
 
 /// Null unless members are required: set_members() has no effect without require_members().
-std::shared_ptr<const MemberList> Credentials::members() const {
+std::shared_ptr<const wire::MemberList> Credentials::members() const {
   const std::lock_guard lock(mutex_);
   return requires_members_ ? members_ : nullptr;
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 struct SplitText {
@@ -29,22 +29,22 @@ SplitText split_number(const std::string& text) {
 
 }  // namespace
 
-void EventSender::send(Severity severity, const std::string& subject, const std::string& text,
+void EventSender::send(wire::Severity severity, const std::string& subject, const std::string& text,
                        const std::string& advice) {
   const std::string sentence = advice.empty() ? text : text + ". " + advice;
-  const auto level = severity == Severity::kInfo      ? spdlog::level::info
-                     : severity == Severity::kWarning ? spdlog::level::warn
-                                                      : spdlog::level::err;
+  const auto level = severity == wire::Severity::kInfo      ? spdlog::level::info
+                     : severity == wire::Severity::kWarning ? spdlog::level::warn
+                                                            : spdlog::level::err;
   spdlog::log(level, "{}: {}", subject, sentence);
-  bus_.publish_authenticated(kEventChannel, encode(EventMessage{.sent = Realtime::now(),
-                                                                .seq = seq_++,
-                                                                .node = node_,
-                                                                .severity = severity,
-                                                                .subject = subject,
-                                                                .text = sentence}));
+  bus_.publish_authenticated(wire::kEventChannel, encode(wire::EventMessage{.sent = Realtime::now(),
+                                                                            .seq = seq_++,
+                                                                            .node = node_,
+                                                                            .severity = severity,
+                                                                            .subject = subject,
+                                                                            .text = sentence}));
 }
 
-void EventSender::report_condition(Severity severity, const std::string& subject,
+void EventSender::report_condition(wire::Severity severity, const std::string& subject,
                                    const std::string& text, const std::string& advice,
                                    MonotonicInstant now) {
   Condition& condition = conditions_[subject];
@@ -52,9 +52,9 @@ void EventSender::report_condition(Severity severity, const std::string& subject
   const bool is_same = split_number(text).words == split_number(condition.text).words;
   if (!is_same) condition.number = {};
   condition.text = text;
-  if (text.empty()) return send(Severity::kInfo, subject, "the problem has ended");
+  if (text.empty()) return send(wire::Severity::kInfo, subject, "the problem has ended");
   const bool is_due = condition.number.is_report_due(split_number(text).number, now);
   if (is_due || !is_same) send(severity, subject, text, advice);
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,21 +1,83 @@
-// Message authentication of a process: studio key, signatures of members, counts of rejected
-// messages.
+// Authentication of messages: MACs and signatures of members.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "base/core/time.h"
-#include "daemon/bus/key_rotation.h"
-#include "daemon/bus/member_signatures.h"
+#include "daemon/bus/channel_list.h"
+#include "daemon/bus/credentials.h"
 #include "wire/datagram_mac.h"
+#include "wire/member_list.h"
 
-namespace v3d {
+namespace v3d::bus {
+
+// Signatures of members on bus messages: health, pulses, events, previews, meshes, shard messages
+// and answers of sessions. For commands and replies see daemon/bus/credentials.h.
+
+/// The members that may sign a message.
+struct AuthorRule {
+  ChannelKind::Author author = ChannelKind::Author::kAnyMember;
+  std::string_view node;  ///< name of the node when `author` is one node; empty when unknown
+
+  bool permits(const wire::Member& member) const;
+  /// For messages to the operator, for example "only cap01".
+  std::string text() const;
+};
+/// `owner`: the result of ChannelList::owner_of(). `inside`: the node that the message names.
+AuthorRule rule_of(const ChannelKind& kind, std::string_view owner, std::string_view inside);
+
+/// The result of MemberSignatures::verify().
+struct VerifiedMessage {
+  std::string problem;               ///< one line, when the message is rejected; otherwise empty
+  std::span<const uint8_t> message;  ///< without its signature
+  wire::Signer signer{};
+};
+
+/// Signs and verifies bus messages by the member list. Without require(), messages are neither
+/// signed nor verified. After it, a message needs the signature of a member that its AuthorRule
+/// permits. Before set_members(), every message is rejected; a new list is in force at once. Any
+/// thread.
+class MemberSignatures {
+ public:
+  /// To be called before the first message is sent or received.
+  void require();
+  bool are_required() const;
+  void set_members(std::shared_ptr<const wire::MemberList> members);
+  void set_signing_key(const wire::SigningKey& key);
+
+  /// The key that signs a message on `channel`. Empty when messages of the channel are unsigned, or
+  /// before set_signing_key(); receivers reject messages that are sent then.
+  std::optional<wire::SigningKey> key_for(std::string_view channel) const;
+
+  /// The list in force; null before set_members().
+  std::shared_ptr<const wire::MemberList> list() const;
+  /// Whether the list contains this key. Verifies no signature.
+  bool knows(const wire::KeyId& key) const;
+  /// Whether the list has a node of this name with this key. Allocates nothing.
+  bool has_node(std::string_view node, const wire::KeyId& key) const;
+  /// The frame key that is sealed for the signing key of this process; empty when there is none.
+  std::optional<wire::FrameKey> open(const wire::FrameKeyMessage& message) const;
+  /// Verifies the signature and the author. Hashes the message and verifies one signature only when
+  /// the list contains the key.
+  VerifiedMessage verify(std::span<const uint8_t> bytes, const wire::MessageOrigin& origin,
+                         const ChannelKind& kind, std::string_view owner) const;
+
+ private:
+  mutable std::mutex mutex_;  ///< guards the members below
+  bool are_required_ = false;
+  std::shared_ptr<const wire::MemberList> members_;
+  std::optional<wire::SigningKey> signing_key_;
+};
+
+// Message authentication of a process: studio key, signatures of members, counts of rejected
+// messages.
 
 /// Rejected datagrams and messages, by cause.
 struct RejectionCounts {
@@ -33,7 +95,7 @@ struct RejectionCounts {
 class MessageAuthenticator {
  public:
   /// Replaces the key. The previous key remains valid for a grace time (KeyRotation).
-  void set_key(const StudioKey& key, MonotonicInstant now = Monotonic::now());
+  void set_key(const wire::StudioKey& key, MonotonicInstant now = Monotonic::now());
   /// Erases the previous key when its grace time is over.
   void discard_old_key(MonotonicInstant now);
   /// Rejects every message while there is no key.
@@ -42,11 +104,11 @@ class MessageAuthenticator {
   const MemberSignatures& members() const { return members_; }
 
   /// The MAC for sending; null when there is no key.
-  std::shared_ptr<const DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
+  std::shared_ptr<const wire::DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
   /// Whether the trailer's tag is correct for a valid key. While an old key is valid, a wrong tag
   /// costs two hashes of the bytes instead of one. Allocates nothing.
   bool verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
-              const MacTrailer& trailer, MonotonicInstant now) const;
+              const wire::MacTrailer& trailer, MonotonicInstant now) const;
   /// Whether messages must be authenticated.
   bool is_required() const { return has_key_ || insists_; }
 
@@ -78,9 +140,9 @@ class MessageAuthenticator {
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
   mutable std::mutex mutex_;  ///< guards the members below
-  KeyRotation<std::shared_ptr<const DatagramMac>> macs_;
+  KeyRotation<std::shared_ptr<const wire::DatagramMac>> macs_;
   std::string trouble_;
   RealtimeInstant reported_at_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

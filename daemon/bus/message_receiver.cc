@@ -7,10 +7,10 @@
 #include <string>
 #include <utility>
 
-#include "wire/channels.h"
 #include "wire/codec.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 constexpr char kMalformed[] =
@@ -29,11 +29,11 @@ std::string clocks_differ(Duration ahead) {
       std::abs(to_seconds(ahead)), ahead > Duration::zero() ? "ahead of" : "behind");
 }
 
-SessionStamp stamp_of(const Datagram& datagram, const MacTrailer& trailer) {
+SessionStamp stamp_of(const Datagram& datagram, const wire::MacTrailer& trailer) {
   return {.session = trailer.session, .sequence = datagram.sequence, .sent = trailer.sent};
 }
 
-MessageOrigin origin_of(std::string_view channel, const SessionStamp& stamp) {
+wire::MessageOrigin origin_of(std::string_view channel, const SessionStamp& stamp) {
   return {
       .channel = channel, .session = stamp.session, .sequence = stamp.sequence, .sent = stamp.sent};
 }
@@ -42,14 +42,14 @@ MessageOrigin origin_of(std::string_view channel, const SessionStamp& stamp) {
 std::span<const uint8_t> without_signature(const ChannelKind& kind,
                                            std::span<const uint8_t> bytes) {
   if (!kind.is_signed()) return bytes;
-  const auto split = split_signature(bytes);
+  const auto split = wire::split_signature(bytes);
   return split ? split->message : bytes;
 }
 
 /// `sender`: a frame session, a source address, or 0 for the session in the trailer.
 MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts,
                             uint64_t sender = 0) {
-  const size_t trailer = parts.trailer ? kMacTrailerSize : 0;
+  const size_t trailer = parts.trailer ? wire::kMacTrailerSize : 0;
   if (sender == 0 && parts.trailer) sender = parts.trailer->session;
   return {.sender = sender,
           .sequence = datagram.sequence,
@@ -127,7 +127,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
 /// Whether an equal datagram was accepted. To be called before the verification of the MAC. When
 /// members are required, the sequence number proves nothing yet: any member can send any number in
 /// the session of another one.
-bool MessageReceiver::is_repeated(const Datagram& datagram, const MacTrailer& trailer) const {
+bool MessageReceiver::is_repeated(const Datagram& datagram, const wire::MacTrailer& trailer) const {
   if (authenticator_.members().are_required()) return recent_tags_.contains(trailer.tag);
   return filter_.is_received(stamp_of(datagram, trailer));
 }
@@ -166,7 +166,7 @@ bool MessageReceiver::may_be_recent(const SessionStamp& fragment, const Receiver
 
 /// Whether the session has proven that this complete message is recent. Otherwise asks it.
 bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& stamp,
-                                const Signer& signer, const ReceiverTime& now) {
+                                const wire::Signer& signer, const ReceiverTime& now) {
   if (!filter_.is_recent(stamp, now, signer)) {
     authenticator_.count_stale();
     ask(stamp, signer, now);
@@ -190,7 +190,7 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
                                                        const ReceiverTime& now) {
   const ChannelKind& kind = *channels_.find(message.channel);
   const MemberSignatures& members = authenticator_.members();
-  const Signer signer = claimed_signer(kind, message.bytes);
+  const wire::Signer signer = claimed_signer(kind, message.bytes);
   const bool is_noted = !kind.holds_own_mac || !members.are_required();
   if (is_noted && filter_.is_received(stamp, signer)) {
     authenticator_.count_replayed();
@@ -323,16 +323,16 @@ void MessageReceiver::count_frame_without_key(const Datagram& datagram, const Da
   }
 }
 
-void MessageReceiver::register_frame_key(const ReceivedMessage& message, const Signer& signer,
+void MessageReceiver::register_frame_key(const ReceivedMessage& message, const wire::Signer& signer,
                                          const SessionStamp& stamp, const ReceiverTime& now) {
-  const auto announced = decode<FrameKeyMessage>(message.bytes);
+  const auto announced = wire::decode<wire::FrameKeyMessage>(message.bytes);
   if (!announced) {
     ++malformed_;
     return;
   }
-  const auto open = [&]() -> std::shared_ptr<const DatagramMac> {
+  const auto open = [&]() -> std::shared_ptr<const wire::DatagramMac> {
     const auto key = authenticator_.members().open(*announced);
-    return key ? std::make_shared<const DatagramMac>(key->mac()) : nullptr;
+    return key ? std::make_shared<const wire::DatagramMac>(key->mac()) : nullptr;
   };
   const uint32_t id = frame_sessions_.announce(channels_.owner_of(message.channel),
                                                announced->session, *signer, now.monotonic, open);
@@ -341,16 +341,16 @@ void MessageReceiver::register_frame_key(const ReceivedMessage& message, const S
 
 /// The key id in the signature of a message, when members are required. Does not verify the
 /// signature.
-Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
-                                       std::span<const uint8_t> message) const {
+wire::Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
+                                             std::span<const uint8_t> message) const {
   if (!authenticator_.members().are_required()) return std::nullopt;
   if (!kind.is_signed() && !kind.holds_own_mac) return std::nullopt;
-  const auto split = split_signature(message);
-  return split ? Signer(split->key_id) : std::nullopt;
+  const auto split = wire::split_signature(message);
+  return split ? wire::Signer(split->key_id) : std::nullopt;
 }
 
 /// False when members are required and none has this key: the message will be rejected.
-bool MessageReceiver::can_answer(const Signer& signer) const {
+bool MessageReceiver::can_answer(const wire::Signer& signer) const {
   const MemberSignatures& members = authenticator_.members();
   return !members.are_required() || (signer && members.knows(*signer));
 }
@@ -361,7 +361,7 @@ void MessageReceiver::drop_old_questions() {
   if (std::exchange(forgotten_, filter_.forgotten()) != filter_.forgotten()) questions_ = {};
 }
 
-void MessageReceiver::ask(const SessionStamp& stamp, const Signer& signer,
+void MessageReceiver::ask(const SessionStamp& stamp, const wire::Signer& signer,
                           const ReceiverTime& now) {
   drop_old_questions();
   const auto nonce = questions_.ask(stamp.session, now.monotonic, signer);
@@ -371,7 +371,8 @@ void MessageReceiver::ask(const SessionStamp& stamp, const Signer& signer,
 
 void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, const SessionStamp& stamp,
                                          const ReceiverTime& now) {
-  const auto message = decode<SessionMessage>(without_signature(*kind_of(kSessionChannel), bytes));
+  const auto message =
+      wire::decode<wire::SessionMessage>(without_signature(*kind_of(wire::kSessionChannel), bytes));
   if (!message) {
     ++malformed_;
   } else if (message->is_answer) {
@@ -381,7 +382,7 @@ void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, const S
   }
 }
 
-void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const uint8_t> bytes,
+void MessageReceiver::on_answer(const wire::SessionMessage& answer, std::span<const uint8_t> bytes,
                                 const SessionStamp& stamp, const ReceiverTime& now) {
   drop_old_questions();
   const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
@@ -395,16 +396,16 @@ void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const ui
 
 /// The signer of an answer. Empty when members are required and the signature is missing or wrong.
 /// Answers without a pending question are rejected before the signature is verified.
-std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& answer,
-                                                       std::span<const uint8_t> bytes,
-                                                       const SessionStamp& stamp,
-                                                       MonotonicInstant now) {
-  if (!authenticator_.members().are_required()) return Signer{};
-  const auto split = split_signature(bytes);
-  const Signer claimed = split ? Signer(split->key_id) : std::nullopt;
+std::optional<wire::Signer> MessageReceiver::verified_signer(const wire::SessionMessage& answer,
+                                                             std::span<const uint8_t> bytes,
+                                                             const SessionStamp& stamp,
+                                                             MonotonicInstant now) {
+  if (!authenticator_.members().are_required()) return wire::Signer{};
+  const auto split = wire::split_signature(bytes);
+  const wire::Signer claimed = split ? wire::Signer(split->key_id) : std::nullopt;
   if (!questions_.is_pending(answer.session, answer.nonce, now, claimed)) return std::nullopt;
   const VerifiedMessage verified = authenticator_.members().verify(
-      bytes, origin_of(kSessionChannel, stamp), *kind_of(kSessionChannel), "");
+      bytes, origin_of(wire::kSessionChannel, stamp), *kind_of(wire::kSessionChannel), "");
   if (verified.problem.empty()) return verified.signer;
   authenticator_.count_unsigned(verified.problem);
   return std::nullopt;
@@ -412,7 +413,7 @@ std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& ans
 
 /// Answers a question, at most kMaxAnswers times a second. A replayed question is harmless: the
 /// answer holds no secret.
-void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant now) {
+void MessageReceiver::answer(const wire::SessionMessage& question, MonotonicInstant now) {
   const auto newest = sessions_.newest_of_own(question.session);
   if (!newest) return;
   if (now - answers_since_ >= std::chrono::seconds(1)) {
@@ -420,7 +421,7 @@ void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant no
     answers_ = 0;
   }
   if (answers_++ >= kMaxAnswers) return;
-  SessionMessage answer = question;
+  wire::SessionMessage answer = question;
   answer.newest = *newest;
   answer.is_answer = true;
   sessions_.send(answer);
@@ -455,7 +456,8 @@ std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datag
                                                            uint64_t sender) {
   // V3D sends no fragment whose sizes contradict its trailer.
   const MessageIdentity of = identity_of(datagram, parts, sender);
-  if (datagram.message_size < kMacTrailerSize || datagram.offset + parts.data.size() > of.size) {
+  if (datagram.message_size < wire::kMacTrailerSize ||
+      datagram.offset + parts.data.size() > of.size) {
     ++malformed_;
     return std::nullopt;
   }
@@ -490,4 +492,4 @@ DatagramCounts MessageReceiver::counts() const {
           .incomplete = incomplete_};
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -10,15 +10,14 @@
 
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/datagram.h"
-#include "daemon/bus/frame_sessions.h"
+#include "daemon/bus/frame_keys.h"
 #include "daemon/bus/message_authenticator.h"
-#include "daemon/bus/reassembly.h"
 #include "daemon/bus/recent_tags.h"
 #include "daemon/bus/session_replay_filter.h"
 #include "daemon/bus/skipped_messages.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// A received message without its trailer and signature; the signature of a command or reply stays.
 /// The views are valid during the call of the handler only.
@@ -50,7 +49,7 @@ struct SessionPort {
     return std::nullopt;
   };
   /// Sends on the channel V3D_SESSION.
-  std::function<void(SessionMessage)> send = [](const SessionMessage&) {};
+  std::function<void(wire::SessionMessage)> send = [](const wire::SessionMessage&) {};
 };
 
 /// Verifies datagrams in this order: structure (parse_datagram()); channel and size (fragments
@@ -108,9 +107,9 @@ class MessageReceiver {
                                                          const DatagramParts& parts,
                                                          const FrameSession& session,
                                                          const ReceiverTime& now);
-  bool is_repeated(const Datagram& datagram, const MacTrailer& trailer) const;
+  bool is_repeated(const Datagram& datagram, const wire::MacTrailer& trailer) const;
   bool may_be_recent(const SessionStamp& fragment, const ReceiverTime& now) const;
-  bool is_recent(const ChannelKind& kind, const SessionStamp& stamp, const Signer& signer,
+  bool is_recent(const ChannelKind& kind, const SessionStamp& stamp, const wire::Signer& signer,
                  const ReceiverTime& now);
   bool is_of_frames(const ChannelKind* kind, const DatagramParts& parts,
                     MonotonicInstant now) const;
@@ -118,25 +117,25 @@ class MessageReceiver {
   bool may_send(const FrameSession& session, std::string_view channel);
   void count_frame_without_key(const Datagram& datagram, const DatagramParts& parts,
                                MonotonicInstant now);
-  void register_frame_key(const ReceivedMessage& message, const Signer& signer,
+  void register_frame_key(const ReceivedMessage& message, const wire::Signer& signer,
                           const SessionStamp& stamp, const ReceiverTime& now);
   bool is_handled_here(const ChannelKind& kind) const;
   std::optional<ReceivedMessage> accept(ReceivedMessage message, const SessionStamp& stamp,
                                         const ReceiverTime& now);
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
                     MonotonicInstant now) const;
-  Signer claimed_signer(const ChannelKind& kind, std::span<const uint8_t> message) const;
-  bool can_answer(const Signer& signer) const;
-  void ask(const SessionStamp& stamp, const Signer& signer, const ReceiverTime& now);
+  wire::Signer claimed_signer(const ChannelKind& kind, std::span<const uint8_t> message) const;
+  bool can_answer(const wire::Signer& signer) const;
+  void ask(const SessionStamp& stamp, const wire::Signer& signer, const ReceiverTime& now);
   void drop_old_questions();
   void on_session_message(std::span<const uint8_t> bytes, const SessionStamp& stamp,
                           const ReceiverTime& now);
-  void on_answer(const SessionMessage& answer, std::span<const uint8_t> bytes,
+  void on_answer(const wire::SessionMessage& answer, std::span<const uint8_t> bytes,
                  const SessionStamp& stamp, const ReceiverTime& now);
-  std::optional<Signer> verified_signer(const SessionMessage& answer,
-                                        std::span<const uint8_t> bytes, const SessionStamp& stamp,
-                                        MonotonicInstant now);
-  void answer(const SessionMessage& question, MonotonicInstant now);
+  std::optional<wire::Signer> verified_signer(const wire::SessionMessage& answer,
+                                              std::span<const uint8_t> bytes,
+                                              const SessionStamp& stamp, MonotonicInstant now);
+  void answer(const wire::SessionMessage& question, MonotonicInstant now);
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
                                             uint64_t sender = 0);
   std::optional<ReceivedMessage> pass(std::string_view channel, std::span<const uint8_t> bytes);
@@ -162,4 +161,4 @@ class MessageReceiver {
   std::atomic<int64_t> incomplete_ = 0;
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -9,10 +9,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "base/config/lcm_group.h"
+#include "base/config/studio_values.h"
 #include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 /// Not an InputError: the network may come up later, so a daemon must be started again.
@@ -206,11 +206,11 @@ MulticastSender::MulticastSender(const std::string& url)
 }
 
 bool MulticastSender::send_in(SendingSession& session, std::string_view channel,
-                              std::span<const uint8_t> message, const DatagramMac* mac,
-                              const SigningKey* key) {
-  const MacTrailer trailer{.session = session.number(), .sent = Realtime::now(), .tag = {}};
+                              std::span<const uint8_t> message, const wire::DatagramMac* mac,
+                              const wire::SigningKey* key) {
+  const wire::MacTrailer trailer{.session = session.number(), .sent = Realtime::now(), .tag = {}};
   const uint32_t sequence = session.take_sequence();
-  Bytes with_signature;
+  wire::Bytes with_signature;
   if (mac != nullptr && key != nullptr) {
     with_signature =
         sign_on_bus(message, {channel, session.number(), sequence, trailer.sent}, *key);
@@ -230,7 +230,7 @@ bool MulticastSender::send_in(SendingSession& session, std::string_view channel,
 
 bool MulticastSender::send_all(std::span<const OutgoingDatagram> datagrams, bool with_trailer) {
   struct Pieces {
-    std::array<uint8_t, kMacTrailerSize> trailer{};
+    std::array<uint8_t, wire::kMacTrailerSize> trailer{};
     std::array<iovec, 3> places{};
   };
   const auto place = [](std::span<const uint8_t> bytes) {
@@ -259,4 +259,4 @@ bool MulticastSender::send_all(std::span<const OutgoingDatagram> datagrams, bool
   return true;
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

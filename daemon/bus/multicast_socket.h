@@ -16,7 +16,7 @@
 #include "daemon/bus/datagram.h"
 #include "daemon/bus/message_authenticator.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// Opens a UDP socket for IPv4. Throws std::runtime_error with errno's text.
 io::UniqueFd udp_socket();
@@ -96,7 +96,7 @@ class SendingSession {
   uint32_t take_sequence() { return next_++; }
 
  private:
-  const uint32_t number_ = random_session();
+  const uint32_t number_ = wire::random_session();
   std::atomic<uint32_t> next_ = 0;
 };
 
@@ -110,13 +110,13 @@ class MulticastSender {
   /// one message of a sender at a time. With `mac`, each datagram gets a MAC. With `key` and `mac`,
   /// the message is signed too (sign_on_bus()). Returns false when the kernel does not accept a
   /// datagram, or the message or the channel's name is too long.
-  bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac,
-            const SigningKey* key = nullptr) {
+  bool send(std::string_view channel, std::span<const uint8_t> message,
+            const wire::DatagramMac* mac, const wire::SigningKey* key = nullptr) {
     return send_in(session_, channel, message, mac, key);
   }
   /// The same in another session than that of this socket. Several sockets may send in it.
   bool send_in(SendingSession& session, std::string_view channel, std::span<const uint8_t> message,
-               const DatagramMac* mac, const SigningKey* key = nullptr);
+               const wire::DatagramMac* mac, const wire::SigningKey* key = nullptr);
 
   const SendingSession& session() const { return session_; }
 
@@ -129,4 +129,4 @@ class MulticastSender {
   std::mutex one_message_;  ///< keeps the datagrams of a message together
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -9,7 +9,7 @@
 
 #include "wire/datagram_mac.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// Detects repeated datagrams before their MAC is computed. The tag is the MAC itself. A sender
 /// without the key cannot make a datagram with a valid tag of its own; it can only repeat one that
@@ -19,7 +19,7 @@ class RecentTags {
  public:
   static constexpr size_t kSets = 2048;
   static constexpr size_t kWays = 4;
-  using Tag = decltype(MacTrailer::tag);
+  using Tag = decltype(wire::MacTrailer::tag);
 
   RecentTags() : sets_(kSets) {}
 
@@ -43,4 +43,4 @@ class RecentTags {
   std::vector<Set> sets_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

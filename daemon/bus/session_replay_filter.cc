@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "wire/studio_key.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 bool is_young(Duration age) {
@@ -22,7 +22,7 @@ int64_t distance(uint32_t sequence, uint32_t other) {
 // --- window -------------------------------------------------------------------------------------
 
 const SessionReplayFilter::Session* SessionReplayFilter::find(uint32_t session,
-                                                              const Signer& signer) const {
+                                                              const wire::Signer& signer) const {
   const auto found = std::ranges::find_if(
       sessions_, [&](const Session& known) { return known.is_of(session, signer); });
   return found == sessions_.end() ? nullptr : &*found;
@@ -32,7 +32,7 @@ bool SessionReplayFilter::knows(uint32_t session) const {
   return std::ranges::find(sessions_, session, &Session::id) != sessions_.end();
 }
 
-bool SessionReplayFilter::is_received(const SessionStamp& stamp, const Signer& signer) const {
+bool SessionReplayFilter::is_received(const SessionStamp& stamp, const wire::Signer& signer) const {
   const Session* const known = find(stamp.session, signer);
   if (known == nullptr) return false;
   const int64_t ahead = distance(stamp.sequence, known->newest);
@@ -42,7 +42,7 @@ bool SessionReplayFilter::is_received(const SessionStamp& stamp, const Signer& s
 
 SessionReplayFilter::Session& SessionReplayFilter::find_or_add(const SessionStamp& stamp,
                                                                const ReceiverTime& now,
-                                                               const Signer& signer) {
+                                                               const wire::Signer& signer) {
   const auto found = std::ranges::find_if(
       sessions_, [&](const Session& known) { return known.is_of(stamp.session, signer); });
   if (found != sessions_.end()) return *found;
@@ -62,7 +62,7 @@ SessionReplayFilter::Session& SessionReplayFilter::find_or_add(const SessionStam
 }
 
 void SessionReplayFilter::note(const SessionStamp& stamp, const ReceiverTime& now,
-                               const Signer& signer) {
+                               const wire::Signer& signer) {
   Session& known = find_or_add(stamp, now, signer);
   if (known.delay(stamp.sent, now.monotonic) <= known.drift(now.monotonic)) {
     known.fast_sent = stamp.sent;
@@ -88,7 +88,7 @@ bool SessionReplayFilter::agrees_with_wall_clock(RealtimeInstant sent,
 }
 
 bool SessionReplayFilter::is_recent(const SessionStamp& stamp, const ReceiverTime& now,
-                                    const Signer& signer) const {
+                                    const wire::Signer& signer) const {
   const Session* const known = find(stamp.session, signer);
   if (known == nullptr) return agrees_with_wall_clock(stamp.sent, now);
   return is_young(known->age(stamp.sent, now.monotonic));
@@ -102,13 +102,13 @@ bool SessionReplayFilter::is_recent_for_any(const SessionStamp& stamp,
          });
 }
 
-bool SessionReplayFilter::has_answered(uint32_t session, const Signer& signer) const {
+bool SessionReplayFilter::has_answered(uint32_t session, const wire::Signer& signer) const {
   const Session* const known = find(session, signer);
   return known != nullptr && known->has_answered;
 }
 
 void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime& now,
-                                 const Signer& signer) {
+                                 const wire::Signer& signer) {
   Session& session = find_or_add(newest, now, signer);
   session.fast_sent = newest.sent;
   session.fast_received = now.monotonic;
@@ -122,14 +122,14 @@ void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime&
 // --- questions ----------------------------------------------------------------------------------
 
 std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant now,
-                                             const Signer& signer) {
+                                             const wire::Signer& signer) {
   auto entry = std::ranges::find_if(questions_, [&](const Question& question) {
     return question.session == session && question.signer == signer && question.is_pending(now);
   });
   if (entry == questions_.end()) {
     entry = std::ranges::min_element(questions_, {}, &Question::first_asked);
     *entry = {.session = session,
-              .nonce = random_nonce(),
+              .nonce = wire::random_nonce(),
               .signer = signer,
               .first_asked = now,
               .last_asked = {}};
@@ -142,7 +142,7 @@ std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant 
 
 const SessionQuestions::Question* SessionQuestions::find(uint32_t session, int64_t nonce,
                                                          MonotonicInstant now,
-                                                         const Signer& signer) const {
+                                                         const wire::Signer& signer) const {
   const auto* const entry = std::ranges::find_if(questions_, [&](const Question& question) {
     return question.session == session && question.nonce == nonce && question.is_of(signer) &&
            question.is_pending(now);
@@ -151,16 +151,16 @@ const SessionQuestions::Question* SessionQuestions::find(uint32_t session, int64
 }
 
 bool SessionQuestions::is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
-                                  const Signer& signer) const {
+                                  const wire::Signer& signer) const {
   return find(session, nonce, now, signer) != nullptr;
 }
 
 bool SessionQuestions::answers(uint32_t session, int64_t nonce, MonotonicInstant now,
-                               const Signer& signer) {
+                               const wire::Signer& signer) {
   const Question* const found = find(session, nonce, now, signer);
   if (found == nullptr) return false;
   questions_[static_cast<size_t>(found - questions_.data())] = {};
   return true;
 }
 
-}  // namespace v3d
+}  // namespace v3d::bus

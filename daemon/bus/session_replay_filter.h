@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "base/core/time.h"
-#include "wire/message_signature.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// Session, number and time of a message, from the trailers of its datagrams. A session is one
 /// sending socket.
@@ -67,23 +67,23 @@ class SessionReplayFilter {
 
   /// Whether the message was received before. To be called before the verification of the message.
   /// Sequence numbers may wrap.
-  bool is_received(const SessionStamp& stamp, const Signer& signer = {}) const;
+  bool is_received(const SessionStamp& stamp, const wire::Signer& signer = {}) const;
   /// Whether the session is stored for any signer: an authentic message of it was accepted, or it
   /// has answered.
   bool knows(uint32_t session) const;
   /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now,
-                 const Signer& signer = {}) const;
+                 const wire::Signer& signer = {}) const;
   /// Whether the message is recent for any signer. For fragments, whose signer is not known yet.
   bool is_recent_for_any(const SessionStamp& stamp, const ReceiverTime& now) const;
   /// Whether accept() was called for the session and the signer.
-  bool has_answered(uint32_t session, const Signer& signer = {}) const;
+  bool has_answered(uint32_t session, const wire::Signer& signer = {}) const;
   /// Records an authentic, recent message as received. With a signer: its signature was verified.
-  void note(const SessionStamp& stamp, const ReceiverTime& now, const Signer& signer = {});
+  void note(const SessionStamp& stamp, const ReceiverTime& now, const wire::Signer& signer = {});
   /// Records that the session has answered a question with this signer. `newest.sent` is the
   /// session's current time, `newest.sequence` the number of its last message. After the first
   /// answer, messages up to that number count as received.
-  void accept(const SessionStamp& newest, const ReceiverTime& now, const Signer& signer = {});
+  void accept(const SessionStamp& newest, const ReceiverTime& now, const wire::Signer& signer = {});
   /// Number of removed sessions. After a removal, answers to earlier questions must be ignored:
   /// they may be older than messages that were received.
   int64_t forgotten() const { return forgotten_; }
@@ -91,7 +91,7 @@ class SessionReplayFilter {
  private:
   struct Session {
     uint32_t id = 0;
-    Signer signer;
+    wire::Signer signer;
     uint32_t newest = 0;
     bool has_answered = false;
     RealtimeInstant newest_sent = RealtimeInstant::min();
@@ -112,12 +112,13 @@ class SessionReplayFilter {
     Duration age(RealtimeInstant sent, MonotonicInstant now) const {
       return delay(sent, now) - drift(now);
     }
-    bool is_of(uint32_t session, const Signer& other) const {
+    bool is_of(uint32_t session, const wire::Signer& other) const {
       return id == session && signer == other;
     }
   };
-  const Session* find(uint32_t session, const Signer& signer) const;
-  Session& find_or_add(const SessionStamp& stamp, const ReceiverTime& now, const Signer& signer);
+  const Session* find(uint32_t session, const wire::Signer& signer) const;
+  Session& find_or_add(const SessionStamp& stamp, const ReceiverTime& now,
+                       const wire::Signer& signer);
   bool agrees_with_wall_clock(RealtimeInstant sent, const ReceiverTime& now) const;
 
   std::vector<Session> sessions_;
@@ -136,27 +137,29 @@ class SessionQuestions {
 
   /// The nonce of a question to the session; empty when it was asked less than kAgainAfter ago.
   /// `signer`: the key that must sign the answer; empty: the key of any member.
-  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now, const Signer& signer = {});
+  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now,
+                             const wire::Signer& signer = {});
   /// Whether an answer of `signer` with this nonce matches a pending question.
   bool is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
-                  const Signer& signer = {}) const;
+                  const wire::Signer& signer = {}) const;
   /// Whether this answer matches a pending question. Removes the question.
-  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now, const Signer& signer = {});
+  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now,
+               const wire::Signer& signer = {});
 
  private:
   struct Question {
     uint32_t session = 0;
     int64_t nonce = 0;  ///< 0: unused entry
-    Signer signer;
+    wire::Signer signer;
     MonotonicInstant first_asked, last_asked;
     bool is_pending(MonotonicInstant now) const {
       return nonce != 0 && now - first_asked < kAnsweredWithin;
     }
-    bool is_of(const Signer& other) const { return !signer || signer == other; }
+    bool is_of(const wire::Signer& other) const { return !signer || signer == other; }
   };
   const Question* find(uint32_t session, int64_t nonce, MonotonicInstant now,
-                       const Signer& signer) const;
+                       const wire::Signer& signer) const;
   std::array<Question, kMaxPending> questions_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -4,9 +4,9 @@
 #include <array>
 #include <cstddef>
 
-#include "daemon/bus/reassembly.h"
+#include "daemon/bus/datagram.h"
 
-namespace v3d {
+namespace v3d::bus {
 
 /// Remembers the last messages without a subscription. A new message may replace an older one; the
 /// fragments of that one are then verified and dropped later. One thread.
@@ -26,4 +26,4 @@ class SkippedMessages {
   std::array<MessageIdentity, kPlaces> messages_{};
 };
 
-}  // namespace v3d
+}  // namespace v3d::bus

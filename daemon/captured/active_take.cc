@@ -4,11 +4,11 @@
 #include <map>
 #include <utility>
 
-#include "base/core/units.h"
-#include "daemon/captured/known_pulses.h"
+#include "base/core/text.h"
+#include "daemon/captured/pulse_log.h"
 #include "daemon/node/take_folder.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr Duration kDrainTimeout = std::chrono::seconds(15);
@@ -31,10 +31,10 @@ std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
 std::unique_ptr<ActiveTake> ActiveTake::begin(Context context, Plan plan) {
   std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(context), std::move(plan)));
   switch (take->plan_.order.verb) {
-    case CommandVerb::kArm:
+    case wire::CommandVerb::kArm:
       take->start_recording();
       break;
-    case CommandVerb::kCheck:
+    case wire::CommandVerb::kCheck:
       take->start_check();
       break;
     default:
@@ -64,19 +64,19 @@ void ActiveTake::start_recording() {
   const NodeTake::Plan plan = recording_plan();
   check_disk(context_.studio.storage.takes, plan.disk);
   auto recording = NodeTake::begin(context_, plan);
-  const TakePaths paths = recording->paths();
+  const take::TakePaths paths = recording->paths();
   try {
     start_pulse_recorder(paths.pulses());
   } catch (...) {
     recording.reset();
-    quarantine_unarmed_take(paths);
+    node::quarantine_unarmed_take(paths);
     throw;
   }
   recording_ = std::move(recording);
 }
 
 void ActiveTake::resume_recording(int64_t commanded) {
-  const TakePaths paths = take_paths(context_.studio, plan_.order.take);
+  const take::TakePaths paths = node::take_paths(context_.studio, plan_.order.take);
   NodeTake::LoggedPulses pulses;
   pulses.edges = read_edge_times(paths, pulses.problems);
   PulseRecorder::Resume resume{.sensed = {}, .commanded = commanded};
@@ -90,7 +90,7 @@ void ActiveTake::resume_recording(int64_t commanded) {
 }
 
 void ActiveTake::start_check() {
-  const std::vector<CameraWorker*> ready = context_.cameras.ready();
+  const std::vector<capture::CameraWorker*> ready = context_.cameras.ready();
   start_pulse_recorder({});
   check_ = std::make_unique<CameraCheck>(
       ready,
@@ -111,7 +111,7 @@ void ActiveTake::start_pulse_recorder(const std::filesystem::path& log,
 
 void ActiveTake::start() {
   was_started_ = true;
-  if (plan_.order.verb != CommandVerb::kBackground) return;
+  if (plan_.order.verb != wire::CommandVerb::kBackground) return;
   const int64_t plates = plan_.train.count.value();
   learner_ = std::make_unique<BackgroundLearner>(
       context_.cameras.ready(),
@@ -174,14 +174,14 @@ bool ActiveTake::is_drained() const {
 }
 
 bool ActiveTake::sensed_count_is_known(int64_t commanded) const {
-  return v3d::sensed_count_is_known(context_.studio.trigger.is_sensed(),
-                                    context_.trigger.sensor() != nullptr, pulses_->sensed(),
-                                    commanded);
+  return v3d::captured::sensed_count_is_known(context_.studio.trigger.is_sensed(),
+                                              context_.trigger.sensor() != nullptr,
+                                              pulses_->sensed(), commanded);
 }
 
 TakeResult ActiveTake::close() {
   TakeResult result;
-  Ledger& ledger = result.ledger;
+  take::Ledger& ledger = result.ledger;
   ledger.commanded = commanded();
   ledger.commanded_is_minimum =
       !context_.trigger.end_is_known() && plan_.train.count != ledger.commanded;
@@ -205,4 +205,4 @@ TakeResult ActiveTake::close() {
   return result;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

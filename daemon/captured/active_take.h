@@ -10,15 +10,13 @@
 
 #include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
-#include "daemon/captured/background_learner.h"
-#include "daemon/captured/camera_check.h"
-#include "daemon/captured/node_cameras.h"
+#include "daemon/captured/live_admission.h"
+#include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_take.h"
-#include "daemon/captured/node_trigger.h"
-#include "daemon/captured/priority_semaphore.h"
 #include "daemon/captured/pulse_recorder.h"
+#include "daemon/captured/unrecorded_trains.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 /// Progress of a take or check.
 struct TakeCounts {
@@ -30,7 +28,7 @@ struct TakeCounts {
 
 /// Result of a take or check.
 struct TakeResult {
-  Ledger ledger;                       ///< without cameras where nothing was recorded
+  take::Ledger ledger;                 ///< without cameras where nothing was recorded
   TakeCloseReport close_report;        ///< empty where nothing was recorded
   std::vector<CheckedCamera> checked;  ///< empty unless this was a check
   TakeCounts counts;
@@ -47,11 +45,12 @@ class ActiveTake {
   /// Everything referred to outlives the take.
   struct Context : NodeTake::Context {
     NodeTrigger& trigger;
-    std::function<void(const PulseEdge&)> on_edge;  ///< called for every pulse on another thread
+    std::function<void(const capture::PulseEdge&)>
+        on_edge;  ///< called for every pulse on another thread
   };
   struct Plan {
-    CommandMessage order;
-    PulseTrain train;  ///< for a background: as many pulses as plates
+    wire::CommandMessage order;
+    trigger::PulseTrain train;  ///< for a background: as many pulses as plates
   };
 
   /// Starts the take, check or background that `plan.order` requests. Cameras and trigger are
@@ -111,4 +110,4 @@ class ActiveTake {
   std::unique_ptr<BackgroundLearner> learner_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

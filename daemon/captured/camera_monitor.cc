@@ -2,30 +2,31 @@
 
 #include <algorithm>
 
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "daemon/node/advice.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 void CameraMonitor::reset() {
   for (auto& [camera, reported] : reported_) reported.suspect = reported.missing = {};
 }
 
-void CameraMonitor::update(const CameraWorker& worker) {
-  const CameraWorkerStatus status = worker.status();
+void CameraMonitor::update(const capture::CameraWorker& worker) {
+  const capture::CameraWorkerStatus status = worker.status();
   Reported& reported = reported_[worker.camera()];
   if (status.losses > reported.losses) {
-    events_.send(Severity::kAlarm, worker.camera(), "lost: " + status.last_loss,
-                 advice::kCameraLost);
+    events_.send(wire::Severity::kAlarm, worker.camera(), "lost: " + status.last_loss,
+                 node::advice::kCameraLost);
     reported.lost = true;
   }
   reported.losses = status.losses;
-  const bool back = status.state == CameraState::kIdle || status.state == CameraState::kReady ||
-                    status.state == CameraState::kRunning;
+  const bool back = status.state == capture::CameraState::kIdle ||
+                    status.state == capture::CameraState::kReady ||
+                    status.state == capture::CameraState::kRunning;
   if (!reported.lost || !back) return;
   reported.lost = false;
-  const bool recorded = status.state == CameraState::kRunning;
-  events_.send(Severity::kInfo, worker.camera(),
+  const bool recorded = status.state == capture::CameraState::kRunning;
+  events_.send(wire::Severity::kInfo, worker.camera(),
                recorded ? "recording again, at pulse " + std::to_string(status.last_pulse)
                         : "connected again");
 }
@@ -33,8 +34,8 @@ void CameraMonitor::update(const CameraWorker& worker) {
 namespace {
 
 /// Values of the last frame, for cameras that report them.
-void report_last_frame(const std::string& camera, const CameraStatistics& link,
-                       HealthMessage& health) {
+void report_last_frame(const std::string& camera, const capture::CameraStatistics& link,
+                       wire::HealthMessage& health) {
   if (link.phase) health.values[camera + ".phase_us"] = 1e6 * to_seconds(*link.phase);
   if (link.ptp_offset) {
     health.values[camera + ".ptp_offset_us"] = 1e6 * to_seconds(*link.ptp_offset);
@@ -43,8 +44,8 @@ void report_last_frame(const std::string& camera, const CameraStatistics& link,
 }
 
 /// Counters of one camera.
-void report_counters(const std::string& camera, const CameraWorkerStatus& status,
-                     HealthMessage& health) {
+void report_counters(const std::string& camera, const capture::CameraWorkerStatus& status,
+                     wire::HealthMessage& health) {
   const auto value = [&](const char* name, int64_t n) {
     health.values[camera + "." + name] = static_cast<double>(n);
   };
@@ -59,10 +60,10 @@ void report_counters(const std::string& camera, const CameraWorkerStatus& status
 }
 
 /// Values of one camera that are also summed over the node; `queue_frames` is the maximum instead.
-void report_sums(const std::string& camera, const CameraWorkerStatus& status, int64_t missing,
-                 int64_t waiting, HealthMessage& health) {
+void report_sums(const std::string& camera, const capture::CameraWorkerStatus& status,
+                 int64_t missing, int64_t waiting, wire::HealthMessage& health) {
   const bool streaming =
-      status.state != CameraState::kOpening && status.state != CameraState::kLost;
+      status.state != capture::CameraState::kOpening && status.state != capture::CameraState::kLost;
   health.values[camera + ".frames_missing"] = static_cast<double>(missing);
   health.values[camera + ".streaming_flag"] = streaming ? 1 : 0;
   health.values[camera + ".queue_frames"] = static_cast<double>(waiting);
@@ -75,8 +76,9 @@ void report_sums(const std::string& camera, const CameraWorkerStatus& status, in
 
 }  // namespace
 
-void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessage& health) {
-  const CameraWorkerStatus status = worker.status();
+void CameraMonitor::report(const capture::CameraWorker& worker, int64_t due,
+                           wire::HealthMessage& health) {
+  const capture::CameraWorkerStatus status = worker.status();
   const std::string& camera = worker.camera();
   const int64_t missing = std::max<int64_t>(0, due - status.frames);
   report_counters(camera, status, health);
@@ -90,20 +92,21 @@ void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessag
 
 void CameraMonitor::report_missing(const std::string& camera, int64_t missing, int64_t due) {
   if (missing == 0 || !reported_[camera].missing.is_report_due(missing, Monotonic::now())) return;
-  events_.send(Severity::kWarning, camera,
+  events_.send(wire::Severity::kWarning, camera,
                format_count(missing) + " frames missing of " + format_count(due) + " pulses",
-               advice::kFramesMissing);
+               node::advice::kFramesMissing);
 }
 
-void CameraMonitor::report_suspect(const std::string& camera, const CameraWorkerStatus& status) {
+void CameraMonitor::report_suspect(const std::string& camera,
+                                   const capture::CameraWorkerStatus& status) {
   const bool is_report_due = status.suspect > 0 && reported_[camera].suspect.is_report_due(
                                                        status.suspect, Monotonic::now());
   if (!is_report_due) return;
-  events_.send(Severity::kWarning, camera,
+  events_.send(wire::Severity::kWarning, camera,
                format_count(status.suspect) +
                    " frames with a suspect pulse number, the last near " +
                    std::to_string(status.last_pulse),
-               advice::kFramesSuspect);
+               node::advice::kFramesSuspect);
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

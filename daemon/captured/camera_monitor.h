@@ -6,43 +6,70 @@
 #include <map>
 #include <string>
 
+#include "base/core/time.h"
 #include "capture/cameras/camera_worker.h"
 #include "daemon/bus/event_sender.h"
-#include "daemon/bus/event_throttle.h"
-#include "daemon/node/rate_meter.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
+
+// Converts counters that are sampled now and then into rates.
+
+/// One thread.
+class RateMeter {
+ public:
+  /// Counts per second since the last sample of this counter; 0 at the first sample. A sample less
+  /// than 0.5 s after the last one is ignored, and the previous rate returned. A counter that has
+  /// decreased was restarted from 0.
+  double rate(const std::string& counter, int64_t count, MonotonicInstant now) {
+    const auto [found, is_new] = samples_.try_emplace(counter, Sample{count, now, 0});
+    Sample& last = found->second;
+    const double seconds = to_seconds(now - last.at);
+    if (is_new || seconds < kMinSeconds) return last.rate;
+    const int64_t counted = count < last.count ? count : count - last.count;
+    last = {count, now, static_cast<double>(counted) / seconds};
+    return last.rate;
+  }
+
+ private:
+  static constexpr double kMinSeconds = 0.5;
+  struct Sample {
+    int64_t count = 0;
+    MonotonicInstant at;
+    double rate = 0;
+  };
+  std::map<std::string, Sample> samples_;
+};
 
 /// One thread.
 class CameraMonitor {
  public:
   /// `events` outlives the monitor.
-  explicit CameraMonitor(EventSender& events) : events_(events) {}
+  explicit CameraMonitor(bus::EventSender& events) : events_(events) {}
 
   /// Call when a train starts: frames are counted from 0.
   void reset();
   /// Sends an event when the camera was lost or came back since the last call. Call it often.
-  void update(const CameraWorker& worker);
+  void update(const capture::CameraWorker& worker);
   /// Adds the camera's numbers to `health`. Sends events about missing and suspect frames, as often
   /// as EventThrottle allows. `due`: frames that should have arrived by now.
-  void report(const CameraWorker& worker, int64_t due, HealthMessage& health);
+  void report(const capture::CameraWorker& worker, int64_t due, wire::HealthMessage& health);
 
  private:
   /// What was reported about one camera.
   struct Reported {
     int64_t losses = 0;
     bool lost = false;
-    EventThrottle suspect;
-    EventThrottle missing;
+    bus::EventThrottle suspect;
+    bus::EventThrottle missing;
   };
 
   void report_missing(const std::string& camera, int64_t missing, int64_t due);
-  void report_suspect(const std::string& camera, const CameraWorkerStatus& status);
+  void report_suspect(const std::string& camera, const capture::CameraWorkerStatus& status);
 
-  EventSender& events_;
+  bus::EventSender& events_;
   RateMeter rates_;
   std::map<std::string, Reported> reported_;  ///< by camera
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -1,27 +1,27 @@
-#include "daemon/captured/camera_pipeline.h"
-
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "wire/channels.h"
+#include "daemon/captured/node_take.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 
 }  // namespace
 
-CameraPipeline::CameraPipeline(CameraWorker& worker, Setup setup, Shared shared)
+CameraPipeline::CameraPipeline(capture::CameraWorker& worker, Setup setup, Shared shared)
     : worker_(worker),
       shared_(shared),
       take_(std::move(setup.take)),
       path_(setup.log),
       is_resumed_(setup.resume),
       segmenter_(std::move(setup.segmenter)),
-      log_(setup.log, is_resumed_ ? LogOpening::kContinue : LogOpening::kNew, setup.hashing),
+      log_(setup.log, is_resumed_ ? take::LogOpening::kContinue : take::LogOpening::kNew,
+           setup.hashing),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {
@@ -49,7 +49,7 @@ void CameraPipeline::replay_log() {
   size_t learnt = 0;
   try {
     for (size_t known = 1; learnt < known && !stopping_;) {
-      FrameLogReader log(path_);
+      take::FrameLogReader log(path_);
       known = log.labels().size();
       for (; learnt < known && !stopping_; ++learnt) replay_frame(log, log.labels()[learnt].pulse);
     }
@@ -58,7 +58,7 @@ void CameraPipeline::replay_log() {
   }
 }
 
-void CameraPipeline::replay_frame(FrameLogReader& log, int64_t pulse) {
+void CameraPipeline::replay_frame(take::FrameLogReader& log, int64_t pulse) {
   heartbeat_.beat();
   while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
   if (!segmenter_.learns_from(pulse)) return;
@@ -80,7 +80,7 @@ void CameraPipeline::run() {
   }
 }
 
-FrameMessage CameraPipeline::make_message(Frame frame) {
+wire::FrameMessage CameraPipeline::make_message(Frame frame) {
   return {.sent = Realtime::now(), .seq = log_seq_++, .take = take_, .frame = std::move(frame)};
 }
 
@@ -91,7 +91,7 @@ void CameraPipeline::write_only(Frame frame) {
 }
 
 void CameraPipeline::process(Frame frame) {
-  FrameMessage message = make_message(std::move(frame));
+  wire::FrameMessage message = make_message(std::move(frame));
   const bool recorded = record(message);
   const Image& image = message.frame.image;
   if (image.size != segmenter_.size() || image.format != segmenter_.format()) return;
@@ -107,7 +107,7 @@ void CameraPipeline::process(Frame frame) {
   if (live) publish_live(std::move(message), std::move(mask));
 }
 
-bool CameraPipeline::record(const FrameMessage& message) {
+bool CameraPipeline::record(const wire::FrameMessage& message) {
   const FrameLabel& label = message.frame.label;
   exposures_.add(label.camera_counter);
   if (const io::Status written = log_.write(message); !written) {
@@ -125,13 +125,14 @@ Mask CameraPipeline::segment(const Frame& raw, bool learn) {
   return mask;
 }
 
-void CameraPipeline::publish_live(FrameMessage message, Mask mask) {
+void CameraPipeline::publish_live(wire::FrameMessage message, Mask mask) {
   const Frame raw = std::move(message.frame);
   message.frame = observe(raw.camera, raw.label, raw.image.view(), std::move(mask));
   message.sent = Realtime::now();
   const int64_t pulse = raw.label.pulse;
   message.seq = live_numbers_.next(pulse);
-  if (shared_.bus.publish_frame(pulse, frame_channel(camera()), encode(message))) ++published_;
+  if (shared_.bus.publish_frame(pulse, wire::frame_channel(camera()), encode(message)))
+    ++published_;
 }
 
 CameraPipelineCounts CameraPipeline::counts() const {
@@ -142,19 +143,19 @@ CameraPipelineCounts CameraPipeline::counts() const {
 }
 
 bool CameraPipeline::idle_since(MonotonicInstant since) const {
-  const CameraWorkerStatus status = worker_.status();
+  const capture::CameraWorkerStatus status = worker_.status();
   return last_frame_ns_ < to_ns(since) && status.frames - status.dropped == received_;
 }
 
-CameraLedger CameraPipeline::close(int64_t commanded) {
+take::CameraLedger CameraPipeline::close(int64_t commanded) {
   stop_thread();
   synced_ = log_.sync();
   if (!synced_) spdlog::error("{}: {}", camera(), synced_.error().message);
-  CameraLedger ledger = account_.ledger(camera(), commanded);
+  take::CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;
   ledger.published = published_;
   return ledger;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <thread>
 
-#include "base/config/pulse_rate.h"
+#include "base/config/studio_values.h"
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
 #include "daemon/node/take_folder.h"
-#include "trigger/pulse_train.h"
+#include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr Duration kReadyTimeout = std::chrono::seconds(15);
@@ -28,11 +28,11 @@ constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
 constexpr int64_t kLatePeriods = 5;
 
 /// Rejects implausible values, because commands come from the network.
-void check_order(const CommandMessage& order) {
+void check_order(const wire::CommandMessage& order) {
   if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
     throw InputError(pulse_rate_error(order.rate_hz));
   }
-  const bool learns = order.verb == CommandVerb::kBackground;
+  const bool learns = order.verb == wire::CommandVerb::kBackground;
   if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {
     throw InputError("a background of " + std::to_string(order.pulses) +
                      " pulses is not possible; expected 2 to 256");
@@ -49,7 +49,7 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
 
 }  // namespace
 
-CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
+CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus& bus)
     : studio_(studio),
       node_(node),
       bus_(bus),
@@ -68,7 +68,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   }
   plan_.train.rate_hz = studio.trigger.rate_hz;
   if (trigger_.is_here()) {
-    disk_monitor_ = std::make_unique<DiskMonitor>(bus, other_capture_nodes(studio, node));
+    disk_monitor_ = std::make_unique<node::DiskMonitor>(bus, other_capture_nodes(studio, node));
   }
 }
 
@@ -76,26 +76,27 @@ CaptureNode::~CaptureNode() { disarm(); }
 
 // --- commands -----------------------------------------------------------------------------------
 
-void CaptureNode::set_signing_key(const SigningKey& key) {
+void CaptureNode::set_signing_key(const wire::SigningKey& key) {
   signer_.set_key(key);
   recovered_takes_.search(signer_.signer());
 }
 
-void CaptureNode::arm(const CommandMessage& order) {
-  if (order.verb == CommandVerb::kCheck) {
+void CaptureNode::arm(const wire::CommandMessage& order) {
+  if (order.verb == wire::CommandVerb::kCheck) {
     prepare(order, order.pulses > 0 ? order.pulses : kDefaultCheckPulses);
     return;
   }
-  check_new_take(studio_, order.take);
+  node::check_new_take(studio_, order.take);
   cameras_.check_prepared(order.allow_missing);
   prepare(order, order.pulses > 0 ? std::optional(order.pulses) : std::nullopt);
 }
 
-void CaptureNode::learn(const CommandMessage& order) {
+void CaptureNode::learn(const wire::CommandMessage& order) {
   prepare(order, order.pulses > 0 ? order.pulses : kDefaultPlates);
 }
 
-void CaptureNode::reset_for_order(const CommandMessage& order, std::optional<int64_t> pulses) {
+void CaptureNode::reset_for_order(const wire::CommandMessage& order,
+                                  std::optional<int64_t> pulses) {
   plan_ = {.order = order,
            .train = {.rate_hz = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz,
                      .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
@@ -106,7 +107,7 @@ void CaptureNode::reset_for_order(const CommandMessage& order, std::optional<int
   cameras_armed_ = false;
 }
 
-void CaptureNode::prepare(const CommandMessage& order, std::optional<int64_t> pulses) {
+void CaptureNode::prepare(const wire::CommandMessage& order, std::optional<int64_t> pulses) {
   check_order(order);
   persisted_commands_.drop_all();
   reset_for_order(order, pulses);
@@ -153,7 +154,7 @@ void CaptureNode::disarm() {
   pulse_times_.end();
 }
 
-std::optional<CommandMessage> CaptureNode::rejoin() {
+std::optional<wire::CommandMessage> CaptureNode::rejoin() {
   // The train ended with the daemon of the trigger's node.
   if (trigger_.is_here()) return std::nullopt;
   const auto rejoin_order = persisted_commands_.find_running(*trigger_.monitor());
@@ -166,128 +167,137 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
     recovered_takes_.set_paused(true);
   } catch (const std::exception&) {
     cameras_.disarm();
-    const TakePaths paths = take_paths(studio_, take);
+    const take::TakePaths paths = node::take_paths(studio_, take);
     const auto holder = take_lock_holder(paths);
     if (!holder || !holder->empty()) throw;  // another process of this node records the take
-    drop_command(studio_, node_, take);
-    recover_reopened_take(paths, node_);
+    node::drop_command(studio_, node_, take);
+    node::recover_reopened_take(paths, node_);
     recovered_takes_.search(signer_.signer());
     throw;
   }
-  events_.send(Severity::kWarning, "take",
+  events_.send(wire::Severity::kWarning, "take",
                node_ + " restarted and records " + take + " again, from pulse " +
                    std::to_string(rejoin_order->commanded),
-               advice::kRejoined);
+               node::advice::kRejoined);
   return plan_.order;
 }
 
 ActiveTake::Context CaptureNode::take_context() {
   return {{studio_, node_, bus_, cameras_, slots_, signer_.signer()},
           trigger_,
-          [this](const PulseEdge& edge) { notify_cameras(edge); }};
+          [this](const capture::PulseEdge& edge) { notify_cameras(edge); }};
 }
 
-void CaptureNode::notify_cameras(const PulseEdge& edge) {
+void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
   pulse_times_.add(edge.pulse, edge.at);
   cameras_.pulse_at(edge);
 }
 
 // --- phases -------------------------------------------------------------------------------------
 
-std::optional<NodeReport> CaptureNode::poll(Phase phase) {
+std::optional<control::NodeReport> CaptureNode::poll(control::Phase phase) {
   for (const auto& camera : cameras_) camera_monitor_.update(*camera);
   if (const auto edge = trigger_.unsensed_first_pulse()) notify_cameras(*edge);
   try {
     switch (phase) {
-      case Phase::kArming:
+      case control::Phase::kArming:
         return poll_arming();
-      case Phase::kLearning:
+      case control::Phase::kLearning:
         return poll_learning();
-      case Phase::kRecording:
+      case control::Phase::kRecording:
         return poll_recording();
-      case Phase::kDraining:
+      case control::Phase::kDraining:
         return poll_draining();
       default:
         return std::nullopt;
     }
   } catch (const InputError& error) {
-    return NodeReport{.event = Input::kFailed, .text = error.what(), .detail = {}};
+    return control::NodeReport{
+        .event = control::Input::kFailed, .text = error.what(), .detail = {}};
   }
 }
 
-std::optional<NodeReport> CaptureNode::poll_arming() {
+std::optional<control::NodeReport> CaptureNode::poll_arming() {
   if (trigger_is_arming()) return std::nullopt;
   const std::string waiting = cameras_.not_ready(plan_.order.allow_missing);
   const bool late = Monotonic::now() > ready_by_;
   if (!waiting.empty() && !late) return std::nullopt;
   if (!waiting.empty() && !is_check()) {
-    return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
+    return control::NodeReport{
+        .event = control::Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
   take_ = ActiveTake::begin(take_context(), plan_);
   recovered_takes_.set_paused(true);
   std::string text = is_check() ? "ready" : ready_text();
   if (!waiting.empty()) text = "without " + waiting;
-  return NodeReport{.event = Input::kReady, .text = std::move(text), .detail = {}};
+  return control::NodeReport{
+      .event = control::Input::kReady, .text = std::move(text), .detail = {}};
 }
 
-std::optional<NodeReport> CaptureNode::poll_learning() {
+std::optional<control::NodeReport> CaptureNode::poll_learning() {
   const bool over = trigger_.train_has_ended(plan_.order.take);
   if (over) take_->train_ended();
   // The other nodes learn their background from the remaining pulses.
   if (trigger_.is_here() && !over) return std::nullopt;
   const auto result = take_->background_result();
   if (!result) return std::nullopt;
-  return NodeReport{.event = result->succeeded ? Input::kReady : Input::kFailed,
-                    .text = result->text,
-                    .detail = {}};
+  return control::NodeReport{
+      .event = result->succeeded ? control::Input::kReady : control::Input::kFailed,
+      .text = result->text,
+      .detail = {}};
 }
 
-std::optional<NodeReport> CaptureNode::poll_recording() {
+std::optional<control::NodeReport> CaptureNode::poll_recording() {
   const std::string full = check_disks();
-  if (!full.empty()) return NodeReport{.event = Input::kTrainEnded, .text = full, .detail = {}};
+  if (!full.empty())
+    return control::NodeReport{.event = control::Input::kTrainEnded, .text = full, .detail = {}};
   if (!trigger_.train_has_ended(plan_.order.take)) return std::nullopt;
-  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+  return control::NodeReport{
+      .event = control::Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
-std::optional<NodeReport> CaptureNode::poll_draining() {
+std::optional<control::NodeReport> CaptureNode::poll_draining() {
   trigger_.poll(plan_.order.take);
   if (!take_->is_drained()) return std::nullopt;
   const TakeResult result = close_take();
   if (is_check()) return check_report(result);
   const std::string& error = result.close_report.error;
-  return NodeReport{.event = error.empty() ? Input::kDrained : Input::kBroken,
-                    .text = error.empty() ? result.ledger.verdict() : error,
-                    .detail = ledger_json(result.ledger)};
+  return control::NodeReport{
+      .event = error.empty() ? control::Input::kDrained : control::Input::kBroken,
+      .text = error.empty() ? result.ledger.verdict() : error,
+      .detail = control::ledger_json(result.ledger)};
 }
 
 TakeResult CaptureNode::close_take() {
   TakeResult result = std::exchange(take_, nullptr)->close();
   last_ = result.counts;
   if (!result.close_report.error.empty()) {
-    events_.send(Severity::kAlarm, "take", result.close_report.error, advice::kStaysOpen);
+    events_.send(wire::Severity::kAlarm, "take", result.close_report.error,
+                 node::advice::kStaysOpen);
   }
   if (!result.close_report.quarantine_notice.empty()) {
-    events_.send(Severity::kInfo, "take", result.close_report.quarantine_notice,
-                 advice::kQuarantined);
+    events_.send(wire::Severity::kInfo, "take", result.close_report.quarantine_notice,
+                 node::advice::kQuarantined);
   }
   if (!result.close_report.signing_error.empty()) {
-    events_.send(Severity::kWarning, "take", result.close_report.signing_error, advice::kUnsigned);
+    events_.send(wire::Severity::kWarning, "take", result.close_report.signing_error,
+                 node::advice::kUnsigned);
   }
   if (!result.close_report.pulse_log_error.empty()) {
-    events_.send(Severity::kWarning, "pulses", result.close_report.pulse_log_error,
-                 advice::kPulseLog);
+    events_.send(wire::Severity::kWarning, "pulses", result.close_report.pulse_log_error,
+                 node::advice::kPulseLog);
   }
   return result;
 }
 
-NodeReport CaptureNode::check_report(const TakeResult& result) const {
+control::NodeReport CaptureNode::check_report(const TakeResult& result) const {
   std::vector<std::string> not_ready;
   for (const auto& camera : cameras_) {
     const bool seen = std::ranges::any_of(
         result.checked, [&](const CheckedCamera& c) { return c.pulses.name == camera->camera(); });
     if (!seen) not_ready.push_back(camera->camera());
   }
-  return {.event = Input::kDrained,
+  return {.event = control::Input::kDrained,
           .text = "checked " + std::to_string(result.checked.size()) + " cameras",
           .detail = check_json(result.ledger, result.checked, not_ready)};
 }
@@ -301,20 +311,21 @@ double CaptureNode::bytes_per_second() const {
 std::string CaptureNode::check_disks() {
   NodeTake* const recording = take_->recording();
   if (recording == nullptr) return "";
-  events_.report_condition(Severity::kAlarm, "queue", recording->queue_warning(), advice::kQueue);
+  events_.report_condition(wire::Severity::kAlarm, "queue", recording->queue_warning(),
+                           node::advice::kQueue);
   const std::string here = recording->disk_stop_reason();
   disk_is_full_ = !here.empty();
   const std::string elsewhere = disk_monitor_ ? disk_monitor_->full_node() : "";
   if (here.empty() && elsewhere.empty()) return "";
   const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
-  events_.send(Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,
-               advice::kTakeEnded);
+  events_.send(wire::Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,
+               node::advice::kTakeEnded);
   return why;
 }
 
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
-  const io::Result<double> free = disk_free_bytes(studio_);
+  const io::Result<double> free = node::disk_free_bytes(studio_);
   std::string text = std::to_string(cameras_.ready().size()) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      (free ? format_bytes(*free) : "an unknown number of bytes") + " free";
@@ -334,11 +345,11 @@ std::string CaptureNode::fault_text() const {
   return fmt::format("{}", fmt::join(lines, "; "));
 }
 
-void CaptureNode::report_health(HealthMessage& health) {
+void CaptureNode::report_health(wire::HealthMessage& health) {
   health.text = fault_text();
   health.values["cameras"] = static_cast<double>(cameras_.size());
-  const io::Result<double> free = disk_free_bytes(studio_);
-  report_free_space(free, health);
+  const io::Result<double> free = node::disk_free_bytes(studio_);
+  node::report_free_space(free, health);
   if (const double bytes = bytes_per_second(); free && bytes > 0) {
     health.values["disk_seconds_left"] = *free / bytes;
   }
@@ -355,7 +366,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   for (const auto& camera : cameras_) camera_monitor_.report(*camera, due, health);
 }
 
-void CaptureNode::report_trigger(HealthMessage& health) const {
+void CaptureNode::report_trigger(wire::HealthMessage& health) const {
   const auto pulses = trigger_.statistics();
   if (!pulses) return;
   health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses->jitter_p50);
@@ -364,7 +375,7 @@ void CaptureNode::report_trigger(HealthMessage& health) const {
   health.values["trigger_late"] = static_cast<double>(pulses->late);
 }
 
-void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) const {
+void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& health) const {
   const auto value = [&](const char* name, int64_t n) {
     health.values[name] = static_cast<double>(n);
   };
@@ -376,7 +387,7 @@ void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) c
   value("pulses_lost", take_ ? take_->pulses().lost_messages() : 0);
   value("pulses_commanded", counts.commanded);
   if (studio_.trigger.is_sensed()) value("pulses_sensed", counts.sensed);
-  value(kDiskFull, disk_is_full_ ? 1 : 0);
+  value(node::kDiskFull, disk_is_full_ ? 1 : 0);
   if (counts.frames.write_errors > 0) {
     health.text = "frames could not be written: the disk is full or broken";
   }
@@ -385,35 +396,39 @@ void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) c
 void CaptureNode::report_warnings(const TakeCounts& counts) {
   const NodeTake* const recording = take_ ? take_->recording() : nullptr;
   if (recording != nullptr) {
-    events_.report_condition(Severity::kAlarm, "disk", recording->disk_warning(), advice::kDisk);
+    events_.report_condition(wire::Severity::kAlarm, "disk", recording->disk_warning(),
+                             node::advice::kDisk);
   } else {
-    events_.report_condition(Severity::kAlarm, "disk", folder_fault(studio_.storage.takes),
-                             advice::kTakesFolder);
+    events_.report_condition(wire::Severity::kAlarm, "disk", folder_fault(studio_.storage.takes),
+                             node::advice::kTakesFolder);
   }
-  events_.report_condition(Severity::kWarning, "signing key", signer_.warning(),
-                           advice::kSigningKey);
+  events_.report_condition(wire::Severity::kWarning, "signing key", signer_.warning(),
+                           node::advice::kSigningKey);
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
-  events_.report_condition(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
-  events_.report_condition(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",
-                           advice::kSenseLine);
-  events_.report_condition(Severity::kWarning, "pulses", senses ? take_->pulses().warning() : "",
-                           advice::kPulses);
-  events_.report_condition(Severity::kWarning, "live picture",
+  events_.report_condition(wire::Severity::kAlarm, "trigger", trigger_warning(counts),
+                           node::advice::kTrigger);
+  events_.report_condition(wire::Severity::kAlarm, "sense line",
+                           senses ? trigger_.sensor_fault() : "", node::advice::kSenseLine);
+  events_.report_condition(wire::Severity::kWarning, "pulses",
+                           senses ? take_->pulses().warning() : "", node::advice::kPulses);
+  events_.report_condition(wire::Severity::kWarning, "live picture",
                            counts.pulses_not_live == 0
                                ? ""
                                : format_count(counts.pulses_not_live) +
                                      " pulses without live picture: this PC is busy recording them",
-                           advice::kLivePicture);
+                           node::advice::kLivePicture);
 }
 
-void CaptureNode::report_signed_takes(HealthMessage& health) {
+void CaptureNode::report_signed_takes(wire::HealthMessage& health) {
   health.values["takes_to_sign"] = static_cast<double>(recovered_takes_.pending());
   for (const RecoveredTakeSigner::Result& result : recovered_takes_.results()) {
     if (result.error.empty()) {
-      events_.send(Severity::kInfo, "take", result.take + " is signed, after its recovery", "");
+      events_.send(wire::Severity::kInfo, "take", result.take + " is signed, after its recovery",
+                   "");
     } else {
-      events_.send(Severity::kWarning, "take", "a recovered take is not signed: " + result.error,
-                   advice::kRecoveredUnsigned);
+      events_.send(wire::Severity::kWarning, "take",
+                   "a recovered take is not signed: " + result.error,
+                   node::advice::kRecoveredUnsigned);
     }
   }
 }
@@ -429,4 +444,4 @@ bool CaptureNode::progressed_since(MonotonicInstant since) const {
   return !take_ || take_->progressed_since(since);
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -12,59 +12,57 @@
 #include "daemon/bus/event_sender.h"
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
-#include "daemon/captured/node_cameras.h"
-#include "daemon/captured/node_signer.h"
-#include "daemon/captured/node_trigger.h"
-#include "daemon/captured/priority_semaphore.h"
-#include "daemon/captured/recovered_take_signer.h"
-#include "daemon/control/node_delegate.h"
-#include "daemon/node/disk_monitor.h"
+#include "daemon/captured/live_admission.h"
+#include "daemon/captured/node_devices.h"
+#include "daemon/captured/take_signers.h"
+#include "daemon/control/node_protocol.h"
+#include "daemon/node/node_health.h"
 #include "daemon/node/persisted_command.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 /// Arms in this order, so that the first frame is that of pulse 0: turn the generator off; wait
 /// until all cameras stream and have sent no frame for two periods; report ready; on start, turn
 /// the pulses on.
 ///
 /// Also reports health, and sends events about cameras, disks and trigger. Call from one thread.
-class CaptureNode : public NodeDelegate {
+class CaptureNode : public control::NodeDelegate {
  public:
   /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
   /// InputError when the node has neither camera nor trigger.
-  CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
+  CaptureNode(const Studio& studio, const std::string& node, bus::Bus& bus);
   ~CaptureNode() override;
 
-  void set_signing_key(const SigningKey& key) override;
-  void arm(const CommandMessage& order) override;
-  void learn(const CommandMessage& order) override;
-  std::optional<CommandMessage> rejoin() override;
+  void set_signing_key(const wire::SigningKey& key) override;
+  void arm(const wire::CommandMessage& order) override;
+  void learn(const wire::CommandMessage& order) override;
+  std::optional<wire::CommandMessage> rejoin() override;
   void start() override;
   void drain() override;
   void disarm() override;
-  std::optional<NodeReport> poll(Phase phase) override;
-  void report_health(HealthMessage& health) override;
+  std::optional<control::NodeReport> poll(control::Phase phase) override;
+  void report_health(wire::HealthMessage& health) override;
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
-  void reset_for_order(const CommandMessage& order, std::optional<int64_t> pulses);
-  void prepare(const CommandMessage& order, std::optional<int64_t> pulses);
+  void reset_for_order(const wire::CommandMessage& order, std::optional<int64_t> pulses);
+  void prepare(const wire::CommandMessage& order, std::optional<int64_t> pulses);
   void arm_cameras();
   /// True while the generator is being armed; arms the cameras when it is ready. Throws what
   /// NodeTrigger::armed() throws.
   bool trigger_is_arming();
-  bool is_check() const { return plan_.order.verb == CommandVerb::kCheck; }
+  bool is_check() const { return plan_.order.verb == wire::CommandVerb::kCheck; }
   std::string ready_text() const;
 
   ActiveTake::Context take_context();
   /// Passes a pulse on to the cameras. Any thread.
-  void notify_cameras(const PulseEdge& edge);
+  void notify_cameras(const capture::PulseEdge& edge);
 
-  std::optional<NodeReport> poll_arming();
-  std::optional<NodeReport> poll_learning();
-  std::optional<NodeReport> poll_recording();
-  std::optional<NodeReport> poll_draining();
-  NodeReport check_report(const TakeResult& result) const;
+  std::optional<control::NodeReport> poll_arming();
+  std::optional<control::NodeReport> poll_learning();
+  std::optional<control::NodeReport> poll_recording();
+  std::optional<control::NodeReport> poll_draining();
+  control::NodeReport check_report(const TakeResult& result) const;
   /// Requires take_has_ledger().
   TakeResult close_take();
 
@@ -77,24 +75,24 @@ class CaptureNode : public NodeDelegate {
   /// events about disks and frame queues.
   std::string check_disks();
   std::string fault_text() const;
-  void report_take(const TakeCounts& counts, HealthMessage& health) const;
-  void report_trigger(HealthMessage& health) const;
+  void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
+  void report_trigger(wire::HealthMessage& health) const;
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;
   /// Sends events about takes that were signed after their recovery.
-  void report_signed_takes(HealthMessage& health);
+  void report_signed_takes(wire::HealthMessage& health);
 
   const Studio& studio_;
   const std::string node_;
-  Bus& bus_;
-  EventSender events_;
+  bus::Bus& bus_;
+  bus::EventSender events_;
   CameraMonitor camera_monitor_;
-  PulseTimes pulse_times_;  ///< as sensed here
+  capture::PulseTimes pulse_times_;  ///< as sensed here
   NodeTrigger trigger_;
-  std::unique_ptr<DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node
-  PersistedCommands persisted_commands_;
+  std::unique_ptr<node::DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node
+  node::PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;
   NodeSigner signer_;
@@ -108,4 +106,4 @@ class CaptureNode : public NodeDelegate {
   bool disk_is_full_ = false;         ///< a full or broken disk of this node ended the last take
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -1,6 +1,6 @@
 #include "daemon/captured/live_admission.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 bool LiveAdmission::admits(int64_t pulse) {
   const std::lock_guard lock(mutex_);
@@ -17,4 +17,4 @@ int64_t LiveAdmission::skipped() const {
   return skipped_;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

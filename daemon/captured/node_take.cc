@@ -10,55 +10,56 @@
 #include "daemon/node/take_folder.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 /// Queue length in frames that a short stall does not explain: live pulses are skipped.
 constexpr int64_t kLiveBacklog = 5;
 
-TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan) {
-  TakeInfo info{.name = plan.order.take,
-                .studio = context.studio.name,
-                .rate_hz = plan.disk.rate_hz,
-                .pulses = 0,
-                .state = TakeState::kRecording,
-                .software_version = V3D_VERSION,
-                .started = Realtime::now(),
-                .cameras = {}};
-  for (const CameraWorker* worker : context.cameras.ready())
+take::TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan) {
+  take::TakeInfo info{.name = plan.order.take,
+                      .studio = context.studio.name,
+                      .rate_hz = plan.disk.rate_hz,
+                      .pulses = 0,
+                      .state = take::TakeState::kRecording,
+                      .software_version = V3D_VERSION,
+                      .started = Realtime::now(),
+                      .cameras = {}};
+  for (const capture::CameraWorker* worker : context.cameras.ready())
     info.cameras.push_back(worker->camera());
   return info;
 }
 
 }  // namespace
 
-NodeTake::NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock)
+NodeTake::NodeTake(Context context, take::TakeInfo info, const DiskDemand& demand,
+                   take::TakeLock lock)
     : context_(std::move(context)),
       info_(std::move(info)),
-      paths_(take_paths(context_.studio, info_.name)),
+      paths_(node::take_paths(context_.studio, info_.name)),
       lock_(std::move(lock)),
       disk_(std::make_unique<TakeDisk>(paths_, demand)),
       admission_([&cameras = context_.cameras] { return cameras.max_queued(); }, kLiveBacklog) {}
 
 std::unique_ptr<NodeTake> NodeTake::begin(const Context& context, const Plan& plan) {
-  const TakePaths paths = take_paths(context.studio, plan.order.take);
-  TakeLock lock = lock_take(paths, context.name);
-  check_new_take(context.studio, plan.order.take);
+  const take::TakePaths paths = node::take_paths(context.studio, plan.order.take);
+  take::TakeLock lock = node::lock_take(paths, context.name);
+  node::check_new_take(context.studio, plan.order.take);
   try {
     return create(context, plan, new_take(context, plan), std::move(lock));
   } catch (...) {
-    quarantine_unarmed_take(paths);
+    node::quarantine_unarmed_take(paths);
     throw;
   }
 }
 
-std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& plan, TakeInfo info,
-                                           TakeLock lock) {
-  create_take(context.studio, info);
-  persist_command(context.studio, context.name, plan.order);
+std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& plan,
+                                           take::TakeInfo info, take::TakeLock lock) {
+  node::create_take(context.studio, info);
+  node::persist_command(context.studio, context.name, plan.order);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
-  for (CameraWorker* worker : context.cameras.ready()) {
+  for (capture::CameraWorker* worker : context.cameras.ready()) {
     take->add_pipeline(*worker, context.cameras.background_of(*worker));
   }
   take->sync_names();
@@ -67,10 +68,10 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
 
 std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& plan,
                                            const LoggedPulses& pulses, bool edges_are_reported) {
-  const TakePaths paths = take_paths(context.studio, plan.order.take);
-  TakeLock lock = lock_take(paths, context.name);
+  const take::TakePaths paths = node::take_paths(context.studio, plan.order.take);
+  take::TakeLock lock = node::lock_take(paths, context.name);
   // Mark the take as open first: a crash after this line must be recovered with its new frames.
-  TakeInfo info = reopen_take(paths);
+  take::TakeInfo info = node::reopen_take(paths);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
   take->unread_ = pulses.problems;
@@ -80,7 +81,7 @@ std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& p
     ResumeState resume = read_resume_state(take->paths_, camera, pulses.edges);
     take->unread_.insert(take->unread_.end(), resume.problems.begin(), resume.problems.end());
     worker->rejoin(period_of(take->info_.rate_hz), edges_are_reported, resume.camera);
-    take->add_pipeline(*worker, load_background(take->paths_.background(), camera),
+    take->add_pipeline(*worker, segmentation::load_background(take->paths_.background(), camera),
                        std::move(resume));
   }
   for (const std::string& problem : take->unread_) spdlog::error("{}", problem);
@@ -92,17 +93,18 @@ void NodeTake::sync_names() const {
   if (auto synced = io::sync_folder(paths_.folder); !synced) io::throw_input_error(synced.error());
 }
 
-void NodeTake::add_pipeline(CameraWorker& worker, const BackgroundModel& background,
+void NodeTake::add_pipeline(capture::CameraWorker& worker,
+                            const segmentation::BackgroundModel& background,
                             std::optional<ResumeState> resume) {
   pipelines_.push_back(std::make_unique<CameraPipeline>(
       worker,
-      CameraPipeline::Setup{
-          .take = info_.name,
-          .log = paths_.frames(worker.camera()),
-          .segmenter = Segmenter(background, {}),
-          .rate_hz = info_.rate_hz,
-          .resume = std::move(resume),
-          .hashing = context_.signer != nullptr ? LogHashing::kTree : LogHashing::kChecksum},
+      CameraPipeline::Setup{.take = info_.name,
+                            .log = paths_.frames(worker.camera()),
+                            .segmenter = segmentation::Segmenter(background, {}),
+                            .rate_hz = info_.rate_hz,
+                            .resume = std::move(resume),
+                            .hashing = context_.signer != nullptr ? take::LogHashing::kTree
+                                                                  : take::LogHashing::kChecksum},
       CameraPipeline::Shared{context_.bus, context_.slots, admission_}));
 }
 
@@ -134,7 +136,7 @@ DiskErrors NodeTake::disk_errors() const {
   return {.dropped = context_.cameras.dropped(), .failed = counts().write_errors};
 }
 
-void NodeTake::stop_pipelines(Ledger& ledger) {
+void NodeTake::stop_pipelines(take::Ledger& ledger) {
   ledger.take = info_.name;
   for (const auto& pipeline : pipelines_) {
     ledger.cameras.push_back(pipeline->close(ledger.commanded));
@@ -165,12 +167,14 @@ std::string NodeTake::open_reason(const io::Status& pulse_log) const {
   return reason.empty() ? "" : info_.name + " stays open: " + reason;
 }
 
-TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty, const io::Status& pulse_log) {
+TakeCloseReport NodeTake::close(const take::Ledger& ledger, bool is_empty,
+                                const io::Status& pulse_log) {
   const std::string open_reason = this->open_reason(pulse_log);
-  const TakeState state = open_reason.empty() ? TakeState::kComplete : TakeState::kRecording;
+  const take::TakeState state =
+      open_reason.empty() ? take::TakeState::kComplete : take::TakeState::kRecording;
   pipelines_.clear();
   disk_.reset();  // frees the space reserved for the ledger
-  if (const io::Status closed = close_take(context_.studio, info_, ledger, state); !closed) {
+  if (const io::Status closed = node::close_take(context_.studio, info_, ledger, state); !closed) {
     spdlog::error("{}", closed.error().message);
     return {.error = closed.error().message};
   }
@@ -184,10 +188,10 @@ TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty, const io::S
                                          : ", and " + moved_to.error().message)};
 }
 
-std::string NodeTake::sign(const std::vector<TakeFile>& files) const {
+std::string NodeTake::sign(const std::vector<take::TakeFile>& files) const {
   if (context_.signer == nullptr) return "";
   const io::Status done = sign_take(paths_, *context_.signer, files);
   return done ? "" : "take " + info_.name + " is not signed: " + done.error().message;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

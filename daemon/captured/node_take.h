@@ -1,27 +1,127 @@
-// Recording of one take on a capture node: a CameraPipeline for every camera, the admission of live
-// pulses, and the disk.
+// Recording of a take and of each camera.
 #pragma once
 
+#include <atomic>
+#include <filesystem>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "base/io/file.h"
+#include "capture/cameras/camera_worker.h"
+#include "capture/segmentation/segmenter.h"
 #include "daemon/bus/bus.h"
-#include "daemon/captured/camera_pipeline.h"
 #include "daemon/captured/live_admission.h"
-#include "daemon/captured/node_cameras.h"
-#include "daemon/captured/priority_semaphore.h"
+#include "daemon/captured/node_devices.h"
+#include "daemon/captured/preview.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
+#include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_signature.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 #include "take/take_lock.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
+
+// Recording pipeline of one camera: write the labelled frame, segment it, publish it.
+
+struct CameraPipelineCounts {
+  int64_t received = 0;  ///< frames taken from the camera
+  int64_t written = 0;
+  int64_t write_errors = 0;  ///< frames that could not be written
+  int64_t published = 0;
+};
+
+/// Lives from arming until the take is closed.
+///
+/// Each camera has one thread, so that its frames stay in order and its segmenter keeps its state.
+/// Pixels are written to the log without a copy. For the network, pixels near the foreground are
+/// copied once, into the message. The pipeline holds no semaphore slot while it writes to disk.
+class CameraPipeline {
+ public:
+  struct Setup {
+    std::string take;
+    std::filesystem::path log;
+    segmentation::Segmenter segmenter;
+    double rate_hz = 0;                   ///< of the pulses
+    std::optional<ResumeState> resume{};  ///< set: the take and its log are continued
+    take::LogHashing hashing = take::LogHashing::kChecksum;
+  };
+  /// Shared by all pipelines of a node; outlives them.
+  struct Shared {
+    bus::Bus& bus;
+    PrioritySemaphore& slots;
+    LiveAdmission& admission;
+  };
+  /// Starts the thread. `worker` outlives the pipeline. Throws InputError when the log cannot be
+  /// opened.
+  CameraPipeline(capture::CameraWorker& worker, Setup setup, Shared shared);
+  /// Stops without waiting for more frames.
+  ~CameraPipeline();
+  CameraPipeline(const CameraPipeline&) = delete;
+  CameraPipeline& operator=(const CameraPipeline&) = delete;
+
+  const std::string& camera() const { return worker_.camera(); }
+  /// Any thread.
+  CameraPipelineCounts counts() const;
+  /// True when no frame is queued or being processed, and the last one came before `since`.
+  bool idle_since(MonotonicInstant since) const;
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
+
+  /// Stops the thread and flushes the log. `commanded`: pulses of the take.
+  take::CameraLedger close(int64_t commanded);
+  /// After close(): name, size and checksum of the log, for the ledger.
+  take::TakeFile file() const { return log_.file(); }
+  /// After close(): whether flushing the log to disk succeeded, else its error.
+  const io::Status& synced() const { return synced_; }
+
+ private:
+  void run();
+  void restore_counts(const ResumeState& state);
+  void replay_log();
+  void replay_frame(take::FrameLogReader& log, int64_t pulse);
+  void process(Frame frame);
+  void write_only(Frame frame);
+  wire::FrameMessage make_message(Frame frame);
+  /// False when the frame could not be written.
+  bool record(const wire::FrameMessage& message);
+  /// The mask of a raw frame.
+  Mask segment(const Frame& raw, bool learn);
+  void publish_live(wire::FrameMessage message, Mask mask);
+  void stop_thread();
+
+  capture::CameraWorker& worker_;
+  const Shared shared_;
+  const std::string take_;
+  const std::filesystem::path path_;
+  const bool is_resumed_;
+  segmentation::Segmenter segmenter_;
+  take::EventLogWriter log_;
+  PreviewSender preview_;
+  int64_t log_seq_ = 0;
+  bus::FrameNumbers live_numbers_;
+  take::CameraAccount account_;  ///< the pipeline's thread only, until close()
+  take::ExposureCount exposures_;
+  io::Status synced_;
+  std::atomic<int64_t> received_ = 0;
+  std::atomic<int64_t> written_ = 0;
+  std::atomic<int64_t> write_errors_ = 0;
+  std::atomic<int64_t> published_ = 0;
+  std::atomic<int64_t> last_frame_ns_ = 0;
+  node::Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+// Recording of one take on a capture node: a CameraPipeline for every camera, the admission of live
+// pulses, and the disk.
 
 /// Result of closing a take: one line each for the operator, empty where there is nothing to
 /// report.
@@ -41,13 +141,13 @@ class NodeTake {
   struct Context {
     const Studio& studio;
     const std::string& name;  ///< of the node
-    Bus& bus;
+    bus::Bus& bus;
     NodeCameras& cameras;
     PrioritySemaphore& slots;
-    std::shared_ptr<const TakeSigner> signer = nullptr;  ///< null: the take is not signed
+    std::shared_ptr<const take::TakeSigner> signer = nullptr;  ///< null: the take is not signed
   };
   struct Plan {
-    CommandMessage order;
+    wire::CommandMessage order;
     DiskDemand disk;  ///< its rate is that of the take
   };
 
@@ -66,7 +166,7 @@ class NodeTake {
   static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
                                           const LoggedPulses& pulses, bool edges_are_reported);
 
-  const TakePaths& paths() const { return paths_; }
+  const take::TakePaths& paths() const { return paths_; }
 
   /// Sum over all pipelines.
   CameraPipelineCounts counts() const;
@@ -82,17 +182,17 @@ class NodeTake {
   std::string queue_warning() { return disk_->queue_warning(context_.cameras.max_queued()); }
 
   /// Stops the pipelines and adds cameras and files to `ledger`, whose `commanded` is set.
-  void stop_pipelines(Ledger& ledger);
+  void stop_pipelines(take::Ledger& ledger);
   /// After stop_pipelines(): writes and signs the ledger. Moves the take to the quarantine
   /// (take/take_removal.h) if `is_empty` and no frame log has a byte. `pulse_log`: whether it was
   /// flushed to disk. Only the destructor may be called afterwards.
-  TakeCloseReport close(const Ledger& ledger, bool is_empty, const io::Status& pulse_log);
+  TakeCloseReport close(const take::Ledger& ledger, bool is_empty, const io::Status& pulse_log);
 
  private:
-  NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock);
-  static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan, TakeInfo info,
-                                          TakeLock lock);
-  void add_pipeline(CameraWorker& worker, const BackgroundModel& background,
+  NodeTake(Context context, take::TakeInfo info, const DiskDemand& demand, take::TakeLock lock);
+  static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan,
+                                          take::TakeInfo info, take::TakeLock lock);
+  void add_pipeline(capture::CameraWorker& worker, const segmentation::BackgroundModel& background,
                     std::optional<ResumeState> resume = {});
   DiskErrors disk_errors() const;
   /// What could not be flushed to disk, with the first cause; empty if everything was.
@@ -100,18 +200,18 @@ class NodeTake {
   /// Why a recovery must count the take again; empty if it is closed.
   std::string open_reason(const io::Status& pulse_log) const;
   /// Signs the take. Returns the error; empty on success and without a signing key.
-  std::string sign(const std::vector<TakeFile>& files) const;
+  std::string sign(const std::vector<take::TakeFile>& files) const;
   /// Makes the names of the logs survive a power cut. Throws InputError.
   void sync_names() const;
 
   const Context context_;
-  TakeInfo info_;
-  const TakePaths paths_;
-  std::optional<TakeLock> lock_;    ///< empty when closed
-  std::unique_ptr<TakeDisk> disk_;  ///< null when closed
+  take::TakeInfo info_;
+  const take::TakePaths paths_;
+  std::optional<take::TakeLock> lock_;  ///< empty when closed
+  std::unique_ptr<TakeDisk> disk_;      ///< null when closed
   LiveAdmission admission_;
   std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
   std::vector<std::string> unread_;  ///< why frames or pulses before a restart are not counted
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -2,9 +2,11 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+
 #include "base/io/file.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
@@ -12,8 +14,9 @@ constexpr size_t kQueuePulses = 4096;
 
 }  // namespace
 
-PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening, Duration sync_period)
-    : log_(path, opening, LogHashing::kChecksum, sync_period), queue_(kQueuePulses) {
+PulseLog::PulseLog(const std::filesystem::path& path, take::LogOpening opening,
+                   Duration sync_period)
+    : log_(path, opening, take::LogHashing::kChecksum, sync_period), queue_(kQueuePulses) {
   if (auto synced = io::sync_folder(path.parent_path()); !synced) {
     io::throw_input_error(synced.error());
   }
@@ -30,7 +33,7 @@ void PulseLog::close() {
   if (!synced_) spdlog::error("{}", synced_.error().message);
 }
 
-void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
+void PulseLog::write(const wire::PulseMessage& pulse) { queue_.push(pulse); }
 
 void PulseLog::run() {
   for (;;) {
@@ -45,4 +48,45 @@ void PulseLog::run() {
   }
 }
 
-}  // namespace v3d
+namespace {
+
+/// A pulse number from the network is rejected when it is this far ahead of all previous ones.
+constexpr int64_t kMaxJump = 15'000;
+/// Commanded pulses whose messages have not arrived yet.
+constexpr int64_t kMaxInFlight = 2;
+
+}  // namespace
+
+KnownPulses::KnownPulses(std::string take, take::PulseSet sensed, int64_t commanded)
+    : take_(std::move(take)),
+      sensed_(std::move(sensed)),
+      seen_(std::max(sensed_.last() + 1, commanded - kMaxInFlight)) {}
+
+bool KnownPulses::accepts(const wire::PulseMessage& pulse) const {
+  return pulse.take == take_ && pulse.pulse >= seen_ && pulse.pulse - seen_ < kMaxJump;
+}
+
+void KnownPulses::add(int64_t pulse) {
+  sensed_.insert(pulse);
+  seen_ = std::max(seen_, pulse + 1);
+}
+
+void KnownPulses::fill_ledger(take::Ledger& ledger, int64_t commanded) const {
+  ledger.sensed = sensed_.size();
+  ledger.unsensed = sensed_.missing(commanded);
+}
+
+bool sensed_count_is_known(bool has_sense_line, bool senses_here, int64_t sensed,
+                           int64_t commanded) {
+  return has_sense_line && (senses_here || sensed >= commanded);
+}
+
+bool is_empty_take(const take::Ledger& ledger, bool was_started, bool trigger_is_here) {
+  if (was_started && !trigger_is_here) return false;
+  const bool no_pulse = ledger.commanded == 0 && ledger.sensed.value_or(0) == 0;
+  return no_pulse &&
+         std::all_of(ledger.cameras.begin(), ledger.cameras.end(),
+                     [](const take::CameraLedger& camera) { return camera.written == 0; });
+}
+
+}  // namespace v3d::captured

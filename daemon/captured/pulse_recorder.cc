@@ -1,9 +1,9 @@
 #include "daemon/captured/pulse_recorder.h"
 
-#include "base/core/units.h"
-#include "wire/channels.h"
+#include "base/core/text.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
@@ -26,7 +26,7 @@ KnownPulses known_pulses(const std::string& take,
 
 }  // namespace
 
-PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
+PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup setup)
     : sensor_(sensor),
       bus_(bus),
       take_(std::move(setup.take)),
@@ -34,12 +34,13 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
       numbers_(setup.train),
       known_(known_pulses(take_, setup.resume)) {
   if (!setup.log.empty()) {
-    log_.emplace(setup.log, setup.resume ? LogOpening::kContinue : LogOpening::kNew);
+    log_.emplace(setup.log, setup.resume ? take::LogOpening::kContinue : take::LogOpening::kNew);
   }
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
-    subscription_ = std::make_unique<Subscription<PulseMessage>>(bus_, kPulseChannel, kPulseQueue);
+    subscription_ = std::make_unique<bus::Subscription<wire::PulseMessage>>(
+        bus_, wire::kPulseChannel, kPulseQueue);
   }
   thread_ = std::thread([this] { run(); });
 }
@@ -69,21 +70,21 @@ void PulseRecorder::run() {
 void PulseRecorder::resend_last() {
   if (resends_left_ == 0) return;
   --resends_left_;
-  bus_.publish_authenticated(kPulseChannel, last_message_);
+  bus_.publish_authenticated(wire::kPulseChannel, last_message_);
 }
 
-void PulseRecorder::record(const PulseMessage& pulse) {
+void PulseRecorder::record(const wire::PulseMessage& pulse) {
   if (log_) log_->write(pulse);
   if (sensor_ != nullptr) {
     last_message_ = encode(pulse);
-    bus_.publish_authenticated(kPulseChannel, last_message_);
+    bus_.publish_authenticated(wire::kPulseChannel, last_message_);
     resends_left_ = kResends;
   }
   const std::lock_guard lock(mutex_);
   known_.add(pulse.pulse);
 }
 
-PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
+capture::PulseEdge PulseRecorder::edge_of(const wire::PulseMessage& pulse) const {
   if (sensor_ != nullptr) return {.pulse = pulse.pulse, .at = pulse.edge_monotonic};
   const Duration ago = Realtime::now() - pulse.edge;
   const bool plausible = ago >= Duration::zero() && ago <= kMaxNetworkDelay;
@@ -102,7 +103,7 @@ int64_t PulseRecorder::seen() const {
   return known_.seen();
 }
 
-void PulseRecorder::fill_ledger(Ledger& ledger, int64_t commanded) const {
+void PulseRecorder::fill_ledger(take::Ledger& ledger, int64_t commanded) const {
   const std::lock_guard lock(mutex_);
   known_.fill_ledger(ledger, commanded);
   ledger.extra = numbers_.extra();
@@ -119,28 +120,28 @@ std::string PulseRecorder::warning() const {
   return text;
 }
 
-std::optional<PulseMessage> PulseRecorder::next() {
+std::optional<wire::PulseMessage> PulseRecorder::next() {
   return sensor_ != nullptr ? sense() : receive();
 }
 
-std::optional<PulseMessage> PulseRecorder::sense() {
+std::optional<wire::PulseMessage> PulseRecorder::sense() {
   const auto edge = sensor_->wait(Monotonic::now() + kPollInterval);
   if (!edge) return std::nullopt;
   const std::unique_lock lock(mutex_);
   const auto number = numbers_.number(*edge);
   if (!number) return std::nullopt;
-  return PulseMessage{.sent = Realtime::now(),
-                      .seq = seq_++,
-                      .take = take_,
-                      .pulse = *number,
-                      .edge = to_realtime(edge->at),
-                      .edge_monotonic = edge->at};
+  return wire::PulseMessage{.sent = Realtime::now(),
+                            .seq = seq_++,
+                            .take = take_,
+                            .pulse = *number,
+                            .edge = to_realtime(edge->at),
+                            .edge_monotonic = edge->at};
 }
 
-std::optional<PulseMessage> PulseRecorder::receive() {
+std::optional<wire::PulseMessage> PulseRecorder::receive() {
   auto pulse = subscription_->wait(Monotonic::now() + kPollInterval);
   const std::lock_guard lock(mutex_);
   return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

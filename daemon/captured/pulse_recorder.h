@@ -11,16 +11,15 @@
 #include <thread>
 #include <vector>
 
-#include "capture/sync/train_start.h"
+#include "capture/sync/pulse_times.h"
 #include "daemon/bus/bus.h"
-#include "daemon/captured/known_pulses.h"
 #include "daemon/captured/pulse_log.h"
-#include "daemon/node/heartbeat.h"
+#include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 #include "trigger/pulse_generator.h"
 #include "trigger/sensed_train.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 /// On the trigger's node: reads the sense line and publishes each pulse. On other nodes: receives
 /// these pulse messages. Lives from arming to the end of the take, with a thread of its own.
@@ -28,20 +27,21 @@ class PulseRecorder {
  public:
   /// State of a take that is resumed after a restart.
   struct Resume {
-    PulseSet sensed;        ///< pulses in the log
+    take::PulseSet sensed;  ///< pulses in the log
     int64_t commanded = 0;  ///< pulses of the train until now, or up to two fewer
   };
   struct Setup {
     std::string take;
-    PulseTrain train;                               ///< as commanded
-    std::filesystem::path log{};                    ///< empty: no log is written
-    std::function<void(const PulseEdge&)> on_edge;  ///< called by the thread for every pulse
-    std::optional<Resume> resume{};                 ///< set: the log is continued
+    trigger::PulseTrain train;    ///< as commanded
+    std::filesystem::path log{};  ///< empty: no log is written
+    std::function<void(const capture::PulseEdge&)>
+        on_edge;                     ///< called by the thread for every pulse
+    std::optional<Resume> resume{};  ///< set: the log is continued
   };
   /// Starts the thread. `sensor` is null on nodes that receive the pulses from the bus; otherwise
   /// it is reset here and read until destruction. `sensor` and `bus` outlive the recorder. Throws
   /// InputError when the sense line or the log cannot be opened.
-  PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup);
+  PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup setup);
   ~PulseRecorder();
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
@@ -49,7 +49,7 @@ class PulseRecorder {
   /// The number of pulses sensed or received.
   int64_t sensed() const;
   /// Sets the sensed, unsensed, extra and runt pulses. `commanded`: pulses until now.
-  void fill_ledger(Ledger& ledger, int64_t commanded) const;
+  void fill_ledger(take::Ledger& ledger, int64_t commanded) const;
   /// Extra and runt pulses on one line; empty without any.
   std::string warning() const;
   /// The highest pulse number plus one.
@@ -65,29 +65,29 @@ class PulseRecorder {
 
  private:
   void run();
-  std::optional<PulseMessage> next();
+  std::optional<wire::PulseMessage> next();
   /// The pulse with its time on this host's clock.
-  PulseEdge edge_of(const PulseMessage& pulse) const;
-  std::optional<PulseMessage> sense();
-  std::optional<PulseMessage> receive();
-  void record(const PulseMessage& pulse);
+  capture::PulseEdge edge_of(const wire::PulseMessage& pulse) const;
+  std::optional<wire::PulseMessage> sense();
+  std::optional<wire::PulseMessage> receive();
+  void record(const wire::PulseMessage& pulse);
   void resend_last();
 
-  PulseSensor* const sensor_;
-  Bus& bus_;
+  trigger::PulseSensor* const sensor_;
+  bus::Bus& bus_;
   const std::string take_;
-  const std::function<void(const PulseEdge&)> on_edge_;
-  std::unique_ptr<Subscription<PulseMessage>> subscription_;
+  const std::function<void(const capture::PulseEdge&)> on_edge_;
+  std::unique_ptr<bus::Subscription<wire::PulseMessage>> subscription_;
   std::optional<PulseLog> log_;
   int64_t seq_ = 0;
   std::vector<uint8_t> last_message_;  ///< this and the next: the recorder's thread only
   int resends_left_ = 0;
-  Heartbeat heartbeat_;
+  node::Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   mutable std::mutex mutex_;  ///< guards numbers_ and known_
-  SensedTrain numbers_;
+  trigger::SensedTrain numbers_;
   KnownPulses known_;
   std::thread thread_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -3,11 +3,11 @@
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "capture/sync/train_start.h"
+#include "capture/sync/pulse_times.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 /// Frames from which clock and latency of the camera are estimated; more would not improve them.
@@ -18,9 +18,9 @@ constexpr Duration kMaxLatency = std::chrono::seconds(1);
 /// Adds to `problems` why frames of the log may be absent.
 std::vector<FrameLabel> labels_of(const std::filesystem::path& log,
                                   std::vector<std::string>& problems) {
-  if (is_absent_log(log)) return {};
+  if (take::is_absent_log(log)) return {};
   try {
-    const FrameLogReader reader(log);
+    const take::FrameLogReader reader(log);
     const std::vector<std::string>& errors = reader.read_errors();
     problems.insert(problems.end(), errors.begin(), errors.end());
     return reader.labels();
@@ -41,10 +41,10 @@ std::vector<FrameLabel> last_certain(const std::vector<FrameLabel>& labels) {
   return last;
 }
 
-std::vector<KnownFrame> known_frames(const std::vector<FrameLabel>& labels) {
+std::vector<capture::KnownFrame> known_frames(const std::vector<FrameLabel>& labels) {
   const RealtimeInstant realtime = Realtime::now();
   const MonotonicInstant monotonic = Monotonic::now();
-  std::vector<KnownFrame> frames;
+  std::vector<capture::KnownFrame> frames;
   for (const FrameLabel& label : labels) {
     frames.push_back({.stamp = {.exposed = label.device_time,
                                 .counter = label.camera_counter,
@@ -60,7 +60,7 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
     const auto edge = edges.find(label.pulse);
     if (edge != edges.end()) latencies.push_back(label.received - edge->second);
   }
-  if (latencies.size() < kStartFrames) return std::nullopt;
+  if (latencies.size() < capture::kStartFrames) return std::nullopt;
   const Duration shortest = *std::min_element(latencies.begin(), latencies.end());
   if (shortest < Duration::zero() || shortest > kMaxLatency) return std::nullopt;
   return shortest;
@@ -68,18 +68,19 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
 
 }  // namespace
 
-EdgeTimes read_edge_times(const TakePaths& take, std::vector<std::string>& problems) {
+EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems) {
   EdgeTimes edges;
-  if (is_absent_log(take.pulses())) return edges;
+  if (take::is_absent_log(take.pulses())) return edges;
   try {
-    for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
+    for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses()))
+      edges[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {
     problems.emplace_back(error.what());
   }
   return edges;
 }
 
-ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
+ResumeState read_resume_state(const take::TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges) {
   ResumeState state;
   const std::vector<FrameLabel> labels = labels_of(take.frames(camera), state.problems);
@@ -95,4 +96,4 @@ ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
   return state;
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

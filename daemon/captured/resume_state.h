@@ -7,30 +7,29 @@
 #include <string>
 #include <vector>
 
-#include "capture/cameras/camera_resume_state.h"
-#include "take/ledger/exposure_count.h"
+#include "capture/cameras/camera.h"
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 /// Times of pulses by pulse number, by the realtime clock of the trigger's node.
 using EdgeTimes = std::map<int64_t, RealtimeInstant>;
 
 /// The pulses in the take's pulse log. Where the log cannot be read, there are none, and the cause
 /// is added to `problems`.
-EdgeTimes read_edge_times(const TakePaths& take, std::vector<std::string>& problems);
+EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems);
 
 struct ResumeState {
-  CameraResumeState camera;
-  CameraAccount account;  ///< of every frame in the log
-  ExposureCount exposures;
+  capture::CameraResumeState camera;
+  take::CameraAccount account;  ///< of every frame in the log
+  take::ExposureCount exposures;
   std::vector<std::string> problems{};  ///< why frames may be absent: path and cause
 };
 
 /// Reads the log of one camera. A log that does not exist gives a state without frames; so does a
 /// log that cannot be read, with the cause. Requires: recover_take() has completed.
-ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
+ResumeState read_resume_state(const take::TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges);
 
-}  // namespace v3d
+}  // namespace v3d::captured

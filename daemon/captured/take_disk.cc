@@ -8,12 +8,11 @@
 #include <cmath>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
-#include "base/io/uninterrupted.h"
+#include "base/core/text.h"
 #include "base/io/unique_fd.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 namespace fs = std::filesystem;
@@ -84,16 +83,16 @@ void check_disk(const fs::path& takes, const DiskDemand& demand) {
   if (!lack.empty()) throw InputError(takes.string() + ": " + lack);
 }
 
-TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand, FreeSpaceReader free_bytes)
+TakeDisk::TakeDisk(take::TakePaths take, const DiskDemand& demand, FreeSpaceReader free_bytes)
     : take_(std::move(take)), demand_(demand), free_bytes_(std::move(free_bytes)) {
   const int error = reserve_room(take_.reserve());
   if (error == 0) return;
-  remove_working_file(take_.reserve());
+  take::remove_working_file(take_.reserve());
   errno = error;
   throw InputError(errno_message("cannot reserve space for the ledger in " + takes()));
 }
 
-TakeDisk::~TakeDisk() { remove_working_file(take_.reserve()); }
+TakeDisk::~TakeDisk() { take::remove_working_file(take_.reserve()); }
 
 io::Result<bool> TakeDisk::is_gone() const {
   return io::type_of(take_.info()).map([](fs::file_type type) {
@@ -144,4 +143,4 @@ std::string TakeDisk::shortage_warning(double free_bytes) const {
          " s of recording";
 }
 
-}  // namespace v3d
+}  // namespace v3d::captured

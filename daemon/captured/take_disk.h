@@ -10,7 +10,7 @@
 #include "base/io/file.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::captured {
 
 /// What a take needs from the disk.
 struct DiskDemand {
@@ -51,7 +51,8 @@ class TakeDisk {
  public:
   /// Reserves 4 MiB for the ledger in the folder of the take, which exists. Throws InputError when
   /// the disk has no space for it.
-  TakeDisk(TakePaths take, const DiskDemand& demand, FreeSpaceReader free_bytes = io::free_bytes);
+  TakeDisk(take::TakePaths take, const DiskDemand& demand,
+           FreeSpaceReader free_bytes = io::free_bytes);
   /// Frees the reserved space.
   ~TakeDisk();
   TakeDisk(const TakeDisk&) = delete;
@@ -72,10 +73,10 @@ class TakeDisk {
   std::string shortage_warning(double free_bytes) const;
   std::string takes() const { return take_.folder.parent_path().string(); }
 
-  const TakePaths take_;
+  const take::TakePaths take_;
   const DiskDemand demand_;
   const FreeSpaceReader free_bytes_;
   bool queue_is_full_ = false;
 };
 
-}  // namespace v3d
+}  // namespace v3d::captured

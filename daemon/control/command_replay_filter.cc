@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 /// How long health mentions a rejected command.
@@ -34,14 +34,15 @@ int64_t CommandReplayFilter::nonce(MonotonicInstant now) {
   return nonce_.value;
 }
 
-ReplyMessage CommandReplayFilter::nonce_reply(const CommandMessage& command, MonotonicInstant now) {
-  ReplyMessage reply;
+wire::ReplyMessage CommandReplayFilter::nonce_reply(const wire::CommandMessage& command,
+                                                    MonotonicInstant now) {
+  wire::ReplyMessage reply;
   reply.node = node_;
   reply.command_sender = command.sender;
   reply.command_counter = command.counter;
   reply.command_sent = command.sent;
   reply.nonce = nonce(now);
-  reply.outcome = ReplyMessage::Outcome::kNonceMissing;
+  reply.outcome = wire::ReplyMessage::Outcome::kNonceMissing;
   return reply;
 }
 
@@ -66,18 +67,18 @@ std::optional<CommandReplayFilter::Admitted> CommandReplayFilter::admit(
   return Admitted{.command = std::move(*command), .is_current = true};
 }
 
-std::optional<CommandMessage> CommandReplayFilter::read(std::span<const uint8_t> bytes,
-                                                        MonotonicInstant now) {
+std::optional<wire::CommandMessage> CommandReplayFilter::read(std::span<const uint8_t> bytes,
+                                                              MonotonicInstant now) {
   if (!credentials_.is_complete()) {
     ++counts_.unkeyed;
     return std::nullopt;
   }
-  const OpenedCommand opened = credentials_.open_command(bytes, now);
-  if (opened.result != OpenedCommand::Result::kAccepted) {
+  const bus::OpenedCommand opened = credentials_.open_command(bytes, now);
+  if (opened.result != bus::OpenedCommand::Result::kAccepted) {
     count_rejected(opened, now);
     return std::nullopt;
   }
-  auto command = decode<CommandMessage>(opened.message);
+  auto command = wire::decode<wire::CommandMessage>(opened.message);
   if (!command) {
     ++counts_.malformed;
     set_problem(
@@ -87,8 +88,8 @@ std::optional<CommandMessage> CommandReplayFilter::read(std::span<const uint8_t>
   return command;
 }
 
-void CommandReplayFilter::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
-  if (opened.result == OpenedCommand::Result::kUnauthorized) {
+void CommandReplayFilter::count_rejected(const bus::OpenedCommand& opened, MonotonicInstant now) {
+  if (opened.result == bus::OpenedCommand::Result::kUnauthorized) {
     ++counts_.unauthorized;
     return set_problem(
         "commands of " + opened.signer + " are rejected: this member is not an operator", now);
@@ -101,7 +102,7 @@ void CommandReplayFilter::count_rejected(const OpenedCommand& opened, MonotonicI
 
 // --- nonces -------------------------------------------------------------------------------------
 
-bool CommandReplayFilter::has_current_nonce(const CommandMessage& command,
+bool CommandReplayFilter::has_current_nonce(const wire::CommandMessage& command,
                                             MonotonicInstant now) const {
   const auto index = std::ranges::find(command.to, node_) - command.to.begin();
   if (index >= std::ssize(command.nonces)) return false;
@@ -141,7 +142,7 @@ void CommandReplayFilter::draw_nonces(MonotonicInstant now) {
 
 // --- replays ------------------------------------------------------------------------------------
 
-bool CommandReplayFilter::is_new(const CommandMessage& command) {
+bool CommandReplayFilter::is_new(const wire::CommandMessage& command) {
   return std::ranges::all_of(std::array{&senders_, &senders_before_}, [&](const auto* senders) {
     const auto known = senders->find(command.sender);
     if (known == senders->end()) return true;
@@ -150,7 +151,7 @@ bool CommandReplayFilter::is_new(const CommandMessage& command) {
   });
 }
 
-void CommandReplayFilter::record(const CommandMessage& command, MonotonicInstant now) {
+void CommandReplayFilter::record(const wire::CommandMessage& command, MonotonicInstant now) {
   if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) draw_nonces(now);
   senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
 }
@@ -160,4 +161,4 @@ void CommandReplayFilter::set_problem(std::string_view problem, MonotonicInstant
   problem_time_ = now;
 }
 
-}  // namespace v3d
+}  // namespace v3d::control

@@ -15,7 +15,7 @@
 #include "daemon/bus/credentials.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::control {
 
 /// Commands since construction, by result.
 struct CommandCounts {
@@ -50,13 +50,14 @@ class CommandReplayFilter {
   static constexpr int kMaxNonceReplies = 1000;
 
   /// `draw` returns random numbers other than 0.
-  explicit CommandReplayFilter(std::string node, std::function<int64_t()> draw = random_nonce);
+  explicit CommandReplayFilter(std::string node,
+                               std::function<int64_t()> draw = wire::random_nonce);
 
   /// Keys and members whose commands are admitted.
-  Credentials& credentials() { return credentials_; }
+  bus::Credentials& credentials() { return credentials_; }
 
   struct Admitted {
-    CommandMessage command;
+    wire::CommandMessage command;
     bool is_current = false;  ///< false: reply kNonceMissing, do not execute
   };
   /// The command in `bytes` if it is authentic, new, and addressed to this node; else empty.
@@ -64,7 +65,7 @@ class CommandReplayFilter {
   /// The current nonce, for replies.
   int64_t nonce(MonotonicInstant now);
   /// The reply to an admitted command that is not current. The caller sets `sent`.
-  ReplyMessage nonce_reply(const CommandMessage& command, MonotonicInstant now);
+  wire::ReplyMessage nonce_reply(const wire::CommandMessage& command, MonotonicInstant now);
 
   CommandCounts counts() const;
   /// One line for the operator if commands were rejected in the 10 s before `now`, else empty.
@@ -75,12 +76,12 @@ class CommandReplayFilter {
     int64_t counter = 0;
     RealtimeInstant sent;
   };
-  std::optional<CommandMessage> read(std::span<const uint8_t> bytes, MonotonicInstant now);
-  void count_rejected(const OpenedCommand& opened, MonotonicInstant now);
-  bool has_current_nonce(const CommandMessage& command, MonotonicInstant now) const;
+  std::optional<wire::CommandMessage> read(std::span<const uint8_t> bytes, MonotonicInstant now);
+  void count_rejected(const bus::OpenedCommand& opened, MonotonicInstant now);
+  bool has_current_nonce(const wire::CommandMessage& command, MonotonicInstant now) const;
   bool may_reply_nonce(const std::string& sender, MonotonicInstant now);
-  bool is_new(const CommandMessage& command);
-  void record(const CommandMessage& command, MonotonicInstant now);
+  bool is_new(const wire::CommandMessage& command);
+  void record(const wire::CommandMessage& command, MonotonicInstant now);
   void renew_nonces(MonotonicInstant now);
   void draw_nonces(MonotonicInstant now);
   /// Allocates nothing unless the text is longer than all before.
@@ -88,7 +89,7 @@ class CommandReplayFilter {
 
   const std::string node_;
   const std::function<int64_t()> draw_;
-  Credentials credentials_;
+  bus::Credentials credentials_;
   mutable std::mutex mutex_;  ///< guards the members below
   CommandCounts counts_;
   struct Nonce {
@@ -108,4 +109,4 @@ class CommandReplayFilter {
   std::optional<MonotonicInstant> problem_time_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::control

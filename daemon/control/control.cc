@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 using Table = std::array<std::array<Transition, kInputCount>, kPhaseCount>;
@@ -32,7 +32,7 @@ consteval Table full_table() {
 std::string operator_name(const std::string& sender) { return sender.substr(0, sender.find('/')); }
 
 /// The reason for refusing a command in this phase, and the remedy.
-std::string refusal(Phase phase, const CommandMessage& order) {
+std::string refusal(Phase phase, const wire::CommandMessage& order) {
   const std::string armed = order.take + " by " + operator_name(order.sender);
   switch (phase) {
     case Phase::kIdle:
@@ -54,50 +54,50 @@ std::string refusal(Phase phase, const CommandMessage& order) {
   return "fault";
 }
 
-std::string done_text(CommandVerb verb, Phase before, const std::string& take) {
-  if (verb == CommandVerb::kStart) return "recording " + take;
-  if (verb == CommandVerb::kCommit) return "armed for " + take;
+std::string done_text(wire::CommandVerb verb, Phase before, const std::string& take) {
+  if (verb == wire::CommandVerb::kStart) return "recording " + take;
+  if (verb == wire::CommandVerb::kCommit) return "armed for " + take;
   if (before == Phase::kIdle) return "nothing to abort";
   if (before == Phase::kFault) return "fault cleared";
-  return verb == CommandVerb::kStop ? "nothing was recorded" : "aborted";
+  return verb == wire::CommandVerb::kStop ? "nothing was recorded" : "aborted";
 }
 
 }  // namespace
 
-NodeState node_state(Phase phase) {
+wire::NodeState node_state(Phase phase) {
   switch (phase) {
     case Phase::kIdle:
     case Phase::kArming:
     case Phase::kPrepared:
-      return NodeState::kIdle;
+      return wire::NodeState::kIdle;
     case Phase::kArmed:
-      return NodeState::kArmed;
+      return wire::NodeState::kArmed;
     case Phase::kRecording:
     case Phase::kLearning:
-      return NodeState::kRecording;
+      return wire::NodeState::kRecording;
     case Phase::kDraining:
-      return NodeState::kDraining;
+      return wire::NodeState::kDraining;
     case Phase::kFault:
-      return NodeState::kFault;
+      return wire::NodeState::kFault;
   }
-  return NodeState::kFault;
+  return wire::NodeState::kFault;
 }
 
-Input input_of(CommandVerb verb) {
+Input input_of(wire::CommandVerb verb) {
   switch (verb) {
-    case CommandVerb::kArm:
+    case wire::CommandVerb::kArm:
       return Input::kArm;
-    case CommandVerb::kStart:
+    case wire::CommandVerb::kStart:
       return Input::kStart;
-    case CommandVerb::kStop:
+    case wire::CommandVerb::kStop:
       return Input::kStop;
-    case CommandVerb::kAbort:
+    case wire::CommandVerb::kAbort:
       return Input::kAbort;
-    case CommandVerb::kBackground:
+    case wire::CommandVerb::kBackground:
       return Input::kBackground;
-    case CommandVerb::kCommit:
+    case wire::CommandVerb::kCommit:
       return Input::kCommit;
-    case CommandVerb::kCheck:
+    case wire::CommandVerb::kCheck:
       return Input::kCheck;
   }
   return Input::kAbort;
@@ -122,8 +122,9 @@ Controller::LastReply& Controller::last_reply_to(const std::string& sender) {
   return senders_.front().second;
 }
 
-ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::Outcome outcome,
-                                  std::string text, std::string detail) const {
+wire::ReplyMessage Controller::reply_to(const wire::CommandMessage& command,
+                                        wire::ReplyMessage::Outcome outcome, std::string text,
+                                        std::string detail) const {
   return {.sent = {},
           .node = node_,
           .command_sender = command.sender,
@@ -135,18 +136,19 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
           .detail = std::move(detail)};
 }
 
-bool Controller::asks_for_last_take(const CommandMessage& command) const {
-  return command.verb == CommandVerb::kStop && phase_ == Phase::kIdle && !last_take_.empty() &&
+bool Controller::asks_for_last_take(const wire::CommandMessage& command) const {
+  return command.verb == wire::CommandVerb::kStop && phase_ == Phase::kIdle &&
+         !last_take_.empty() &&
          (command.take.empty() ? !last_was_check_ : command.take == last_take_);
 }
 
-std::string Controller::mismatch(const CommandMessage& command) const {
+std::string Controller::mismatch(const wire::CommandMessage& command) const {
   const bool orders = is_order(command.verb);
   if (orders || phase_ == Phase::kIdle || phase_ == Phase::kFault) return "";
   if (!command.take.empty() && command.take != order_.take) {
     return "the take here is " + order_.take + ", not " + command.take;
   }
-  const bool commits = command.verb == CommandVerb::kCommit;
+  const bool commits = command.verb == wire::CommandVerb::kCommit;
   if (!commits && !command.own_only) return "";
   // An own_only abort also ends what is armed: another operator armed it, this one could not start
   // it.
@@ -156,8 +158,9 @@ std::string Controller::mismatch(const CommandMessage& command) const {
   return command.sender == owner ? "" : refusal(phase_, order_);
 }
 
-ReplyMessage Controller::verdict_reply(const CommandMessage& command, const Transition& step) {
-  using Outcome = ReplyMessage::Outcome;
+wire::ReplyMessage Controller::verdict_reply(const wire::CommandMessage& command,
+                                             const Transition& step) {
+  using Outcome = wire::ReplyMessage::Outcome;
   switch (step.verdict) {
     case Verdict::kPending:
       return reply_to(command, Outcome::kPending, "working on it");
@@ -171,8 +174,8 @@ ReplyMessage Controller::verdict_reply(const CommandMessage& command, const Tran
 }
 
 /// Returns the reply. Sets the work in `step`, and adds replies to other commands.
-ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
-  using Outcome = ReplyMessage::Outcome;
+wire::ReplyMessage Controller::execute(const wire::CommandMessage& command, Step& step) {
+  using Outcome = wire::ReplyMessage::Outcome;
   if (asks_for_last_take(command)) {
     has_sent_result_ = true;
     return reply_to(command, last_result_.outcome, last_result_.text, last_result_.detail);
@@ -181,9 +184,9 @@ ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
     return reply_to(command, Outcome::kRefused, why);
   }
   const bool learns =
-      command.verb == CommandVerb::kStart && order_.verb == CommandVerb::kBackground;
+      command.verb == wire::CommandVerb::kStart && order_.verb == wire::CommandVerb::kBackground;
   const Transition next = transition(phase_, learns ? Input::kLearn : input_of(command.verb));
-  ReplyMessage reply = verdict_reply(command, next);
+  wire::ReplyMessage reply = verdict_reply(command, next);
   step.work = next.work;
   if (next.work == Work::kArm || next.work == Work::kLearn) {
     order_ = command;
@@ -192,7 +195,7 @@ ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
   }
   if (next.work == Work::kStart) start_command_ = command;
   phase_ = next.next;
-  if (next.verdict == Verdict::kDone && command.verb == CommandVerb::kAbort) {
+  if (next.verdict == Verdict::kDone && command.verb == wire::CommandVerb::kAbort) {
     finish_pending(Outcome::kRefused, "aborted", {}, step);
     fault_.clear();
   }
@@ -200,7 +203,7 @@ ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
   return reply;
 }
 
-Controller::Step Controller::on_command(const CommandMessage& command) {
+Controller::Step Controller::on_command(const wire::CommandMessage& command) {
   LastReply& last = last_reply_to(command.sender);
   if (command.counter == last.counter) {
     last.reply.command_sent = command.sent;  // the repetition
@@ -208,7 +211,7 @@ Controller::Step Controller::on_command(const CommandMessage& command) {
   }
   if (command.counter < last.counter) return {};
   Step step;
-  const ReplyMessage reply = execute(command, step);
+  const wire::ReplyMessage reply = execute(command, step);
   last_reply_to(command.sender) = {.counter = command.counter, .reply = reply};
   step.replies.insert(step.replies.begin(), reply);
   return step;
@@ -216,7 +219,7 @@ Controller::Step Controller::on_command(const CommandMessage& command) {
 
 Controller::Step Controller::on_event(Input event, const std::string& text,
                                       const std::string& detail) {
-  using Outcome = ReplyMessage::Outcome;
+  using Outcome = wire::ReplyMessage::Outcome;
   const Transition next = transition(phase_, event);
   const Outcome outcome = event == Input::kFailed ? Outcome::kRefused : Outcome::kDone;
   Step step{.work = next.work, .replies = {}};
@@ -230,7 +233,7 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
   if (was_completing && next.next == Phase::kIdle) {
     remember(order_.take, text, detail);
     last_result_.outcome = outcome;
-    last_was_check_ = order_.verb == CommandVerb::kCheck;
+    last_was_check_ = order_.verb == wire::CommandVerb::kCheck;
   }
   phase_ = next.next;
   return step;
@@ -239,12 +242,12 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
 void Controller::remember(const std::string& take, const std::string& text,
                           const std::string& detail) {
   last_take_ = take;
-  last_result_.outcome = ReplyMessage::Outcome::kDone;
+  last_result_.outcome = wire::ReplyMessage::Outcome::kDone;
   last_result_.text = text;
   last_result_.detail = detail;
 }
 
-void Controller::rejoined(const CommandMessage& order) {
+void Controller::rejoined(const wire::CommandMessage& order) {
   if (!may_rejoin()) return;
   order_ = start_command_ = order;
   last_take_.clear();  // the recovered ledger is no longer complete
@@ -256,10 +259,10 @@ Controller::Step Controller::on_start_failed(const std::string& text) {
   return on_event(Input::kBroken, text);
 }
 
-void Controller::finish_pending(ReplyMessage::Outcome outcome, const std::string& text,
+void Controller::finish_pending(wire::ReplyMessage::Outcome outcome, const std::string& text,
                                 const std::string& detail, Step& step) {
-  for (const CommandMessage& command : pending_) {
-    const ReplyMessage reply = reply_to(command, outcome, text, detail);
+  for (const wire::CommandMessage& command : pending_) {
+    const wire::ReplyMessage reply = reply_to(command, outcome, text, detail);
     LastReply& last = last_reply_to(command.sender);
     if (last.counter <= command.counter) last = {.counter = command.counter, .reply = reply};
     step.replies.push_back(reply);
@@ -267,4 +270,28 @@ void Controller::finish_pending(ReplyMessage::Outcome outcome, const std::string
   pending_.clear();
 }
 
-}  // namespace v3d
+std::string_view name(Phase phase) {
+  constexpr std::array<std::string_view, kPhaseCount> kNames = {
+      "idle", "arming", "prepared", "armed", "recording", "draining", "learning", "fault"};
+  return kNames.at(static_cast<size_t>(phase));
+}
+
+std::string_view name(Input input) {
+  constexpr std::array<std::string_view, kInputCount> kNames = {
+      "arm",   "start",  "stop",    "abort",       "background", "commit", "learn",   "check",
+      "ready", "failed", "expired", "train_ended", "drained",    "broken", "rejoined"};
+  return kNames.at(static_cast<size_t>(input));
+}
+
+std::string_view name(Work work) {
+  constexpr std::array<std::string_view, 6> kNames = {"-",     "arm",    "start",
+                                                      "drain", "disarm", "learn"};
+  return kNames.at(static_cast<size_t>(work));
+}
+
+std::string_view name(Verdict verdict) {
+  constexpr std::array<std::string_view, 4> kNames = {"-", "done", "pending", "refused"};
+  return kNames.at(static_cast<size_t>(verdict));
+}
+
+}  // namespace v3d::control

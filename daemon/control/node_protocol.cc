@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-namespace v3d {
+namespace v3d::control {
 
 NodeProtocol::NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply,
                            MonotonicInstant now)
@@ -17,7 +17,7 @@ NodeProtocol::NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply
       next_health_(now),
       prepared_since_(now) {}
 
-void NodeProtocol::on_command(const CommandMessage& command) {
+void NodeProtocol::on_command(const wire::CommandMessage& command) {
   execute(controller_.on_command(command));
 }
 
@@ -91,8 +91,8 @@ void NodeProtocol::execute(const Controller::Step& step) {
   execute(*failure);
 }
 
-void NodeProtocol::publish(const std::vector<ReplyMessage>& replies) const {
-  for (const ReplyMessage& reply : replies) reply_(reply);
+void NodeProtocol::publish(const std::vector<wire::ReplyMessage>& replies) const {
+  for (const wire::ReplyMessage& reply : replies) reply_(reply);
 }
 
 void NodeProtocol::perform(Work work) {
@@ -116,10 +116,10 @@ bool NodeProtocol::is_health_due(MonotonicInstant now) const {
   return now >= next_health_ || controller_.phase() != reported_phase_;
 }
 
-HealthMessage NodeProtocol::health(MonotonicInstant now) {
+wire::HealthMessage NodeProtocol::health(MonotonicInstant now) {
   next_health_ = now + kHealthPeriod;
   reported_phase_ = controller_.phase();
-  HealthMessage health;
+  wire::HealthMessage health;
   health.seq = health_seq_++;
   health.node = node_;
   health.state = node_state(reported_phase_);
@@ -139,4 +139,4 @@ bool NodeProtocol::may_shut_down(MonotonicInstant now) const {
   return controller_.phase() != Phase::kDraining || now >= shutdown_deadline_;
 }
 
-}  // namespace v3d
+}  // namespace v3d::control

@@ -8,12 +8,12 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/credential_files.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 constexpr size_t kQueue = 256;
@@ -40,8 +40,8 @@ constexpr char kUnverifiedPrefix[] = "not verified: ";
 /// none. Its health is shown as a fault, unless verified health of this node arrived recently.
 class HealthReader {
  public:
-  std::optional<HealthMessage> operator()(const ReceivedMessage& in) {
-    auto health = decode<HealthMessage>(in.bytes);
+  std::optional<wire::HealthMessage> operator()(const bus::ReceivedMessage& in) {
+    auto health = wire::decode<wire::HealthMessage>(in.bytes);
     if (!health) return std::nullopt;
     const MonotonicInstant now = Monotonic::now();
     if (in.is_accepted) {
@@ -50,13 +50,13 @@ class HealthReader {
     }
     const auto known = verified_.find(health->node);
     if (known != verified_.end() && now - known->second < kVerifiedLasts) return std::nullopt;
-    return HealthMessage{
+    return wire::HealthMessage{
         .sent = health->sent,
         .seq = health->seq,
         .node = health->node,
         .program = health->program,
         .version = health->version,
-        .state = NodeState::kFault,
+        .state = wire::NodeState::kFault,
         .take = {},
         .text =
             kUnverifiedPrefix + (health->text.empty() ? "no valid MAC or signature" : health->text),
@@ -70,7 +70,7 @@ class HealthReader {
 };
 
 /// Makes texts printable: an attacker may have written them.
-HealthMessage make_printable(HealthMessage health) {
+wire::HealthMessage make_printable(wire::HealthMessage health) {
   for (std::string* text :
        {&health.node, &health.program, &health.version, &health.take, &health.text}) {
     *text = printable(*text);
@@ -80,7 +80,7 @@ HealthMessage make_printable(HealthMessage health) {
   health.values = std::move(values);
   return health;
 }
-EventMessage make_printable(EventMessage event) {
+wire::EventMessage make_printable(wire::EventMessage event) {
   for (std::string* text : {&event.node, &event.subject, &event.text}) *text = printable(*text);
   return event;
 }
@@ -96,7 +96,7 @@ std::vector<std::string> commanded_nodes(const Studio& studio) {
   return nodes;
 }
 
-bool is_verified(const HealthMessage& health) {
+bool is_verified(const wire::HealthMessage& health) {
   return !health.text.starts_with(kUnverifiedPrefix);
 }
 
@@ -106,12 +106,12 @@ class OperatorClient::Impl {
       : nodes(commanded_nodes(studio)),
         trigger(studio.trigger.node),
         stamp(make_sender()),
-        bus(studio.network.lcm_url, {}, ChannelList(studio)),
-        files(credentials_of_operator(studio), credentials, bus.authenticator()),
+        bus(studio.network.lcm_url, {}, bus::ChannelList(studio)),
+        files(bus::credentials_of_operator(studio), credentials, bus.authenticator()),
         not_verified(read_credentials()),
-        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(),
-                Bus::Accept::kIncludingUnverified),
-        events(bus, kEventChannel, kQueue) {}
+        healths(bus, std::string(wire::kHealthPrefix) + ".*", kQueue, HealthReader(),
+                bus::Bus::Accept::kIncludingUnverified),
+        events(bus, wire::kEventChannel, kQueue) {}
 
   /// Why there is no studio key; empty if there is one. Monitoring works without.
   std::string read_credentials() {
@@ -122,7 +122,7 @@ class OperatorClient::Impl {
 
   /// Waits for the next message. Reloads the key files meanwhile, because keys may be replaced.
   template <class M>
-  std::optional<M> wait(Subscription<M>& subscription, MonotonicInstant deadline) {
+  std::optional<M> wait(bus::Subscription<M>& subscription, MonotonicInstant deadline) {
     for (;;) {
       if (Monotonic::now() >= next_reload) read_credentials();
       const MonotonicInstant until = std::min(deadline, next_reload);
@@ -142,25 +142,25 @@ class OperatorClient::Impl {
       throw InputError(obstacle);
     }
     if (replies) return;
-    replies = std::make_unique<Subscription<ReplyMessage>>(
-        bus, kReplyChannel, kQueue, [this](const ReceivedMessage& in) {
+    replies = std::make_unique<bus::Subscription<wire::ReplyMessage>>(
+        bus, wire::kReplyChannel, kQueue, [this](const bus::ReceivedMessage& in) {
           return credentials.open_reply(in.bytes, Monotonic::now());
         });
   }
 
-  void send(CommandMessage message) {
+  void send(wire::CommandMessage message) {
     stamp.apply(message, Realtime::now());
     bus.publish_command(credentials.authenticate(encode(message), Monotonic::now()));
   }
 
-  void remember(const HealthMessage& health) {
+  void remember(const wire::HealthMessage& health) {
     if (!is_node(health.node)) return;
     last_health.erase(health.node);
     unverified.erase(health.node);
     (is_verified(health) ? last_health : unverified)[health.node] = health;
   }
 
-  std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
+  std::optional<wire::HealthMessage> next_health(MonotonicInstant deadline) {
     auto health = wait(healths, deadline);
     if (!health) return std::nullopt;
     explain(*health);
@@ -170,7 +170,7 @@ class OperatorClient::Impl {
   }
 
   /// Names the problem where the member list cannot be read here, so that no health is verified.
-  void explain(HealthMessage& health) const {
+  void explain(wire::HealthMessage& health) const {
     if (!is_verified(health) && !files.problem().empty()) {
       health.text = kUnverifiedPrefix + files.problem();
     }
@@ -190,19 +190,19 @@ class OperatorClient::Impl {
   CommandStamp stamp;
   int64_t counter = 0;
   NodeNonces nonces;
-  std::map<std::string, HealthMessage> last_health;
-  std::map<std::string, HealthMessage> unverified;
-  Bus bus;
-  Credentials credentials;
-  CredentialFiles files;
+  std::map<std::string, wire::HealthMessage> last_health;
+  std::map<std::string, wire::HealthMessage> unverified;
+  bus::Bus bus;
+  bus::Credentials credentials;
+  bus::CredentialFiles files;
   MonotonicInstant next_reload;
   const std::string not_verified;
-  std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< null until the first command
-  Subscription<HealthMessage> healths;
-  Subscription<EventMessage> events;
-  std::unique_ptr<Subscription<MeshMessage>> meshes;
-  std::unique_ptr<Subscription<PulseMessage>> pulses;
-  std::unique_ptr<Subscription<PreviewMessage>> previews;
+  std::unique_ptr<bus::Subscription<wire::ReplyMessage>> replies;  ///< null until the first command
+  bus::Subscription<wire::HealthMessage> healths;
+  bus::Subscription<wire::EventMessage> events;
+  std::unique_ptr<bus::Subscription<wire::MeshMessage>> meshes;
+  std::unique_ptr<bus::Subscription<wire::PulseMessage>> pulses;
+  std::unique_ptr<bus::Subscription<wire::PreviewMessage>> previews;
 };
 
 OperatorClient::OperatorClient(const Studio& studio) : impl_(std::make_unique<Impl>(studio)) {}
@@ -211,8 +211,8 @@ OperatorClient::~OperatorClient() = default;
 const std::vector<std::string>& OperatorClient::nodes() const { return impl_->nodes; }
 const std::string& OperatorClient::not_verified() const { return impl_->not_verified; }
 
-Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline,
-                               const std::function<void(const ReplyMessage&)>& on_reply) {
+Answer OperatorClient::command(wire::CommandMessage command, MonotonicInstant deadline,
+                               const std::function<void(const wire::ReplyMessage&)>& on_reply) {
   impl_->start_commanding();
   StudioCoordinator coordinator(std::move(command), impl_->counter, {impl_->nodes, impl_->trigger},
                                 deadline, impl_->nonces);
@@ -229,48 +229,49 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
   return coordinator.answer();
 }
 
-std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant deadline) {
+std::map<std::string, wire::HealthMessage> OperatorClient::health(MonotonicInstant deadline) {
   // Take queued messages without waiting, so that the result is the newest.
   while (impl_->next_health(impl_->last_health.size() < impl_->nodes.size() ? deadline
                                                                             : Monotonic::now())) {
   }
-  std::map<std::string, HealthMessage> all = impl_->last_health;
+  std::map<std::string, wire::HealthMessage> all = impl_->last_health;
   all.insert(impl_->unverified.begin(), impl_->unverified.end());
   return all;
 }
 
-std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadline) {
+std::optional<wire::HealthMessage> OperatorClient::next_health(MonotonicInstant deadline) {
   return impl_->next_health(deadline);
 }
 
-std::optional<EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
+std::optional<wire::EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
   auto event = impl_->wait(impl_->events, deadline);
   if (event) event = make_printable(std::move(*event));
   return event;
 }
 
-std::optional<MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) {
+std::optional<wire::MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) {
   if (!impl_->meshes) {
     constexpr size_t kMeshQueue = 8;
-    impl_->meshes =
-        std::make_unique<Subscription<MeshMessage>>(impl_->bus, kMeshChannel, kMeshQueue);
+    impl_->meshes = std::make_unique<bus::Subscription<wire::MeshMessage>>(
+        impl_->bus, wire::kMeshChannel, kMeshQueue);
   }
   return impl_->wait(*impl_->meshes, deadline);
 }
 
-std::optional<PulseMessage> OperatorClient::next_pulse(MonotonicInstant deadline) {
+std::optional<wire::PulseMessage> OperatorClient::next_pulse(MonotonicInstant deadline) {
   if (!impl_->pulses) {
-    impl_->pulses = std::make_unique<Subscription<PulseMessage>>(impl_->bus, kPulseChannel, kQueue);
+    impl_->pulses = std::make_unique<bus::Subscription<wire::PulseMessage>>(
+        impl_->bus, wire::kPulseChannel, kQueue);
   }
   return impl_->wait(*impl_->pulses, deadline);
 }
 
-std::optional<PreviewMessage> OperatorClient::next_preview(MonotonicInstant deadline) {
+std::optional<wire::PreviewMessage> OperatorClient::next_preview(MonotonicInstant deadline) {
   if (!impl_->previews) {
-    impl_->previews = std::make_unique<Subscription<PreviewMessage>>(
-        impl_->bus, std::string(kPreviewPrefix) + ".*", kQueue);
+    impl_->previews = std::make_unique<bus::Subscription<wire::PreviewMessage>>(
+        impl_->bus, std::string(wire::kPreviewPrefix) + ".*", kQueue);
   }
   return impl_->wait(*impl_->previews, deadline);
 }
 
-}  // namespace v3d
+}  // namespace v3d::control

@@ -14,7 +14,7 @@
 #include "daemon/control/studio_coordinator.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::control {
 
 /// The nodes that execute commands, in the order of the studio file: capture nodes, which have a
 /// camera or the trigger, and reconstruction nodes.
@@ -23,7 +23,7 @@ std::vector<std::string> commanded_nodes(const Studio& studio);
 /// False for health without a valid MAC or, where members are required, without the signature of
 /// its node. Causes: the node has no key or another one, an attacker sent it, or the member list
 /// cannot be read here. It is shown as a fault.
-bool is_verified(const HealthMessage& health);
+bool is_verified(const wire::HealthMessage& health);
 
 /// One thread. Use one client per process: each has its own sender name and counters.
 class OperatorClient {
@@ -44,30 +44,30 @@ class OperatorClient {
   /// every new reply, also pending ones; replies that are not authentic are ignored. Throws
   /// InputError if there is no studio key, or if the operator key of this PC is not an operator's
   /// in the member list.
-  Answer command(CommandMessage command, MonotonicInstant deadline,
-                 const std::function<void(const ReplyMessage&)>& on_reply = {});
+  Answer command(wire::CommandMessage command, MonotonicInstant deadline,
+                 const std::function<void(const wire::ReplyMessage&)>& on_reply = {});
 
   /// The last health of each node since construction or the end of the last command. Waits until
   /// each of nodes() has sent one, or until `deadline`. A node that is missing in the result is
   /// silent. Unverified health shows a fault, with a text that begins with "not verified".
-  std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
+  std::map<std::string, wire::HealthMessage> health(MonotonicInstant deadline);
 
   /// The next health message or event of any node; empty if none arrives until `deadline`.
-  std::optional<HealthMessage> next_health(MonotonicInstant deadline);
-  std::optional<EventMessage> next_event(MonotonicInstant deadline);
+  std::optional<wire::HealthMessage> next_health(MonotonicInstant deadline);
+  std::optional<wire::EventMessage> next_event(MonotonicInstant deadline);
 
   /// The next live mesh. Empty if none arrives until `deadline`. The first call subscribes.
-  std::optional<MeshMessage> next_mesh(MonotonicInstant deadline);
+  std::optional<wire::MeshMessage> next_mesh(MonotonicInstant deadline);
 
   /// The next pulse. Empty if none arrives until `deadline`. The first call subscribes.
-  std::optional<PulseMessage> next_pulse(MonotonicInstant deadline);
+  std::optional<wire::PulseMessage> next_pulse(MonotonicInstant deadline);
 
   /// The next preview image. Empty if none arrives until `deadline`. The first call subscribes.
-  std::optional<PreviewMessage> next_preview(MonotonicInstant deadline);
+  std::optional<wire::PreviewMessage> next_preview(MonotonicInstant deadline);
 
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::control

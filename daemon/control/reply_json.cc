@@ -3,18 +3,18 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 /// Adds `absent_nodes` [{name, cameras}] if there are any.
 template <class Json>
-void add_absent_nodes(const std::vector<TakeNode>& nodes, Json& json) {
-  for (const TakeNode& node : nodes) {
+void add_absent_nodes(const std::vector<take::TakeNode>& nodes, Json& json) {
+  for (const take::TakeNode& node : nodes) {
     json["absent_nodes"].push_back({{"name", node.name}, {"cameras", node.cameras}});
   }
 }
 
-nlohmann::ordered_json take_json(const TakeListing& take) {
+nlohmann::ordered_json take_json(const take::TakeListing& take) {
   std::error_code error;
   const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
   nlohmann::ordered_json json = {
@@ -42,16 +42,16 @@ nlohmann::ordered_json take_json(const TakeListing& take) {
 
 }  // namespace
 
-std::string takes_json(const std::vector<TakeListing>& takes, int indent) {
+std::string takes_json(const std::vector<take::TakeListing>& takes, int indent) {
   auto list = nlohmann::ordered_json::array();
-  for (const TakeListing& take : takes) list.push_back(take_json(take));
+  for (const take::TakeListing& take : takes) list.push_back(take_json(take));
   const nlohmann::ordered_json json = {{"takes", list}};
   return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string ledger_json(const Ledger& ledger) {
+std::string ledger_json(const take::Ledger& ledger) {
   nlohmann::json cameras = nlohmann::json::array();
-  for (const CameraLedger& c : ledger.cameras) {
+  for (const take::CameraLedger& c : ledger.cameras) {
     cameras.push_back({{"name", c.name},
                        {"exposed", c.exposed},
                        {"received", c.received},
@@ -87,4 +87,4 @@ std::string recon_json(const std::map<std::string, double>& values,
   return json.dump();
 }
 
-}  // namespace v3d
+}  // namespace v3d::control

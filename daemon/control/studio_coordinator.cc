@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <utility>
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
-using Outcome = ReplyMessage::Outcome;
+using Outcome = wire::ReplyMessage::Outcome;
 
 /// The take name of `v3dctl background`.
 constexpr char kBackgroundTake[] = "background";
@@ -19,20 +19,21 @@ bool Answer::done() const {
          });
 }
 
-void CommandStamp::apply(CommandMessage& message, RealtimeInstant now) {
+void CommandStamp::apply(wire::CommandMessage& message, RealtimeInstant now) {
   last_ = std::max(now, last_ + std::chrono::microseconds(1));
   message.sender = sender_;
   message.sent = last_;
 }
 
-StudioCoordinator::StudioCoordinator(CommandMessage order, int64_t counter, CommandTargets targets,
-                                     MonotonicInstant deadline, NodeNonces nonces)
+StudioCoordinator::StudioCoordinator(wire::CommandMessage order, int64_t counter,
+                                     CommandTargets targets, MonotonicInstant deadline,
+                                     NodeNonces nonces)
     : order_(std::move(order)),
       counter_(counter),
       targets_(std::move(targets)),
       deadline_(deadline),
       nonces_(std::move(nonces)) {
-  if (order_.verb == CommandVerb::kBackground) order_.take = kBackgroundTake;
+  if (order_.verb == wire::CommandVerb::kBackground) order_.take = kBackgroundTake;
   plan();
   begin_command();
 }
@@ -49,22 +50,22 @@ std::vector<std::string> StudioCoordinator::others() const {
 
 void StudioCoordinator::plan() {
   const std::vector<std::string> trigger = {targets_.trigger};
-  if (order_.verb == CommandVerb::kStart) return plan_start();
+  if (order_.verb == wire::CommandVerb::kStart) return plan_start();
   rounds_.push_back({.verb = order_.verb,
                      .nodes = trigger,
                      .accepted_is_enough = true,
                      .timeout = is_arming() ? Duration::zero() : kTriggerTimeout});
   rounds_.push_back({.verb = order_.verb, .nodes = targets_.nodes});
   if (!is_arming()) return;
-  rounds_.push_back({.verb = CommandVerb::kCommit, .nodes = targets_.nodes});
-  if (order_.verb != CommandVerb::kBackground) return;
+  rounds_.push_back({.verb = wire::CommandVerb::kCommit, .nodes = targets_.nodes});
+  if (order_.verb != wire::CommandVerb::kBackground) return;
   plan_start();
-  rounds_.push_back({.verb = CommandVerb::kStop, .nodes = targets_.nodes});
+  rounds_.push_back({.verb = wire::CommandVerb::kStop, .nodes = targets_.nodes});
 }
 
 void StudioCoordinator::plan_start() {
-  if (!others().empty()) rounds_.push_back({.verb = CommandVerb::kStart, .nodes = others()});
-  rounds_.push_back({.verb = CommandVerb::kStart, .nodes = {targets_.trigger}});
+  if (!others().empty()) rounds_.push_back({.verb = wire::CommandVerb::kStart, .nodes = others()});
+  rounds_.push_back({.verb = wire::CommandVerb::kStart, .nodes = {targets_.trigger}});
 }
 
 void StudioCoordinator::begin_command() {
@@ -75,7 +76,7 @@ void StudioCoordinator::begin_command() {
 }
 
 void StudioCoordinator::next_round() {
-  const CommandVerb verb = rounds_.front().verb;
+  const wire::CommandVerb verb = rounds_.front().verb;
   rounds_.pop_front();
   round_began_.reset();
   next_due_ = MonotonicInstant();
@@ -86,7 +87,7 @@ void StudioCoordinator::next_round() {
   if (have_all_replied()) end_of_round();
 }
 
-std::optional<CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
+std::optional<wire::CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
   if (is_finished()) return std::nullopt;
   if (!round_began_) round_began_ = now;
   const MonotonicInstant end = deadline_ + (taking_back_ ? kTakeBackTimeout : Duration::zero());
@@ -100,7 +101,7 @@ std::optional<CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
   if (now < next_due_) return std::nullopt;
   if (!round_began_) round_began_ = now;
   next_due_ = now + kRepeatAfter;
-  CommandMessage message = order_;
+  wire::CommandMessage message = order_;
   message.verb = rounds_.front().verb;
   message.counter = counter_;
   message.own_only = own_only_;
@@ -124,7 +125,7 @@ int64_t StudioCoordinator::nonce_of(const std::string& node) const {
 /// Uses only the first reply to each message, so that repeated or late replies restore no old
 /// nonce. When the node rejected the nonce of a command, the command is due again at once: at most
 /// once for each message.
-void StudioCoordinator::learn_nonce(const ReplyMessage& reply) {
+void StudioCoordinator::learn_nonce(const wire::ReplyMessage& reply) {
   const auto& nodes = targets_.nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return;
   NodeNonce& known = nonces_[reply.node];
@@ -135,7 +136,7 @@ void StudioCoordinator::learn_nonce(const ReplyMessage& reply) {
   known = {.value = reply.nonce, .command_sent = reply.command_sent};
 }
 
-bool StudioCoordinator::on_reply(const ReplyMessage& reply) {
+bool StudioCoordinator::on_reply(const wire::ReplyMessage& reply) {
   learn_nonce(reply);
   if (reply.outcome == Outcome::kNonceMissing) return false;
   if (is_finished() || reply.command_counter != counter_) return false;
@@ -143,12 +144,12 @@ bool StudioCoordinator::on_reply(const ReplyMessage& reply) {
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return false;
   const auto known = replies_.find(reply.node);
   if (known != replies_.end()) {
-    const ReplyMessage& last = known->second;
+    const wire::ReplyMessage& last = known->second;
     const bool same = last.outcome == reply.outcome && last.text == reply.text;
     if (last.outcome != Outcome::kPending || same) return false;
   }
   bind_take(reply);
-  ReplyMessage& stored = replies_[reply.node] = reply;
+  wire::ReplyMessage& stored = replies_[reply.node] = reply;
   if (starts_another_take(reply)) {
     stored.outcome = Outcome::kRefused;
     stored.text = "the take here is " + reply.take + ", not " + order_.take;
@@ -159,16 +160,16 @@ bool StudioCoordinator::on_reply(const ReplyMessage& reply) {
 
 /// Restricts a start or stop without a take name to the take that the first node starts or stops.
 /// A final reply to a stop may name an earlier take, whose result the node still has.
-void StudioCoordinator::bind_take(const ReplyMessage& reply) {
+void StudioCoordinator::bind_take(const wire::ReplyMessage& reply) {
   if (taking_back_ || !order_.take.empty()) return;
-  const bool starts = order_.verb == CommandVerb::kStart && reply.outcome == Outcome::kDone;
-  const bool stops = order_.verb == CommandVerb::kStop && reply.outcome == Outcome::kPending;
+  const bool starts = order_.verb == wire::CommandVerb::kStart && reply.outcome == Outcome::kDone;
+  const bool stops = order_.verb == wire::CommandVerb::kStop && reply.outcome == Outcome::kPending;
   if (starts || stops) order_.take = reply.take;
 }
 
 /// A command without a take name may reach a node late, when it is armed for the next take.
-bool StudioCoordinator::starts_another_take(const ReplyMessage& reply) const {
-  return rounds_.front().verb == CommandVerb::kStart && reply.outcome == Outcome::kDone &&
+bool StudioCoordinator::starts_another_take(const wire::ReplyMessage& reply) const {
+  return rounds_.front().verb == wire::CommandVerb::kStart && reply.outcome == Outcome::kDone &&
          reply.take != order_.take;
 }
 
@@ -193,7 +194,7 @@ bool StudioCoordinator::any_refused() const {
 /// replace the reply to the order itself.
 void StudioCoordinator::store_replies() {
   const bool step = is_arming() && rounds_.front().verb != order_.verb;
-  const bool result = step && rounds_.front().verb == CommandVerb::kStop;
+  const bool result = step && rounds_.front().verb == wire::CommandVerb::kStop;
   for (const auto& [node, reply] : replies_) {
     if (step && !result && reply.outcome == Outcome::kDone) continue;
     answer_.replies[node] = reply;
@@ -210,7 +211,8 @@ void StudioCoordinator::record_silent_nodes() {
 
 void StudioCoordinator::end_of_round() {
   if (taking_back_) return continue_take_back();
-  const bool ends = order_.verb == CommandVerb::kStop || order_.verb == CommandVerb::kAbort;
+  const bool ends =
+      order_.verb == wire::CommandVerb::kStop || order_.verb == wire::CommandVerb::kAbort;
   // A node that refuses a stop or abort does not prevent those of the other nodes.
   if (any_refused() && !ends) return fail();
   store_replies();
@@ -221,7 +223,7 @@ void StudioCoordinator::end_of_round() {
 /// Restricts an order without a take name to the take that the nodes reply. An abort applies to
 /// any.
 void StudioCoordinator::adopt_take() {
-  if (!order_.take.empty() || order_.verb == CommandVerb::kAbort) return;
+  if (!order_.take.empty() || order_.verb == wire::CommandVerb::kAbort) return;
   for (const auto& [node, reply] : replies_) {
     if (reply.outcome != Outcome::kRefused && !reply.take.empty()) order_.take = reply.take;
   }
@@ -236,12 +238,12 @@ void StudioCoordinator::adopt_take() {
 void StudioCoordinator::plan_take_back() {
   const auto round = [](std::vector<std::string> nodes) {
     return Round{
-        .verb = CommandVerb::kAbort, .nodes = std::move(nodes), .accepted_is_enough = true};
+        .verb = wire::CommandVerb::kAbort, .nodes = std::move(nodes), .accepted_is_enough = true};
   };
   const bool first = rounds_.front().verb == order_.verb && rounds_.front().accepted_is_enough;
   const std::vector<std::string> asked = rounds_.front().nodes;
   rounds_.clear();
-  if (order_.verb == CommandVerb::kStart) {
+  if (order_.verb == wire::CommandVerb::kStart) {
     // The others are aborted only if the trigger's node replies: otherwise pulses may run.
     rounds_.push_back(round({targets_.trigger}));
     rounds_.push_back(round(targets_.nodes));
@@ -272,4 +274,4 @@ void StudioCoordinator::continue_take_back() {
   next_round();
 }
 
-}  // namespace v3d
+}  // namespace v3d::control

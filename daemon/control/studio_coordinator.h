@@ -12,12 +12,12 @@
 #include "base/core/time.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::control {
 
 /// The replies of the nodes to one order.
 struct Answer {
-  std::map<std::string, ReplyMessage> replies;  ///< the last one by node: final or pending
-  std::vector<std::string> silent;              ///< nodes that did not reply
+  std::map<std::string, wire::ReplyMessage> replies;  ///< the last one by node: final or pending
+  std::vector<std::string> silent;                    ///< nodes that did not reply
 
   /// Every node replied "done".
   bool done() const;
@@ -29,7 +29,7 @@ class CommandStamp {
  public:
   /// `sender`: unique for each process that sends.
   explicit CommandStamp(std::string sender) : sender_(std::move(sender)) {}
-  void apply(CommandMessage& message, RealtimeInstant now);
+  void apply(wire::CommandMessage& message, RealtimeInstant now);
   const std::string& sender() const { return sender_; }
 
  private:
@@ -74,16 +74,16 @@ class StudioCoordinator {
 
   /// `order`: verb, take and details. `counter` and `nonces`: those of the operator's previous
   /// coordinator.
-  StudioCoordinator(CommandMessage order, int64_t counter, CommandTargets targets,
+  StudioCoordinator(wire::CommandMessage order, int64_t counter, CommandTargets targets,
                     MonotonicInstant deadline, NodeNonces nonces = {});
 
   /// The message to send at `now`; empty when none is due. The caller applies a CommandStamp.
-  std::optional<CommandMessage> poll(MonotonicInstant now);
+  std::optional<wire::CommandMessage> poll(MonotonicInstant now);
   /// The time of the next poll().
   MonotonicInstant next_due() const { return next_due_; }
   /// Returns true if the reply brings a new outcome or text. The caller passes only replies to its
   /// own commands.
-  bool on_reply(const ReplyMessage& reply);
+  bool on_reply(const wire::ReplyMessage& reply);
 
   bool is_finished() const { return rounds_.empty(); }
   /// Valid when is_finished().
@@ -95,7 +95,7 @@ class StudioCoordinator {
 
  private:
   struct Round {
-    CommandVerb verb{};
+    wire::CommandVerb verb{};
     std::vector<std::string> nodes;
     bool accepted_is_enough = false;  ///< a pending reply completes the round
     Duration timeout{};               ///< then the next round; zero: the deadline
@@ -104,7 +104,7 @@ class StudioCoordinator {
   void plan_start();
   std::vector<std::string> others() const;
   bool is_arming() const;
-  void learn_nonce(const ReplyMessage& reply);
+  void learn_nonce(const wire::ReplyMessage& reply);
   int64_t nonce_of(const std::string& node) const;
   bool has_replied(const std::string& node) const;
   bool have_all_replied() const;
@@ -117,16 +117,16 @@ class StudioCoordinator {
   void fail();
   void plan_take_back();
   void continue_take_back();
-  void bind_take(const ReplyMessage& reply);
-  bool starts_another_take(const ReplyMessage& reply) const;
+  void bind_take(const wire::ReplyMessage& reply);
+  bool starts_another_take(const wire::ReplyMessage& reply) const;
   void adopt_take();
 
-  CommandMessage order_;
+  wire::CommandMessage order_;
   int64_t counter_;
   const CommandTargets targets_;
   const MonotonicInstant deadline_;
-  std::deque<Round> rounds_;                     ///< the first is the current one
-  std::map<std::string, ReplyMessage> replies_;  ///< to the current command, by node
+  std::deque<Round> rounds_;                           ///< the first is the current one
+  std::map<std::string, wire::ReplyMessage> replies_;  ///< to the current command, by node
   bool taking_back_ = false;
   bool own_only_ = false;
   std::optional<MonotonicInstant> round_began_;  ///< empty until its first poll()
@@ -135,4 +135,4 @@ class StudioCoordinator {
   Answer answer_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::control

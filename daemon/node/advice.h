@@ -1,7 +1,7 @@
 // Advice to the operator: one sentence per kind of event, appended to the event's text.
 #pragma once
 
-namespace v3d::advice {
+namespace v3d::node::advice {
 
 /// Events of capture nodes.
 inline constexpr char kCameraLost[] =
@@ -64,4 +64,4 @@ inline constexpr char kCameraDisplaced[] =
     "--leave-out CAMERA";
 inline constexpr char kNoMesh[] = "v3dctl reconstruct TAKE tries again with other bounds or voxels";
 
-}  // namespace v3d::advice
+}  // namespace v3d::node::advice

@@ -12,7 +12,7 @@
 #include "base/core/error.h"
 #include "daemon/web/web_server.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 using prometheus::ClientMetric;
@@ -34,7 +34,7 @@ ClientMetric gauge(std::vector<ClientMetric::Label> labels, double value) {
   return metric;
 }
 
-ClientMetric info_of(const HealthMessage& health) {
+ClientMetric info_of(const wire::HealthMessage& health) {
   return gauge({{"node", health.node},
                 {"program", health.program},
                 {"version", health.version},
@@ -43,24 +43,26 @@ ClientMetric info_of(const HealthMessage& health) {
                1);
 }
 
-class MetricsHandler final : public WebHandler {
+class MetricsHandler final : public web::WebHandler {
  public:
-  void set(const HealthMessage& health) {
+  void set(const wire::HealthMessage& health) {
     const std::lock_guard lock(mutex_);
     health_ = health;
   }
 
-  WebAnswer answer(const WebRequest& request) override {
+  web::WebAnswer answer(const web::WebRequest& request) override {
     const bool is_read = request.method == "GET" || request.method == "HEAD";
     if (!is_read || request.target != "/metrics") {
-      return plain_answer(404, "there is only GET /metrics");
+      return web::plain_answer(404, "there is only GET /metrics");
     }
     return {.type = "text/plain; version=0.0.4; charset=utf-8",
             .body = prometheus::TextSerializer().Serialize(families())};
   }
-  ClientRole role_of(const WebRequest& /*request*/) const override { return ClientRole::kViewer; }
-  Opening open_stream(const WebRequest& /*request*/) override {
-    return {nullptr, plain_answer(404, "there is no stream")};
+  web::ClientRole role_of(const web::WebRequest& /*request*/) const override {
+    return web::ClientRole::kViewer;
+  }
+  Opening open_stream(const web::WebRequest& /*request*/) override {
+    return {nullptr, web::plain_answer(404, "there is no stream")};
   }
 
  private:
@@ -94,7 +96,7 @@ class MetricsHandler final : public WebHandler {
   }
 
   mutable std::mutex mutex_;
-  HealthMessage health_;
+  wire::HealthMessage health_;
 };
 
 }  // namespace
@@ -102,18 +104,19 @@ class MetricsHandler final : public WebHandler {
 class MetricsServer::Impl {
  public:
   explicit Impl(const std::string& address)
-      : server_(parse_web_address(address, "network.metrics"), handler_, {.keeps_alive = false}) {}
-  void update(const HealthMessage& health) { handler_.set(health); }
+      : server_(web::parse_web_address(address, "network.metrics"), handler_,
+                {.keeps_alive = false}) {}
+  void update(const wire::HealthMessage& health) { handler_.set(health); }
   uint16_t port() const { return server_.port(); }
 
  private:
   MetricsHandler handler_;
-  WebServer server_;  ///< last: its thread uses the handler
+  web::WebServer server_;  ///< last: its thread uses the handler
 };
 
 MetricsServer::MetricsServer(const std::string& address) : impl_(std::make_unique<Impl>(address)) {}
 MetricsServer::~MetricsServer() = default;
-void MetricsServer::update(const HealthMessage& health) { impl_->update(health); }
+void MetricsServer::update(const wire::HealthMessage& health) { impl_->update(health); }
 uint16_t MetricsServer::port() const { return impl_->port(); }
 
 std::unique_ptr<MetricsServer> serve_metrics(const std::string& address) {
@@ -126,4 +129,4 @@ std::unique_ptr<MetricsServer> serve_metrics(const std::string& address) {
   }
 }
 
-}  // namespace v3d
+}  // namespace v3d::node

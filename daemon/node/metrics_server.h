@@ -7,7 +7,7 @@
 
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
 
 /// Serves the last health message at http://ADDRESS/metrics. Every value is a gauge v3d_NAME with
 /// the label `node`; values of a camera are v3d_camera_NAME and have the label `camera`, too.
@@ -26,7 +26,7 @@ class MetricsServer {
   MetricsServer& operator=(const MetricsServer&) = delete;
 
   /// Any thread.
-  void update(const HealthMessage& health);
+  void update(const wire::HealthMessage& health);
   uint16_t port() const;
 
  private:
@@ -38,4 +38,4 @@ class MetricsServer {
 /// there: recording does not depend on monitoring.
 std::unique_ptr<MetricsServer> serve_metrics(const std::string& address);
 
-}  // namespace v3d
+}  // namespace v3d::node

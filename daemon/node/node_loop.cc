@@ -8,27 +8,28 @@
 
 #include "base/core/error.h"
 #include "daemon/node/service.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 constexpr size_t kCommandQueue = 64;
 
 }  // namespace
 
-NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& delegate)
+NodeLoop::NodeLoop(NodeIdentity identity, bus::Bus& bus, control::NodeDelegate& delegate)
     : identity_(std::move(identity)),
       bus_(bus),
       delegate_(delegate),
       protocol_(
-          identity_.node, delegate, [this](ReplyMessage reply) { publish(std::move(reply)); },
+          identity_.node, delegate, [this](wire::ReplyMessage reply) { publish(std::move(reply)); },
           Monotonic::now()),
       filter_(identity_.node),
       files_(identity_.credentials, filter_.credentials(), bus.authenticator()),
-      commands_(
-          bus, kCommandChannel, kCommandQueue,
-          [this](const ReceivedMessage& in) { return filter_.admit(in.bytes, Monotonic::now()); }),
+      commands_(bus, wire::kCommandChannel, kCommandQueue,
+                [this](const bus::ReceivedMessage& in) {
+                  return filter_.admit(in.bytes, Monotonic::now());
+                }),
       name_monitor_(bus, identity_.node),
       metrics_(serve_metrics(identity_.metrics)),
       watchdog_(service::watchdog_period()),
@@ -46,7 +47,7 @@ void NodeLoop::read_credentials() {
 }
 
 void NodeLoop::pass_on_signing_key() {
-  const std::optional<SigningKey>& key = files_.signing_key();
+  const std::optional<wire::SigningKey>& key = files_.signing_key();
   if (!key || key->public_key() == passed_key_) return;
   passed_key_ = key->public_key();
   delegate_.set_signing_key(*key);
@@ -72,8 +73,8 @@ void NodeLoop::run_once() {
   feed_watchdog();
 }
 
-void NodeLoop::on_command(const CommandReplayFilter::Admitted& admitted) {
-  const CommandMessage& command = admitted.command;
+void NodeLoop::on_command(const control::CommandReplayFilter::Admitted& admitted) {
+  const wire::CommandMessage& command = admitted.command;
   spdlog::debug("{} {} from {} #{}", name(command.verb), command.take, command.sender,
                 command.counter);
   if (may_mean_duplicate(command)) return;
@@ -83,15 +84,15 @@ void NodeLoop::on_command(const CommandReplayFilter::Admitted& admitted) {
 
 /// Whether to send no reply: another process has this node's name and may have the take of this
 /// command. This process has none, so its reply would say that nothing is recorded.
-bool NodeLoop::may_mean_duplicate(const CommandMessage& command) const {
+bool NodeLoop::may_mean_duplicate(const wire::CommandMessage& command) const {
   return !name_alarm_.empty() && !is_order(command.verb) && !protocol_.has_take_of(command);
 }
 
 /// Both processes with this name reject new orders. A running take continues, and can be stopped.
-bool NodeLoop::reject_for_duplicate_name(const CommandMessage& command) {
+bool NodeLoop::reject_for_duplicate_name(const wire::CommandMessage& command) {
   if (name_alarm_.empty() || !is_order(command.verb)) return false;
-  ReplyMessage reply = filter_.nonce_reply(command, Monotonic::now());
-  reply.outcome = ReplyMessage::Outcome::kRefused;
+  wire::ReplyMessage reply = filter_.nonce_reply(command, Monotonic::now());
+  reply.outcome = wire::ReplyMessage::Outcome::kRefused;
   reply.text = name_alarm_;
   publish(std::move(reply));
   return true;
@@ -103,7 +104,7 @@ MonotonicInstant NodeLoop::next_deadline() const {
   return watchdog_ ? std::min(next, now + *watchdog_ / 4) : next;
 }
 
-void NodeLoop::publish(ReplyMessage reply) {
+void NodeLoop::publish(wire::ReplyMessage reply) {
   // Without a key no command was accepted, so there is nothing to reply to.
   if (!files_.is_ready()) return;
   const MonotonicInstant now = Monotonic::now();
@@ -115,8 +116,8 @@ void NodeLoop::publish(ReplyMessage reply) {
 void NodeLoop::publish_health() {
   read_credentials();
   // Before the health, so that a revoked reconstruction node gets no key from now on.
-  if (identity_.credentials.role == Role::kCapture) bus_.announce_frame_key(identity_.node);
-  HealthMessage health = protocol_.health(Monotonic::now());
+  if (identity_.credentials.role == wire::Role::kCapture) bus_.announce_frame_key(identity_.node);
+  wire::HealthMessage health = protocol_.health(Monotonic::now());
   check_clock(health);
   health.sent = Realtime::now();
   health.program = identity_.program;
@@ -127,23 +128,23 @@ void NodeLoop::publish_health() {
   report_counts(health);
   report_problem(health);
   check_name(health);
-  bus_.publish_authenticated(health_channel(identity_.node), encode(health));
+  bus_.publish_authenticated(wire::health_channel(identity_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
 }
 
-void NodeLoop::check_name(HealthMessage& health) {
+void NodeLoop::check_name(wire::HealthMessage& health) {
   name_monitor_.mark(health);
   const std::string alarm = name_monitor_.alarm(Monotonic::now());
   if (!alarm.empty() && name_alarm_.empty()) spdlog::error("{}", alarm);
   name_alarm_ = alarm;
-  if (!alarm.empty() && health.state != NodeState::kFault) health.text = alarm;
+  if (!alarm.empty() && health.state != wire::NodeState::kFault) health.text = alarm;
 }
 
 /// A take keeps the clock with which it began; a step of the clock is adopted when the node is
 /// idle.
-void NodeLoop::check_clock(HealthMessage& health) {
+void NodeLoop::check_clock(wire::HealthMessage& health) {
   const Duration step = Realtime::step();
   health.values["clock_step_s"] = to_seconds(step);
   const bool is_new = std::chrono::abs(step - reported_step_) > RealtimeFollower::kSlew;
@@ -156,7 +157,7 @@ void NodeLoop::check_clock(HealthMessage& health) {
   }
   health.values["clock_steps"] = static_cast<double>(clock_steps_);
   if (step == Duration::zero()) return;
-  if (health.state == NodeState::kIdle) {
+  if (health.state == wire::NodeState::kIdle) {
     reported_step_ = {};
     return Realtime::adopt_step();
   }
@@ -165,8 +166,8 @@ void NodeLoop::check_clock(HealthMessage& health) {
                             to_seconds(step));
 }
 
-void NodeLoop::report_counts(HealthMessage& health) const {
-  const CommandCounts counts = filter_.counts();
+void NodeLoop::report_counts(wire::HealthMessage& health) const {
+  const control::CommandCounts counts = filter_.counts();
   const auto value = [&](const char* name, int64_t n) {
     health.values[name] = static_cast<double>(n);
   };
@@ -178,13 +179,13 @@ void NodeLoop::report_counts(HealthMessage& health) const {
   value("commands_without_nonce", counts.without_nonce);
   value("commands_replayed", counts.replayed);
   value("commands_unkeyed", counts.unkeyed);
-  const RejectionCounts messages = bus_.authenticator().counts();
+  const bus::RejectionCounts messages = bus_.authenticator().counts();
   value("messages_forged", messages.forged);
   value("messages_unkeyed", messages.unkeyed);
   value("messages_unsigned", messages.not_signed);
   value("messages_stale", messages.stale);
   value("messages_replayed", messages.replayed);
-  const ReceptionCounts reception = bus_.reception();
+  const bus::ReceptionCounts reception = bus_.reception();
   value("messages_incomplete", reception.datagrams.incomplete);
   value("datagrams_malformed", reception.datagrams.malformed);
   value("datagrams_foreign", reception.datagrams.foreign);
@@ -192,13 +193,13 @@ void NodeLoop::report_counts(HealthMessage& health) const {
   value("datagrams_dropped_by_kernel", reception.dropped_by_kernel);
 }
 
-void NodeLoop::report_problem(HealthMessage& health) const {
+void NodeLoop::report_problem(wire::HealthMessage& health) const {
   std::string problem = credential_problem();
   if (problem.empty()) problem = filter_.problem(Monotonic::now());
   if (problem.empty()) problem = bus_.authenticator().trouble(Realtime::now());
   // Problems of the delegate go first, unless nothing works without credentials.
   const bool is_free =
-      health.state != NodeState::kFault && (health.text.empty() || !files_.is_ready());
+      health.state != wire::NodeState::kFault && (health.text.empty() || !files_.is_ready());
   if (is_free) health.text = problem;
 }
 
@@ -218,4 +219,4 @@ void NodeLoop::shut_down() {
   publish_health();
 }
 
-}  // namespace v3d
+}  // namespace v3d::node

@@ -11,20 +11,17 @@
 #include "daemon/bus/credential_files.h"
 #include "daemon/control/clock_monitor.h"
 #include "daemon/control/command_replay_filter.h"
-#include "daemon/control/node_delegate.h"
 #include "daemon/control/node_protocol.h"
-#include "daemon/control/ptp_monitor.h"
-#include "daemon/node/machine_health.h"
 #include "daemon/node/metrics_server.h"
-#include "daemon/node/name_monitor.h"
+#include "daemon/node/node_health.h"
 
-namespace v3d {
+namespace v3d::node {
 
 /// Identity of a daemon.
 struct NodeIdentity {
   std::string node;
   std::string program;  ///< "v3d-captured"
-  CredentialPaths credentials;
+  bus::CredentialPaths credentials;
   std::string metrics;  ///< address of the Prometheus server; empty: none
 };
 
@@ -35,7 +32,7 @@ struct NodeIdentity {
 class NodeLoop {
  public:
   /// `delegate` and `bus` outlive the loop.
-  NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& delegate);
+  NodeLoop(NodeIdentity identity, bus::Bus& bus, control::NodeDelegate& delegate);
 
   /// Result of a take that was active when the daemon ended (see Controller::remember).
   void remember(const std::string& take, const std::string& text, const std::string& detail) {
@@ -49,18 +46,18 @@ class NodeLoop {
   void run_once();
 
  private:
-  void on_command(const CommandReplayFilter::Admitted& admitted);
-  bool may_mean_duplicate(const CommandMessage& command) const;
-  bool reject_for_duplicate_name(const CommandMessage& command);
-  void check_name(HealthMessage& health);
+  void on_command(const control::CommandReplayFilter::Admitted& admitted);
+  bool may_mean_duplicate(const wire::CommandMessage& command) const;
+  bool reject_for_duplicate_name(const wire::CommandMessage& command);
+  void check_name(wire::HealthMessage& health);
   MonotonicInstant next_deadline() const;
-  void publish(ReplyMessage reply);
+  void publish(wire::ReplyMessage reply);
   void publish_health();
-  void check_clock(HealthMessage& health);
+  void check_clock(wire::HealthMessage& health);
   /// Counters of commands, messages and datagrams.
-  void report_counts(HealthMessage& health) const;
+  void report_counts(wire::HealthMessage& health) const;
   /// If the text of `health` is empty, sets it to the problem of the credentials or messages.
-  void report_problem(HealthMessage& health) const;
+  void report_problem(wire::HealthMessage& health) const;
   void read_credentials();
   void pass_on_signing_key();
   std::string credential_problem() const;
@@ -68,23 +65,23 @@ class NodeLoop {
   void shut_down();
 
   const NodeIdentity identity_;
-  Bus& bus_;
-  NodeDelegate& delegate_;
-  NodeProtocol protocol_;
-  CommandReplayFilter filter_;
-  CredentialFiles files_;
-  std::optional<PublicKey> passed_key_;  ///< of the signing key that the delegate has
-  Subscription<CommandReplayFilter::Admitted> commands_;
+  bus::Bus& bus_;
+  control::NodeDelegate& delegate_;
+  control::NodeProtocol protocol_;
+  control::CommandReplayFilter filter_;
+  bus::CredentialFiles files_;
+  std::optional<wire::PublicKey> passed_key_;  ///< of the signing key that the delegate has
+  bus::Subscription<control::CommandReplayFilter::Admitted> commands_;
   NameMonitor name_monitor_;
   std::string name_alarm_;  ///< empty: no other process has this node's name
   int64_t clock_steps_ = 0;
   Duration reported_step_{};
   MachineHealth machine_;
-  ClockMonitor clock_;
-  PtpMonitor ptp_;
+  control::ClockMonitor clock_;
+  control::PtpMonitor ptp_;
   const std::unique_ptr<MetricsServer> metrics_;  ///< or null
   std::optional<Duration> watchdog_;
   MonotonicInstant last_fed_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::node

@@ -1,13 +1,18 @@
-// systemd service: readiness, status, watchdog, log and stop signals. Adapter of libsystemd and
-// spdlog's sinks. Without systemd the notifications have no effect.
+// What every daemon starts with: main(), service under systemd, watchdog.
 #pragma once
 
+#include <atomic>
+#include <functional>
 #include <optional>
 #include <string>
 
+#include "base/config/studio_file.h"
 #include "base/core/time.h"
 
-namespace v3d {
+namespace v3d::node {
+
+// systemd service: readiness, status, watchdog, log and stop signals. Adapter of libsystemd and
+// spdlog's sinks. Without systemd the notifications have no effect.
 
 /// Logs to the journal under systemd, else to stderr. `level`: trace, debug, info, warning, error
 /// or off. Throws InputError for another level.
@@ -29,4 +34,42 @@ void feed_watchdog();
 std::optional<Duration> watchdog_period();
 }  // namespace service
 
-}  // namespace v3d
+// Common main() of the daemons: options, log, signals, and exit statuses for errors.
+
+/// `node` is empty where the option is optional and was omitted.
+using DaemonFunction = std::function<void(const Studio& studio, const std::string& node)>;
+
+/// A flag that makes the program perform one action and exit, instead of running as a daemon.
+struct DaemonOneShot {
+  std::string flag;     ///< "--trigger-off"
+  std::string purpose;  ///< one line for --help
+  DaemonFunction run;
+};
+
+struct DaemonProgram {
+  std::string name;     ///< "v3d-captured"
+  std::string purpose;  ///< one line for --help
+  bool node_is_required = true;
+  bool is_a_node = true;  ///< false: the program has no option --node
+  std::optional<DaemonOneShot> one_shot = {};
+};
+
+/// Parses the options and calls `run`, which returns when stop_requested(). Returns an ExitStatus;
+/// exceptions become one line in the log.
+int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonFunction& run);
+
+// Time of the last iteration of a thread's main loop. The watchdog is fed only while every thread
+// of the pipeline iterates.
+
+/// Any thread.
+class Heartbeat {
+ public:
+  /// Call once per iteration.
+  void beat() { last_ = to_ns(Monotonic::now()); }
+  bool beat_since(MonotonicInstant t) const { return last_ >= to_ns(t); }
+
+ private:
+  std::atomic<int64_t> last_ = to_ns(Monotonic::now());
+};
+
+}  // namespace v3d::node

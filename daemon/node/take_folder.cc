@@ -1,25 +1,31 @@
 #include "daemon/node/take_folder.h"
 
+#include <fcntl.h>
 #include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
+#include "base/io/unique_fd.h"
 #include "daemon/node/persisted_command.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/take_removal.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 namespace fs = std::filesystem;
 
 /// Copies the background plates of the take's cameras.
-io::Status copy_plates(const Studio& studio, const TakeInfo& info, const fs::path& to) {
+io::Status copy_plates(const Studio& studio, const take::TakeInfo& info, const fs::path& to) {
   const auto plates = io::list_folder(studio.storage.background);
   if (!plates) return tl::make_unexpected(plates.error());
   for (const std::string& camera : info.cameras) {
@@ -31,7 +37,8 @@ io::Status copy_plates(const Studio& studio, const TakeInfo& info, const fs::pat
   return io::sync_folder(to);
 }
 
-io::Status write_take_files(const Studio& studio, const TakeInfo& info, const TakePaths& paths) {
+io::Status write_take_files(const Studio& studio, const take::TakeInfo& info,
+                            const take::TakePaths& paths) {
   io::Status status = io::create_folders(paths.background());
   if (status) status = io::copy_file(studio.storage.calib, paths.calib());
   if (status) status = io::copy_file(studio.path, paths.studio());
@@ -41,7 +48,7 @@ io::Status write_take_files(const Studio& studio, const TakeInfo& info, const Ta
 }
 
 /// Throws InputError with path and cause when the folder cannot be listed.
-bool holds_logs(const TakePaths& paths) {
+bool holds_logs(const take::TakePaths& paths) {
   if (io::value_or_throw(io::type_of(paths.folder)) == fs::file_type::not_found) return false;
   const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(paths.folder));
   return std::ranges::any_of(entries,
@@ -49,7 +56,7 @@ bool holds_logs(const TakePaths& paths) {
 }
 
 /// Result of a recovery, for the daemon's log.
-std::string summary_of(const Verification& found) {
+std::string summary_of(const take::Verification& found) {
   std::string line = "recovered " + found.ledger.verdict();
   for (const std::string& text : found.disagreements) {
     if (text.starts_with("cannot read")) line += "; " + text;
@@ -60,18 +67,18 @@ std::string summary_of(const Verification& found) {
 
 }  // namespace
 
-TakePaths take_paths(const Studio& studio, const std::string& take) {
+take::TakePaths take_paths(const Studio& studio, const std::string& take) {
   return {studio.storage.takes / take};
 }
 
 void check_take_name(const std::string& take) {
   const std::string cannot = "'" + take + "' cannot name a take: ";
   if (!is_file_name(take)) throw InputError(cannot + std::string(kFileNameRule));
-  for (const CommandVerb verb : {CommandVerb::kCheck, CommandVerb::kBackground}) {
+  for (const wire::CommandVerb verb : {wire::CommandVerb::kCheck, wire::CommandVerb::kBackground}) {
     if (take != name(verb)) continue;
     throw InputError(cannot + "the name is reserved for v3dctl " + take + "; choose another");
   }
-  if (take == kQuarantineFolder) {
+  if (take == take::kQuarantineFolder) {
     throw InputError(cannot +
                      "the name is reserved for the quarantine of empty takes; choose another");
   }
@@ -79,7 +86,7 @@ void check_take_name(const std::string& take) {
 
 void check_new_take(const Studio& studio, const std::string& take) {
   check_take_name(take);
-  const TakePaths paths = take_paths(studio, take);
+  const take::TakePaths paths = take_paths(studio, take);
   if (io::value_or_throw(io::type_of(paths.info())) != fs::file_type::not_found ||
       holds_logs(paths)) {
     throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
@@ -87,24 +94,24 @@ void check_new_take(const Studio& studio, const std::string& take) {
   }
 }
 
-void create_take(const Studio& studio, const TakeInfo& info) {
-  const TakePaths paths = take_paths(studio, info.name);
+void create_take(const Studio& studio, const take::TakeInfo& info) {
+  const take::TakePaths paths = take_paths(studio, info.name);
   const io::Status made = write_take_files(studio, info, paths);
   if (!made) {
     throw InputError("cannot create take " + paths.folder.string() + ": " + made.error().message);
   }
 }
 
-TakeInfo reopen_take(const TakePaths& paths) {
-  TakeInfo info = load_take_info(paths);
-  info.state = TakeState::kRecording;
+take::TakeInfo reopen_take(const take::TakePaths& paths) {
+  take::TakeInfo info = load_take_info(paths);
+  info.state = take::TakeState::kRecording;
   if (auto saved = save_take_info(paths, info); !saved) io::throw_input_error(saved.error());
   return info;
 }
 
-TakeLock lock_take(const TakePaths& paths, const std::string& node) {
+take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node) {
   if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
-  TakeLock lock = io::value_or_throw(TakeLock::acquire(paths, node));
+  take::TakeLock lock = io::value_or_throw(take::TakeLock::acquire(paths, node));
   if (!lock.excludes()) {
     spdlog::warn("{}: the file system has no locks; a second daemon of {} is not excluded",
                  paths.folder.string(), node);
@@ -112,9 +119,9 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node) {
   return lock;
 }
 
-void recover_reopened_take(const TakePaths& paths, const std::string& node) {
+void recover_reopened_take(const take::TakePaths& paths, const std::string& node) {
   try {
-    const TakeLock lock = lock_take(paths, node);
+    const take::TakeLock lock = lock_take(paths, node);
     for (const std::string& error : recover_take(paths).read_errors) {
       spdlog::error("{} stays open: {}", paths.folder.string(), error);
     }
@@ -123,8 +130,9 @@ void recover_reopened_take(const TakePaths& paths, const std::string& node) {
   }
 }
 
-io::Status close_take(const Studio& studio, TakeInfo info, const Ledger& ledger, TakeState state) {
-  const TakePaths paths = take_paths(studio, info.name);
+io::Status close_take(const Studio& studio, take::TakeInfo info, const take::Ledger& ledger,
+                      take::TakeState state) {
+  const take::TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = state;
   const auto unread = save_account(paths, info, ledger);
@@ -142,7 +150,7 @@ io::Status close_take(const Studio& studio, TakeInfo info, const Ledger& ledger,
       io::IoError{.code = EIO, .message = of_take + " lacks a checksum: " + unread->front()});
 }
 
-void quarantine_unarmed_take(const TakePaths& paths) {
+void quarantine_unarmed_take(const take::TakePaths& paths) {
   const auto holder = take_lock_holder(paths);
   if (!holder || !holder->empty()) return;  // another node may record into the same folder
   const auto moved_to = quarantine_take(paths);
@@ -153,9 +161,9 @@ void quarantine_unarmed_take(const TakePaths& paths) {
   }
 }
 
-bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras,
+bool is_open_take_of(const take::TakeInfo& info, const std::vector<std::string>& cameras,
                      bool has_command) {
-  if (info.state != TakeState::kRecording) return false;
+  if (info.state != take::TakeState::kRecording) return false;
   const auto is_own = [&](const std::string& camera) {
     return std::ranges::find(cameras, camera) != cameras.end();
   };
@@ -167,16 +175,16 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
                                               const std::vector<std::string>& cameras) {
   std::vector<RecoveredTake> takes;
   if (io::type_of(studio.storage.takes) == fs::file_type::not_found) return takes;
-  const auto folders = list_take_folders(studio.storage.takes);
+  const auto folders = take::list_take_folders(studio.storage.takes);
   if (!folders) takes.push_back({"cannot search for open takes: " + folders.error().message, {}});
   for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
-    const TakePaths paths{folder};
+    const take::TakePaths paths{folder};
     try {
       if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) continue;
       const bool has_command = io::value_or_throw(has_persisted_command(paths, node));
       if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;
-      const TakeLock lock = lock_take(paths, node);
-      Verification found = recover_take(paths);
+      const take::TakeLock lock = lock_take(paths, node);
+      take::Verification found = recover_take(paths);
       if (found.read_errors.empty()) {
         takes.push_back({summary_of(found), std::move(found.ledger)});
       } else {
@@ -197,7 +205,7 @@ io::Result<double> disk_free_bytes(const Studio& studio) {
   });
 }
 
-void report_free_space(const io::Result<double>& free_bytes, HealthMessage& health) {
+void report_free_space(const io::Result<double>& free_bytes, wire::HealthMessage& health) {
   if (free_bytes) {
     health.values["disk_free_bytes"] = *free_bytes;
   } else if (health.text.empty()) {
@@ -205,4 +213,36 @@ void report_free_space(const io::Result<double>& free_bytes, HealthMessage& heal
   }
 }
 
-}  // namespace v3d
+namespace {
+
+/// The owner that the lock file names.
+std::string owner_in(int file) {
+  std::array<char, 128> text{};
+  const ssize_t size = pread(file, text.data(), text.size(), 0);
+  return size > 0 ? printable(std::string(text.data(), static_cast<size_t>(size)))
+                  : "another daemon";
+}
+
+}  // namespace
+
+FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& name,
+                       const std::string& owner) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);  // open() reports the error
+  const std::filesystem::path path = folder / name;
+  file_.reset(io::uninterrupted(
+      [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); }));
+  if (!file_) throw InputError(errno_message(path.string()));
+  if (io::uninterrupted([&] { return flock(file_.get(), LOCK_EX | LOCK_NB); }) != 0) {
+    if (errno != EWOULDBLOCK) throw InputError(errno_message("cannot lock " + path.string()));
+    throw InputError(folder.string() + ": " + owner_in(file_.get()) +
+                     " writes its takes here already; every reconstruction node needs a "
+                     "takes folder of its own ([storage] takes)");
+  }
+  const bool written =
+      ftruncate(file_.get(), 0) == 0 &&
+      pwrite(file_.get(), owner.data(), owner.size(), 0) == static_cast<ssize_t>(owner.size());
+  static_cast<void>(written);  // only used in a message; a full disk is reported elsewhere
+}
+
+}  // namespace v3d::node

@@ -1,21 +1,25 @@
-// Creates, reopens, closes and recovers the folder of a take on this node.
+// Folders of takes and their locks.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/io/result.h"
+#include "base/io/file.h"
+#include "base/io/unique_fd.h"
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_lock.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
+
+// Creates, reopens, closes and recovers the folder of a take on this node.
 
 /// The paths of a take of this studio. The folder need not exist.
-TakePaths take_paths(const Studio& studio, const std::string& take);
+take::TakePaths take_paths(const Studio& studio, const std::string& take);
 
 /// Throws InputError when the name is not a file name, or is reserved: for a check, for learning
 /// the background, or for the quarantine.
@@ -28,41 +32,42 @@ void check_new_take(const Studio& studio, const std::string& take);
 /// Creates the folder with take.toml (state: recording), calib.toml, studio.toml and background/.
 /// All of it survives a power cut when the function returns. Throws InputError naming the file that
 /// could not be written.
-void create_take(const Studio& studio, const TakeInfo& info);
+void create_take(const Studio& studio, const take::TakeInfo& info);
 
 /// Sets the state of a take to recording again. Call before anything is added to the take. Throws
 /// InputError with path and cause.
-TakeInfo reopen_take(const TakePaths& paths);
+take::TakeInfo reopen_take(const take::TakePaths& paths);
 
 /// Locks a take for recording by `node`. Creates the folder if necessary. Throws InputError while
 /// another process holds the lock, and when the lock file cannot be created. Logs a warning where
 /// the file system does not support locks.
-TakeLock lock_take(const TakePaths& paths, const std::string& node);
+take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node);
 
 /// Recovers a take that could not be resumed: writes its ledger and state. Does nothing while
 /// another process records into it. Errors are logged; the next start of the daemon tries again.
-void recover_reopened_take(const TakePaths& paths, const std::string& node);
+void recover_reopened_take(const take::TakePaths& paths, const std::string& node);
 
 /// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
 /// count again. Fails with one line for the operator, which names the take, the path and the cause:
 /// the ledger cannot be written, or it was written without the checksum of a file that cannot be
 /// read.
-[[nodiscard]] io::Status close_take(const Studio& studio, TakeInfo info, const Ledger& ledger,
-                                    TakeState state = TakeState::kComplete);
+[[nodiscard]] io::Status close_take(const Studio& studio, take::TakeInfo info,
+                                    const take::Ledger& ledger,
+                                    take::TakeState state = take::TakeState::kComplete);
 
 /// Moves a take to the quarantine (take/take_removal.h) after its arming failed, so that its name
 /// is free again. Logs the result.
-void quarantine_unarmed_take(const TakePaths& paths);
+void quarantine_unarmed_take(const take::TakePaths& paths);
 
 /// Whether a node with these cameras must recover a take: it is in state recording, and it was
 /// recorded by one of them or by the command that the node has persisted in its folder
 /// (`has_command`). A node that has the trigger and no camera also recovers takes without cameras.
-bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras,
+bool is_open_take_of(const take::TakeInfo& info, const std::vector<std::string>& cameras,
                      bool has_command);
 
 struct RecoveredTake {
-  std::string line;              ///< result, for the log
-  std::optional<Ledger> ledger;  ///< empty when the take could not be recovered
+  std::string line;                    ///< result, for the log
+  std::optional<take::Ledger> ledger;  ///< empty when the take could not be recovered
 };
 /// Recovers the takes of `node`, which has these cameras, that a crash left open
 /// (is_open_take_of()): writes their ledgers and sets their state to recovered. Skips a take that
@@ -74,6 +79,22 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
 [[nodiscard]] io::Result<double> disk_free_bytes(const Studio& studio);
 /// Adds the value disk_free_bytes to the health of a node. Where it cannot be read, there is no
 /// value, and the text has the cause unless it reports something else.
-void report_free_space(const io::Result<double>& free_bytes, HealthMessage& health);
+void report_free_space(const io::Result<double>& free_bytes, wire::HealthMessage& health);
 
-}  // namespace v3d
+// Exclusive lock of a daemon on a folder (flock).
+
+/// Holds the lock file `folder`/`name`. The kernel releases it when the process ends, also when it
+/// is killed. Any thread.
+class FolderLock {
+ public:
+  /// Creates the folder if necessary. `owner` is written into the lock file, for the error message
+  /// of other processes. Throws InputError when another process holds the lock, or the file cannot
+  /// be opened.
+  FolderLock(const std::filesystem::path& folder, const std::string& name,
+             const std::string& owner);
+
+ private:
+  io::UniqueFd file_;
+};
+
+}  // namespace v3d::node

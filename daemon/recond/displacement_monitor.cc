@@ -8,11 +8,11 @@
 
 #include <utility>
 
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
-#include "recon/hull/bounds_mask.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
+#include "recon/hull/voxel_grid.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 /// Voxels along the longest edge of the space: about one pixel of an XGA camera outside the space.
@@ -31,14 +31,15 @@ bool set_policy(pthread_t thread, int policy) {
 
 }  // namespace
 
-DisplacementMonitor::DisplacementMonitor(const Rig& rig, const ReconstructOptions& options,
+DisplacementMonitor::DisplacementMonitor(const Rig& rig, const recon::ReconstructOptions& options,
                                          Duration starved_after)
     : rig_(rig),
       starved_after_(starved_after),
       hulls_(rig, options.bounds, voxel_for(options.bounds), options.min_views),
       meter_(rig) {
   if (rig_.size() < kMinCameras) return;
-  for (const RigCamera& camera : rig_) views_.push_back(bounds_mask(options.bounds, camera.model));
+  for (const RigCamera& camera : rig_)
+    views_.push_back(recon::bounds_mask(options.bounds, camera.model));
   stopped_ = false;
   thread_ = std::thread([this] {
     run();
@@ -59,7 +60,7 @@ void DisplacementMonitor::stop() {
   changed_.notify_one();
 }
 
-void DisplacementMonitor::offer(FrameSet& set) {
+void DisplacementMonitor::offer(recon::FrameSet& set) {
   const MonotonicInstant now = Monotonic::now();
   if (!thread_.joinable() || now < next_sample_) return;
   const std::unique_lock lock(mutex_, std::try_to_lock);
@@ -82,7 +83,7 @@ void DisplacementMonitor::offer(FrameSet& set) {
   changed_.notify_one();
 }
 
-const std::vector<CameraDisplacement>& DisplacementMonitor::result() {
+const std::vector<recon::CameraDisplacement>& DisplacementMonitor::result() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (lock) returned_ = result_;
   return returned_;
@@ -118,7 +119,7 @@ void DisplacementMonitor::measure(const Masks& sample) {
     all[c] = &masks[c];
   }
   meter_.add(all, hulls_.silhouettes_of_each(all));
-  std::vector<CameraDisplacement> found;
+  std::vector<recon::CameraDisplacement> found;
   if (meter_.pulses() >= kMinPulses) found = meter_.result(hulls_);
   const std::lock_guard lock(mutex_);
   has_result_ = !found.empty();
@@ -127,4 +128,4 @@ void DisplacementMonitor::measure(const Masks& sample) {
   if (raised_ && has_result_) raised_ = !set_policy(pthread_self(), SCHED_IDLE);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

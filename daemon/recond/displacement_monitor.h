@@ -13,7 +13,7 @@
 #include "recon/pipeline/reconstructor.h"
 #include "recon/silhouettes/displaced_camera.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 /// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
 ///
@@ -33,7 +33,7 @@ class DisplacementMonitor {
   static constexpr Duration kStarvedAfter = std::chrono::seconds(5);
   static constexpr int kStarvedNice = 10;
 
-  DisplacementMonitor(const Rig& rig, const ReconstructOptions& options,
+  DisplacementMonitor(const Rig& rig, const recon::ReconstructOptions& options,
                       Duration starved_after = kStarvedAfter);
   /// Waits for the measurement in progress, which may take long on a busy machine. To avoid this,
   /// call stop() and wait for has_stopped().
@@ -43,11 +43,11 @@ class DisplacementMonitor {
 
   /// Moves the masks out of `set`, which is no longer needed, when a sample is due and the thread
   /// is free. Otherwise leaves it unchanged. One thread.
-  void offer(FrameSet& set);
+  void offer(recon::FrameSet& set);
 
   /// The result of the last pulses, by camera of the rig; empty before there is one. Returns the
   /// previous result while a new one is being stored. One thread.
-  const std::vector<CameraDisplacement>& result();
+  const std::vector<recon::CameraDisplacement>& result();
 
   /// Starts no further measurement. Does not wait.
   void stop();
@@ -63,11 +63,11 @@ class DisplacementMonitor {
 
   const Rig rig_;
   const Duration starved_after_;
-  LeaveOneOutHull hulls_;  ///< used by the thread only, as are the next two
-  DisplacementMeter meter_;
+  recon::LeaveOneOutHull hulls_;  ///< used by the thread only, as are the next two
+  recon::DisplacementMeter meter_;
   std::vector<Mask> views_;
-  MonotonicInstant next_sample_;              ///< used by offer()
-  std::vector<CameraDisplacement> returned_;  ///< by result()
+  MonotonicInstant next_sample_;                     ///< used by offer()
+  std::vector<recon::CameraDisplacement> returned_;  ///< by result()
   std::atomic<bool> stopped_ = true;
   std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
@@ -77,8 +77,8 @@ class DisplacementMonitor {
   MonotonicInstant busy_since_;
   bool has_result_ = false;
   std::optional<Masks> waiting_;
-  std::vector<CameraDisplacement> result_;
+  std::vector<recon::CameraDisplacement> result_;
   std::thread thread_;  ///< last: it uses all of the above
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -13,7 +13,7 @@
 
 #include "base/core/time.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 /// A bounded queue with a drop policy for live display:
 ///   - Values are taken in order, oldest first, as long as the queue becomes empty now and then. So
@@ -132,4 +132,4 @@ class QueueIdleTimer {
   std::atomic<MonotonicInstant> checked_ = MonotonicInstant();
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -1,21 +1,21 @@
 #include "daemon/recond/mesh_recovery.h"
 
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "take/logs/mesh_file.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 io::Status add_index(const std::filesystem::path& mesh) {
-  return MeshFileWriter(mesh, LogOpening::kContinue).close();
+  return take::MeshFileWriter(mesh, take::LogOpening::kContinue).close();
 }
 
 }  // namespace
 
 RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh) {
   try {
-    const MeshFileReader file(mesh);
+    const take::MeshFileReader file(mesh);
     const auto meshes = static_cast<int64_t>(file.pulses().size());
     const io::Status indexed = file.index_was_rebuilt() ? add_index(mesh) : io::Status();
     return {.meshes = meshes,
@@ -29,4 +29,4 @@ RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh) {
   }
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace v3d {
+namespace v3d::recond {
 
 struct RecoveredMeshes {
   std::optional<int64_t> meshes;  ///< in the file; empty when it cannot be read
@@ -18,4 +18,4 @@ struct RecoveredMeshes {
 /// Counts the meshes of a mesh.v3d and adds its index if it has none. Changes no other byte.
 RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh);
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -6,9 +6,8 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
@@ -17,7 +16,7 @@
 #include "take/ledger/ledger.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 /// The capture nodes drain at the same time. The last frames arrive within this time.
@@ -41,9 +40,9 @@ std::map<std::string, double> values_of(const ShardCounts& c) {
 /// "17-18", or the number of pulses and the last 24 of them.
 std::string pulse_list(const std::vector<int64_t>& pulses) {
   constexpr ptrdiff_t kMaxListed = 24;
-  if (std::ssize(pulses) <= kMaxListed) return number_ranges(pulses);
+  if (std::ssize(pulses) <= kMaxListed) return take::number_ranges(pulses);
   return format_count(std::ssize(pulses)) + " pulses, the last " +
-         number_ranges({pulses.end() - kMaxListed, pulses.end()});
+         take::number_ranges({pulses.end() - kMaxListed, pulses.end()});
 }
 
 /// The part of this node in a shared take, for the operator.
@@ -86,13 +85,13 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
 }
 
 std::string detail_of(const ReconCounts& counts) {
-  if (!counts.shard) return numbers_json(values_of(counts));
-  return recon_json(values_of(counts), counts.without_mesh);
+  if (!counts.shard) return control::numbers_json(values_of(counts));
+  return control::recon_json(values_of(counts), counts.without_mesh);
 }
 
 /// The cameras of this take: all but those that may be missing.
-FrameSetOptions sets_of(const Studio& studio, const CommandMessage& command) {
-  FrameSetOptions options;
+recon::FrameSetOptions sets_of(const Studio& studio, const wire::CommandMessage& command) {
+  recon::FrameSetOptions options;
   for (const StudioCamera& camera : studio.cameras) {
     const bool missing = std::find(command.allow_missing.begin(), command.allow_missing.end(),
                                    camera.name) != command.allow_missing.end();
@@ -117,7 +116,7 @@ Rig rig_of(const std::vector<std::string>& cameras, const std::filesystem::path&
 
 }  // namespace
 
-ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
+ReconNode::ReconNode(const Studio& studio, const std::string& node, bus::Bus& bus)
     : studio_(studio),
       node_(node),
       bus_(bus),
@@ -127,61 +126,61 @@ ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
 
 ReconNode::~ReconNode() { disarm(); }
 
-void ReconNode::arm(const CommandMessage& command) {
+void ReconNode::arm(const wire::CommandMessage& command) {
   persisted_commands_.drop_all();
   command_ = command;
-  if (command.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
-  check_take_name(command.take);
-  const TakePaths paths = take_paths(studio_, command.take);
+  if (command.verb == wire::CommandVerb::kCheck) return;  // nothing is reconstructed
+  node::check_take_name(command.take);
+  const take::TakePaths paths = node::take_paths(studio_, command.take);
   if (file_exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }
   if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
   open(command, std::nullopt);
-  persist_command(studio_, node_, command);
+  node::persist_command(studio_, node_, command);
 }
 
-std::optional<CommandMessage> ReconNode::rejoin() {
+std::optional<wire::CommandMessage> ReconNode::rejoin() {
   const auto found = persisted_commands_.find_running(train_);
   if (!found) return std::nullopt;
   command_ = found->order;
   open(command_, found->commanded);
-  events_.send(Severity::kWarning, "reconstruction",
+  events_.send(wire::Severity::kWarning, "reconstruction",
                node_ + " restarted and reconstructs " + command_.take + " again from pulse " +
                    std::to_string(found->commanded),
-               advice::kMeshesMissing);
+               node::advice::kMeshesMissing);
   return command_;
 }
 
-void ReconNode::open(const CommandMessage& command, std::optional<int64_t> resume_at) {
+void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t> resume_at) {
   const StudioReconstruction& recon = studio_.reconstruction;
-  const FrameSetOptions sets = sets_of(studio_, command);
+  const recon::FrameSetOptions sets = sets_of(studio_, command);
   const int cameras = static_cast<int>(sets.cameras.size());
-  const ReconstructOptions options{.bounds = studio_.space.bounds,
-                                   .voxel_m = recon.voxel_m,
-                                   .min_views = std::min(cameras, recon.min_views),
-                                   .quality = recon.quality,
-                                   .threads = recon.threads};
+  const recon::ReconstructOptions options{.bounds = studio_.space.bounds,
+                                          .voxel_m = recon.voxel_m,
+                                          .min_views = std::min(cameras, recon.min_views),
+                                          .quality = recon.quality,
+                                          .threads = recon.threads};
   const Rig rig = rig_of(sets.cameras, studio_.storage.calib);
-  auto reconstructor = std::make_shared<Reconstructor>(rig, options);
+  auto reconstructor = std::make_shared<recon::Reconstructor>(rig, options);
   displacement_monitor_ = std::make_unique<DisplacementMonitor>(rig, options);
   reported_displacement_ = {};
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{
           .take = command.take,
-          .mesh_file = take_paths(studio_, command.take).mesh(),
+          .mesh_file = node::take_paths(studio_, command.take).mesh(),
           .stages = stages_of(reconstructor),
           .threads = recon.threads,
           .sets = sets,
           .warm_up = resume_at ? std::nullopt
-                               : std::optional(warm_up_frame_set(rig, studio_.space.bounds)),
-          .on_finished_set = [this](FrameSet& set) { displacement_monitor_->offer(set); },
+                               : std::optional(recon::warm_up_frame_set(rig, studio_.space.bounds)),
+          .on_finished_set = [this](recon::FrameSet& set) { displacement_monitor_->offer(set); },
           .resume_at = resume_at,
           .shard = shard_setup(command, resume_at.has_value())},
       bus_);
 }
 
-std::optional<Shard::Setup> ReconNode::shard_setup(const CommandMessage& command,
+std::optional<Shard::Setup> ReconNode::shard_setup(const wire::CommandMessage& command,
                                                    bool joins_late) const {
   const std::vector<std::string>& nodes = studio_.reconstruction.nodes;
   if (nodes.size() == 1) return std::nullopt;
@@ -193,7 +192,7 @@ std::optional<Shard::Setup> ReconNode::shard_setup(const CommandMessage& command
                       .frame_groups = bus_.frame_groups()};
 }
 
-void ReconNode::learn(const CommandMessage& command) {
+void ReconNode::learn(const wire::CommandMessage& command) {
   persisted_commands_.drop_all();
   command_ = command;
 }
@@ -203,7 +202,7 @@ void ReconNode::drain() { drain_began_ = Monotonic::now(); }
 void ReconNode::disarm() {
   if (!pipeline_) return;
   if (const io::Status closed = pipeline_->close(); !closed) {
-    events_.send(Severity::kAlarm, "disk", closed.error().message, advice::kMeshDisk);
+    events_.send(wire::Severity::kAlarm, "disk", closed.error().message, node::advice::kMeshDisk);
   }
   last_ = pipeline_->counts();
   pipeline_.reset();
@@ -212,10 +211,10 @@ void ReconNode::disarm() {
   // of takes. The warm-up of the next take allocates it again, before any pulse.
   malloc_trim(0);
   // A daemon that is stopped while pulses run may be restarted before they end.
-  if (last_.meshes > 0 || stop_requested()) return;
+  if (last_.meshes > 0 || node::stop_requested()) return;
   // Remove the files of a take without pulses. The folder is removed with its last file.
-  drop_command(studio_, node_, command_.take);
-  remove_mesh_file_without_meshes(take_paths(studio_, command_.take));
+  node::drop_command(studio_, node_, command_.take);
+  remove_mesh_file_without_meshes(node::take_paths(studio_, command_.take));
 }
 
 /// Does not wait for the monitor, which may get no processor time for long.
@@ -224,41 +223,45 @@ void ReconNode::stop_displacement_monitor() {
   stopping_monitors_.push_back(std::move(displacement_monitor_));
 }
 
-std::optional<NodeReport> ReconNode::poll(Phase phase) {
+std::optional<control::NodeReport> ReconNode::poll(control::Phase phase) {
   std::erase_if(stopping_monitors_, [](const auto& monitor) { return monitor->has_stopped(); });
   switch (phase) {
-    case Phase::kArming:
+    case control::Phase::kArming:
       return ready_report();
-    case Phase::kLearning:
-      return NodeReport{.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
-    case Phase::kRecording:
+    case control::Phase::kLearning:
+      return control::NodeReport{
+          .event = control::Input::kReady, .text = "nothing to learn here", .detail = {}};
+    case control::Phase::kRecording:
       return poll_recording();
-    case Phase::kDraining:
+    case control::Phase::kDraining:
       return poll_draining();
     default:
       return std::nullopt;
   }
 }
 
-NodeReport ReconNode::ready_report() const {
-  if (command_.verb == CommandVerb::kBackground) {
-    return {.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
+control::NodeReport ReconNode::ready_report() const {
+  if (command_.verb == wire::CommandVerb::kBackground) {
+    return {.event = control::Input::kReady, .text = "nothing to learn here", .detail = {}};
   }
-  if (!pipeline_) return {.event = Input::kReady, .text = "nothing to reconstruct", .detail = {}};
-  return {.event = Input::kReady,
+  if (!pipeline_)
+    return {.event = control::Input::kReady, .text = "nothing to reconstruct", .detail = {}};
+  return {.event = control::Input::kReady,
           .text = "reconstructs at " + format_length(studio_.reconstruction.voxel_m),
           .detail = {}};
 }
 
-std::optional<NodeReport> ReconNode::poll_recording() {
+std::optional<control::NodeReport> ReconNode::poll_recording() {
   train_.poll(command_.take);
   if (!train_.ended()) return std::nullopt;
-  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+  return control::NodeReport{
+      .event = control::Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
-std::optional<NodeReport> ReconNode::poll_draining() {
+std::optional<control::NodeReport> ReconNode::poll_draining() {
   if (!pipeline_) {
-    return NodeReport{.event = Input::kDrained, .text = "nothing to reconstruct", .detail = {}};
+    return control::NodeReport{
+        .event = control::Input::kDrained, .text = "nothing to reconstruct", .detail = {}};
   }
   const MonotonicInstant now = Monotonic::now();
   const bool waited = now - drain_began_ > kDrainIdle;
@@ -268,40 +271,41 @@ std::optional<NodeReport> ReconNode::poll_draining() {
   const io::Status closed = pipeline_->close();
   const ReconCounts counts = pipeline_->counts();
   if (!closed) {
-    return NodeReport{
-        .event = Input::kBroken, .text = closed.error().message, .detail = detail_of(counts)};
+    return control::NodeReport{.event = control::Input::kBroken,
+                               .text = closed.error().message,
+                               .detail = detail_of(counts)};
   }
-  return NodeReport{
-      .event = Input::kDrained,
+  return control::NodeReport{
+      .event = control::Input::kDrained,
       .text = format_count(counts.meshes) + " meshes, " + format_count(counts.dropped) +
               " dropped, " + format_count(counts.failed) + " failed, " +
               format_count(counts.incomplete_sets) + " of incomplete sets" + share_text(counts),
       .detail = detail_of(counts)};
 }
 
-void ReconNode::report_health(HealthMessage& health) {
+void ReconNode::report_health(wire::HealthMessage& health) {
   const ReconCounts counts = pipeline_ ? pipeline_->counts() : last_;
   health.values.merge(values_of(counts));
-  report_free_space(disk_free_bytes(studio_), health);
-  events_.report_condition(Severity::kAlarm, "disk",
+  node::report_free_space(node::disk_free_bytes(studio_), health);
+  events_.report_condition(wire::Severity::kAlarm, "disk",
                            counts.write_errors == 0
                                ? ""
                                : format_count(counts.write_errors) +
                                      " meshes could not be written: the disk is full or broken",
-                           advice::kMeshDisk);
+                           node::advice::kMeshDisk);
   report_displacement(health);
   if (!counts.without_mesh.empty()) health.text = "no mesh of " + pulse_list(counts.without_mesh);
   const int64_t lost = counts.shard ? counts.shard->lost : 0;
-  events_.report_condition(Severity::kWarning, "share",
+  events_.report_condition(wire::Severity::kWarning, "share",
                            lost == 0 ? "" : "pulses that no node made a mesh of",
-                           advice::kMeshesMissing);
+                           node::advice::kMeshesMissing);
   const bool behind = pipeline_ && counts.behind;
-  events_.report_condition(Severity::kWarning, "reconstruction",
+  events_.report_condition(wire::Severity::kWarning, "reconstruction",
                            behind ? "cannot keep up: drops pulses to show the newest" : "",
-                           advice::kBehind);
-  events_.report_condition(Severity::kWarning, "mesh",
+                           node::advice::kBehind);
+  events_.report_condition(wire::Severity::kWarning, "mesh",
                            counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure,
-                           advice::kNoMesh);
+                           node::advice::kNoMesh);
   if (behind) health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
   if (counts.failed > 0) {
     health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;
@@ -312,9 +316,9 @@ void ReconNode::report_health(HealthMessage& health) {
 }
 
 /// Sends an event for the first displaced camera of a take, and again only when it differs clearly.
-void ReconNode::report_displacement(HealthMessage& health) {
+void ReconNode::report_displacement(wire::HealthMessage& health) {
   if (!displacement_monitor_) return;
-  for (const CameraDisplacement& camera : displacement_monitor_->result()) {
+  for (const recon::CameraDisplacement& camera : displacement_monitor_->result()) {
     health.values[camera.camera + ".drift_px"] = camera.shift.norm();
     if (!camera.displaced) continue;
     health.text = camera.camera + " " + text_of(camera);
@@ -323,7 +327,8 @@ void ReconNode::report_displacement(HealthMessage& health) {
         (camera.shift - reported_displacement_.shift).norm() < kNewDisplacementPx;
     if (is_reported) continue;
     reported_displacement_ = camera;
-    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kCameraDisplaced);
+    events_.send(wire::Severity::kAlarm, camera.camera, text_of(camera),
+                 node::advice::kCameraDisplaced);
   }
 }
 
@@ -331,4 +336,4 @@ bool ReconNode::progressed_since(MonotonicInstant since) const {
   return !pipeline_ || pipeline_->progressed_since(since);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -9,55 +9,56 @@
 #include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/event_sender.h"
-#include "daemon/control/node_delegate.h"
+#include "daemon/control/node_protocol.h"
 #include "daemon/node/persisted_command.h"
-#include "daemon/node/train_monitor.h"
 #include "daemon/recond/displacement_monitor.h"
 #include "daemon/recond/recon_pipeline.h"
 
-namespace v3d {
+namespace v3d::recond {
 
-class ReconNode : public NodeDelegate {
+class ReconNode : public control::NodeDelegate {
  public:
   /// `studio` and `bus` must outlive this object.
-  ReconNode(const Studio& studio, const std::string& node, Bus& bus);
+  ReconNode(const Studio& studio, const std::string& node, bus::Bus& bus);
   ~ReconNode() override;
 
-  void arm(const CommandMessage& command) override;
-  void learn(const CommandMessage& command) override;
-  std::optional<CommandMessage> rejoin() override;
+  void arm(const wire::CommandMessage& command) override;
+  void learn(const wire::CommandMessage& command) override;
+  std::optional<wire::CommandMessage> rejoin() override;
   void start() override { train_.reset(); }
   void drain() override;
   void disarm() override;
-  std::optional<NodeReport> poll(Phase phase) override;
-  void report_health(HealthMessage& health) override;
+  std::optional<control::NodeReport> poll(control::Phase phase) override;
+  void report_health(wire::HealthMessage& health) override;
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
   /// `resume_at`: see ReconPipeline::Setup.
-  void open(const CommandMessage& command, std::optional<int64_t> resume_at);
+  void open(const wire::CommandMessage& command, std::optional<int64_t> resume_at);
   /// Empty where this is the only reconstruction node.
-  std::optional<Shard::Setup> shard_setup(const CommandMessage& command, bool joins_late) const;
-  NodeReport ready_report() const;
-  std::optional<NodeReport> poll_recording();
-  std::optional<NodeReport> poll_draining();
-  void report_displacement(HealthMessage& health);
+  std::optional<Shard::Setup> shard_setup(const wire::CommandMessage& command,
+                                          bool joins_late) const;
+  control::NodeReport ready_report() const;
+  std::optional<control::NodeReport> poll_recording();
+  std::optional<control::NodeReport> poll_draining();
+  void report_displacement(wire::HealthMessage& health);
   void stop_displacement_monitor();
 
   const Studio& studio_;
   const std::string node_;
-  Bus& bus_;
-  EventSender events_;
-  TrainMonitor train_;
-  PersistedCommands persisted_commands_;
-  CommandMessage command_;  ///< the last arm, check or background command
+  bus::Bus& bus_;
+  bus::EventSender events_;
+  node::TrainMonitor train_;
+  node::PersistedCommands persisted_commands_;
+  wire::CommandMessage command_;  ///< the last arm, check or background command
   MonotonicInstant drain_began_;
   std::unique_ptr<DisplacementMonitor> displacement_monitor_;
   /// Of previous takes: still stopping.
   std::vector<std::unique_ptr<DisplacementMonitor>> stopping_monitors_;
-  std::unique_ptr<ReconPipeline> pipeline_;   ///< passes its sets to displacement_monitor_
-  CameraDisplacement reported_displacement_;  ///< last one of this take; without a name: none
-  ReconCounts last_;                          ///< of the last take
+  std::unique_ptr<ReconPipeline> pipeline_;  ///< passes its sets to displacement_monitor_
+  recon::CameraDisplacement
+      reported_displacement_;  ///< last one of this take; without a name: none
+  ReconCounts last_;           ///< of the last take
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -7,9 +7,9 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
@@ -23,34 +23,37 @@ constexpr size_t kMaxEdges = 512;
 
 }  // namespace
 
-MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
-  return {.make_mesh = [reconstructor](FrameSetJob& work) { reconstructor->make_mesh(work); },
-          .encode = [reconstructor](FrameSetJob& work) { reconstructor->encode(work); },
-          .begin_sequence = [reconstructor] { reconstructor->begin_sequence(); }};
+MeshStages stages_of(const std::shared_ptr<recon::Reconstructor>& reconstructor) {
+  return {
+      .make_mesh = [reconstructor](recon::FrameSetJob& work) { reconstructor->make_mesh(work); },
+      .encode = [reconstructor](recon::FrameSetJob& work) { reconstructor->encode(work); },
+      .begin_sequence = [reconstructor] { reconstructor->begin_sequence(); }};
 }
 
 namespace {
 
-FrameSetOptions starting_after(FrameSetOptions sets, std::optional<int64_t> last_pulse) {
+recon::FrameSetOptions starting_after(recon::FrameSetOptions sets,
+                                      std::optional<int64_t> last_pulse) {
   sets.gone_until = last_pulse;
   return sets;
 }
 
 }  // namespace
 
-ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
+ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
     : take_(std::move(setup.take)),
       cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
       on_finished_set_(std::move(setup.on_finished_set)),
-      file_(setup.mesh_file, setup.resume_at ? LogOpening::kContinue : LogOpening::kNew),
+      file_(setup.mesh_file,
+            setup.resume_at ? take::LogOpening::kContinue : take::LogOpening::kNew),
       meshes_before_(static_cast<int64_t>(file_.size())),
       assembler_(starting_after(setup.sets, file_.last_pulse())),
-      frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
-      pulses_(bus, kPulseChannel, kPulseQueue),
+      frames_(bus, std::string(wire::kFramePrefix) + ".*", kFrameQueue),
+      pulses_(bus, wire::kPulseChannel, kPulseQueue),
       ready_({.on_drop =
-                  [this](const ReadySet& ready) {
+                  [this](const recon::ReadySet& ready) {
                     if (shared_) shared_->give_up(ready.set.pulse);
                   }}),
       warm_up_(std::move(setup.warm_up)),
@@ -66,9 +69,9 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
 std::unique_ptr<SharedTake> ReconPipeline::make_shared_take(
     const std::optional<Shard::Setup>& setup) {
   if (!setup) return nullptr;
-  const auto work = [this](ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
-  const auto ordered = [this](const MeshMessage& mesh) { store(mesh); };
-  const auto receive = [this](const FrameGroupSet& groups) { receive_groups(groups); };
+  const auto work = [this](recon::ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
+  const auto ordered = [this](const wire::MeshMessage& mesh) { store(mesh); };
+  const auto receive = [this](const bus::FrameGroupSet& groups) { receive_groups(groups); };
   return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, receive});
 }
 
@@ -115,7 +118,7 @@ void ReconPipeline::assemble() {
   }
 }
 
-void ReconPipeline::receive_groups(const FrameGroupSet& groups) {
+void ReconPipeline::receive_groups(const bus::FrameGroupSet& groups) {
   {
     const std::lock_guard lock(mutex_);
     for (const size_t group : groups) {
@@ -136,7 +139,7 @@ std::string ReconPipeline::series_of(const std::string& camera, size_t group) co
   return camera + " " + std::to_string(group);
 }
 
-void ReconPipeline::record_arrival(const FrameMessage& message) {
+void ReconPipeline::record_arrival(const wire::FrameMessage& message) {
   const std::string& camera = message.frame.camera;
   if (std::find(cameras_.begin(), cameras_.end(), camera) == cameras_.end()) return;
   const auto groups = static_cast<int64_t>(bus_.frame_groups());
@@ -155,8 +158,8 @@ void ReconPipeline::record_pulses() {
   }
 }
 
-void ReconPipeline::dispatch(std::vector<ReadySet> ready) {
-  for (ReadySet& set : ready) {
+void ReconPipeline::dispatch(std::vector<recon::ReadySet> ready) {
+  for (recon::ReadySet& set : ready) {
     if (!set.missing.empty()) ++incomplete_;
     ++dispatched_;
     if (shared_) {
@@ -172,7 +175,7 @@ void ReconPipeline::dispatch(std::vector<ReadySet> ready) {
 
 std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
   if (warm_up_) {
-    Job job{FrameSetJob(*std::move(warm_up_)), {}, {}, true};
+    Job job{recon::FrameSetJob(*std::move(warm_up_)), {}, {}, true};
     warm_up_.reset();
     return job;
   }
@@ -181,13 +184,13 @@ std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
     ready_.wait(Monotonic::now() + kPollPeriod);
     if (auto ready = ready_.take(Monotonic::now())) {
       if (shared_ && !shared_->begin(ready->set.pulse)) continue;
-      return Job{FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
+      return Job{recon::FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
     }
   }
   return std::nullopt;
 }
 
-void ReconPipeline::run_stage(const std::function<void(FrameSetJob&)>& stage, Job& job) {
+void ReconPipeline::run_stage(const std::function<void(recon::FrameSetJob&)>& stage, Job& job) {
   if (!job.failure.empty()) return;
   try {
     stage(job.work);
@@ -205,12 +208,12 @@ void ReconPipeline::finish(Job& job) {
   if (job.is_warm_up) return stages_.begin_sequence();
   if (!job.failure.empty()) return record_failure(job);
   ghosts_ += job.work.result.ghosts;
-  MeshMessage mesh = message_of(job);
+  wire::MeshMessage mesh = message_of(job);
   if (shared_) {
     shared_->add_mesh(std::move(mesh));
   } else {
     mesh.seq = seq_++;
-    bus_.publish_authenticated(kMeshChannel, encode(mesh));
+    bus_.publish_authenticated(wire::kMeshChannel, encode(mesh));
     if (!store(mesh)) stages_.begin_sequence();
   }
   if (on_finished_set_) on_finished_set_(job.work.set);
@@ -218,7 +221,7 @@ void ReconPipeline::finish(Job& job) {
 
 /// Called by the last stage or, in a shared take, by SharedTake, perhaps while the constructor
 /// still sets shared_. Returns false after a write error.
-bool ReconPipeline::store(const MeshMessage& mesh) {
+bool ReconPipeline::store(const wire::MeshMessage& mesh) {
   record_mesh(mesh);
   const io::Status written = file_.append(mesh.pulse, mesh.compact);
   if (!written && ++write_errors_ == 1) spdlog::error("{}", written.error().message);
@@ -236,8 +239,8 @@ void ReconPipeline::record_failure(const Job& job) {
   if (shared_) shared_->give_up(job.work.set.pulse);
 }
 
-MeshMessage ReconPipeline::message_of(const Job& job) {
-  const Reconstruction& result = job.work.result;
+wire::MeshMessage ReconPipeline::message_of(const Job& job) {
+  const recon::Reconstruction& result = job.work.result;
   return {.sent = Realtime::now(),
           .seq = 0,
           .take = take_,
@@ -250,7 +253,7 @@ MeshMessage ReconPipeline::message_of(const Job& job) {
           .compact = result.compact};
 }
 
-void ReconPipeline::record_mesh(const MeshMessage& mesh) {
+void ReconPipeline::record_mesh(const wire::MeshMessage& mesh) {
   record_latency(mesh.pulse_edge);
   const std::lock_guard lock(mutex_);
   quality_ = {
@@ -279,7 +282,7 @@ void ReconPipeline::record_latency(RealtimeInstant edge) {
 // --- counts -------------------------------------------------------------------------------------
 
 ReconCounts ReconPipeline::counts() const {
-  const SubscriptionCounts frames = frames_.counts();
+  const bus::SubscriptionCounts frames = frames_.counts();
   ReconCounts counts{.meshes = meshes_before_ + meshes_,
                      .dropped = ready_.dropped(),
                      .waiting = static_cast<int64_t>(ready_.size()),
@@ -322,4 +325,4 @@ bool ReconPipeline::drained(Duration idle_time) const {
   return is_idle && meshes_ + failed_ + ready_.dropped() == dispatched_;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

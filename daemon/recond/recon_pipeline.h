@@ -12,7 +12,7 @@
 
 #include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
-#include "daemon/node/heartbeat.h"
+#include "daemon/node/service.h"
 #include "daemon/recond/live_queue.h"
 #include "daemon/recond/shared_take.h"
 #include "recon/pipeline/frame_pipeline.h"
@@ -20,7 +20,7 @@
 #include "recon/pipeline/reconstructor.h"
 #include "take/logs/mesh_file.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 struct ReconCounts {
   int64_t meshes = 0;
@@ -34,14 +34,14 @@ struct ReconCounts {
   int64_t frames_late = 0;      ///< arrived after their set was complete or overdue
   int64_t frames_lost = 0;      ///< sent, but not received, or dropped by the receive queue
   int64_t frames_dropped = 0;   ///< of these, dropped by the receive queue
-  std::map<std::string, SequenceCounts> cameras;  ///< frames by camera
-  int64_t ghosts = 0;                             ///< components removed by GhostRemoval
+  std::map<std::string, bus::SequenceCounts> cameras;  ///< frames by camera
+  int64_t ghosts = 0;                                  ///< components removed by GhostRemoval
   int64_t undecodable = 0;
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
   double latency_p99_ms = 0;
-  double live_fps = 0;     ///< meshes per second over the take so far
-  FrameQuality quality{};  ///< of the last mesh
+  double live_fps = 0;            ///< meshes per second over the take so far
+  recon::FrameQuality quality{};  ///< of the last mesh
   /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
   std::optional<ShardCounts> shard{};
   std::vector<int64_t> without_mesh{};  ///< pulses of a shared take
@@ -50,13 +50,13 @@ struct ReconCounts {
 /// The stages that process a frame set: those of Reconstructor. They throw InputError for a set
 /// whose mesh cannot be a compact frame.
 struct MeshStages {
-  std::function<void(FrameSetJob&)> make_mesh;
-  std::function<void(FrameSetJob&)> encode;
+  std::function<void(recon::FrameSetJob&)> make_mesh;
+  std::function<void(recon::FrameSetJob&)> encode;
   /// Makes the next mesh a key frame: some receiver lacks the previous one.
   std::function<void()> begin_sequence = [] {};
 };
 /// The stages of `reconstructor`, which they share ownership of.
-MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);
+MeshStages stages_of(const std::shared_ptr<recon::Reconstructor>& reconstructor);
 
 /// The reconstruction of one take, from arming until closing.
 ///
@@ -75,10 +75,10 @@ class ReconPipeline {
     std::filesystem::path mesh_file;
     MeshStages stages;
     int threads = 0;  ///< 0: one per core
-    FrameSetOptions sets;
-    std::optional<FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
+    recon::FrameSetOptions sets;
+    std::optional<recon::FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
     /// Receives every set whose mesh was published, and may modify it. Called by the last stage.
-    std::function<void(FrameSet&)> on_finished_set{};
+    std::function<void(recon::FrameSet&)> on_finished_set{};
     /// Set for a take that is resumed after a restart: its pulses so far. Meshes are appended to
     /// the file.
     std::optional<int64_t> resume_at{};
@@ -86,7 +86,7 @@ class ReconPipeline {
     std::optional<Shard::Setup> shard{};
   };
   /// `bus` must outlive the pipeline. Throws InputError when the mesh file cannot be created.
-  ReconPipeline(Setup setup, Bus& bus);
+  ReconPipeline(Setup setup, bus::Bus& bus);
   ~ReconPipeline();  ///< closes; an error is logged
   ReconPipeline(const ReconPipeline&) = delete;
   ReconPipeline& operator=(const ReconPipeline&) = delete;
@@ -108,7 +108,7 @@ class ReconPipeline {
 
   /// A frame set in the pipeline.
   struct Job {
-    FrameSetJob work;
+    recon::FrameSetJob work;
     std::vector<std::string> missing;
     std::string failure;  ///< why it has no mesh; empty: no failure so far
     bool is_warm_up = false;
@@ -116,36 +116,36 @@ class ReconPipeline {
 
   std::unique_ptr<SharedTake> make_shared_take(const std::optional<Shard::Setup>& setup);
   void assemble();
-  void receive_groups(const FrameGroupSet& groups);
+  void receive_groups(const bus::FrameGroupSet& groups);
   std::string series_of(const std::string& camera, size_t group) const;
-  void record_arrival(const FrameMessage& message);
-  void dispatch(std::vector<ReadySet> ready);
+  void record_arrival(const wire::FrameMessage& message);
+  void dispatch(std::vector<recon::ReadySet> ready);
   void record_pulses();
   std::optional<Job> next_job();
-  void run_stage(const std::function<void(FrameSetJob&)>& stage, Job& job);
+  void run_stage(const std::function<void(recon::FrameSetJob&)>& stage, Job& job);
   void finish(Job& job);
   void record_failure(const Job& job);
-  MeshMessage message_of(const Job& job);
-  bool store(const MeshMessage& mesh);
+  wire::MeshMessage message_of(const Job& job);
+  bool store(const wire::MeshMessage& mesh);
   RealtimeInstant edge_of(int64_t pulse);
-  void record_mesh(const MeshMessage& mesh);
+  void record_mesh(const wire::MeshMessage& mesh);
   void record_latency(RealtimeInstant edge);
   void stop();
 
   const std::string take_;
   const std::vector<std::string> cameras_;
-  Bus& bus_;
+  bus::Bus& bus_;
   const MeshStages stages_;
-  const std::function<void(FrameSet&)> on_finished_set_;
-  MeshFileWriter file_;
-  const int64_t meshes_before_;  ///< in the file of a resumed take
-  FrameSetAssembler assembler_;  ///< used by the assembling thread
-  Subscription<FrameMessage> frames_;
-  Subscription<PulseMessage> pulses_;
-  LiveQueue<ReadySet> ready_;
-  std::optional<FrameSet> warm_up_;  ///< empty once it is processed
-  int64_t seq_ = 0;                  ///< used by the last stage
-  int64_t newest_pulse_ = 0;         ///< used by the assembling thread
+  const std::function<void(recon::FrameSet&)> on_finished_set_;
+  take::MeshFileWriter file_;
+  const int64_t meshes_before_;         ///< in the file of a resumed take
+  recon::FrameSetAssembler assembler_;  ///< used by the assembling thread
+  bus::Subscription<wire::FrameMessage> frames_;
+  bus::Subscription<wire::PulseMessage> pulses_;
+  LiveQueue<recon::ReadySet> ready_;
+  std::optional<recon::FrameSet> warm_up_;  ///< empty once it is processed
+  int64_t seq_ = 0;                         ///< used by the last stage
+  int64_t newest_pulse_ = 0;                ///< used by the assembling thread
 
   std::atomic<int64_t> meshes_ = 0;
   std::atomic<int64_t> ghosts_ = 0;
@@ -157,24 +157,24 @@ class ReconPipeline {
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
   QueueIdleTimer idle_;  ///< of frames_
-  Heartbeat assembling_;
-  Heartbeat reconstructing_;
+  node::Heartbeat assembling_;
+  node::Heartbeat reconstructing_;
 
-  mutable std::mutex mutex_;               ///< guards the members below, until shared_
-  SequenceTracker sequences_;              ///< by camera and frame group
-  std::optional<FrameGroupSet> groups_{};  ///< that a shared take receives
+  mutable std::mutex mutex_;                    ///< guards the members below, until shared_
+  bus::SequenceTracker sequences_;              ///< by camera and frame group
+  std::optional<bus::FrameGroupSet> groups_{};  ///< that a shared take receives
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;
   MonotonicInstant first_mesh_;
   MonotonicInstant last_mesh_;
   std::string failure_;
-  FrameQuality quality_;
+  recon::FrameQuality quality_;
 
   std::unique_ptr<SharedTake> shared_;  ///< null where one node makes all meshes
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
-  FramePipeline<Job> pipeline_;  ///< last: it uses all of the above
+  recon::FramePipeline<Job> pipeline_;  ///< last: it uses all of the above
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

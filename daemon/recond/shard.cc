@@ -5,7 +5,7 @@
 
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 /// Pulse numbers farther ahead of the stream than this are ignored. More than FrameSetAssembler
@@ -16,7 +16,7 @@ size_t index_in(const std::vector<std::string>& roster, const std::string& node)
   return static_cast<size_t>(std::find(roster.begin(), roster.end(), node) - roster.begin());
 }
 
-size_t byte_count(const ReadySet& set) {
+size_t byte_count(const recon::ReadySet& set) {
   size_t bytes = 0;
   for (const Frame& frame : set.set.frames) {
     bytes += frame.image.bytes.size();
@@ -30,7 +30,7 @@ size_t byte_count(const ReadySet& set) {
 Shard::Shard(const Setup& setup)
     : setup_(setup), self_(index_in(setup.roster, setup.node)), members_(setup.roster, self_) {
   // No node is known to be alive yet, so receive the pulses of all.
-  groups_ = all_frame_groups(setup.frame_groups);
+  groups_ = bus::all_frame_groups(setup.frame_groups);
   if (setup.joins_late) return;
   first_ = 0;
   members_.join(first_);
@@ -57,7 +57,7 @@ void Shard::join_after(int64_t pulse) {
 void Shard::update_frame_groups() {
   if (setup_.frame_groups == 1) return;
   const int64_t newest = known_.empty() ? 0 : known_.back().first;
-  FrameGroupSet wanted = groups_of(self_, members_.size(), setup_.frame_groups);
+  bus::FrameGroupSet wanted = groups_of(self_, members_.size(), setup_.frame_groups);
   for (size_t index = 0; index < members_.size(); ++index) {
     if (index == self_ || members_.is_available(index, newest, now_)) continue;
     wanted.merge(groups_of(index, members_.size(), setup_.frame_groups));
@@ -69,8 +69,8 @@ void Shard::update_frame_groups() {
 }
 
 /// Is this the first set of a group that was joined while its frames were being sent?
-bool Shard::may_be_truncated(const ReadySet& set) {
-  const size_t group = FrameNumbers::group_of(set.set.pulse, setup_.frame_groups);
+bool Shard::may_be_truncated(const recon::ReadySet& set) {
+  const size_t group = bus::FrameNumbers::group_of(set.set.pulse, setup_.frame_groups);
   return new_groups_.erase(group) > 0 && !set.missing.empty();
 }
 
@@ -90,10 +90,10 @@ std::optional<Duration> Shard::known_since(int64_t pulse) const {
 
 // --- sets ---------------------------------------------------------------------------------------
 
-void Shard::on_set(ReadySet set) {
+void Shard::on_set(recon::ReadySet set) {
   const int64_t pulse = set.set.pulse;
   newest_set_ = std::max(newest_set_, pulse);
-  if (!reorder_ && pulse < kMaxPulses) return join_after(pulse);
+  if (!reorder_ && pulse < take::kMaxPulses) return join_after(pulse);
   if (!reorder_ || pulse < first_) return;
   if (pulse - reorder_->next() > kMaxJump) return;
   record_known(pulse);
@@ -101,7 +101,7 @@ void Shard::on_set(ReadySet set) {
   if (!reorder_->has(pulse)) hold(std::move(set));
 }
 
-void Shard::hold(ReadySet set) {
+void Shard::hold(recon::ReadySet set) {
   const int64_t pulse = set.set.pulse;
   const size_t bytes = byte_count(set);
   const auto [held, is_new] = held_.emplace(pulse, Held{std::move(set), bytes, std::nullopt});
@@ -175,11 +175,11 @@ void Shard::give_up(int64_t pulse) {
 
 // --- meshes -------------------------------------------------------------------------------------
 
-void Shard::on_status(const ShardMessage& status) {
+void Shard::on_status(const wire::ShardMessage& status) {
   if (status.take == setup_.take) members_.on_status(status, now_);
 }
 
-void Shard::on_mesh(MeshMessage mesh) {
+void Shard::on_mesh(wire::MeshMessage mesh) {
   if (!reorder_ || mesh.take != setup_.take || mesh.pulse < first_) return;
   const int64_t pulse = mesh.pulse;
   if (pulse - reorder_->next() > kMaxJump) return;
@@ -192,7 +192,7 @@ void Shard::on_mesh(MeshMessage mesh) {
   if (held != held_.end()) release(held);
 }
 
-void Shard::on_own_mesh(MeshMessage mesh) {
+void Shard::on_own_mesh(wire::MeshMessage mesh) {
   own_pulses_.erase(mesh.pulse);
   ++counts_.made;
   on_mesh(std::move(mesh));
@@ -269,14 +269,14 @@ bool Shard::may_start_publishing(const Unpublished& front) const {
   if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= kLossTimeout) return true;
   const size_t before = members_.publisher(first_ - 1, now_);
   if (before == self_) return true;
-  const ShardMessage& status = members_.status(before);
+  const wire::ShardMessage& status = members_.status(before);
   return status.ordered >= first_ - 1 && published_ >= status.shown;
 }
 
 // --- status and counts --------------------------------------------------------------------------
 
-ShardMessage Shard::status() const {
-  ShardMessage status;
+wire::ShardMessage Shard::status() const {
+  wire::ShardMessage status;
   status.take = setup_.take;
   status.node = setup_.node;
   status.first = first_;
@@ -299,4 +299,4 @@ bool Shard::is_settled() const {
   return own_pulses_.empty() && held_.empty() && all_ordered && unpublished_.empty();
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

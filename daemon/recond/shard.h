@@ -11,13 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "daemon/bus/frame_groups.h"
-#include "daemon/recond/reorder_buffer.h"
+#include "daemon/bus/channel_list.h"
 #include "daemon/recond/shard_members.h"
 #include "recon/pipeline/frame_set.h"
-#include "take/ledger/pulse_set.h"
+#include "take/ledger/ledger.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 struct ShardCounts {
   int64_t made = 0;        ///< meshes made here
@@ -65,39 +64,39 @@ class Shard {
     std::string node;                 ///< this node, of the roster
     double rate_hz = 25;
     bool joins_late = false;  ///< the take runs already
-    size_t frame_groups = 1;  ///< number of groups (frame_groups.h)
+    size_t frame_groups = 1;  ///< number of groups (channel_list.h)
   };
   explicit Shard(const Setup& setup);
 
   /// Sets the time to `now` and applies the rules. The on_..() functions use the last such time.
   void advance(MonotonicInstant now);
   /// A frame set that was assembled here, by ascending pulse.
-  void on_set(ReadySet set);
-  void on_status(const ShardMessage& status);
+  void on_set(recon::ReadySet set);
+  void on_status(const wire::ShardMessage& status);
   /// A mesh of another node.
-  void on_mesh(MeshMessage mesh);
+  void on_mesh(wire::MeshMessage mesh);
   /// A mesh that this node made of a set from take_work().
-  void on_own_mesh(MeshMessage mesh);
+  void on_own_mesh(wire::MeshMessage mesh);
   /// This node dropped a set from take_work(), or failed to make its mesh.
   void give_up(int64_t pulse);
   /// Call it when processing of a set from take_work() begins. Returns false when its mesh has
   /// arrived meanwhile: the set needs no processing.
   bool begin(int64_t pulse);
   /// A mesh was published on V3D_MESH.
-  void on_published(const MeshMessage& mesh) {
+  void on_published(const wire::MeshMessage& mesh) {
     if (mesh.take == setup_.take) published_ = std::max(published_, mesh.pulse);
   }
 
   /// Sets to process here.
-  std::vector<ReadySet> take_work() { return std::exchange(work_, {}); }
+  std::vector<recon::ReadySet> take_work() { return std::exchange(work_, {}); }
   /// The meshes of all nodes by ascending pulse, each once.
-  std::vector<MeshMessage> take_ordered() { return std::exchange(ordered_, {}); }
+  std::vector<wire::MeshMessage> take_ordered() { return std::exchange(ordered_, {}); }
   /// Those of them that this node must publish on V3D_MESH.
-  std::vector<MeshMessage> take_to_publish() { return std::exchange(to_publish_, {}); }
+  std::vector<wire::MeshMessage> take_to_publish() { return std::exchange(to_publish_, {}); }
   /// The frame groups that this node must receive.
-  const FrameGroupSet& frame_groups() const { return groups_; }
+  const bus::FrameGroupSet& frame_groups() const { return groups_; }
   /// The status for the other nodes, without `sent` and `seq`.
-  ShardMessage status() const;
+  wire::ShardMessage status() const;
 
   ShardCounts counts() const;
   /// Pulses of the stream so far that have no mesh.
@@ -107,12 +106,12 @@ class Shard {
 
  private:
   struct Held {
-    ReadySet set;
+    recon::ReadySet set;
     size_t bytes = 0;
     std::optional<Duration> reported_done;  ///< since when its owner reports the mesh as made
   };
   struct Unpublished {
-    MeshMessage mesh;
+    wire::MeshMessage mesh;
     Duration since{};
   };
   static constexpr size_t kMaxGivenUp = 64;
@@ -120,10 +119,10 @@ class Shard {
 
   void join_after(int64_t pulse);
   void update_frame_groups();
-  bool may_be_truncated(const ReadySet& set);
+  bool may_be_truncated(const recon::ReadySet& set);
   void record_known(int64_t pulse);
   std::optional<Duration> known_since(int64_t pulse) const;
-  void hold(ReadySet set);
+  void hold(recon::ReadySet set);
   void release(std::map<int64_t, Held>::iterator held);
   void check_held_sets();
   bool should_make(int64_t pulse, Held& held);
@@ -143,22 +142,22 @@ class Shard {
   ShardMembers members_;
   int64_t first_ = -1;                    ///< this node takes part from here on; -1: not yet
   std::optional<ReorderBuffer> reorder_;  ///< once it does
-  FrameGroupSet groups_;
-  FrameGroupSet new_groups_;  ///< no set of these was assembled yet
+  bus::FrameGroupSet groups_;
+  bus::FrameGroupSet new_groups_;  ///< no set of these was assembled yet
   int64_t newest_set_ = -1;
   std::map<int64_t, Held> held_;
   size_t held_bytes_ = 0;
   std::set<int64_t> own_pulses_;  ///< handed out by take_work(), not finished
   std::deque<int64_t> given_up_;
   std::deque<std::pair<int64_t, Duration>> known_;  ///< newest known pulse, and since when
-  std::vector<ReadySet> work_;
-  std::vector<MeshMessage> ordered_;
-  std::vector<MeshMessage> to_publish_;
+  std::vector<recon::ReadySet> work_;
+  std::vector<wire::MeshMessage> ordered_;
+  std::vector<wire::MeshMessage> to_publish_;
   std::deque<Unpublished> unpublished_;
   bool publishing_ = false;  ///< has published a mesh
   int64_t published_ = -1;   ///< newest pulse on V3D_MESH
-  PulseSet without_mesh_;
+  take::PulseSet without_mesh_;
   ShardCounts counts_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

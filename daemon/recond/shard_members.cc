@@ -2,9 +2,9 @@
 
 #include <numeric>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 size_t owner_of(int64_t pulse, const std::vector<bool>& available) {
   const auto size = static_cast<int64_t>(available.size());
@@ -18,11 +18,11 @@ size_t owner_of(int64_t pulse, const std::vector<bool>& available) {
   return index;
 }
 
-FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups) {
+bus::FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups) {
   // Pulses p = index (mod nodes) and p = g (mod groups) exist when the greatest common divisor
   // divides g - index.
   const size_t step = std::gcd(nodes, groups);
-  FrameGroupSet found;
+  bus::FrameGroupSet found;
   for (size_t group = index % step; group < groups; group += step) found.insert(group);
   return found;
 }
@@ -30,7 +30,7 @@ FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups) {
 ShardMembers::ShardMembers(std::vector<std::string> roster, size_t self)
     : roster_(std::move(roster)), self_(self), members_(roster_.size()) {}
 
-bool ShardMembers::on_status(const ShardMessage& status, Duration now) {
+bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
   const auto found = std::find(roster_.begin(), roster_.end(), status.node);
   if (found == roster_.end()) return false;
   const auto index = static_cast<size_t>(found - roster_.begin());
@@ -96,4 +96,22 @@ void ShardMembers::forget_before(int64_t pulse) {
   }
 }
 
-}  // namespace v3d
+bool ReorderBuffer::add(wire::MeshMessage mesh) {
+  if (has(mesh.pulse)) return false;
+  bytes_ += mesh.compact.size();
+  const int64_t pulse = mesh.pulse;
+  waiting_.emplace(pulse, std::move(mesh));
+  return true;
+}
+
+std::optional<wire::MeshMessage> ReorderBuffer::take() {
+  const auto found = waiting_.find(next_);
+  if (found == waiting_.end()) return std::nullopt;
+  std::optional<wire::MeshMessage> mesh(std::move(found->second));
+  waiting_.erase(found);
+  bytes_ -= mesh->compact.size();
+  ++next_;
+  return mesh;
+}
+
+}  // namespace v3d::recond

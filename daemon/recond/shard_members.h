@@ -1,19 +1,22 @@
-// The reconstruction nodes that share a take: which of them are alive, and which one owns a pulse.
+// Members of a shared take, order of meshes.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "base/core/time.h"
-#include "daemon/bus/frame_groups.h"
+#include "daemon/bus/channel_list.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::recond {
+
+// The reconstruction nodes that share a take: which of them are alive, and which one owns a pulse.
 
 /// Index in the roster of the node that makes the mesh of `pulse` (0 or more).
 ///
@@ -25,7 +28,7 @@ size_t owner_of(int64_t pulse, const std::vector<bool>& available);
 
 /// The frame groups that carry the pulses owned by the node at `index`, of a roster of `nodes` and
 /// of `groups` groups. They carry no other pulses where `nodes` divides `groups`.
-FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups);
+bus::FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups);
 
 /// A clock that excludes time in which the process was stopped: it advances by at most kMaxStep
 /// between two updates. A process that did not run received nothing meanwhile, so that time must
@@ -57,7 +60,7 @@ class ShardMembers {
 
   /// Status of another node. Returns false, and ignores it, when it is of an unknown node or of
   /// this one, or older than the last.
-  bool on_status(const ShardMessage& status, Duration now);
+  bool on_status(const wire::ShardMessage& status, Duration now);
   /// This node takes part from `pulse` on.
   void join(int64_t pulse) { members_[self_].status.first = pulse; }
   /// This node makes no mesh of `pulse`, which it owns.
@@ -75,7 +78,7 @@ class ShardMembers {
   /// The number of available nodes between the owner of `pulse` and this node, in roster order.
   int rank(int64_t pulse, Duration now) const;
   /// The last status of another node.
-  const ShardMessage& status(size_t index) const { return members_[index].status; }
+  const wire::ShardMessage& status(size_t index) const { return members_[index].status; }
   bool has_given_up(size_t index, int64_t pulse) const {
     return members_[index].given_up.contains(pulse);
   }
@@ -84,7 +87,7 @@ class ShardMembers {
 
  private:
   struct Member {
-    ShardMessage status;
+    wire::ShardMessage status;
     std::optional<Duration> received;  ///< when `status` was
     std::set<int64_t> given_up;
   };
@@ -96,4 +99,41 @@ class ShardMembers {
   int64_t forgotten_ = 0;        ///< pulses before this one
 };
 
-}  // namespace v3d
+// Puts the meshes of several nodes into the order of their pulses.
+
+/// A buffer that accepts meshes in any order and returns them by ascending pulse, each pulse once.
+///
+/// The caller must skip() each pulse that has no mesh, and must skip() when is_full(): add() itself
+/// enforces no limit. One thread.
+class ReorderBuffer {
+ public:
+  struct Limits {
+    size_t meshes = 512;
+    size_t bytes = 128 << 20;
+  };
+  /// The stream starts with the pulse `first`.
+  explicit ReorderBuffer(int64_t first) : ReorderBuffer(first, Limits{}) {}
+  ReorderBuffer(int64_t first, Limits limits) : limits_(limits), next_(first) {}
+
+  /// Returns false for a pulse that is buffered already, or before next().
+  bool add(wire::MeshMessage mesh);
+  /// Removes and returns the mesh of next() and advances to the following pulse. Empty when that
+  /// mesh is not buffered.
+  std::optional<wire::MeshMessage> take();
+  /// Advances past next(), which must not be buffered.
+  void skip() { ++next_; }
+
+  /// The pulse that take() returns next.
+  int64_t next() const { return next_; }
+  /// Is the mesh of `pulse` buffered, or is `pulse` before next()?
+  bool has(int64_t pulse) const { return pulse < next_ || waiting_.contains(pulse); }
+  bool is_full() const { return waiting_.size() >= limits_.meshes || bytes_ >= limits_.bytes; }
+
+ private:
+  const Limits limits_;
+  int64_t next_;
+  std::map<int64_t, wire::MeshMessage> waiting_;
+  size_t bytes_ = 0;  ///< of waiting_
+};
+
+}  // namespace v3d::recond

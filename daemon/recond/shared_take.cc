@@ -2,9 +2,9 @@
 
 #include <utility>
 
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 /// A received mesh ends the wait at once. Other messages may wait that long.
@@ -16,13 +16,13 @@ constexpr size_t kStatusQueue = 256;
 
 }  // namespace
 
-SharedTake::SharedTake(const Shard::Setup& setup, Bus& bus, Receivers receivers)
+SharedTake::SharedTake(const Shard::Setup& setup, bus::Bus& bus, Receivers receivers)
     : node_(setup.node),
       bus_(bus),
       receivers_(std::move(receivers)),
-      statuses_(bus, std::string(kShardPrefix) + ".*", kStatusQueue),
-      meshes_(bus, std::string(kShardMeshPrefix) + ".*", kMeshQueue),
-      published_(bus, kMeshChannel, kMeshQueue),
+      statuses_(bus, std::string(wire::kShardPrefix) + ".*", kStatusQueue),
+      meshes_(bus, std::string(wire::kShardMeshPrefix) + ".*", kMeshQueue),
+      published_(bus, wire::kMeshChannel, kMeshQueue),
       shard_(setup),
       next_status_(Monotonic::now()),
       thread_([this] { run(); }) {}
@@ -67,26 +67,26 @@ void SharedTake::process() {
     groups_ = shard_.frame_groups();
     receivers_.on_frame_groups(*groups_);
   }
-  for (ReadySet& set : shard_.take_work()) receivers_.on_work(std::move(set));
-  for (MeshMessage& mesh : shard_.take_to_publish()) {
+  for (recon::ReadySet& set : shard_.take_work()) receivers_.on_work(std::move(set));
+  for (wire::MeshMessage& mesh : shard_.take_to_publish()) {
     mesh.seq = published_seq_++;
     mesh.sent = Realtime::now();
-    bus_.publish_authenticated(kMeshChannel, encode(mesh));
+    bus_.publish_authenticated(wire::kMeshChannel, encode(mesh));
   }
-  for (const MeshMessage& mesh : shard_.take_ordered()) receivers_.on_ordered(mesh);
+  for (const wire::MeshMessage& mesh : shard_.take_ordered()) receivers_.on_ordered(mesh);
 }
 
 void SharedTake::send_status() {
   const MonotonicInstant now = Monotonic::now();
   if (now < next_status_) return;
   next_status_ = now + kStatusPeriod;
-  ShardMessage status = shard_.status();
+  wire::ShardMessage status = shard_.status();
   status.sent = Realtime::now();
   status.seq = status_seq_++;
-  bus_.publish_authenticated(shard_channel(node_), encode(status));
+  bus_.publish_authenticated(wire::shard_channel(node_), encode(status));
 }
 
-void SharedTake::add(ReadySet set) {
+void SharedTake::add(recon::ReadySet set) {
   const std::lock_guard lock(mutex_);
   shard_.on_set(std::move(set));
   process();
@@ -97,14 +97,14 @@ bool SharedTake::begin(int64_t pulse) {
   return shard_.begin(pulse);
 }
 
-void SharedTake::add_mesh(MeshMessage mesh) {
-  ShardMeshMessage message;
-  static_cast<MeshMessage&>(message) = std::move(mesh);
+void SharedTake::add_mesh(wire::MeshMessage mesh) {
+  wire::ShardMeshMessage message;
+  static_cast<wire::MeshMessage&>(message) = std::move(mesh);
   message.node = node_;
   message.seq = mesh_seq_++;
-  bus_.publish_authenticated(shard_mesh_channel(node_), encode(message));
+  bus_.publish_authenticated(wire::shard_mesh_channel(node_), encode(message));
   const std::lock_guard lock(mutex_);
-  shard_.on_own_mesh(std::move(static_cast<MeshMessage&>(message)));
+  shard_.on_own_mesh(std::move(static_cast<wire::MeshMessage&>(message)));
   process();
 }
 
@@ -133,4 +133,4 @@ int64_t SharedTake::undecodable() const {
          published_.counts().undecodable;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "daemon/bus/bus.h"
-#include "daemon/node/heartbeat.h"
+#include "daemon/node/service.h"
 #include "daemon/recond/shard.h"
 
-namespace v3d {
+namespace v3d::recond {
 
 /// The part of this node in one shared take, from arming until closing. A thread receives messages
 /// of the other nodes, sends the status of this one every 100 ms, and publishes ordered meshes.
@@ -22,23 +22,23 @@ class SharedTake {
   /// into SharedTake, except for give_up().
   struct Receivers {
     /// A frame set to process here. Must not block.
-    std::function<void(ReadySet)> on_work;
+    std::function<void(recon::ReadySet)> on_work;
     /// The meshes of all nodes by ascending pulse, each once, before or after they are published.
-    std::function<void(const MeshMessage&)> on_ordered;
+    std::function<void(const wire::MeshMessage&)> on_ordered;
     /// The frame groups to receive from now on.
-    std::function<void(const FrameGroupSet&)> on_frame_groups;
+    std::function<void(const bus::FrameGroupSet&)> on_frame_groups;
   };
   /// `bus` must outlive this object.
-  SharedTake(const Shard::Setup& setup, Bus& bus, Receivers receivers);
+  SharedTake(const Shard::Setup& setup, bus::Bus& bus, Receivers receivers);
   ~SharedTake() { stop(); }
   SharedTake(const SharedTake&) = delete;
   SharedTake& operator=(const SharedTake&) = delete;
 
   /// A frame set that was assembled here, by ascending pulse. Any thread.
-  void add(ReadySet set);
+  void add(recon::ReadySet set);
   bool begin(int64_t pulse);  ///< see Shard::begin(). Any thread.
   /// A mesh that was made here. Sends it to the other nodes. Any thread.
-  void add_mesh(MeshMessage mesh);
+  void add_mesh(wire::MeshMessage mesh);
   /// See Shard::give_up(). Takes effect with the next iteration of the thread. Any thread, also
   /// from a receiver.
   void give_up(int64_t pulse);
@@ -58,11 +58,11 @@ class SharedTake {
   void send_status();
 
   const std::string node_;
-  Bus& bus_;
+  bus::Bus& bus_;
   const Receivers receivers_;
-  Subscription<ShardMessage> statuses_;
-  Subscription<ShardMeshMessage> meshes_;
-  Subscription<MeshMessage> published_;
+  bus::Subscription<wire::ShardMessage> statuses_;
+  bus::Subscription<wire::ShardMeshMessage> meshes_;
+  bus::Subscription<wire::MeshMessage> published_;
   std::atomic<int64_t> mesh_seq_ = 0;  ///< on the channel of this node
 
   mutable std::mutex given_up_mutex_;  ///< locked last
@@ -70,14 +70,14 @@ class SharedTake {
 
   mutable std::mutex mutex_;  ///< guards the members below
   Shard shard_;
-  std::optional<FrameGroupSet> groups_;  ///< last passed to on_frame_groups
+  std::optional<bus::FrameGroupSet> groups_;  ///< last passed to on_frame_groups
   int64_t published_seq_ = 0;
   int64_t status_seq_ = 0;
   MonotonicInstant next_status_;
 
-  Heartbeat heartbeat_;
+  node::Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recond

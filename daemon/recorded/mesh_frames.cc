@@ -3,13 +3,14 @@
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "codec/frame_header.h"
+#include "recon/mesh/mesh_neighbours.h"
 
-namespace v3d {
+namespace v3d::recorded {
 namespace {
 
-std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::path& file) {
+std::filesystem::path mesh_of(const take::TakePaths& paths, const std::filesystem::path& file) {
   load_take_info(paths);  // throws if the folder is not a take
   if (!file_exists(file)) {
     throw InputError(file.string() + ": is not there: run v3dctl reconstruct " +
@@ -18,21 +19,21 @@ std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::pat
   return file;
 }
 
-std::string text_of(FrameRange range) {
+std::string text_of(take::FrameRange range) {
   std::string text = std::to_string(range.begin) + ":";
-  if (range.end != FrameRange{}.end) text += std::to_string(range.end);
+  if (range.end != take::FrameRange{}.end) text += std::to_string(range.end);
   return text;
 }
 
 }  // namespace
 
 MeshFrames::MeshFrames(const std::filesystem::path& take)
-    : MeshFrames(take, TakePaths{take}.mesh()) {}
+    : MeshFrames(take, take::TakePaths{take}.mesh()) {}
 
 MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
     : path_(mesh_of({take}, file)), file_(path_) {}
 
-std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
+std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
   const std::vector<int64_t>& all = file_.pulses();
   if (all.empty()) throw InputError(path_.string() + ": holds no frames");
   std::vector<int64_t> frames;
@@ -45,25 +46,25 @@ std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
   return frames;
 }
 
-CompactFrame MeshFrames::read(int64_t frame) {
+recon::CompactFrame MeshFrames::read(int64_t frame) {
   frames({frame, frame + 1});
   const auto bytes = io::value_or_throw(file_.read(frame));
-  const auto header = bytes ? read_header(*bytes) : std::nullopt;
+  const auto header = bytes ? codec::read_header(*bytes) : std::nullopt;
   if (!header) throw_damaged(frame);
-  DecodeStatus status = decoder_.decode(*bytes);
-  if (status == DecodeStatus::kNeedsReference) {
+  codec::DecodeStatus status = decoder_.decode(*bytes);
+  if (status == codec::DecodeStatus::kNeedsReference) {
     for (const int64_t before : file_.pulses()) {
       if (before >= header->key_pulse && before < frame) decode(before);
     }
     status = decoder_.decode(*bytes);
   }
-  if (status != DecodeStatus::kOk) throw_damaged(frame);
+  if (status != codec::DecodeStatus::kOk) throw_damaged(frame);
   return decoder_.frame();
 }
 
 void MeshFrames::decode(int64_t frame) {
   const auto bytes = io::value_or_throw(file_.read(frame));
-  if (!bytes || decoder_.decode(*bytes) != DecodeStatus::kOk) throw_damaged(frame);
+  if (!bytes || decoder_.decode(*bytes) != codec::DecodeStatus::kOk) throw_damaged(frame);
 }
 
 void MeshFrames::throw_damaged(int64_t frame) const {
@@ -71,4 +72,48 @@ void MeshFrames::throw_damaged(int64_t frame) const {
                    " is damaged, or of an earlier version: reconstruct the take again");
 }
 
-}  // namespace v3d
+recon::TextureOptions texture_options(const Mesh& mesh) {
+  const double edge = recon::mean_edge(mesh);
+  recon::TextureOptions options;
+  options.depth_tolerance_m = 3 * edge;
+  options.occluder_radius_m = 0.71 * edge;
+  options.demosaic = true;
+  options.by_resolution = true;
+  return options;
+}
+
+std::vector<recon::TextureCamera> texture_cameras(const Rig& rig, const recon::FrameSet& set) {
+  std::vector<recon::TextureCamera> cameras;
+  for (const Frame& frame : set.frames) {
+    const auto index = static_cast<size_t>(find_camera(rig, frame.camera));
+    cameras.push_back({&rig[index].model, &frame, &rig[index].colour});
+  }
+  return cameras;
+}
+
+FrameColours::FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame) {
+  TakeFrames frames(take, frame.cameras);
+  rig_ = frames.rig();
+  set_ = observe_all(frame.pulse, frames.read(frame.pulse));
+  if (set_.frames.size() == frame.cameras.size()) return;
+  throw InputError(frames.paths().folder.string() + ": pulse " + std::to_string(frame.pulse) +
+                   ": frames of " + std::to_string(set_.frames.size()) + " of its " +
+                   std::to_string(frame.cameras.size()) +
+                   " cameras can be read; see v3dctl verify");
+}
+
+Mesh FrameColours::coloured(Mesh mesh) const { return coloured(std::move(mesh), std::nullopt); }
+
+Mesh FrameColours::coloured_for(const CameraModel& eye, Mesh mesh) const {
+  return coloured(std::move(mesh), recon::ViewDependence{eye.viewing_direction()});
+}
+
+Mesh FrameColours::coloured(Mesh mesh, std::optional<recon::ViewDependence> view) const {
+  if (mesh.vertices.empty()) return mesh;
+  recon::TextureOptions options = texture_options(mesh);
+  options.view = view;
+  mesh.colours = colour_vertices(mesh, texture_cameras(rig_, set_), options).colours;
+  return mesh;
+}
+
+}  // namespace v3d::recorded

@@ -1,15 +1,18 @@
-// Reader of the reconstructed frames of a take.
+// Recorded meshes and their colours.
 #pragma once
 
 #include <filesystem>
 #include <vector>
 
-#include "daemon/recorded/frame_range.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/compact_frame.h"
+#include "recon/texture/texture.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::recorded {
+
+// Reader of the reconstructed frames of a take.
 
 /// One thread.
 class MeshFrames {
@@ -22,19 +25,47 @@ class MeshFrames {
   /// Has the file no index, because it was truncated or its writer did not finish?
   bool is_unfinished() const { return file_.index_was_rebuilt(); }
   /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
-  std::vector<int64_t> frames(FrameRange range) const;
+  std::vector<int64_t> frames(take::FrameRange range) const;
   /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.
   /// Throws InputError if the frame, or one that it refers to, is missing, damaged, or cannot be
   /// read from the disk (with path and cause).
-  CompactFrame read(int64_t frame);
+  recon::CompactFrame read(int64_t frame);
 
  private:
   void decode(int64_t frame);
   [[noreturn]] void throw_damaged(int64_t frame) const;
 
   std::filesystem::path path_;
-  MeshFileReader file_;
-  CompactDecoder decoder_;
+  take::MeshFileReader file_;
+  recon::CompactDecoder decoder_;
 };
 
-}  // namespace v3d
+// Vertex colours of a recorded frame from the images of the take: for one viewpoint (view-dependent
+// rendering needs the images, which a compact frame does not contain), or for another surface.
+
+/// Options for recorded frames: occlusion tolerance by the edge lengths of the mesh, and full
+/// demosaicing, because there is no deadline.
+recon::TextureOptions texture_options(const Mesh& mesh);
+
+/// The frames of `set` with their cameras of `rig`. The result refers to both.
+std::vector<recon::TextureCamera> texture_cameras(const Rig& rig, const recon::FrameSet& set);
+
+/// The images of one pulse, of the cameras that took part in its reconstruction. One thread.
+class FrameColours {
+ public:
+  /// Reads the frames. Throws InputError if the take has no readable frame of such a camera.
+  FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame);
+  /// `mesh`, that of the frame or another one of the same pulse, with view-independent colours
+  /// (equations 8 and 9).
+  Mesh coloured(Mesh mesh) const;
+  /// `mesh` with view-dependent colours for the viewpoint `eye` (Algorithm 2).
+  Mesh coloured_for(const CameraModel& eye, Mesh mesh) const;
+
+ private:
+  Mesh coloured(Mesh mesh, std::optional<recon::ViewDependence> view) const;
+
+  Rig rig_;
+  recon::FrameSet set_;
+};
+
+}  // namespace v3d::recorded

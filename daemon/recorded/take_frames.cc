@@ -7,12 +7,13 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/image/image_size.h"
+#include "base/core/text.h"
+#include "base/image/image.h"
+#include "base/io/file.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::recorded {
 namespace {
 
 bool holds(const std::vector<std::string>& names, const std::string& name) {
@@ -50,9 +51,10 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
 /// Edge times are optional: imported takes have none, and a damaged file must not make the frames
 /// unreadable.
 void TakeFrames::read_edges() {
-  if (is_absent_log(paths_.pulses())) return;
+  if (take::is_absent_log(paths_.pulses())) return;
   try {
-    for (const PulseMessage& pulse : read_pulses(paths_.pulses())) edges_[pulse.pulse] = pulse.edge;
+    for (const wire::PulseMessage& pulse : take::read_pulses(paths_.pulses()))
+      edges_[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {
     edges_.clear();
     edges_error_ = error.what();
@@ -88,8 +90,9 @@ std::vector<std::optional<SegmentedFrame>> TakeFrames::read(int64_t pulse) {
   return frames;
 }
 
-FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFrame>>& frames) {
-  FrameSet set;
+recon::FrameSet observe_all(int64_t pulse,
+                            const std::vector<std::optional<SegmentedFrame>>& frames) {
+  recon::FrameSet set;
   set.pulse = pulse;
   for (const std::optional<SegmentedFrame>& frame : frames) {
     if (!frame) continue;
@@ -99,4 +102,75 @@ FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFra
   return set;
 }
 
-}  // namespace v3d
+std::optional<segmentation::BackgroundModel> load_take_background(const take::TakePaths& paths,
+                                                                  const std::string& camera) {
+  const auto folder = io::value_or_throw(io::entry_type_of(paths.background()));
+  if (folder == std::filesystem::file_type::symlink) {
+    throw InputError(paths.background().string() +
+                     ": it is a symbolic link; expected a folder of the take");
+  }
+  if (!segmentation::has_background(paths.background(), camera)) return std::nullopt;
+  return segmentation::load_background(paths.background(), camera);
+}
+
+SegmentedLog::SegmentedLog(const take::TakePaths& paths, const std::string& camera)
+    : paths_(paths), log_(paths.frames(camera)) {
+  for (size_t index = 0; index < labels().size(); ++index) {
+    index_of_.emplace(labels()[index].pulse, index);
+  }
+  if (auto model = load_take_background(paths, camera)) {
+    segmenter_.emplace(*std::move(model), segmentation::SegmentOptions{});
+  }
+}
+
+std::optional<ImageSize> SegmentedLog::frame_size() {
+  if (labels().empty()) return std::nullopt;
+  const std::optional<Frame> first = log_.read(labels().front().pulse);
+  return first ? std::optional(first->sensor_size) : std::nullopt;
+}
+
+std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
+  std::optional<Frame> raw = log_.read(pulse);
+  if (!raw) return std::nullopt;
+  if (raw->mask) {
+    Mask mask = *std::move(raw->mask);
+    raw->mask.reset();
+    return SegmentedFrame{*std::move(raw), std::move(mask)};
+  }
+  learn_before(index_of_.at(pulse));
+  Mask mask = segment(*raw);
+  return SegmentedFrame{*std::move(raw), std::move(mask)};
+}
+
+void SegmentedLog::learn_before(size_t index) {
+  if (!segmenter_) return;
+  if (index < learnt_) {
+    segmenter_->forget();
+    learnt_ = 0;
+  }
+  for (; learnt_ < index; ++learnt_) {
+    const int64_t pulse = labels()[learnt_].pulse;
+    if (segmenter_->learns_from(pulse)) learn(pulse);
+  }
+}
+
+void SegmentedLog::learn(int64_t pulse) {
+  const std::optional<Frame> raw = log_.read(pulse);
+  if (!raw || raw->mask) return;
+  segmenter_->learn(pulse, raw->image.view(), segment(*raw));
+}
+
+Mask SegmentedLog::segment(const Frame& raw) {
+  if (!segmenter_) {
+    throw InputError(
+        paths_.frames(raw.camera).string() + ": frames without masks, and no background model in " +
+        paths_.background().string() + ": import with --masks, --background or --background-black");
+  }
+  if (segmenter_->size() != raw.image.size || segmenter_->format() != raw.image.format) {
+    throw InputError(paths_.background().string() + ": the background model of " + raw.camera +
+                     " has another image size or format than the frames: learn it again");
+  }
+  return segmenter_->segment(raw.image.view());
+}
+
+}  // namespace v3d::recorded

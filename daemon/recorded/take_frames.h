@@ -1,7 +1,7 @@
-// Reader of the frames of all cameras of a recorded take, with the silhouettes that the capture
-// daemon would have published.
+// Recorded frames with silhouettes.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -9,11 +9,63 @@
 #include <vector>
 
 #include "base/geometry/camera_model.h"
-#include "daemon/recorded/segmented_log.h"
+#include "capture/segmentation/background.h"
+#include "capture/segmentation/segmenter.h"
 #include "recon/pipeline/frame_set.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::recorded {
+
+// Reader of the frames of one camera of a recorded take, with the silhouettes that the capture
+// daemon would have published. Also loads background models of takes.
+
+/// A raw frame and its silhouette.
+struct SegmentedFrame {
+  Frame raw;
+  Mask mask;
+};
+
+/// The background model of `camera`; empty if the take has none. Throws InputError like
+/// load_background(), and if the take's folder `background` is a symbolic link.
+std::optional<segmentation::BackgroundModel> load_take_background(const take::TakePaths& paths,
+                                                                  const std::string& camera);
+
+/// One thread.
+class SegmentedLog {
+ public:
+  /// Throws InputError if the log is missing or not a log, or if the background model is damaged.
+  SegmentedLog(const take::TakePaths& paths, const std::string& camera);
+
+  const std::vector<FrameLabel>& labels() const { return log_.labels(); }
+  /// See FrameLogReader::read_errors().
+  const std::vector<std::string>& read_errors() const { return log_.read_errors(); }
+
+  /// The sensor size in the first frame of the log; empty if the log has no frame.
+  std::optional<ImageSize> frame_size();
+
+  /// The frame of a pulse and its silhouette; empty if there is no frame, or it is incomplete. A
+  /// stored mask is used as it is. Otherwise the frame is segmented by the take's background model,
+  /// adapted to the light up to this frame as in live operation, so that the result does not depend
+  /// on previous reads. Fast in the order of the log. Throws InputError for a frame with neither
+  /// mask nor model.
+  std::optional<SegmentedFrame> read(int64_t pulse);
+
+ private:
+  /// Adapts the segmenter to the frames before `index`, as in live operation.
+  void learn_before(size_t index);
+  void learn(int64_t pulse);
+  Mask segment(const Frame& raw);
+
+  take::TakePaths paths_;
+  take::FrameLogReader log_;
+  std::unordered_map<int64_t, size_t> index_of_;  ///< first frame in the log, by pulse
+  std::optional<segmentation::Segmenter> segmenter_;
+  size_t learnt_ = 0;  ///< the segmenter is adapted to the frames before this index
+};
+
+// Reader of the frames of all cameras of a recorded take, with the silhouettes that the capture
+// daemon would have published.
 
 /// One caller at a time; works on several cameras in parallel.
 class TakeFrames {
@@ -23,8 +75,8 @@ class TakeFrames {
   /// not a log.
   TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras);
 
-  const TakeInfo& info() const { return info_; }
-  const TakePaths& paths() const { return paths_; }
+  const take::TakeInfo& info() const { return info_; }
+  const take::TakePaths& paths() const { return paths_; }
   /// The calibration of the opened cameras, in the order of take.toml.
   const Rig& rig() const { return rig_; }
   /// The pulses of which at least one opened camera has a frame, ascending.
@@ -42,8 +94,8 @@ class TakeFrames {
  private:
   void read_edges();
 
-  TakePaths paths_;
-  TakeInfo info_;
+  take::TakePaths paths_;
+  take::TakeInfo info_;
   Rig rig_;
   std::vector<SegmentedLog> cameras_;
   std::unordered_map<int64_t, RealtimeInstant> edges_;
@@ -51,6 +103,7 @@ class TakeFrames {
 };
 
 /// The frame set of all present frames, by observe(). Copies the masks.
-FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFrame>>& frames);
+recon::FrameSet observe_all(int64_t pulse,
+                            const std::vector<std::optional<SegmentedFrame>>& frames);
 
-}  // namespace v3d
+}  // namespace v3d::recorded

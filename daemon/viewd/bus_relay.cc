@@ -12,21 +12,21 @@
 #include <stdexcept>
 
 #include "base/core/error.h"
+#include "base/io/child_process.h"
 #include "base/io/process.h"
 #include "daemon/control/operator_client.h"
-#include "daemon/viewd/child_program.h"
 #include "wire/codec.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 constexpr size_t kHeaderBytes = 5;
 constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
 constexpr int kPipeBytes = 1 << 20;
 
-Bytes payload_of(const RelayedMessage& relayed) {
+wire::Bytes payload_of(const RelayedMessage& relayed) {
   return std::visit(
-      [](const auto& message) -> Bytes {
+      [](const auto& message) -> wire::Bytes {
         if constexpr (std::is_same_v<std::decay_t<decltype(message)>, NotVerified>) {
           return {message.why.begin(), message.why.end()};
         } else {
@@ -38,7 +38,7 @@ Bytes payload_of(const RelayedMessage& relayed) {
 
 template <class M>
 std::optional<RelayedMessage> decoded(std::span<const uint8_t> bytes) {
-  if (auto message = decode<M>(bytes)) return RelayedMessage(std::move(*message));
+  if (auto message = wire::decode<M>(bytes)) return RelayedMessage(std::move(*message));
   return {};
 }
 
@@ -47,13 +47,13 @@ std::optional<RelayedMessage> decode_payload(size_t kind, std::span<const uint8_
     case 0:
       return NotVerified{{bytes.begin(), bytes.end()}};
     case 1:
-      return decoded<MeshMessage>(bytes);
+      return decoded<wire::MeshMessage>(bytes);
     case 2:
-      return decoded<HealthMessage>(bytes);
+      return decoded<wire::HealthMessage>(bytes);
     case 3:
-      return decoded<EventMessage>(bytes);
+      return decoded<wire::EventMessage>(bytes);
     case 4:
-      return decoded<PreviewMessage>(bytes);
+      return decoded<wire::PreviewMessage>(bytes);
     default:
       return {};
   }
@@ -78,7 +78,7 @@ bool has_reader(int fd) {
 }  // namespace
 
 std::string encode_record(const RelayedMessage& message) {
-  const Bytes payload = payload_of(message);
+  const wire::Bytes payload = payload_of(message);
   std::string record;
   for (int byte = 0; byte < 4; ++byte) {
     record += static_cast<char>((payload.size() + 1) >> (8 * byte) & 0xff);
@@ -116,7 +116,7 @@ std::optional<RelayedMessage> RelayReader::next() {
 
 void relay_bus(const Studio& studio, int to) {
   std::signal(SIGPIPE, SIG_IGN);
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   bool is_open = write_all(to, encode_record(NotVerified{client.not_verified()}));
   const auto relay = [&](const auto& message) {
     if (message) is_open = is_open && write_all(to, encode_record(*message));
@@ -163,4 +163,4 @@ void BusRelay::wait(MonotonicInstant deadline) {
   }
 }
 
-}  // namespace v3d
+}  // namespace v3d::viewd

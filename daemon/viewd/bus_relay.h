@@ -14,14 +14,14 @@
 #include "base/core/time.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::viewd {
 
 /// Why relayed messages are not verified; empty: they are.
 struct NotVerified {
   std::string why;
 };
-using RelayedMessage =
-    std::variant<NotVerified, MeshMessage, HealthMessage, EventMessage, PreviewMessage>;
+using RelayedMessage = std::variant<NotVerified, wire::MeshMessage, wire::HealthMessage,
+                                    wire::EventMessage, wire::PreviewMessage>;
 
 /// The format in the pipe: u32 (little-endian) number of bytes that follow, u8 kind, message.
 std::string encode_record(const RelayedMessage& message);
@@ -68,4 +68,4 @@ class BusRelay {
   RelayReader reader_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::viewd

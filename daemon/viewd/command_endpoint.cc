@@ -7,17 +7,17 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "daemon/web/web_access.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 constexpr size_t kMaxEvents = 64;
 
-WebAnswer refused(const WebRequest& request, int status, const std::string& why) {
+web::WebAnswer refused(const web::WebRequest& request, int status, const std::string& why) {
   spdlog::warn("refused an order from {}: {}", request.address, why);
-  return plain_answer(status, why);
+  return web::plain_answer(status, why);
 }
 
 bool is_json(const std::string& type) {
@@ -48,24 +48,24 @@ std::vector<std::string> lines_of(const ProgramEnd& end) {
 CommandEndpoint::CommandEndpoint(const Studio& studio, std::string token)
     : studio_(studio), token_(std::move(token)) {}
 
-bool CommandEndpoint::is_operator(const WebRequest& request) const {
-  return is_open() && is_same_token(request.operator_token, token_);
+bool CommandEndpoint::is_operator(const web::WebRequest& request) const {
+  return is_open() && web::is_same_token(request.operator_token, token_);
 }
 
-WebAnswer CommandEndpoint::report() const { return json_answer(report_json(last_)); }
+web::WebAnswer CommandEndpoint::report() const { return web::json_answer(report_json(last_)); }
 
-std::optional<WebAnswer> CommandEndpoint::refusal_of_token(const WebRequest& request,
-                                                           MonotonicInstant now) {
+std::optional<web::WebAnswer> CommandEndpoint::refusal_of_token(const web::WebRequest& request,
+                                                                MonotonicInstant now) {
   // Compare first: throttled wrong tokens of any address must never block the right token.
-  if (is_same_token(request.operator_token, token_)) {
+  if (web::is_same_token(request.operator_token, token_)) {
     throttle_.record_right(request.address);
     return {};
   }
   const Duration delay = throttle_.delay_for(request.address, now);
   if (delay > Duration::zero()) {
     const auto seconds = static_cast<int64_t>(std::ceil(to_seconds(delay)));
-    WebAnswer answer =
-        plain_answer(429, "too many wrong tokens: try again in " + std::to_string(seconds) + " s");
+    web::WebAnswer answer = web::plain_answer(
+        429, "too many wrong tokens: try again in " + std::to_string(seconds) + " s");
     answer.fields = {{"Retry-After", std::to_string(seconds)}};
     return answer;
   }
@@ -76,14 +76,15 @@ std::optional<WebAnswer> CommandEndpoint::refusal_of_token(const WebRequest& req
                                                 : "this is not the operators' token");
 }
 
-std::optional<WebAnswer> CommandEndpoint::refusal(const WebRequest& request, MonotonicInstant now) {
+std::optional<web::WebAnswer> CommandEndpoint::refusal(const web::WebRequest& request,
+                                                       MonotonicInstant now) {
   if (!is_open()) {
     return refused(
         request, 403,
         "this studio accepts no orders from browsers: [viewer] control is not true in its "
         "studio file");
   }
-  if (!WebAccess::is_own_page(request)) {
+  if (!web::WebAccess::is_own_page(request)) {
     return refused(request, 403, "orders from pages of other origins are refused");
   }
   if (!is_json(request.content_type)) {
@@ -95,12 +96,12 @@ std::optional<WebAnswer> CommandEndpoint::refusal(const WebRequest& request, Mon
   return refusal_of_token(request, now);
 }
 
-WebAnswer CommandEndpoint::post(const WebRequest& request, MonotonicInstant now) {
+web::WebAnswer CommandEndpoint::post(const web::WebRequest& request, MonotonicInstant now) {
   if (auto refusal = this->refusal(request, now)) return std::move(*refusal);
   const ParsedCommand parsed = parse_command(request.body, studio_);
   if (!parsed.command) return refused(request, 400, parsed.error);
   if (parsed.command->verb == OperatorCommand::Verb::kCheckToken) {
-    add_event(Severity::kInfo, request.address + " has the operators' token");
+    add_event(wire::Severity::kInfo, request.address + " has the operators' token");
     return report();
   }
   if (last_.is_running) {
@@ -114,8 +115,8 @@ WebAnswer CommandEndpoint::post(const WebRequest& request, MonotonicInstant now)
            .status = 0,
            .lines = {}};
   accepted_ = *parsed.command;
-  add_event(Severity::kInfo, last_.by + ": " + last_.command.text());
-  WebAnswer answer = report();
+  add_event(wire::Severity::kInfo, last_.by + ": " + last_.command.text());
+  web::WebAnswer answer = report();
   answer.status = 202;
   return answer;
 }
@@ -130,13 +131,14 @@ void CommandEndpoint::on_finished(const ProgramEnd& end) {
   last_.lines = lines_of(end);
   const std::string last_line = last_.lines.empty() ? "" : ": " + last_.lines.back();
   const std::string summary = last_.by + ": " + last_.command.text();
-  if (end.status == kExitDone) return add_event(Severity::kInfo, summary + ": done" + last_line);
-  add_event(Severity::kWarning,
+  if (end.status == kExitDone)
+    return add_event(wire::Severity::kInfo, summary + ": done" + last_line);
+  add_event(wire::Severity::kWarning,
             summary + ": exit status " + std::to_string(end.status) + last_line);
 }
 
-void CommandEndpoint::add_event(Severity severity, const std::string& text) {
-  spdlog::log(severity == Severity::kInfo ? spdlog::level::info : spdlog::level::warn,
+void CommandEndpoint::add_event(wire::Severity severity, const std::string& text) {
+  spdlog::log(severity == wire::Severity::kInfo ? spdlog::level::info : spdlog::level::warn,
               "operator at {}", text);
   if (events_.size() == kMaxEvents) events_.pop_front();
   events_.push_back({.sent = Realtime::now(),
@@ -147,20 +149,49 @@ void CommandEndpoint::add_event(Severity severity, const std::string& text) {
                      .text = text});
 }
 
-std::optional<EventMessage> CommandEndpoint::next_event() {
+std::optional<wire::EventMessage> CommandEndpoint::next_event() {
   if (events_.empty()) return {};
-  EventMessage event = std::move(events_.front());
+  wire::EventMessage event = std::move(events_.front());
   events_.pop_front();
   return event;
 }
 
 std::string load_operator_token(const Studio& studio, const std::string& viewer_token) {
   if (!studio.viewer.control) return "";
-  std::string token = load_web_token(studio.viewer.operator_token, "viewer.operator_token");
+  std::string token = web::load_web_token(studio.viewer.operator_token, "viewer.operator_token");
   if (token != viewer_token) return token;
   throw InputError(
       studio.viewer.operator_token.string() +
       ": the same token as viewer.token, so that every viewer could send orders; use another");
 }
 
-}  // namespace v3d
+const std::string& TokenThrottle::key_of(const std::string& address) const {
+  static const std::string kOthers;
+  const bool known = entries_.contains(address) || entries_.size() < kMaxAddresses;
+  return known ? address : kOthers;
+}
+
+Duration TokenThrottle::delay_for(const std::string& address, MonotonicInstant now) const {
+  const auto found = entries_.find(key_of(address));
+  if (found == entries_.end()) return Duration::zero();
+  constexpr int64_t kMaxDoublings = 6;
+  const int64_t doublings = std::min(found->second.wrong - 1, kMaxDoublings);
+  const Duration delay = std::min(kFirstDelay * (int64_t{1} << doublings), kMaxDelay);
+  return std::max(Duration::zero(), found->second.last + delay - now);
+}
+
+void TokenThrottle::record_wrong(const std::string& address, MonotonicInstant now) {
+  remove_old(now);
+  Entry& entry = entries_[key_of(address)];
+  ++entry.wrong;
+  entry.last = now;
+}
+
+void TokenThrottle::record_right(const std::string& address) { entries_.erase(address); }
+
+void TokenThrottle::remove_old(MonotonicInstant now) {
+  std::erase_if(entries_,
+                [&](const auto& entry) { return now - entry.second.last > kEntryLifetime; });
+}
+
+}  // namespace v3d::viewd

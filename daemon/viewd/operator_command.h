@@ -1,8 +1,8 @@
-// The commands that the studio page can send, and their reports. Confines nlohmann::json to one
-// source file.
+// Operator commands over HTTP: parsing and running.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,8 +10,12 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "base/io/child_process.h"
 
-namespace v3d {
+namespace v3d::viewd {
+
+// The commands that the studio page can send, and their reports. Confines nlohmann::json to one
+// source file.
 
 struct OperatorCommand {
   enum class Verb : uint8_t {
@@ -60,4 +64,26 @@ struct CommandReport {
 /// {"type": "order", "number", "by", "at_ms", "do", "take", "text", "under_way", "status", "lines"}
 std::string report_json(const CommandReport& report);
 
-}  // namespace v3d
+// Runs v3dctl for operators' commands.
+
+/// Starts one v3dctl process per command, with the studio file of this daemon. So a browser can do
+/// what an operator can type, and only v3dctl signs commands. One command at a time. One thread.
+class CommandRunner {
+ public:
+  explicit CommandRunner(const Studio& studio);
+
+  /// Throws InputError if there is no v3dctl in the folder of this program.
+  void require_v3dctl() const;
+
+  /// Starts a command. Requires that none is running.
+  void start(const OperatorCommand& command, MonotonicInstant now);
+  /// Returns the result of the command once, when it has ended. Does not wait.
+  std::optional<ProgramEnd> poll(MonotonicInstant now);
+
+ private:
+  const std::filesystem::path studio_;
+  const std::filesystem::path v3dctl_;
+  std::optional<ChildProgram> program_;
+};
+
+}  // namespace v3d::viewd

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "take/logs/log_segments.h"
+#include "base/core/text.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::viewd {
 
 namespace fs = std::filesystem;
 
@@ -96,7 +96,7 @@ std::optional<FileStamp> stamp_of(const std::filesystem::path& path) {
 
 std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log) {
   std::optional<FileStamp> sum;
-  const auto segments = existing_segments(log);
+  const auto segments = take::existing_segments(log);
   if (!segments) return {};
   for (const std::filesystem::path& path : *segments) {
     const auto segment = stamp_of(path);
@@ -115,4 +115,4 @@ std::string tag_of(const FileStamp& stamp) {
   return "\"" + std::to_string(stamp.size) + "-" + std::to_string(stamp.changed_ns) + "\"";
 }
 
-}  // namespace v3d
+}  // namespace v3d::viewd

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-namespace v3d {
+namespace v3d::viewd {
 
 /// A file of the viewer page.
 struct PageFile {
@@ -52,4 +52,4 @@ std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log);
 /// The ETag of HTTP, with quotation marks.
 std::string tag_of(const FileStamp& stamp);
 
-}  // namespace v3d
+}  // namespace v3d::viewd

@@ -3,14 +3,17 @@
 #include <algorithm>
 #include <charconv>
 
-#include "base/core/name.h"
-#include "daemon/viewd/guarded_answer.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/image/colour.h"
+#include "base/image/image_files.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "daemon/viewd/served_files.h"
-#include "daemon/viewd/take_photographs.h"
-#include "daemon/viewd/take_views.h"
+#include "daemon/viewd/view_json.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 /// A decimal number of 0 or more; else empty.
@@ -24,25 +27,26 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
 
 /// 304 if the browser has the content with this ETag, else the answer of `make`.
 template <class Make>
-WebAnswer tagged_answer(const WebRequest& request, const std::string& tag, const Make& make) {
+web::WebAnswer tagged_answer(const web::WebRequest& request, const std::string& tag,
+                             const Make& make) {
   std::vector<std::pair<std::string, std::string>> fields = {{"ETag", tag},
                                                              {"Cache-Control", "no-cache"}};
   if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
-  WebAnswer answer = make();
+  web::WebAnswer answer = make();
   if (answer.status == 200) answer.fields = std::move(fields);
   return answer;
 }
 
-WebAnswer photograph_answer(TakePhotographs& all, const std::string& take, int64_t pulse,
-                            const std::string& camera) {
+web::WebAnswer photograph_answer(TakePhotographs& all, const std::string& take, int64_t pulse,
+                                 const std::string& camera) {
   const auto jpeg = all.read(take, pulse, camera);
-  if (!jpeg) return plain_answer(404, "this camera has no frame of this pulse");
+  if (!jpeg) return web::plain_answer(404, "this camera has no frame of this pulse");
   return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
 }
 
-WebAnswer views_answer(TakeViews& all, const std::string& take, int64_t pulse) {
+web::WebAnswer views_answer(TakeViews& all, const std::string& take, int64_t pulse) {
   auto message = all.read(take, pulse);
-  if (!message) return plain_answer(404, "there is no mesh of this pulse");
+  if (!message) return web::plain_answer(404, "there is no mesh of this pulse");
   return {.type = "application/octet-stream", .body = std::move(*message)};
 }
 
@@ -53,8 +57,8 @@ TakePictures::TakePictures(const std::filesystem::path& takes)
       photographs_(std::make_shared<TakePhotographs>(takes)),
       views_(std::make_shared<TakeViews>(takes)) {}
 
-std::optional<WebAnswer> TakePictures::answer(const WebRequest& request,
-                                              const WebTarget& target) const {
+std::optional<web::WebAnswer> TakePictures::answer(const web::WebRequest& request,
+                                                   const web::WebTarget& target) const {
   const std::vector<std::string>& path = target.path;
   if (path.size() < 4 || path[0] != "api" || path[1] != "takes") return {};
   if (path.size() == 6 && path[3] == "photographs") {
@@ -64,33 +68,154 @@ std::optional<WebAnswer> TakePictures::answer(const WebRequest& request,
   return {};
 }
 
-WebAnswer TakePictures::photograph(const WebRequest& request, const std::string& take,
-                                   const std::string& pulse_text, const std::string& file) const {
+web::WebAnswer TakePictures::photograph(const web::WebRequest& request, const std::string& take,
+                                        const std::string& pulse_text,
+                                        const std::string& file) const {
   constexpr std::string_view kEnding = ".jpg";
   const auto pulse = parse_pulse(pulse_text);
   const std::string camera = file.substr(0, file.size() - std::min(kEnding.size(), file.size()));
   if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
-    return plain_answer(404, "there is no such photograph");
+    return web::plain_answer(404, "there is no such photograph");
   }
-  return later_answer(WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take,
-                                           take, camera, pulse = *pulse] {
-    const auto log = stamp_of_log(TakePaths{folder}.frames(camera));
-    if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
+  return later_answer(web::WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take,
+                                                take, camera, pulse = *pulse] {
+    const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
+    if (!log) return web::plain_answer(404, "there are no frames of this camera in such a take");
     return tagged_answer(request, tag_of(*log),
                          [&] { return photograph_answer(*all, take, pulse, camera); });
   });
 }
 
-WebAnswer TakePictures::views(const WebRequest& request, const std::string& take,
-                              const std::string& pulse_text) const {
+web::WebAnswer TakePictures::views(const web::WebRequest& request, const std::string& take,
+                                   const std::string& pulse_text) const {
   const auto pulse = parse_pulse(pulse_text);
-  if (!pulse || !is_file_name(take)) return plain_answer(404, "there is no such view");
-  return later_answer(
-      WorkKind::kPicture, [request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
-        const auto tag = TakeViews::tag(folder);
-        if (!tag) return plain_answer(404, "there is no such take, or its raw frames are not here");
-        return tagged_answer(request, *tag, [&] { return views_answer(*all, take, pulse); });
-      });
+  if (!pulse || !is_file_name(take)) return web::plain_answer(404, "there is no such view");
+  return later_answer(web::WorkKind::kPicture, [request, all = views_, folder = takes_ / take, take,
+                                                pulse = *pulse] {
+    const auto tag = TakeViews::tag(folder);
+    if (!tag)
+      return web::plain_answer(404, "there is no such take, or its raw frames are not here");
+    return tagged_answer(request, *tag, [&] { return views_answer(*all, take, pulse); });
+  });
 }
 
-}  // namespace v3d
+namespace {
+
+constexpr int kQuality = 90;
+
+/// The colour correction of the camera; identity if the calibration cannot be read.
+ColourResponse response_of(const take::TakePaths& paths, const std::string& camera) {
+  try {
+    const Rig rig = load_take_calib(paths);
+    const int index = find_camera(rig, camera);
+    if (index >= 0) return rig[static_cast<size_t>(index)].colour;
+  } catch (const InputError&) {
+  }
+  return {};
+}
+
+}  // namespace
+
+std::optional<std::vector<uint8_t>> TakePhotographs::read(const std::string& take, int64_t pulse,
+                                                          const std::string& camera) {
+  const std::optional<Frame> raw = frame(take, pulse, camera);
+  if (!raw || raw->image.size.pixels() == 0) return {};
+  Image picture = to_rgb(raw->image.view());
+  const ColourResponse& colour = logs_.front().colour;
+  if (!colour.is_identity()) correct(picture, colour);
+  return encode_jpeg(picture.view(), kQuality);
+}
+
+std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pulse,
+                                            const std::string& camera) {
+  OpenLog* log = find(take, camera);
+  if (log == nullptr) return {};
+  if (auto found = log->reader.read(pulse)) return found;
+  const auto current = stamp_of_log(log->path);
+  if (!current || *current == log->stamp || Monotonic::now() - log->opened < kReindexPeriod)
+    return {};
+  return open(take, camera, *current)->reader.read(pulse);
+}
+
+TakePhotographs::OpenLog* TakePhotographs::find(const std::string& take,
+                                                const std::string& camera) {
+  const std::filesystem::path path = take::TakePaths{takes_ / take}.frames(camera);
+  const auto stamp = stamp_of_log(path);
+  const auto known = std::ranges::find(logs_, path, &OpenLog::path);
+  const bool same = known != logs_.end() && stamp && known->stamp.inode == stamp->inode &&
+                    known->stamp.size <= stamp->size;
+  if (same) {
+    logs_.splice(logs_.begin(), logs_, known);
+    return &logs_.front();
+  }
+  if (known != logs_.end()) logs_.erase(known);
+  return stamp ? open(take, camera, *stamp) : nullptr;
+}
+
+TakePhotographs::OpenLog* TakePhotographs::open(const std::string& take, const std::string& camera,
+                                                const FileStamp& stamp) {
+  const take::TakePaths paths{takes_ / take};
+  const std::filesystem::path path = paths.frames(camera);
+  logs_.remove_if([&](const OpenLog& log) { return log.path == path; });
+  logs_.push_front(
+      {path, stamp, Monotonic::now(), take::FrameLogReader(path), response_of(paths, camera)});
+  if (logs_.size() > kMaxLogs) logs_.pop_back();
+  return &logs_.front();
+}
+
+std::optional<std::string> TakeViews::tag(const std::filesystem::path& take) {
+  const take::TakePaths paths{take};
+  const auto mesh = stamp_of(paths.mesh()), info = stamp_of(paths.info()),
+             calib = stamp_of(paths.calib());
+  if (!mesh || !info || !calib) return {};
+  std::string tag = std::to_string(mesh->inode) + tag_of(*mesh) + tag_of(*calib);
+  for (const std::string& camera : load_take_info(paths).cameras) {
+    const auto log = stamp_of_log(paths.frames(camera));
+    if (!log) return {};
+    tag += tag_of(*log);
+  }
+  std::erase(tag, '"');
+  return '"' + tag + '"';
+}
+
+std::optional<std::string> TakeViews::read(const std::string& take, int64_t pulse) {
+  OpenTake& opened = open(take, pulse);
+  if (!std::ranges::binary_search(opened.pulses, pulse)) return {};
+  const recon::CompactFrame frame = opened.meshes->read(pulse);
+  recon::FrameSet set = observe_all(pulse, opened.frames.read(pulse));
+  std::erase_if(set.frames, [&](const Frame& seen) {
+    return std::ranges::find(frame.cameras, seen.camera) == frame.cameras.end();
+  });
+  const Rig& rig = opened.frames.rig();
+  return vertex_views_message(pulse, static_cast<int64_t>(frame.mesh.vertices.size()),
+                              camera_colours(frame.mesh, recorded::texture_cameras(rig, set),
+                                             recorded::texture_options(frame.mesh)),
+                              rig);
+}
+
+bool TakeViews::has_grown(const OpenTake& take, const FileStamp& mesh, int64_t pulse) {
+  return mesh.inode == take.mesh.inode && mesh.size > take.mesh.size &&
+         std::ranges::binary_search(take.pulses, pulse);
+}
+
+TakeViews::OpenTake& TakeViews::open(const std::string& take, int64_t pulse) {
+  const auto current = tag(takes_ / take);
+  const auto mesh = stamp_of(take::TakePaths{takes_ / take}.mesh());
+  if (!current || !mesh) {
+    throw InputError((takes_ / take).string() + ": no meshes, or not all raw frames");
+  }
+  const auto known = std::ranges::find(open_, take, &OpenTake::name);
+  if (known != open_.end() && (known->tag == *current || has_grown(*known, *mesh, pulse))) {
+    open_.splice(open_.begin(), open_, known);
+    return open_.front();
+  }
+  if (known != open_.end()) open_.erase(known);
+  auto meshes = std::make_unique<recorded::MeshFrames>(takes_ / take);
+  std::vector<int64_t> pulses = meshes->frames({});
+  open_.push_front({take, *current, *mesh, std::move(meshes),
+                    recorded::TakeFrames(takes_ / take, {}), std::move(pulses)});
+  if (open_.size() > kMaxTakes) open_.pop_back();
+  return open_.front();
+}
+
+}  // namespace v3d::viewd

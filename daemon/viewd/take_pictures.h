@@ -1,17 +1,32 @@
-// HTTP answers from the raw frames of takes:
-//   /api/takes/T/photographs/PULSE/CAM.jpg   a frame (TakePhotographs)
-//   /api/takes/T/views/PULSE                 vertex colours by camera (TakeViews)
+// Pictures of takes.
 #pragma once
 
+#include <spdlog/spdlog.h>
+
+#include <cstdint>
 #include <filesystem>
+#include <list>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "base/core/error.h"
+#include "base/core/time.h"
+#include "base/image/colour.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
+#include "daemon/viewd/served_files.h"
+#include "daemon/web/web_access.h"
 #include "daemon/web/web_message.h"
-#include "daemon/web/web_target.h"
+#include "take/logs/frame_log.h"
 
-namespace v3d {
+namespace v3d::viewd {
+
+// HTTP answers from the raw frames of takes:
+//   /api/takes/T/photographs/PULSE/CAM.jpg   a frame (TakePhotographs)
+//   /api/takes/T/views/PULSE                 vertex colours by camera (TakeViews)
 
 class TakePhotographs;
 class TakeViews;
@@ -24,17 +39,118 @@ class TakePictures {
   explicit TakePictures(const std::filesystem::path& takes);
 
   /// Empty for other paths.
-  std::optional<WebAnswer> answer(const WebRequest& request, const WebTarget& target) const;
+  std::optional<web::WebAnswer> answer(const web::WebRequest& request,
+                                       const web::WebTarget& target) const;
 
  private:
-  WebAnswer photograph(const WebRequest& request, const std::string& take, const std::string& pulse,
-                       const std::string& file) const;
-  WebAnswer views(const WebRequest& request, const std::string& take,
-                  const std::string& pulse) const;
+  web::WebAnswer photograph(const web::WebRequest& request, const std::string& take,
+                            const std::string& pulse, const std::string& file) const;
+  web::WebAnswer views(const web::WebRequest& request, const std::string& take,
+                       const std::string& pulse) const;
 
   const std::filesystem::path takes_;
   const std::shared_ptr<TakePhotographs> photographs_;  ///< used by the work only
   const std::shared_ptr<TakeViews> views_;              ///< used by the work only
 };
 
-}  // namespace v3d
+// Single frames of recorded takes as JPEG images.
+
+/// Keeps the most recently used logs and their indexes open, so that a frame costs one read. One
+/// thread.
+class TakePhotographs {
+ public:
+  static constexpr size_t kMaxLogs = 64;  ///< open logs: one take of a large studio
+
+  /// `takes`: the folder of the takes.
+  explicit TakePhotographs(std::filesystem::path takes) : takes_(std::move(takes)) {}
+
+  /// JPEG of the whole image, with the colour correction of the take's calibration, as for its
+  /// meshes. Empty if the camera has no such frame, or it is damaged. Requires that is_file_name()
+  /// holds for both names. Throws InputError if the file is not a log.
+  std::optional<std::vector<uint8_t>> read(const std::string& take, int64_t pulse,
+                                           const std::string& camera);
+
+ private:
+  /// Shortest time between two indexings of a growing log, when a frame is not found.
+  static constexpr Duration kReindexPeriod = std::chrono::seconds(1);
+
+  struct OpenLog {
+    std::filesystem::path path;
+    FileStamp stamp;
+    MonotonicInstant opened;
+    take::FrameLogReader reader;
+    ColourResponse colour;
+  };
+  /// The open log, moved to the front of `logs_`; null if there is no such file.
+  OpenLog* find(const std::string& take, const std::string& camera);
+  OpenLog* open(const std::string& take, const std::string& camera, const FileStamp& stamp);
+  std::optional<Frame> frame(const std::string& take, int64_t pulse, const std::string& camera);
+
+  const std::filesystem::path takes_;
+  std::list<OpenLog> logs_;
+};
+
+// Vertex colours by camera for meshes of recorded takes: the input of view-dependent rendering
+// (Algorithm 2 of the paper) in the browser.
+
+/// Keeps the most recently used takes open. In ascending order of pulses, a read decodes one mesh
+/// and reads and segments the frames of one pulse. A jump also decodes the meshes since the key
+/// frame, and every 32nd frame since the start of the take, from which the background model adapts
+/// to the light. One caller at a time; works on several cameras in parallel.
+class TakeViews {
+ public:
+  static constexpr size_t kMaxTakes = 4;  ///< open takes: those of a scene
+
+  /// `takes`: the folder of the takes.
+  explicit TakeViews(std::filesystem::path takes) : takes_(std::move(takes)) {}
+
+  /// vertex_views_message() of the mesh of that pulse, in the order of its vertices. Empty if there
+  /// is no such mesh. Requires is_file_name(take). Throws InputError if the take has no raw frames,
+  /// or is damaged.
+  std::optional<std::string> read(const std::string& take, int64_t pulse);
+
+  /// The ETag of all files that read() uses. Empty if the take has no meshes or no raw frames. Any
+  /// thread.
+  static std::optional<std::string> tag(const std::filesystem::path& take);
+
+ private:
+  struct OpenTake {
+    std::string name;
+    std::string tag;
+    FileStamp mesh;
+    std::unique_ptr<recorded::MeshFrames> meshes;
+    recorded::TakeFrames frames;
+    std::vector<int64_t> pulses;  ///< that have a mesh, ascending
+  };
+  OpenTake& open(const std::string& take, int64_t pulse);
+  /// Has the take only grown since it was opened, after `pulse`?
+  static bool has_grown(const OpenTake& take, const FileStamp& mesh, int64_t pulse);
+
+  const std::filesystem::path takes_;
+  std::list<OpenTake> open_;  ///< most recently used first
+};
+
+// Converts exceptions into HTTP answers.
+
+/// The answer of `make`; 404 if it throws InputError, 500 for other exceptions. The text of the
+/// exception, which may contain paths, is only logged.
+template <class Make>
+web::WebAnswer guarded_answer(const Make& make) {
+  try {
+    return make();
+  } catch (const InputError& error) {
+    spdlog::warn("{}", error.what());
+    return web::plain_answer(404, "not found or not readable; see the log of v3d-viewd");
+  } catch (const std::exception& error) {
+    spdlog::error("{}", error.what());
+    return web::plain_answer(500, "internal error; see the log of v3d-viewd");
+  }
+}
+
+/// An answer that `make` makes later, as work of this kind. `make` owns what it uses.
+template <class Make>
+web::WebAnswer later_answer(web::WorkKind kind, Make make) {
+  return {.work = [make = std::move(make)] { return guarded_answer(make); }, .kind = kind};
+}
+
+}  // namespace v3d::viewd

@@ -4,15 +4,13 @@
 
 #include "base/core/error.h"
 #include "daemon/control/operator_client.h"
-#include "daemon/node/daemon_main.h"
 #include "daemon/node/service.h"
 #include "daemon/viewd/bus_relay.h"
 #include "daemon/viewd/command_endpoint.h"
-#include "daemon/viewd/command_runner.h"
-#include "daemon/viewd/live_feed.h"
+#include "daemon/viewd/operator_command.h"
 #include "daemon/viewd/served_files.h"
-#include "daemon/viewd/studio_status.h"
 #include "daemon/viewd/web_site.h"
+#include "daemon/viewd/web_streams.h"
 #include "daemon/web/web_server.h"
 
 namespace {
@@ -22,8 +20,9 @@ constexpr v3d::Duration kPollPeriod = std::chrono::milliseconds(20);
 constexpr v3d::Duration kStopArrivesWithin = std::chrono::seconds(1);
 constexpr char kRelayFlag[] = "--hear";
 
-std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) {
-  if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token, "viewer.token");
+std::string token_of(const v3d::Studio& studio, const v3d::web::WebAddress& address) {
+  if (!studio.viewer.token.empty())
+    return v3d::web::load_web_token(studio.viewer.token, "viewer.token");
   if (address.is_loopback()) return "";
   throw v3d::InputError(studio.path.string() + ": viewer.listen: " + studio.viewer.listen +
                         " is open to the network and requires viewer.token, a file with a token "
@@ -32,13 +31,13 @@ std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) 
 
 /// Objects that are used on the server's thread only.
 struct Served {
-  v3d::LiveFeed& feed;
-  v3d::StudioStatus& status;
-  v3d::CommandEndpoint& commands;
+  v3d::viewd::LiveFeed& feed;
+  v3d::viewd::StudioStatus& status;
+  v3d::viewd::CommandEndpoint& commands;
 };
 
 /// Passes commands to the runner, and their results to the subscribers.
-void poll_commands(Served served, v3d::CommandRunner& runner, v3d::MonotonicInstant now) {
+void poll_commands(Served served, v3d::viewd::CommandRunner& runner, v3d::MonotonicInstant now) {
   if (const auto end = runner.poll(now)) served.commands.on_finished(*end);
   if (const auto command = served.commands.next_command()) runner.start(*command, now);
   while (const auto event = served.commands.next_event()) served.status.on_event(*event);
@@ -49,18 +48,23 @@ void poll_commands(Served served, v3d::CommandRunner& runner, v3d::MonotonicInst
 struct MessageHandler {
   Served served;
   v3d::MonotonicInstant now;
-  void operator()(const v3d::NotVerified& reason) const {
+  void operator()(const v3d::viewd::NotVerified& reason) const {
     if (!reason.why.empty()) spdlog::warn("messages are not verified: {}", reason.why);
     served.status.set_not_verified(reason.why);
   }
-  void operator()(const v3d::MeshMessage& mesh) const { served.feed.add(mesh); }
-  void operator()(const v3d::HealthMessage& health) const { served.status.on_health(health, now); }
-  void operator()(const v3d::EventMessage& event) const { served.status.on_event(event); }
-  void operator()(const v3d::PreviewMessage& preview) const { served.status.on_preview(preview); }
+  void operator()(const v3d::wire::MeshMessage& mesh) const { served.feed.add(mesh); }
+  void operator()(const v3d::wire::HealthMessage& health) const {
+    served.status.on_health(health, now);
+  }
+  void operator()(const v3d::wire::EventMessage& event) const { served.status.on_event(event); }
+  void operator()(const v3d::wire::PreviewMessage& preview) const {
+    served.status.on_preview(preview);
+  }
 };
 
 /// Passes messages of the studio to the subscribers.
-void poll(v3d::BusRelay& relay, v3d::WebServer& server, Served served, v3d::CommandRunner& runner) {
+void poll(v3d::viewd::BusRelay& relay, v3d::web::WebServer& server, Served served,
+          v3d::viewd::CommandRunner& runner) {
   relay.wait(v3d::Monotonic::now() + kPollPeriod);
   const v3d::MonotonicInstant now = v3d::Monotonic::now();
   server.run_on_thread([&](int64_t subscribers) {
@@ -72,62 +76,62 @@ void poll(v3d::BusRelay& relay, v3d::WebServer& server, Served served, v3d::Comm
 }
 
 /// Runs until the service is stopped. The relay process may end first.
-void serve(v3d::BusRelay& relay, v3d::WebServer& server, Served served,
-           v3d::CommandRunner& runner) {
+void serve(v3d::viewd::BusRelay& relay, v3d::web::WebServer& server, Served served,
+           v3d::viewd::CommandRunner& runner) {
   try {
-    while (!v3d::stop_requested()) {
+    while (!v3d::node::stop_requested()) {
       poll(relay, server, served, runner);
       v3d::Realtime::adopt_step();  // no take depends on the time before a step here
-      v3d::service::feed_watchdog();
+      v3d::node::service::feed_watchdog();
     }
-  } catch (const v3d::BusRelayEnded&) {
-    if (!v3d::stop_requested_by(v3d::Monotonic::now() + kStopArrivesWithin)) throw;
+  } catch (const v3d::viewd::BusRelayEnded&) {
+    if (!v3d::node::stop_requested_by(v3d::Monotonic::now() + kStopArrivesWithin)) throw;
   }
 }
 
 void run(const v3d::Studio& studio, const std::string& /*node*/) {
-  const v3d::WebAddress address =
-      v3d::parse_web_address(studio.viewer.listen, studio.path.string() + ": viewer.listen");
+  const v3d::web::WebAddress address =
+      v3d::web::parse_web_address(studio.viewer.listen, studio.path.string() + ": viewer.listen");
   const std::string token = token_of(studio, address);
-  v3d::CommandEndpoint commands(studio, v3d::load_operator_token(studio, token));
-  v3d::CommandRunner runner(studio);
+  v3d::viewd::CommandEndpoint commands(studio, v3d::viewd::load_operator_token(studio, token));
+  v3d::viewd::CommandRunner runner(studio);
   if (commands.is_open()) runner.require_v3dctl();
-  v3d::WebSite site(studio, v3d::WebAccess(token), v3d::find_page_files(studio.viewer.page),
-                    commands);
-  v3d::BusRelay relay(studio, kRelayFlag);
-  v3d::LiveFeed feed;
-  v3d::StudioStatus status(studio, v3d::commanded_nodes(studio), "");
+  v3d::viewd::WebSite site(studio, v3d::web::WebAccess(token),
+                           v3d::viewd::find_page_files(studio.viewer.page), commands);
+  v3d::viewd::BusRelay relay(studio, kRelayFlag);
+  v3d::viewd::LiveFeed feed;
+  v3d::viewd::StudioStatus status(studio, v3d::control::commanded_nodes(studio), "");
   status.set_control(commands.is_open());
-  const auto subscribe = [&](v3d::WebSite::StreamKind kind) {
-    return kind == v3d::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
+  const auto subscribe = [&](v3d::viewd::WebSite::StreamKind kind) {
+    return kind == v3d::viewd::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
   };
-  v3d::SiteHandler handler(site, subscribe);
-  v3d::WebServer server(address, handler);
+  v3d::viewd::SiteHandler handler(site, subscribe);
+  v3d::web::WebServer server(address, handler);
   const std::string host =
       address.host.find(':') == std::string::npos ? address.host : "[" + address.host + "]";
   spdlog::info("serves http://{}:{}/{}", host, server.port(),
                commands.is_open() ? ", and accepts orders" : "");
-  v3d::service::ready();
+  v3d::node::service::ready();
   serve(relay, server, {feed, status, commands}, runner);
-  v3d::service::stopping();
+  v3d::node::service::stopping();
 }
 
 void run_relay(const v3d::Studio& studio, const std::string& /*node*/) {
-  v3d::relay_bus(studio, STDOUT_FILENO);
+  v3d::viewd::relay_bus(studio, STDOUT_FILENO);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return v3d::daemon_main(
+  return v3d::node::daemon_main(
       argc, argv,
       {.name = "v3d-viewd",
        .purpose = "Shows a studio and its takes to browsers.",
        .is_a_node = false,
        .one_shot =
-           v3d::DaemonOneShot{.flag = kRelayFlag,
-                              .purpose = "Write the messages of the studio's network to "
-                                         "standard output (v3d-viewd starts itself with it)",
-                              .run = run_relay}},
+           v3d::node::DaemonOneShot{.flag = kRelayFlag,
+                                    .purpose = "Write the messages of the studio's network to "
+                                               "standard output (v3d-viewd starts itself with it)",
+                                    .run = run_relay}},
       run);
 }

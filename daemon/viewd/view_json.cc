@@ -4,7 +4,7 @@
 
 #include "base/image/mask.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using Json = nlohmann::json;
@@ -46,26 +46,26 @@ void append(std::string& message, const std::vector<uint8_t>& bytes) {
   message.append(bytes.begin(), bytes.end());
 }
 
-void append(std::string& message, const CameraColours& view) {
+void append(std::string& message, const recon::CameraColours& view) {
   const size_t sights = message.size();
   message.resize(sights + (view.vertices.size() + 3) / 4);
   for (size_t v = 0; v < view.vertices.size(); ++v) {
     const auto& [r, g, b, seen] = view.vertices[v];
-    const auto sight = static_cast<Visibility>(seen);
-    if (sight == Visibility::kNone) continue;
-    const unsigned bits = sight == Visibility::kFull ? 2 : 1;
+    const auto sight = static_cast<recon::Visibility>(seen);
+    if (sight == recon::Visibility::kNone) continue;
+    const unsigned bits = sight == recon::Visibility::kFull ? 2 : 1;
     message[sights + v / 4] |= static_cast<char>(bits << (2 * (v % 4)));
     message += {static_cast<char>(r), static_cast<char>(g), static_cast<char>(b)};
   }
 }
 
-std::string_view name_of(Severity severity) {
+std::string_view name_of(wire::Severity severity) {
   switch (severity) {
-    case Severity::kInfo:
+    case wire::Severity::kInfo:
       return "info";
-    case Severity::kWarning:
+    case wire::Severity::kWarning:
       return "warning";
-    case Severity::kAlarm:
+    case wire::Severity::kAlarm:
       return "alarm";
   }
   return "";
@@ -77,7 +77,7 @@ Json node_json(const StudioState& state, const std::string& node) {
   Json json = {{"name", node}, {"heard", found != state.health.end()}};
   json["cameras"] = cameras == state.cameras.end() ? Json::array() : Json(cameras->second);
   if (found == state.health.end()) return json;
-  const HealthMessage& health = found->second;
+  const wire::HealthMessage& health = found->second;
   json["program"] = health.program;
   json["version"] = health.version;
   json["state"] = name(health.state);
@@ -99,7 +99,7 @@ std::string rig_json(const Rig& rig) {
   return text_of({{"cameras", cameras}});
 }
 
-std::string mesh_message(const MeshMessage& mesh, int64_t number) {
+std::string mesh_message(const wire::MeshMessage& mesh, int64_t number) {
   const bool timed = to_ns(mesh.pulse_edge) != 0;
   std::string message = framed({{"type", "mesh"},
                                 {"number", number},
@@ -116,19 +116,19 @@ std::string mesh_message(const MeshMessage& mesh, int64_t number) {
 }
 
 std::string vertex_views_message(int64_t pulse, int64_t vertices,
-                                 const std::vector<CameraColours>& views, const Rig& rig) {
+                                 const std::vector<recon::CameraColours>& views, const Rig& rig) {
   Json cameras = Json::array();
-  for (const CameraColours& view : views) {
+  for (const recon::CameraColours& view : views) {
     const auto index = static_cast<size_t>(find_camera(rig, view.camera));
     const Eigen::Vector3d axis = rig[index].model.viewing_direction();
     cameras.push_back({{"name", view.camera}, {"axis", {axis.x(), axis.y(), axis.z()}}});
   }
   std::string message = framed({{"pulse", pulse}, {"vertices", vertices}, {"cameras", cameras}});
-  for (const CameraColours& view : views) append(message, view);
+  for (const recon::CameraColours& view : views) append(message, view);
   return message;
 }
 
-std::string preview_message(const PreviewMessage& preview) {
+std::string preview_message(const wire::PreviewMessage& preview) {
   const std::vector<uint8_t> runs =
       preview.mask ? encode_runs(*preview.mask) : std::vector<uint8_t>();
   std::string message = framed({{"type", "preview"},
@@ -142,7 +142,7 @@ std::string preview_message(const PreviewMessage& preview) {
   return message;
 }
 
-std::string event_json(const EventMessage& event) {
+std::string event_json(const wire::EventMessage& event) {
   return text_of({{"type", "event"},
                   {"node", event.node},
                   {"severity", name_of(event.severity)},
@@ -162,4 +162,4 @@ std::string state_json(const StudioState& state) {
                   {"nodes", nodes}});
 }
 
-}  // namespace v3d
+}  // namespace v3d::viewd

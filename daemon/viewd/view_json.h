@@ -12,10 +12,10 @@
 
 #include "base/config/studio_file.h"
 #include "base/geometry/camera_model.h"
-#include "recon/texture/camera_colours.h"
+#include "recon/texture/texture.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::viewd {
 
 /// {"scenes": [names]}
 std::string scenes_json(const std::vector<std::string>& names);
@@ -27,21 +27,21 @@ std::string rig_json(const Rig& rig);
 /// A compact frame: {"type": "mesh", "number", "take", "pulse", "edge_ms" and "sent_ms" since
 /// 1970 (edge_ms null when unknown), "silhouette_iou", "coverage", "cameras", "missing"}, then the
 /// compact frame.
-std::string mesh_message(const MeshMessage& mesh, int64_t number);
+std::string mesh_message(const wire::MeshMessage& mesh, int64_t number);
 
 /// {"pulse", "vertices", "cameras": [{"name", "axis" (unit viewing direction, world)}]};
 /// then for each camera the visibility of the vertices, two bits each, the first in the lowest bits
 /// of its byte (0: not visible, 1: Visibility::kRim, 2: Visibility::kFull), and then red, green and
 /// blue of the visible ones. Requires that `rig` has the cameras.
 std::string vertex_views_message(int64_t pulse, int64_t vertices,
-                                 const std::vector<CameraColours>& views, const Rig& rig);
+                                 const std::vector<recon::CameraColours>& views, const Rig& rig);
 
 /// {"type": "preview", "camera", "pulse", "width", "height", "runs"}, then `runs` bytes of
 /// mask runs (base/image/mask.h), then a JPEG.
-std::string preview_message(const PreviewMessage& preview);
+std::string preview_message(const wire::PreviewMessage& preview);
 
 /// {"type": "event", "node", "severity", "subject", "text", "sent_ms"}
-std::string event_json(const EventMessage& event);
+std::string event_json(const wire::EventMessage& event);
 
 /// The content of state_json().
 struct StudioState {
@@ -49,7 +49,7 @@ struct StudioState {
   std::string not_verified;        ///< why messages are not verified; empty: they are
   std::vector<std::string> nodes;  ///< all nodes of the studio
   std::map<std::string, std::vector<std::string>> cameras;  ///< by node
-  std::map<std::string, HealthMessage> health;              ///< of nodes that are not silent
+  std::map<std::string, wire::HealthMessage> health;        ///< of nodes that are not silent
   int64_t watchers = 0;                                     ///< connected clients
   bool control = false;                                     ///< browsers may send commands
 };
@@ -57,4 +57,4 @@ struct StudioState {
 /// "cameras"; if heard: "program", "version", "state", "take", "text", "values"}]}
 std::string state_json(const StudioState& state);
 
-}  // namespace v3d
+}  // namespace v3d::viewd

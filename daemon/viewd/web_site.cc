@@ -8,66 +8,68 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "base/core/time.h"
-#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/served_files.h"
+#include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/view_json.h"
-#include "daemon/web/web_target.h"
+#include "daemon/web/web_access.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 /// The answer where a file cannot be opened, by errno: 503 when a later attempt may succeed.
-WebAnswer unopened_answer(int error) {
+web::WebAnswer unopened_answer(int error) {
   if (error != EMFILE && error != ENFILE && error != ENOMEM) {
-    return plain_answer(404, "there is no such file");
+    return web::plain_answer(404, "there is no such file");
   }
-  WebAnswer answer = plain_answer(503, "too many open files; try again");
+  web::WebAnswer answer = web::plain_answer(503, "too many open files; try again");
   answer.fields = {{"Retry-After", "1"}};
   return answer;
 }
 
 /// A regular file, or the requested part of it. Links are not followed.
-WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path, WorkKind kind) {
+web::WebAnswer file_answer(const web::WebRequest& request, const std::filesystem::path& path,
+                           web::WorkKind kind) {
   io::UniqueFd opened(io::uninterrupted(
-      [&] { return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
+      [&] { return ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
   if (!opened) return unopened_answer(errno);
   const auto file = std::make_shared<const io::UniqueFd>(std::move(opened));
   struct stat state {};
   if (fstat(file->get(), &state) != 0 || !S_ISREG(state.st_mode))
-    return plain_answer(404, "not a regular file");
-  WebAnswer answer{.type = content_type(path)};
+    return web::plain_answer(404, "not a regular file");
+  web::WebAnswer answer{.type = content_type(path)};
   const std::string tag = tag_of(stamp_of(state));
   answer.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
   if (request.if_none_match == tag) {
     answer.status = 304;
     return answer;
   }
-  const ByteRange range = byte_range(request.range, state.st_size);
+  const web::ByteRange range = web::byte_range(request.range, state.st_size);
   const std::string all = std::to_string(state.st_size);
-  if (range.kind == ByteRange::Kind::kUnsatisfiable) {
+  if (range.kind == web::ByteRange::Kind::kUnsatisfiable) {
     answer.status = 416;
     answer.fields.emplace_back("Content-Range", "bytes */" + all);
     return answer;
   }
-  if (range.kind == ByteRange::Kind::kPart) {
+  if (range.kind == web::ByteRange::Kind::kPart) {
     answer.status = 206;
     answer.fields.emplace_back("Content-Range", "bytes " + std::to_string(range.first) + "-" +
                                                     std::to_string(range.first + range.size - 1) +
                                                     "/" + all);
   }
-  answer.file = FilePart{.file = file, .first = range.first, .size = range.size, .kind = kind};
+  answer.file = web::FilePart{.file = file, .first = range.first, .size = range.size, .kind = kind};
   return answer;
 }
 
 /// Files below assets/ may be cached for ever, because their names change with their content.
-WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const PageFile& page) {
+web::WebAnswer page_answer(const web::WebRequest& request, const web::WebTarget& target,
+                           const PageFile& page) {
   const bool is_immutable = !target.path.empty() && target.path.front() == "assets";
-  return later_answer(WorkKind::kPage, [request, page, is_immutable] {
-    WebAnswer answer = file_answer(request, page.path, WorkKind::kPage);
+  return later_answer(web::WorkKind::kPage, [request, page, is_immutable] {
+    web::WebAnswer answer = file_answer(request, page.path, web::WorkKind::kPage);
     answer.type = page.type;
     answer.fields.emplace_back("Cache-Control",
                                is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
@@ -75,18 +77,18 @@ WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const 
   });
 }
 
-WebAnswer rig_answer(std::function<Rig()> load) {
-  return later_answer(WorkKind::kFile,
-                      [load = std::move(load)] { return json_answer(rig_json(load())); });
+web::WebAnswer rig_answer(std::function<Rig()> load) {
+  return later_answer(web::WorkKind::kFile,
+                      [load = std::move(load)] { return web::json_answer(rig_json(load())); });
 }
 
-WebAnswer redirect_with_cookie(const WebTarget& target, const std::string& cookie) {
-  WebAnswer answer = plain_answer(303, "");
+web::WebAnswer redirect_with_cookie(const web::WebTarget& target, const std::string& cookie) {
+  web::WebAnswer answer = web::plain_answer(303, "");
   answer.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
   return answer;
 }
 
-bool is_command(const WebRequest& request, const std::optional<WebTarget>& target) {
+bool is_command(const web::WebRequest& request, const std::optional<web::WebTarget>& target) {
   return request.method == "POST" && target && target->text() == "/api/order";
 }
 
@@ -109,10 +111,12 @@ class WebSite::CachedListing {
     return json_;
   }
 
-  static WebAnswer answer(const std::string& name, const std::shared_ptr<CachedListing>& listing) {
+  static web::WebAnswer answer(const std::string& name,
+                               const std::shared_ptr<CachedListing>& listing) {
     return {
-        .work = [listing] { return guarded_answer([&] { return json_answer(listing->json()); }); },
-        .kind = WorkKind::kListing,
+        .work =
+            [listing] { return guarded_answer([&] { return web::json_answer(listing->json()); }); },
+        .kind = web::WorkKind::kListing,
         .listing = name};
   }
 
@@ -124,16 +128,16 @@ class WebSite::CachedListing {
   std::optional<MonotonicInstant> listed_;
 };
 
-std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
-  std::vector<TakeListing> takes = find_takes(folder, [](const InputError&) {});
+std::vector<take::TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
+  std::vector<take::TakeListing> takes = take::find_takes(folder, [](const InputError&) {});
   if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
-  for (TakeListing& take : takes) {  // browsers get no paths
+  for (take::TakeListing& take : takes) {  // browsers get no paths
     if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
   }
   return takes;
 }
 
-WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
+WebSite::WebSite(const Studio& studio, web::WebAccess access, std::map<std::string, PageFile> page,
                  CommandEndpoint& commands, const ListTakes& list)
     : takes_(studio.storage.takes),
       calib_(studio.storage.calib),
@@ -142,51 +146,52 @@ WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, P
       commands_(commands),
       pictures_(takes_),
       take_listing_(std::make_shared<CachedListing>(
-          [list, takes = takes_] { return takes_json(list(takes)); })),
+          [list, takes = takes_] { return control::takes_json(list(takes)); })),
       scene_listing_(std::make_shared<CachedListing>(
           [takes = takes_] { return scenes_json(find_scenes(takes)); })) {}
 
-ClientRole WebSite::role_of(const WebRequest& request) const {
-  const auto target = parse_web_target(request.target);
-  if (!target || !WebAccess::host_error(request).empty()) return ClientRole::kUnauthenticated;
-  const WebAccess::Verdict verdict = access_.check(request, *target);
-  if (verdict == WebAccess::Verdict::kTokenRequired ||
-      verdict == WebAccess::Verdict::kForeignHost) {
-    return ClientRole::kUnauthenticated;
+web::ClientRole WebSite::role_of(const web::WebRequest& request) const {
+  const auto target = web::parse_web_target(request.target);
+  if (!target || !web::WebAccess::host_error(request).empty())
+    return web::ClientRole::kUnauthenticated;
+  const web::WebAccess::Verdict verdict = access_.check(request, *target);
+  if (verdict == web::WebAccess::Verdict::kTokenRequired ||
+      verdict == web::WebAccess::Verdict::kForeignHost) {
+    return web::ClientRole::kUnauthenticated;
   }
-  return commands_.is_operator(request) ? ClientRole::kOperator : ClientRole::kViewer;
+  return commands_.is_operator(request) ? web::ClientRole::kOperator : web::ClientRole::kViewer;
 }
 
-std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
-                                          const std::optional<WebTarget>& target) const {
-  if (const std::string wrong = WebAccess::host_error(request); !wrong.empty()) {
-    return plain_answer(400, wrong);
+std::optional<web::WebAnswer> WebSite::refusal(const web::WebRequest& request,
+                                               const std::optional<web::WebTarget>& target) const {
+  if (const std::string wrong = web::WebAccess::host_error(request); !wrong.empty()) {
+    return web::plain_answer(400, wrong);
   }
   if (request.method != "GET" && request.method != "HEAD" && !is_command(request, target)) {
-    WebAnswer answer = plain_answer(405, "only GET and HEAD are answered");
+    web::WebAnswer answer = web::plain_answer(405, "only GET and HEAD are answered");
     answer.fields = {{"Allow", "GET, HEAD"}};
     return answer;
   }
-  if (!target) return plain_answer(400, "not a valid path");
+  if (!target) return web::plain_answer(400, "not a valid path");
   switch (access_.check(request, *target)) {
-    case WebAccess::Verdict::kAllowed:
+    case web::WebAccess::Verdict::kAllowed:
       return {};
-    case WebAccess::Verdict::kAllowedWithCookie:
+    case web::WebAccess::Verdict::kAllowedWithCookie:
       return redirect_with_cookie(*target, access_.set_cookie());
-    case WebAccess::Verdict::kForeignHost:
-      return plain_answer(403, "this server answers to localhost and 127.0.0.1 only");
-    case WebAccess::Verdict::kTokenRequired:
+    case web::WebAccess::Verdict::kForeignHost:
+      return web::plain_answer(403, "this server answers to localhost and 127.0.0.1 only");
+    case web::WebAccess::Verdict::kTokenRequired:
       break;
   }
-  WebAnswer answer = plain_answer(
+  web::WebAnswer answer = web::plain_answer(
       401, "This studio requires a token: open this address with ?token=TOKEN appended, once.");
   answer.fields = {{"WWW-Authenticate", "Bearer"}};
   return answer;
 }
 
-WebAnswer WebSite::answer(const WebRequest& request) {
-  return guarded_answer([&]() -> WebAnswer {
-    const auto target = parse_web_target(request.target);
+web::WebAnswer WebSite::answer(const web::WebRequest& request) {
+  return guarded_answer([&]() -> web::WebAnswer {
+    const auto target = web::parse_web_target(request.target);
     if (auto refused = refusal(request, target)) return std::move(*refused);
     if (is_command(request, target)) return commands_.post(request, Monotonic::now());
     return find(request, *target);
@@ -195,23 +200,23 @@ WebAnswer WebSite::answer(const WebRequest& request) {
 
 // --- the server's interface ----------------------------------------------------------------------
 
-WebHandler::Opening SiteHandler::open_stream(const WebRequest& request) {
+web::WebHandler::Opening SiteHandler::open_stream(const web::WebRequest& request) {
   WebSite::Opening opening = site_.open_stream(request);
   if (!opening.stream) return {nullptr, std::move(opening.refusal)};
   return {subscribe_(*opening.stream), {}};
 }
 
-WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
-  const auto target = parse_web_target(request.target);
+WebSite::Opening WebSite::open_stream(const web::WebRequest& request) const {
+  const auto target = web::parse_web_target(request.target);
   if (auto refused = refusal(request, target)) return {{}, std::move(*refused)};
-  if (!WebAccess::is_own_page(request))
-    return {{}, plain_answer(403, "WebSockets of pages of other origins are refused")};
+  if (!web::WebAccess::is_own_page(request))
+    return {{}, web::plain_answer(403, "WebSockets of pages of other origins are refused")};
   if (target->text() == "/api/live") return {StreamKind::kLive, {}};
   if (target->text() == "/api/studio") return {StreamKind::kStudio, {}};
-  return {{}, plain_answer(404, "there is no such stream")};
+  return {{}, web::plain_answer(404, "there is no such stream")};
 }
 
-WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) const {
+web::WebAnswer WebSite::find(const web::WebRequest& request, const web::WebTarget& target) const {
   const std::vector<std::string>& path = target.path;
   if (target.text() == "/api/takes") return CachedListing::answer("takes", take_listing_);
   if (target.text() == "/api/scenes") return CachedListing::answer("scenes", scene_listing_);
@@ -219,26 +224,26 @@ WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) cons
   if (target.text() == "/api/rig")
     return rig_answer([calib = calib_] { return load_calib(calib); });
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
-    if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
-    return rig_answer([take = TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
+    if (!is_file_name(path[2])) return web::plain_answer(404, "there is no such take");
+    return rig_answer([take = take::TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
   }
   if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return take_file(request, path[1], path[2]);
   const auto page = page_.find(target.text());
-  if (page == page_.end()) return plain_answer(404, "there is no such page");
+  if (page == page_.end()) return web::plain_answer(404, "there is no such page");
   return page_answer(request, target, page->second);
 }
 
-WebAnswer WebSite::take_file(const WebRequest& request, const std::string& take,
-                             const std::string& file) const {
-  const WebAnswer unknown = plain_answer(404, "there is no such file of a take");
+web::WebAnswer WebSite::take_file(const web::WebRequest& request, const std::string& take,
+                                  const std::string& file) const {
+  const web::WebAnswer unknown = web::plain_answer(404, "there is no such file of a take");
   if (!is_file_name(take) || !is_file_name(file)) return unknown;
-  return later_answer(WorkKind::kFile, [request, folder = takes_ / take, file, unknown] {
+  return later_answer(web::WorkKind::kFile, [request, folder = takes_ / take, file, unknown] {
     if (!is_served(file) && !is_of_scene(folder, file)) return unknown;
-    WebAnswer answer = file_answer(request, folder / file, WorkKind::kFile);
+    web::WebAnswer answer = file_answer(request, folder / file, web::WorkKind::kFile);
     answer.fields.emplace_back("Cache-Control", "no-cache");
     return answer;
   });
 }
 
-}  // namespace v3d
+}  // namespace v3d::viewd

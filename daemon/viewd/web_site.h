@@ -24,51 +24,52 @@
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "daemon/web/web_access.h"
-#include "daemon/web/web_handler.h"
+#include "daemon/web/web_message.h"
 #include "take/take_listing.h"
 
-namespace v3d {
+namespace v3d::viewd {
 
 /// Answers requests. Only the CommandEndpoint changes anything. One thread, which reads from no
 /// disk; the work of answers (WebAnswer::work) runs on others, and may outlive this object.
 class WebSite {
  public:
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
-  using ListTakes = std::function<std::vector<TakeListing>(const std::filesystem::path& folder)>;
-  static std::vector<TakeListing> list_takes(const std::filesystem::path& folder);
+  using ListTakes =
+      std::function<std::vector<take::TakeListing>(const std::filesystem::path& folder)>;
+  static std::vector<take::TakeListing> list_takes(const std::filesystem::path& folder);
   /// Limit of listed takes: the newest ones.
   static constexpr size_t kMaxListed = 10'000;
 
   /// `commands` must outlive this object.
-  WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
+  WebSite(const Studio& studio, web::WebAccess access, std::map<std::string, PageFile> page,
           CommandEndpoint& commands, const ListTakes& list = list_takes);
 
   /// Does not throw: errors become a status.
-  WebAnswer answer(const WebRequest& request);
+  web::WebAnswer answer(const web::WebRequest& request);
 
   /// The role of the sender; kUnauthenticated if answer() would refuse any request of this sender.
-  ClientRole role_of(const WebRequest& request) const;
+  web::ClientRole role_of(const web::WebRequest& request) const;
 
   enum class StreamKind : uint8_t { kLive, kStudio };
   /// The result of a request to open a WebSocket: the stream, or the refusal.
   struct Opening {
     std::optional<StreamKind> stream;
-    WebAnswer refusal;
+    web::WebAnswer refusal;
   };
-  Opening open_stream(const WebRequest& request) const;
+  Opening open_stream(const web::WebRequest& request) const;
 
  private:
   class CachedListing;
 
-  std::optional<WebAnswer> refusal(const WebRequest& request,
-                                   const std::optional<WebTarget>& target) const;
-  WebAnswer find(const WebRequest& request, const WebTarget& target) const;
-  WebAnswer take_file(const WebRequest& request, const std::string& take,
-                      const std::string& file) const;
+  std::optional<web::WebAnswer> refusal(const web::WebRequest& request,
+                                        const std::optional<web::WebTarget>& target) const;
+  web::WebAnswer find(const web::WebRequest& request, const web::WebTarget& target) const;
+  web::WebAnswer take_file(const web::WebRequest& request, const std::string& take,
+                           const std::string& file) const;
 
   const std::filesystem::path takes_;
   const std::filesystem::path calib_;
-  const WebAccess access_;
+  const web::WebAccess access_;
   const std::map<std::string, PageFile> page_;
   CommandEndpoint& commands_;
   const TakePictures pictures_;
@@ -77,19 +78,21 @@ class WebSite {
 };
 
 /// A WebSite with its WebSockets, for the server.
-class SiteHandler final : public WebHandler {
+class SiteHandler final : public web::WebHandler {
  public:
-  using Subscribe = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
+  using Subscribe = std::function<std::unique_ptr<web::WebStream>(WebSite::StreamKind)>;
   /// `site` and the objects that `subscribe` uses must outlive this object.
   SiteHandler(WebSite& site, Subscribe subscribe) : site_(site), subscribe_(std::move(subscribe)) {}
 
-  WebAnswer answer(const WebRequest& request) override { return site_.answer(request); }
-  ClientRole role_of(const WebRequest& request) const override { return site_.role_of(request); }
-  Opening open_stream(const WebRequest& request) override;
+  web::WebAnswer answer(const web::WebRequest& request) override { return site_.answer(request); }
+  web::ClientRole role_of(const web::WebRequest& request) const override {
+    return site_.role_of(request);
+  }
+  Opening open_stream(const web::WebRequest& request) override;
 
  private:
   WebSite& site_;
   const Subscribe subscribe_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::viewd

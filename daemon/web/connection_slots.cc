@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace v3d {
+namespace v3d::web {
 
 template <class Matches>
 size_t ConnectionSlots::count(Matches matches) const {
@@ -52,4 +52,4 @@ void ConnectionSlots::release(Id id) {
   entries_.remove_if([id](const Entry& entry) { return entry.id == id; });
 }
 
-}  // namespace v3d
+}  // namespace v3d::web

@@ -7,9 +7,9 @@
 #include <optional>
 #include <string>
 
-#include "daemon/web/web_handler.h"
+#include "daemon/web/web_message.h"
 
-namespace v3d {
+namespace v3d::web {
 
 /// Bounded table of connections: kMaxCommon for all clients, kMaxPerAddress of them for one
 /// address, and kReserved for requests with the operators' token.
@@ -58,4 +58,4 @@ class ConnectionSlots {
   Id last_id_ = 0;
 };
 
-}  // namespace v3d
+}  // namespace v3d::web

@@ -11,10 +11,9 @@
 
 #include "base/core/error.h"
 #include "daemon/web/web_connection.h"
-#include "daemon/web/web_subscriber.h"
 #include "daemon/web/work_runner.h"
 
-namespace v3d {
+namespace v3d::web {
 namespace {
 
 namespace asio = boost::asio;
@@ -166,4 +165,4 @@ void WebServer::run_on_thread(const std::function<void(int64_t)>& work) {
   impl_->run_on_thread(work);
 }
 
-}  // namespace v3d
+}  // namespace v3d::web

@@ -1,5 +1,5 @@
-// The HTTP and WebSocket server. Boost.Beast is confined to web_server.cc, web_connection.h and
-// web_subscriber.h.
+// The HTTP and WebSocket server. Boost.Beast is confined to web_server.cc and
+// web_connection.{h,cc}.
 #pragma once
 
 #include <chrono>
@@ -8,9 +8,9 @@
 #include <memory>
 
 #include "daemon/web/web_access.h"
-#include "daemon/web/web_handler.h"
+#include "daemon/web/web_message.h"
 
-namespace v3d {
+namespace v3d::web {
 
 struct WebLimits {
   /// From the first byte of a request (for the first request: from the connection) to its last
@@ -56,4 +56,4 @@ class WebServer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::web

@@ -4,7 +4,7 @@
 #include <boost/asio/post.hpp>
 #include <utility>
 
-namespace v3d {
+namespace v3d::web {
 
 WorkRunner::~WorkRunner() {
   if (!threads_) return;
@@ -53,4 +53,4 @@ void WorkRunner::time_out(const std::string& name, const std::shared_ptr<Waiter>
   waiter->done(std::move(answer));
 }
 
-}  // namespace v3d
+}  // namespace v3d::web

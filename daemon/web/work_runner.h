@@ -14,7 +14,7 @@
 
 #include "daemon/web/web_message.h"
 
-namespace v3d {
+namespace v3d::web {
 
 /// Limits of the work of one kind (WorkKind).
 struct WorkLimits {
@@ -64,4 +64,4 @@ class WorkRunner {
   std::optional<boost::asio::thread_pool> threads_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::web

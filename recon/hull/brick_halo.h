@@ -8,14 +8,14 @@
 
 #include "recon/hull/sparse_volume.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Indices of a brick and of its 26 neighbours, in the order 9 (z + 1) + 3 (y + 1) + x + 1; -1
 /// where no brick is stored.
 using BricksAround = std::array<int, 27>;
 
 inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
-  const BrickCoord at = volume.coords()[brick];
+  const codec::BrickCoord at = volume.coords()[brick];
   BricksAround around{};
   for (int n = 0; n < 27; ++n) {
     around[n] = volume.index_of({at.x + n % 3 - 1, at.y + n / 3 % 3 - 1, at.z + n / 9 - 1});
@@ -25,39 +25,40 @@ inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
 
 /// One number for each of the eight voxels of a row along x.
 template <class Number>
-using BrickRow = std::array<Number, kBrickEdge>;
+using BrickRow = std::array<Number, codec::kBrickEdge>;
 
 /// Sums over the 27 voxels in and around each voxel of a brick, x fastest. row_of(brick, row) is
 /// the BrickRow of row 8 z + y; rows of bricks that are not stored count as 0.
 template <class Sum, class RowOf>
 std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf& row_of) {
-  constexpr int kWide = kBrickEdge + 2;
+  constexpr int kWide = codec::kBrickEdge + 2;
   // Partial sums along x, for the brick and one voxel around it along y and z.
-  std::array<Sum, kWide * kWide * kBrickEdge> along_x{};
-  const auto brick_of = [](int i) { return i == 0 ? 0 : i > kBrickEdge ? 2 : 1; };
+  std::array<Sum, kWide * kWide * codec::kBrickEdge> along_x{};
+  const auto brick_of = [](int i) { return i == 0 ? 0 : i > codec::kBrickEdge ? 2 : 1; };
   Sum* to = along_x.data();
   for (int z = 0; z < kWide; ++z) {
-    for (int y = 0; y < kWide; ++y, to += kBrickEdge) {
+    for (int y = 0; y < kWide; ++y, to += codec::kBrickEdge) {
       const int* bricks = &around[9 * brick_of(z) + 3 * brick_of(y)];
       const int row = 8 * ((z + 7) % 8) + (y + 7) % 8;
       std::array<Sum, kWide> wide{};
-      if (bricks[0] >= 0) wide.front() = row_of(bricks[0], row)[kBrickEdge - 1];
+      if (bricks[0] >= 0) wide.front() = row_of(bricks[0], row)[codec::kBrickEdge - 1];
       if (bricks[2] >= 0) wide.back() = row_of(bricks[2], row)[0];
       if (bricks[1] >= 0) {
         const auto middle = row_of(bricks[1], row);
-        for (int x = 0; x < kBrickEdge; ++x) wide[x + 1] = middle[x];
+        for (int x = 0; x < codec::kBrickEdge; ++x) wide[x + 1] = middle[x];
       }
-      for (int x = 0; x < kBrickEdge; ++x) to[x] = wide[x] + wide[x + 1] + wide[x + 2];
+      for (int x = 0; x < codec::kBrickEdge; ++x) to[x] = wide[x] + wide[x + 1] + wide[x + 2];
     }
   }
-  constexpr int kLayer = kWide * kBrickEdge;
+  constexpr int kLayer = kWide * codec::kBrickEdge;
   std::array<Sum, 512> sums{};
-  for (int z = 0; z < kBrickEdge; ++z) {
+  for (int z = 0; z < codec::kBrickEdge; ++z) {
     std::array<Sum, kLayer> along_z;
     const Sum* from = &along_x[z * kLayer];
     for (int i = 0; i < kLayer; ++i) along_z[i] = from[i] + from[i + kLayer] + from[i + 2 * kLayer];
     for (int i = 0; i < 64; ++i) {
-      sums[64 * z + i] = along_z[i] + along_z[i + kBrickEdge] + along_z[i + 2 * kBrickEdge];
+      sums[64 * z + i] =
+          along_z[i] + along_z[i + codec::kBrickEdge] + along_z[i + 2 * codec::kBrickEdge];
     }
   }
   return sums;
@@ -66,7 +67,7 @@ std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf&
 /// Bit-sliced counters: one number from 0 to 27 for every voxel of a brick. bit[k] holds the k-th
 /// bits of all, so that 64 voxels are counted at once.
 struct BrickCounts {
-  std::array<Brick, 5> bit{};
+  std::array<codec::Brick, 5> bit{};
 };
 
 namespace brick_counts {
@@ -124,9 +125,9 @@ inline std::array<uint64_t, 5> along_z(const Layer& a, const Layer& b, const Lay
 template <class LayerOf>
 BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& layer_of) {
   using brick_counts::Layer;
-  std::array<Layer, kBrickEdge + 2> flat;
-  for (int z = 0; z < kBrickEdge + 2; ++z) {
-    const int brick_z = z == 0 ? 0 : z > kBrickEdge ? 2 : 1;
+  std::array<Layer, codec::kBrickEdge + 2> flat;
+  for (int z = 0; z < codec::kBrickEdge + 2; ++z) {
+    const int brick_z = z == 0 ? 0 : z > codec::kBrickEdge ? 2 : 1;
     std::array<uint64_t, 9> layers{};
     for (int n = 0; n < 9; ++n) {
       const int brick = around[9 * brick_z + n];
@@ -135,7 +136,7 @@ BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& laye
     flat[z] = brick_counts::along_x_and_y(layers);
   }
   BrickCounts counts;
-  for (int z = 0; z < kBrickEdge; ++z) {
+  for (int z = 0; z < codec::kBrickEdge; ++z) {
     const auto sums = brick_counts::along_z(flat[z], flat[z + 1], flat[z + 2]);
     for (size_t k = 0; k < sums.size(); ++k) counts.bit[k][z] = sums[k];
   }
@@ -145,14 +146,14 @@ BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& laye
 /// The set voxels and all that share a face or an edge with one (18 neighbours, as in
 /// MarchingCubes). layer_of(brick, z) as in neighbourhood_counts().
 template <class LayerOf>
-Brick dilated(const BricksAround& around, const LayerOf& layer_of) {
+codec::Brick dilated(const BricksAround& around, const LayerOf& layer_of) {
   constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
   const auto along_y = [](uint64_t before, uint64_t here, uint64_t after) {
     return (here << 8 | before >> 56) | (here >> 8 | after << 56);
   };
-  Brick result{};
-  for (int z = -1; z <= kBrickEdge; ++z) {
-    const int brick_z = z < 0 ? 0 : z == kBrickEdge ? 2 : 1;
+  codec::Brick result{};
+  for (int z = -1; z <= codec::kBrickEdge; ++z) {
+    const int brick_z = z < 0 ? 0 : z == codec::kBrickEdge ? 2 : 1;
     std::array<uint64_t, 9> layers{};
     uint64_t any = 0;
     for (int n = 0; n < 9; ++n) {
@@ -168,15 +169,15 @@ Brick dilated(const BricksAround& around, const LayerOf& layer_of) {
     }
     const uint64_t cross = rows[1] | along_y(layers[1], layers[4], layers[7]);
     if (z > 0) result[z - 1] |= cross;
-    if (z + 1 < kBrickEdge) result[z + 1] |= cross;
-    if (z >= 0 && z < kBrickEdge) result[z] |= rows[1] | along_y(rows[0], rows[1], rows[2]);
+    if (z + 1 < codec::kBrickEdge) result[z + 1] |= cross;
+    if (z >= 0 && z < codec::kBrickEdge) result[z] |= rows[1] | along_y(rows[0], rows[1], rows[2]);
   }
   return result;
 }
 
 /// The voxels where `a` is larger than `b`.
-inline Brick larger(const BrickCounts& a, const BrickCounts& b) {
-  Brick larger{};
+inline codec::Brick larger(const BrickCounts& a, const BrickCounts& b) {
+  codec::Brick larger{};
   for (size_t z = 0; z < larger.size(); ++z) {
     uint64_t equal = ~uint64_t{0};
     for (size_t k = a.bit.size(); k-- > 0;) {
@@ -187,4 +188,4 @@ inline Brick larger(const BrickCounts& a, const BrickCounts& b) {
   return larger;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

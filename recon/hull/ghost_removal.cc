@@ -8,7 +8,7 @@
 
 #include "recon/hull/brick_halo.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Number of voxels of a component whose lines of sight are tested.
@@ -81,7 +81,7 @@ GhostRemoval::GhostRemoval(const VoxelGrid& grid, std::span<const CameraModel> c
 int GhostRemoval::remove(SparseVolume& volume, std::span<const uint8_t> takes_part) {
   components_.find(volume);
   if (components_.count() < 2) return 0;
-  ignored_.assign(volume.bricks().size(), kEmptyBrick);
+  ignored_.assign(volume.bricks().size(), codec::kEmptyBrick);
   near_.resize(volume.bricks().size());
   std::vector<Candidate> open = candidates();
   size_t ghosts = 0;
@@ -96,7 +96,7 @@ int GhostRemoval::remove(SparseVolume& volume, std::span<const uint8_t> takes_pa
   std::vector<PlacedBrick> left(volume.bricks().size());
   for (size_t b = 0; b < left.size(); ++b) {
     left[b].at = volume.coords()[b];
-    for (size_t z = 0; z < kBrickEdge; ++z)
+    for (size_t z = 0; z < codec::kBrickEdge; ++z)
       left[b].bits[z] = volume.bricks()[b][z] & ~ignored_[b][z];
   }
   const std::span<const PlacedBrick> part(left);
@@ -125,7 +125,7 @@ bool GhostRemoval::is_ghost(const SparseVolume& volume, Candidate& candidate,
   const auto parts = components_.parts(candidate.component);
   const auto flip = [&] {
     for (const ComponentPart& part : parts) {
-      for (size_t z = 0; z < kBrickEdge; ++z) ignored_[part.brick][z] ^= part.bits[z];
+      for (size_t z = 0; z < codec::kBrickEdge; ++z) ignored_[part.brick][z] ^= part.bits[z];
     }
   };
   flip();
@@ -162,13 +162,14 @@ void GhostRemoval::sample(const SparseVolume& volume, size_t component) {
   const size_t every = (voxels + kSamples - 1) / kSamples;
   size_t number = 0;
   for (const ComponentPart& part : components_.parts(component)) {
-    const BrickCoord at = volume.coords()[part.brick];
-    for (int z = 0; z < kBrickEdge; ++z) {
+    const codec::BrickCoord at = volume.coords()[part.brick];
+    for (int z = 0; z < codec::kBrickEdge; ++z) {
       for (uint64_t left = part.bits[z]; left != 0; left &= left - 1) {
         if (number++ % every != 0) continue;
         const int bit = std::countr_zero(left);
-        samples_.emplace_back(kBrickEdge * at.x + bit % 8 + 0.5, kBrickEdge * at.y + bit / 8 + 0.5,
-                              kBrickEdge * at.z + z + 0.5);
+        samples_.emplace_back(codec::kBrickEdge * at.x + bit % 8 + 0.5,
+                              codec::kBrickEdge * at.y + bit / 8 + 0.5,
+                              codec::kBrickEdge * at.z + z + 0.5);
       }
     }
   }
@@ -179,13 +180,13 @@ bool GhostRemoval::is_met(const SparseVolume& volume, const Eigen::Vector3d& eye
                           const Eigen::Vector3d& voxel) {
   const Eigen::Vector3d direction = voxel - eye;
   const Section section = inside(eye, direction, grid_.counts);
-  LineTraversal brick(eye, direction, kBrickEdge, section.begin);
+  LineTraversal brick(eye, direction, codec::kBrickEdge, section.begin);
   for (double t = section.begin; t < section.end; t = brick.end(), brick.advance()) {
     const auto [x, y, z] = brick.cell();
     const int index = volume.index_of({x, y, z});
     if (index < 0) continue;
-    const Brick& near = near_others(volume, static_cast<size_t>(index));
-    if (near == kEmptyBrick) continue;
+    const codec::Brick& near = near_others(volume, static_cast<size_t>(index));
+    if (near == codec::kEmptyBrick) continue;
     LineTraversal cell(eye, direction, 1, t);
     for (double u = t; u < brick.end(); u = cell.end(), cell.advance()) {
       const auto [i, j, k] = cell.cell();
@@ -196,7 +197,7 @@ bool GhostRemoval::is_met(const SparseVolume& volume, const Eigen::Vector3d& eye
   return false;
 }
 
-const Brick& GhostRemoval::near_others(const SparseVolume& volume, size_t brick) {
+const codec::Brick& GhostRemoval::near_others(const SparseVolume& volume, size_t brick) {
   if (!has_near_[brick]) {
     const auto others_of = [&](size_t b, int z) { return volume.bricks()[b][z] & ~ignored_[b][z]; };
     near_[brick] = dilated(bricks_around(volume, brick), others_of);
@@ -205,4 +206,4 @@ const Brick& GhostRemoval::near_others(const SparseVolume& volume, size_t brick)
   return near_[brick];
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -10,7 +10,7 @@
 #include "recon/hull/sparse_volume.h"
 #include "recon/hull/volume_components.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 struct GhostOptions {
   /// Components of at least this volume are kept, cubic metres. 10 litres: a torso has 40.
@@ -54,7 +54,7 @@ class GhostRemoval {
   int missing_proofs(const SparseVolume& volume, std::span<const uint8_t> takes_part);
   void sample(const SparseVolume& volume, size_t component);
   bool is_met(const SparseVolume& volume, const Eigen::Vector3d& eye, const Eigen::Vector3d& voxel);
-  const Brick& near_others(const SparseVolume& volume, size_t brick);
+  const codec::Brick& near_others(const SparseVolume& volume, size_t brick);
 
   const VoxelGrid grid_;
   const std::vector<CameraModel> cameras_;
@@ -64,9 +64,9 @@ class GhostRemoval {
   /// Centres of some voxels of the tested component, in voxels of the grid.
   std::vector<Eigen::Vector3d> samples_;
   // By brick of the volume.
-  std::vector<Brick> ignored_;     ///< voxels of the tested component and of the ghosts
-  std::vector<Brick> near_;        ///< voxels in or beside the other components
-  std::vector<uint8_t> has_near_;  ///< near_ is computed
+  std::vector<codec::Brick> ignored_;  ///< voxels of the tested component and of the ghosts
+  std::vector<codec::Brick> near_;     ///< voxels in or beside the other components
+  std::vector<uint8_t> has_near_;      ///< near_ is computed
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -10,11 +10,11 @@
 #include <algorithm>
 #include <cstring>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
 #ifndef V3D_RECON_MASK_PYRAMID_ONCE
 #define V3D_RECON_MASK_PYRAMID_ONCE
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Two neighbouring strips of a level. The bits of each beyond the end of its rows are set in the
@@ -27,11 +27,11 @@ struct StripPair {
 };
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -74,11 +74,11 @@ Coverage coverage(const MaskPyramid& mask, int x0, int y0, int x1, int y1) {
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 
 HWY_EXPORT(halve_any);
 HWY_EXPORT(halve_all);
@@ -197,5 +197,5 @@ Coverage MaskPyramid::coverage(int x0, int y0, int x1, int y1) const {
   return HWY_DYNAMIC_DISPATCH(coverage)(*this, x0, y0, x1, y1);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

@@ -8,7 +8,7 @@
 
 #include "base/image/mask.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 enum class Coverage {
   kNone,  ///< all background
@@ -72,4 +72,4 @@ class MaskPyramid {
   Rect filled_;  ///< pixels outside are 0 on every level
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,25 +1,27 @@
-// Sparse volume: the occupied voxels of a grid, stored in bricks of 8 x 8 x 8 voxels.
+// Sparse volume and its surface.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
-#include "codec/brick.h"
-#include "codec/brick_map.h"
-#include "codec/brick_surface.h"
+#include "base/geometry/mesh.h"
+#include "codec/bricks.h"
 #include "recon/hull/voxel_grid.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Sparse volume: the occupied voxels of a grid, stored in bricks of 8 x 8 x 8 voxels.
 
 struct PlacedBrick {
-  BrickCoord at;
-  Brick bits{};
+  codec::BrickCoord at;
+  codec::Brick bits{};
 };
 
 /// The bits of brick `at` that lie inside the grid.
-Brick bits_inside(const VoxelGrid& grid, BrickCoord at);
+codec::Brick bits_inside(const VoxelGrid& grid, codec::BrickCoord at);
 
 /// A value; any thread may read. Invariants: no stored brick is empty; bits outside the grid are 0;
 /// bricks are sorted by z, then y, then x. So equal volumes have equal bytes.
@@ -40,14 +42,14 @@ class SparseVolume {
   const std::array<int, 3>& brick_counts() const { return occupied_.counts(); }
 
   /// The stored bricks, sorted; coords()[n] is the place of bricks()[n].
-  std::span<const Brick> bricks() const { return bricks_; }
-  std::span<const BrickCoord> coords() const { return coords_; }
+  std::span<const codec::Brick> bricks() const { return bricks_; }
+  std::span<const codec::BrickCoord> coords() const { return coords_; }
 
   /// Index into bricks(), -1 for an empty brick and outside the grid.
-  int index_of(BrickCoord at) const { return occupied_.index_of(at); }
+  int index_of(codec::BrickCoord at) const { return occupied_.index_of(at); }
   /// The bricks that are stored.
-  const BrickMap& occupied() const { return occupied_; }
-  BrickVolume view() const { return {&occupied_, bricks_, coords_}; }
+  const codec::BrickMap& occupied() const { return occupied_; }
+  codec::BrickVolume view() const { return {&occupied_, bricks_, coords_}; }
 
   /// True for an occupied voxel; false outside the grid.
   bool get(int i, int j, int k) const;
@@ -64,9 +66,9 @@ class SparseVolume {
   void place(std::span<const std::span<const PlacedBrick>> parts);
 
   VoxelGrid grid_;
-  std::vector<Brick> bricks_;
-  std::vector<BrickCoord> coords_;
-  BrickMap occupied_;
+  std::vector<codec::Brick> bricks_;
+  std::vector<codec::BrickCoord> coords_;
+  codec::BrickMap occupied_;
 };
 
 /// Number of voxels that are occupied in both volumes. Requires the same grid.
@@ -74,4 +76,34 @@ int64_t count_common(const SparseVolume& a, const SparseVolume& b);
 /// Number of voxels that are occupied in one of the volumes. Requires the same grid.
 int64_t count_differing(const SparseVolume& a, const SparseVolume& b);
 
-}  // namespace v3d
+// Discrete marching cubes: the surface of a volume. Source: Kenmochi et al. [7] of the paper, as
+// used in section 2.3. codec/bricks.h contains the implementation, because the decoder of
+// compact frames uses it too.
+
+/// Keeps its working memory between calls. One caller at a time; works in the caller's TBB arena.
+class MarchingCubes {
+ public:
+  MarchingCubes();
+  ~MarchingCubes();
+
+  /// Replaces `mesh` by the surface of `volume`, without colours, and reuses its memory.
+  ///
+  /// A vertex lies midway between each occupied voxel centre and each of its empty neighbours along
+  /// the axes; outside the grid everything is empty. So vertices lie on a lattice of half voxels
+  /// (world frame, metres): float(origin + h * voxel_m / 2) per axis with an integer h, computed in
+  /// double, to the bit. Triangles are counter-clockwise seen from outside.
+  ///
+  /// The surface is closed and 2-manifold for every volume: voxels that share an edge are
+  /// connected, voxels that share only a corner are not. Vertices are sorted by brick (z, y, x),
+  /// then axis and voxel; triangles by cube. Deterministic.
+  void run(const SparseVolume& volume, Mesh& mesh);
+
+ private:
+  class Surface;
+  std::unique_ptr<Surface> surface_;
+};
+
+/// MarchingCubes::run() without kept memory.
+Mesh marching_cubes(const SparseVolume& volume);
+
+}  // namespace v3d::recon

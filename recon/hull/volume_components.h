@@ -1,4 +1,4 @@
-// Connected components of a volume.
+// Components of a volume and cuts of it.
 #pragma once
 
 #include <cstdint>
@@ -7,12 +7,14 @@
 
 #include "recon/hull/sparse_volume.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Connected components of a volume.
 
 /// The voxels of a component that lie in one brick.
 struct ComponentPart {
   uint32_t brick = 0;  ///< index into SparseVolume::bricks()
-  Brick bits{};
+  codec::Brick bits{};
 };
 
 /// Finds the connected components of volumes by flood fill, 64 voxels at a time. Two voxels are
@@ -45,10 +47,48 @@ class VolumeComponents {
   std::vector<Component> components_;
   std::vector<ComponentPart> parts_;
   // Working memory, by brick of the volume.
-  std::vector<Brick> left_;     ///< voxels that are in no component yet
-  std::vector<Brick> reached_;  ///< voxels of the current component; empty between components
+  std::vector<codec::Brick> left_;  ///< voxels that are in no component yet
+  std::vector<codec::Brick>
+      reached_;  ///< voxels of the current component; empty between components
   std::vector<uint8_t> is_touched_, is_queued_;
   std::vector<uint32_t> touched_, queue_;
 };
 
-}  // namespace v3d
+// A set of voxels to be removed from a volume, with the filters that clean it up.
+
+/// Borrows the volume, which must not change. One caller at a time; works in the caller's TBB
+/// arena. Independent of thread count.
+class VolumeCut {
+ public:
+  /// One brick of `cut` for each of the volume; voxels that are not occupied are ignored.
+  VolumeCut(const SparseVolume& volume, std::vector<codec::Brick> cut);
+
+  /// Smooths the boundary between removed and kept voxels: `passes` times, each voxel takes the
+  /// majority of the occupied voxels among the 27 in and around it. Empty voxels do not count, so
+  /// that slender parts remain.
+  void smooth(int passes);
+  /// Adds connected pieces of fewer than `voxels` voxels that the cut separated from the rest.
+  /// Voxels are connected by faces and edges, as in MarchingCubes.
+  void add_fragments(int voxels);
+
+  /// Takes `voxels` out of the cut; one brick for each of the volume.
+  void keep(std::span<const codec::Brick> voxels);
+
+  const std::vector<codec::Brick>& bricks() const { return cut_; }
+  /// One entry per brick of the volume: 1 where something is cut in the brick or in one of its
+  /// neighbours.
+  std::vector<uint8_t> bricks_near() const;
+  /// The same for the voxels of this cut that the cut `less` does not have.
+  std::vector<uint8_t> bricks_near_more_than(std::span<const codec::Brick> less) const;
+  /// The volume without the cut.
+  SparseVolume remaining() const;
+
+ private:
+  template <class Chosen>
+  std::vector<uint8_t> near(const Chosen& chosen) const;
+
+  const SparseVolume& volume_;
+  std::vector<codec::Brick> cut_;
+};
+
+}  // namespace v3d::recon

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
+#include <vector>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr double kMaxVoxels = 0x1p62;  // representable in int64_t and in double
@@ -92,4 +94,97 @@ void require_memory(const VoxelGrid& grid, double bytes_available) {
                    format_bytes(bytes_available) + " are available" + advice);
 }
 
-}  // namespace v3d
+namespace {
+
+enum { kK4 = 5, kTauX = 12 };
+
+Lens lens_of(const CameraModel& camera) {
+  if (camera.matrix()(0, 1) != 0) return Lens::kFull;
+  if (!camera.has_distortion()) return Lens::kPinhole;
+  const auto& d = camera.distortion();
+  const bool simple = std::all_of(d.begin() + kK4, d.end(), [](double c) { return c == 0; });
+  return simple ? Lens::kPolynomial : Lens::kFull;
+}
+
+bool is_small(const VoxelCamera& camera, const VoxelGrid& grid) {
+  const auto max_index = static_cast<float>(*std::ranges::max_element(grid.counts));
+  const auto below = [](float limit) { return [=](float v) { return std::abs(v) <= limit; }; };
+  const auto& h = camera.pixel_from_lens;
+  const auto& m = camera.cam_from_voxel;
+  return std::all_of(camera.d.begin(), camera.d.end(), below(1e4F)) &&
+         std::all_of(&h[0][0], &h[0][0] + 9, below(1e6F)) &&
+         std::all_of(&m[0][0], &m[0][0] + 12, [&](float v) { return below(1e7F)(v * max_index); });
+}
+
+}  // namespace
+
+VoxelCamera::VoxelCamera(const CameraModel& camera, const VoxelGrid& grid)
+    : lens(lens_of(camera)),
+      width(static_cast<float>(camera.size().width)),
+      height(static_cast<float>(camera.size().height)),
+      max_radius2(static_cast<float>(camera.max_radius2())) {
+  const Eigen::Matrix3d axes = camera.cam_from_world().rotation * grid.voxel_m;
+  const Eigen::Vector3d first = camera.cam_from_world() * grid.center(0, 0, 0);
+  Eigen::Matrix3d lens_to_pixel = camera.matrix() * camera.tilt();
+  lens_to_pixel.topRows<2>() += 0.5 * lens_to_pixel.row(2).replicate<2, 1>();
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      cam_from_voxel[row][column] = static_cast<float>(axes(row, column));
+      pixel_from_lens[row][column] = static_cast<float>(lens_to_pixel(row, column));
+    }
+    cam_from_voxel[row][3] = static_cast<float>(first[row]);
+  }
+  std::copy_n(camera.distortion().begin(), d.size(), d.begin());
+  cannot_overflow = is_small(*this, grid);
+}
+
+namespace {
+
+/// Slab test: true when the ray is between the two planes of every axis at one distance. A
+/// direction component of 0 gives infinities, which are handled correctly. It gives NaN for a ray
+/// in a plane; min and max ignore NaN.
+bool meets(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, const Box& box) {
+  double enter = 0;
+  double leave = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis) {
+    const double a = (box.min[axis] - from[axis]) / direction[axis];
+    const double b = (box.max[axis] - from[axis]) / direction[axis];
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
+  return enter <= leave;
+}
+
+}  // namespace
+
+Mask bounds_mask(const Box& box, const CameraModel& camera) {
+  constexpr int kBlock = 4;
+  const ImageSize size = camera.size();
+  const Eigen::Vector3d from = camera.center();
+  const auto corner_sees = [&](int column, int row) {
+    const auto ray = camera.ray({kBlock * column - 0.5, kBlock * row - 0.5});
+    return ray && meets(from, *ray, box);
+  };
+  const int columns = (size.width + kBlock - 1) / kBlock;
+  const int rows = (size.height + kBlock - 1) / kBlock;
+  const auto corner_row = [&](int row) {
+    std::vector<char> sees;
+    for (int column = 0; column <= columns; ++column) sees.push_back(corner_sees(column, row));
+    return sees;
+  };
+  Mask view(size);
+  std::vector<char> above = corner_row(0);
+  for (int row = 0; row < rows; ++row) {
+    std::vector<char> below = corner_row(row + 1);
+    for (int i = 0; i < columns; ++i) {
+      if (!above[i] && !above[i + 1] && !below[i] && !below[i + 1]) continue;
+      for (int y = kBlock * row; y < std::min(kBlock * (row + 1), size.height); ++y) {
+        view.fill_row(y, kBlock * i, std::min(kBlock * (i + 1), size.width));
+      }
+    }
+    above = std::move(below);
+  }
+  return view;
+}
+
+}  // namespace v3d::recon

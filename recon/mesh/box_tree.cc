@@ -14,7 +14,7 @@
 #include <limits>
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -106,11 +106,11 @@ void search_any(const Levels& levels, const uint32_t* order, const BoxTree::Plac
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kBitsOfAxis = 10;  ///< per axis in a Morton code
@@ -206,5 +206,5 @@ void BoxTree::overlapping(size_t leaf, std::span<const Places> chosen,
   HWY_DYNAMIC_DISPATCH(search_any)(levels_, order_.data(), chosen.data(), leaf, pairs);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

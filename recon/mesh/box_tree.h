@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Leaves hold 16 boxes, nodes 16 leaves or nodes. Boxes are assigned to leaves once, by the Morton
 /// code of their centres. Boxes may be replaced later: results stay correct, but queries become
@@ -62,4 +62,4 @@ class BoxTree {
   std::vector<std::vector<Node>> levels_;  ///< leaves first; the last, not the first, has one node
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

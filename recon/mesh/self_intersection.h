@@ -1,14 +1,18 @@
-// Detection of self-intersections of a triangle mesh.
+// Self-intersections of a mesh: detection and removal.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "base/geometry/mesh.h"
 #include "recon/mesh/box_tree.h"
+#include "recon/mesh/mesh_neighbours.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Detection of self-intersections of a triangle mesh.
 
 /// The numbers of two triangles, ascending.
 using Crossing = std::pair<uint32_t, uint32_t>;
@@ -37,4 +41,18 @@ class CrossingFinder {
   BoxTree tree_;  ///< bounding boxes of the triangles
 };
 
-}  // namespace v3d
+// Removes self-intersections that a deformation added to a mesh.
+
+/// Smooths the surface around every self-intersection, which removes folds and spikes. Vertices of
+/// the remaining self-intersections move back towards `start`: by half in each pass, in growing
+/// regions. In the last step they move back completely, in regions that grow until nothing
+/// intersects.
+///
+/// All vertices end on `lattice`, if there is one; `start` must lie on it. Returns the number of
+/// remaining self-intersections: 0 unless `start` intersects itself. Works in the caller's TBB
+/// arena; independent of thread count.
+size_t remove_self_intersections(const Neighbours& neighbours,
+                                 const std::vector<Eigen::Vector3f>& start,
+                                 const std::optional<VertexLattice>& lattice, Mesh& mesh);
+
+}  // namespace v3d::recon

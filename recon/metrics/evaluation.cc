@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -11,9 +12,9 @@
 
 #include "base/core/statistics.h"
 #include "recon/metrics/nearest_triangle.h"
-#include "recon/metrics/surface_samples.h"
+#include "recon/visibility/depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 struct Comparison {
@@ -169,4 +170,213 @@ std::vector<double> vertex_distances_mm(const Mesh& mesh, const Mesh& truth) {
   return distances;
 }
 
-}  // namespace v3d
+namespace {
+
+constexpr double kMinFacing = 0.2;
+/// Depth tolerance between the true surface and its depth buffer: half a pixel on slanted surfaces,
+/// and the distance of flat triangles from a curved surface.
+constexpr double kToleranceM = 0.008;
+constexpr size_t kMaxCount = std::tuple_size_v<decltype(VisibilityReport::seen_by)> - 1;
+
+class VisibleCameras {
+ public:
+  VisibleCameras(const Mesh& truth, std::span<const CameraModel> cameras) : cameras_(cameras) {
+    draw_depths(truth, cameras, depths_);
+  }
+
+  /// Number of cameras that see the place, at most kMaxCount.
+  size_t count(const SurfaceSample& place) const {
+    size_t seeing = 0;
+    for (size_t c = 0; c < cameras_.size() && seeing < kMaxCount; ++c) seeing += sees(c, place);
+    return seeing;
+  }
+
+ private:
+  bool sees(size_t c, const SurfaceSample& place) const {
+    const CameraModel& camera = cameras_[c];
+    const Eigen::Vector3d way = camera.center() - place.position;
+    const double facing = way.dot(place.normal) / way.norm();
+    if (!(facing >= kMinFacing)) return false;
+    const auto pixel = camera.project(place.position);
+    if (!pixel) return false;
+    const auto x = static_cast<int>(std::lround(pixel->x()));
+    const auto y = static_cast<int>(std::lround(pixel->y()));
+    const ImageSize size = depths_[c].size;
+    if (!Rect{0, 0, size.width, size.height}.contains(x, y)) return false;
+    const double z = -way.dot(camera.viewing_direction());
+    const double pixel_m = z / camera.matrix()(0, 0);
+    const double slope = std::sqrt(1 - facing * facing) / facing;
+    return z <= depths_[c].at(x, y) + kToleranceM + slope * pixel_m;
+  }
+
+  std::span<const CameraModel> cameras_;
+  std::vector<DepthBuffer> depths_;
+};
+
+struct Judged {
+  size_t seen_by = 0;
+  bool within = false;
+};
+
+/// Stores the parts of all samples in `part`, and of the samples within the limit in `within`.
+void add_up(const std::vector<Judged>& samples, double VisibilityFigures::*part,
+            double VisibilityFigures::*within, VisibilityReport& report) {
+  std::array<int64_t, kMaxCount + 1> all{}, correct{};
+  for (const Judged& sample : samples) {
+    ++all[sample.seen_by];
+    correct[sample.seen_by] += sample.within;
+  }
+  for (size_t n = 0; n <= kMaxCount; ++n) {
+    report.seen_by[n].*part = static_cast<double>(all[n]) / static_cast<double>(samples.size());
+    report.seen_by[n].*within =
+        static_cast<double>(correct[n]) / static_cast<double>(std::max<int64_t>(1, all[n]));
+  }
+}
+
+}  // namespace
+
+double VisibilityReport::f_score_if_right_from(size_t cameras) const {
+  double precision = 0, recall = 0;
+  for (size_t n = 0; n < seen_by.size(); ++n) {
+    const VisibilityFigures& f = seen_by[n];
+    recall += f.truth * (n >= cameras ? 1 : f.truth_within);
+    precision += f.reconstructed * (n >= cameras ? 1 : f.reconstructed_within);
+  }
+  return precision + recall > 0 ? 2 * precision * recall / (precision + recall) : 0;
+}
+
+VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& truth,
+                                       std::span<const CameraModel> cameras, double limit_m,
+                                       const SurfaceDistanceOptions& options) {
+  VisibilityReport report;
+  const auto true_places = sample_surface(truth, options.samples, options.seed);
+  const auto made_places = sample_surface(reconstructed, options.samples, options.seed);
+  if (true_places.empty() || made_places.empty()) return report;
+  const VisibleCameras visible(truth, cameras);
+  const NearestTriangle nearest_true(truth), nearest_made(reconstructed);
+  const auto normals = vertex_normals(truth);
+
+  std::vector<Judged> judged(true_places.size());
+  tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {
+    judged[i] = {visible.count(true_places[i]),
+                 nearest_made.find(true_places[i].position)->distance <= limit_m};
+  });
+  add_up(judged, &VisibilityFigures::truth, &VisibilityFigures::truth_within, report);
+
+  judged.resize(made_places.size());
+  tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {
+    const auto point = *nearest_true.find(made_places[i].position);
+    const SurfaceSample place{
+        interpolated(truth, truth.vertices, point.triangle, point.weights),
+        interpolated(truth, normals, point.triangle, point.weights).normalized()};
+    judged[i] = {visible.count(place), point.distance <= limit_m};
+  });
+  add_up(judged, &VisibilityFigures::reconstructed, &VisibilityFigures::reconstructed_within,
+         report);
+  return report;
+}
+
+// Similarity of rendered images and photographs: PSNR and SSIM inside a mask.
+
+namespace {
+
+using Plane = std::vector<double>;
+
+Plane luma(ImageView image) {
+  Plane plane(static_cast<size_t>(image.size.pixels()));
+  for (size_t i = 0; i < plane.size(); ++i) {  // ITU-R BT.601
+    plane[i] = 0.299 * image.bytes[3 * i] + 0.587 * image.bytes[3 * i + 1] +
+               0.114 * image.bytes[3 * i + 2];
+  }
+  return plane;
+}
+
+Plane product(const Plane& a, const Plane& b) {
+  Plane result(a.size());
+  std::transform(a.begin(), a.end(), b.begin(), result.begin(), std::multiplies<>());
+  return result;
+}
+
+constexpr int kRadius = 5;
+
+std::array<double, 2 * kRadius + 1> gaussian() {
+  constexpr double kSigma = 1.5;
+  std::array<double, 2 * kRadius + 1> window{};
+  for (int i = -kRadius; i <= kRadius; ++i) {
+    window[i + kRadius] = std::exp(-i * i / (2 * kSigma * kSigma));
+  }
+  return window;
+}
+
+/// One pass along rows (step 1) or columns (step = width): `count` samples from `first`.
+void blur_line(const Plane& from, Plane& to, size_t first, size_t step, int count) {
+  static const auto window = gaussian();
+  for (int i = 0; i < count; ++i) {
+    double sum = 0, weight = 0;
+    for (int k = std::max(0, i - kRadius); k <= std::min(count - 1, i + kRadius); ++k) {
+      sum += window[k - i + kRadius] * from[first + k * step];
+      weight += window[k - i + kRadius];
+    }
+    to[first + i * step] = sum / weight;
+  }
+}
+
+Plane blurred(const Plane& plane, ImageSize size) {
+  Plane rows(plane.size()), both(plane.size());
+  const auto width = static_cast<size_t>(size.width);
+  for (int y = 0; y < size.height; ++y) {
+    blur_line(plane, rows, y * width, 1, size.width);
+  }
+  for (size_t x = 0; x < width; ++x) {
+    blur_line(rows, both, x, width, size.height);
+  }
+  return both;
+}
+
+template <class Visit>
+void for_each_pixel(const Mask& where, Visit&& visit) {
+  for (int y = 0; y < where.size().height; ++y) {
+    for (int x = 0; x < where.size().width; ++x) {
+      if (where.get(x, y)) {
+        visit(static_cast<size_t>(y) * where.size().width + x);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+double psnr_db(ImageView a, ImageView b, const Mask& where) {
+  int64_t squares = 0, count = 0;
+  for_each_pixel(where, [&](size_t i) {
+    for (size_t k = 3 * i; k < 3 * i + 3; ++k) {
+      const int difference = a.bytes[k] - b.bytes[k];
+      squares += int64_t{difference} * difference;
+      ++count;
+    }
+  });
+  if (squares == 0) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return 10 * std::log10(255.0 * 255.0 * static_cast<double>(count) / static_cast<double>(squares));
+}
+
+double ssim(ImageView a, ImageView b, const Mask& where) {
+  constexpr double kC1 = (0.01 * 255) * (0.01 * 255), kC2 = (0.03 * 255) * (0.03 * 255);
+  const Plane x = luma(a), y = luma(b);
+  const Plane mean_x = blurred(x, a.size), mean_y = blurred(y, a.size);
+  const Plane xx = blurred(product(x, x), a.size), yy = blurred(product(y, y), a.size);
+  const Plane xy = blurred(product(x, y), a.size);
+  double sum = 0;
+  int64_t count = 0;
+  for_each_pixel(where, [&](size_t i) {
+    const double mx = mean_x[i], my = mean_y[i];
+    const double var_x = xx[i] - mx * mx, var_y = yy[i] - my * my, cov = xy[i] - mx * my;
+    sum += ((2 * mx * my + kC1) * (2 * cov + kC2)) /
+           ((mx * mx + my * my + kC1) * (var_x + var_y + kC2));
+    ++count;
+  });
+  return count > 0 ? sum / static_cast<double>(count) : 1;
+}
+
+}  // namespace v3d::recon

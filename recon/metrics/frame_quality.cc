@@ -7,11 +7,11 @@
 #include <cstdint>
 #include <cstring>
 
-#include "recon/hull/bounds_mask.h"
-#include "recon/render/screen_vertex.h"
-#include "recon/visibility/locate_points.h"
+#include "recon/hull/voxel_grid.h"
+#include "recon/render/rasteriser.h"
+#include "recon/visibility/point_depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kCellShift = 3;
@@ -201,4 +201,4 @@ FrameQuality QualityMeter::measure(const Mesh& mesh, std::span<const Frame* cons
   return quality;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -5,13 +5,13 @@
 #include <span>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/frame.h"
-#include "recon/visibility/surface_points.h"
+#include "recon/visibility/point_depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Measured on cells of 8 x 8 pixels. A cell is reached when a vertex of the surface projects into
 /// it or, where vertices are too far apart, the bounding box of a projected triangle touches it.
@@ -51,4 +51,4 @@ class QualityMeter {
   std::vector<Mask> views_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,4 +1,4 @@
-// Nearest point query on a triangle mesh.
+// Points of a surface: nearest point, random samples.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,9 @@
 
 #include "base/geometry/mesh.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Nearest point query on a triangle mesh.
 
 struct SurfacePoint {
   double distance = 0;
@@ -47,4 +49,19 @@ class NearestTriangle {
   std::vector<Node> nodes_;
 };
 
-}  // namespace v3d
+// Random points of a surface.
+
+struct SurfaceSample {
+  Eigen::Vector3d position;
+  Eigen::Vector3d normal;  ///< interpolated from the vertices
+};
+
+/// Points distributed evenly by area; the same for the same seed on every machine. Empty for a mesh
+/// without area.
+std::vector<SurfaceSample> sample_surface(const Mesh& mesh, int samples, uint64_t seed);
+
+/// Interpolates `values` of the vertices inside a triangle, with barycentric weights.
+Eigen::Vector3d interpolated(const Mesh& mesh, const std::vector<Eigen::Vector3f>& values,
+                             uint32_t triangle, const Eigen::Vector3d& weights);
+
+}  // namespace v3d::recon

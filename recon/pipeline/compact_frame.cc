@@ -2,35 +2,35 @@
 
 #include <algorithm>
 
-namespace v3d {
+namespace v3d::recon {
 
-std::vector<VertexColour> vertex_colours(std::span<const Rgb8> colours) {
-  std::vector<VertexColour> coded(colours.size());
+std::vector<codec::VertexColour> vertex_colours(std::span<const Rgb8> colours) {
+  std::vector<codec::VertexColour> coded(colours.size());
   std::transform(colours.begin(), colours.end(), coded.begin(), [](Rgb8 c) {
-    return VertexColour{c.r, c.g, c.b};
+    return codec::VertexColour{c.r, c.g, c.b};
   });
   return coded;
 }
 
-std::vector<Rgb8> rgb_colours(std::span<const VertexColour> colours) {
+std::vector<Rgb8> rgb_colours(std::span<const codec::VertexColour> colours) {
   std::vector<Rgb8> shown(colours.size());
-  std::transform(colours.begin(), colours.end(), shown.begin(), [](const VertexColour& c) {
+  std::transform(colours.begin(), colours.end(), shown.begin(), [](const codec::VertexColour& c) {
     return Rgb8{c[0], c[1], c[2]};
   });
   return shown;
 }
 
-std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices) {
-  std::vector<VertexPosition> positions(vertices.size());
+std::vector<codec::VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices) {
+  std::vector<codec::VertexPosition> positions(vertices.size());
   std::transform(vertices.begin(), vertices.end(), positions.begin(), [](const Eigen::Vector3f& v) {
-    return VertexPosition{v.x(), v.y(), v.z()};
+    return codec::VertexPosition{v.x(), v.y(), v.z()};
   });
   return positions;
 }
 
 CompactFrame CompactDecoder::frame() const {
-  const DecodedFrame& decoded = decoder_.frame();
-  const FrameMetadata& facts = decoded.facts;
+  const codec::DecodedFrame& decoded = decoder_.frame();
+  const codec::FrameMetadata& facts = decoded.facts;
   CompactFrame frame{.pulse = facts.pulse,
                      .exposure = from_ns<Realtime>(facts.exposure_ns),
                      .cameras = facts.cameras,
@@ -38,7 +38,7 @@ CompactFrame CompactDecoder::frame() const {
                      .quality = facts.quality,
                      .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
                      .mesh = {}};
-  for (const VertexPosition& p : decoded.positions) {
+  for (const codec::VertexPosition& p : decoded.positions) {
     frame.mesh.vertices.emplace_back(p[0], p[1], p[2]);
   }
   frame.mesh.triangles = decoded.triangles;
@@ -48,8 +48,8 @@ CompactFrame CompactDecoder::frame() const {
 
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes) {
   CompactDecoder decoder;
-  if (decoder.decode(bytes) != DecodeStatus::kOk) return std::nullopt;
+  if (decoder.decode(bytes) != codec::DecodeStatus::kOk) return std::nullopt;
   return decoder.frame();
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -12,9 +12,8 @@
 #include "base/core/time.h"
 #include "base/geometry/mesh.h"
 #include "codec/frame_codec.h"
-#include "recon/mesh/vertex_lattice.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 struct CompactFrame {
   int64_t pulse = 0;
@@ -30,20 +29,20 @@ struct CompactFrame {
 /// Decodes a sequence of frames; the contract is that of FrameDecoder.
 class CompactDecoder {
  public:
-  DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
+  codec::DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
   /// The last decoded frame.
   CompactFrame frame() const;
 
  private:
-  FrameDecoder decoder_;
+  codec::FrameDecoder decoder_;
 };
 
 /// Decodes one key frame; empty for any other bytes.
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes);
 
 /// Conversions between the types of meshes and of the codec.
-std::vector<VertexColour> vertex_colours(std::span<const Rgb8> colours);
-std::vector<Rgb8> rgb_colours(std::span<const VertexColour> colours);
-std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices);
+std::vector<codec::VertexColour> vertex_colours(std::span<const Rgb8> colours);
+std::vector<Rgb8> rgb_colours(std::span<const codec::VertexColour> colours);
+std::vector<codec::VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices);
 
-}  // namespace v3d
+}  // namespace v3d::recon

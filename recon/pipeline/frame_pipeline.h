@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-namespace v3d {
+namespace v3d::recon {
 
 /// While a serial part of one stage leaves threads idle, these threads work on the other frames in
 /// flight. Each stage holds one frame at a time, and frames pass in order, so there are at most as
@@ -161,4 +161,4 @@ class FramePipeline {
   std::thread feeder_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace v3d {
+namespace v3d::recon {
 
 RigFrames usable_frames(const Rig& rig, const FrameSet& set) {
   RigFrames frames(rig.size(), nullptr);
@@ -149,4 +149,4 @@ FrameSet warm_up_frame_set(const Rig& rig, const Box& bounds) {
   return set;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "base/core/time.h"
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/frame.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// The frames of one pulse. `frames` have masks and colours (see observe()); cameras that did not
 /// deliver are left out.
@@ -99,4 +99,4 @@ class FrameSetAssembler {
 /// provides all memory; so this set runs before the first pulse of a take.
 FrameSet warm_up_frame_set(const Rig& rig, const Box& bounds);
 
-}  // namespace v3d
+}  // namespace v3d::recon

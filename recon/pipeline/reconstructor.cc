@@ -2,7 +2,7 @@
 
 #include <utility>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 double volume_m3(const SparseVolume& volume) {
@@ -89,4 +89,4 @@ void Reconstructor::encode(FrameSetJob& work) {
   result.times.encode = milliseconds_since(encoding);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

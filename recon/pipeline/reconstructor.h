@@ -15,7 +15,7 @@
 #include "recon/pipeline/frame_set.h"
 #include "recon/pipeline/stages.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 struct ReconstructOptions {
   Box bounds;
@@ -98,4 +98,4 @@ class Reconstructor {
   EncodeStage encode_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

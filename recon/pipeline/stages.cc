@@ -3,13 +3,13 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/core/memory.h"
 #include "base/core/time.h"
+#include "base/io/process.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/surface/temporal_smoothing.h"
 #include "recon/texture/texture.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// The surface is accurate to about one voxel in both directions, and occluding points represent
@@ -45,8 +45,8 @@ bool carves(const DeformOptions& options) {
          options.photometric > 0;
 }
 
-EncoderOptions encoder_options(const VertexLattice& lattice) {
-  EncoderOptions options;
+codec::EncoderOptions encoder_options(const VertexLattice& lattice) {
+  codec::EncoderOptions options;
   options.displacement_step_m = lattice.step;
   return options;
 }
@@ -157,11 +157,11 @@ EncodeStage::EncodeStage(const VoxelGrid& grid, const std::optional<VertexLattic
 
 std::vector<uint8_t> EncodeStage::encode(const PulseFacts& facts, const SparseVolume& volume,
                                          Mesh& surface) {
-  const BrickVolume bricks = volume.view();
-  const std::vector<VertexColour> colours = vertex_colours(surface.colours);
-  std::vector<VertexPosition> moved;
+  const codec::BrickVolume bricks = volume.view();
+  const std::vector<codec::VertexColour> colours = vertex_colours(surface.colours);
+  std::vector<codec::VertexPosition> moved;
   if (deformed_) moved = vertex_positions(surface.vertices);
-  FrameContent content;
+  codec::FrameContent content;
   content.facts = {.pulse = facts.pulse,
                    .exposure_ns = to_ns(facts.exposure),
                    .cameras = facts.cameras,
@@ -184,4 +184,4 @@ std::vector<uint8_t> EncodeStage::encode(const PulseFacts& facts, const SparseVo
   return *std::move(compact);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -16,21 +16,19 @@
 #include <string>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
+#include "base/geometry/rigid_transform.h"
 #include "codec/frame_codec.h"
 #include "recon/hull/ghost_removal.h"
 #include "recon/hull/intersect.h"
-#include "recon/hull/marching_cubes.h"
 #include "recon/hull/sparse_volume.h"
-#include "recon/mesh/vertex_lattice.h"
 #include "recon/pipeline/frame_set.h"
 #include "recon/surface/concavity_carving.h"
 #include "recon/surface/deform.h"
-#include "recon/surface/pulse_views.h"
+#include "recon/surface/temporal_smoothing.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// A visual hull.
 struct Hull {
@@ -129,7 +127,7 @@ class EncodeStage {
   Eigen::Vector3d origin_;
   double voxel_m_;
   bool deformed_;
-  FrameEncoder encoder_;
+  codec::FrameEncoder encoder_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

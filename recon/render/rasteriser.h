@@ -1,5 +1,4 @@
-// Triangle rasterisation: clipping at the near plane, and the rows of pixels that a triangle
-// covers. Shared by depth buffer, silhouette and renderer.
+// Projection and rasterisation of triangles.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +9,34 @@
 
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
-#include "recon/render/screen_vertex.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Projection of the vertices of a mesh into a camera.
+
+/// Distance of the near plane, metres. Nothing nearer is drawn, so that a mesh around a camera does
+/// no harm.
+inline constexpr double kNearPlaneMetres = 0.05;
+
+/// x and y are pixels with (0, 0) in the centre of the first pixel, also outside the image.
+struct ScreenVertex {
+  float x = 0, y = 0;
+  float z = 0;          ///< along the optical axis, metres; valid also where !on_screen()
+  float inverse_z = 0;  ///< 1 / z where on_screen(), else 0
+
+  /// In front of the near plane and inside the lens model: x and y are valid.
+  bool on_screen() const { return inverse_z > 0; }
+};
+
+/// Projects every vertex through the whole lens model in single precision, within 0.02 pixels of
+/// CameraModel::project() from 0.2 m on. In the order of the mesh. One thread; every instruction
+/// set gives the same bits. `screen` keeps its memory.
+void project_vertices(const Mesh& mesh, const CameraModel& camera,
+                      std::vector<ScreenVertex>& screen);
+std::vector<ScreenVertex> project_vertices(const Mesh& mesh, const CameraModel& camera);
+
+// Triangle rasterisation: clipping at the near plane, and the rows of pixels that a triangle
+// covers. Shared by depth buffer, silhouette and renderer.
 
 /// A clipped piece of a triangle. `weights` are barycentric in the whole triangle, for
 /// interpolation.
@@ -122,4 +146,4 @@ struct ScreenPlane {
   double operator()(double x, double y) const { return at_origin + dx * x + dy * y; }
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

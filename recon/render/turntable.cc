@@ -4,11 +4,11 @@
 #include <limits>
 #include <numbers>
 
-#include "base/core/check.h"
-#include "base/geometry/box.h"
+#include "base/core/error.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/render/renderer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr double kVerticalFieldOfView = 32 * std::numbers::pi / 180;
@@ -115,4 +115,4 @@ Image contact_sheet(std::span<const Image> views, int columns) {
   return sheet;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -10,9 +10,9 @@
 #include <functional>
 #include <numeric>
 
-#include "base/image/mask_components.h"
+#include "base/image/mask_operations.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Rows on both sides over which the slope of an outline is measured, times the scale.
@@ -231,4 +231,4 @@ std::string text_of(const CameraDisplacement& camera) {
   return text;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

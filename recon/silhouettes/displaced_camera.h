@@ -12,7 +12,7 @@
 #include "base/image/mask.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 struct CameraDisplacement {
   std::string camera;
@@ -92,4 +92,4 @@ class DisplacementMeter {
   std::deque<Pulse> pulses_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

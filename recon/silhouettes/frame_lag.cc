@@ -5,9 +5,9 @@
 #include <cmath>
 #include <utility>
 
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Smallest number of lost pixels that the silhouette shows, for an XGA image, scaled with the
@@ -133,4 +133,4 @@ std::vector<CameraSync> SyncCheck::result() const {
   return cameras;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

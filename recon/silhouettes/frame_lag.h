@@ -11,7 +11,7 @@
 #include "base/geometry/camera_model.h"
 #include "base/image/mask.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// What the leave-one-out hull of a camera lost and gained since the previous pulse, and how much
 /// of both its silhouette shows; pixels.
@@ -82,4 +82,4 @@ class SyncCheck {
   std::vector<Sum> sums_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -3,7 +3,7 @@
 #include "recon/hull/voxel_grid.h"
 #include "recon/render/renderer.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 LeaveOneOutHull::LeaveOneOutHull(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
     : models_(models_of(rig)),
@@ -43,4 +43,4 @@ std::vector<Mask> LeaveOneOutHull::silhouettes(std::span<const Mask* const> mask
   return draw_silhouettes(surface_, models_);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

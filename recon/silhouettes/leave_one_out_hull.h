@@ -5,13 +5,13 @@
 #include <span>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/mask.h"
 #include "recon/hull/intersect.h"
-#include "recon/hull/marching_cubes.h"
+#include "recon/hull/sparse_volume.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Keeps its working memory. References that it returns are valid until the next call. One caller
 /// at a time; works in the caller's TBB arena. Deterministic.
@@ -47,4 +47,4 @@ class LeaveOneOutHull {
   Mesh surface_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -5,14 +5,12 @@
 #include <cmath>
 #include <utility>
 
-#include "base/image/mask_components.h"
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
-#include "recon/silhouettes/colour_consistency.h"
 #include "recon/silhouettes/frame_lag.h"
-#include "recon/silhouettes/joint_missing_foreground.h"
+#include "recon/silhouettes/missing_foreground.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Unexplained foreground is counted in cells of this many pixels along each side.
@@ -50,14 +48,14 @@ Box wider(const Box& box) {
 template <class Visit>
 void for_each_added(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
   for (size_t n = 0; n < a.bricks().size(); ++n) {
-    const BrickCoord at = a.coords()[n];
+    const codec::BrickCoord at = a.coords()[n];
     const int other = b.index_of(at);
-    for (int z = 0; z < kBrickEdge; ++z) {
+    for (int z = 0; z < codec::kBrickEdge; ++z) {
       uint64_t more = a.bricks()[n][z] & ~(other >= 0 ? b.bricks()[other][z] : 0);
       for (; more != 0; more &= more - 1) {
         const int bit = std::countr_zero(more);
-        visit(kBrickEdge * at.x + bit % kBrickEdge, kBrickEdge * at.y + bit / kBrickEdge,
-              kBrickEdge * at.z + z);
+        visit(codec::kBrickEdge * at.x + bit % codec::kBrickEdge,
+              codec::kBrickEdge * at.y + bit / codec::kBrickEdge, codec::kBrickEdge * at.z + z);
       }
     }
   }
@@ -442,4 +440,4 @@ RepairedSilhouettes SilhouetteRepair::repair(std::span<const Mask* const> masks,
   return Trial(*this, masks, frames, neighbours).run();
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,10 +6,10 @@
 // missing. A piece counts as missing when one of two tests succeeds:
 // - Need: without the piece, foreground of several other cameras is not explained by any voxel.
 // - Colour consistency: where the camera's rays meet the leave-one-out hull, it sees the same
-//   colours as its neighbours (colour_consistency.h).
+//   colours as its neighbours (missing_foreground.h).
 //
 // Without such evidence the mask stays as it is, so that concavities are preserved. Pieces that
-// several cameras lost at once are found voxel by voxel (joint_missing_foreground.h). Foreground
+// several cameras lost at once are found voxel by voxel (missing_foreground.h). Foreground
 // outside the prediction that no other camera supports is a phantom. A camera whose differences
 // match the motion since the previous pulse shows that pulse (frame_lag.h).
 //
@@ -22,14 +22,14 @@
 #include <span>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/frame.h"
 #include "base/image/mask.h"
-#include "recon/hull/voxel_projection.h"
+#include "recon/hull/voxel_grid.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 enum class SilhouetteFaultKind {
   kMissingPiece,  ///< background where the other cameras show foreground
@@ -88,4 +88,4 @@ class SilhouetteRepair {
   std::vector<int> radii_;  ///< by camera, pixels: pieces up to twice as wide are ignored
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

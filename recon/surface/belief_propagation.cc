@@ -9,11 +9,11 @@
 
 #include <algorithm>
 
-#include "base/core/check.h"
-#include "recon/mesh/vertex_loop.h"
+#include "base/core/error.h"
+#include "recon/mesh/mesh_neighbours.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -153,11 +153,11 @@ uint8_t best_label(std::span<const Costs> costs, const uint32_t* first, const Me
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 
 HWY_EXPORT(send_all);
 HWY_EXPORT(best_label);
@@ -197,5 +197,5 @@ void BeliefPropagation::connect(size_t nodes, std::span<const Edge> edges) {
   next_.resize(reverse_.size());
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

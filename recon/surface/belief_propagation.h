@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace v3d {
+namespace v3d::recon {
 
 struct BeliefPropagationOptions {
   uint8_t slope = 31;  ///< cost of one label of difference between neighbours; at most 31
@@ -52,4 +52,4 @@ class BeliefPropagation {
   std::vector<uint8_t> labels_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

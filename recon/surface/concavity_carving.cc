@@ -8,18 +8,15 @@
 #include <numeric>
 
 #include "base/core/statistics.h"
-#include "recon/hull/marching_cubes.h"
-#include "recon/hull/volume_cut.h"
-#include "recon/mesh/neighbours.h"
-#include "recon/mesh/smooth_surface.h"
-#include "recon/mesh/vertex_loop.h"
+#include "recon/hull/sparse_volume.h"
+#include "recon/hull/volume_components.h"
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/surface/belief_propagation.h"
-#include "recon/surface/free_space_votes.h"
-#include "recon/surface/motion_mask.h"
-#include "recon/surface/silhouette_coverage.h"
+#include "recon/surface/carving_evidence.h"
 #include "recon/surface/template_windows.h"
+#include "recon/surface/temporal_smoothing.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3f;
@@ -99,7 +96,7 @@ class ConcavityCarver::Impl {
 
     // On the surface that the votes expose, the cameras see more of the body.
     FreeSpaceVotes votes(volume);
-    std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
+    std::vector<codec::Brick> opened(volume.bricks().size(), codec::kEmptyBrick);
     for (size_t voted = 0, pass = 1; pass < kPasses; ++pass) {
       vote(cameras, std::span(found.samples).subspan(voted), votes);
       voted = found.samples.size();
@@ -360,8 +357,8 @@ class ConcavityCarver::Impl {
 
   /// Voxels of the cut that explain foreground of a camera, such as a blade that the votes declared
   /// empty.
-  std::vector<Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
-                                   const VolumeCut& cut, std::span<const Mask> before) {
+  std::vector<codec::Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
+                                          const VolumeCut& cut, std::span<const Mask> before) {
     marching_cubes_.run(cut.remaining(), remaining_);
     draw_depths(remaining_, cameras.models, depths_, Faces::kFront);
     std::vector<Mask> open(cameras.cameras.size());
@@ -399,4 +396,4 @@ SparseVolume ConcavityCarver::carve(const SurfaceCameras& cameras, const SparseV
   return impl_->carve(cameras, volume, samples, adjacent);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -12,7 +12,7 @@
 #include "recon/hull/sparse_volume.h"
 #include "recon/visibility/surface_camera.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Stereo sample: the accepted depth of one vertex, on which cameras agree.
 struct StereoSample {
@@ -87,4 +87,4 @@ class ConcavityCarver {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,5 +1,4 @@
-// Intra-frame deformation: moves the surface of a visual hull to where the images agree. Source:
-// section 2.3 of the paper.
+// Deformation and its silhouette force.
 #pragma once
 
 #include <memory>
@@ -7,10 +6,12 @@
 #include <span>
 
 #include "base/geometry/mesh.h"
-#include "recon/mesh/vertex_lattice.h"
 #include "recon/visibility/surface_camera.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Intra-frame deformation: moves the surface of a visual hull to where the images agree. Source:
+// section 2.3 of the paper.
 
 enum class DeformMode {
   /// Searches the depth at which the images agree, coarse to fine, and fits a smooth field to the
@@ -57,4 +58,28 @@ class Deformer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+// Silhouette force: displacement of outline vertices to the observed outline. Source: equation (6)
+// of the paper (silhouette preserving force).
+
+/// The pixels of `camera` near the outline of the mesh. They include all pixels where a vertex may
+/// lie on the outline. `depth` is the depth buffer of the mesh.
+Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
+
+/// Largest cosine between the normal of a vertex on an outline and the direction to the camera.
+inline constexpr float kMaxOutlineFacing = 0.35F;
+
+/// How far a vertex on the outline of the mesh must move along its normal, metres, so that the
+/// outline falls on that of the observed silhouette.
+///
+/// Both outlines are searched along the projected normal, in the pixels of depth buffer and mask.
+/// So a mesh that fills its silhouette has displacement 0. Empty for a vertex off the outline, and
+/// where the observed outline is not near.
+///
+/// `depth` is the depth buffer of the mesh, `seen` is camera.project(place). Requires a grazing
+/// vertex (grazing_vertices()) inside near_outline().
+std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
+                                             const Eigen::Vector3f& place,
+                                             const Eigen::Vector3f& normal,
+                                             const SurfaceCamera::Seen& seen);
+
+}  // namespace v3d::recon

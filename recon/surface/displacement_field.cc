@@ -10,10 +10,10 @@
 #include <algorithm>
 #include <cstring>
 
-#include "recon/mesh/vertex_loop.h"
+#include "recon/mesh/mesh_neighbours.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -42,9 +42,10 @@ HWY_INLINE Lanes positive(Lanes a) { return Lanes(hn::Max(a.v, hn::Zero(Floats()
 
 /// Maximum of the profile minus `coupling` times the squared distance from the field.
 struct Peak {
-  Lanes at;                    ///< index of the depth
-  Lanes value, before, after;  ///< value there, one step before and one after, if these exist
-  Lanes correlation;           ///< of the profile itself
+  Lanes at;  ///< index of the depth
+  Lanes value, before,
+      after;          ///< value there, one step before and one after, if these exist
+  Lanes correlation;  ///< of the profile itself
 };
 
 HWY_INLINE Peak find_peak(const DisplacementField::DataTerms& terms, size_t lane, Lanes field,
@@ -136,11 +137,11 @@ void smooth_any(const NeighbourRows& neighbours, size_t begin, size_t end,
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr size_t kWidth = NeighbourRows::kWidth;
@@ -207,5 +208,5 @@ void DisplacementField::gather_terms(std::span<const DepthProfile> profiles,
   });
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "recon/mesh/neighbours.h"
-#include "recon/surface/correlation.h"
+#include "recon/mesh/mesh_neighbours.h"
+#include "recon/surface/template_windows.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Data term of the silhouettes for one vertex: displacements to their outlines, weighted by the
 /// number of cameras.
@@ -68,4 +68,4 @@ class DisplacementField {
   std::vector<float> field_, next_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

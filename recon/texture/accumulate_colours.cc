@@ -10,11 +10,11 @@
 #include <bit>
 #include <cstring>
 
-#include "recon/render/screen_vertex.h"
+#include "recon/render/rasteriser.h"
 #include "recon/texture/texture.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -288,11 +288,11 @@ void accumulate_any(const VertexCamera& camera, const PointArrays& vertices,
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 
 HWY_EXPORT(accumulate_any);
 
@@ -301,5 +301,5 @@ void accumulate_vertex_colours(const VertexCamera& camera, const PointArrays& ve
   HWY_DYNAMIC_DISPATCH(accumulate_any)(camera, vertices, normals, first, sums);
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

@@ -6,14 +6,13 @@
 #include <cstddef>
 #include <optional>
 
-#include "base/image/colour_response.h"
+#include "base/image/colour.h"
 #include "base/image/frame.h"
-#include "recon/hull/voxel_projection.h"
+#include "recon/hull/voxel_grid.h"
 #include "recon/texture/colour_mask.h"
 #include "recon/visibility/point_depth_buffer.h"
-#include "recon/visibility/surface_points.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// A ColourResponse in single precision: common colour = matrix * sample + offset, clamped to 0 to
 /// 255.
@@ -60,4 +59,4 @@ struct ColourSums {
 void accumulate_vertex_colours(const VertexCamera& camera, const PointArrays& vertices,
                                const PointArrays& normals, size_t first, ColourSums& sums);
 
-}  // namespace v3d
+}  // namespace v3d::recon

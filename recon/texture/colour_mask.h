@@ -7,7 +7,7 @@
 
 #include "base/image/frame.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Two bits for every pixel of the roi of a frame. Row y - roi.y0 has words_per_row() words of 16
 /// pixels each; pixel x is in word (x - roi.x0) / 16. Bit (x - roi.x0) % 16 is set for foreground.
@@ -40,4 +40,4 @@ class ColourMask {
   std::vector<uint32_t> words_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/texture/vertex_cameras.h"
-#include "recon/visibility/surface_points.h"
+#include "base/image/colour.h"
+#include "recon/visibility/point_depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 Rgb8 rounded(const Eigen::Vector3f& c) {
@@ -135,4 +135,121 @@ Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras
   return texture;
 }
 
-}  // namespace v3d
+namespace {
+
+Eigen::Vector3f centroid(const PointArrays& points) {
+  if (points.count == 0) {
+    return Eigen::Vector3f::Zero();
+  }
+  const auto mean = [&](const std::vector<float>& array) {
+    double sum = 0;
+    for (size_t i = 0; i < points.count; ++i) {
+      sum += array[i];
+    }
+    return static_cast<float>(sum / static_cast<double>(points.count));
+  };
+  return {mean(points.x), mean(points.y), mean(points.z)};
+}
+
+/// Resolution of a typical camera on the surface: weights by resolution are about 1.
+constexpr float kUsualPixelsPerMetre = 300;
+
+/// Weight of Algorithm 2, at most 1. It has a constant factor, which equation (7) removes by
+/// normalisation.
+float weight_of(const CameraModel& camera, const ViewDependence& view) {
+  const double cosine = view.direction.dot(camera.viewing_direction());
+  return static_cast<float>(std::pow((cosine + 2) / 3, view.sharpness));
+}
+
+}  // namespace
+
+std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
+                                         std::vector<TextureCamera> cameras,
+                                         const TextureOptions& options) {
+  std::erase_if(cameras, [](const TextureCamera& c) { return c.frame->roi.empty(); });
+  std::sort(cameras.begin(), cameras.end(),
+            [](const auto& a, const auto& b) { return a.frame->camera < b.frame->camera; });
+  const Eigen::Vector3f middle = centroid(occluders);
+  std::vector<VertexCamera> prepared(cameras.size());
+  tbb::parallel_for(size_t{0}, cameras.size(), [&](size_t c) {
+    const CameraModel& model = *cameras[c].model;
+    VertexCamera& camera = prepared[c];
+    camera.lens = camera_of_metres(model);
+    camera.axis = model.viewing_direction().cast<float>();
+    camera.frame = cameras[c].frame;
+    if (options.demosaic) camera.demosaiced = to_rgb(camera.frame->image.view());
+    camera.mask = ColourMask(*camera.frame);
+    if (const ColourResponse* colour = cameras[c].colour; colour && !colour->is_identity()) {
+      camera.colour = SampleCorrection(*colour);
+    }
+    if (options.view) camera.weight = weight_of(model, *options.view);
+    if (options.by_resolution) {
+      camera.resolution = static_cast<float>(model.matrix()(0, 0)) / kUsualPixelsPerMetre;
+    }
+    camera.depth = PointDepthBuffer(occluders, middle, options.occluder_radius_m, model,
+                                    camera.lens, camera.frame->roi);
+    camera.tolerance_m = static_cast<float>(options.depth_tolerance_m);
+    camera.max_slant = static_cast<float>(options.max_slant);
+    camera.cell_m_per_m =
+        camera.depth.grid().cell_width() / static_cast<float>(model.matrix()(0, 0));
+  });
+  return prepared;
+}
+
+namespace {
+
+std::array<uint8_t, 4> seen_colour(const std::array<float, 4>& sum, Visibility visibility) {
+  std::array<uint8_t, 4> colour{0, 0, 0, static_cast<uint8_t>(visibility)};
+  for (size_t k = 0; k < 3; ++k) {
+    colour[k] = static_cast<uint8_t>(std::clamp(sum[k] / sum[3], 0.0F, 255.0F) + 0.5F);
+  }
+  return colour;
+}
+
+void accumulate(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
+                std::vector<std::array<uint8_t, 4>>& colours) {
+  tbb::parallel_for(size_t{0}, vertices.blocks(), [&](size_t block) {
+    const size_t first = block * PointArrays::kBlock;
+    ColourSums sums;
+    accumulate_vertex_colours(camera, vertices, normals, first, sums);
+    for (size_t v = first; v < std::min(colours.size(), first + PointArrays::kBlock); ++v) {
+      const auto &inner = sums.inner[v - first], &rim = sums.rim[v - first];
+      if (inner[3] > 0) {
+        colours[v] = seen_colour(inner, Visibility::kFull);
+      } else if (rim[3] > 0) {
+        colours[v] = seen_colour(rim, Visibility::kRim);
+      }
+    }
+  });
+}
+
+std::vector<CameraColours> blind(std::span<const TextureCamera> cameras, size_t vertices) {
+  std::vector<CameraColours> colours;
+  for (const TextureCamera& camera : cameras) {
+    colours.push_back({camera.frame->camera, std::vector<std::array<uint8_t, 4>>(vertices)});
+  }
+  std::sort(colours.begin(), colours.end(),
+            [](const auto& a, const auto& b) { return a.camera < b.camera; });
+  return colours;
+}
+
+}  // namespace
+
+std::vector<CameraColours> camera_colours(const Mesh& mesh, std::span<const TextureCamera> cameras,
+                                          const TextureOptions& options) {
+  std::vector<CameraColours> colours = blind(cameras, mesh.vertices.size());
+  if (mesh.vertices.empty()) return colours;
+  const PointArrays vertices(mesh.vertices), normals(vertex_normals(mesh));
+  const PointArrays occluders(occluding_points(mesh, options.occluder_radius_m));
+  for (VertexCamera& camera :
+       vertex_cameras(occluders, {cameras.begin(), cameras.end()}, options)) {
+    camera.weight = 1;
+    const auto of_camera =
+        std::lower_bound(colours.begin(), colours.end(), camera.frame->camera,
+                         [](const auto& c, const std::string& name) { return c.camera < name; });
+    accumulate(camera, vertices, normals, of_camera->vertices);
+  }
+  return colours;
+}
+
+}  // namespace v3d::recon

@@ -1,17 +1,23 @@
-// View-independent and view-dependent vertex colours. Source: the paper, Algorithm 1 (visibility)
-// with the weights of equations (8) and (9), or Algorithm 2 with equation (7) for one viewpoint.
+// Colours of vertices, blended and by camera.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
 #include "base/image/frame.h"
+#include "recon/texture/accumulate_colours.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// View-independent and view-dependent vertex colours. Source: the paper, Algorithm 1 (visibility)
+// with the weights of equations (8) and (9), or Algorithm 2 with equation (7) for one viewpoint.
 
 /// Interpolated colour of an image: R, G, B in grey values 0 to 255. (u, v) are pixel coordinates
 /// with (0, 0) in the centre of the first pixel. The image is mirrored at its borders; outside of
@@ -78,4 +84,35 @@ struct Texture {
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options);
 
-}  // namespace v3d
+// Prepares the cameras of a frame set for accumulate_vertex_colours(). Source: the paper, Algorithm
+// 1 (visibility).
+
+/// Colour masks and point depth buffers of `occluders` (occluding_points()) for the cameras whose
+/// frames have pixels, sorted by name. Frames and models stay borrowed.
+std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
+                                         std::vector<TextureCamera> cameras,
+                                         const TextureOptions& options);
+
+// The colours of a mesh in each camera, before blending. A renderer elsewhere needs them for
+// view-dependent texture.
+
+/// Visibility of a vertex in a camera, as in colour_vertices().
+enum class Visibility : uint8_t {
+  kNone = 0,
+  kRim = 128,  ///< at the rim of the silhouette: the colour may contain background
+  kFull = 255
+};
+
+struct CameraColours {
+  std::string camera;
+  /// One entry per vertex: red, green, blue, corrected by the ColourResponse, and a Visibility. All
+  /// 0 for a vertex that the camera does not see.
+  std::vector<std::array<uint8_t, 4>> vertices;
+};
+
+/// One entry per camera, sorted by name. A camera whose frame has no pixels sees nothing.
+/// options.view and options.fill_passes are ignored. Deterministic: independent of thread count.
+std::vector<CameraColours> camera_colours(const Mesh& mesh, std::span<const TextureCamera> cameras,
+                                          const TextureOptions& options);
+
+}  // namespace v3d::recon

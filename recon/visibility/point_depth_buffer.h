@@ -1,14 +1,51 @@
-// Depth buffer drawn from points instead of triangles: points that cover a surface are splatted
-// into square cells. Source: the footnote of the paper on its depth buffer (Algorithm 1).
+// Points of a surface and their depth buffer.
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "base/geometry/camera_model.h"
-#include "recon/hull/voxel_projection.h"
-#include "recon/visibility/surface_points.h"
+#include "base/geometry/mesh.h"
+#include "recon/hull/voxel_grid.h"
 
-namespace v3d {
+namespace v3d::recon {
+
+// Points of a surface: coordinates laid out for SIMD, and a set of points that covers the surface.
+
+/// The vertices of `mesh`, and points inside its larger triangles, so that every place of the
+/// surface is within `radius_m` metres of a point.
+///
+/// Triangles no larger than the radius need no point: for marching cubes, voxels with edges of 1.41
+/// * radius_m. A triangle n times as large adds about n^2 / 2 points.
+std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m);
+
+/// Coordinates of points or vectors, one array each, padded with NaN to a multiple of kBlock. NaN
+/// projects to no pixel.
+struct PointArrays {
+  static constexpr size_t kBlock = 512;
+
+  size_t count = 0;  ///< without the padding
+  std::vector<float> x, y, z;
+
+  PointArrays() = default;
+  explicit PointArrays(const std::vector<Eigen::Vector3f>& points) : count(points.size()) {
+    const size_t padded = (count + kBlock - 1) / kBlock * kBlock;
+    for (const auto& [array, axis] : {std::pair{&x, 0}, {&y, 1}, {&z, 2}}) {
+      array->assign(padded, std::numeric_limits<float>::quiet_NaN());
+      for (size_t i = 0; i < count; ++i) {
+        (*array)[i] = points[i][axis];
+      }
+    }
+  }
+  size_t blocks() const { return x.size() / kBlock; }
+};
+
+// Depth buffer drawn from points instead of triangles: points that cover a surface are splatted
+// into square cells. Source: the footnote of the paper on its depth buffer (Algorithm 1).
 
 /// Square cells over a part of an image, and a ring of cells around it. Pixel coordinates as in
 /// PixelPoint: the centre of the first pixel is (0.5, 0.5).
@@ -55,4 +92,21 @@ class PointDepthBuffer {
   std::vector<float> nearest_;
 };
 
-}  // namespace v3d
+// Projects points into the cells of a point depth buffer.
+
+/// One block of points.
+struct LocatedPoints {
+  static constexpr int32_t kNear = -1;  ///< nearer than CellGrid::whole_from_z: covers many cells
+  /// Index of the cell; kNear; or CellGrid::count() for a point outside all cells or the lens
+  /// model.
+  alignas(64) std::array<int32_t, PointArrays::kBlock> cell;
+  alignas(64) std::array<float, PointArrays::kBlock> column, row;  ///< in widths of a cell
+  alignas(64) std::array<float, PointArrays::kBlock> z;            ///< metres
+};
+
+/// Points `first` to `first` + kBlock. Vectorised by run-time dispatch; every instruction set gives
+/// the same bits.
+void locate_points(const VoxelCamera& lens, const CellGrid& grid, const PointArrays& points,
+                   size_t first, LocatedPoints& located);
+
+}  // namespace v3d::recon

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/render/screen_vertex.h"
+#include "recon/render/rasteriser.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kMaxHalvings = 8;
@@ -70,4 +70,107 @@ Eigen::Vector3f vertex_centroid(const Mesh& mesh) {
   return sum.cast<float>();
 }
 
-}  // namespace v3d
+namespace {
+
+/// Index mirrored at the borders (... 2 1 0 1 2 ...), which keeps the pattern of a Bayer mosaic.
+int mirrored(int i, int count) {
+  const int once = i < 0 ? -i : i;
+  return std::clamp(once < count ? once : 2 * (count - 1) - once, 0, count - 1);
+}
+
+/// Sums of neighbouring pixels of a row with the weights 1 2 1, at most 1020.
+void blur_row(const uint8_t* row, int width, uint16_t* sums) {
+  const auto at = [&](int x) { return row[mirrored(x, width)]; };
+  const auto sum = [&](int x) { return static_cast<uint16_t>(at(x - 1) + 2 * at(x) + at(x + 1)); };
+  sums[0] = sum(0);
+  for (int x = 1; x + 1 < width; ++x) {
+    sums[x] = static_cast<uint16_t>(row[x - 1] + 2 * row[x] + row[x + 1]);
+  }
+  sums[width - 1] = sum(width - 1);
+}
+
+std::vector<uint8_t> from_bayer(const Image& image) {
+  const int width = image.size.width, height = image.size.height;
+  std::vector<uint16_t> sums(static_cast<size_t>(width) * height);
+  for (int y = 0; y < height; ++y) {
+    blur_row(image.row(y), width, sums.data() + static_cast<size_t>(y) * width);
+  }
+  std::vector<uint8_t> out(sums.size());
+  for (int y = 0; y < height; ++y) {
+    const auto row = [&](int i) {
+      return sums.data() + static_cast<size_t>(mirrored(i, height)) * width;
+    };
+    const uint16_t *above = row(y - 1), *middle = row(y), *below = row(y + 1);
+    uint8_t* to = out.data() + static_cast<size_t>(y) * width;
+    for (int x = 0; x < width; ++x) {
+      to[x] = static_cast<uint8_t>((above[x] + 2 * middle[x] + below[x] + 8) >> 4);
+    }
+  }
+  return out;
+}
+
+std::vector<uint8_t> brightness_of(const Image& image) {
+  if (is_bayer(image.format)) return from_bayer(image);
+  if (image.format == PixelFormat::kMono8) return image.bytes;
+  std::vector<uint8_t> out(static_cast<size_t>(image.size.pixels()));
+  for (size_t i = 0; i < out.size(); ++i) {
+    const uint8_t* rgb = &image.bytes[3 * i];
+    out[i] = static_cast<uint8_t>((rgb[0] + 2 * rgb[1] + rgb[2] + 2) >> 2);
+  }
+  return out;
+}
+
+}  // namespace
+
+Luminance::Luminance(const Frame& frame)
+    : first_u_(static_cast<float>(frame.roi.x0 - kBorder) + 0.5F),
+      first_v_(static_cast<float>(frame.roi.y0 - kBorder) + 0.5F) {
+  put_together(brightness_of(frame.image), frame.roi.width, frame.roi.height);
+}
+
+/// `inner` with its border, in quads.
+void Luminance::put_together(const std::vector<uint8_t>& inner, int width, int height) {
+  width_ = width + 2 * kBorder;
+  height_ = height + 2 * kBorder;
+  quads_.resize(static_cast<size_t>(width_) * height_);
+  std::vector<uint8_t> rows[2];
+  const auto bordered = [&](int y, std::vector<uint8_t>& row) {
+    const uint8_t* from =
+        inner.data() + static_cast<size_t>(std::clamp(y - kBorder, 0, height - 1)) * width;
+    row.assign(kBorder, from[0]);
+    row.insert(row.end(), from, from + width);
+    row.insert(row.end(), kBorder + 1, from[width - 1]);
+  };
+  bordered(0, rows[0]);
+  for (int y = 0; y < height_; ++y) {
+    bordered(y + 1, rows[1]);
+    uint32_t* to = quads_.data() + static_cast<size_t>(y) * width_;
+    const uint8_t *upper = rows[0].data(), *lower = rows[1].data();
+    for (int x = 0; x < width_; ++x) {
+      to[x] = upper[x] | uint32_t{upper[x + 1]} << 8 | uint32_t{lower[x]} << 16 |
+              uint32_t{lower[x + 1]} << 24;
+    }
+    rows[0].swap(rows[1]);
+  }
+}
+
+Luminance Luminance::halved() const {
+  Luminance half;
+  half.scale_ = scale_ / 2;
+  // The border is even, and so is the roi's corner: pairs begin at its first pixel.
+  const int width = (width_ - 2 * kBorder) / 2, height = (height_ - 2 * kBorder) / 2;
+  std::vector<uint8_t> inner(static_cast<size_t>(std::max(width, 1)) * std::max(height, 1));
+  for (int y = 0; y < std::max(height, 1); ++y) {
+    for (int x = 0; x < std::max(width, 1); ++x) {
+      const uint32_t quad = quads_[static_cast<size_t>(2 * y + kBorder) * width_ + 2 * x + kBorder];
+      const uint32_t sum = (quad & 255) + (quad >> 8 & 255) + (quad >> 16 & 255) + (quad >> 24);
+      inner[static_cast<size_t>(y) * std::max(width, 1) + x] = static_cast<uint8_t>((sum + 2) / 4);
+    }
+  }
+  half.first_u_ = (first_u_ - 0.5F + kBorder) / 2 - kBorder + 0.5F;
+  half.first_v_ = (first_v_ - 0.5F + kBorder) / 2 - kBorder + 0.5F;
+  half.put_together(inner, std::max(width, 1), std::max(height, 1));
+  return half;
+}
+
+}  // namespace v3d::recon

@@ -10,10 +10,10 @@
 #include <cstring>
 #include <limits>
 
-#include "recon/render/screen_vertex.h"
+#include "recon/render/rasteriser.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace v3d::HWY_NAMESPACE {
+namespace v3d::recon::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -181,11 +181,11 @@ void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const Point
 }
 
 }  // namespace
-}  // namespace v3d::HWY_NAMESPACE
+}  // namespace v3d::recon::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace v3d {
+namespace v3d::recon {
 
 HWY_EXPORT(project_any);
 HWY_EXPORT(test_any);
@@ -208,5 +208,5 @@ VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibili
   return bits;
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon
 #endif

@@ -10,7 +10,7 @@
 #include "recon/visibility/depth_buffer.h"
 #include "recon/visibility/surface_camera.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Points in the world, metres, one array per coordinate.
 struct PointBlock {
@@ -60,4 +60,4 @@ using VertexBits = std::array<uint64_t, VertexVisibility::kCapacity / 64>;
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,
                             float max_facing);
 
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 
 namespace v3d::sim {
 namespace {

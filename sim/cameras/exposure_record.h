@@ -1,5 +1,4 @@
-// exposures.csv: the ground truth of the trigger edge that each image shows. It has one line for
-// each sent image. `v3d-sim check` compares recorded takes with it.
+// Exposures and injected faults.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +13,9 @@
 #include "base/core/time.h"
 
 namespace v3d::sim {
+
+// exposures.csv: the ground truth of the trigger edge that each image shows. It has one line for
+// each sent image. `v3d-sim check` compares recorded takes with it.
 
 /// The image_index of an image that a fault replaced by black.
 inline constexpr int64_t kBlackImage = -2;
@@ -47,5 +49,31 @@ class ExposureRecord {
 std::vector<ExposureLine> load_exposures(const std::filesystem::path& path);
 /// Reads a text; `path` is for messages.
 std::vector<ExposureLine> parse_exposures(std::string_view text, const std::filesystem::path& path);
+
+// Camera faults that the simulation can inject.
+
+enum class FaultKind : uint8_t {
+  kDrop,       ///< the frame is exposed and counted, but not sent
+  kMissed,     ///< the trigger is ignored: no exposure, no count
+  kDuplicate,  ///< sent twice, with equal time stamps and consecutive frame numbers
+  kDelay,      ///< sent late by `time`, like all frames queued after it
+  kFreeze,     ///< no exposures and no counts for `pulses` pulses; control works
+  kUnplug,     ///< disconnected for `time` from this pulse; the frame counter restarts
+  kClock,      ///< the clock jumps by `time` (may be negative) and runs `drift_ppm` faster
+  kBlack,      ///< the image is black
+  kLate,       ///< from this pulse, images lag by `pulses` pulses; only in takes written without
+               ///< daemons
+  kSuspect,    ///< the frame counter is wrong; only in takes written without daemons
+};
+
+struct Fault {
+  std::string camera;
+  int64_t pulse = 0;
+  FaultKind kind = FaultKind::kDrop;
+  int64_t pulses = 1;
+  Duration time{};
+  double drift_ppm = 0;
+  bool new_clock = false;  ///< kUnplug: the clock restarts at 0
+};
 
 }  // namespace v3d::sim

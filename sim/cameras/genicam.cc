@@ -1,4 +1,4 @@
-#include "sim/cameras/genicam.h"
+#include "sim/cameras/gige_cameras.h"
 
 namespace v3d::sim {
 namespace {

@@ -16,7 +16,6 @@
 #include <mutex>
 
 #include "base/core/error.h"
-#include "sim/cameras/genicam.h"
 
 namespace v3d::sim {
 namespace {

@@ -23,8 +23,7 @@
 #include "base/core/time.h"
 #include "base/image/image.h"
 #include "sim/cameras/device_clock.h"
-#include "sim/cameras/fault.h"
-#include "sim/cameras/timer_queue.h"
+#include "sim/cameras/exposure_record.h"
 
 namespace v3d::sim {
 
@@ -80,5 +79,11 @@ class GigeCameras {
   TimerQueue timers_;  ///< must end before the devices, whose threads use it
   std::vector<std::unique_ptr<Device>> devices_;
 };
+
+// The GenICam description of the simulated cameras, over the register map of Aravis' fake camera
+// (arvfakecamera.h).
+
+/// XML of the GenApi schema 1.1, with feature names of the SFNC.
+std::string genicam_xml();
 
 }  // namespace v3d::sim

@@ -10,9 +10,9 @@
 #include <cerrno>
 #include <cstring>
 
+#include "base/config/studio_values.h"
 #include "base/core/error.h"
-#include "base/core/realtime_thread.h"
-#include "base/core/trigger_edge.h"
+#include "base/io/process.h"
 
 namespace v3d::sim {
 namespace {

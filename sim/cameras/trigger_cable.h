@@ -1,4 +1,4 @@
-// Server of the simulated trigger cable, a Unix socket (base/core/trigger_edge.h).
+// Server of the simulated trigger cable, a Unix socket (base/config/studio_values.h).
 #pragma once
 
 #include <atomic>

@@ -1,8 +1,8 @@
-#include "sim/performer/outer_surface.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "sim/performer/performer.h"
 
 namespace v3d::sim {
 namespace {

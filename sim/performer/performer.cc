@@ -6,7 +6,6 @@
 #include <numbers>
 
 #include "sim/performer/motion.h"
-#include "sim/performer/tube.h"
 #include "sim/rendering/noise.h"
 #include "sim/rendering/scene.h"
 

@@ -1,13 +1,17 @@
-// The performer as closed parts with procedural textures.
+// Performer, its parts and its outer surface.
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "base/geometry/mesh.h"
 
 namespace v3d::sim {
+
+// The performer as closed parts with procedural textures.
 
 enum class Material : uint8_t {
   kSkin,
@@ -41,5 +45,45 @@ Part sword_blade(double seconds);
 /// The procedural texture: linear diffuse R, G, B (0 to 1) at texture coordinates `place`. It has
 /// more detail than the cameras resolve.
 Eigen::Vector3f paint(Material material, const Eigen::Vector3f& place, uint64_t seed);
+
+// The outer surface of the performer, which is the ground truth for reconstructions. performer_at()
+// also has surfaces inside other parts.
+
+/// All triangles without a vertex inside another part, with vertex colours of paint(). Gaps of
+/// about a triangle's size remain where parts meet.
+Mesh outer_surface(const std::vector<Part>& parts, uint64_t seed);
+
+/// Whether `point` is inside a closed, outward-oriented mesh (winding number along a ray).
+bool is_inside(const Mesh& mesh, const Eigen::Vector3f& point);
+
+// Generalised cylinders: closed surfaces of rings of any shape along a path, with a point at each
+// end. Each part of the performer is one.
+
+/// A ring: center + r(angle) (cos(angle) u + sin(angle) v). `u x v` points from the start to the
+/// end of the tube, so that triangles face outward.
+struct Ring {
+  Eigen::Vector3d center, u, v;
+  /// z of its texture coordinates in the rest frame; x and y are lengths along u and v.
+  double height = 0;
+};
+
+/// Radius of ring `k` at `angle`, as a factor of u and v.
+using RingShape = std::function<double(int k, double angle)>;
+
+/// A tube with `sides` vertices per ring. The end points are the centres of the first and last ring
+/// plus `start_cap` and `end_cap`. Requires at least two rings and three sides.
+Part make_tube(Material material, const std::vector<Ring>& rings, int sides, const RingShape& shape,
+               const Eigen::Vector3d& start_cap, const Eigen::Vector3d& end_cap);
+
+/// A capsule with two radii. `flat` scales the radius perpendicular to `reference`, which must not
+/// be parallel to the axis. The texture coordinate z is 0 at `from`.
+Part make_capsule(Material material, const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                  double from_radius, double to_radius, const Eigen::Vector3d& reference,
+                  double flat = 1.0, int sides = 20, int rings = 8);
+
+/// An ellipsoid with semi-axes along the columns of `axes` (right-handed), which also are the axes
+/// of its texture coordinates.
+Part make_ellipsoid(Material material, const Eigen::Vector3d& center, const Eigen::Matrix3d& axes,
+                    const Eigen::Vector3d& radii, int sides = 32, int rings = 20);
 
 }  // namespace v3d::sim

@@ -1,9 +1,8 @@
-#include "sim/performer/tube.h"
-
 #include <cmath>
 #include <numbers>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
+#include "sim/performer/performer.h"
 
 namespace v3d::sim {
 namespace {

@@ -1,12 +1,17 @@
-// Stateless random numbers by hashing. Equal arguments give equal values on every machine and
-// thread.
+// Noise and sensor differences.
 #pragma once
 
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <string_view>
+
+#include "base/image/mask.h"
 
 namespace v3d::sim {
+
+// Stateless random numbers by hashing. Equal arguments give equal values on every machine and
+// thread.
 
 /// SplitMix64's finaliser: a bijection of 64-bit numbers in which each output bit depends on all
 /// input bits.
@@ -50,5 +55,24 @@ inline float value_noise(const Eigen::Vector3f& p, uint32_t seed) {
   const float far = along_x(0, 1) + s.y() * (along_x(1, 1) - along_x(0, 1));
   return near + s.z() * (far - near);
 }
+
+// Silhouettes with noisy outlines, as an inaccurate segmentation gives them.
+
+/// Displaces the outline by smooth noise with the standard deviation `sigma_px` along x and y.
+/// Points more than 16 px apart are displaced independently. Deterministic for each `seed`.
+Mask with_outline_noise(const Mask& mask, double sigma_px, uint64_t seed);
+
+// Simulated differences between the colour responses of cameras.
+
+/// The response of a sensor to light (0 to 1): black + matrix * light.
+struct SensorColour {
+  Eigen::Matrix3f matrix = Eigen::Matrix3f::Identity();
+  Eigen::Vector3f black = Eigen::Vector3f::Zero();
+};
+
+/// A random response for a camera name. `spread` 0: all cameras are equal. `spread` 1: gains within
+/// 15 %, cross-talk up to 5 % between two channels, black levels up to 6 grey values.
+/// Deterministic.
+SensorColour sensor_colour(std::string_view camera, double spread, uint64_t seed);
 
 }  // namespace v3d::sim

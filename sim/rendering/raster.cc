@@ -1,7 +1,7 @@
-#include "sim/rendering/raster.h"
-
 #include <algorithm>
 #include <cmath>
+
+#include "sim/rendering/camera_images.h"
 
 namespace v3d::sim {
 

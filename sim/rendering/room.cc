@@ -1,10 +1,9 @@
-#include "sim/rendering/room.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
 
 namespace v3d::sim {

@@ -22,7 +22,7 @@ Rig make_rig(int cameras, ImageSize size, uint64_t seed);
 /// The true surface of the performer (world frame, metres, with vertex colours): body, clothes,
 /// sword.
 ///
-/// It consists of closed parts that overlap; sim/performer/outer_surface.h gives their visible
+/// It consists of closed parts that overlap; sim/performer/performer.h gives their visible
 /// surface. `seconds`: any time; the action has the period kActionPeriodSeconds.
 Mesh performer_at(double seconds, uint64_t seed);
 inline constexpr double kActionPeriodSeconds = 4.0;
@@ -32,13 +32,13 @@ struct RenderOptions {
   uint64_t seed = 1;
   double noise = 1.5;  ///< standard deviation, grey values
   double exposure_s = 0.001;
-  double colour_spread = 0;  ///< colour difference between cameras (sensor_colour.h)
+  double colour_spread = 0;  ///< colour difference between cameras (noise.h)
 };
 
 /// One camera image. `seconds`: time of the middle of the exposure. `with_performer` false: a
 /// background plate. `exposure_number` seeds the noise.
 ///
-/// Renders the background for each call; use sim/rendering/batch_renderer.h for many images.
+/// Renders the background for each call; use sim/rendering/camera_images.h for many images.
 Image render(const RigCamera& camera, double seconds, bool with_performer, uint64_t exposure_number,
              const RenderOptions& options);
 

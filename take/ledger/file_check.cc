@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
-#include "base/core/units.h"
-#include "take/logs/log_segments.h"
+#include "base/core/text.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 /// True for files that programs read as part of a take. The ledger must list them.
@@ -85,4 +85,4 @@ void FileCheck::disagree(const std::string& name, const std::string& what) {
   result_.disagreements.push_back(name + ": " + what);
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

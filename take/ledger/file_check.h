@@ -9,7 +9,7 @@
 #include "take/ledger/verify.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
 
 /// Reads the files of a take and compares them with the file list of its ledger. Reads each file
 /// once, also after an error. One thread.
@@ -42,4 +42,4 @@ class FileCheck {
   Verification& result_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -1,20 +1,47 @@
-// The ledger: the account of pulses and frames of a take.
+// Ledger, sets and counts of pulses.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "base/io/result.h"
-#include "take/ledger/pulse_set.h"
+#include "base/io/file.h"
+#include "take/take.h"
 #include "take/take_files.h"
-#include "take/take_nodes.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// PulseSet: a compact set of the pulse numbers of a take.
+
+/// A set of pulse numbers, stored as runs of consecutive numbers: memory depends on the number of
+/// gaps, not on the length of the take. Accepts any number. One thread.
+class PulseSet {
+ public:
+  /// Returns false when the set already contains `pulse`.
+  bool insert(int64_t pulse);
+  bool contains(int64_t pulse) const;
+  int64_t size() const { return size_; }
+  /// The highest number; -1 when the set is empty.
+  int64_t last() const { return runs_.empty() ? -1 : runs_.rbegin()->second; }
+  /// All numbers, ascending.
+  std::vector<int64_t> all() const;
+  /// Numbers of [0, commanded) that the set does not contain, ascending.
+  std::vector<int64_t> missing(int64_t commanded) const;
+  /// Numbers of the set outside of [0, commanded), ascending.
+  std::vector<int64_t> outside(int64_t commanded) const;
+
+ private:
+  std::map<int64_t, int64_t> runs_;  ///< first to last number of a run
+  int64_t size_ = 0;
+};
+
+// The ledger: the account of pulses and frames of a take.
 
 struct CameraLedger {
   std::string name;
@@ -102,4 +129,40 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
 /// Writes ledger.toml with its checksum, with io::replace_file().
 [[nodiscard]] io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
-}  // namespace v3d
+// Number of frames that a camera exposed, derived from its frame counter.
+
+/// Counts exposed frames, including frames that were lost on the way to the host.
+///
+/// A lost frame leaves a gap in the camera's counter; a restart of the camera resets the counter.
+/// The count is the number of counter values from the first to the last received frame, summed over
+/// all runs of the camera. Frames may arrive out of order by up to 4 counter values; a gap of
+/// 100,000 or more counts as a restart.
+class ExposureCount {
+ public:
+  /// Adds the next received frame. `counter`: its frame counter.
+  void add(uint64_t counter) {
+    const bool continues =
+        frames_ > 0 && counter + kOutOfOrder >= last_ && counter < last_ + kMaxLost;
+    if (!continues) {
+      earlier_runs_ += span();
+      first_ = last_ = counter;
+      frames_ = 0;
+    }
+    first_ = std::min(first_, counter);
+    last_ = std::max(last_, counter);
+    ++frames_;
+  }
+  int64_t exposed() const { return earlier_runs_ + span(); }
+
+ private:
+  static constexpr uint64_t kOutOfOrder = 4;
+  static constexpr uint64_t kMaxLost = 100'000;
+
+  int64_t span() const { return frames_ == 0 ? 0 : static_cast<int64_t>(last_ - first_) + 1; }
+
+  int64_t earlier_runs_ = 0;
+  int64_t frames_ = 0;
+  uint64_t first_ = 0, last_ = 0;
+};
+
+}  // namespace v3d::take

@@ -7,11 +7,10 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "take/ledger/hashed_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_signature.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 constexpr uint64_t kMaxSignatureBytes = 16 << 20;
@@ -318,4 +317,4 @@ SignatureCheck check_signatures(const TakePaths& paths, const Studio* studio) {
   return Check(paths, studio).run();
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

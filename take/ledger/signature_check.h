@@ -9,14 +9,14 @@
 #include "base/core/time.h"
 #include "take/ledger/take_signature.h"
 #include "take/take.h"
-#include "wire/signing_key.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::take {
 
 /// A signature file whose signature matches its text.
 struct SignedBy {
   std::string node;
-  PublicKey key;
+  wire::PublicKey key;
   bool is_known = false;  ///< the studio file lists this key for this node
   RealtimeInstant signed_at;
   SigningOccasion occasion = SigningOccasion::kUnknown;
@@ -47,4 +47,4 @@ struct SignatureCheck {
 /// Throws InputError when the folder is not a take.
 SignatureCheck check_signatures(const TakePaths& paths, const Studio* studio);
 
-}  // namespace v3d
+}  // namespace v3d::take

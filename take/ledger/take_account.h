@@ -1,14 +1,22 @@
-// Writes the final account of a take: ledger.toml with the checksums of all files, and take.toml.
+// Final account and verification record.
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "base/io/result.h"
+#include "base/core/time.h"
+#include "base/io/file.h"
 #include "take/ledger/ledger.h"
+#include "take/ledger/verify.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// Writes the final account of a take: ledger.toml with the checksums of all files, and take.toml.
 
 /// True for a log segment of a camera of the take.
 bool is_camera_log(const std::string& name, const TakeInfo& info);
@@ -30,4 +38,29 @@ bool is_camera_log(const std::string& name, const TakeInfo& info);
 /// errors, also for a file that was not read.
 void save_account_or_throw(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
 
-}  // namespace v3d
+// verified.toml: the record of a verification, with the state of all files at that time.
+
+struct Verified {
+  std::string verdict;
+  bool whole = false;
+  /// All files matched the ledger. Frames may be missing if the ledger lists them as missing.
+  bool agrees = false;
+  RealtimeInstant at;
+  std::vector<TakeFile> files;  ///< every file of the take, with its checksum
+};
+
+/// Writes verified.toml with io::replace_file().
+[[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification);
+
+/// Reads verified.toml and compares it with length and modification time of the current files.
+/// Reads no other file.
+///
+/// Empty when the take was never verified; when a file was changed, removed or added since; when
+/// the record cannot be read or comes from an older version without checksums. A changed slate is
+/// ignored, because the crew edits it.
+std::optional<Verified> load_verified(const TakePaths& paths);
+
+/// Parses verified.toml. Throws InputError with file, line and field.
+Verified parse_verified(std::string_view text, const std::filesystem::path& path);
+
+}  // namespace v3d::take

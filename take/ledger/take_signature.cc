@@ -1,15 +1,20 @@
 #include "take/ledger/take_signature.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <span>
+#include <vector>
 
 #include "base/config/toml_file.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "take/ledger/hashed_file.h"
 #include "take/ledger/take_account.h"
-#include "wire/signed_text.h"
+#include "take/logs/event_log.h"
+#include "take/logs/log_files.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -19,7 +24,7 @@ constexpr int64_t kFormat = TakeSignature::kOccasionFormat;
 std::string text_of(const TakeFile& file) {
   std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
                      "\nbytes = " + std::to_string(file.bytes) + "\n";
-  if (file.root) text += "root = " + toml_string(hash_text(*file.root)) + "\n";
+  if (file.root) text += "root = " + toml_string(wire::hash_text(*file.root)) + "\n";
   return text;
 }
 
@@ -55,7 +60,7 @@ std::string text_of(const TakeSignature& signature) {
 TakeFile read_entry(const TomlTable& table) {
   TakeFile file{.name = table.text("name"), .bytes = table.integer("bytes"), .checksum = {}};
   if (table.has("root")) {
-    file.root = parse_hash(table.text("root"));
+    file.root = wire::parse_hash(table.text("root"));
     if (!file.root) table.fail("root", "expected 64 hexadecimal digits");
   }
   table.reject_unknown_fields();
@@ -208,7 +213,7 @@ bool is_signed_file(std::string_view name) {
 }
 
 io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
-                          const SigningKey& key) {
+                          const wire::SigningKey& key) {
   return io::replace_file(signature_path(paths, signature.node),
                           sign_text(text_of(signature), key));
 }
@@ -233,14 +238,14 @@ io::Status sign_whole_take(const TakePaths& paths, const TakeSigner& signer,
 }
 
 TakeSignature parse_signature(std::string_view text, const fs::path& path) {
-  const SignedText signed_text = split_signed_text(text, path);
+  const wire::SignedText signed_text = wire::split_signed_text(text, path);
   const TomlTable table = TomlTable::parse(signed_text.text, path);
   const int64_t format = read_format(table);
   TakeSignature read{.format = format,
                      .take = table.text("take"),
                      .studio = table.text("studio"),
                      .node = table.text("node"),
-                     .key = PublicKey::parse(table.text("public_key"), path.string()),
+                     .key = wire::PublicKey::parse(table.text("public_key"), path.string()),
                      .started = from_ns<Realtime>(table.integer("started_ns")),
                      .signed_at = from_ns<Realtime>(table.integer("signed_ns")),
                      .occasion = read_occasion(table, format),
@@ -264,4 +269,84 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
   return read;
 }
 
-}  // namespace v3d
+namespace {
+
+constexpr uint64_t kBlock = 1 << 20;
+constexpr uint32_t kMaxChannelBytes = 256;
+
+class FileTree {
+ public:
+  FileTree(const io::File& file, uint64_t size, bool is_log, const MayContinue& may_continue)
+      : file_(file), reader_(file), size_(size), is_log_(is_log), may_continue_(may_continue) {}
+
+  io::Result<wire::Hash> root() {
+    wire::HashTree tree;
+    for (uint64_t at = 0; at < size_;) {
+      const auto length = leaf_length(at);
+      if (!length) return tl::make_unexpected(length.error());
+      const auto leaf = hash(at, *length);
+      if (!leaf) return tl::make_unexpected(leaf.error());
+      tree.add(*leaf);
+      at += *length;
+    }
+    return tree.root();
+  }
+
+ private:
+  io::Result<uint64_t> leaf_length(uint64_t at) {
+    const uint64_t block = std::min(kBlock, size_ - at);
+    if (!is_log_ || block < kEventHeaderSize) return block;
+    const auto got = file_.read(at, std::span(chunk_).first(kEventHeaderSize));
+    if (!got) return tl::make_unexpected(got.error());
+    const auto number = [&](size_t offset) {
+      return read_big_endian(std::span(chunk_).subspan(offset, 4));
+    };
+    if (*got < kEventHeaderSize || number(0) != kEventSyncWord) return block;
+    const uint64_t channel = number(20), data = number(24);
+    const uint64_t event = kEventHeaderSize + channel + data;
+    const bool is_event =
+        channel <= kMaxChannelBytes && data <= kMaxEventBytes && event <= size_ - at;
+    return is_event ? event : block;
+  }
+
+  io::Result<wire::Hash> hash(uint64_t at, uint64_t length) {
+    wire::LeafHash leaf;
+    for (const uint64_t end = at + length; at < end;) {
+      if (may_continue_ && !may_continue_()) {
+        return io::io_error("read", file_.path(), "stopped", ECANCELED);
+      }
+      const auto block = std::span(chunk_).first(std::min(kBlock, end - at));
+      if (const auto read = reader_.read_whole(at, block); !read) {
+        return tl::make_unexpected(read.error());
+      }
+      leaf.add(block);
+      at += block.size();
+    }
+    return leaf.value();
+  }
+
+  const io::File& file_;
+  SparseReader reader_;
+  const uint64_t size_;
+  const bool is_log_;
+  const MayContinue& may_continue_;
+  std::vector<uint8_t> chunk_ = std::vector<uint8_t>(kBlock);
+};
+
+}  // namespace
+
+io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name, int64_t bytes,
+                                    const MayContinue& may_continue) {
+  const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
+  if (!file) return tl::make_unexpected(file.error());
+  const auto size = file->size();
+  if (!size) return tl::make_unexpected(size.error());
+  TakeFile hashed{.name = name, .bytes = static_cast<int64_t>(*size), .checksum = {}};
+  if (hashed.bytes != bytes) return hashed;
+  const auto root = FileTree(*file, *size, name.ends_with(".lcmlog"), may_continue).root();
+  if (!root) return tl::make_unexpected(root.error());
+  hashed.root = *root;
+  return hashed;
+}
+
+}  // namespace v3d::take

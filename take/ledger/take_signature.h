@@ -1,25 +1,46 @@
-// Digital signatures of takes (signature.<node>.toml).
-//
-// When a node closes a take, it writes the capture nodes of the take, its own counts of frames and
-// the hash tree roots (take/ledger/hashed_file.h) of the files that it recorded, and signs them
-// with its Ed25519 key. docs/takes.md describes the format; take/ledger/signature_check.h verifies
-// signatures.
+// Signatures of takes over hash trees of files.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/core/time.h"
-#include "base/io/result.h"
-#include "take/ledger/hashed_file.h"
+#include "base/io/file.h"
 #include "take/ledger/ledger.h"
 #include "take/take.h"
 #include "take/take_files.h"
-#include "take/take_nodes.h"
-#include "wire/signing_key.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::take {
+
+// Hash trees over the files of a take.
+
+/// Returns false when a long computation is to end. Empty: never.
+using MayContinue = std::function<bool()>;
+
+/// Reads a file of a take and computes the root of its hash tree (wire/hash_tree.h).
+///
+/// The leaves of an event log (<camera>.lcmlog) are its events, from sync word to last byte. Where
+/// no event starts, and in every other file, the leaves are blocks of 1 MiB.
+///
+/// `bytes`: the expected length. A file of another length is not read, and the result has no root.
+/// `may_continue`: called before each MiB is read, and may block. When it returns false, the result
+/// is the error ECANCELED.
+/// Memory: 1 MiB. Fails with path and cause, also when the name is a symbolic link, and for a file
+/// with large holes (SparseReader).
+[[nodiscard]] io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
+                                                  int64_t bytes,
+                                                  const MayContinue& may_continue = {});
+
+// Digital signatures of takes (signature.<node>.toml).
+//
+// When a node closes a take, it writes the capture nodes of the take, its own counts of frames and
+// the hash tree roots of the files that it recorded, and signs them
+// with its Ed25519 key. docs/takes.md describes the format; take/ledger/signature_check.h verifies
+// signatures.
 
 /// A camera that the signing node recorded, with the counts of its ledger (CameraLedger).
 struct SignedCamera {
@@ -55,7 +76,7 @@ struct TakeSignature {
   std::string take;
   std::string studio;
   std::string node;
-  PublicKey key;
+  wire::PublicKey key;
   RealtimeInstant started;
   RealtimeInstant signed_at;
   SigningOccasion occasion = SigningOccasion::kUnknown;
@@ -77,7 +98,7 @@ std::filesystem::path signature_path(const TakePaths& paths, const std::string& 
 /// A node and its signing key.
 struct TakeSigner {
   std::string node;
-  SigningKey key;
+  wire::SigningKey key;
 };
 
 /// True when signatures cover the file: every file that is written before the ledger, except
@@ -106,10 +127,10 @@ bool is_signed_file(std::string_view name);
 
 /// Signs `signature` with `key`, and replaces signature.<node>.toml. Fails with path and cause.
 [[nodiscard]] io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
-                                        const SigningKey& key);
+                                        const wire::SigningKey& key);
 
 /// Parses signature.<node>.toml. Throws InputError with file, line and field, also when the
 /// signature does not match the text under the public key in the text.
 TakeSignature parse_signature(std::string_view text, const std::filesystem::path& path);
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -6,18 +6,18 @@
 #include <type_traits>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
-#include "base/io/whole_file.h"
-#include "take/ledger/exposure_count.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
 #include "take/ledger/file_check.h"
+#include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 /// What is read of each frame: the whole frame, or its label only.
@@ -25,10 +25,11 @@ enum class Depth : uint8_t { kFrames, kLabels };
 
 /// The head of a frame. Empty when the event does not start as a frame of its length; then the
 /// length is not trusted and no further bytes are read.
-io::Result<std::optional<FrameHead>> read_head(const EventLogReader& log, const EventSpan& event) {
-  const auto begin = log.read(event, kFrameHeadSize);
+io::Result<std::optional<wire::FrameHead>> read_head(const EventLogReader& log,
+                                                     const EventSpan& event) {
+  const auto begin = log.read(event, wire::kFrameHeadSize);
   if (!begin) return tl::make_unexpected(begin.error());
-  auto head = decode_frame_head(*begin);
+  auto head = wire::decode_frame_head(*begin);
   return head && head->message_size == event.data_size ? std::move(head) : std::nullopt;
 }
 
@@ -37,7 +38,7 @@ template <class Message>
 io::Result<std::optional<Message>> read_message(const EventLogReader& log, const EventSpan& event) {
   const auto bytes = log.read(event);
   if (!bytes) return tl::make_unexpected(bytes.error());
-  return decode<Message>(*bytes);
+  return wire::decode<Message>(*bytes);
 }
 
 /// The label of a frame. Empty when the frame belongs to another camera, or the part that was read
@@ -48,7 +49,7 @@ io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, cons
   if (!head) return tl::make_unexpected(head.error());
   if (!*head || (*head)->camera != camera) return std::nullopt;
   if (depth == Depth::kLabels) return (*head)->label;
-  const auto message = read_message<FrameMessage>(log, event);
+  const auto message = read_message<wire::FrameMessage>(log, event);
   if (!message) return tl::make_unexpected(message.error());
   return *message ? std::optional((*message)->frame.label) : std::nullopt;
 }
@@ -141,7 +142,7 @@ class Verifier {
     try {
       const EventLogReader log(paths_.pulses());
       note_unused_indexes(log);
-      for (const PulseMessage& message : read_pulses(log)) {
+      for (const wire::PulseMessage& message : read_pulses(log)) {
         if (message.pulse < kMaxPulses) {
           sensed.insert(message.pulse);
         } else {
@@ -285,7 +286,7 @@ class Verifier {
 /// length. Fails on read errors.
 template <class Message>
 io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
-  if constexpr (std::is_same_v<Message, PulseMessage>) {
+  if constexpr (std::is_same_v<Message, wire::PulseMessage>) {
     if (event.data_size > kMaxPulseBytes) return false;
   } else {
     const auto head = read_head(log, event);
@@ -386,9 +387,9 @@ Verification verify_take(const TakePaths& paths, ReadFrom from) {
 
 Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
   IndexProblems problems;
-  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), problems));
+  io::throw_if_failed(index_segments<wire::PulseMessage>(paths.pulses(), problems));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), problems));
+    io::throw_if_failed(index_segments<wire::FrameMessage>(paths.frames(camera), problems));
   }
   Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
   std::ranges::copy(problems.notes, std::back_inserter(result.notes));
@@ -409,4 +410,4 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
   return result;
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -7,10 +7,9 @@
 #include <vector>
 
 #include "take/ledger/ledger.h"
-#include "take/ledger/pulse_set.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
 
 struct Verification {
   TakeInfo info;
@@ -75,4 +74,4 @@ enum class AfterReadErrors : uint8_t {
 Verification recover_take(const TakePaths& paths,
                           AfterReadErrors after = AfterReadErrors::kStayOpen);
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -7,11 +7,11 @@
 #include <optional>
 #include <utility>
 
+#include "base/core/bytes.h"
 #include "base/core/error.h"
-#include "base/io/big_endian.h"
-#include "take/logs/sparse_file.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 // Layout of an event (LCM's documentation of log files), all numbers big-endian: sync word (4
@@ -190,11 +190,11 @@ std::vector<std::string> EventLogReader::read_errors() const {
   return errors;
 }
 
-io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
-  Bytes bytes(std::min<size_t>(event.data_size, limit));
+io::Result<wire::Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
+  wire::Bytes bytes(std::min<size_t>(event.data_size, limit));
   const auto read = segments_[event.segment].file.read_whole(event.data_offset, bytes);
   if (!read) return tl::make_unexpected(read.error());
   return bytes;
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

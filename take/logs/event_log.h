@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "base/io/file.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 #include "wire/codec.h"
 
-namespace v3d {
+namespace v3d::take {
 
 inline constexpr uint32_t kEventSyncWord = 0xEDA1DA01;
 inline constexpr size_t kEventHeaderSize = 28;  ///< before the channel's name
@@ -70,7 +70,7 @@ class EventLogReader {
 
   /// Reads the first `limit` bytes of an event's data. Fails on read errors, also when the file
   /// became shorter.
-  [[nodiscard]] io::Result<Bytes> read(const EventSpan& event, size_t limit = SIZE_MAX) const;
+  [[nodiscard]] io::Result<wire::Bytes> read(const EventSpan& event, size_t limit = SIZE_MAX) const;
 
  private:
   EventLogReader() = default;
@@ -79,4 +79,4 @@ class EventLogReader {
   std::vector<EventSpan> events_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -6,17 +6,15 @@
 #include <span>
 #include <unordered_map>
 
-#include "base/core/checksum.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
-#include "base/io/big_endian.h"
 #include "base/io/file.h"
 #include "take/logs/event_log.h"
-#include "take/logs/log_segments.h"
-#include "take/logs/periodic_sync.h"
-#include "wire/channels.h"
+#include "take/logs/log_files.h"
 #include "wire/codec.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::take {
 
 namespace {
 
@@ -28,8 +26,9 @@ constexpr int64_t kWritebackBytes = 4 << 20;
 constexpr int64_t kMaxDirtyBytes = 32 << 20;
 
 /// The bytes before an event's data (see event_log.cc).
-Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at, size_t data_size) {
-  Bytes head;
+wire::Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
+                       size_t data_size) {
+  wire::Bytes head;
   head.reserve(kEventHeaderSize + channel.size());
   put_big_endian(head, kEventSyncWord, 4);
   put_big_endian(head, static_cast<uint64_t>(number), 8);
@@ -96,11 +95,11 @@ class EventLogWriter::Impl {
   /// Unbuffered: written bytes are in the kernel and survive the end of this process, and a full
   /// disk is reported for the event that does not fit. The next event overwrites the bytes of an
   /// event that failed.
-  io::Status write(const std::string& channel, RealtimeInstant at, const Bytes& first,
-                   const Bytes& rest = {}) {
+  io::Status write(const std::string& channel, RealtimeInstant at, const wire::Bytes& first,
+                   const wire::Bytes& rest = {}) {
     keep_first_error(sync_.pop_error());
     if (!disk_error_) return disk_error_;
-    const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
+    const wire::Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
     sync_.mark_dirty();
@@ -134,7 +133,7 @@ class EventLogWriter::Impl {
   void count(std::initializer_list<std::span<const uint8_t>> parts) {
     for (const auto& part : parts) checksum_.add(part);
     if (!tree_) return;
-    LeafHash event;
+    wire::LeafHash event;
     for (const auto& part : parts) event.add(part);
     tree_->add(event.value());
   }
@@ -164,7 +163,7 @@ class EventLogWriter::Impl {
   PeriodicSync sync_;
   int64_t bytes_ = 0;
   RunningChecksum checksum_;  ///< of the `bytes_` bytes
-  std::optional<HashTree> tree_;
+  std::optional<wire::HashTree> tree_;
   int64_t submitted_ = 0;     ///< bytes for which writeback was requested
   int64_t written_back_ = 0;  ///< bytes whose writeback has finished
   io::Status disk_error_;     ///< the first error after which written bytes may be lost
@@ -177,12 +176,12 @@ EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;
 
-io::Status EventLogWriter::write(const FrameMessage& message) {
-  return impl_->write(frame_channel(message.frame.camera), message.sent, encode_head(message),
+io::Status EventLogWriter::write(const wire::FrameMessage& message) {
+  return impl_->write(wire::frame_channel(message.frame.camera), message.sent, encode_head(message),
                       message.frame.image.bytes);
 }
-io::Status EventLogWriter::write(const PulseMessage& message) {
-  return impl_->write(kPulseChannel, message.sent, encode(message));
+io::Status EventLogWriter::write(const wire::PulseMessage& message) {
+  return impl_->write(wire::kPulseChannel, message.sent, encode(message));
 }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
 const std::filesystem::path& EventLogWriter::path() const { return impl_->path(); }
@@ -194,8 +193,8 @@ class FrameLogReader::Impl {
   explicit Impl(const std::filesystem::path& path) : log_(path), read_errors_(log_.read_errors()) {
     damaged_ = log_.damaged_places();
     for (const EventSpan& event : log_.events()) {
-      const auto bytes = read(event, kFrameHeadSize);
-      const auto head = bytes ? decode_frame_head(*bytes) : std::nullopt;
+      const auto bytes = read(event, wire::kFrameHeadSize);
+      const auto head = bytes ? wire::decode_frame_head(*bytes) : std::nullopt;
       if (!head || head->message_size != event.data_size) {
         ++damaged_;
         continue;
@@ -209,7 +208,7 @@ class FrameLogReader::Impl {
     const auto found = first_of_.find(pulse);
     if (found == first_of_.end()) return std::nullopt;
     const auto bytes = read(*found->second, SIZE_MAX);
-    auto message = bytes ? decode<FrameMessage>(*bytes) : std::nullopt;
+    auto message = bytes ? wire::decode<wire::FrameMessage>(*bytes) : std::nullopt;
     if (!message) return std::nullopt;
     return std::move(message->frame);
   }
@@ -222,7 +221,7 @@ class FrameLogReader::Impl {
  private:
   /// Reads the first `limit` bytes of an event. Empty on a read error, which is added to
   /// read_errors_.
-  std::optional<Bytes> read(const EventSpan& event, size_t limit) {
+  std::optional<wire::Bytes> read(const EventSpan& event, size_t limit) {
     auto bytes = log_.read(event, limit);
     if (bytes) return *std::move(bytes);
     if (read_errors_.size() < kMaxReadErrors) read_errors_.push_back(bytes.error().message);
@@ -249,20 +248,20 @@ int64_t FrameLogReader::torn_bytes() const { return impl_->torn_bytes(); }
 const std::vector<std::string>& FrameLogReader::read_errors() const { return impl_->read_errors(); }
 std::optional<Frame> FrameLogReader::read(int64_t pulse) { return impl_->read(pulse); }
 
-std::vector<PulseMessage> read_pulses(const std::filesystem::path& path) {
+std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path) {
   return read_pulses(EventLogReader(path));
 }
 
-std::vector<PulseMessage> read_pulses(const EventLogReader& log) {
+std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log) {
   if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
-  std::vector<PulseMessage> pulses;
+  std::vector<wire::PulseMessage> pulses;
   for (const EventSpan& event : log.events()) {
     if (event.data_size > kMaxPulseBytes) continue;
     const auto bytes = log.read(event);
     if (!bytes) throw InputError(bytes.error().message);
-    if (auto pulse = decode<PulseMessage>(*bytes)) pulses.push_back(std::move(*pulse));
+    if (auto pulse = wire::decode<wire::PulseMessage>(*bytes)) pulses.push_back(std::move(*pulse));
   }
   return pulses;
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

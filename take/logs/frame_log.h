@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "base/core/time.h"
-#include "base/io/result.h"
-#include "take/logs/log_opening.h"
+#include "base/io/file.h"
+#include "take/logs/log_files.h"
 #include "take/take_files.h"
 #include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::take {
 
-/// Appends events to a new segment of a log (take/logs/log_segments.h). Changes no byte of an
+/// Appends events to a new segment of a log (take/logs/log_files.h). Changes no byte of an
 /// existing file. One thread.
 ///
 /// Unbuffered: a frame for which write() returned true survives the end of the program, and a crash
@@ -44,8 +44,8 @@ class EventLogWriter {
 
   /// Appends one event. Fails when the disk reports an error: the event is then not in the log, but
   /// a later one may succeed. After the disk lost bytes that it had accepted, every call fails.
-  [[nodiscard]] io::Status write(const FrameMessage& message);
-  [[nodiscard]] io::Status write(const PulseMessage& message);
+  [[nodiscard]] io::Status write(const wire::FrameMessage& message);
+  [[nodiscard]] io::Status write(const wire::PulseMessage& message);
   int64_t bytes() const;                      ///< length of this segment
   const std::filesystem::path& path() const;  ///< path of this segment
   /// Name, length and checksum of this segment, and its root with LogHashing::kTree. Computed from
@@ -93,7 +93,7 @@ inline constexpr uint32_t kMaxPulseBytes = 4 << 10;
 
 /// All pulses of pulses.lcmlog, in order. Ignores damaged events and events longer than
 /// kMaxPulseBytes. Throws InputError as FrameLogReader does, and on read errors.
-std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
-std::vector<PulseMessage> read_pulses(const EventLogReader& log);
+std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path);
+std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log);
 
-}  // namespace v3d
+}  // namespace v3d::take

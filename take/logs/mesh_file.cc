@@ -4,15 +4,13 @@
 #include <deque>
 #include <utility>
 
-#include "base/core/check.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "take/ledger/pulse_set.h"
+#include "take/ledger/ledger.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file_layout.h"
-#include "take/logs/periodic_sync.h"
-#include "take/logs/sparse_file.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using mesh_file::Entry;
@@ -46,7 +44,7 @@ class IndexedFile {
     std::vector<uint8_t> payload(entry->payload_size);
     const auto read = file_.read_whole(entry->offset + mesh_file::kRecordSize, payload);
     if (!read) return tl::make_unexpected(read.error());
-    if (crc32(payload) != entry->payload_crc) return std::nullopt;
+    if (codec::crc32(payload) != entry->payload_crc) return std::nullopt;
     return payload;
   }
 
@@ -75,7 +73,7 @@ class IndexedFile {
     if (offset < kHeaderSize || offset > footer_offset || size != footer_offset - offset) return {};
     if (size > kMaxIndex) return {};
     auto bytes = read_at(offset, size);
-    if (bytes.size() != size || crc32(bytes) != u32_at(footer, 12)) return {};
+    if (bytes.size() != size || codec::crc32(bytes) != u32_at(footer, 12)) return {};
     return bytes;
   }
 
@@ -137,7 +135,7 @@ class IndexedFile {
       const uint32_t size = std::min(kChunk, entry.payload_size - done);
       const auto bytes = read_at(entry.offset + mesh_file::kRecordSize + done, size);
       if (bytes.size() < size) return false;
-      crc = crc32(bytes, crc);
+      crc = codec::crc32(bytes, crc);
       done += size;
     }
     return crc == entry.payload_crc;
@@ -218,7 +216,7 @@ class MeshFileWriter::Impl {
     const Entry entry{.pulse = pulse,
                       .offset = end_,
                       .payload_size = static_cast<uint32_t>(compact.size()),
-                      .payload_crc = crc32(compact)};
+                      .payload_crc = codec::crc32(compact)};
     if (has_new_loss()) return sync_error_;
     // After a failure, the next record overwrites the written part of this one.
     auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
@@ -345,4 +343,4 @@ io::Result<std::optional<std::vector<uint8_t>>> MeshFileReader::read(int64_t pul
   return impl_->read(pulse);
 }
 
-}  // namespace v3d
+}  // namespace v3d::take

@@ -9,10 +9,10 @@
 #include <span>
 #include <vector>
 
-#include "base/io/result.h"
-#include "take/logs/log_opening.h"
+#include "base/io/file.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::take {
 
 /// Appends meshes to mesh.v3d. A separate thread syncs the file once a second during appends, so
 /// that a power cut loses at most the meshes of the last second; append() does not wait for it. One
@@ -63,4 +63,4 @@ class MeshFileReader {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::take

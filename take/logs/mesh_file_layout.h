@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "codec/crc32.h"
+#include "codec/byte_stream.h"
 
-namespace v3d::mesh_file {
+namespace v3d::take::mesh_file {
 
 using Magic8 = std::array<uint8_t, 8>;
 using Magic4 = std::array<uint8_t, 4>;
@@ -85,14 +85,15 @@ inline std::vector<uint8_t> record_head(const Entry& entry) {
   w.u32(entry.payload_size);
   w.u64(static_cast<uint64_t>(entry.pulse));
   w.u32(entry.payload_crc);
-  w.u32(crc32(w.bytes()));
+  w.u32(codec::crc32(w.bytes()));
   return w.bytes();
 }
 
 /// Decodes the head of a record. Empty when its checksum is wrong or its numbers are impossible.
 inline std::optional<Entry> read_record_head(std::span<const uint8_t> head, uint64_t offset) {
   if (head.size() < kRecordSize || !magic_at(head, 0, kRecordMagic)) return std::nullopt;
-  if (crc32(head.first(kRecordSize - 4)) != u32_at(head, kRecordSize - 4)) return std::nullopt;
+  if (codec::crc32(head.first(kRecordSize - 4)) != u32_at(head, kRecordSize - 4))
+    return std::nullopt;
   const Entry entry{.pulse = static_cast<int64_t>(u64_at(head, 8)),
                     .offset = offset,
                     .payload_size = u32_at(head, 4),
@@ -113,7 +114,7 @@ inline std::vector<uint8_t> index(const std::vector<Entry>& entries, uint64_t of
     w.u32(entry.payload_crc);
   }
   const auto size = static_cast<uint32_t>(w.bytes().size());
-  const uint32_t crc = crc32(w.bytes());
+  const uint32_t crc = codec::crc32(w.bytes());
   w.u64(offset);
   w.u32(size);
   w.u32(crc);
@@ -121,4 +122,4 @@ inline std::vector<uint8_t> index(const std::vector<Entry>& entries, uint64_t of
   return w.bytes();
 }
 
-}  // namespace v3d::mesh_file
+}  // namespace v3d::take::mesh_file

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numbers>
 
-#include "calib/rig/rig_comparison.h"
+#include "calib/rig/rig_alignment.h"
 
 namespace v3d::calib {
 

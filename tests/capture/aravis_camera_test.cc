@@ -13,13 +13,13 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "capture/cameras/make_camera.h"
-#include "sim/cameras/genicam.h"
+#include "capture/cameras/camera.h"
+#include "sim/cameras/gige_cameras.h"
 #include "support/gvsp_sender.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::milliseconds;
@@ -361,4 +361,4 @@ TEST(AravisCamera, detects_a_disconnect_and_opens_the_camera_again) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

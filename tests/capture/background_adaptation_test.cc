@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <utility>
 
-#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{130, 97};
@@ -48,7 +48,7 @@ Colour faint_cloth(int x, int y) {
 class BackgroundAdaptationTest : public testing::TestWithParam<PixelFormat> {
  protected:
   Image photograph(const Scene& scene, int64_t seed) const {
-    return v3d::photograph(kSize, GetParam(), scene, static_cast<unsigned>(seed));
+    return capture::photograph(kSize, GetParam(), scene, static_cast<unsigned>(seed));
   }
   Mask segment(const Scene& scene) { return segmenter_.segment(photograph(scene, 7).view()); }
   void learn(int64_t pulse, const Image& image) {
@@ -69,8 +69,8 @@ class BackgroundAdaptationTest : public testing::TestWithParam<PixelFormat> {
       learn(pulse, images[static_cast<size_t>(pulse / kLearnEvery) % images.size()]);
     }
   }
-  const BackgroundModel model_ = learn_wall(kSize, GetParam());
-  Segmenter segmenter_{model_, {}};
+  const segmentation::BackgroundModel model_ = learn_wall(kSize, GetParam());
+  segmentation::Segmenter segmenter_{model_, {}};
 };
 
 INSTANTIATE_TEST_SUITE_P(Formats, BackgroundAdaptationTest,
@@ -117,7 +117,7 @@ TEST_P(BackgroundAdaptationTest, limits_the_change_to_a_quarter_of_the_plates) {
 }
 
 TEST_P(BackgroundAdaptationTest, learns_nothing_within_sixteen_pixels_of_the_mask) {
-  const BackgroundTable plates(model_, {});
+  const segmentation::BackgroundTable plates(model_, {});
   const Scene brighter = [](int x, int y) {
     const Colour c = wall(x, y);
     return Colour{c[0] + 4, c[1] + 4, c[2] + 4};
@@ -125,8 +125,9 @@ TEST_P(BackgroundAdaptationTest, learns_nothing_within_sixteen_pixels_of_the_mas
   for (const auto& [u, v] : {std::pair{64, 48}, {95, 63}, {80, 50}}) {
     Mask mask(kSize);
     mask.set(u, v);
-    BackgroundTable table = plates;
-    BackgroundAdaptation(plates).follow(photograph(brighter, 3).view(), mask, kUnitGain, table);
+    segmentation::BackgroundTable table = plates;
+    segmentation::BackgroundAdaptation(plates).follow(photograph(brighter, 3).view(), mask,
+                                                      segmentation::kUnitGain, table);
     EXPECT_GT(table.mean[0], plates.mean[0]);
     for (int y = v - 16; y <= v + 16; ++y) {
       const ptrdiff_t from = (ptrdiff_t{y} * kSize.width + u - 16) * plates.channels;
@@ -143,9 +144,10 @@ TEST_P(BackgroundAdaptationTest, learns_no_sample_far_from_its_expected_value) {
     const Colour c = wall(x, y);
     return Colour{c[0] + 40, c[1] + 40, c[2] + 40};
   };
-  const BackgroundTable plates(model_, {});
-  BackgroundTable table = plates;
-  BackgroundAdaptation(plates).follow(photograph(another, 3).view(), Mask(kSize), kUnitGain, table);
+  const segmentation::BackgroundTable plates(model_, {});
+  segmentation::BackgroundTable table = plates;
+  segmentation::BackgroundAdaptation(plates).follow(photograph(another, 3).view(), Mask(kSize),
+                                                    segmentation::kUnitGain, table);
   EXPECT_EQ(table.mean, plates.mean);
 }
 
@@ -156,12 +158,12 @@ TEST_P(BackgroundAdaptationTest, learns_no_saturated_sample) {
       return Colour{light * c[0], light * c[1], light * c[2]};
     };
   };
-  const BackgroundTable plates(learn_scene(kSize, GetParam(), with_lamp(1)), {});
-  BackgroundTable table = plates;
+  const segmentation::BackgroundTable plates(learn_scene(kSize, GetParam(), with_lamp(1)), {});
+  segmentation::BackgroundTable table = plates;
   const Image image = photograph(with_lamp(1.08), 3);
   for (int i = 0; i < 50; ++i) {
-    BackgroundAdaptation(plates).follow(image.view(), Mask(kSize),
-                                        static_cast<uint32_t>(1.08 * kUnitGain), table);
+    segmentation::BackgroundAdaptation(plates).follow(
+        image.view(), Mask(kSize), static_cast<uint32_t>(1.08 * segmentation::kUnitGain), table);
   }
   const ptrdiff_t lamp = ptrdiff_t{kSunnyWidth} * plates.channels;
   for (int y = 0; y < kSize.height; ++y) {
@@ -184,21 +186,23 @@ TEST_P(BackgroundAdaptationTest, restores_the_plates_after_forget) {
 TEST_P(BackgroundAdaptationTest, is_the_same_on_every_instruction_set) {
   const Image image = photograph(in_front_of(lit(0.04), yellow_cloth), 3);
   const Mask mask = segmenter_.segment(image.view());
-  const BackgroundTable plates(model_, {});
-  BackgroundTable expected = plates;
-  BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, expected);
+  const segmentation::BackgroundTable plates(model_, {});
+  segmentation::BackgroundTable expected = plates;
+  segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
+                                                    expected);
   EXPECT_NE(expected.mean, plates.mean);
   for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
     hwy::SetSupportedTargetsForTest(targets & -targets);
-    BackgroundTable table = plates;
-    BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, table);
+    segmentation::BackgroundTable table = plates;
+    segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
+                                                      table);
     hwy::SetSupportedTargetsForTest(0);
     EXPECT_EQ(table.mean, expected.mean) << hwy::TargetName(targets & -targets);
   }
 }
 
 TEST(Segmenter, learns_from_every_32nd_pulse_in_rising_order) {
-  Segmenter segmenter(learn_wall(kSize, PixelFormat::kMono8), {});
+  segmentation::Segmenter segmenter(learn_wall(kSize, PixelFormat::kMono8), {});
   const Image image = photograph(kSize, PixelFormat::kMono8, wall, 1);
   EXPECT_TRUE(segmenter.learns_from(0));
   EXPECT_FALSE(segmenter.learns_from(-32));
@@ -210,4 +214,4 @@ TEST(Segmenter, learns_from_every_32nd_pulse_in_rising_order) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

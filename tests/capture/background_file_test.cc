@@ -11,7 +11,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,7 +28,8 @@ class BackgroundFile : public testing::Test {
     std::ofstream(folder_ / file, std::ios::binary) << text;
   }
   std::string load_error() const {
-    return test::message_of<InputError>([&] { load_background(folder_.path(), "cam07"); });
+    return test::message_of<InputError>(
+        [&] { segmentation::load_background(folder_.path(), "cam07"); });
   }
 
   const test::TemporaryFolder folder_;
@@ -37,9 +38,10 @@ class BackgroundFile : public testing::Test {
 TEST_F(BackgroundFile, loads_the_model_that_was_saved) {
   for (const PixelFormat format :
        {PixelFormat::kMono8, PixelFormat::kBayerGB8, PixelFormat::kRGB8}) {
-    const BackgroundModel model = learn_wall({53, 31}, format);
+    const segmentation::BackgroundModel model = learn_wall({53, 31}, format);
     save_background(folder_.path(), "cam07", model);
-    const BackgroundModel loaded = load_background(folder_.path(), "cam07");
+    const segmentation::BackgroundModel loaded =
+        segmentation::load_background(folder_.path(), "cam07");
     EXPECT_EQ(loaded.size, model.size);
     EXPECT_EQ(loaded.format, format);
     EXPECT_EQ(loaded.mean, model.mean);
@@ -48,17 +50,17 @@ TEST_F(BackgroundFile, loads_the_model_that_was_saved) {
 }
 
 TEST_F(BackgroundFile, keeps_the_chroma_key) {
-  BackgroundModel model = learn_wall({16, 16}, PixelFormat::kBayerGB8);
+  segmentation::BackgroundModel model = learn_wall({16, 16}, PixelFormat::kBayerGB8);
   model.key = ChromaKey::kGreen;
   save_background(folder_.path(), "cam07", model);
-  EXPECT_EQ(load_background(folder_.path(), "cam07").key, ChromaKey::kGreen);
+  EXPECT_EQ(segmentation::load_background(folder_.path(), "cam07").key, ChromaKey::kGreen);
   write("cam07.toml", "pixel_format = \"BayerGB8\"\nchroma_key = \"pink\"\n");
   EXPECT_THAT(load_error(), HasSubstr("chroma_key: is not known"));
 }
 
 TEST_F(BackgroundFile, saves_the_same_bytes_after_loading) {
   save_background(folder_.path(), "cam07", learn_wall({53, 31}, PixelFormat::kRGB8));
-  save_background(folder_.path(), "cam08", load_background(folder_.path(), "cam07"));
+  save_background(folder_.path(), "cam08", segmentation::load_background(folder_.path(), "cam07"));
   EXPECT_EQ(bytes("cam07.mean.png"), bytes("cam08.mean.png"));
   EXPECT_EQ(bytes("cam07.spread.png"), bytes("cam08.spread.png"));
   EXPECT_EQ(bytes("cam07.toml"), bytes("cam08.toml"));
@@ -66,12 +68,12 @@ TEST_F(BackgroundFile, saves_the_same_bytes_after_loading) {
 }
 
 TEST_F(BackgroundFile, exists_only_if_all_its_files_exist) {
-  EXPECT_FALSE(has_background(folder_.path(), "cam07"));
+  EXPECT_FALSE(segmentation::has_background(folder_.path(), "cam07"));
   save_background(folder_.path(), "cam07", learn_wall({16, 16}, PixelFormat::kMono8));
-  EXPECT_TRUE(has_background(folder_.path(), "cam07"));
-  EXPECT_FALSE(has_background(folder_.path(), "cam08"));
+  EXPECT_TRUE(segmentation::has_background(folder_.path(), "cam07"));
+  EXPECT_FALSE(segmentation::has_background(folder_.path(), "cam08"));
   fs::remove(folder_ / "cam07.spread.png");
-  EXPECT_FALSE(has_background(folder_.path(), "cam07"));
+  EXPECT_FALSE(segmentation::has_background(folder_.path(), "cam07"));
 }
 
 TEST_F(BackgroundFile, rejects_links_and_fifos) {
@@ -86,7 +88,7 @@ TEST_F(BackgroundFile, rejects_links_and_fifos) {
     fs::remove(folder_ / name);
     fs::rename(folder_ / "kept", folder_ / name);
   }
-  EXPECT_NO_THROW(load_background(folder_.path(), "cam07"));
+  EXPECT_NO_THROW(segmentation::load_background(folder_.path(), "cam07"));
 }
 
 TEST_F(BackgroundFile, limits_images_to_256_MiB_and_texts_to_8_MiB) {
@@ -125,4 +127,4 @@ TEST_F(BackgroundFile, names_a_missing_or_invalid_file) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -7,7 +7,7 @@
 #include "capture/cameras/camera_session.h"
 #include "pilot_fixture.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::milliseconds;
@@ -110,4 +110,4 @@ TEST_F(RejoiningCameraSessionTest, suspects_all_frames_after_minutes_without_a_s
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -7,7 +7,7 @@
 
 #include "pilot_fixture.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::milliseconds;
@@ -319,4 +319,4 @@ TEST_F(CameraSessionTest, sums_the_statistics_over_all_openings) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

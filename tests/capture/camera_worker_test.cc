@@ -11,7 +11,7 @@
 
 #include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::milliseconds;
@@ -197,4 +197,4 @@ TEST_F(CameraWorkerTest, close_their_cameras_in_parallel_after_end) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

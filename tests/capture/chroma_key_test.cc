@@ -2,11 +2,11 @@
 // the cloth reflects on the performer.
 #include <gtest/gtest.h>
 
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{240, 160};
@@ -47,11 +47,12 @@ Mask floor() {
 class GreenStudio : public testing::TestWithParam<PixelFormat> {
  protected:
   Mask segment(const Scene& scene, ChromaKey key) const {
-    BackgroundModel model = model_;
+    segmentation::BackgroundModel model = model_;
     model.key = key;
-    return Segmenter(model, {}).segment(photograph(kSize, GetParam(), scene, 5).view());
+    return segmentation::Segmenter(model, {}).segment(
+        photograph(kSize, GetParam(), scene, 5).view());
   }
-  const BackgroundModel model_ = learn_scene(kSize, GetParam(), empty_studio(1, 0));
+  const segmentation::BackgroundModel model_ = learn_scene(kSize, GetParam(), empty_studio(1, 0));
 };
 
 INSTANTIATE_TEST_SUITE_P(Formats, GreenStudio,
@@ -84,4 +85,4 @@ TEST_P(GreenStudio, applies_the_key_only_to_its_colour) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

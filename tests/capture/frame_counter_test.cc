@@ -1,9 +1,9 @@
-#include "capture/cameras/frame_counter.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace v3d {
+#include "capture/cameras/aravis_camera.h"
+
+namespace v3d::capture {
 namespace {
 
 /// The 16-bit block number of exposure n of a GigE Vision camera, which skips 0.
@@ -44,4 +44,4 @@ RC_GTEST_PROP(FrameCounter, counts_every_exposure_for_any_loss_in_between, ()) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

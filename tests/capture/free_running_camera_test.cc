@@ -1,13 +1,12 @@
 // FreeRunningCamera with simulated pulses and a simulated clock.
-#include "capture/cameras/free_running_camera.h"
-
 #include <gtest/gtest.h>
 
 #include <numeric>
 
 #include "base/core/error.h"
+#include "capture/cameras/camera.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::microseconds;
@@ -139,4 +138,4 @@ TEST_F(FreeRunningCameraTest, is_lost_without_frames_even_if_there_are_no_pulses
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

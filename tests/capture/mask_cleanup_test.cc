@@ -1,3 +1,5 @@
+#include "capture/segmentation/mask_cleanup.h"
+
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -5,11 +7,9 @@
 #include <random>
 #include <vector>
 
-#include "base/image/mask_components.h"
-#include "capture/segmentation/mask_holes.h"
-#include "capture/segmentation/mask_majority.h"
+#include "base/image/mask_operations.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 Mask random_mask(ImageSize size, double density, unsigned seed) {
@@ -81,7 +81,7 @@ std::vector<int64_t> areas(const Mask& mask, bool value, bool diagonal, bool bor
 RC_GTEST_PROP(MaskCleanup, majority_equals_a_count_of_pixels, ()) {
   const Mask before = any_mask();
   Mask after = before;
-  take_majority(after);
+  segmentation::take_majority(after);
   Mask expected(before.size());
   for (int y = 0; y < before.size().height; ++y) {
     for (int x = 0; x < before.size().width; ++x) {
@@ -126,13 +126,13 @@ RC_GTEST_PROP(MaskCleanup, fills_exactly_the_small_holes_of_a_flood_fill, ()) {
   Mask after = before;
   MaskComponents pieces;
   pieces.find(before);
-  MaskHoles().fill_small(after, pieces.runs(), max_hole);
+  segmentation::MaskHoles().fill_small(after, pieces.runs(), max_hole);
   RC_ASSERT(after == expected);
 }
 
 RC_GTEST_PROP(MaskCleanup, fills_holes_of_the_remaining_pieces_without_state_of_other_masks, ()) {
   MaskComponents pieces;
-  MaskHoles holes;
+  segmentation::MaskHoles holes;
   for (int i = 0; i < 3; ++i) {
     Mask mask = any_mask();
     drop_small_pieces(mask, 20, pieces);
@@ -140,7 +140,7 @@ RC_GTEST_PROP(MaskCleanup, fills_holes_of_the_remaining_pieces_without_state_of_
     holes.fill_small(mask, pieces.runs(), 30);
     MaskComponents fresh;
     fresh.find(expected);
-    MaskHoles().fill_small(expected, fresh.runs(), 30);
+    segmentation::MaskHoles().fill_small(expected, fresh.runs(), 30);
     RC_ASSERT(mask == expected);
   }
 }
@@ -150,18 +150,18 @@ TEST(MaskCleanup, majority_keeps_a_line_of_two_pixels) {
   mask.fill_row(8, 0, 100);
   mask.fill_row(9, 0, 100);
   const Mask before = mask;
-  take_majority(mask);
+  segmentation::take_majority(mask);
   EXPECT_EQ(mask, before);
 }
 
 TEST(MaskCleanup, accepts_an_empty_mask) {
   Mask mask;
-  take_majority(mask);
+  segmentation::take_majority(mask);
   MaskComponents pieces;
   drop_small_pieces(mask, 10, pieces);
-  MaskHoles().fill_small(mask, pieces.runs(), 10);
+  segmentation::MaskHoles().fill_small(mask, pieces.runs(), 10);
   EXPECT_EQ(mask.count(), 0);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

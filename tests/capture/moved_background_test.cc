@@ -1,12 +1,11 @@
-#include "capture/segmentation/moved_background.h"
 
 #include <gtest/gtest.h>
 
-#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{200, 150};
@@ -37,12 +36,13 @@ Mask mask_of(const Rect& place) {
 
 class MovedBackground : public testing::TestWithParam<PixelFormat> {
  protected:
-  Mask segment(const Scene& scene, int reach = SegmentOptions{}.moved) const {
-    SegmentOptions options;
+  Mask segment(const Scene& scene, int reach = segmentation::SegmentOptions{}.moved) const {
+    segmentation::SegmentOptions options;
     options.moved = reach;
-    return Segmenter(model_, options).segment(photograph(kSize, GetParam(), scene, 1).view());
+    return segmentation::Segmenter(model_, options)
+        .segment(photograph(kSize, GetParam(), scene, 1).view());
   }
-  BackgroundModel model_ = learn_scene(kSize, GetParam(), room(0, 0));
+  segmentation::BackgroundModel model_ = learn_scene(kSize, GetParam(), room(0, 0));
 };
 
 INSTANTIATE_TEST_SUITE_P(Formats, MovedBackground,
@@ -108,21 +108,21 @@ TEST_P(MovedBackground, keeps_a_blade_in_front_of_its_edge) {
 
 TEST(MovedBackgroundPieces, are_tested_one_by_one_up_to_the_corners_of_the_image) {
   const Image image(kSize, PixelFormat::kMono8);  // black; the model is black but for one column
-  BackgroundModel model{kSize, PixelFormat::kMono8, {}, {}};
+  segmentation::BackgroundModel model{kSize, PixelFormat::kMono8, {}, {}};
   model.mean.assign(kSize.pixels(), 0);
   model.spread.assign(kSize.pixels(), 2);
   for (int y = 0; y < kSize.height; ++y)
     model.mean[static_cast<size_t>(y) * kSize.width + 100] = 100;
-  SegmentOptions options;
+  segmentation::SegmentOptions options;
   options.shake = 0;
-  const BackgroundTable table(model, options);
+  const segmentation::BackgroundTable table(model, options);
   Mask mask = mask_of({0, 0, 3, 3});
   for (int y = 147; y < 150; ++y) mask.fill_row(y, 197, 200);
   for (int y = 70; y < 80; ++y) mask.fill_row(y, 100, 101);
   MaskComponents pieces;
   pieces.find(mask);
   ASSERT_EQ(pieces.count(), 3U);
-  const ExpectedBackground background{table, kUnitGain, 1000};
+  const segmentation::ExpectedBackground background{table, segmentation::kUnitGain, 1000};
   const auto moved = [&](size_t piece, int reach) {
     return is_moved_background(pieces, piece, image.view(), background, reach);
   };
@@ -134,4 +134,4 @@ TEST(MovedBackgroundPieces, are_tested_one_by_one_up_to_the_corners_of_the_image
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

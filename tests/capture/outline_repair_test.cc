@@ -1,4 +1,3 @@
-#include "capture/segmentation/outline_repair.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -6,11 +5,10 @@
 #include <cmath>
 #include <random>
 
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 #include "capture/segmentation/mask_cleanup.h"
-#include "capture/segmentation/mask_majority.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{330, 250};
@@ -55,12 +53,12 @@ Mask salted(Mask mask, double part, unsigned seed) {
 }
 
 Mask smooth(Mask mask) {
-  take_majority(mask);
+  segmentation::take_majority(mask);
   return mask;
 }
 
 Mask cleaned(Mask mask) {
-  MaskCleanup().clean(mask, SegmentOptions());
+  segmentation::MaskCleanup().clean(mask, segmentation::SegmentOptions());
   return mask;
 }
 
@@ -68,7 +66,7 @@ bool get(const Mask& mask, int x, int y) {
   return x >= 0 && y >= 0 && x < mask.size().width && y < mask.size().height && mask.get(x, y);
 }
 
-/// True if the background pixel lies in a notch along (dx, dy), as outline_repair.h defines it.
+/// True if the background pixel lies in a notch along (dx, dy), as mask_cleanup.h defines it.
 /// (inx, iny) is the direction to the foreground.
 bool is_in_notch(const Mask& mask, int x, int y, int dx, int dy, int inx, int iny) {
   int ends[2];
@@ -151,16 +149,16 @@ TEST(FrayedOutline, regains_most_lost_pixels_and_gains_few_others) {
 
 TEST(FrayedOutline, is_detected_unlike_a_clean_one_or_5_percent_noise) {
   const Mask whole = figure();
-  EXPECT_FALSE(is_frayed(whole, smooth(whole)));
+  EXPECT_FALSE(segmentation::is_frayed(whole, smooth(whole)));
   for (const unsigned seed : {1U, 2U, 3U}) {
     const Mask noisy = salted(whole, 0.05, seed);
-    EXPECT_FALSE(is_frayed(noisy, cleaned(noisy)));
+    EXPECT_FALSE(segmentation::is_frayed(noisy, cleaned(noisy)));
     const Mask torn = frayed(whole, 0.5, seed);
-    EXPECT_TRUE(is_frayed(torn, smooth(torn)));
+    EXPECT_TRUE(segmentation::is_frayed(torn, smooth(torn)));
     const Mask torn_and_noisy = salted(torn, 0.05, seed + 10);
-    EXPECT_TRUE(is_frayed(torn_and_noisy, smooth(torn_and_noisy)));
+    EXPECT_TRUE(segmentation::is_frayed(torn_and_noisy, smooth(torn_and_noisy)));
   }
-  EXPECT_FALSE(is_frayed(Mask(kSize), Mask(kSize)));
+  EXPECT_FALSE(segmentation::is_frayed(Mask(kSize), Mask(kSize)));
 }
 
 TEST(FrayedOutline, repair_keeps_a_thin_gap_between_two_limbs_open) {
@@ -170,7 +168,7 @@ TEST(FrayedOutline, repair_keeps_a_thin_gap_between_two_limbs_open) {
     for (int y = 60; y < 150; ++y) gap.fill_row(y, 90, 90 + width);
     whole = difference_of(whole, gap);
     const Mask torn = frayed(whole, 0.5, 5);
-    ASSERT_TRUE(is_frayed(torn, smooth(torn)));
+    ASSERT_TRUE(segmentation::is_frayed(torn, smooth(torn)));
     const Mask repaired = cleaned(torn);
     for (int y = 66; y < 144; ++y) {
       int open = 0;
@@ -183,7 +181,7 @@ TEST(FrayedOutline, repair_keeps_a_thin_gap_between_two_limbs_open) {
 TEST(FrayedOutline, repair_keeps_a_thin_object_beside_it) {
   Mask torn = frayed(figure(), 0.5, 6);
   for (int y = 60; y < 140; ++y) torn.fill_row(y, 310, 312);
-  ASSERT_TRUE(is_frayed(torn, smooth(torn)));
+  ASSERT_TRUE(segmentation::is_frayed(torn, smooth(torn)));
   const Mask repaired = cleaned(torn);
   for (int y = 62; y < 138; ++y) {
     EXPECT_TRUE(repaired.get(310, y) && repaired.get(311, y)) << y;
@@ -201,8 +199,9 @@ RC_GTEST_PROP(FrayedOutline, repair_equals_a_pixel_by_pixel_implementation, ()) 
   const Mask raw = salted(solid, *rc::gen::inRange(0, 40) * 0.01, seed);
   const Mask outline = smooth(raw);
   const Mask near = intersection_of(raw, dilate(outline, 2));
-  RC_ASSERT(without_notches(raw, outline) == bumps_levelled(notches_filled(specks_filled(near))));
+  RC_ASSERT(segmentation::without_notches(raw, outline) ==
+            bumps_levelled(notches_filled(specks_filled(near))));
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

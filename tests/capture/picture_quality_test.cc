@@ -1,10 +1,9 @@
-#include "capture/segmentation/picture_quality.h"
-
 #include <gtest/gtest.h>
 
+#include "capture/segmentation/image_measures.h"
 #include "studio_wall.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{160, 120};
@@ -15,8 +14,9 @@ Colour stripes(int x, double blur) {
   return {grey, grey, grey};
 }
 
-PictureQuality quality_of(PixelFormat format, double blur, double noise, int pictures) {
-  PictureStatistics statistics;
+segmentation::PictureQuality quality_of(PixelFormat format, double blur, double noise,
+                                        int pictures) {
+  segmentation::PictureStatistics statistics;
   for (int i = 0; i < pictures; ++i) {
     const Image picture = photograph(
         kSize, format, [&](int x, int) { return stripes(x, blur); }, 7 + i, noise);
@@ -30,7 +30,7 @@ TEST(PictureQuality, measures_shares_of_clipped_and_dark_samples) {
   std::fill(picture.bytes.begin(), picture.bytes.end(), uint8_t{100});
   std::fill_n(picture.bytes.begin(), 20, uint8_t{255});
   std::fill_n(picture.bytes.begin() + 50, 10, uint8_t{3});
-  PictureStatistics statistics;
+  segmentation::PictureStatistics statistics;
   statistics.add(picture.view());
   EXPECT_DOUBLE_EQ(statistics.result().clipped, 0.2);
   EXPECT_DOUBLE_EQ(statistics.result().dark, 0.1);
@@ -61,12 +61,12 @@ TEST(PictureQuality, focus_of_a_background_model_equals_that_of_images) {
         kSize, PixelFormat::kBayerRG8, [](int x, int) { return stripes(x, 1); }, 900 + i));
   }
   for (const Image& plate : plates) views.push_back(plate.view());
-  const double plates_focus = focus_of(learn_background(views));
+  const double plates_focus = focus_of(segmentation::learn_background(views));
   EXPECT_NEAR(quality_of(PixelFormat::kBayerRG8, 1, 1.5, 40).focus / plates_focus, 1, 0.05);
 }
 
 TEST(PictureQuality, is_zero_without_images_and_ignores_other_sizes) {
-  PictureStatistics statistics;
+  segmentation::PictureStatistics statistics;
   EXPECT_EQ(statistics.result().focus, 0);
   statistics.add(Image({10, 10}, PixelFormat::kMono8).view());
   statistics.add(Image({12, 10}, PixelFormat::kMono8).view());
@@ -74,4 +74,4 @@ TEST(PictureQuality, is_zero_without_images_and_ignores_other_sizes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

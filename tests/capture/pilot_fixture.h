@@ -10,7 +10,7 @@
 #include "capture/cameras/camera_session.h"
 #include "scripted_camera.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 /// A session with a scripted camera, on the script's clock.
 class CameraSessionTest : public testing::Test {
@@ -99,4 +99,4 @@ class SensedCameraSessionTest : public CameraSessionTest {
   }
 };
 
-}  // namespace v3d
+}  // namespace v3d::capture

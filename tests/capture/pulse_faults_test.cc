@@ -11,10 +11,10 @@
 #include <string>
 #include <utility>
 
-#include "capture/cameras/frame_counter.h"
+#include "capture/cameras/aravis_camera.h"
 #include "capture/sync/pulse_matcher.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
@@ -298,4 +298,4 @@ TEST(PulseFaults, no_frame_of_ten_million_gets_a_wrong_pulse_number_silently) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

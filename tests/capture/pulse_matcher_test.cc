@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
@@ -252,4 +252,4 @@ RC_GTEST_PROP(PulseMatcher, follows_a_clock_that_warms_up, ()) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using std::chrono::microseconds;
@@ -103,4 +103,4 @@ RC_GTEST_PROP(PulseTimes, slips_by_exactly_one_pulse_if_a_camera_is_slow_or_fast
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -10,7 +10,7 @@
 #include "base/core/error.h"
 #include "capture/cameras/camera.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 /// Pulses, faults and clock of one simulated camera. All times are on the clock `now`.
 struct Script {
@@ -107,4 +107,4 @@ class ScriptedCamera : public Camera {
   bool first_ = true;
 };
 
-}  // namespace v3d
+}  // namespace v3d::capture

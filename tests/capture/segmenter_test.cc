@@ -6,11 +6,11 @@
 #include <functional>
 
 #include "base/core/error.h"
-#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/image_measures.h"
 #include "count_allocations.h"
 #include "studio_wall.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 constexpr ImageSize kSize{200, 150};
@@ -49,8 +49,8 @@ class SegmenterTest : public testing::TestWithParam<PixelFormat> {
   Mask segment(const Scene& scene, unsigned seed = 1) {
     return segmenter_.segment(photograph(kSize, GetParam(), scene, seed).view());
   }
-  const BackgroundModel model_ = learn_wall(kSize, GetParam());
-  Segmenter segmenter_{model_, {}};
+  const segmentation::BackgroundModel model_ = learn_wall(kSize, GetParam());
+  segmentation::Segmenter segmenter_{model_, {}};
 };
 
 INSTANTIATE_TEST_SUITE_P(Formats, SegmenterTest,
@@ -94,7 +94,7 @@ TEST_P(SegmenterTest, limits_the_expected_value_of_a_white_wall_to_the_sample_ra
       return Colour{brightness * c[0], brightness * c[1], brightness * c[2]};
     };
   };
-  Segmenter segmenter(learn_scene(kSize, GetParam(), half_white(1)), {});
+  segmentation::Segmenter segmenter(learn_scene(kSize, GetParam(), half_white(1)), {});
   const Scene brighter = half_white(1.15);
   EXPECT_EQ(segmenter.segment(photograph(kSize, GetParam(), brighter, 1).view()).count(), 0);
   const Scene performer = [&](int x, int y) {
@@ -121,7 +121,7 @@ TEST_P(SegmenterTest, gives_the_same_mask_again_and_from_another_segmenter) {
   const Mask mask = segmenter_.segment(first.view());
   segmenter_.segment(second.view());
   EXPECT_EQ(segmenter_.segment(first.view()), mask);
-  Segmenter other(model_, {});
+  segmentation::Segmenter other(model_, {});
   EXPECT_EQ(other.segment(first.view()), mask);
 }
 
@@ -176,10 +176,10 @@ TEST_P(ColourSegmenterTest, finds_a_colour_as_bright_as_the_wall) {
 
 TEST(Segmenter, returns_an_empty_mask_for_images_of_one_row_or_column) {
   for (const ImageSize size : {ImageSize{1, 10}, ImageSize{10, 1}, ImageSize{1, 1}}) {
-    BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
+    segmentation::BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
     model.mean.assign(size.pixels(), 100);
     model.spread.assign(size.pixels(), 1);
-    Segmenter segmenter(model, {});
+    segmentation::Segmenter segmenter(model, {});
     EXPECT_EQ(segmenter.segment(Image(size, PixelFormat::kMono8).view()).count(), 0);
   }
 }
@@ -187,12 +187,12 @@ TEST(Segmenter, returns_an_empty_mask_for_images_of_one_row_or_column) {
 TEST(Segmenter, accepts_widths_that_are_no_multiple_of_a_word) {
   for (const int width : {2, 3, 63, 64, 65, 127, 128, 129}) {
     const ImageSize size{width, 40};
-    BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
+    segmentation::BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
     model.mean.assign(size.pixels(), 100);
     model.spread.assign(size.pixels(), 1);
-    SegmentOptions options;
+    segmentation::SegmentOptions options;
     options.min_area = 0;
-    Segmenter segmenter(model, options);
+    segmentation::Segmenter segmenter(model, options);
     Image image(size, PixelFormat::kMono8);
     for (int y = 0; y < size.height; ++y) {
       for (int x = 0; x < width; ++x) image.row(y)[x] = y < 9 ? 250 : 100;
@@ -217,7 +217,8 @@ TEST(LearnBackground, computes_mean_and_spread) {
       1, 0);
   Image speck = light;
   speck.row(10)[10] = 101;
-  const BackgroundModel model = learn_background({dark.view(), light.view(), speck.view()});
+  const segmentation::BackgroundModel model =
+      segmentation::learn_background({dark.view(), light.view(), speck.view()});
   EXPECT_NEAR(model.mean[0], 98, 0.01);
   EXPECT_NEAR(model.spread[0], 0, 0.01);
   EXPECT_NEAR(model.mean[10 * 64 + 10], 99, 0.01);
@@ -231,7 +232,7 @@ TEST(LearnBackground, does_not_count_flicker_as_noise) {
   }
   std::vector<ImageView> views;
   for (const Image& plate : plates) views.push_back(plate.view());
-  const BackgroundModel model = learn_background(views);
+  const segmentation::BackgroundModel model = segmentation::learn_background(views);
   double sum = 0;
   for (const float s : model.spread) sum += s;
   EXPECT_LT(sum / static_cast<double>(model.spread.size()), 1.5);
@@ -241,13 +242,13 @@ TEST(LearnBackground, rejects_plates_of_different_size_or_format) {
   const Image a(kSize, PixelFormat::kMono8);
   const Image b({100, 150}, PixelFormat::kMono8);
   const Image c(kSize, PixelFormat::kBayerRG8);
-  EXPECT_THROW(learn_background({}), InputError);
-  EXPECT_THROW(learn_background({a.view()}), InputError);
-  EXPECT_THROW(learn_background({a.view(), b.view()}), InputError);
-  EXPECT_THROW(learn_background({a.view(), c.view()}), InputError);
+  EXPECT_THROW(segmentation::learn_background({}), InputError);
+  EXPECT_THROW(segmentation::learn_background({a.view()}), InputError);
+  EXPECT_THROW(segmentation::learn_background({a.view(), b.view()}), InputError);
+  EXPECT_THROW(segmentation::learn_background({a.view(), c.view()}), InputError);
   ImageView cut = a.view();
   cut.bytes = cut.bytes.first(100);
-  EXPECT_THROW(learn_background({a.view(), cut}), InputError);
+  EXPECT_THROW(segmentation::learn_background({a.view(), cut}), InputError);
 }
 
 TEST(Brightness, is_the_ratio_of_most_samples) {
@@ -256,13 +257,15 @@ TEST(Brightness, is_the_ratio_of_most_samples) {
     return x < 80 ? Colour{10, 10, 10} : Colour{120, 120, 120};
   };
   const Image image = photograph(kSize, PixelFormat::kMono8, picture, 3);
-  EXPECT_NEAR(brightness_ratio(image.view(), mean) / double(kUnitGain), 1.2, 0.01);
+  EXPECT_NEAR(segmentation::brightness_ratio(image.view(), mean) / double(segmentation::kUnitGain),
+              1.2, 0.01);
 }
 
 TEST(Brightness, is_one_for_an_image_without_usable_samples) {
   const std::vector<uint16_t> dark(kSize.pixels(), 3 * 256);
-  EXPECT_EQ(brightness_ratio(Image(kSize, PixelFormat::kMono8).view(), dark), kUnitGain);
+  EXPECT_EQ(segmentation::brightness_ratio(Image(kSize, PixelFormat::kMono8).view(), dark),
+            segmentation::kUnitGain);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -11,7 +11,7 @@
 #include "base/image/image.h"
 #include "capture/segmentation/segmenter.h"
 
-namespace v3d {
+namespace v3d::capture {
 
 using Colour = std::array<double, 3>;  ///< red, green, blue in grey values
 
@@ -48,17 +48,17 @@ inline Image photograph(ImageSize size, PixelFormat format,
 
 using Scene = std::function<Colour(int, int)>;
 
-inline BackgroundModel learn_scene(ImageSize size, PixelFormat format, const Scene& scene,
-                                   int plates = 10) {
+inline segmentation::BackgroundModel learn_scene(ImageSize size, PixelFormat format,
+                                                 const Scene& scene, int plates = 10) {
   std::vector<Image> images;
   for (int i = 0; i < plates; ++i) images.push_back(photograph(size, format, scene, 1000 + i));
   std::vector<ImageView> views;
   for (const Image& image : images) views.push_back(image.view());
-  return learn_background(views);
+  return segmentation::learn_background(views);
 }
 
-inline BackgroundModel learn_wall(ImageSize size, PixelFormat format) {
+inline segmentation::BackgroundModel learn_wall(ImageSize size, PixelFormat format) {
   return learn_scene(size, format, wall);
 }
 
-}  // namespace v3d
+}  // namespace v3d::capture

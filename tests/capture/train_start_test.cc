@@ -1,5 +1,3 @@
-#include "capture/sync/train_start.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -7,7 +5,9 @@
 #include <random>
 #include <vector>
 
-namespace v3d {
+#include "capture/sync/pulse_times.h"
+
+namespace v3d::capture {
 namespace {
 
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
@@ -169,7 +169,7 @@ struct RandomStart {
     const uint64_t before = chance(0.2) ? 1 : 0;  // frames lost at the end of the previous train
     if (!chance(0.2)) evidence.counter_of_pulse_0 = kCounter - before;
     if (!chance(0.2)) evidence.latency = periods(latency + uniform(0, 0.2));
-    // Excludes the case that train_start.h lists as a limit.
+    // Excludes the case that pulse_times.h lists as a limit.
     if (missed && !evidence.latency && latency > 0) lost = 0;
     first = lost + (missed && evidence.latency ? 1 : 0);
     for (int64_t k = 0; seen.size() < kStartFrames; ++k) {
@@ -203,4 +203,4 @@ TEST(TrainStart, is_never_certain_of_a_wrong_pulse_in_a_million_trains) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

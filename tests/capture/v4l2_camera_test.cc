@@ -18,7 +18,7 @@
 #include "base/core/error.h"
 #include "support/message_of.h"
 
-namespace v3d {
+namespace v3d::capture {
 namespace {
 
 using testing::AllOf;
@@ -345,4 +345,4 @@ TEST_F(V4l2CameraTest, names_the_camera_and_the_rejected_setting) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::capture

@@ -5,10 +5,9 @@
 
 #include <numeric>
 
-#include "codec/rans.h"
-#include "codec/symbol_table.h"
+#include "codec/entropy_coder.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 TEST(RansCoder, needs_the_bits_of_the_slots_of_a_symbol_and_detects_the_end) {
@@ -128,4 +127,4 @@ TEST(ColourCode, is_rejected_when_a_vertex_uses_a_missing_table) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -8,14 +8,13 @@
 #include <iterator>
 
 #include "codec/byte_stream.h"
-#include "codec/crc32.h"
 #include "codec/frame_header.h"
 #include "codec/occupancy.h"
-#include "tests/codec/scene.h"
+#include "tests/codec/coded_scene.h"
 
 extern "C" size_t vertices_in_c(const uint8_t* bytes, size_t size);
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 bool same_surface(const DecodedFrame& a, const Mesh& b) {
@@ -43,7 +42,7 @@ double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColou
 
 RC_GTEST_PROP(FrameCodec, decodes_the_marching_cubes_surface_of_any_volume, ()) {
   const auto edge = rc::gen::inRange(1, 30);
-  const Scene scene(dust(small_grid(*edge, *edge, *edge), *rc::gen::arbitrary<uint32_t>(),
+  const Scene scene(dust(recon::small_grid(*edge, *edge, *edge), *rc::gen::arbitrary<uint32_t>(),
                          *rc::gen::inRange<uint32_t>(0, 1001)));
   const auto bytes = FrameEncoder({}).encode(scene.content(0));
   RC_ASSERT(bytes.has_value());
@@ -357,4 +356,4 @@ TEST(CDecoder, decodes_a_frame_from_c) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::codec

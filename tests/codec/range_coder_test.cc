@@ -1,9 +1,9 @@
-#include "codec/range_coder.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace v3d {
+#include "codec/entropy_coder.h"
+
+namespace v3d::codec {
 namespace {
 
 /// A bit with the number of its model; kModels means an even bit.
@@ -69,4 +69,4 @@ RC_GTEST_PROP(ResidualModel, decodes_every_number, (const std::vector<int>& draw
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "tests/codec/scene.h"
+#include "tests/codec/coded_scene.h"
 
-namespace v3d {
+namespace v3d::codec {
 namespace {
 
 /// A sequence with a lost frame, a damaged frame, displaced vertices and a frame whose reference is
@@ -68,4 +68,4 @@ TEST(WasmDecoder, decodes_every_frame_to_the_same_bits_as_the_native_decoder) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::codec

@@ -55,7 +55,7 @@ class SharedStudio {
 
   /// One pulse; the time advances by 40 ms.
   void pulse() {
-    const size_t group = FrameNumbers::group_of(pulses_, network_.groups);
+    const size_t group = bus::FrameNumbers::group_of(pulses_, network_.groups);
     for (auto& node : nodes_) {
       if (!node || !node->shard.frame_groups().contains(group)) continue;
       if (!happens(network_.frames_lost)) node->sets.push_back(pulses_);
@@ -79,7 +79,7 @@ class SharedStudio {
   }
 
   int64_t pulses() const { return pulses_; }
-  const Shard& shard(size_t node) const { return nodes_[node]->shard; }
+  const recond::Shard& shard(size_t node) const { return nodes_[node]->shard; }
   /// Pulses in the mesh file of a node.
   const std::vector<int64_t>& file(size_t node) const { return nodes_[node]->file; }
   /// Pulses published on V3D_MESH.
@@ -87,10 +87,10 @@ class SharedStudio {
 
  private:
   struct Node {
-    explicit Node(const Shard::Setup& setup) : shard(setup) {}
-    Shard shard;
+    explicit Node(const recond::Shard::Setup& setup) : shard(setup) {}
+    recond::Shard shard;
     std::deque<int64_t> sets;  ///< assembled, not yet passed to the shard
-    std::deque<ReadySet> work;
+    std::deque<recon::ReadySet> work;
     MonotonicInstant work_done;
     MonotonicInstant next_status;
     MonotonicInstant paused_until;
@@ -101,13 +101,14 @@ class SharedStudio {
     MonotonicInstant due;
     int64_t number;
     size_t to;
-    std::variant<ShardMessage, MeshMessage, int64_t> content;  ///< int64_t: pulse on V3D_MESH
+    std::variant<wire::ShardMessage, wire::MeshMessage, int64_t>
+        content;  ///< int64_t: pulse on V3D_MESH
     bool operator<(const Packet& other) const {
       return std::tie(other.due, other.number) < std::tie(due, number);
     }
   };
 
-  Shard::Setup setup(size_t node, bool joins_late) const {
+  recond::Shard::Setup setup(size_t node, bool joins_late) const {
     return {.take = kTake,
             .roster = roster_,
             .node = roster_[node],
@@ -135,36 +136,37 @@ class SharedStudio {
       if (nodes_[i] && nodes_[i]->paused_until <= now_) run_node(i, *nodes_[i]);
     }
   }
-  static MeshMessage mesh_of(int64_t pulse) {
-    MeshMessage mesh;
+  static wire::MeshMessage mesh_of(int64_t pulse) {
+    wire::MeshMessage mesh;
     mesh.take = kTake;
     mesh.pulse = pulse;
     return mesh;
   }
-  static void deliver(Shard& shard, const Packet& packet) {
-    if (const auto* status = std::get_if<ShardMessage>(&packet.content)) shard.on_status(*status);
-    if (const auto* mesh = std::get_if<MeshMessage>(&packet.content)) shard.on_mesh(*mesh);
+  static void deliver(recond::Shard& shard, const Packet& packet) {
+    if (const auto* status = std::get_if<wire::ShardMessage>(&packet.content))
+      shard.on_status(*status);
+    if (const auto* mesh = std::get_if<wire::MeshMessage>(&packet.content)) shard.on_mesh(*mesh);
     if (const auto* pulse = std::get_if<int64_t>(&packet.content)) {
       shard.on_published(mesh_of(*pulse));
     }
   }
   void run_node(size_t i, Node& node) {
     for (; !node.sets.empty(); node.sets.pop_front()) {
-      ReadySet set;
+      recon::ReadySet set;
       set.set.pulse = node.sets.front();
       node.shard.on_set(std::move(set));
     }
     work(i, node);
     node.shard.advance(now_);
-    for (ReadySet& set : node.shard.take_work()) node.work.push_back(std::move(set));
-    for (const MeshMessage& mesh : node.shard.take_ordered()) node.file.push_back(mesh.pulse);
-    for (const MeshMessage& mesh : node.shard.take_to_publish()) {
+    for (recon::ReadySet& set : node.shard.take_work()) node.work.push_back(std::move(set));
+    for (const wire::MeshMessage& mesh : node.shard.take_ordered()) node.file.push_back(mesh.pulse);
+    for (const wire::MeshMessage& mesh : node.shard.take_to_publish()) {
       published_.push_back(mesh.pulse);
       send(i, mesh.pulse);
     }
     if (now_ < node.next_status) return;
     node.next_status = now_ + kStatusPeriod;
-    ShardMessage status = node.shard.status();
+    wire::ShardMessage status = node.shard.status();
     status.sent = from_ns<Realtime>(to_ns(now_));
     send(i, status);
   }

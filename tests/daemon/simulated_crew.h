@@ -41,7 +41,7 @@ struct NetworkConditions {
 /// Multicast: sends every message to all other members, unless it is lost.
 class SimulatedNetwork {
  public:
-  using Receiver = std::function<void(const Bytes&, MonotonicInstant now)>;
+  using Receiver = std::function<void(const wire::Bytes&, MonotonicInstant now)>;
   SimulatedNetwork(NetworkConditions conditions, RandomSource& random)
       : conditions_(conditions), random_(random) {}
 
@@ -50,7 +50,7 @@ class SimulatedNetwork {
     receivers_.push_back(std::move(receiver));
     return receivers_.size() - 1;
   }
-  void send(size_t from, const Bytes& bytes, MonotonicInstant now) {
+  void send(size_t from, const wire::Bytes& bytes, MonotonicInstant now) {
     for (size_t to = 0; to < receivers_.size(); ++to) {
       if (to == from) continue;
       if (random_.uniform() >= conditions_.loss) enqueue(to, bytes, now);
@@ -71,12 +71,12 @@ class SimulatedNetwork {
     MonotonicInstant arrives;
     int64_t number;
     size_t to;
-    Bytes bytes;
+    wire::Bytes bytes;
     bool operator<(const Packet& other) const {
       return std::tie(other.arrives, other.number) < std::tie(arrives, number);
     }
   };
-  void enqueue(size_t to, const Bytes& bytes, MonotonicInstant now) {
+  void enqueue(size_t to, const wire::Bytes& bytes, MonotonicInstant now) {
     const bool late = random_.uniform() < conditions_.late;
     in_flight_.push({now + random_.between_ms(1, late ? 2000 : 50), ++enqueued_, to, bytes});
   }
@@ -92,7 +92,7 @@ class SimulatedNetwork {
 struct Simulation {
   RandomSource random;
   SimulatedNetwork network;
-  StudioKey key = StudioKey::make();
+  wire::StudioKey key = wire::StudioKey::make();
   Simulation(uint32_t seed, NetworkConditions conditions)
       : random(seed), network(conditions, random) {}
 
@@ -109,7 +109,7 @@ class SimulatedNode {
         name_(std::move(name)),
         clock_error_(simulation.random.between_ms(-400, 400)) {
     address_ = simulation.network.join(
-        [this](const Bytes& bytes, MonotonicInstant now) { receive(bytes, now); });
+        [this](const wire::Bytes& bytes, MonotonicInstant now) { receive(bytes, now); });
     restart(from_ns<Monotonic>(0) - std::chrono::minutes(1));
   }
 
@@ -118,8 +118,8 @@ class SimulatedNode {
     controller_.emplace(name_);
     if (persisted_) controller_->remember(persisted_->take, "recovered", "{}");
     trigger_known_at_ = now + simulation_.random.between_ms(0, 1500);
-    filter_ =
-        std::make_unique<CommandReplayFilter>(name_, [this] { return simulation_.random.nonce(); });
+    filter_ = std::make_unique<control::CommandReplayFilter>(
+        name_, [this] { return simulation_.random.nonce(); });
     filter_->credentials().set_studio_key(simulation_.key, now);
     due_.reset();
     may_rejoin_ = persisted_.has_value();
@@ -133,82 +133,83 @@ class SimulatedNode {
 
   void tick(MonotonicInstant now) {
     if (due_ && due_->first <= now) {
-      const Input event = due_->second;
+      const control::Input event = due_->second;
       due_.reset();
       execute(controller_->on_event(event, "report"), now);
     }
     monitor_train(now);
     rejoin(now);
-    if (phase() != Phase::kPrepared) prepared_since_ = now;
+    if (phase() != control::Phase::kPrepared) prepared_since_ = now;
     if (now - prepared_since_ > std::chrono::seconds(60)) {
-      execute(controller_->on_event(Input::kExpired, "not confirmed"), now);
+      execute(controller_->on_event(control::Input::kExpired, "not confirmed"), now);
     }
   }
 
   /// Pulses for learning the background have started.
   void on_pulses(MonotonicInstant now) {
-    if (phase() == Phase::kLearning)
-      due_ = {now + simulation_.random.between_ms(500, 900), Input::kReady};
+    if (phase() == control::Phase::kLearning)
+      due_ = {now + simulation_.random.between_ms(500, 900), control::Input::kReady};
   }
 
-  Phase phase() const { return controller_->phase(); }
+  control::Phase phase() const { return controller_->phase(); }
   const std::string& take() const { return controller_->order().take; }
-  CommandCounts counts() const { return filter_->counts(); }
+  control::CommandCounts counts() const { return filter_->counts(); }
 
  private:
   RealtimeInstant clock(MonotonicInstant now) const {
     return Simulation::wall_clock(now) + clock_error_;
   }
-  void receive(const Bytes& bytes, MonotonicInstant now) {
+  void receive(const wire::Bytes& bytes, MonotonicInstant now) {
     const auto admitted = filter_->admit(bytes, now);
     if (!admitted) return;
     if (admitted->is_current) return execute(controller_->on_command(admitted->command), now);
     reply(filter_->nonce_reply(admitted->command, now), now);
   }
-  void execute(const Controller::Step& step, MonotonicInstant now) {
+  void execute(const control::Controller::Step& step, MonotonicInstant now) {
     start_work(step.work, now);
-    for (const ReplyMessage& message : step.replies) reply(message, now);
+    for (const wire::ReplyMessage& message : step.replies) reply(message, now);
   }
-  void reply(ReplyMessage message, MonotonicInstant now) {
+  void reply(wire::ReplyMessage message, MonotonicInstant now) {
     message.sent = clock(now);
     message.nonce = filter_->nonce(now);
     simulation_.network.send(address_, encode_with_mac(message, simulation_.key), now);
   }
-  void start_work(Work work, MonotonicInstant now) {
-    const auto schedule = [&](int min_ms, int max_ms, Input event) {
+  void start_work(control::Work work, MonotonicInstant now) {
+    const auto schedule = [&](int min_ms, int max_ms, control::Input event) {
       due_ = {now + simulation_.random.between_ms(min_ms, max_ms), event};
     };
     switch (work) {
-      case Work::kArm:
-      case Work::kLearn:
+      case control::Work::kArm:
+      case control::Work::kLearn:
         persisted_.reset();
         may_rejoin_ = false;
-        return schedule(10, 800, Input::kReady);
-      case Work::kStart:
-        if (controller_->order().verb == CommandVerb::kArm) persisted_ = controller_->order();
+        return schedule(10, 800, control::Input::kReady);
+      case control::Work::kStart:
+        if (controller_->order().verb == wire::CommandVerb::kArm) persisted_ = controller_->order();
         if (on_start) on_start(take());
         return;
-      case Work::kDrain:
-        return schedule(100, 1500, Input::kDrained);
-      case Work::kDisarm:
+      case control::Work::kDrain:
+        return schedule(100, 1500, control::Input::kDrained);
+      case control::Work::kDisarm:
         return due_.reset();
-      case Work::kNone:
+      case control::Work::kNone:
         return;
     }
   }
   void rejoin(MonotonicInstant now) {
     if (!may_rejoin_ || !trigger_records) return;
-    if (phase() != Phase::kIdle || now < trigger_known_at_) return;
+    if (phase() != control::Phase::kIdle || now < trigger_known_at_) return;
     may_rejoin_ = false;
     if (trigger_records(persisted_->take)) controller_->rejoined(*persisted_);
   }
   /// Reports the end of the train, as the health of the trigger's node shows it.
   void monitor_train(MonotonicInstant now) {
-    const bool runs = phase() != Phase::kRecording || !trigger_runs || trigger_runs(take());
+    const bool runs =
+        phase() != control::Phase::kRecording || !trigger_runs || trigger_runs(take());
     if (runs) train_ran_ = now;
     if (now - train_ran_ > std::chrono::milliseconds(1500)) {
       train_ran_ = now;
-      execute(controller_->on_event(Input::kTrainEnded, "pulses have ended"), now);
+      execute(controller_->on_event(control::Input::kTrainEnded, "pulses have ended"), now);
     }
   }
 
@@ -216,34 +217,34 @@ class SimulatedNode {
   const std::string name_;
   const Duration clock_error_;
   size_t address_ = 0;
-  std::optional<Controller> controller_;
-  std::unique_ptr<CommandReplayFilter> filter_;
-  std::optional<std::pair<MonotonicInstant, Input>> due_;
+  std::optional<control::Controller> controller_;
+  std::unique_ptr<control::CommandReplayFilter> filter_;
+  std::optional<std::pair<MonotonicInstant, control::Input>> due_;
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
-  std::optional<CommandMessage> persisted_;  ///< order of the last take, on disk
-  bool may_rejoin_ = false;                  ///< into the take of persisted_ after a restart
+  std::optional<wire::CommandMessage> persisted_;  ///< order of the last take, on disk
+  bool may_rejoin_ = false;                        ///< into the take of persisted_ after a restart
   MonotonicInstant trigger_known_at_;
 };
 
 /// Executes orders in sequence, and stops after an order that failed.
 class SimulatedOperator {
  public:
-  SimulatedOperator(Simulation& simulation, std::string name, CommandTargets studio,
+  SimulatedOperator(Simulation& simulation, std::string name, control::CommandTargets studio,
                     MonotonicInstant starts_at)
       : simulation_(simulation),
         name_(std::move(name)),
         studio_(std::move(studio)),
         idle_until_(starts_at) {
-    address_ = simulation.network.join([this](const Bytes& bytes, MonotonicInstant) {
-      const auto reply = decode<ReplyMessage>(bytes);
+    address_ = simulation.network.join([this](const wire::Bytes& bytes, MonotonicInstant) {
+      const auto reply = wire::decode<wire::ReplyMessage>(bytes);
       if (!coordinator_ || !reply || !simulation_.key.has_valid_mac(bytes)) return;
       if (reply->command_sender == name_) coordinator_->on_reply(*reply);
     });
   }
 
-  void add_order(CommandVerb verb, const std::string& take = {}) {
-    CommandMessage order;
+  void add_order(wire::CommandVerb verb, const std::string& take = {}) {
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = take;
     orders_.push_back(order);
@@ -266,10 +267,10 @@ class SimulatedOperator {
   }
   bool finished() const { return orders_.empty(); }
 
-  std::vector<Answer> answers;
+  std::vector<control::Answer> answers;
 
  private:
-  void send(CommandMessage message, MonotonicInstant now) {
+  void send(wire::CommandMessage message, MonotonicInstant now) {
     message.sender = name_;
     last_sent_ = std::max(Simulation::wall_clock(now), last_sent_ + std::chrono::microseconds(1));
     message.sent = last_sent_;
@@ -278,14 +279,14 @@ class SimulatedOperator {
 
   Simulation& simulation_;
   const std::string name_;
-  const CommandTargets studio_;
+  const control::CommandTargets studio_;
   size_t address_ = 0;
   int64_t counter_ = 0;
-  NodeNonces nonces_;
+  control::NodeNonces nonces_;
   RealtimeInstant last_sent_;
   MonotonicInstant idle_until_;
-  std::vector<CommandMessage> orders_;
-  std::optional<StudioCoordinator> coordinator_;
+  std::vector<wire::CommandMessage> orders_;
+  std::optional<control::StudioCoordinator> coordinator_;
 };
 
 /// A studio of nodes cap01, which has the trigger, to cap0N.
@@ -299,13 +300,15 @@ class SimulatedStudio {
       nodes.push_back(std::make_unique<SimulatedNode>(simulation_, name));
       if (nodes.size() > 1)
         nodes.back()->trigger_records = [this](const auto& take) {
-          return nodes.front()->take() == take && nodes.front()->phase() == Phase::kRecording;
+          return nodes.front()->take() == take &&
+                 nodes.front()->phase() == control::Phase::kRecording;
         };
       if (nodes.size() > 1)
         nodes.back()->trigger_runs = [this](const auto& take) {
           const SimulatedNode& trigger = *nodes.front();
-          const Phase phase = trigger.phase();
-          return trigger.take() == take && (phase == Phase::kArmed || phase == Phase::kRecording);
+          const control::Phase phase = trigger.phase();
+          return trigger.take() == take &&
+                 (phase == control::Phase::kArmed || phase == control::Phase::kRecording);
         };
     }
     nodes.front()->on_start = [this](const std::string& take) { record_start(take); };
@@ -329,7 +332,7 @@ class SimulatedStudio {
   }
   MonotonicInstant now() const { return now_; }
 
-  bool all_are(Phase phase) const {
+  bool all_are(control::Phase phase) const {
     return std::all_of(nodes.begin(), nodes.end(),
                        [&](const auto& node) { return node->phase() == phase; });
   }
@@ -353,14 +356,15 @@ class SimulatedStudio {
     takes.push_back(take);
     for (const auto& node : nodes) node->on_pulses(now_);
     for (size_t i = 1; i < nodes.size(); ++i) {
-      const Phase phase = nodes[i]->phase();
-      const bool records = phase == Phase::kRecording || phase == Phase::kLearning;
+      const control::Phase phase = nodes[i]->phase();
+      const bool records =
+          phase == control::Phase::kRecording || phase == control::Phase::kLearning;
       if (!records || nodes[i]->take() != take) pulses_only_where_all_record = false;
     }
   }
 
   Simulation simulation_;
-  CommandTargets studio_;
+  control::CommandTargets studio_;
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
 };
 

@@ -6,7 +6,7 @@
 #include <functional>
 #include <stdexcept>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::test {

@@ -14,7 +14,7 @@
 #include <iostream>
 #include <sstream>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/node/take_folder.h"
 #include "faulty_program.h"
 #include "recorded_take.h"
@@ -163,11 +163,11 @@ class Marks {
   std::vector<Mark> marks_;
 };
 
-void expect_frame(const TakePaths& take, const std::string& camera, int64_t pulse, ImageSize size,
-                  Lost& lost) {
+void expect_frame(const take::TakePaths& take, const std::string& camera, int64_t pulse,
+                  ImageSize size, Lost& lost) {
   const std::string name = camera + ", pulse " + std::to_string(pulse);
   try {
-    const auto frame = FrameLogReader(take.frames(camera)).read(pulse);
+    const auto frame = take::FrameLogReader(take.frames(camera)).read(pulse);
     const auto recorded = recorded_frame(camera, pulse, size).frame.image.bytes;
     if (!frame || frame->image.bytes != recorded) lost.push_back("lost: " + name);
   } catch (const std::exception& error) {
@@ -189,9 +189,9 @@ void expect_unchanged(const Files& before, const Files& now, Lost& lost) {
   }
 }
 
-void expect_complete(const TakePaths& take, Lost& lost) {
-  const Verification verified = verify_take(take);
-  if (verified.info.state != TakeState::kComplete)
+void expect_complete(const take::TakePaths& take, Lost& lost) {
+  const take::Verification verified = verify_take(take);
+  if (verified.info.state != take::TakeState::kComplete)
     lost.emplace_back("the take is no longer complete");
   if (!verified.ledger.complete()) lost.push_back("complete take: " + verified.ledger.verdict());
   for (const std::string& line : verified.disagreements) lost.push_back("complete take: " + line);
@@ -202,12 +202,13 @@ void expect_complete(const TakePaths& take, Lost& lost) {
 Lost check_recorded(const fs::path& image, const Marks& marks, ImageSize size, size_t count) {
   Lost lost;
   const Studio studio = driven_studio(image);
-  const TakePaths take = take_paths(studio, kDrivenTake);
+  const take::TakePaths take = node::take_paths(studio, kDrivenTake);
   const Files before = contents_of(image);
   try {
     const bool is_ready = marks.has("ready", count);
     if (is_ready) lost = missing_studio_copies(image);
-    for (const RecoveredTake& found : recover_open_takes(studio, kDrivenNode, kDrivenCameras)) {
+    for (const node::RecoveredTake& found :
+         node::recover_open_takes(studio, kDrivenNode, kDrivenCameras)) {
       if (is_ready && !found.ledger) lost.push_back("not recovered: " + found.line);
     }
     const Files recovered = contents_of(image);
@@ -216,7 +217,7 @@ Lost check_recorded(const fs::path& image, const Marks& marks, ImageSize size, s
       expect_frame(take, camera, pulse, size, lost);
     }
     if (is_ready) {
-      const bool was_open = load_take_info(take).state == TakeState::kRecovered;
+      const bool was_open = load_take_info(take).state == take::TakeState::kRecovered;
       if (was_open && !recover_take(take).info.name.empty() && contents_of(image) != recovered) {
         lost.emplace_back("a second recovery changes the take");
       }
@@ -261,20 +262,20 @@ constexpr int64_t kNextMesh = 1000;  ///< pulse of the mesh after the power cut
 /// possible, and every synced mesh must be there.
 Lost check_meshes(const fs::path& image, const Marks& marks, size_t count) {
   if (!marks.has("ready", count)) return {};
-  const fs::path file = take_paths(driven_studio(image), kDrivenTake).mesh();
+  const fs::path file = node::take_paths(driven_studio(image), kDrivenTake).mesh();
   Lost lost;
   try {
     const std::string before = read_file(file);
-    if (marks.has("closed", count) && MeshFileReader(file).index_was_rebuilt()) {
+    if (marks.has("closed", count) && take::MeshFileReader(file).index_was_rebuilt()) {
       lost.emplace_back("the index of a closed file is lost");
     }
-    MeshFileWriter writer(file, LogOpening::kContinue);
+    take::MeshFileWriter writer(file, take::LogOpening::kContinue);
     io::throw_if_failed(writer.append(kNextMesh, driven_mesh(kNextMesh)));
     io::throw_if_failed(writer.close());
     if (!read_file(file).starts_with(before)) lost.emplace_back("existing bytes were changed");
     auto expected = marks.safe("mesh", count);
     expected.emplace_back("mesh", kNextMesh);
-    MeshFileReader meshes(file);
+    take::MeshFileReader meshes(file);
     for (const auto& [name, pulse] : expected) {
       if (io::value_or_throw(meshes.read(pulse)) == driven_mesh(pulse)) continue;
       lost.push_back("lost: mesh of pulse " + std::to_string(pulse));
@@ -323,7 +324,7 @@ Lost check_whole_or_absent(const fs::path& take, const Files& recorded, bool mus
       lost.push_back("missing or changed: " + file);
   }
   try {
-    for (const std::string& line : verify_take({take}).disagreements) lost.push_back(line);
+    for (const std::string& line : take::verify_take({take}).disagreements) lost.push_back(line);
   } catch (const std::exception& error) {
     lost.emplace_back(error.what());
   }

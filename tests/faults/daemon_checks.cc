@@ -58,7 +58,7 @@ class DaemonChecks {
     std::set<int64_t> pulses;
     if (!fs::exists(take_.frames(camera))) return pulses;
     try {
-      FrameLogReader log(take_.frames(camera));
+      take::FrameLogReader log(take_.frames(camera));
       for (const FrameLabel& label : log.labels()) {
         if (log.read(label.pulse)) pulses.insert(label.pulse);
       }
@@ -71,7 +71,7 @@ class DaemonChecks {
   int64_t readable_meshes() {
     if (!fs::exists(take_.mesh())) return 0;
     try {
-      MeshFileReader meshes(take_.mesh());
+      take::MeshFileReader meshes(take_.mesh());
       return std::ranges::count_if(meshes.pulses(), [&](int64_t pulse) {
         return io::value_or_throw(meshes.read(pulse)).has_value();
       });
@@ -91,8 +91,8 @@ class DaemonChecks {
   }
 
   /// Checks that each frame which the ledger does not list as missing can be read.
-  void expect_ledger(const char* where, const Ledger& ledger) {
-    for (const CameraLedger& camera : ledger.cameras) {
+  void expect_ledger(const char* where, const take::Ledger& ledger) {
+    for (const take::CameraLedger& camera : ledger.cameras) {
       const std::set<int64_t> frames = readable(camera.name);
       const std::set<int64_t> missing(camera.missing.begin(), camera.missing.end());
       // Frames of the restart are always missing.
@@ -111,7 +111,7 @@ class DaemonChecks {
     expect_ledger("the reply", ctl::merge_ledgers(run_.stopped).ledger);
     if (!fs::exists(take_.ledger())) return;
     try {
-      expect_ledger("ledger.toml", load_ledger(take_.ledger()));
+      expect_ledger("ledger.toml", take::load_ledger(take_.ledger()));
     } catch (const std::exception& error) {
       lost_.emplace_back(error.what());
     }
@@ -126,7 +126,7 @@ class DaemonChecks {
     if (!is_failed_sync() || !fs::exists(take_.info())) return;
     if (!run_.program.reports(cause_of(fault_)))
       lost_.emplace_back("a failed sync is not reported");
-    if (load_take_info(take_).state == TakeState::kComplete) {
+    if (load_take_info(take_).state == take::TakeState::kComplete) {
       lost_.emplace_back("take.toml says complete, although a sync failed");
     }
   }
@@ -135,11 +135,11 @@ class DaemonChecks {
   void expect_whole_or_described() {
     if (!fs::exists(take_.info())) return;
     try {
-      if (load_take_info(take_).state == TakeState::kRecording) {
+      if (load_take_info(take_).state == take::TakeState::kRecording) {
         is_incomplete_ = true;
         recover_take(take_);
       }
-      const Verification verified = verify_take(take_);
+      const take::Verification verified = verify_take(take_);
       if (!verified.disagreements.empty()) is_incomplete_ = true;
       const bool is_signed = fs::exists(take_.folder / ("signature." + studio_.node() + ".toml"));
       if (run_.is_done && !is_signed) is_incomplete_ = true;
@@ -151,7 +151,7 @@ class DaemonChecks {
   const InjectedStudio& studio_;
   const DaemonRun& run_;
   const Fault& fault_;
-  const TakePaths take_;
+  const take::TakePaths take_;
   bool is_incomplete_ = false;
   Lost lost_;
 };

@@ -9,16 +9,16 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "base/io/whole_file.h"
-#include "daemon/bus/accepted_serial.h"
+#include "base/io/file.h"
+#include "daemon/bus/credential_files.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
-#include "take/ledger/verified.h"
+#include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
-#include "take/slate.h"
-#include "wire/signing_key.h"
+#include "take/take_listing.h"
+#include "wire/signatures.h"
 
 namespace v3d::test {
 namespace {
@@ -31,7 +31,7 @@ constexpr size_t kSimulatedPulses = 2;
 
 // --- the driver ---------------------------------------------------------------------------------
 
-TakePaths driven_take(const FaultyWorkplace& place) {
+take::TakePaths driven_take(const FaultyWorkplace& place) {
   return {driven_studio(place.disk()).storage.takes / kDrivenTake};
 }
 
@@ -39,13 +39,13 @@ std::vector<std::string> driver(const FaultyWorkplace& place, const std::string&
   return {V3D_RECORD_DRIVER, operation, place.disk(), place.marks()};
 }
 
-void expect_marked_frame(const TakePaths& take, const std::string& mark, Lost& lost) {
+void expect_marked_frame(const take::TakePaths& take, const std::string& mark, Lost& lost) {
   std::istringstream words(mark);
   std::string word, camera;
   int64_t pulse = 0;
   if (!(words >> word >> camera >> pulse) || word != "frame") return;
   try {
-    const auto frame = FrameLogReader(take.frames(camera)).read(pulse);
+    const auto frame = take::FrameLogReader(take.frames(camera)).read(pulse);
     const auto recorded = recorded_frame(camera, pulse, kDrivenSize).frame.image.bytes;
     if (!frame) {
       lost.push_back("acknowledged " + mark + " cannot be read");
@@ -87,7 +87,7 @@ void expect_quarantined(const std::vector<std::string>& marks, Lost& lost) {
 /// that was reported as complete must be whole.
 Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
   Lost lost;
-  const TakePaths take = driven_take(place);
+  const take::TakePaths take = driven_take(place);
   auto marks = place.marked();
   const bool is_complete = !marks.empty() && marks.back() == "complete";
   expect_quarantined(marks, lost);
@@ -115,7 +115,7 @@ Lost check_serial(const FaultyWorkplace& place, const ProgramResult&) {
   const Studio studio = driven_studio(place.disk());
   try {
     const int64_t serial =
-        AcceptedSerial(member_serial_file(studio), studio.name, "authority").load();
+        bus::AcceptedSerial(member_serial_file(studio), studio.name, "authority").load();
     if (is_saved && serial != kDrivenSerial) return {"the saved serial number is lost"};
   } catch (const std::exception& error) {
     return {error.what()};
@@ -233,7 +233,7 @@ bool is_cut_after_success(const ProgramResult& result) {
 /// Adds to the check of `operation`: after a power cut that follows success, `expect` must return
 /// an empty string.
 void expect_after_success(FaultOperation& operation,
-                          const std::function<std::string(const TakePaths&)>& expect) {
+                          const std::function<std::string(const take::TakePaths&)>& expect) {
   operation.check = [check = operation.check, expect](const FaultyWorkplace& place,
                                                       const ProgramResult& result) {
     Lost lost = check(place, result);
@@ -250,7 +250,7 @@ void expect_after_success(FaultOperation& operation,
 
 FaultOperation verify_operation(const fs::path& programs) {
   FaultOperation operation = of_simulated_take("verify", programs, {"verify", "@takes/take"});
-  expect_after_success(operation, [](const TakePaths& take) {
+  expect_after_success(operation, [](const take::TakePaths& take) {
     return load_verified(take) ? "" : "verified.toml is lost";
   });
   return operation;
@@ -259,8 +259,8 @@ FaultOperation verify_operation(const fs::path& programs) {
 FaultOperation slate_operation(const fs::path& programs) {
   FaultOperation operation = of_simulated_take(
       "slate", programs, {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
-  expect_after_success(operation, [](const TakePaths& take) {
-    return load_slate(take.slate()).scene == "12" ? "" : "the new scene is lost";
+  expect_after_success(operation, [](const take::TakePaths& take) {
+    return take::load_slate(take.slate()).scene == "12" ? "" : "the new scene is lost";
   });
   return operation;
 }
@@ -270,8 +270,8 @@ FaultOperation reconstruct_operation(const fs::path& programs) {
       "reconstruct", programs,
       {"reconstruct", "@takes/take", "--voxel", "10cm", "--min-views", "2", "--threads", "1"});
   operation.has_reproducible_output = false;  // it prints times
-  expect_after_success(operation, [](const TakePaths& take) {
-    MeshFileReader meshes(take.mesh());
+  expect_after_success(operation, [](const take::TakePaths& take) {
+    take::MeshFileReader meshes(take.mesh());
     const bool is_whole = meshes.pulses().size() == kSimulatedPulses &&
                           std::ranges::all_of(meshes.pulses(), [&](int64_t pulse) {
                             return io::value_or_throw(meshes.read(pulse)).has_value();
@@ -292,7 +292,7 @@ FaultOperation key_operation(const fs::path& programs) {
     const fs::path key = place.disk() / "node.key";
     if (!fs::exists(key)) return result.status == 0 ? Lost{"the key is lost"} : Lost();
     try {
-      SigningKey::load(key);
+      wire::SigningKey::load(key);
     } catch (const std::exception& error) {
       return Lost{error.what()};
     }
@@ -305,7 +305,7 @@ FaultOperation recover_operation(const fs::path& programs) {
   FaultOperation operation =
       of_simulated_take("recover", programs, {"verify", "--recover", "@takes/take"});
   operation.prepare = [](const FaultyWorkplace& place) {
-    const TakePaths take{takes_of(place) / kTake};
+    const take::TakePaths take{takes_of(place) / kTake};
     copy_tree(simulated_take(), take.folder);
     std::string info = read_file(take.info());
     const std::string complete = "'complete'";

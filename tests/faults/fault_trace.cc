@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 
 namespace v3d::test {
 

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 #include "base/core/time.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "mapped_report.h"
 #include "support/temporary_folder.h"
 

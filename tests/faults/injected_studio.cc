@@ -5,8 +5,8 @@
 #include <functional>
 #include <stdexcept>
 
-#include "base/io/whole_file.h"
-#include "wire/signing_key.h"
+#include "base/io/file.h"
+#include "wire/signatures.h"
 
 namespace v3d::test {
 namespace {
@@ -29,7 +29,7 @@ std::string node_with_fault(DaemonOperation operation) {
 }
 
 /// Number of frames or meshes that the daemon reports as written.
-int64_t written_in(const HealthMessage& health) {
+int64_t written_in(const wire::HealthMessage& health) {
   const auto value = [&](const char* name) {
     const auto found = health.values.find(name);
     return found == health.values.end() ? 0 : static_cast<int64_t>(found->second);
@@ -50,7 +50,7 @@ InjectedStudio::InjectedStudio(DaemonOperation operation)
   studio_ = load_studio(home_ / "studio.toml");
   start_others();
   start_injected({});
-  client_ = std::make_unique<OperatorClient>(studio_);
+  client_ = std::make_unique<control::OperatorClient>(studio_);
   learn_background();
   end_injected();
 }
@@ -72,7 +72,7 @@ void InjectedStudio::write_studio_files() {
   replace(text, "takes = \".\"", "takes = \"takes\"");
   fs::create_directories(home_ / "takes");
   if (operation_ != DaemonOperation::kReconstruct) {
-    const SigningKey key = SigningKey::make();
+    const wire::SigningKey key = wire::SigningKey::make();
     key.save(home_ / "node.key");
     replace(text, "[storage]", "[storage]\nsigning_key = \"node.key\"");
   }
@@ -82,7 +82,7 @@ void InjectedStudio::write_studio_files() {
     for (const char* file : {"trigger.sock", "studio.key", "calib.toml"}) {
       replace(text, "\"" + std::string(file) + "\"", "\"" + (folder_ / file).string() + "\"");
     }
-    SigningKey::make().save(folder_ / "node.key");
+    wire::SigningKey::make().save(folder_ / "node.key");
     fs::create_directories(folder_ / "takes");
     write_text(folder_ / "studio.toml", text);
   }
@@ -101,7 +101,7 @@ void InjectedStudio::start_others() {
 }
 
 void InjectedStudio::learn_background() {
-  const Answer learnt = command(CommandVerb::kBackground, kPlates);
+  const control::Answer learnt = command(wire::CommandVerb::kBackground, kPlates);
   if (!learnt.done()) throw std::runtime_error("background: " + run_.program.err);
 }
 
@@ -121,7 +121,7 @@ DaemonRun InjectedStudio::run(const Fault& fault) {
   run_ = {};
   health_.clear();
   for (const fs::path& folder : {home_, folder_.path()}) fs::remove_all(folder / "takes" / kTake);
-  client_ = std::make_unique<OperatorClient>(studio_);
+  client_ = std::make_unique<control::OperatorClient>(studio_);
   const MappedReport report(folder_ / "report");
   std::vector<std::string> variables = injector_variables(home_, folder_ / "report");
   std::ranges::move(variables_of(fault), std::back_inserter(variables));
@@ -130,7 +130,7 @@ DaemonRun InjectedStudio::run(const Fault& fault) {
   start_injected(variables);
   run_.was_ready = await([&] { return health_.contains(node_); }, 20) && injected_->runs();
   if (operation_ == DaemonOperation::kRejoin) {
-    const auto records = [&] { return state_of(node_) == NodeState::kRecording; };
+    const auto records = [&] { return state_of(node_) == wire::NodeState::kRecording; };
     await(records, 4);
     run_.is_done = run_.is_done && records();
   } else if (run_.was_ready) {
@@ -145,30 +145,32 @@ DaemonRun InjectedStudio::run(const Fault& fault) {
 /// Starts a take without a fault, and kills the daemon when its health reports frames.
 void InjectedStudio::record_until_killed() {
   start_injected({});
-  run_.is_done = command(CommandVerb::kArm).done() && command(CommandVerb::kStart).done();
+  run_.is_done =
+      command(wire::CommandVerb::kArm).done() && command(wire::CommandVerb::kStart).done();
   if (!run_.is_done) throw std::runtime_error("arm and start: " + run_.program.err);
   if (!await([&] { return run_.acknowledged > 0; }, 20)) throw std::runtime_error("no frames");
   injected_->signal(SIGKILL);
   injected_->wait(within(10));
-  client_ = std::make_unique<OperatorClient>(studio_);  // forgets health from before the kill
+  client_ =
+      std::make_unique<control::OperatorClient>(studio_);  // forgets health from before the kill
 }
 
 void InjectedStudio::record() {
-  run_.is_done = command(CommandVerb::kArm, kInjectedPulses).done();
+  run_.is_done = command(wire::CommandVerb::kArm, kInjectedPulses).done();
   if (!run_.is_done) return;
-  run_.is_done = command(CommandVerb::kStart).done();
+  run_.is_done = command(wire::CommandVerb::kStart).done();
   const auto is_over = [&] {
     return std::ranges::all_of(client_->nodes(), [&](const std::string& node) {
-      return state_of(node) == NodeState::kIdle || state_of(node) == NodeState::kFault;
+      return state_of(node) == wire::NodeState::kIdle || state_of(node) == wire::NodeState::kFault;
     });
   };
   if (run_.is_done) await(is_over, 25);
 }
 
 void InjectedStudio::stop() {
-  run_.stopped = command(CommandVerb::kStop);
+  run_.stopped = command(wire::CommandVerb::kStop);
   run_.is_done = run_.is_done && run_.stopped.done();
-  if (!run_.stopped.done()) command(CommandVerb::kAbort);
+  if (!run_.stopped.done()) command(wire::CommandVerb::kAbort);
 }
 
 void InjectedStudio::end_injected() {
@@ -181,17 +183,17 @@ void InjectedStudio::end_injected() {
   injected_.reset();
 }
 
-TakePaths InjectedStudio::take() const { return {studio_.storage.takes / kTake}; }
+take::TakePaths InjectedStudio::take() const { return {studio_.storage.takes / kTake}; }
 
 // --- commands and reports -----------------------------------------------------------------------
 
 /// Waits less when the daemon has ended: it does not answer.
-Answer InjectedStudio::command(CommandVerb verb, int64_t pulses) {
-  CommandMessage order;
+control::Answer InjectedStudio::command(wire::CommandVerb verb, int64_t pulses) {
+  wire::CommandMessage order;
   order.verb = verb;
-  order.take = verb == CommandVerb::kBackground ? "" : kTake;
+  order.take = verb == wire::CommandVerb::kBackground ? "" : kTake;
   order.pulses = pulses;
-  Answer answer = client_->command(order, within(injected_->runs() ? 25 : 1));
+  control::Answer answer = client_->command(order, within(injected_->runs() ? 25 : 1));
   for (const auto& [node, reply] : answer.replies) {
     run_.program.err += node + ": " + reply.text + "\n";
   }
@@ -220,9 +222,9 @@ bool InjectedStudio::await(const std::function<bool()>& condition, int seconds) 
   return becomes_true(is_over, within(seconds));
 }
 
-NodeState InjectedStudio::state_of(const std::string& node) {
+wire::NodeState InjectedStudio::state_of(const std::string& node) {
   const auto health = health_.find(node);
-  return health == health_.end() ? NodeState::kDraining : health->second.state;
+  return health == health_.end() ? wire::NodeState::kDraining : health->second.state;
 }
 
 }  // namespace v3d::test

@@ -36,7 +36,7 @@ struct DaemonRun {
   bool was_ready = false;     ///< it sent health
   bool ended_itself = false;  ///< it ended before it was asked to
   bool is_done = false;       ///< every command was answered "done" by every node
-  Answer stopped;             ///< answer to the last command
+  control::Answer stopped;    ///< answer to the last command
   /// Frames, or meshes with kReconstruct, that its health and replies reported as written.
   int64_t acknowledged = 0;
 };
@@ -54,7 +54,7 @@ class InjectedStudio {
   /// Name, studio file and take of the daemon with the fault.
   const std::string& node() const { return node_; }
   const Studio& studio() const { return studio_; }
-  TakePaths take() const;
+  take::TakePaths take() const;
 
  private:
   void write_studio_files();
@@ -66,11 +66,11 @@ class InjectedStudio {
   void record();
   void stop();
   void end_injected();
-  Answer command(CommandVerb verb, int64_t pulses = 0);
+  control::Answer command(wire::CommandVerb verb, int64_t pulses = 0);
   void collect_reports();
   /// Polls until `condition` holds or the daemon has ended. False at timeout.
   bool await(const std::function<bool()>& condition, int seconds);
-  NodeState state_of(const std::string& node);
+  wire::NodeState state_of(const std::string& node);
 
   const DaemonOperation operation_;
   const std::string node_;  ///< of the daemon with the fault
@@ -79,8 +79,8 @@ class InjectedStudio {
   Studio studio_;
   std::optional<ChildProcess> simulator_, injected_;
   std::vector<std::unique_ptr<ChildProcess>> others_;
-  std::unique_ptr<OperatorClient> client_;
-  std::map<std::string, HealthMessage> health_;
+  std::unique_ptr<control::OperatorClient> client_;
+  std::map<std::string, wire::HealthMessage> health_;
   DaemonRun run_;
 };
 

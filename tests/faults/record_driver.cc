@@ -31,7 +31,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "daemon/bus/accepted_serial.h"
+#include "daemon/bus/credential_files.h"
 #include "daemon/captured/pulse_log.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
@@ -46,7 +46,7 @@
 namespace v3d::test {
 namespace {
 
-constexpr DiskDemand kDemand{
+constexpr captured::DiskDemand kDemand{
     .rate_hz = 25, .bytes_per_pulse = 2 * 64 * 48, .pulses = 12, .queue_frames = 8};
 
 /// A short period instead of a second, because the tests run this program hundreds of times.
@@ -96,13 +96,13 @@ class Driver {
   Driver(const std::filesystem::path& folder, const char* marks, ImageSize size)
       : size_(size),
         studio_(driven_studio(folder)),
-        paths_(take_paths(studio_, kDrivenTake)),
+        paths_(node::take_paths(studio_, kDrivenTake)),
         marks_(open(marks, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
     info_ = {.name = kDrivenTake,
              .studio = studio_.name,
              .rate_hz = kDemand.rate_hz,
              .pulses = 0,
-             .state = TakeState::kRecording,
+             .state = take::TakeState::kRecording,
              .software_version = "0.1.0",
              .started = {},
              .cameras = kDrivenCameras};
@@ -110,18 +110,19 @@ class Driver {
 
   void begin() {
     check_disk(studio_.storage.takes, kDemand);
-    lock_.emplace(lock_take(paths_, kDrivenNode));
-    create_take(studio_, info_);
-    CommandMessage order;
+    lock_.emplace(node::lock_take(paths_, kDrivenNode));
+    node::create_take(studio_, info_);
+    wire::CommandMessage order;
     order.take = kDrivenTake;
-    persist_command(studio_, kDrivenNode, order);
-    disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
-    open_logs(LogOpening::kNew);
+    node::persist_command(studio_, kDrivenNode, order);
+    disk_ = std::make_unique<captured::TakeDisk>(paths_, kDemand);
+    open_logs(take::LogOpening::kNew);
     mark("ready");
   }
 
   void recover() {
-    for (const RecoveredTake& take : recover_open_takes(studio_, kDrivenNode, kDrivenCameras)) {
+    for (const node::RecoveredTake& take :
+         node::recover_open_takes(studio_, kDrivenNode, kDrivenCameras)) {
       if (!take.ledger) status_ = 3;
       std::fprintf(stderr, "record_driver: %s\n", take.line.c_str());
       if (take.ledger) mark("recovered");
@@ -131,26 +132,27 @@ class Driver {
   void continue_take() {
     recover();
     std::vector<std::string> problems;
-    const EdgeTimes edges = read_edge_times(paths_, problems);
-    lock_.emplace(lock_take(paths_, kDrivenNode));
-    info_ = reopen_take(paths_);
+    const captured::EdgeTimes edges = captured::read_edge_times(paths_, problems);
+    lock_.emplace(node::lock_take(paths_, kDrivenNode));
+    info_ = node::reopen_take(paths_);
     first_pulse_ = kDrivenPulses;
     for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
-    disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
+    disk_ = std::make_unique<captured::TakeDisk>(paths_, kDemand);
     for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
-      const ResumeState state = read_resume_state(paths_, kDrivenCameras[c], edges);
+      const captured::ResumeState state =
+          captured::read_resume_state(paths_, kDrivenCameras[c], edges);
       accounts_[c] = state.account;
       problems.insert(problems.end(), state.problems.begin(), state.problems.end());
     }
     for (const std::string& problem : problems) fail(problem);
-    open_logs(LogOpening::kContinue);
+    open_logs(take::LogOpening::kContinue);
     mark("ready");
   }
 
   void record() {
     for (int64_t n = 0; n < kDrivenPulses; ++n) {
       const int64_t pulse = first_pulse_ + n;
-      PulseMessage sensed;
+      wire::PulseMessage sensed;
       sensed.pulse = pulse;
       pulses_->write(sensed);
       sensed_.insert(pulse);
@@ -161,8 +163,8 @@ class Driver {
 
   void close() {
     sync_logs();
-    std::vector<TakeFile> files;
-    for (const EventLogWriter& log : logs_) files.push_back(log.file());
+    std::vector<take::TakeFile> files;
+    for (const take::EventLogWriter& log : logs_) files.push_back(log.file());
     logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
@@ -173,13 +175,13 @@ class Driver {
            (is_synced ? "" : ", and the others are not synced"));
     }
     disk_.reset();
-    Ledger ledger = account();
+    take::Ledger ledger = account();
     ledger.files = std::move(files);
-    if (auto closed = close_take(studio_, info_, ledger); !closed) {
+    if (auto closed = node::close_take(studio_, info_, ledger); !closed) {
       return fail(closed.error().message);
     }
     const io::Status signed_now =
-        sign_take(paths_, {kDrivenNode, SigningKey::make()}, ledger.files);
+        sign_take(paths_, {kDrivenNode, wire::SigningKey::make()}, ledger.files);
     if (!signed_now) fail(signed_now.error().message);
     lock_.reset();
     if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());
@@ -190,7 +192,8 @@ class Driver {
     logs_.clear();
     pulses_.reset();
     disk_.reset();
-    if (!close_take(studio_, info_, Ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}})) {
+    if (!node::close_take(studio_, info_,
+                          take::Ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}})) {
       return fail("cannot close " + paths_.folder.string());
     }
     lock_.reset();
@@ -201,15 +204,15 @@ class Driver {
   }
 
   void save_serial() {
-    const AcceptedSerial serial(member_serial_file(studio_), studio_.name, "authority");
+    const bus::AcceptedSerial serial(member_serial_file(studio_), studio_.name, "authority");
     if (auto saved = serial.save(kDrivenSerial); !saved) return fail(saved.error().message);
     mark("serial");
   }
 
   /// Appends kDrivenMeshes meshes.
-  void write_meshes(LogOpening opening) {
+  void write_meshes(take::LogOpening opening) {
     if (auto made = io::create_folders(paths_.folder); !made) io::throw_input_error(made.error());
-    MeshFileWriter file(paths_.mesh(), opening);
+    take::MeshFileWriter file(paths_.mesh(), opening);
     mark("ready");
     const int64_t first = file.last_pulse().value_or(-1) + 1;
     for (int64_t pulse = first; pulse < first + kDrivenMeshes; ++pulse) {
@@ -220,7 +223,7 @@ class Driver {
       }
       if (pulse == first + kDrivenMeshes / 2) wait_for_sync_of(paths_.mesh());
     }
-    if (opening == LogOpening::kNew) _exit(status_);
+    if (opening == take::LogOpening::kNew) _exit(status_);
     if (auto closed = file.close(); !closed) return fail(closed.error().message);
     mark("synced");
     mark("closed");
@@ -233,14 +236,14 @@ class Driver {
   int status() const { return status_; }
 
  private:
-  void open_logs(LogOpening opening) {
+  void open_logs(take::LogOpening opening) {
     for (const std::string& camera : kDrivenCameras) {
-      logs_.emplace_back(paths_.frames(camera), opening, LogHashing::kTree, kSyncPeriod);
+      logs_.emplace_back(paths_.frames(camera), opening, take::LogHashing::kTree, kSyncPeriod);
     }
     if (auto synced = io::sync_folder(paths_.folder); !synced) {
       io::throw_input_error(synced.error());
     }
-    pulses_ = std::make_unique<PulseLog>(paths_.pulses(), opening, kSyncPeriod);
+    pulses_ = std::make_unique<captured::PulseLog>(paths_.pulses(), opening, kSyncPeriod);
   }
 
   void record_frame(size_t camera, int64_t pulse) {
@@ -253,7 +256,7 @@ class Driver {
   /// Waits until the logs have synced all frames by themselves, or a sync has failed.
   void wait_for_sync() {
     bool is_synced = true;
-    for (const EventLogWriter& log : logs_) {
+    for (const take::EventLogWriter& log : logs_) {
       const auto synced = SyncedFiles::of_process().wait_for(log.path(), log.bytes());
       if (synced == Synced::kLate) fail(log.path().string() + ": is not synced within 10 s");
       is_synced = is_synced && synced == Synced::kDone;
@@ -271,7 +274,7 @@ class Driver {
 
   void sync_logs() {
     bool is_synced = true;
-    for (EventLogWriter& log : logs_) {
+    for (take::EventLogWriter& log : logs_) {
       const auto synced = log.sync();
       if (!synced) fail(synced.error().message);
       is_synced = is_synced && synced.has_value();
@@ -279,8 +282,8 @@ class Driver {
     if (is_synced) mark("synced");
   }
 
-  Ledger account() const {
-    Ledger ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}};
+  take::Ledger account() const {
+    take::Ledger ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}};
     ledger.commanded = first_pulse_ + kDrivenPulses;
     ledger.sensed = sensed_.size();
     ledger.unsensed = sensed_.missing(ledger.commanded);
@@ -302,16 +305,16 @@ class Driver {
 
   const ImageSize size_;
   const Studio studio_;
-  const TakePaths paths_;
+  const take::TakePaths paths_;
   const int marks_;
-  TakeInfo info_;
+  take::TakeInfo info_;
   int64_t first_pulse_ = 0;
-  std::optional<TakeLock> lock_;
-  std::unique_ptr<TakeDisk> disk_;
-  std::vector<EventLogWriter> logs_;
-  std::array<CameraAccount, 2> accounts_;
-  PulseSet sensed_;
-  std::unique_ptr<PulseLog> pulses_;
+  std::optional<take::TakeLock> lock_;
+  std::unique_ptr<captured::TakeDisk> disk_;
+  std::vector<take::EventLogWriter> logs_;
+  std::array<take::CameraAccount, 2> accounts_;
+  take::PulseSet sensed_;
+  std::unique_ptr<captured::PulseLog> pulses_;
   int status_ = 0;
 };
 
@@ -326,7 +329,7 @@ int run(const std::string& operation, const std::filesystem::path& folder, const
     return driver.status();
   }
   if (operation.starts_with("mesh")) {
-    driver.write_meshes(operation == "mesh" ? LogOpening::kNew : LogOpening::kContinue);
+    driver.write_meshes(operation == "mesh" ? take::LogOpening::kNew : take::LogOpening::kContinue);
     return driver.status();
   }
   operation == "restart" ? driver.continue_take() : driver.begin();

@@ -1,7 +1,6 @@
 #include "recorded_take.h"
 
 #include "base/io/file.h"
-#include "base/io/whole_file.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
@@ -25,9 +24,9 @@ void make_driven_studio(const std::filesystem::path& folder) {
 
 std::vector<std::string> missing_studio_copies(const std::filesystem::path& folder) {
   const Studio studio = driven_studio(folder);
-  TakePaths take{studio.storage.takes / kDrivenTake};
+  take::TakePaths take{studio.storage.takes / kDrivenTake};
   if (!std::filesystem::exists(take.folder)) {
-    take.folder = studio.storage.takes / kQuarantineFolder / kDrivenTake;
+    take.folder = studio.storage.takes / take::kQuarantineFolder / kDrivenTake;
   }
   std::vector<std::string> missing;
   const auto expect_copy = [&](const std::filesystem::path& of, const std::filesystem::path& as) {

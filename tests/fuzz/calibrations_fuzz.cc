@@ -3,9 +3,8 @@
 // the reader. Files of OpenCV are excluded, because the parser of OpenCV crashes on some XML with
 // invalid attributes.
 #include "base/core/error.h"
-#include "calib/formats/colmap_text.h"
-#include "calib/formats/middlebury_par.h"
-#include "calib/formats/time_stamps.h"
+#include "calib/formats/rig_text.h"
+#include "calib/formats/text_fields.h"
 #include "fuzz_input.h"
 
 namespace {

@@ -13,8 +13,9 @@ constexpr v3d::MonotonicInstant kNow = v3d::from_ns<v3d::Monotonic>(3'600'000'00
 constexpr int64_t kNonce = 7;
 int64_t draw() { return kNonce; }
 
-const v3d::StudioKey& key() {
-  static const v3d::StudioKey made = v3d::StudioKey::parse(std::string(64, '7'), "studio.key");
+const v3d::wire::StudioKey& key() {
+  static const v3d::wire::StudioKey made =
+      v3d::wire::StudioKey::parse(std::string(64, '7'), "studio.key");
   return made;
 }
 
@@ -22,11 +23,11 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
-void check_admitted_once(v3d::CommandMessage command) {
+void check_admitted_once(v3d::wire::CommandMessage command) {
   command.to[0] = "cap01";
   command.nonces[0] = kNonce;
-  const v3d::Bytes authenticated = v3d::encode_with_mac(command, key());
-  v3d::CommandReplayFilter filter("cap01", draw);
+  const v3d::wire::Bytes authenticated = v3d::wire::encode_with_mac(command, key());
+  v3d::control::CommandReplayFilter filter("cap01", draw);
   filter.credentials().set_studio_key(key(), kNow);
   const auto first = filter.admit(authenticated, kNow);
   must(first && first->is_current);
@@ -34,12 +35,12 @@ void check_admitted_once(v3d::CommandMessage command) {
 }
 
 void check_with_mac(std::span<const uint8_t> bytes) {
-  v3d::Bytes authenticated(bytes.begin(), bytes.end());
-  if (authenticated.size() <= v3d::kCommandMacSize) return;
+  v3d::wire::Bytes authenticated(bytes.begin(), bytes.end());
+  if (authenticated.size() <= v3d::wire::kCommandMacSize) return;
   key().add_mac(authenticated);
   must(key().has_valid_mac(authenticated));
-  auto command = v3d::decode<v3d::CommandMessage>(authenticated);
-  v3d::CommandReplayFilter filter("cap01", draw);
+  auto command = v3d::wire::decode<v3d::wire::CommandMessage>(authenticated);
+  v3d::control::CommandReplayFilter filter("cap01", draw);
   filter.credentials().set_studio_key(key(), kNow);
   filter.admit(authenticated, kNow);
   const auto again = filter.admit(authenticated, kNow);
@@ -52,12 +53,12 @@ void check_with_mac(std::span<const uint8_t> bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::span bytes(data, size);
-  v3d::CommandReplayFilter filter("cap01", draw);
+  v3d::control::CommandReplayFilter filter("cap01", draw);
   filter.credentials().set_studio_key(key(), kNow);
   must(!filter.admit(bytes, kNow));
   check_with_mac(bytes);
   try {
-    v3d::StudioKey::parse({reinterpret_cast<const char*>(data), size}, "studio.key");
+    v3d::wire::StudioKey::parse({reinterpret_cast<const char*>(data), size}, "studio.key");
   } catch (const v3d::InputError&) {
   }
   return 0;

@@ -17,10 +17,10 @@ namespace {
 using namespace v3d;
 
 constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
-constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
+constexpr bus::ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 
-const StudioKey& key() {
-  static const StudioKey made = StudioKey::parse(std::string(64, '7'), "studio.key");
+const wire::StudioKey& key() {
+  static const wire::StudioKey made = wire::StudioKey::parse(std::string(64, '7'), "studio.key");
   return made;
 }
 
@@ -40,8 +40,8 @@ std::span<const uint8_t> next(std::span<const uint8_t>& rest) {
 
 bool is_wanted(std::string_view channel) { return !channel.starts_with("V3D_PREVIEW_"); }
 
-const SigningKey& member_key() {
-  static const SigningKey made = SigningKey::make();
+const wire::SigningKey& member_key() {
+  static const wire::SigningKey made = wire::SigningKey::make();
   return made;
 }
 
@@ -63,34 +63,37 @@ constexpr uint32_t kMainSession = 9, kFrameSession = 10, kOwnFrameSession = 11;
 /// The receivers under test. They exist once for each process, because 64 MiB are allocated for
 /// each receiver.
 struct Receivers {
-  MessageAuthenticator keyed_authenticator;
-  MessageAuthenticator keyless_authenticator;
-  MessageReceiver keyed{ChannelList(), keyed_authenticator, is_wanted};
-  MessageReceiver keyless{ChannelList(), keyless_authenticator, is_wanted};
-  MessageAuthenticator member_authenticator;
-  SessionMessage question;
-  MessageReceiver of_members{ChannelList(studio()),
-                             member_authenticator,
-                             is_wanted,
-                             {.send = [this](const SessionMessage& m) { question = m; }}};
-  DatagramMac mac{key()};
-  FrameKey frame_key = FrameKey::make();
-  DatagramMac frame_mac = frame_key.mac();
+  bus::MessageAuthenticator keyed_authenticator;
+  bus::MessageAuthenticator keyless_authenticator;
+  bus::MessageReceiver keyed{bus::ChannelList(), keyed_authenticator, is_wanted};
+  bus::MessageReceiver keyless{bus::ChannelList(), keyless_authenticator, is_wanted};
+  bus::MessageAuthenticator member_authenticator;
+  wire::SessionMessage question;
+  bus::MessageReceiver of_members{
+      bus::ChannelList(studio()),
+      member_authenticator,
+      is_wanted,
+      {.send = [this](const wire::SessionMessage& m) { question = m; }}};
+  wire::DatagramMac mac{key()};
+  wire::FrameKey frame_key = wire::FrameKey::make();
+  wire::DatagramMac frame_mac = frame_key.mac();
   uint32_t sequence = 0;
   uint32_t frame_sequence = 0;
   Receivers() {
     keyed_authenticator.set_key(key());
     member_authenticator.set_key(key());
     member_authenticator.members().require();
-    member_authenticator.members().set_members(std::make_shared<const MemberList>(
-        MemberList{"kyoto", 1, {{"recon01", Role::kReconstruction, member_key().public_key()}}}));
+    member_authenticator.members().set_members(
+        std::make_shared<const wire::MemberList>(wire::MemberList{
+            "kyoto", 1, {{"recon01", wire::Role::kReconstruction, member_key().public_key()}}}));
     member_authenticator.members().set_signing_key(member_key());
     learn_frame_key();
   }
   void learn_frame_key();
 };
 
-std::vector<uint8_t> bytes_of(const DatagramMac& mac, uint32_t session, OutgoingDatagram& out) {
+std::vector<uint8_t> bytes_of(const wire::DatagramMac& mac, uint32_t session,
+                              bus::OutgoingDatagram& out) {
   out.trailer.session = session;
   out.trailer.sent = kNow;
   mac.sign(out.head(), out.data, out.trailer);
@@ -103,21 +106,21 @@ std::vector<uint8_t> bytes_of(const DatagramMac& mac, uint32_t session, Outgoing
 
 /// The datagram of a short message of the member.
 std::vector<uint8_t> member_datagram(Receivers& receivers, std::string_view channel,
-                                     const Bytes& message) {
+                                     const wire::Bytes& message) {
   const uint32_t number = receivers.sequence++;
-  const Bytes bytes = sign_on_bus(
+  const wire::Bytes bytes = sign_on_bus(
       message, {.channel = channel, .session = kMainSession, .sequence = number, .sent = kNow},
       member_key());
-  auto datagrams = split_message(number, channel, bytes, true);
+  auto datagrams = bus::split_message(number, channel, bytes, true);
   return bytes_of(receivers.mac, kMainSession, datagrams.at(0));
 }
 
 /// The member announces its frame sessions and answers the question about its main session.
 void Receivers::learn_frame_key() {
-  FrameKeyMessage announced{
+  wire::FrameKeyMessage announced{
       .sent = kNow, .session = kFrameSession, .newest = UINT32_MAX, .keys = {}};
   announced.keys.push_back(*frame_key.seal_for(member_key().public_key()));
-  const auto send = [&](std::string_view channel, const Bytes& message) {
+  const auto send = [&](std::string_view channel, const wire::Bytes& message) {
     of_members.receive(member_datagram(*this, channel, message), 1, kReceiverNow);
   };
   send("V3D_FRAMEKEY_recon01", encode(announced));
@@ -131,14 +134,14 @@ void Receivers::learn_frame_key() {
 }
 
 /// The datagram that a holder of the key can send with these bytes as head and data.
-std::vector<uint8_t> signed_datagram(const DatagramMac& mac, std::span<const uint8_t> bytes,
+std::vector<uint8_t> signed_datagram(const wire::DatagramMac& mac, std::span<const uint8_t> bytes,
                                      uint32_t session = 7) {
-  const auto parsed = parse_datagram(bytes);
+  const auto parsed = bus::parse_datagram(bytes);
   if (!parsed) return {};
-  const auto data =
-      parsed->data.first(parsed->data.size() - std::min(parsed->data.size(), kMacTrailerSize));
-  if (data.size() + kMacTrailerSize != parsed->data.size()) return {};
-  MacTrailer trailer{.session = session, .sent = kNow, .tag = {}};
+  const auto data = parsed->data.first(parsed->data.size() -
+                                       std::min(parsed->data.size(), wire::kMacTrailerSize));
+  if (data.size() + wire::kMacTrailerSize != parsed->data.size()) return {};
+  wire::MacTrailer trailer{.session = session, .sent = kNow, .tag = {}};
   mac.sign(parsed->head, data, trailer);
   std::vector<uint8_t> made(parsed->head.begin(), parsed->head.end());
   made.insert(made.end(), data.begin(), data.end());
@@ -164,13 +167,13 @@ void check_datagram(Receivers& receivers, std::span<const uint8_t> bytes) {
   const auto with_mac = signed_datagram(receivers.mac, datagram);
   if (const auto got = receivers.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
   if (const auto got = receivers.of_members.receive(with_mac, 1, kReceiverNow)) {
-    const ChannelKind& kind = *kind_of(got->channel);
+    const bus::ChannelKind& kind = *kind_of(got->channel);
     must(!got->is_accepted || (!kind.is_signed() && !kind.is_of_frames));
     sum(got->bytes);
   }
   const auto with_studio_mac = signed_datagram(receivers.mac, datagram, kFrameSession);
   if (const auto got = receivers.of_members.receive(with_studio_mac, 1, kReceiverNow)) {
-    must(!got->is_accepted || !kind_of(got->channel)->is_of_frames);
+    must(!got->is_accepted || !bus::kind_of(got->channel)->is_of_frames);
   }
   const auto with_frame_mac = signed_datagram(receivers.frame_mac, datagram, kFrameSession);
   if (const auto got = receivers.of_members.receive(with_frame_mac, 1, kReceiverNow)) {
@@ -181,13 +184,13 @@ void check_datagram(Receivers& receivers, std::span<const uint8_t> bytes) {
 
 void check_message(Receivers& receivers, std::span<const uint8_t> bytes) {
   const std::vector<uint8_t> message(70'000 + bytes.size(), bytes.empty() ? 0 : bytes[0]);
-  const MessageOrigin origin{
+  const wire::MessageOrigin origin{
       .channel = "V3D_MESH", .session = 8, .sequence = receivers.sequence++, .sent = kNow};
-  const Bytes signed_message = sign_on_bus(message, origin, member_key());
-  auto datagrams = split_message(origin.sequence, origin.channel, signed_message, true);
+  const wire::Bytes signed_message = sign_on_bus(message, origin, member_key());
+  auto datagrams = bus::split_message(origin.sequence, origin.channel, signed_message, true);
   if (!bytes.empty() && bytes[0] % 2 == 0) std::ranges::reverse(datagrams);
-  std::optional<ReceivedMessage> got, got_of_member;
-  for (OutgoingDatagram& out : datagrams) {
+  std::optional<bus::ReceivedMessage> got, got_of_member;
+  for (bus::OutgoingDatagram& out : datagrams) {
     const auto datagram = bytes_of(receivers.mac, 8, out);
     got = receivers.keyed.receive(datagram, 1, kReceiverNow);
     got_of_member = receivers.of_members.receive(datagram, 1, kReceiverNow);
@@ -200,9 +203,9 @@ void check_message(Receivers& receivers, std::span<const uint8_t> bytes) {
 /// A frame of the member arrives, with any other datagrams between its fragments.
 void check_frame(Receivers& receivers, std::span<const uint8_t> bytes) {
   const std::vector<uint8_t> message(70'000 + bytes.size(), bytes.empty() ? 0 : bytes[0]);
-  std::optional<ReceivedMessage> got;
-  for (OutgoingDatagram& out :
-       split_message(receivers.frame_sequence++, "V3D_FRAME_cam01", message, true)) {
+  std::optional<bus::ReceivedMessage> got;
+  for (bus::OutgoingDatagram& out :
+       bus::split_message(receivers.frame_sequence++, "V3D_FRAME_cam01", message, true)) {
     const auto datagram = bytes_of(receivers.frame_mac, kOwnFrameSession, out);
     got = receivers.of_members.receive(datagram, 1, kReceiverNow);
     if (bytes.size() > 1) check_datagram(receivers, bytes);

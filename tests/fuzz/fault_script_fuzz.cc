@@ -4,7 +4,7 @@
 
 #include "base/core/error.h"
 #include "fuzz_input.h"
-#include "v3d-sim/faults.h"
+#include "v3d-sim/simulated_take.h"
 
 namespace {
 

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <vector>
 
-#include "codec/crc32.h"
+#include "codec/byte_stream.h"
 #include "codec/frame_codec.h"
 #include "fuzz_input.h"
 
@@ -18,12 +18,12 @@ void put(std::vector<uint8_t>& frame, size_t at, T number) {
 
 uint32_t set_checksum(std::vector<uint8_t>& frame) {
   if (frame.size() < kChecked) return 0;
-  const uint32_t sum = v3d::crc32(std::span(frame).subspan(kChecked));
+  const uint32_t sum = v3d::codec::crc32(std::span(frame).subspan(kChecked));
   put(frame, kChecksum, sum);
   return sum;
 }
 
-void check(const v3d::DecodedFrame& frame) {
+void check(const v3d::codec::DecodedFrame& frame) {
   for (const auto& triangle : frame.triangles) {
     for (const uint32_t vertex : triangle) v3d::test::must(vertex < frame.positions.size());
   }
@@ -37,15 +37,15 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto bytes = input.bytes(input.number<uint16_t>());
   const auto rest = input.bytes(size);
   std::vector<uint8_t> first(bytes.begin(), bytes.end()), second(rest.begin(), rest.end());
-  v3d::FrameDecoder decoder;
+  v3d::codec::FrameDecoder decoder;
   const uint32_t checksum = set_checksum(first);
-  const bool has_first = decoder.decode(first) == v3d::DecodeStatus::kOk;
+  const bool has_first = decoder.decode(first) == v3d::codec::DecodeStatus::kOk;
   if (has_first) {
     check(decoder.frame());
     put(second, kKeyPulse, decoder.frame().key_pulse);
     put(second, kReference, checksum);
   }
   set_checksum(second);
-  if (decoder.decode(second) == v3d::DecodeStatus::kOk) check(decoder.frame());
+  if (decoder.decode(second) == v3d::codec::DecodeStatus::kOk) check(decoder.frame());
   return 0;
 }

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "base/core/error.h"
-#include "v3dctl/scene/gltf_model.h"
+#include "v3dctl/scene/model.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {

@@ -4,13 +4,13 @@
 #include <string_view>
 
 #include "trigger/scpi/scpi_dialect.h"
-#include "trigger/scpi/usbtmc_message.h"
+#include "trigger/scpi/usbtmc.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
-  if (size > 1) v3d::parse_usbtmc_in({data, size}, data[1]);
+  if (size > 1) v3d::trigger::parse_usbtmc_in({data, size}, data[1]);
   for (const std::string_view want : {"25", "INF", "ON", "OFF", "PULS", "0.001"}) {
-    for (const std::string_view part : {"", "*", "FRQ"}) v3d::says(text, part, want);
+    for (const std::string_view part : {"", "*", "FRQ"}) v3d::trigger::says(text, part, want);
   }
   return 0;
 }

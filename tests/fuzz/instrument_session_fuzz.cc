@@ -4,7 +4,6 @@
 #include "fuzz_input.h"
 #include "trigger/scpi/scpi_generator.h"
 #include "trigger/scpi/usbtmc.h"
-#include "trigger/scpi/usbtmc_message.h"
 
 namespace {
 
@@ -12,34 +11,35 @@ using v3d::test::FuzzInput;
 
 /// A USB port with replies from the fuzzer input. One byte for each call selects its outcome; most
 /// succeed.
-class HostilePort : public v3d::UsbPort {
+class HostilePort : public v3d::trigger::UsbPort {
  public:
   explicit HostilePort(FuzzInput& input) : input_(input) {}
-  v3d::UsbOutcome send(std::span<const uint8_t> bytes, v3d::Duration) override {
+  v3d::trigger::UsbOutcome send(std::span<const uint8_t> bytes, v3d::Duration) override {
     if (bytes.size() > 1) tag_ = bytes[1];
     return outcome();
   }
-  v3d::UsbOutcome receive(std::vector<uint8_t>& bytes, v3d::Duration) override {
+  v3d::trigger::UsbOutcome receive(std::vector<uint8_t>& bytes, v3d::Duration) override {
     const auto answer = input_.bytes(input_.number<uint8_t>() % 64);
     bytes.assign(answer.begin(), answer.end());
     // Copy the tag, because a random tag would almost never match the question.
-    if (bytes.size() >= v3d::kUsbtmcHeader && bytes[0] == 2) {
+    if (bytes.size() >= v3d::trigger::kUsbtmcHeader && bytes[0] == 2) {
       bytes[1] = tag_;
       bytes[2] = static_cast<uint8_t>(~tag_);
     }
     return outcome();
   }
-  v3d::UsbOutcome request(v3d::UsbtmcRequest, uint16_t, uint8_t& status) override {
+  v3d::trigger::UsbOutcome request(v3d::trigger::UsbtmcRequest, uint16_t,
+                                   uint8_t& status) override {
     status = input_.number<uint8_t>();
     return outcome();
   }
   void clear_stalls() override {}
 
  private:
-  v3d::UsbOutcome outcome() {
+  v3d::trigger::UsbOutcome outcome() {
     const auto byte = input_.number<uint8_t>();
-    if (input_.empty()) return v3d::UsbOutcome::kGone;
-    return byte > 4 ? v3d::UsbOutcome::kDone : static_cast<v3d::UsbOutcome>(byte);
+    if (input_.empty()) return v3d::trigger::UsbOutcome::kGone;
+    return byte > 4 ? v3d::trigger::UsbOutcome::kDone : static_cast<v3d::trigger::UsbOutcome>(byte);
   }
   FuzzInput& input_;
   uint8_t tag_ = 0;
@@ -55,13 +55,13 @@ v3d::StudioTrigger trigger_of(uint8_t dialect) {
 
 void run_generator(FuzzInput& input) {
   v3d::MonotonicInstant now;
-  const v3d::HostClock clock{.now = [&] { return now += std::chrono::milliseconds(10); },
-                             .sleep_until = [&](v3d::MonotonicInstant to) { now = to; }};
+  const v3d::trigger::HostClock clock{.now = [&] { return now += std::chrono::milliseconds(10); },
+                                      .sleep_until = [&](v3d::MonotonicInstant to) { now = to; }};
   const auto open = [&](const v3d::StudioInstrument&) {
-    return std::make_unique<v3d::Usbtmc>(std::make_unique<HostilePort>(input));
+    return std::make_unique<v3d::trigger::Usbtmc>(std::make_unique<HostilePort>(input));
   };
-  v3d::ScpiGenerator generator(trigger_of(input.number<uint8_t>()), open, v3d::open_output_line,
-                               clock);
+  v3d::trigger::ScpiGenerator generator(trigger_of(input.number<uint8_t>()), open,
+                                        v3d::trigger::open_output_line, clock);
   generator.arm({.count = 25});
   generator.start();
   generator.stop();

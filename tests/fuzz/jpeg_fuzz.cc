@@ -1,7 +1,7 @@
 // Fuzz target: images of previews. A decoded image has the requested size.
 #include <cstdlib>
 
-#include "base/image/jpeg.h"
+#include "base/image/image_files.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < 2) return 0;

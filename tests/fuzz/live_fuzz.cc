@@ -1,6 +1,6 @@
 // Fuzz target: assembly of decoded frames with arbitrary numbers into frame sets. At most the
 // permitted number of sets waits, each set is released once and in order, and losses are counted.
-#include "daemon/bus/sequence.h"
+#include "daemon/bus/subscription_queue.h"
 #include "fuzz_input.h"
 #include "recon/pipeline/frame_set.h"
 
@@ -32,21 +32,21 @@ class Reconstruction {
   }
   void end() {
     check_sets(assembler_.flush());
-    const v3d::SequenceCounts& counts = sequences_.total();
+    const v3d::bus::SequenceCounts& counts = sequences_.total();
     must(counts.received >= 0 && counts.lost >= 0 && counts.late <= counts.received);
   }
 
  private:
-  void check_sets(const std::vector<v3d::ReadySet>& ready) {
-    for (const v3d::ReadySet& set : ready) {
+  void check_sets(const std::vector<v3d::recon::ReadySet>& ready) {
+    for (const v3d::recon::ReadySet& set : ready) {
       must(set.set.pulse > newest_ && !set.set.frames.empty());
       must(set.set.frames.size() + set.missing.size() == 3);
       newest_ = set.set.pulse;
     }
   }
 
-  v3d::FrameSetAssembler assembler_{{.cameras = {"cam00", "cam01", "cam02"}, .max_open = 4}};
-  v3d::SequenceTracker sequences_{true};
+  v3d::recon::FrameSetAssembler assembler_{{.cameras = {"cam00", "cam01", "cam02"}, .max_open = 4}};
+  v3d::bus::SequenceTracker sequences_{true};
   v3d::MonotonicInstant now_;
   int64_t pulse_ = 0;
   int64_t newest_ = -1;

@@ -2,9 +2,9 @@
 // which is made printable on receipt. A detail that is no valid JSON is reported as unreadable.
 #include <nlohmann/json.hpp>
 
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "fuzz_input.h"
-#include "v3dctl/operate/camera_check.h"
+#include "v3dctl/operate/camera_report.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/operate/watch_table.h"
@@ -16,9 +16,9 @@ using v3d::test::FuzzInput;
 const std::vector<std::string> kNodes = {"cap01", "cap02"};
 
 void read_replies(const std::string& text, const std::string& detail) {
-  v3d::Answer answer;
-  v3d::ReplyMessage& reply = answer.replies["cap01"];
-  reply.outcome = v3d::ReplyMessage::Outcome::kDone;
+  v3d::control::Answer answer;
+  v3d::wire::ReplyMessage& reply = answer.replies["cap01"];
+  reply.outcome = v3d::wire::ReplyMessage::Outcome::kDone;
   reply.text = v3d::printable(text);
   reply.detail = detail;
   answer.replies["cap02"] = reply;
@@ -38,8 +38,8 @@ void read_health(FuzzInput& input) {
   state.studio = "dojo";
   state.nodes = kNodes;
   state.cameras["cap01"] = {"cam01", "cam02"};
-  v3d::HealthMessage& health = state.health["cap01"];
-  health.state = static_cast<v3d::NodeState>(1 + input.number<uint8_t>() % 5);
+  v3d::wire::HealthMessage& health = state.health["cap01"];
+  health.state = static_cast<v3d::wire::NodeState>(1 + input.number<uint8_t>() % 5);
   health.text = v3d::printable(input.text());
   while (!input.empty()) {
     const std::string name = v3d::printable(input.text());

@@ -1,8 +1,7 @@
 // Fuzz target: images of a background model (part of every take) and images for a scene. They are
 // rejected with an InputError or have the number of samples of their size.
 #include "base/core/error.h"
-#include "base/image/picture.h"
-#include "base/image/png_file.h"
+#include "base/image/image_files.h"
 #include "fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

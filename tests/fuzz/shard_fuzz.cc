@@ -38,12 +38,12 @@ class Node {
 
  private:
   void send(int kind, v3d::test::FuzzInput& input) {
-    v3d::MeshMessage mesh;
+    v3d::wire::MeshMessage mesh;
     mesh.take = "t";
     mesh.pulse = pulse_;
     switch (kind) {
       case 0: {
-        v3d::ReadySet set;
+        v3d::recon::ReadySet set;
         set.set.pulse = pulse_;
         return shard_.on_set(std::move(set));
       }
@@ -59,8 +59,8 @@ class Node {
         return shard_.on_status(any_status(input));
     }
   }
-  v3d::ShardMessage any_status(v3d::test::FuzzInput& input) {
-    v3d::ShardMessage status;
+  v3d::wire::ShardMessage any_status(v3d::test::FuzzInput& input) {
+    v3d::wire::ShardMessage status;
     status.sent = v3d::from_ns<v3d::Realtime>(input.number<int16_t>());
     status.take = "t";
     status.node = std::string(1, static_cast<char>('a' + input.number<uint8_t>() % 4));
@@ -71,21 +71,21 @@ class Node {
     return status;
   }
   void check() {
-    for (const v3d::ReadySet& set : shard_.take_work()) {
+    for (const v3d::recon::ReadySet& set : shard_.take_work()) {
       if (set.set.pulse % 2 == 0) shard_.begin(set.set.pulse);
     }
-    for (const v3d::MeshMessage& mesh : shard_.take_ordered()) {
+    for (const v3d::wire::MeshMessage& mesh : shard_.take_ordered()) {
       must(mesh.pulse > ordered_);
       ordered_ = mesh.pulse;
     }
-    for (const v3d::MeshMessage& mesh : shard_.take_to_publish()) {
+    for (const v3d::wire::MeshMessage& mesh : shard_.take_to_publish()) {
       must(mesh.pulse > published_ && mesh.pulse <= ordered_);
       published_ = mesh.pulse;
     }
     must(shard_.status().given_up.size() <= 64);
   }
 
-  v3d::Shard shard_;
+  v3d::recond::Shard shard_;
   v3d::MonotonicInstant now_;
   int64_t pulse_ = 0;
   int64_t ordered_ = -1;

@@ -4,9 +4,9 @@
 
 #include "base/core/error.h"
 #include "take/ledger/ledger.h"
-#include "take/ledger/verified.h"
-#include "take/slate.h"
+#include "take/ledger/take_account.h"
 #include "take/take.h"
+#include "take/take_listing.h"
 
 namespace {
 
@@ -22,13 +22,13 @@ void check(Read read) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
-  check([&] { v3d::parse_take_info(text, "take.toml"); });
-  check([&] { v3d::parse_slate(text, "slate.toml"); });
-  check([&] { v3d::parse_verified(text, "verified.toml"); });
+  check([&] { v3d::take::parse_take_info(text, "take.toml"); });
+  check([&] { v3d::take::parse_slate(text, "slate.toml"); });
+  check([&] { v3d::take::parse_verified(text, "verified.toml"); });
   check([&] {
-    const v3d::Ledger ledger = v3d::parse_ledger(text, "ledger.toml");
+    const v3d::take::Ledger ledger = v3d::take::parse_ledger(text, "ledger.toml");
     ledger.verdict();
-    v3d::problem_lines(v3d::merge({ledger, ledger}));
+    v3d::take::problem_lines(v3d::take::merge({ledger, ledger}));
   });
   return 0;
 }

@@ -13,13 +13,13 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string path = "/proc/self/fd/" + std::to_string(fd);
   if (write(fd, data, size) == static_cast<ssize_t>(size)) {
     try {
-      v3d::FrameLogReader frames(path);
+      v3d::take::FrameLogReader frames(path);
       for (const v3d::FrameLabel& label : frames.labels()) frames.read(label.pulse);
-      v3d::read_pulses(path);
+      v3d::take::read_pulses(path);
     } catch (const v3d::InputError&) {
     }
     try {
-      v3d::MeshFileReader meshes(path);
+      v3d::take::MeshFileReader meshes(path);
       for (const int64_t pulse : meshes.pulses()) v3d::io::value_or_throw(meshes.read(pulse));
     } catch (const v3d::InputError&) {
     }

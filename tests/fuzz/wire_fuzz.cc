@@ -7,8 +7,8 @@ namespace {
 
 template <class M>
 void check(std::span<const uint8_t> bytes) {
-  if (const auto message = v3d::decode<M>(bytes)) {
-    if (!v3d::decode<M>(v3d::encode(*message))) std::abort();
+  if (const auto message = v3d::wire::decode<M>(bytes)) {
+    if (!v3d::wire::decode<M>(v3d::wire::encode(*message))) std::abort();
   }
 }
 
@@ -16,18 +16,18 @@ void check(std::span<const uint8_t> bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::span bytes(data, size);
-  check<v3d::PulseMessage>(bytes);
-  check<v3d::FrameMessage>(bytes);
-  check<v3d::MeshMessage>(bytes);
-  check<v3d::CommandMessage>(bytes);
-  check<v3d::ReplyMessage>(bytes);
-  check<v3d::HealthMessage>(bytes);
-  check<v3d::EventMessage>(bytes);
-  check<v3d::PreviewMessage>(bytes);
-  check<v3d::SessionMessage>(bytes);
-  check<v3d::FrameKeyMessage>(bytes);
-  check<v3d::ShardMessage>(bytes);
-  check<v3d::ShardMeshMessage>(bytes);
-  v3d::decode_frame_head(bytes);
+  check<v3d::wire::PulseMessage>(bytes);
+  check<v3d::wire::FrameMessage>(bytes);
+  check<v3d::wire::MeshMessage>(bytes);
+  check<v3d::wire::CommandMessage>(bytes);
+  check<v3d::wire::ReplyMessage>(bytes);
+  check<v3d::wire::HealthMessage>(bytes);
+  check<v3d::wire::EventMessage>(bytes);
+  check<v3d::wire::PreviewMessage>(bytes);
+  check<v3d::wire::SessionMessage>(bytes);
+  check<v3d::wire::FrameKeyMessage>(bytes);
+  check<v3d::wire::ShardMessage>(bytes);
+  check<v3d::wire::ShardMeshMessage>(bytes);
+  v3d::wire::decode_frame_head(bytes);
   return 0;
 }

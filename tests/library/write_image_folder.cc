@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "base/config/calib_file.h"
+#include "base/image/image_files.h"
 #include "base/image/mask.h"
-#include "base/image/png_file.h"
 #include "recon/pipeline/reconstructor.h"
 #include "sim/rendering/scene.h"
 
@@ -16,7 +16,7 @@ int main(int, char** argv) {
   std::filesystem::create_directories(folder / "images");
   std::filesystem::create_directories(folder / "masks");
   const v3d::Rig rig = v3d::sim::make_rig(8, {640, 480}, 1);
-  v3d::FrameSet set;
+  v3d::recon::FrameSet set;
   set.pulse = 7;
   for (const v3d::RigCamera& camera : rig) {
     const v3d::Image image = v3d::sim::render(camera, 0.5, true, 0, {});
@@ -27,8 +27,9 @@ int main(int, char** argv) {
   }
   v3d::save_calib(folder / "calib.toml", rig);
 
-  const v3d::ReconstructOptions coarse{.bounds = {{-1, -1, 0}, {1, 1, 2}}, .voxel_m = 0.04};
-  const v3d::Reconstruction result = v3d::Reconstructor(rig, coarse).reconstruct(std::move(set));
+  const v3d::recon::ReconstructOptions coarse{.bounds = {{-1, -1, 0}, {1, 1, 2}}, .voxel_m = 0.04};
+  const v3d::recon::Reconstruction result =
+      v3d::recon::Reconstructor(rig, coarse).reconstruct(std::move(set));
   std::ofstream(folder / "frame")
       .write(reinterpret_cast<const char*>(result.compact.data()),
              static_cast<std::streamsize>(result.compact.size()));

@@ -8,9 +8,9 @@ namespace {
 std::atomic<int64_t> g_allocations = 0;
 }  // namespace
 
-namespace v3d {
+namespace v3d::recon {
 int64_t allocations() { return g_allocations; }
-}  // namespace v3d
+}  // namespace v3d::recon
 
 void* operator new(size_t bytes) {
   ++g_allocations;

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-namespace v3d {
+namespace v3d::recon {
 
 template <class Work>
 void on_every_instruction_set(const Work& work) {
@@ -16,4 +16,4 @@ void on_every_instruction_set(const Work& work) {
   }
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

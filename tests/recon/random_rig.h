@@ -6,13 +6,13 @@
 #include <cmath>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/mask.h"
 #include "recon/hull/intersect.h"
 #include "tests/recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// Uniform in [low, high), whatever RapidCheck's size is.
 inline int uniform_int(int low, int high) {
@@ -103,4 +103,4 @@ inline Box box_of(const VoxelGrid& grid) {
   return {grid.origin, grid.origin + grid.voxel_m * counts};
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

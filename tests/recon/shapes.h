@@ -9,7 +9,7 @@
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
 
-namespace v3d::shapes {
+namespace v3d::recon::shapes {
 
 /// A closed box, outward triangles.
 inline Mesh box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
@@ -100,4 +100,4 @@ inline CameraModel camera(const Eigen::Vector3d& eye, const Eigen::Vector3d& tar
   return {size, matrix, distortion, look_at(eye, target)};
 }
 
-}  // namespace v3d::shapes
+}  // namespace v3d::recon::shapes

@@ -6,7 +6,7 @@
 
 #include "recon/hull/sparse_volume.h"
 
-namespace v3d {
+namespace v3d::recon {
 
 /// All voxels of the grid for which occupied(i, j, k).
 template <class Occupied>
@@ -38,4 +38,4 @@ inline VoxelGrid small_grid(int nx, int ny, int nz) {
   return {Eigen::Vector3d(-0.137, 0.211, 0.05), 0.01, {nx, ny, nz}};
 }
 
-}  // namespace v3d
+}  // namespace v3d::recon

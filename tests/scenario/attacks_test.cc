@@ -9,7 +9,7 @@
 #include "support/process_meter.h"
 #include "support/raw_datagrams.h"
 #include "take/ledger/verify.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -43,7 +43,7 @@ RawDatagram first_fragment(const RawFragment& fragment, const std::string& chann
 /// before, liblcm 1.3.1 computes a data size of -1 bytes.
 void send_channels_without_nul(const RawSocket& attacker) {
   for (uint32_t i = 0; i < kRounds; ++i) {
-    RawDatagram zeros = short_datagram(i, std::string(kCommandChannel) + '\0');
+    RawDatagram zeros = short_datagram(i, std::string(wire::kCommandChannel) + '\0');
     zeros.resize(300 + 50 * i);
     attacker.send(zeros);
     for (const std::string& channel : kChannels) attacker.send(short_datagram(1, channel));
@@ -68,7 +68,7 @@ void send_offsets_that_wrap(const RawSocket& attacker) {
 void send_large_claims(const RawSocket& attacker) {
   for (uint32_t sequence = 0; sequence < 64; ++sequence) {
     const RawFragment fragment = {.sequence = sequence, .message_size = 256U << 20, .count = 1};
-    attacker.send(first_fragment(fragment, kCommandChannel, 10));
+    attacker.send(first_fragment(fragment, wire::kCommandChannel, 10));
   }
 }
 
@@ -76,7 +76,7 @@ void send_large_claims(const RawSocket& attacker) {
 /// channel: `first` to `end` - 1.
 void send_invented_channels(const RawSocket& attacker, uint32_t first, uint32_t end) {
   for (uint32_t i = first; i < end; ++i) {
-    const std::string channel = frame_channel("invented" + std::to_string(i));
+    const std::string channel = wire::frame_channel("invented" + std::to_string(i));
     attacker.send(short_datagram(i, channel + '\0'));
     const RawFragment fragment = {.sequence = i, .message_size = 1U << 20, .count = 17};
     if (i % 8 == 0) attacker.send(first_fragment(fragment, channel, 100));
@@ -109,10 +109,10 @@ class AttackedStudio : public Studio4 {
   void wait_until_all_is_received() {
     const double by_recon = value("recon01", "commands_forged");
     const double by_capture = value("cap01", "commands_forged");
-    Bus bus(studio_.network.lcm_url);
-    bus.authenticator().set_key(StudioKey::load(studio_.network.key));
-    const StudioKey other_key = StudioKey::make();
-    CommandMessage command;
+    bus::Bus bus(studio_.network.lcm_url);
+    bus.authenticator().set_key(wire::StudioKey::load(studio_.network.key));
+    const wire::StudioKey other_key = wire::StudioKey::make();
+    wire::CommandMessage command;
     command.sender = "attacker";
     const auto are_counted = [&] {
       bus.publish_command(encode_with_mac(command, other_key));
@@ -132,7 +132,7 @@ class AttackedStudio : public Studio4 {
     EXPECT_TRUE(keyless_watch_->runs()) << keyless_watch_->output();
     expect_keyless_health();
     const MonotonicInstant asked = Monotonic::now();
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
     EXPECT_LT(to_seconds(Monotonic::now() - asked), to_seconds(limit));
     EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();

@@ -39,9 +39,9 @@ class ClockStudio4 : private SetClockPreloaded, public Studio4 {
   void set_clock(int seconds) { test::write_text(control(), std::to_string(seconds)); }
 
   void expect_complete_take_with_live_meshes() {
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-    const Verification verified = verify_take(take());
+    const take::Verification verified = verify_take(take());
     EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log();
     const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
     EXPECT_GT(recon["meshes"], 0) << recon;

@@ -17,8 +17,8 @@
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
-#include "wire/channels.h"
-#include "wire/studio_key.h"
+#include "wire/messages.h"
+#include "wire/secret_keys.h"
 
 namespace v3d {
 namespace {
@@ -32,14 +32,14 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 /// Every mesh from the first up to the first gap is a closed surface with the volume of a person.
-void expect_meshes_of_a_person(MeshFileReader& meshes) {
-  CompactDecoder decoder;
+void expect_meshes_of_a_person(take::MeshFileReader& meshes) {
+  recon::CompactDecoder decoder;
   for (int64_t next = 0; const int64_t pulse : meshes.pulses()) {
     if (pulse != next++) return;
     const auto compact = meshes.read(pulse).value();
     ASSERT_TRUE(compact) << pulse;
-    ASSERT_EQ(decoder.decode(*compact), DecodeStatus::kOk) << pulse;
-    const CompactFrame frame = decoder.frame();
+    ASSERT_EQ(decoder.decode(*compact), codec::DecodeStatus::kOk) << pulse;
+    const recon::CompactFrame frame = decoder.frame();
     EXPECT_EQ(frame.cameras.size(), 4U) << pulse;
     EXPECT_TRUE(is_watertight(frame.mesh)) << pulse;
     EXPECT_GT(enclosed_volume(frame.mesh), 0.05) << pulse;
@@ -51,7 +51,7 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   // The protocol repeats some messages: the last pulse, and commands without a reply. These do not
@@ -65,14 +65,14 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
   EXPECT_EQ(ledger["cameras"].size(), 4U);
 
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
   EXPECT_THAT(verified.disagreements, IsEmpty());
-  EXPECT_EQ(verified.info.state, TakeState::kComplete);
+  EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
-  MeshFileReader meshes(take().mesh());
+  take::MeshFileReader meshes(take().mesh());
   EXPECT_EQ(meshes.pulses().size(), recon["meshes"]);
   EXPECT_FALSE(meshes.index_was_rebuilt());
   EXPECT_GE(recon["meshes"], kPulses / 2) << "an idle machine makes a mesh of every pulse";
@@ -81,10 +81,10 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
 
 /// Reconstructs a copy of the take in `folder` without the studio; the take holds all inputs.
 /// Returns the path of its mesh file.
-std::filesystem::path reconstruct_copy(const std::string& v3dctl, const TakePaths& take,
+std::filesystem::path reconstruct_copy(const std::string& v3dctl, const take::TakePaths& take,
                                        const std::filesystem::path& folder,
                                        const std::vector<std::string>& options = {}) {
-  const TakePaths copy{folder / "copy"};
+  const take::TakePaths copy{folder / "copy"};
   std::filesystem::copy(take.folder, copy.folder, std::filesystem::copy_options::recursive);
   std::filesystem::remove(copy.mesh());
   std::vector<std::string> command = {v3dctl, "reconstruct", copy.folder};
@@ -98,11 +98,11 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   constexpr int kPulses = 40;  // so that the background model adapts to several pulses
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
-  MeshFileReader live(take().mesh());
-  MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path()));
+  take::MeshFileReader live(take().mesh());
+  take::MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path()));
   ASSERT_GE(live.pulses().size(), 1U) << log();
   EXPECT_EQ(recorded.pulses().size(), kPulses);
   // A compact frame depends on the frames before it. After a pulse that was dropped live, frames
@@ -110,7 +110,7 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   int64_t next = 0;
   bool whole = true;
   for (const int64_t pulse : live.pulses()) {
-    whole = (whole && pulse == next) || pulse % EncoderOptions().key_every == 0;
+    whole = (whole && pulse == next) || pulse % codec::EncoderOptions().key_every == 0;
     next = pulse + 1;
     ASSERT_TRUE(live.read(pulse).value());
     if (whole) {
@@ -118,11 +118,11 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
     }
   }
   EXPECT_EQ(live.pulses().front(), 0) << log();
-  CompactDecoder decoder;
-  for (const PulseMessage& pulse : read_pulses(take().pulses())) {
+  recon::CompactDecoder decoder;
+  for (const wire::PulseMessage& pulse : take::read_pulses(take().pulses())) {
     const auto compact = recorded.read(pulse.pulse).value();
     ASSERT_TRUE(compact) << pulse.pulse;
-    ASSERT_EQ(decoder.decode(*compact), DecodeStatus::kOk) << pulse.pulse;
+    ASSERT_EQ(decoder.decode(*compact), codec::DecodeStatus::kOk) << pulse.pulse;
     EXPECT_EQ(decoder.frame().exposure, pulse.edge) << pulse.pulse;
   }
 }
@@ -137,21 +137,22 @@ TEST_F(FineStudio4, reconstructs_in_high_quality_the_pulses_it_has_time_for) {
   constexpr int kPulses = 60;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_GT(recon["meshes"], 0) << recon;
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
-  MeshFileReader live(take().mesh());
+  take::MeshFileReader live(take().mesh());
   ASSERT_EQ(live.pulses().size(), recon["meshes"]);
   // The set of pulses with a live mesh is random. The first one is a key frame, which decodes
   // alone.
   const int64_t first = live.pulses().front();
   const auto compact = live.read(first).value();
   ASSERT_TRUE(compact);
-  EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.005) << "the surface was deformed";
-  MeshFileReader recorded(reconstruct_copy(
+  EXPECT_LT(recon::decode_compact(*compact).value().lattice.step, 0.005)
+      << "the surface was deformed";
+  take::MeshFileReader recorded(reconstruct_copy(
       bin("v3dctl"), take(), folder_.path(),
       {"--no-smoothing", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
   EXPECT_EQ(recorded.read(first).value(), compact);
@@ -164,12 +165,12 @@ TEST_F(Studio4, reports_the_end_of_a_train_of_known_length) {
 }
 
 TEST_F(Studio4, rejects_commands_out_of_order_and_reports_what_would_be_right) {
-  EXPECT_THAT(text_of(command(CommandVerb::kStart)), HasSubstr("not armed"));
-  EXPECT_THAT(text_of(command(CommandVerb::kBackground, 1'000'000)),
+  EXPECT_THAT(text_of(command(wire::CommandVerb::kStart)), HasSubstr("not armed"));
+  EXPECT_THAT(text_of(command(wire::CommandVerb::kBackground, 1'000'000)),
               HasSubstr("expected 2 to 256"));
-  ASSERT_TRUE(command(CommandVerb::kArm).done()) << log();
-  EXPECT_THAT(text_of(command(CommandVerb::kArm)), HasSubstr("armed for kendo-07"));
-  EXPECT_TRUE(command(CommandVerb::kAbort).done());
+  ASSERT_TRUE(command(wire::CommandVerb::kArm).done()) << log();
+  EXPECT_THAT(text_of(command(wire::CommandVerb::kArm)), HasSubstr("armed for kendo-07"));
+  EXPECT_TRUE(command(wire::CommandVerb::kAbort).done());
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "an armed take leaves nothing behind";
 }
 
@@ -180,11 +181,11 @@ TEST_F(Studio4, leaves_a_valid_take_after_SIGTERM_in_the_take) {
   recond_->signal(SIGTERM);
   EXPECT_EQ(captured_->wait(within(30)), 0) << log();
   EXPECT_EQ(recond_->wait(within(30)), 0) << log();
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
   EXPECT_THAT(verified.disagreements, IsEmpty());
-  EXPECT_EQ(verified.info.state, TakeState::kComplete);
-  EXPECT_FALSE(MeshFileReader(take().mesh()).index_was_rebuilt());
+  EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
+  EXPECT_FALSE(take::MeshFileReader(take().mesh()).index_was_rebuilt());
 }
 
 TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
@@ -192,13 +193,13 @@ TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
   ASSERT_TRUE(reaches("cap01", "frames_written", 30)) << log();
   captured_->signal(SIGKILL);
   EXPECT_EQ(captured_->wait(within(30)), 128 + SIGKILL);
-  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecording);
+  EXPECT_EQ(load_take_info(take()).state, take::TakeState::kRecording);
   start_captured();
   const auto recovered = [&] {
     return captured_->output().find("recovered take kendo-07") != std::string::npos;
   };
   ASSERT_TRUE(becomes_true(recovered, within(30))) << log();
-  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecovered);
+  EXPECT_EQ(load_take_info(take()).state, take::TakeState::kRecovered);
   EXPECT_GE(verify_take(take()).ledger.cameras[0].written, 7);
 }
 
@@ -206,8 +207,8 @@ TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
 TEST_F(Studio4,
        reports_skipped_pulses_and_ends_the_train_on_all_nodes_when_the_last_one_is_skipped) {
   constexpr int kPulses = 40;
-  Bus bus(studio_.network.lcm_url);
-  Subscription<PulseMessage> pulses(bus, kPulseChannel, 2 * kPulses);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::PulseMessage> pulses(bus, wire::kPulseChannel, 2 * kPulses);
   int64_t last = -1;
   const auto last_received = [&](MonotonicInstant deadline) {
     while (const auto pulse = pulses.wait(deadline)) last = pulse->pulse;
@@ -223,7 +224,7 @@ TEST_F(Studio4,
   captured_->signal(SIGCONT);
 
   ASSERT_TRUE(becomes_idle()) << "without a stop command\n" << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
   EXPECT_FALSE(ledger["complete"]);
   EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
@@ -250,19 +251,19 @@ class OverloadedStudio4 : public Studio4 {
 
 TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_reports_it_once) {
   constexpr int kPulses = 100;
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
-  Subscription<MeshMessage> meshes(bus, kMeshChannel, kPulses);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
+  bus::Subscription<wire::MeshMessage> meshes(bus, wire::kMeshChannel, kPulses);
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_GT(recon["dropped"], 0) << recon;
   EXPECT_GT(recon["meshes"], 0) << recon;
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
-  EXPECT_EQ(MeshFileReader(take().mesh()).pulses().size(), recon["meshes"]);
+  EXPECT_EQ(take::MeshFileReader(take().mesh()).pulses().size(), recon["meshes"]);
   // Whole pulses are dropped: no published mesh lacks a camera.
   int published = 0;
   for (; const auto mesh = meshes.wait(Monotonic::now()); ++published) {
@@ -299,14 +300,15 @@ void flood_with_datagrams(std::mt19937& random) {
 }
 
 /// Sends random bytes and changed messages on channels that the daemons subscribe to.
-void flood_channels(Bus& bus, std::mt19937& random) {
-  CommandMessage command;
+void flood_channels(bus::Bus& bus, std::mt19937& random) {
+  wire::CommandMessage command;
   command.sender = "stranger";
-  const Bytes messages[] = {encode(command), encode(PulseMessage{}), encode(FrameMessage{})};
-  const std::string channels[] = {kCommandChannel, kPulseChannel, frame_channel("cam01"),
-                                  frame_channel("nobody")};
+  const wire::Bytes messages[] = {encode(command), encode(wire::PulseMessage{}),
+                                  encode(wire::FrameMessage{})};
+  const std::string channels[] = {wire::kCommandChannel, wire::kPulseChannel,
+                                  wire::frame_channel("cam01"), wire::frame_channel("nobody")};
   for (int i = 0; i < 2000; ++i) {
-    Bytes bytes = messages[random() % 3];
+    wire::Bytes bytes = messages[random() % 3];
     if (i % 2 == 0) bytes.resize(random() % 300);
     for (int k = 0; k < 4 && !bytes.empty(); ++k) {
       bytes[random() % bytes.size()] = static_cast<uint8_t>(random());
@@ -317,7 +319,7 @@ void flood_channels(Bus& bus, std::mt19937& random) {
 
 TEST_F(Studio4, counts_invalid_messages_on_every_channel_and_continues_recording) {
   arm_and_start(0);
-  Bus bus(studio_.network.lcm_url);
+  bus::Bus bus(studio_.network.lcm_url);
   std::mt19937 random(7);
   flood_channels(bus, random);
   flood_with_datagrams(random);
@@ -326,9 +328,9 @@ TEST_F(Studio4, counts_invalid_messages_on_every_channel_and_continues_recording
   }
   ASSERT_TRUE(captured_->runs());
   ASSERT_TRUE(recond_->runs());
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
 }
 
@@ -336,16 +338,17 @@ TEST_F(Studio4, counts_invalid_messages_on_every_channel_and_continues_recording
 /// check of their MAC.
 class Eavesdropper {
  public:
-  explicit Eavesdropper(const std::string& url, const StudioKey* key = nullptr) : bus_(url) {
+  explicit Eavesdropper(const std::string& url, const wire::StudioKey* key = nullptr) : bus_(url) {
     if (key != nullptr) bus_.authenticator().set_key(*key);
-    subscription_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& message) {
-      const std::lock_guard lock(mutex_);
-      ++received_;
-      if (recording_) recorded_.emplace_back(message.bytes.begin(), message.bytes.end());
-    }));
+    subscription_.emplace(
+        bus_.subscribe(wire::kCommandChannel, [this](const bus::ReceivedMessage& message) {
+          const std::lock_guard lock(mutex_);
+          ++received_;
+          if (recording_) recorded_.emplace_back(message.bytes.begin(), message.bytes.end());
+        }));
   }
   /// Waits up to 30 s for `at_least` commands and returns them. Later commands are only counted.
-  std::vector<Bytes> recorded(size_t at_least) {
+  std::vector<wire::Bytes> recorded(size_t at_least) {
     EXPECT_TRUE(becomes_true([&] { return received() >= at_least; }, within(30)));
     const std::lock_guard lock(mutex_);
     recording_ = false;
@@ -353,9 +356,9 @@ class Eavesdropper {
   }
   /// Sends all messages of `batch`, at most as many as a socket buffer holds, and waits until they
   /// are received here.
-  void send(const std::vector<Bytes>& batch) {
+  void send(const std::vector<wire::Bytes>& batch) {
     const size_t before = received();
-    for (const Bytes& bytes : batch) bus_.publish_command(bytes);
+    for (const wire::Bytes& bytes : batch) bus_.publish_command(bytes);
     ASSERT_TRUE(becomes_true([&] { return received() >= before + batch.size(); }, within(30)));
   }
 
@@ -367,31 +370,31 @@ class Eavesdropper {
   std::mutex mutex_;
   size_t received_ = 0;
   bool recording_ = true;
-  std::vector<Bytes> recorded_;
-  Bus bus_;
-  std::optional<Bus::Listening> subscription_;  // last: its thread uses the other members
+  std::vector<wire::Bytes> recorded_;
+  bus::Bus bus_;
+  std::optional<bus::Bus::Listening> subscription_;  // last: its thread uses the other members
 };
 
 TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
   constexpr int kBatches = 50;
   constexpr int kEach = 20;
-  const StudioKey key = StudioKey::load(studio_.network.key);
+  const wire::StudioKey key = wire::StudioKey::load(studio_.network.key);
   Eavesdropper stranger(studio_.network.lcm_url), attacker(studio_.network.lcm_url, &key);
   arm_and_start(0);
   // Arm, commit, start for one node, start for the other node.
-  const std::vector<Bytes> recorded = attacker.recorded(4);
+  const std::vector<wire::Bytes> recorded = attacker.recorded(4);
   ASSERT_GE(recorded.size(), 4U);
-  CommandMessage stop;
+  wire::CommandMessage stop;
   stop.sender = "stranger";
-  stop.verb = CommandVerb::kStop;
+  stop.verb = wire::CommandVerb::kStop;
   stop.to = {"cap01", "recon01"};
   std::mt19937 random(7);
   for (int i = 0; i < kBatches; ++i) {
-    std::vector<Bytes> batch;
+    std::vector<wire::Bytes> batch;
     for (int k = 0; k < kEach; ++k) {
       stop.counter = i * kEach + k;
       stop.sent = Realtime::now();
-      batch.push_back(encode_with_mac(stop, StudioKey::make()));
+      batch.push_back(encode_with_mac(stop, wire::StudioKey::make()));
       stop.sent -= std::chrono::hours(1);
       batch.push_back(encode_with_mac(stop, key));
       batch.push_back(recorded[random() % recorded.size()]);
@@ -408,9 +411,9 @@ TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands)
     EXPECT_TRUE(reaches(node, "commands_without_nonce", of_each_kind)) << log();
     // Replayed commands whose nonce has expired meanwhile are counted above.
     EXPECT_TRUE(reaches(node, "commands_replayed", 1)) << log();
-    EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
+    EXPECT_EQ(client_->health(within(5)).at(node).state, wire::NodeState::kRecording);
   }
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
@@ -425,11 +428,11 @@ TEST_F(Studio4, rejects_all_commands_without_a_studio_key_and_reports_how_to_mak
     return health.contains("cap01") && health.at("cap01").text.find(text) != std::string::npos;
   };
   EXPECT_TRUE(becomes_true([&] { return reports("v3dctl key new"); }, within(60))) << log();
-  CommandMessage abort;
-  abort.verb = CommandVerb::kAbort;
+  wire::CommandMessage abort;
+  abort.verb = wire::CommandVerb::kAbort;
   EXPECT_THAT(client_->command(abort, within(3)).silent, testing::ElementsAre("cap01"));
   std::filesystem::rename(folder_ / "away", key);
-  EXPECT_TRUE(command(CommandVerb::kAbort).done()) << log();
+  EXPECT_TRUE(command(wire::CommandVerb::kAbort).done()) << log();
 }
 
 TEST_F(Studio4, returns_the_ledger_of_a_take_after_a_restart_of_the_node_in_it) {
@@ -438,7 +441,7 @@ TEST_F(Studio4, returns_the_ledger_of_a_take_after_a_restart_of_the_node_in_it) 
   captured_->signal(SIGKILL);
   captured_->wait(within(30));
   start_captured();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
   EXPECT_EQ(ledger["take"], "kendo-07");

@@ -11,7 +11,7 @@
 #include "support/small_disk.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -34,23 +34,23 @@ class SmallDiskStudio4 : public Studio4 {
 };
 
 TEST_F(SmallDiskStudio4, rejects_arming_when_the_disk_has_too_little_space) {
-  EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text,
+  EXPECT_THAT(command(wire::CommandVerb::kArm).replies.at("cap01").text,
               HasSubstr("needs 1.84 GB for 5 min, 48 MB free (room for"));
-  EXPECT_THAT(command(CommandVerb::kArm, 200).replies.at("cap01").text,
+  EXPECT_THAT(command(wire::CommandVerb::kArm, 200).replies.at("cap01").text,
               HasSubstr("needs 61.4 MB for 200 pulses, 48 MB free"));
-  ASSERT_TRUE(command(CommandVerb::kAbort).done());
+  ASSERT_TRUE(command(wire::CommandVerb::kAbort).done());
   disk_.become_read_only();
-  EXPECT_THAT(command(CommandVerb::kArm, 20).replies.at("cap01").text,
+  EXPECT_THAT(command(wire::CommandVerb::kArm, 20).replies.at("cap01").text,
               HasSubstr("Read-only file system"));
 }
 
 TEST_F(SmallDiskStudio4, reports_a_read_only_disk_before_a_take_is_armed) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   disk_.become_read_only();
   const auto is_reported = [&] {
     while (const auto event = events.wait(Monotonic::now())) {
-      if (event->subject == "disk" && event->severity == Severity::kAlarm) {
+      if (event->subject == "disk" && event->severity == wire::Severity::kAlarm) {
         EXPECT_THAT(event->text, HasSubstr("Read-only file system"));
         return true;
       }
@@ -61,12 +61,12 @@ TEST_F(SmallDiskStudio4, reports_a_read_only_disk_before_a_take_is_armed) {
 }
 
 TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
-  const Answer armed = command(CommandVerb::kArm, 100);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
+  const control::Answer armed = command(wire::CommandVerb::kArm, 100);
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
   disk_.leave((32 + 20) * kPulseBytes);  // the queue and one second of recording
-  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
   std::string event_text;
   const auto ended = [&] {
     while (const auto event = events.wait(Monotonic::now())) {
@@ -78,19 +78,19 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   EXPECT_THAT(event_text, HasSubstr("kendo-07 was stopped: ")) << event_text;
   EXPECT_THAT(event_text, HasSubstr("is nearly full: ")) << event_text;
 
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
   EXPECT_TRUE(ledger["complete"]) << ledger;
   EXPECT_LT(ledger["pulses"]["commanded"], 60) << ledger;
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log();
   EXPECT_FALSE(std::filesystem::exists(take().reserve()));
 }
 
 TEST_F(SmallDiskStudio4, reports_a_lost_disk_at_once_and_fails_to_write_the_ledger) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   arm_and_start(100);
   disk_.vanish();
   const auto is_reported = [&] {
@@ -100,7 +100,7 @@ TEST_F(SmallDiskStudio4, reports_a_lost_disk_at_once_and_fails_to_write_the_ledg
     return false;
   };
   EXPECT_TRUE(becomes_true(is_reported, within(30))) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("cannot write the ledger"));
   EXPECT_THAT(stopped.replies.at("cap01").detail, HasSubstr("commanded"))
       << "the reply holds the ledger";
@@ -132,9 +132,9 @@ class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
 
   /// Every commanded pulse was received, and every received frame is written or listed as missing.
   /// Pulses that the trigger skipped on a busy machine (unsensed) are left out.
-  void expect_every_frame_accounted_for(const Verification& verified) const {
-    const auto unsensed = std::ssize(load_ledger(take().ledger()).unsensed);
-    for (const CameraLedger& camera : verified.ledger.cameras) {
+  void expect_every_frame_accounted_for(const take::Verification& verified) const {
+    const auto unsensed = std::ssize(take::load_ledger(take().ledger()).unsensed);
+    for (const take::CameraLedger& camera : verified.ledger.cameras) {
       EXPECT_GE(camera.written, 10) << camera.name;
       EXPECT_EQ(camera.received, verified.ledger.commanded - unsensed) << camera.name;
       EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing) - unsensed)
@@ -143,8 +143,8 @@ class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
   }
 
   /// Waits up to 60 s for an event about `subject`. False at timeout.
-  bool receives_event(Subscription<EventMessage>& events, const std::string& subject,
-                      Severity severity = Severity::kAlarm) {
+  bool receives_event(bus::Subscription<wire::EventMessage>& events, const std::string& subject,
+                      wire::Severity severity = wire::Severity::kAlarm) {
     const auto is_received = [&] {
       while (const auto event = events.wait(Monotonic::now())) {
         if (event->subject == subject && event->severity == severity) return true;
@@ -156,58 +156,58 @@ class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
 };
 
 TEST_F(BadDiskStudio4, reports_a_slow_disk_before_the_first_frame_is_lost) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   arm_and_start(0);
   set_disk_slow();
   ASSERT_TRUE(receives_event(events, "queue")) << log();
   recover();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(nlohmann::json::parse(stopped.replies.at("cap01").detail)["complete"]) << log();
 }
 
 TEST_F(BadDiskStudio4, drops_the_oldest_frames_of_a_full_queue_and_reports_each) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   arm_and_start(0);
   set_disk_slow();
   ASSERT_TRUE(reaches("cap01", "cam01.frames_dropped", 1)) << log();
   EXPECT_TRUE(receives_event(events, "queue"));
   EXPECT_TRUE(receives_event(events, "disk"));
   recover();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, IsEmpty());
   expect_every_frame_accounted_for(verified);
   EXPECT_GT(verified.ledger.cameras[0].missing.size(), 0U);
 }
 
 TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_frame) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   set_disk_fault("broken");
   ASSERT_TRUE(receives_event(events, "take")) << log();
-  EXPECT_TRUE(receives_event(events, "pulses", Severity::kWarning))
+  EXPECT_TRUE(receives_event(events, "pulses", wire::Severity::kWarning))
       << "pulses that the log lacks" << log();
   ASSERT_TRUE(becomes_idle()) << log();
   recover();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, testing::Each(HasSubstr("pulses.lcmlog: holds ")))
       << "the ledger also counts pulses that could not be written";
-  EXPECT_EQ(verified.info.state, TakeState::kComplete);
+  EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
   EXPECT_FALSE(verified.ledger.complete());
   expect_every_frame_accounted_for(verified);
 }
 
 TEST_F(BadDiskStudio4, ends_a_take_that_cannot_be_synced_and_does_not_report_it_as_complete) {
-  Bus bus(studio_.network.lcm_url);
-  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  bus::Bus bus(studio_.network.lcm_url);
+  bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   set_disk_fault("forgets");
@@ -221,9 +221,10 @@ TEST_F(BadDiskStudio4, ends_a_take_that_cannot_be_synced_and_does_not_report_it_
   ASSERT_TRUE(becomes_true(stays_open, within(60))) << log();
   EXPECT_THAT(text, HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04: "));
   EXPECT_THAT(text, HasSubstr("Input/output error"));
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("kendo-07 stays open: ")) << log();
-  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecording) << "the next start counts it";
+  EXPECT_EQ(load_take_info(take()).state, take::TakeState::kRecording)
+      << "the next start counts it";
 }
 
 }  // namespace

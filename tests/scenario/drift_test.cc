@@ -6,7 +6,7 @@
 #include "base/config/calib_file.h"
 #include "daemon/bus/bus.h"
 #include "studio4.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -21,7 +21,7 @@ constexpr double kShiftPx = 4;
 class Studio12 : public test::Studio4 {
  protected:
   Studio12() : Studio4({.cameras = 12, .rate = "10"}), bus_(studio_.network.lcm_url) {}
-  void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
+  void SetUp() override { events_.emplace(bus_, wire::kEventChannel, 1024); }
 
   /// Shifts the principal point of cam03 in the rig file, as if its image had moved to the left
   /// since the calibration.
@@ -35,29 +35,29 @@ class Studio12 : public test::Studio4 {
   }
 
   /// Events about displaced cameras since the last call.
-  std::vector<EventMessage> displacement_events() {
-    std::vector<EventMessage> found;
+  std::vector<wire::EventMessage> displacement_events() {
+    std::vector<wire::EventMessage> found;
     while (auto event = events_->wait(Monotonic::now())) {
       if (event->text.find("displaced") != std::string::npos) found.push_back(*std::move(event));
     }
     return found;
   }
 
-  Bus bus_;
-  std::optional<Subscription<EventMessage>> events_;
+  bus::Bus bus_;
+  std::optional<bus::Subscription<wire::EventMessage>> events_;
 };
 
 TEST_F(Studio12, reports_the_displaced_camera_alone_and_no_camera_before) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "cam03.drift_px", 0)) << log();
-  ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
   EXPECT_THAT(displacement_events(), testing::IsEmpty()) << log();
 
   displace_camera();
   take_name_ = "kendo-08";
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "cam03.drift_px", kShiftPx / 2)) << log();
-  std::vector<EventMessage> events;
+  std::vector<wire::EventMessage> events;
   EXPECT_TRUE(becomes_true(
       [&] {
         events = displacement_events();
@@ -67,11 +67,11 @@ TEST_F(Studio12, reports_the_displaced_camera_alone_and_no_camera_before) {
       << log();
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events[0].subject, "cam03");
-  EXPECT_EQ(events[0].severity, Severity::kAlarm);
+  EXPECT_EQ(events[0].severity, wire::Severity::kAlarm);
   EXPECT_THAT(events[0].text, HasSubstr("are shifted by"));
   EXPECT_THAT(events[0].text, HasSubstr("calibrate it again"));
   EXPECT_NEAR(value("recon01", "cam03.drift_px"), kShiftPx, 1.5);
-  ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
 }
 
 }  // namespace

@@ -13,8 +13,8 @@
 #include "studio4.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
-#include "v3d-sim/take_check.h"
-#include "wire/channels.h"
+#include "v3d-sim/sim_commands.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -49,7 +49,7 @@ class FaultyStudio : public Studio4 {
   explicit FaultyStudio(const std::string& faults, const std::string& rate_hz = "10")
       : Studio4({.faults = faults, .rate = rate_hz}), bus_(studio_.network.lcm_url) {}
 
-  void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
+  void SetUp() override { events_.emplace(bus_, wire::kEventChannel, 1024); }
 
   /// Records a take of `pulses` pulses to its end.
   void record(int64_t pulses) {
@@ -77,16 +77,16 @@ class FaultyStudio : public Studio4 {
 
   /// Stops the take and compares it with the simulator's record.
   void stop_and_check() {
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
     verified_ = verify_take(take());
     EXPECT_THAT(verified_.disagreements, IsEmpty());
-    EXPECT_EQ(verified_.info.state, TakeState::kComplete);
+    EXPECT_EQ(verified_.info.state, take::TakeState::kComplete);
     EXPECT_EQ(verified_.ledger.sensed, verified_.ledger.commanded);
     exposures_ = sim::load_exposures(folder_ / "exposures.csv");
     check_ = sim::check_take(take().folder, exposures_);
     EXPECT_EQ(check_.mislabelled_not_suspect, 0) << testing::PrintToString(check_.problems);
-    for (const CameraLedger& camera : verified_.ledger.cameras) {
+    for (const take::CameraLedger& camera : verified_.ledger.cameras) {
       if (camera.name == "cam02") continue;
       EXPECT_THAT(camera.missing, IsEmpty()) << camera.name;
       EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
@@ -107,7 +107,7 @@ class FaultyStudio : public Studio4 {
     return pulses;
   }
 
-  const CameraLedger& faulty() const { return verified_.ledger.cameras.at(1); }
+  const take::CameraLedger& faulty() const { return verified_.ledger.cameras.at(1); }
   std::string verdict() const { return verified_.ledger.verdict(); }
 
   /// Expects that one gap of at least `pulses` pulses begins at `first`: the camera thaws with its
@@ -142,10 +142,10 @@ class FaultyStudio : public Studio4 {
   }
 
   int64_t first_edge_ = kEmptyPulses;  ///< edge of pulse 0 of the take
-  Bus bus_;
-  std::optional<Subscription<EventMessage>> events_;
+  bus::Bus bus_;
+  std::optional<bus::Subscription<wire::EventMessage>> events_;
   std::vector<std::string> reported_;
-  Verification verified_;
+  take::Verification verified_;
   std::vector<sim::ExposureLine> exposures_;
   sim::TakeCheck check_;
 };
@@ -314,7 +314,7 @@ class BlackImage : public FaultyStudio {
 TEST_F(BlackImage, is_recorded_under_its_pulse_like_any_other) {
   record(kPulses);
   EXPECT_TRUE(verified_.whole()) << verdict();
-  FrameLogReader frames(take().frames("cam02"));
+  take::FrameLogReader frames(take().frames("cam02"));
   EXPECT_THAT(frames.read(10)->image.bytes, testing::Each(0));
   EXPECT_THAT(frames.read(11)->image.bytes, testing::Contains(testing::Ne(0)));
 }

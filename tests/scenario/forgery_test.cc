@@ -11,7 +11,7 @@
 #include "studio4.h"
 #include "support/raw_datagrams.h"
 #include "take/ledger/verify.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -24,7 +24,7 @@ using test::within;
 class Attacker {
  public:
   explicit Attacker(const std::string& url) : raw_(url), bus_(url), other_key_(url) {
-    other_key_.authenticator().set_key(StudioKey::make());
+    other_key_.authenticator().set_key(wire::StudioKey::make());
   }
   size_t record(size_t count) {
     const auto more = raw_.receive_all(count, std::chrono::seconds(5));
@@ -32,7 +32,7 @@ class Attacker {
     return recorded_.size();
   }
   /// Sends a message without a MAC, or with the MAC of another key.
-  void send(const std::string& channel, const Bytes& bytes, bool with_other_key) {
+  void send(const std::string& channel, const wire::Bytes& bytes, bool with_other_key) {
     (with_other_key ? other_key_ : bus_).publish_authenticated(channel, bytes);
   }
   /// Sends each recorded datagram again, and once more with a changed bit.
@@ -47,8 +47,8 @@ class Attacker {
  private:
   const test::RawSocket raw_;
   std::vector<test::RawDatagram> recorded_;
-  Bus bus_;
-  Bus other_key_;
+  bus::Bus bus_;
+  bus::Bus other_key_;
 };
 
 class ForgedStudio : public Studio4 {
@@ -57,7 +57,7 @@ class ForgedStudio : public Studio4 {
       : Studio4({.rate = "10", .has_members = has_members, .two_nodes = true}) {}
 
   static constexpr int kFramesAfterAttack = 40;
-  using Send = std::function<void(const std::string& channel, const Bytes& bytes)>;
+  using Send = std::function<void(const std::string& channel, const wire::Bytes& bytes)>;
   /// Fills in time and sequence number as a node of the studio does, and sends the message.
   template <class M>
   static void forge(const Send& send, const std::string& channel, M message, int64_t seq) {
@@ -66,47 +66,47 @@ class ForgedStudio : public Studio4 {
     send(channel, encode(message));
   }
   void forge_messages(const Send& send, int64_t seq) const {
-    HealthMessage idle;
+    wire::HealthMessage idle;
     idle.node = "cap01";
-    forge(send, health_channel("cap01"), idle, seq);
-    PulseMessage pulse;
+    forge(send, wire::health_channel("cap01"), idle, seq);
+    wire::PulseMessage pulse;
     pulse.take = take_name_;
     pulse.pulse = 9000 + seq;
-    forge(send, kPulseChannel, pulse, seq);
-    EventMessage event;
+    forge(send, wire::kPulseChannel, pulse, seq);
+    wire::EventMessage event;
     event.node = "cap01";
-    event.severity = Severity::kAlarm;
+    event.severity = wire::Severity::kAlarm;
     event.text = "forged";
-    forge(send, kEventChannel, event, seq);
+    forge(send, wire::kEventChannel, event, seq);
   }
   /// Messages that cap02 may send, and a frame of cam01.
   void forge_more(const Send& send, int64_t seq) const {
-    HealthMessage full;
+    wire::HealthMessage full;
     full.node = "cap02";
-    full.state = NodeState::kRecording;
+    full.state = wire::NodeState::kRecording;
     full.take = take_name_;
     full.values["disk_full_flag"] = 1;
-    forge(send, health_channel("cap02"), full, seq);
+    forge(send, wire::health_channel("cap02"), full, seq);
     forge_frame(send, seq);
   }
   void forge_frame(const Send& send, int64_t seq) const {
-    FrameMessage frame;
+    wire::FrameMessage frame;
     frame.take = take_name_;
     frame.frame.camera = "cam01";
     frame.frame.label.pulse = 9000 + seq;
     frame.frame.sensor_size = {320, 240};
     frame.frame.mask = Mask({320, 240});
     frame.frame.image = Image({0, 0}, PixelFormat::kBayerRG8);
-    forge(send, frame_channel("cam01"), frame, seq);
+    forge(send, wire::frame_channel("cam01"), frame, seq);
   }
   /// Checks that all nodes still record and that both takes are complete after stop. Returns the
   /// reply of recon01.
   nlohmann::json expect_a_complete_take() {
     record_to_the_end();
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
     for (const auto& folder : {take().folder, folder_ / "cap02" / take_name_}) {
-      const Verification verified = verify_take({folder});
+      const take::Verification verified = take::verify_take({folder});
       EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
     }
     return nlohmann::json::parse(stopped.replies.at("recon01").detail);
@@ -119,7 +119,7 @@ class ForgedStudio : public Studio4 {
       EXPECT_NE(event->text, "forged");
     }
     for (const auto& [node, health] : client_->health(within(5))) {
-      EXPECT_EQ(health.state, NodeState::kRecording) << node << ": " << health.text;
+      EXPECT_EQ(health.state, wire::NodeState::kRecording) << node << ": " << health.text;
     }
   }
 };
@@ -132,7 +132,7 @@ TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_w
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
   std::mt19937 random(7);
   for (int64_t seq = 0; seq < kForged; ++seq) {
-    const Send send = [&](const std::string& channel, const Bytes& bytes) {
+    const Send send = [&](const std::string& channel, const wire::Bytes& bytes) {
       attacker.send(channel, bytes, seq % 2 == 1);
     };
     forge_messages(send, seq);
@@ -156,22 +156,24 @@ TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_w
 class MemberStudioWithForger : public ForgedStudio {
  protected:
   MemberStudioWithForger() : ForgedStudio(true) {
-    forger_.authenticator().set_key(StudioKey::load(studio_.network.key));
+    forger_.authenticator().set_key(wire::StudioKey::load(studio_.network.key));
     forger_.authenticator().members().require();
     forger_.authenticator().members().set_signing_key(cap02_);
-    forger_.authenticator().members().set_members(std::make_shared<const MemberList>(members_));
+    forger_.authenticator().members().set_members(
+        std::make_shared<const wire::MemberList>(members_));
   }
 
-  Bus forger_{studio_.network.lcm_url, {}, ChannelList(studio_)};
+  bus::Bus forger_{studio_.network.lcm_url, {}, bus::ChannelList(studio_)};
   /// The forger subscribes, so that its session answers freshness questions.
-  const Bus::Listening answers_ = forger_.subscribe(kEventChannel, [](const ReceivedMessage&) {});
+  const bus::Bus::Listening answers_ =
+      forger_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});
 };
 
 TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_of_another) {
   constexpr int64_t kForged = 50;
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
-  const Send send = [&](const std::string& channel, const Bytes& bytes) {
+  const Send send = [&](const std::string& channel, const wire::Bytes& bytes) {
     forger_.publish_authenticated(channel, bytes);
   };
   int64_t seq = 0;
@@ -195,17 +197,17 @@ TEST_F(MemberStudioWithForger, uses_no_frame_that_one_node_sends_for_the_camera_
   constexpr int64_t kForged = 50;
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "meshes", 5)) << log();
-  const Send with_studio_key = [&](const std::string& channel, const Bytes& bytes) {
+  const Send with_studio_key = [&](const std::string& channel, const wire::Bytes& bytes) {
     forger_.publish_authenticated(channel, bytes);
   };
-  const Send with_own_frame_key = [&](const std::string& channel, const Bytes& bytes) {
+  const Send with_own_frame_key = [&](const std::string& channel, const wire::Bytes& bytes) {
     forger_.publish_frame(0, channel, bytes);
   };
   int64_t seq = 0;
   const auto are_reported = [&](const Send& send, const std::string& line) {
     forger_.announce_frame_key("cap02");
     for (int i = 0; i < 10; ++i) forge_frame(send, ++seq);
-    const HealthMessage health = client_->health(within(5))["recon01"];
+    const wire::HealthMessage health = client_->health(within(5))["recon01"];
     return health.values.contains("messages_unsigned") &&
            health.values.at("messages_unsigned") >= kForged &&
            health.text.find(line) != std::string::npos;

@@ -38,7 +38,7 @@ class HangingDiskViewer : public test::ViewedStudio {
   void record_take() {
     arm_and_start(20);
     ASSERT_TRUE(becomes_idle()) << log();
-    ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+    ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
     test::write_text(take().folder / "scene.json", "{}");
     test::write_text(take().folder / "film.mp4", "film");
     std::filesystem::resize_file(take().folder / "film.mp4", kFilmBytes);

@@ -17,8 +17,8 @@
 #include "support/raw_datagrams.h"
 #include "take/ledger/verify.h"
 #include "viewed_studio.h"
-#include "wire/channels.h"
 #include "wire/datagram_mac.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -112,8 +112,8 @@ class Attacker {
     for (int i = 0; i < 64; ++i) {
       RawDatagram datagram = network_.receive(Duration::zero());
       if (datagram.empty()) return;
-      if (datagram.size() <= kMacTrailerSize) continue;
-      const auto trailer = read_trailer(std::span(datagram).last<kMacTrailerSize>());
+      if (datagram.size() <= wire::kMacTrailerSize) continue;
+      const auto trailer = wire::read_trailer(std::span(datagram).last<wire::kMacTrailerSize>());
       if (!trailer || trailer->sent <= newest_) continue;
       newest_ = trailer->sent;
       recorded_[recordings_++ % recorded_.size()] = std::move(datagram);
@@ -133,7 +133,7 @@ class Attacker {
     const auto number = static_cast<uint32_t>(total_);
     switch (kind) {
       case Attack::kNoNul:
-        return short_datagram(number, kCommandChannel);
+        return short_datagram(number, wire::kCommandChannel);
       case Attack::kOffsetThatWraps: {
         RawDatagram bytes = fragment_header({.sequence = number,
                                              .message_size = 8192,
@@ -148,13 +148,14 @@ class Attacker {
       case Attack::kClaimOf1MB:
         return claim_of(1U << 20, number);
       case Attack::kInventedChannel:
-        return short_datagram(number, frame_channel("invented" + std::to_string(number)) + '\0');
+        return short_datagram(number,
+                              wire::frame_channel("invented" + std::to_string(number)) + '\0');
       case Attack::kForgedCommand:
         return forged_command(number);
       case Attack::kLongForgedCommand: {
         RawDatagram bytes = forged_command(number);
         bytes.resize(16'000, 'x');
-        const auto trailer = MacTrailer{.session = number, .sent = Realtime::now()}.bytes();
+        const auto trailer = wire::MacTrailer{.session = number, .sent = Realtime::now()}.bytes();
         bytes.insert(bytes.end(), trailer.begin(), trailer.end());
         return bytes;
       }
@@ -172,18 +173,18 @@ class Attacker {
   static RawDatagram claim_of(uint32_t size, uint32_t number) {
     const auto count = static_cast<uint16_t>(size / 60'000 + 1);
     RawDatagram bytes = fragment_header({.sequence = number, .message_size = size, .count = count});
-    put_text(bytes, std::string(kCommandChannel) + '\0' + "x");
+    put_text(bytes, std::string(wire::kCommandChannel) + '\0' + "x");
     return bytes;
   }
 
   RawDatagram forged_command(uint32_t number) const {
-    CommandMessage command;
+    wire::CommandMessage command;
     command.sender = "operator@desk/1/2";
-    command.verb = CommandVerb::kStop;
+    command.verb = wire::CommandVerb::kStop;
     command.take = "kendo-07";
     command.counter = number;
-    RawDatagram bytes = short_datagram(number, std::string(kCommandChannel) + '\0');
-    const Bytes authenticated = encode_with_mac(command, other_key_);
+    RawDatagram bytes = short_datagram(number, std::string(wire::kCommandChannel) + '\0');
+    const wire::Bytes authenticated = encode_with_mac(command, other_key_);
     bytes.insert(bytes.end(), authenticated.begin(), authenticated.end());
     return bytes;
   }
@@ -192,11 +193,11 @@ class Attacker {
   static RawDatagram forged_fragment(uint32_t number) {
     constexpr uint32_t kHalf = 64'000;
     RawDatagram bytes = fragment_header({.sequence = number,
-                                         .message_size = 2 * kHalf + kMacTrailerSize,
+                                         .message_size = 2 * kHalf + wire::kMacTrailerSize,
                                          .offset = kHalf,
                                          .number = 1});
     bytes.resize(bytes.size() + kHalf, 'x');
-    const auto trailer = MacTrailer{.session = number, .sent = Realtime::now()}.bytes();
+    const auto trailer = wire::MacTrailer{.session = number, .sent = Realtime::now()}.bytes();
     bytes.insert(bytes.end(), trailer.begin(), trailer.end());
     return bytes;
   }
@@ -246,7 +247,7 @@ class Attacker {
   const RawSocket network_;
   const int port_;
   const int burst_ = burst();
-  const StudioKey other_key_ = StudioKey::make();
+  const wire::StudioKey other_key_ = wire::StudioKey::make();
   std::array<RawDatagram, 256> recorded_;
   size_t recordings_ = 0;
   RealtimeInstant newest_{};
@@ -292,12 +293,12 @@ class HostileNetwork : public ViewedStudio {
       cost.growth_kb = std::max(cost.growth_kb, now.resident_kb - before[i].resident_kb);
     }
     const MonotonicInstant stop_sent = Monotonic::now();
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     const double stop_s = to_seconds(Monotonic::now() - stop_sent);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
     EXPECT_LT(stop_s, kMaxStopS);
     std::printf("%s: stop was executed in %.2f s\n", name.c_str(), stop_s);
-    const Verification found = verify_take(take());
+    const take::Verification found = verify_take(take());
     EXPECT_TRUE(found.whole()) << found.ledger.verdict();
     return cost;
   }

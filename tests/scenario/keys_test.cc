@@ -7,7 +7,7 @@
 #include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "take/ledger/verify.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -19,16 +19,16 @@ using test::within;
 TEST_F(Studio4, replaces_its_key_while_it_records_and_loses_no_frame) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
-  const StudioKey next = StudioKey::make();
+  const wire::StudioKey next = wire::StudioKey::make();
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
 
   // A receiver with only the new key accepts messages of all nodes, and the nodes accept each
   // other's.
-  Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus::Bus renewed(studio_.network.lcm_url, {}, bus::ChannelList(studio_));
   renewed.authenticator().set_key(next);
-  Subscription<HealthMessage> captured(renewed, health_channel("cap01"), 16);
-  Subscription<HealthMessage> recond(renewed, health_channel("recon01"), 16);
+  bus::Subscription<wire::HealthMessage> captured(renewed, wire::health_channel("cap01"), 16);
+  bus::Subscription<wire::HealthMessage> recond(renewed, wire::health_channel("recon01"), 16);
   ASSERT_TRUE(captured.wait(within(60))) << log();
   ASSERT_TRUE(recond.wait(within(60))) << log();
   ASSERT_TRUE(reaches("cap01", "frames_written", value("cap01", "frames_written") + 40)) << log();
@@ -37,10 +37,10 @@ TEST_F(Studio4, replaces_its_key_while_it_records_and_loses_no_frame) {
   for (const char* node : {"cap01", "recon01"})
     EXPECT_EQ(value(node, "messages_forged"), 0) << node;
 
-  OperatorClient newcomer(studio_);
-  CommandMessage stop;
-  stop.verb = CommandVerb::kStop;
-  const Answer stopped = newcomer.command(stop, within(60));
+  control::OperatorClient newcomer(studio_);
+  wire::CommandMessage stop;
+  stop.verb = wire::CommandVerb::kStop;
+  const control::Answer stopped = newcomer.command(stop, within(60));
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
   EXPECT_THAT(log(), testing::HasSubstr("a new studio key"));
@@ -61,17 +61,18 @@ class MemberStudio4 : public Studio4 {
 
 TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_its_revocation) {
   std::filesystem::copy_file(folder_ / "members.toml", folder_ / "members.old.toml");
-  OperatorClient bob(studio_of_bob());
-  CommandMessage arm;
-  arm.verb = CommandVerb::kArm;
+  control::OperatorClient bob(studio_of_bob());
+  wire::CommandMessage arm;
+  arm.verb = wire::CommandVerb::kArm;
   arm.take = take_name_;
-  const Answer armed = bob.command(arm, within(60));
+  const control::Answer armed = bob.command(arm, within(60));
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
 
-  MemberList without_bob = members_;
-  std::erase_if(without_bob.members, [](const Member& member) { return member.name == "bob"; });
+  wire::MemberList without_bob = members_;
+  std::erase_if(without_bob.members,
+                [](const wire::Member& member) { return member.name == "bob"; });
   ++without_bob.serial;
   write_members(without_bob);
   const auto is_in_force = [&] {
@@ -79,13 +80,13 @@ TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_
            recond_->output().find("member list 2 is in force") != std::string::npos;
   };
   ASSERT_TRUE(becomes_true(is_in_force, within(60))) << log();
-  CommandMessage stop;
-  stop.verb = CommandVerb::kStop;
+  wire::CommandMessage stop;
+  stop.verb = wire::CommandVerb::kStop;
   EXPECT_THAT(bob.command(stop, within(2)).silent,
               testing::UnorderedElementsAre("cap01", "recon01"));
   for (const char* node : {"cap01", "recon01"}) {
     EXPECT_TRUE(reaches(node, "commands_forged", 1)) << log();
-    EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
+    EXPECT_EQ(client_->health(within(5)).at(node).state, wire::NodeState::kRecording);
   }
   // An older list does not restore Bob's rights, and no daemon was restarted.
   std::filesystem::copy_file(folder_ / "members.old.toml", folder_ / "members.toml",
@@ -96,7 +97,7 @@ TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_
   ASSERT_TRUE(becomes_true(is_rejected, within(60))) << log();
   EXPECT_EQ(bob.command(stop, within(2)).silent.size(), 2U);
 
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
@@ -106,7 +107,7 @@ TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_
 TEST_F(MemberStudio4, reconstructs_again_after_a_restart_but_not_with_an_older_member_list) {
   const std::filesystem::path old_list = folder_ / "members.old.toml";
   std::filesystem::copy_file(folder_ / "members.toml", old_list);
-  MemberList next = members_;
+  wire::MemberList next = members_;
   next.serial = 2;
   write_members(next);
   arm_and_start(0);
@@ -128,7 +129,7 @@ TEST_F(MemberStudio4, reconstructs_again_after_a_restart_but_not_with_an_older_m
   ASSERT_TRUE(reaches("recon01", "live_fps", 5)) << log();
   EXPECT_TRUE(reaches("recon01", "meshes", value("recon01", "meshes") + 5)) << log();
   EXPECT_EQ(value("recon01", "messages_forged"), 0);
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }

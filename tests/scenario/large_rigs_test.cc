@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/geometry/camera_model.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

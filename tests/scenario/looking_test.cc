@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/image/jpeg.h"
+#include "base/image/image_files.h"
 #include "studio4.h"
 
 namespace v3d {
@@ -40,10 +40,10 @@ class MonitoredStudio : public test::Studio4 {
 TEST_F(MonitoredStudio, checks_its_cameras_without_recording_and_sends_previews) {
   take_name_ = "check";
   client_->next_preview(Monotonic::now());
-  const Answer armed = command(CommandVerb::kCheck, kPulses);
+  const control::Answer armed = command(wire::CommandVerb::kCheck, kPulses);
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
-  std::map<std::string, PreviewMessage> previews;
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
+  std::map<std::string, wire::PreviewMessage> previews;
   const auto all_cameras_seen = [&] {
     while (auto preview = client_->next_preview(Monotonic::now())) {
       const std::string camera = preview->camera;
@@ -60,10 +60,10 @@ TEST_F(MonitoredStudio, checks_its_cameras_without_recording_and_sends_previews)
 
   const auto idle_again = [&] {
     const auto health = client_->health(within(5));
-    return health.contains("cap01") && health.at("cap01").state == NodeState::kIdle;
+    return health.contains("cap01") && health.at("cap01").state == wire::NodeState::kIdle;
   };
   ASSERT_TRUE(becomes_true(idle_again, within(30))) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const auto account = nlohmann::json::parse(stopped.replies.at("cap01").detail);
   EXPECT_EQ(account["pulses"]["sensed"], kPulses);
@@ -84,17 +84,17 @@ TEST_F(MonitoredStudio, records_a_short_take_when_it_is_calibrated_live) {
     if (entry.path().filename().string().starts_with("calibration-"))
       take_name_ = entry.path().filename();
   }
-  const TakeInfo info = load_take_info(take());
+  const take::TakeInfo info = load_take_info(take());
   EXPECT_THAT(info.name, StartsWith("calibration-"));
   EXPECT_EQ(info.pulses, 5);
   EXPECT_EQ(info.rate_hz, 5);
-  EXPECT_EQ(info.state, TakeState::kComplete);
+  EXPECT_EQ(info.state, take::TakeState::kComplete);
 }
 
 TEST_F(MonitoredStudio, records_boards_with_an_initial_rig_before_the_first_calibration) {
   std::filesystem::remove(studio_.storage.calib);
   take_name_ = "boards";
-  const Answer refused = command(CommandVerb::kArm);
+  const control::Answer refused = command(wire::CommandVerb::kArm);
   EXPECT_FALSE(refused.done());
   EXPECT_THAT(text_of(refused), HasSubstr("v3dctl calibrate guess makes a first one"));
   const std::vector<std::string> guess = {"calibrate", "guess", "--size",
@@ -113,7 +113,7 @@ TEST_F(MonitoredStudio, reports_its_machine_and_its_rates_in_health) {
   EXPECT_GT(value("cap01", "disk_seconds_left"), 0) << "also while pulses run";
   EXPECT_EQ(value("cap01", "cam01.streaming_flag"), 1);
   EXPECT_FALSE(client_->health(within(5)).at("cap01").version.empty());
-  EXPECT_TRUE(command(CommandVerb::kStop).done()) << log();
+  EXPECT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
 }
 
 }  // namespace

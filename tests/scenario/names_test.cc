@@ -47,18 +47,18 @@ class DuplicateNodeName : public Studio4 {
 TEST_F(DuplicateNodeName, rejects_arming_until_one_process_has_ended) {
   start_duplicate();
   ASSERT_TRUE(raises_alarm()) << log() << duplicate_->output();
-  const Answer rejected = command(CommandVerb::kArm, 10);
+  const control::Answer rejected = command(wire::CommandVerb::kArm, 10);
   EXPECT_FALSE(rejected.done());
   EXPECT_THAT(text_of(rejected), testing::HasSubstr("another process sends as node cap01"));
   duplicate_.reset();
-  EXPECT_TRUE(becomes_true([&] { return command(CommandVerb::kArm, 10).done(); }, within(60)))
+  EXPECT_TRUE(becomes_true([&] { return command(wire::CommandVerb::kArm, 10).done(); }, within(60)))
       << log();
 }
 
 TEST_F(DuplicateNodeName, does_not_damage_a_running_take) {
   arm_and_start(100);
   ASSERT_TRUE(becomes_true(
-      [&] { return client_->health(within(5))["cap01"].state == NodeState::kRecording; },
+      [&] { return client_->health(within(5))["cap01"].state == wire::NodeState::kRecording; },
       within(60)))
       << log();
   start_duplicate();
@@ -67,13 +67,13 @@ TEST_F(DuplicateNodeName, does_not_damage_a_running_take) {
       [&] {
         const auto health = client_->health(within(5));
         return std::ranges::none_of(health, [](const auto& entry) {
-          return entry.second.state == NodeState::kRecording ||
-                 entry.second.state == NodeState::kDraining;
+          return entry.second.state == wire::NodeState::kRecording ||
+                 entry.second.state == wire::NodeState::kDraining;
         });
       },
       within(60)))
       << log();
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
 }
 
@@ -83,10 +83,10 @@ TEST_F(DuplicateNodeName, is_stopped_by_the_process_that_records) {
   start_duplicate();
   ASSERT_TRUE(raises_alarm()) << log() << duplicate_->output();
   ASSERT_TRUE(duplicate_knows()) << duplicate_->output();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log() << duplicate_->output();
   EXPECT_THAT(stopped.replies.at("cap01").detail, testing::HasSubstr("\"complete\":true"));
-  const Verification verified = verify_take(take());
+  const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
 }
 

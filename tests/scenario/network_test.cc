@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/control/operator_client.h"
 #include "sim/cameras/trigger_cable.h"
 #include "support/child_process.h"
@@ -14,8 +14,8 @@
 #include "support/lossy_switch.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
-#include "trigger/wire_socket.h"
-#include "wire/channels.h"
+#include "trigger/simulated_trigger.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -93,7 +93,7 @@ class StudioOf16 : public testing::Test {
   /// Connects the trigger's cable to the cameras of all hosts.
   void connect_trigger() {
     for (int i = 0; i < kCameras; ++i) {
-      wires_.push_back(std::make_unique<WireSocket>(folder_ / node(i) / "trigger.sock"));
+      wires_.push_back(std::make_unique<trigger::WireSocket>(folder_ / node(i) / "trigger.sock"));
     }
     cable_.emplace(folder_ / "trigger.sock", [this](int64_t, MonotonicInstant at) {
       for (const auto& wire : wires_) {
@@ -107,14 +107,15 @@ class StudioOf16 : public testing::Test {
              name + ".log");
   }
 
-  Answer command(CommandVerb verb, const std::string& take = "", int64_t pulses = 0) {
-    CommandMessage order;
+  control::Answer command(wire::CommandVerb verb, const std::string& take = "",
+                          int64_t pulses = 0) {
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = take;
     order.pulses = pulses;
     return client_->command(order, within(60));
   }
-  std::string text_of(const Answer& answer) {
+  std::string text_of(const control::Answer& answer) {
     std::string text;
     for (const auto& [name, reply] : answer.replies) text += name + ": " + reply.text + "\n";
     for (const std::string& name : answer.silent) {
@@ -127,7 +128,7 @@ class StudioOf16 : public testing::Test {
   std::map<std::string, int64_t> injected() const {
     std::map<std::string, int64_t> lost;
     for (const StudioCamera& camera : load_studio(folder_ / node(0) / "studio.toml").cameras) {
-      lost[camera.name] = switch_->lost(frame_channel(camera.name), kRecon);
+      lost[camera.name] = switch_->lost(wire::frame_channel(camera.name), kRecon);
     }
     return lost;
   }
@@ -148,7 +149,7 @@ class StudioOf16 : public testing::Test {
     return edges == edges_before + kPulses;
   }
   /// Compares the losses that the nodes report with those that the switch injected since `before`.
-  void check_losses(const Answer& stopped, const std::map<std::string, int64_t>& before,
+  void check_losses(const control::Answer& stopped, const std::map<std::string, int64_t>& before,
                     bool has_all_pulses) {
     const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
     const auto now = injected();
@@ -169,23 +170,24 @@ class StudioOf16 : public testing::Test {
   /// Every node has a complete take on its disk, in spite of lost messages of the trigger's node.
   void check_disks(const std::string& take) {
     for (int i = 0; i < kCameras; ++i) {
-      const Verification verified = verify_take({folder_ / node(i) / take});
+      const take::Verification verified = take::verify_take({folder_ / node(i) / take});
       EXPECT_TRUE(verified.whole()) << node(i) << ": " << verified.ledger.verdict();
     }
   }
   void record_takes(int count) {
-    const Answer learnt = command(CommandVerb::kBackground, "", 8);
+    const control::Answer learnt = command(wire::CommandVerb::kBackground, "", 8);
     ASSERT_TRUE(learnt.done()) << text_of(learnt);
     for (int i = 0; i < count; ++i) {
       const auto before = injected();
       const int64_t edges = cable_->edges();
-      const Answer armed = command(CommandVerb::kArm, "take-" + std::to_string(i), kPulses);
+      const control::Answer armed =
+          command(wire::CommandVerb::kArm, "take-" + std::to_string(i), kPulses);
       ASSERT_TRUE(armed.done()) << "take " << i << "\n" << text_of(armed);
-      const Answer started = command(CommandVerb::kStart);
+      const control::Answer started = command(wire::CommandVerb::kStart);
       ASSERT_TRUE(started.done()) << "take " << i << "\n" << text_of(started);
       const bool has_all_pulses = train_has_all(edges);
       whole_trains_ += has_all_pulses;
-      const Answer stopped = command(CommandVerb::kStop);
+      const control::Answer stopped = command(wire::CommandVerb::kStop);
       ASSERT_TRUE(stopped.done()) << "take " << i << "\n" << text_of(stopped);
       check_losses(stopped, before, has_all_pulses);
       if (has_all_pulses && whole_trains_ == 1) check_disks("take-" + std::to_string(i));
@@ -205,10 +207,10 @@ class StudioOf16 : public testing::Test {
   const test::TemporaryFolder folder_;
   const test::HostNetwork network_{kRecon + 1};
   std::optional<LossySwitch> switch_;
-  std::vector<std::unique_ptr<WireSocket>> wires_;
+  std::vector<std::unique_ptr<trigger::WireSocket>> wires_;
   std::optional<sim::TriggerCable> cable_;
   std::vector<std::unique_ptr<ChildProcess>> processes_;
-  std::optional<OperatorClient> client_;
+  std::optional<control::OperatorClient> client_;
   int whole_trains_ = 0;
   int64_t lost_ = 0;
   int64_t late_ = 0;

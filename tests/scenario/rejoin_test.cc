@@ -8,10 +8,10 @@
 #include "recon/pipeline/compact_frame.h"
 #include "sim/cameras/exposure_record.h"
 #include "studio4.h"
-#include "take/join_parts.h"
 #include "take/ledger/verify.h"
 #include "take/logs/mesh_file.h"
-#include "v3d-sim/take_check.h"
+#include "take/take_transfer.h"
+#include "v3d-sim/sim_commands.h"
 
 namespace v3d {
 namespace {
@@ -50,12 +50,12 @@ class StudioOfThree : public Studio4 {
     ASSERT_TRUE(reaches("cap02", "cam04.frames_per_second", 5)) << log();
     const double before = value("cap02", "frames_written");
     ASSERT_TRUE(reaches("cap02", "frames_written", before + 30)) << log();
-    stopped_ = command(CommandVerb::kStop);
+    stopped_ = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped_.done()) << text_of(stopped_) << log();
   }
   /// Joins the parts of both nodes and compares them with the simulator's record of all exposures.
   void check_joined() {
-    const TakePaths whole{folder_ / "joined"};
+    const take::TakePaths whole{folder_ / "joined"};
     join_parts({take(), {folder_ / "cap02" / take_name_}}, whole);
     verified_ = verify_take(whole);
     EXPECT_THAT(verified_.disagreements, IsEmpty());
@@ -67,22 +67,22 @@ class StudioOfThree : public Studio4 {
   /// Live meshes of complete frame sets after pulse `after` equal those that v3dctl makes of the
   /// recorded frames. This shows that the segmenters continued with their state of before.
   void check_live_meshes(int64_t after) {
-    const TakePaths copy{folder_ / "copy"};
+    const take::TakePaths copy{folder_ / "copy"};
     std::filesystem::copy(folder_ / "joined", copy.folder,
                           std::filesystem::copy_options::recursive);
     std::filesystem::remove(copy.mesh());
     ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
     constexpr int kIncomplete = 3;  // exit status; frame sets of the gap lack cameras
     ASSERT_EQ(offline.wait(within(120)), kIncomplete) << offline.output();
-    MeshFileReader live(folder_ / "joined" / "mesh.v3d");
-    MeshFileReader recorded(copy.mesh());
+    take::MeshFileReader live(folder_ / "joined" / "mesh.v3d");
+    take::MeshFileReader recorded(copy.mesh());
     int same = 0;
-    CompactDecoder seen, made;
+    recon::CompactDecoder seen, made;
     for (const int64_t pulse : recorded.pulses()) {
-      ASSERT_EQ(made.decode(recorded.read(pulse).value().value()), DecodeStatus::kOk);
+      ASSERT_EQ(made.decode(recorded.read(pulse).value().value()), codec::DecodeStatus::kOk);
       const auto bytes = live.read(pulse).value();
       if (!bytes) continue;
-      ASSERT_EQ(seen.decode(*bytes), DecodeStatus::kOk);
+      ASSERT_EQ(seen.decode(*bytes), codec::DecodeStatus::kOk);
       if (pulse <= after || seen.frame().cameras.size() < 4) continue;
       // Up to the next key frame, colours may be predicted from other frames than offline.
       EXPECT_EQ(seen.frame().mesh.vertices, made.frame().mesh.vertices) << "pulse " << pulse;
@@ -94,14 +94,14 @@ class StudioOfThree : public Studio4 {
   void expect_all_become_idle() {
     const auto is_idle = [&](const char* node) {
       const auto health = client_->health(within(5));
-      return health.contains(node) && health.at(node).state == NodeState::kIdle;
+      return health.contains(node) && health.at(node).state == wire::NodeState::kIdle;
     };
     for (const char* node : {"cap01", "cap02", "recon01"}) {
       EXPECT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
     }
   }
   /// The camera has exactly one gap, and no other loss.
-  void expect_one_gap(const CameraLedger& camera) const {
+  void expect_one_gap(const take::CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
     EXPECT_EQ(camera.missing, range(camera.missing.front(), camera.missing.back())) << camera.name;
     EXPECT_GE(camera.missing.front(), 20) << camera.name;
@@ -118,8 +118,8 @@ class StudioOfThree : public Studio4 {
   /// (PulseMatcher).
   static constexpr int64_t kMaxSuspect = 12;
 
-  Answer stopped_;
-  Verification verified_;
+  control::Answer stopped_;
+  take::Verification verified_;
 };
 
 TEST_F(StudioOfThree,
@@ -151,18 +151,18 @@ TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_kill
   ASSERT_TRUE(reaches("recon01", "live_fps", 5)) << log();
   const double before = value("recon01", "meshes");
   ASSERT_TRUE(reaches("recon01", "meshes", before + 20)) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
-  MeshFileReader meshes(take().mesh());
+  take::MeshFileReader meshes(take().mesh());
   EXPECT_FALSE(meshes.index_was_rebuilt());
   EXPECT_EQ(std::ssize(meshes.pulses()), recon["meshes"].get<int64_t>());
   EXPECT_GE(before, 20) << "the file keeps the meshes from before the restart";
   EXPECT_THAT(range(0, 19), IsSubsetOf(meshes.pulses()));
   for (const int64_t pulse : meshes.pulses()) EXPECT_TRUE(meshes.read(pulse).value()) << pulse;
   check_joined();
-  for (const CameraLedger& camera : verified_.ledger.cameras) {
+  for (const take::CameraLedger& camera : verified_.ledger.cameras) {
     EXPECT_THAT(camera.missing, IsEmpty()) << "the capture nodes are not affected";
   }
 }
@@ -173,10 +173,10 @@ TEST_F(StudioOfThree, ends_the_take_on_all_nodes_when_the_node_of_the_trigger_is
   end(captured_, SIGKILL);
   start_captured();
   expect_all_become_idle();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   check_joined();
-  for (const CameraLedger& camera : verified_.ledger.cameras) {
+  for (const take::CameraLedger& camera : verified_.ledger.cameras) {
     EXPECT_GE(camera.written, 20) << camera.name;
     EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
   }
@@ -194,14 +194,15 @@ TEST_F(StudioOfThree, replies_about_a_take_that_had_ended_before_all_daemons_wer
   client_.emplace(studio_);
   expect_all_become_idle();
 
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   for (const char* node : {"cap01", "cap02"}) {
     const auto replied = nlohmann::json::parse(stopped.replies.at(node).detail);
     EXPECT_EQ(replied["cameras"][0]["written"].get<int64_t>(), kPulses) << node;
   }
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
-  EXPECT_EQ(recon["meshes"].get<int64_t>(), std::ssize(MeshFileReader(take().mesh()).pulses()));
+  EXPECT_EQ(recon["meshes"].get<int64_t>(),
+            std::ssize(take::MeshFileReader(take().mesh()).pulses()));
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"
@@ -20,7 +20,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -40,7 +40,7 @@ constexpr int64_t kRateHz = 8;
 class MeshViewer {
  public:
   MeshViewer(const std::string& url, const std::filesystem::path& key)
-      : bus_(url), meshes_(key_of(key), kMeshChannel, 10'000) {}
+      : bus_(url), meshes_(key_of(key), wire::kMeshChannel, 10'000) {}
 
   /// Receives all pending meshes. A viewer shows pulses in ascending order; other meshes are
   /// counted.
@@ -58,13 +58,13 @@ class MeshViewer {
   int64_t lost() const { return meshes_.counts().lost; }
 
  private:
-  Bus& key_of(const std::filesystem::path& key) {
-    bus_.authenticator().set_key(StudioKey::load(key));
+  bus::Bus& key_of(const std::filesystem::path& key) {
+    bus_.authenticator().set_key(wire::StudioKey::load(key));
     return bus_;
   }
 
-  Bus bus_;
-  Subscription<MeshMessage> meshes_;
+  bus::Bus bus_;
+  bus::Subscription<wire::MeshMessage> meshes_;
   Pulses shown_;
   int returned_ = 0;
 };
@@ -82,7 +82,7 @@ class SharedStudio : public testing::Test {
     const Studio studio = load_studio(folder_ / "cap01" / "studio.toml");
     client_.emplace(studio);
     viewer_.emplace(studio.network.lcm_url, studio.network.key);
-    const Answer learnt = command(CommandVerb::kBackground, 8);
+    const control::Answer learnt = command(wire::CommandVerb::kBackground, 8);
     if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt));
   }
 
@@ -142,14 +142,14 @@ class SharedStudio : public testing::Test {
     }
   }
 
-  Answer command(CommandVerb verb, int64_t pulses = 0, int seconds = 60) {
-    CommandMessage order;
+  control::Answer command(wire::CommandVerb verb, int64_t pulses = 0, int seconds = 60) {
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = kTake;
     order.pulses = pulses;
     return client_->command(order, within(seconds));
   }
-  std::string text_of(const Answer& answer) const {
+  std::string text_of(const control::Answer& answer) const {
     std::string text;
     for (const auto& [name, reply] : answer.replies) text += name + ": " + reply.text + "\n";
     for (const std::string& name : answer.silent) text += name + ": silent\n";
@@ -157,9 +157,9 @@ class SharedStudio : public testing::Test {
     return text;
   }
   void arm_and_start() {
-    const Answer armed = command(CommandVerb::kArm);
+    const control::Answer armed = command(wire::CommandVerb::kArm);
     ASSERT_TRUE(armed.done()) << text_of(armed);
-    const Answer started = command(CommandVerb::kStart);
+    const control::Answer started = command(wire::CommandVerb::kStart);
     ASSERT_TRUE(started.done()) << text_of(started);
   }
 
@@ -191,10 +191,10 @@ class SharedStudio : public testing::Test {
   /// each command waits its full 25 s; a busy machine may need several commands.
   void stop(const std::vector<std::string>& dead = {}) {
     const auto living_are_done = [&] {
-      stopped_ = command(CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
+      stopped_ = command(wire::CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
       return stopped_.silent == dead &&
              std::ranges::all_of(stopped_.replies, [](const auto& reply) {
-               return reply.second.outcome == ReplyMessage::Outcome::kDone;
+               return reply.second.outcome == wire::ReplyMessage::Outcome::kDone;
              });
     };
     ASSERT_TRUE(becomes_true(living_are_done, within(100))) << text_of(stopped_);
@@ -223,7 +223,7 @@ class SharedStudio : public testing::Test {
   Json account(int i) const { return Json::parse(stopped_.replies.at(node(i)).detail); }
   /// Pulses of the mesh file of node `i`.
   Pulses file(int i) const {
-    MeshFileReader reader(TakePaths{folder_ / node(i) / kTake}.mesh());
+    take::MeshFileReader reader(take::TakePaths{folder_ / node(i) / kTake}.mesh());
     for (const int64_t pulse : reader.pulses()) EXPECT_TRUE(reader.read(pulse).value()) << pulse;
     return reader.pulses();
   }
@@ -290,9 +290,9 @@ class SharedStudio : public testing::Test {
   test::LossySwitch switch_;
   std::vector<std::unique_ptr<ChildProcess>> others_;
   std::array<std::unique_ptr<ChildProcess>, kNodes> reconds_;
-  std::optional<OperatorClient> client_;
+  std::optional<control::OperatorClient> client_;
   std::optional<MeshViewer> viewer_;
-  Answer stopped_;
+  control::Answer stopped_;
 };
 
 TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) {

@@ -26,7 +26,7 @@ class SignedStudio : public Studio4 {
   void record_and_collect() {
     ASSERT_NO_FATAL_FAILURE(arm_and_start(10));
     ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
     const auto [status, text] = collect();
     ASSERT_EQ(status, 0) << text;
@@ -50,7 +50,7 @@ class SignedStudio : public Studio4 {
   /// The public key with which cap01 signed the take.
   std::string key_of_signature() const {
     const auto path = signature_path(take(), "cap01");
-    return parse_signature(read_file(path), path).key.text();
+    return take::parse_signature(read_file(path), path).key.text();
   }
   std::pair<int, std::string> verify() const {
     return v3dctl({"verify", (archive() / take_name_).string(), "--signed"});
@@ -79,12 +79,12 @@ TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_c
 TEST_F(SignedStudio, signs_a_running_take_with_the_old_key_and_the_next_one_with_the_new_key) {
   ASSERT_NO_FATAL_FAILURE(arm_and_start(0));
   ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
-  const SigningKey next = SigningKey::make();
+  const wire::SigningKey next = wire::SigningKey::make();
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", folder_ / "node.key");
   ASSERT_TRUE(captured_logs("node.key: a new signing key")) << log();
   EXPECT_TRUE(captured_logs("studio.toml has another for node cap01")) << log();
-  const Answer stopped = command(CommandVerb::kStop);
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const std::string first = studio_.nodes.front().public_key;
   EXPECT_EQ(key_of_signature(), first);
@@ -115,7 +115,7 @@ TEST_F(SignedStudio, signs_a_recovered_take_in_the_background_and_verify_states_
   const auto reconstruction_has_closed_its_file = [&] {
     const auto health = client_->health(within(5));
     return std::ranges::all_of(
-        health, [](const auto& node) { return node.second.state == NodeState::kIdle; });
+        health, [](const auto& node) { return node.second.state == wire::NodeState::kIdle; });
   };
   ASSERT_TRUE(becomes_true(reconstruction_has_closed_its_file, within(60))) << log();
 

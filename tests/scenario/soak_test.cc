@@ -104,9 +104,10 @@ std::string fault_script() {
 /// trigger on a busy machine skips pulses.
 class TakeRecord {
  public:
-  TakeRecord(const std::vector<sim::ExposureLine>& lines, const std::vector<PulseMessage>& pulses) {
+  TakeRecord(const std::vector<sim::ExposureLine>& lines,
+             const std::vector<wire::PulseMessage>& pulses) {
     std::map<MonotonicInstant, int64_t> pulse_at;
-    for (const PulseMessage& pulse : pulses) pulse_at[pulse.edge_monotonic] = pulse.pulse;
+    for (const wire::PulseMessage& pulse : pulses) pulse_at[pulse.edge_monotonic] = pulse.pulse;
     for (const sim::ExposureLine& line : lines) {
       const auto at = pulse_at.find(line.edge_time);
       if (at == pulse_at.end()) continue;
@@ -197,12 +198,12 @@ class Soak : public test::Studio4 {
 
   void take(int64_t pulses) {
     take_name_ = "soak-" + std::to_string(takes_++);
-    const auto armed = [&] { return command(CommandVerb::kArm, pulses).done(); };
+    const auto armed = [&] { return command(wire::CommandVerb::kArm, pulses).done(); };
     ASSERT_TRUE(becomes_true(armed, within(120))) << log();
-    ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+    ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
     const auto seconds = static_cast<int>(pulses / kRateHz);
     ASSERT_TRUE(becomes_true([&] { return is_over(pulses); }, within(2 * seconds + 60))) << log();
-    const Answer stopped = command(CommandVerb::kStop);
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
     check_ledger();
     std::filesystem::remove_all(Studio4::take().folder);
@@ -222,16 +223,17 @@ class Soak : public test::Studio4 {
   /// Every image that was sent is on the disk, with the right pulse number or marked suspect, and
   /// the ledger agrees with the files.
   void check_ledger() {
-    const TakePaths paths = Studio4::take();
-    const Verification verified = verify_take(paths);
-    const Ledger& ledger = verified.ledger;
+    const take::TakePaths paths = Studio4::take();
+    const take::Verification verified = verify_take(paths);
+    const take::Ledger& ledger = verified.ledger;
     EXPECT_THAT(verified.disagreements, IsEmpty());
-    EXPECT_EQ(verified.info.state, TakeState::kComplete);
-    TakeRecord record(sim::load_exposures(folder_ / "exposures.csv"), read_pulses(paths.pulses()));
+    EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
+    TakeRecord record(sim::load_exposures(folder_ / "exposures.csv"),
+                      take::read_pulses(paths.pulses()));
     EXPECT_EQ(ledger.sensed, record.pulses());
     ASSERT_EQ(ledger.cameras.size(), size_t{kCameras});
-    for (const CameraLedger& camera : ledger.cameras) {
-      const FrameLogReader log(paths.frames(camera.name));
+    for (const take::CameraLedger& camera : ledger.cameras) {
+      const take::FrameLogReader log(paths.frames(camera.name));
       const std::string context =
           take_name_ + " " + camera.name + "\n" + record.explain(camera.name, log.labels());
       EXPECT_EQ(record.shown(camera.name, log.labels()), record.sent(camera.name)) << context;

@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
 #include "wire/member_list.h"
-#include "wire/signing_key.h"
+#include "wire/signatures.h"
 
 namespace v3d::test {
 
@@ -60,10 +60,10 @@ class Studio4 : public testing::Test {
     if (options.two_nodes) start_second_captured();
     start_recond();
     client_.emplace(studio_);
-    CommandMessage learn;
-    learn.verb = CommandVerb::kBackground;
+    wire::CommandMessage learn;
+    learn.verb = wire::CommandVerb::kBackground;
     learn.pulses = kEmptyPulses;
-    const Answer learnt = client_->command(learn, within(60));
+    const control::Answer learnt = client_->command(learn, within(60));
     if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt) + log());
   }
 
@@ -107,7 +107,7 @@ class Studio4 : public testing::Test {
   void give_signing_keys(bool two_nodes) const {
     std::string text = read_file(folder_ / "studio.toml");
     const auto give = [&](const std::string& node, const std::filesystem::path& folder) {
-      const SigningKey key = SigningKey::make();
+      const wire::SigningKey key = wire::SigningKey::make();
       key.save(folder / "node.key");
       const std::string name = "name = \"" + node + "\"";
       replace(text, name, name + "\npublic_key = \"" + key.public_key().text() + "\"");
@@ -121,7 +121,8 @@ class Studio4 : public testing::Test {
   /// cap01 and recon01 share the signing key of their PC. The operator Ada uses the key that the
   /// studio file names; the operator Bob uses bob.key.
   void make_member_list(bool two_nodes) {
-    const SigningKey pc = SigningKey::make(), ada = SigningKey::make(), bob = SigningKey::make();
+    const wire::SigningKey pc = wire::SigningKey::make(), ada = wire::SigningKey::make(),
+                           bob = wire::SigningKey::make();
     pc.save(folder_ / "node.key");
     ada.save(folder_ / "operator.key");
     bob.save(folder_ / "bob.key");
@@ -132,20 +133,20 @@ class Studio4 : public testing::Test {
                 authority_.public_key().text() + "\"");
     replace(text, "[storage]", "[storage]\nsigning_key = \"node.key\"");
     write_text(folder_ / "studio.toml", text);
-    MemberList list{.studio = load_studio(folder_ / "studio.toml").name,
-                    .serial = 1,
-                    .members = {{"cap01", Role::kCapture, pc.public_key()},
-                                {"recon01", Role::kReconstruction, pc.public_key()},
-                                {"ada", Role::kOperator, ada.public_key()},
-                                {"bob", Role::kOperator, bob.public_key()}}};
+    wire::MemberList list{.studio = load_studio(folder_ / "studio.toml").name,
+                          .serial = 1,
+                          .members = {{"cap01", wire::Role::kCapture, pc.public_key()},
+                                      {"recon01", wire::Role::kReconstruction, pc.public_key()},
+                                      {"ada", wire::Role::kOperator, ada.public_key()},
+                                      {"bob", wire::Role::kOperator, bob.public_key()}}};
     if (two_nodes) {
       write_text(folder_ / "cap02" / "studio.toml", text);
       cap02_.save(folder_ / "cap02" / "node.key");
-      list.members.push_back({"cap02", Role::kCapture, cap02_.public_key()});
+      list.members.push_back({"cap02", wire::Role::kCapture, cap02_.public_key()});
     }
     write_members(list);
   }
-  void write_members(const MemberList& list) {
+  void write_members(const wire::MemberList& list) {
     members_ = list;
     replace_file(folder_ / "members.toml", sign_member_list(list, authority_));
   }
@@ -188,7 +189,7 @@ class Studio4 : public testing::Test {
         folder_ / "v3d-recond.log");
   }
 
-  static std::string text_of(const Answer& answer) {
+  static std::string text_of(const control::Answer& answer) {
     std::string text;
     for (const auto& [node, reply] : answer.replies) text += node + ": " + reply.text + "\n";
     for (const std::string& node : answer.silent) text += node + ": silent\n";
@@ -199,17 +200,17 @@ class Studio4 : public testing::Test {
     return captured_->output() + second + recond_->output();
   }
 
-  Answer command(CommandVerb verb, int64_t pulses = 0) {
-    CommandMessage m;
+  control::Answer command(wire::CommandVerb verb, int64_t pulses = 0) {
+    wire::CommandMessage m;
     m.verb = verb;
     m.take = take_name_;
     m.pulses = pulses;
     return client_->command(m, within(60));
   }
   void arm_and_start(int64_t pulses) {
-    const Answer armed = command(CommandVerb::kArm, pulses);
+    const control::Answer armed = command(wire::CommandVerb::kArm, pulses);
     ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-    const Answer started = command(CommandVerb::kStart);
+    const control::Answer started = command(wire::CommandVerb::kStart);
     ASSERT_TRUE(started.done()) << text_of(started) << log();
   }
 
@@ -229,25 +230,25 @@ class Studio4 : public testing::Test {
     const auto idle = [&] {
       const auto health = client_->health(within(5));
       return health.size() == 2 && std::ranges::all_of(health, [](const auto& entry) {
-               return entry.second.state == NodeState::kIdle;
+               return entry.second.state == wire::NodeState::kIdle;
              });
     };
     return becomes_true(idle, within(60));
   }
 
-  TakePaths take() const { return {studio_.storage.takes / take_name_}; }
+  take::TakePaths take() const { return {studio_.storage.takes / take_name_}; }
 
   const TemporaryFolder folder_;
-  const SigningKey authority_ = SigningKey::make();
-  const SigningKey cap02_ = SigningKey::make();  ///< used with `has_members`
-  MemberList members_;                           ///< as last written
+  const wire::SigningKey authority_ = wire::SigningKey::make();
+  const wire::SigningKey cap02_ = wire::SigningKey::make();  ///< used with `has_members`
+  wire::MemberList members_;                                 ///< as last written
   std::string take_name_ = "kendo-07";
   std::optional<ChildProcess> simulator_;
   Studio studio_;
   std::optional<ChildProcess> captured_;
   std::optional<ChildProcess> second_captured_;
   std::optional<ChildProcess> recond_;
-  std::optional<OperatorClient> client_;
+  std::optional<control::OperatorClient> client_;
 };
 
 }  // namespace v3d::test

@@ -29,7 +29,7 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   EXPECT_TRUE(studio->receives("\"type\":\"preview\"")) << viewd_->output();
   EXPECT_TRUE(live->receives("\"pulse\":39")) << viewd_->output();
   ASSERT_TRUE(becomes_idle()) << log();
-  ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
   EXPECT_TRUE(get("/api/takes")->receives("\"meshes\":40")) << get("/api/takes")->text();
   EXPECT_TRUE(get("/api/takes")->receives("\"state\":\"complete\""));
   EXPECT_TRUE(get("/api/takes/kendo-07/rig")->receives("\"name\":\"cam04\""));

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <mutex>
 
+#include "base/config/studio_values.h"
 #include "base/core/error.h"
-#include "base/core/trigger_edge.h"
 #include "sim/cameras/trigger_cable.h"
 #include "support/temporary_folder.h"
 

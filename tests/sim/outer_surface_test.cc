@@ -1,9 +1,7 @@
-#include "sim/performer/outer_surface.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "sim/performer/tube.h"
+#include "sim/performer/performer.h"
 
 namespace v3d::sim {
 namespace {

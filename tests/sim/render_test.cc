@@ -2,10 +2,9 @@
 
 #include <cmath>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "sim/performer/motion.h"
-#include "sim/rendering/batch_renderer.h"
-#include "sim/rendering/renderer.h"
+#include "sim/rendering/camera_images.h"
 #include "sim/rendering/scene.h"
 
 namespace v3d::sim {

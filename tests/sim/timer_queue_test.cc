@@ -1,11 +1,11 @@
-#include "sim/cameras/timer_queue.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <future>
 #include <thread>
 #include <vector>
+
+#include "sim/cameras/device_clock.h"
 
 namespace v3d::sim {
 namespace {

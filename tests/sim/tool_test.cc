@@ -7,20 +7,17 @@
 #include "base/config/calib_file.h"
 #include "base/config/studio_file.h"
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
-#include "common/ply_writer.h"
+#include "common/ply_file.h"
 #include "sim/rendering/scene.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
-#include "v3d-sim/faults.h"
-#include "v3d-sim/options.h"
+#include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
-#include "v3d-sim/studio_text.h"
-#include "v3d-sim/take_check.h"
 
 namespace v3d::sim {
 namespace {
@@ -57,11 +54,11 @@ Fault fault(const std::string& camera, int64_t pulse, FaultKind kind) {
 /// The exposure record that fits the take in `folder`, so that every label is correct.
 std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
   constexpr int64_t kFirstEdge = 20;
-  const TakePaths paths{folder};
+  const take::TakePaths paths{folder};
   std::vector<ExposureLine> record;
-  const std::vector<PulseMessage> pulses = read_pulses(paths.pulses());
+  const std::vector<wire::PulseMessage> pulses = take::read_pulses(paths.pulses());
   for (const std::string& camera : load_take_info(paths).cameras) {
-    const FrameLogReader log(paths.frames(camera));
+    const take::FrameLogReader log(paths.frames(camera));
     for (const FrameLabel& label : log.labels()) {
       record.push_back({camera, label.device_time,
                         pulses[static_cast<size_t>(label.pulse)].edge_monotonic,
@@ -186,17 +183,17 @@ TEST(SimulatedTake, is_complete_and_readable) {
   const TemporaryFolder folder;
   const SimulatedTake take = small_take(folder / "cut");
   write(take);
-  const TakePaths paths{take.folder};
-  const TakeInfo info = load_take_info(paths);
+  const take::TakePaths paths{take.folder};
+  const take::TakeInfo info = load_take_info(paths);
   EXPECT_EQ(info.name, "cut");
-  EXPECT_EQ(info.state, TakeState::kComplete);
+  EXPECT_EQ(info.state, take::TakeState::kComplete);
   EXPECT_EQ(info.pulses, 5);
-  EXPECT_TRUE(load_ledger(paths.ledger()).complete());
+  EXPECT_TRUE(take::load_ledger(paths.ledger()).complete());
   EXPECT_EQ(load_calib(paths.calib()).size(), 3U);
-  EXPECT_EQ(read_pulses(paths.pulses()).size(), 5U);
+  EXPECT_EQ(take::read_pulses(paths.pulses()).size(), 5U);
   for (const RigCamera& camera : take.rig) {
-    EXPECT_TRUE(has_background(paths.background(), camera.name));
-    FrameLogReader log(paths.frames(camera.name));
+    EXPECT_TRUE(segmentation::has_background(paths.background(), camera.name));
+    take::FrameLogReader log(paths.frames(camera.name));
     for (int64_t pulse = 0; pulse < 5; ++pulse) {
       const auto frame = log.read(pulse);
       ASSERT_TRUE(frame);
@@ -228,15 +225,15 @@ TEST(SimulatedTake, has_the_given_faults_in_logs_and_ledger) {
   take.faults = {fault("cam01", 2, FaultKind::kDrop), fault("cam02", 3, FaultKind::kDuplicate),
                  fault("cam03", 4, FaultKind::kSuspect), fault("cam03", 1, FaultKind::kBlack)};
   write(take);
-  const TakePaths paths{take.folder};
-  const Ledger ledger = load_ledger(paths.ledger());
+  const take::TakePaths paths{take.folder};
+  const take::Ledger ledger = take::load_ledger(paths.ledger());
   EXPECT_FALSE(ledger.complete());
   EXPECT_EQ(ledger.cameras[0].missing, std::vector<int64_t>{2});
   EXPECT_EQ(ledger.cameras[1].duplicate, std::vector<int64_t>{3});
   EXPECT_EQ(ledger.cameras[2].suspect, std::vector<int64_t>{4});
-  EXPECT_FALSE(FrameLogReader(paths.frames("cam01")).read(2));
-  EXPECT_EQ(FrameLogReader(paths.frames("cam02")).labels().size(), 6U);
-  FrameLogReader third(paths.frames("cam03"));
+  EXPECT_FALSE(take::FrameLogReader(paths.frames("cam01")).read(2));
+  EXPECT_EQ(take::FrameLogReader(paths.frames("cam02")).labels().size(), 6U);
+  take::FrameLogReader third(paths.frames("cam03"));
   EXPECT_TRUE(third.labels()[4].suspect);
   EXPECT_THAT(third.read(1)->image.bytes, testing::Each(0));
   EXPECT_THAT(third.read(2)->image.bytes, testing::Contains(testing::Ne(0)));
@@ -247,14 +244,15 @@ TEST(SimulatedTake, has_earlier_images_only_in_a_late_camera) {
   SimulatedTake take = small_take(folder / "late");
   take.faults = {fault("cam02", 3, FaultKind::kLate)};
   write(take);
-  const TakePaths paths{take.folder};
-  FrameLogReader late(paths.frames("cam02"));
+  const take::TakePaths paths{take.folder};
+  take::FrameLogReader late(paths.frames("cam02"));
   EXPECT_NE(late.read(2)->image.bytes, late.read(1)->image.bytes);
   EXPECT_EQ(late.read(3)->image.bytes, late.read(2)->image.bytes);
   EXPECT_NE(late.read(4)->image.bytes, late.read(3)->image.bytes);
-  FrameLogReader other(paths.frames("cam01"));
+  take::FrameLogReader other(paths.frames("cam01"));
   EXPECT_NE(other.read(3)->image.bytes, other.read(2)->image.bytes);
-  EXPECT_TRUE(load_ledger(paths.ledger()).complete()) << "the ledger does not contain this fault";
+  EXPECT_TRUE(take::load_ledger(paths.ledger()).complete())
+      << "the ledger does not contain this fault";
 }
 
 TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
@@ -285,7 +283,7 @@ TEST(SimulatedTake, has_masks_with_outline_noise_on_request) {
   take.frames = 1;
   take.outline_noise_px = 1.5;
   write(take);
-  const auto frame = FrameLogReader(TakePaths{take.folder}.frames("cam01")).read(0);
+  const auto frame = take::FrameLogReader(take::TakePaths{take.folder}.frames("cam01")).read(0);
   ASSERT_TRUE(frame && frame->mask);
   const Mask clean = true_silhouette(take.rig[0], 0, take.seed);
   const double iou = intersection_over_union(*frame->mask, clean);

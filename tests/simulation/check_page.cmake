@@ -3,5 +3,5 @@ execute_process(COMMAND ${WRITE_TRANSITIONS} markdown OUTPUT_VARIABLE table COMM
 file(READ ${PAGE} page)
 string(FIND "${page}" "${table}" at)
 if(at EQUAL -1)
-  message(FATAL_ERROR "${PAGE} does not show the table of daemon/control/control_table.h; insert this:\n${table}")
+  message(FATAL_ERROR "${PAGE} does not show the table of daemon/control/control.h; insert this:\n${table}")
 endif()

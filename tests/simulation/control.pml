@@ -1,5 +1,5 @@
 /* Spin model of the control protocol (docs/protocol.md). Nodes use the transition table of the daemons: transitions.pml is
- * generated from daemon/control/control_table.h.
+ * generated from daemon/control/control.h.
  *
  * Each operator arms, starts and stops its own take, and may give up at every step. After all others have ended, a last
  * operator stops and aborts. Node 0 has the trigger. Messages are lost, repeated and reordered: a command reaches a node

@@ -26,7 +26,7 @@ struct NetworkFaults {
 class Network {
  public:
   /// `from` is the index of the sender's host.
-  using Receiver = std::function<void(Channel channel, size_t from, const Bytes& bytes)>;
+  using Receiver = std::function<void(Channel channel, size_t from, const wire::Bytes& bytes)>;
   using Interest = std::function<bool(Channel channel, size_t from)>;
 
   Network(VirtualTime& time, Draws& draws) : time_(time), draws_(draws) {}
@@ -39,8 +39,8 @@ class Network {
   }
   void set_faults(const NetworkFaults& faults) { faults_ = faults; }
 
-  void send(size_t from, Channel channel, Bytes bytes) {
-    const auto datagram = std::make_shared<const Bytes>(std::move(bytes));
+  void send(size_t from, Channel channel, wire::Bytes bytes) {
+    const auto datagram = std::make_shared<const wire::Bytes>(std::move(bytes));
     for (size_t to = 0; to < hosts_.size(); ++to) {
       if (to == from || !hosts_[to].interest(channel, from)) continue;
       if (!draws_.chance(faults_.loss)) post(from, to, channel, datagram);
@@ -60,7 +60,8 @@ class Network {
     Receiver receiver;
     int part = 0;
   };
-  void post(size_t from, size_t to, Channel channel, const std::shared_ptr<const Bytes>& datagram) {
+  void post(size_t from, size_t to, Channel channel,
+            const std::shared_ptr<const wire::Bytes>& datagram) {
     if (hosts_[from].part != hosts_[to].part) return;
     const bool late = draws_.chance(faults_.late);
     const Duration delay = draws_.seconds(0.0005, 0.02) +

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "take/ledger/ledger.h"
-#include "take/ledger/pulse_set.h"
 #include "wire/messages.h"
 
 namespace v3d::simulation {
@@ -17,11 +16,11 @@ namespace v3d::simulation {
 struct TakeOnDisk {
   bool is_open = true;  ///< take.toml says "recording"
   std::vector<std::string> cameras;
-  std::map<std::string, std::vector<int64_t>> frames;  ///< pulses in <camera>.lcmlog
-  PulseSet pulses;                                     ///< pulses.lcmlog
-  std::optional<Ledger> ledger;                        ///< ledger.toml
-  std::optional<CommandMessage> persisted_order;       ///< .order-<node>
-  int64_t meshes = 0;                                  ///< mesh.v3d, where the node reconstructs
+  std::map<std::string, std::vector<int64_t>> frames;   ///< pulses in <camera>.lcmlog
+  take::PulseSet pulses;                                ///< pulses.lcmlog
+  std::optional<take::Ledger> ledger;                   ///< ledger.toml
+  std::optional<wire::CommandMessage> persisted_order;  ///< .order-<node>
+  int64_t meshes = 0;                                   ///< mesh.v3d, where the node reconstructs
 
   bool has_frames_or_pulses() const {
     for (const auto& [camera, written] : frames) {
@@ -46,8 +45,8 @@ struct NodeDisk {
     }
     return open;
   }
-  std::map<std::string, CommandMessage> persisted_commands() const {
-    std::map<std::string, CommandMessage> orders;
+  std::map<std::string, wire::CommandMessage> persisted_commands() const {
+    std::map<std::string, wire::CommandMessage> orders;
     for (const auto& [name, take] : takes) {
       if (take.persisted_order) orders.emplace(name, *take.persisted_order);
     }
@@ -59,7 +58,7 @@ struct NodeDisk {
 };
 
 /// Identifier of an order: its sender and counter.
-inline std::string order_id(const CommandMessage& order) {
+inline std::string order_id(const wire::CommandMessage& order) {
   return order.sender + "#" + std::to_string(order.counter);
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/io/big_endian.h"
+#include "base/core/bytes.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/take_folder.h"
 #include "take/ledger/verify.h"
@@ -13,13 +13,13 @@ namespace {
 
 /// A message with its session stamp in front. Real datagrams hold the stamp in their trailer.
 struct StampedMessage {
-  SessionStamp stamp;
+  bus::SessionStamp stamp;
   std::span<const uint8_t> message;
 };
 constexpr size_t kStampSize = 16;
 
-Bytes put_stamp(const SessionStamp& stamp, const Bytes& message) {
-  Bytes bytes(kStampSize);
+wire::Bytes put_stamp(const bus::SessionStamp& stamp, const wire::Bytes& message) {
+  wire::Bytes bytes(kStampSize);
   write_big_endian(stamp.session, std::span(bytes).subspan(0, 4));
   write_big_endian(stamp.sequence, std::span(bytes).subspan(4, 4));
   write_big_endian(static_cast<uint64_t>(to_ns(stamp.sent)), std::span(bytes).subspan(8, 8));
@@ -37,13 +37,14 @@ StampedMessage take_stamp(std::span<const uint8_t> bytes) {
           bytes.subspan(kStampSize)};
 }
 
-Cause cause_of(const CommandMessage& command) {
-  if (command.verb == CommandVerb::kAbort && command.own_only) return Cause::kTakeBack;
-  const bool ends = command.verb == CommandVerb::kStop || command.verb == CommandVerb::kAbort;
+Cause cause_of(const wire::CommandMessage& command) {
+  if (command.verb == wire::CommandVerb::kAbort && command.own_only) return Cause::kTakeBack;
+  const bool ends =
+      command.verb == wire::CommandVerb::kStop || command.verb == wire::CommandVerb::kAbort;
   return ends ? Cause::kStopOrAbort : Cause::kOtherCommand;
 }
 
-std::string text_of(const CommandMessage& command) {
+std::string text_of(const wire::CommandMessage& command) {
   return std::string(name(command.verb)) + " " + command.take + (command.own_only ? " own" : "") +
          " from " + order_id(command);
 }
@@ -58,9 +59,10 @@ NodeProcess::NodeProcess(World& world, Trace& trace, Host host, bool is_trigger)
     if (is_trigger_) return channel == Channel::kHealth && host_.captures;
     return from == trigger_place_ && (channel == Channel::kHealth || host_.captures);
   };
-  place_ = world_.network.join(interest, [this](Channel channel, size_t from, const Bytes& bytes) {
-    receive(channel, from, bytes);
-  });
+  place_ =
+      world_.network.join(interest, [this](Channel channel, size_t from, const wire::Bytes& bytes) {
+        receive(channel, from, bytes);
+      });
 }
 
 // --- the process --------------------------------------------------------------------------------
@@ -75,8 +77,8 @@ void NodeProcess::boot() {
     work_ = std::make_unique<SimulatedRecon>(world_, host_);
   }
   clock_error_ = host_.clock_error;
-  filter_ =
-      std::make_unique<CommandReplayFilter>(host_.name, [this] { return world_.draws.nonce(); });
+  filter_ = std::make_unique<control::CommandReplayFilter>(host_.name,
+                                                           [this] { return world_.draws.nonce(); });
   filter_->credentials().set_studio_key(world_.key, world_.time.now());
   session_ = static_cast<uint32_t>(world_.draws.nonce());
   sequence_ = 0;
@@ -86,14 +88,15 @@ void NodeProcess::boot() {
   commands_.clear();
   waiting_.clear();
   is_paused_ = is_ending_ = false;
-  protocol_ = std::make_unique<NodeProtocol>(
-      host_.name, *work_, [this](ReplyMessage reply) { publish(std::move(reply)); },
+  protocol_ = std::make_unique<control::NodeProtocol>(
+      host_.name, *work_, [this](wire::ReplyMessage reply) { publish(std::move(reply)); },
       world_.time.now());
   for (const auto& [name, order] : host_.disk.persisted_commands()) {
     const TakeOnDisk& take = host_.disk.takes.at(name);
     if (!host_.captures) protocol_->remember(name, "meshes recovered", "{}");
     if (!take.ledger) continue;
-    protocol_->remember(name, "recovered " + take.ledger->verdict(), ledger_json(*take.ledger));
+    protocol_->remember(name, "recovered " + take.ledger->verdict(),
+                        control::ledger_json(*take.ledger));
   }
   plan_turn(world_.time.now());
 }
@@ -102,13 +105,13 @@ void NodeProcess::boot() {
 void NodeProcess::recover_takes() {
   if (!host_.captures) return;
   for (auto& [name, take] : host_.disk.takes) {
-    TakeInfo info;
-    info.state = take.is_open ? TakeState::kRecording : TakeState::kComplete;
+    take::TakeInfo info;
+    info.state = take.is_open ? take::TakeState::kRecording : take::TakeState::kComplete;
     info.cameras = take.cameras;
-    if (!is_open_take_of(info, host_.cameras, take.persisted_order.has_value())) continue;
-    Ledger ledger;
+    if (!node::is_open_take_of(info, host_.cameras, take.persisted_order.has_value())) continue;
+    take::Ledger ledger;
     ledger.take = name;
-    PulseEvidence evidence{.sensed = take.pulses, .has_sense_line = world_.has_sense_line};
+    take::PulseEvidence evidence{.sensed = take.pulses, .has_sense_line = world_.has_sense_line};
     for (const std::string& camera : take.cameras) {
       for (const int64_t pulse : take.frames[camera]) {
         evidence.last_labelled = std::max(evidence.last_labelled, pulse);
@@ -116,7 +119,7 @@ void NodeProcess::recover_takes() {
     }
     recount_pulses(evidence, take.ledger, ledger);
     for (const std::string& camera : take.cameras) {
-      ledger.cameras.push_back(account(camera, take.frames[camera], {}, ledger.commanded));
+      ledger.cameras.push_back(take::account(camera, take.frames[camera], {}, ledger.commanded));
     }
     take.ledger = ledger;
     take.is_open = false;
@@ -126,7 +129,8 @@ void NodeProcess::recover_takes() {
 /// Stops the trigger when its node ends: the exact number of pulses is then lost.
 void NodeProcess::stop_lost_trigger() {
   if (host_.trigger == nullptr) return;
-  if (phase() == Phase::kRecording || phase() == Phase::kDraining) world_.truth.on_trigger_lost();
+  if (phase() == control::Phase::kRecording || phase() == control::Phase::kDraining)
+    world_.truth.on_trigger_lost();
   host_.trigger->stop();
 }
 
@@ -134,7 +138,7 @@ void NodeProcess::end(Cause cause) {
   stop_lost_trigger();
   world_.truth.on_change({.node = host_.name,
                           .from = protocol_->phase(),
-                          .to = Phase::kIdle,
+                          .to = control::Phase::kIdle,
                           .order = protocol_->order(),
                           .cause = cause,
                           .command = {}});
@@ -156,7 +160,8 @@ void NodeProcess::ask_to_end() {
   trace_.add([&] { return host_.name + " is asked to exit"; });
   resume();
   is_ending_ = true;
-  if (phase() == Phase::kRecording && host_.trigger != nullptr) world_.truth.on_trigger_lost();
+  if (phase() == control::Phase::kRecording && host_.trigger != nullptr)
+    world_.truth.on_trigger_lost();
   run_observed(Cause::kEnded, {}, [&] { protocol_->begin_shutdown(world_.time.now()); });
   plan_turn(world_.time.now());
 }
@@ -179,7 +184,7 @@ void NodeProcess::resume() {
 
 // --- receiving ----------------------------------------------------------------------------------
 
-void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
+void NodeProcess::receive(Channel channel, size_t from, const wire::Bytes& bytes) {
   if (!is_up()) return;
   if (is_paused_) {
     waiting_.push_back({channel, from, bytes});
@@ -188,7 +193,7 @@ void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
   process(channel, from, bytes);
 }
 
-void NodeProcess::process(Channel channel, size_t from, const Bytes& bytes) {
+void NodeProcess::process(Channel channel, size_t from, const wire::Bytes& bytes) {
   if (channel == Channel::kCommand) {
     auto admitted = filter_->admit(bytes, world_.time.now());
     if (!admitted) return;
@@ -198,18 +203,19 @@ void NodeProcess::process(Channel channel, size_t from, const Bytes& bytes) {
   }
   const auto [stamp, message] = take_stamp(bytes);
   if (channel == Channel::kSession) {
-    on_session_message(*decode<SessionMessage>(message), stamp);
+    on_session_message(*wire::decode<wire::SessionMessage>(message), stamp);
   } else if (accepts(stamp)) {
-    if (channel == Channel::kPulse) work_->on_pulse_message(*decode<PulseMessage>(message));
+    if (channel == Channel::kPulse)
+      work_->on_pulse_message(*wire::decode<wire::PulseMessage>(message));
     if (channel != Channel::kHealth) return;
-    const HealthMessage health = *decode<HealthMessage>(message);
+    const wire::HealthMessage health = *wire::decode<wire::HealthMessage>(message);
     if (from == trigger_place_) work_->on_trigger_health(health, stamp.session);
     work_->on_other_health(health);
   }
 }
 
 /// Accepts or rejects health and pulses, as MessageReceiver does.
-bool NodeProcess::accepts(const SessionStamp& stamp) {
+bool NodeProcess::accepts(const bus::SessionStamp& stamp) {
   if (sessions_.is_received(stamp)) return false;
   if (sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session)) {
     sessions_.note(stamp, receiver_time());
@@ -217,15 +223,16 @@ bool NodeProcess::accepts(const SessionStamp& stamp) {
   }
   if (const auto nonce = questions_.ask(stamp.session, world_.time.now())) {
     send(Channel::kSession,
-         encode(SessionMessage{.sent = clock(), .session = stamp.session, .nonce = *nonce}));
+         encode(wire::SessionMessage{.sent = clock(), .session = stamp.session, .nonce = *nonce}));
   }
   return false;
 }
 
-void NodeProcess::on_session_message(const SessionMessage& message, const SessionStamp& stamp) {
+void NodeProcess::on_session_message(const wire::SessionMessage& message,
+                                     const bus::SessionStamp& stamp) {
   if (!message.is_answer) {
     if (message.session != session_) return;
-    SessionMessage answer = message;
+    wire::SessionMessage answer = message;
     answer.newest = sequence_;
     answer.is_answer = true;
     return send(Channel::kSession, encode(answer));
@@ -235,8 +242,8 @@ void NodeProcess::on_session_message(const SessionMessage& message, const Sessio
                    receiver_time());
 }
 
-void NodeProcess::send(Channel channel, const Bytes& message) {
-  const SessionStamp stamp{.session = session_, .sequence = ++sequence_, .sent = clock()};
+void NodeProcess::send(Channel channel, const wire::Bytes& message) {
+  const bus::SessionStamp stamp{.session = session_, .sequence = ++sequence_, .sent = clock()};
   world_.network.send(place_, channel, put_stamp(stamp, message));
 }
 
@@ -269,16 +276,16 @@ void NodeProcess::turn() {
 }
 
 /// Runs the action and reports the change of phase to Truth and ProtocolEvents.
-void NodeProcess::run_observed(Cause cause, const CommandMessage& command,
+void NodeProcess::run_observed(Cause cause, const wire::CommandMessage& command,
                                const std::function<void()>& action) {
-  const Phase before = protocol_->phase();
-  CommandMessage order = protocol_->order();
+  const control::Phase before = protocol_->phase();
+  wire::CommandMessage order = protocol_->order();
   action();
-  const Phase after = protocol_->phase();
+  const control::Phase after = protocol_->phase();
   if (!command.sender.empty()) world_.events.on_command(host_.name, command, after);
   if (before == after) return;
-  if (before == Phase::kIdle) order = protocol_->order();
-  if (cause == Cause::kReport && after == Phase::kRecording) cause = Cause::kRejoined;
+  if (before == control::Phase::kIdle) order = protocol_->order();
+  if (cause == Cause::kReport && after == control::Phase::kRecording) cause = Cause::kRejoined;
   if (cause == Cause::kReport && work_->ended_by_disk()) cause = Cause::kDisk;
   const bool may_end = cause == Cause::kDisk || cause == Cause::kEnded;
   if (command.sender.empty()) world_.events.on_report(host_.name, order, after, may_end);
@@ -296,7 +303,7 @@ void NodeProcess::run_observed(Cause cause, const CommandMessage& command,
 
 // --- sending ------------------------------------------------------------------------------------
 
-void NodeProcess::publish(ReplyMessage reply) {
+void NodeProcess::publish(wire::ReplyMessage reply) {
   world_.events.on_reply(reply);
   reply.sent = clock();
   reply.nonce = filter_->nonce(world_.time.now());
@@ -304,24 +311,24 @@ void NodeProcess::publish(ReplyMessage reply) {
 }
 
 void NodeProcess::publish_health() {
-  HealthMessage health = protocol_->health(world_.time.now());
-  if (health.state == NodeState::kIdle) clock_error_ = host_.clock_error;
+  wire::HealthMessage health = protocol_->health(world_.time.now());
+  if (health.state == wire::NodeState::kIdle) clock_error_ = host_.clock_error;
   health.sent = clock();
   send(Channel::kHealth, encode(health));
 }
 
 void NodeProcess::send_pulse(int64_t pulse) {
-  PulseMessage message;
+  wire::PulseMessage message;
   message.sent = message.edge = clock();
   message.seq = pulse_seq_++;
   message.take = protocol_->order().take;
   message.pulse = pulse;
-  const Bytes bytes = encode(message);
+  const wire::Bytes bytes = encode(message);
   send(Channel::kPulse, bytes);
   repeat_pulse(bytes, pulse_seq_, 3);
 }
 
-void NodeProcess::repeat_pulse(const Bytes& bytes, int64_t seq, int times) {
+void NodeProcess::repeat_pulse(const wire::Bytes& bytes, int64_t seq, int times) {
   constexpr Duration kAgainAfter = std::chrono::milliseconds(50);
   if (times == 0) return;
   world_.time.after(kAgainAfter, [this, bytes, seq, times] {

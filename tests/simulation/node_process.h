@@ -34,11 +34,13 @@ class NodeProcess {
 
   bool is_up() const { return protocol_ != nullptr; }
   bool is_trigger() const { return is_trigger_; }
-  Phase phase() const { return is_up() ? protocol_->phase() : Phase::kIdle; }
+  control::Phase phase() const { return is_up() ? protocol_->phase() : control::Phase::kIdle; }
   std::string id() const { return is_up() ? order_id(protocol_->order()) : ""; }
   Host& host() { return host_; }
   size_t place() const { return place_; }
-  CommandCounts counts() const { return filter_ ? filter_->counts() : CommandCounts{}; }
+  control::CommandCounts counts() const {
+    return filter_ ? filter_->counts() : control::CommandCounts{};
+  }
   SimulatedWork* work() { return work_.get(); }
 
   /// Sets the host index of the trigger's node. Other nodes receive its health and pulses; the
@@ -49,30 +51,30 @@ class NodeProcess {
   void send_pulse(int64_t pulse);
 
  private:
-  void repeat_pulse(const Bytes& bytes, int64_t seq, int times);
+  void repeat_pulse(const wire::Bytes& bytes, int64_t seq, int times);
   void recover_takes();
-  void receive(Channel channel, size_t from, const Bytes& bytes);
-  void process(Channel channel, size_t from, const Bytes& bytes);
+  void receive(Channel channel, size_t from, const wire::Bytes& bytes);
+  void process(Channel channel, size_t from, const wire::Bytes& bytes);
   void turn();
   void plan_turn(MonotonicInstant at);
-  void run_observed(Cause cause, const CommandMessage& command,
+  void run_observed(Cause cause, const wire::CommandMessage& command,
                     const std::function<void()>& action);
-  void publish(ReplyMessage reply);
+  void publish(wire::ReplyMessage reply);
   void publish_health();
   void stop_lost_trigger();
   void end(Cause cause);
   /// The daemon's wall clock, as Realtime::now(): it follows steps of the host's clock only when
   /// idle.
   RealtimeInstant clock() const { return wall_clock(world_, clock_error_); }
-  ReceiverTime receiver_time() const { return {world_.time.now(), clock()}; }
-  void send(Channel channel, const Bytes& message);
-  bool accepts(const SessionStamp& stamp);
-  void on_session_message(const SessionMessage& message, const SessionStamp& stamp);
+  bus::ReceiverTime receiver_time() const { return {world_.time.now(), clock()}; }
+  void send(Channel channel, const wire::Bytes& message);
+  bool accepts(const bus::SessionStamp& stamp);
+  void on_session_message(const wire::SessionMessage& message, const bus::SessionStamp& stamp);
 
   struct Datagram {
     Channel channel;
     size_t from;
-    Bytes bytes;
+    wire::Bytes bytes;
   };
 
   World& world_;
@@ -84,14 +86,14 @@ class NodeProcess {
 
   // State of the daemon, lost in a crash.
   std::unique_ptr<SimulatedWork> work_;
-  std::unique_ptr<NodeProtocol> protocol_;
-  std::unique_ptr<CommandReplayFilter> filter_;
+  std::unique_ptr<control::NodeProtocol> protocol_;
+  std::unique_ptr<control::CommandReplayFilter> filter_;
   Duration clock_error_{};
   uint32_t session_ = 0;
   uint32_t sequence_ = 0;
-  SessionReplayFilter sessions_;
-  SessionQuestions questions_;
-  std::deque<CommandReplayFilter::Admitted> commands_;
+  bus::SessionReplayFilter sessions_;
+  bus::SessionQuestions questions_;
+  std::deque<control::CommandReplayFilter::Admitted> commands_;
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;
   bool is_ending_ = false;

@@ -10,7 +10,7 @@
 #include "simulation/trigger.h"
 #include "simulation/truth.h"
 #include "simulation/virtual_time.h"
-#include "wire/studio_key.h"
+#include "wire/secret_keys.h"
 
 namespace v3d::simulation {
 
@@ -21,7 +21,7 @@ struct World {
   Network& network;
   Truth& truth;
   ProtocolEvents& events;
-  const StudioKey& key;
+  const wire::StudioKey& key;
   bool has_sense_line = true;
   double rate_hz = 10;
 };

@@ -6,10 +6,11 @@
 namespace v3d::simulation {
 
 OperatorProcess::OperatorProcess(World& world, Trace& trace, std::string name,
-                                 CommandTargets studio)
+                                 control::CommandTargets studio)
     : world_(world), trace_(trace), name_(std::move(name)), studio_(std::move(studio)) {
-  place_ = world_.network.join([](Channel channel, size_t) { return channel == Channel::kReply; },
-                               [this](Channel, size_t, const Bytes& bytes) { receive(bytes); });
+  place_ =
+      world_.network.join([](Channel channel, size_t) { return channel == Channel::kReply; },
+                          [this](Channel, size_t, const wire::Bytes& bytes) { receive(bytes); });
 }
 
 void OperatorProcess::begin(std::deque<OperatorStep> steps) {
@@ -58,9 +59,9 @@ void OperatorProcess::poll() {
   });
 }
 
-void OperatorProcess::receive(const Bytes& bytes) {
+void OperatorProcess::receive(const wire::Bytes& bytes) {
   if (!coordinator_ || !world_.key.has_valid_mac(bytes)) return;
-  const auto reply = decode<ReplyMessage>(bytes);
+  const auto reply = wire::decode<wire::ReplyMessage>(bytes);
   if (!reply || reply->command_sender != stamp_->sender()) return;
   if (reply->command_counter == coordinator_->counter()) world_.events.on_receive(*reply);
   coordinator_->on_reply(*reply);

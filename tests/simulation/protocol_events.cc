@@ -34,23 +34,23 @@ int ProtocolEvents::take_number(const std::string& name) {
   return takes_.emplace(name, static_cast<int>(takes_.size()) + 1).first->second;
 }
 
-void ProtocolEvents::add_run(const std::string& sender, const CommandMessage& order) {
+void ProtocolEvents::add_run(const std::string& sender, const wire::CommandMessage& order) {
   runs_.emplace(sender, static_cast<int>(trace_.runs.size()));
-  trace_.runs.push_back({.order = input_of(order.verb), .take = take_number(order.take)});
+  trace_.runs.push_back({.order = control::input_of(order.verb), .take = take_number(order.take)});
 }
 
-ProtocolEvent ProtocolEvents::event_of(Kind kind, const CommandMessage& command) {
+ProtocolEvent ProtocolEvents::event_of(Kind kind, const wire::CommandMessage& command) {
   ProtocolEvent event{.kind = kind};
   event.run = runs_.at(command.sender);
   event.counter = command.counter;
-  event.command = input_of(command.verb);
+  event.command = control::input_of(command.verb);
   event.own_only = command.own_only;
   event.take = take_number(command.take);
   for (const std::string& node : command.to) event.addressed |= 1U << nodes_.at(node);
   return event;
 }
 
-ProtocolEvent ProtocolEvents::event_of(Kind kind, const ReplyMessage& reply) {
+ProtocolEvent ProtocolEvents::event_of(Kind kind, const wire::ReplyMessage& reply) {
   ProtocolEvent event{.kind = kind};
   event.node = nodes_.at(reply.node);
   event.run = runs_.at(reply.command_sender);
@@ -60,21 +60,21 @@ ProtocolEvent ProtocolEvents::event_of(Kind kind, const ReplyMessage& reply) {
 }
 
 /// `background` gets its take name from StudioCoordinator (daemon/control/studio_coordinator.cc).
-void ProtocolEvents::on_send(const CommandMessage& command) {
+void ProtocolEvents::on_send(const wire::CommandMessage& command) {
   const ProtocolEvent event = event_of(Kind::kSend, command);
-  if (event.command == Input::kBackground) trace_.runs[event.run].take = event.take;
+  if (event.command == control::Input::kBackground) trace_.runs[event.run].take = event.take;
   if (is_repeated(event)) return;
   trace_.events.push_back(event);
 }
 
-void ProtocolEvents::on_receive(const ReplyMessage& reply) {
-  if (reply.outcome == ReplyMessage::Outcome::kNonceMissing) return;
+void ProtocolEvents::on_receive(const wire::ReplyMessage& reply) {
+  if (reply.outcome == wire::ReplyMessage::Outcome::kNonceMissing) return;
   const ProtocolEvent event = event_of(Kind::kReceive, reply);
   if (!is_repeated(event)) trace_.events.push_back(event);
 }
 
-void ProtocolEvents::on_command(const std::string& node, const CommandMessage& command,
-                                Phase after) {
+void ProtocolEvents::on_command(const std::string& node, const wire::CommandMessage& command,
+                                control::Phase after) {
   ProtocolEvent event = event_of(Kind::kCommand, command);
   event.node = nodes_.at(node);
   event.phase = after;
@@ -83,8 +83,8 @@ void ProtocolEvents::on_command(const std::string& node, const CommandMessage& c
   add_effects();
 }
 
-void ProtocolEvents::on_report(const std::string& node, const CommandMessage& order, Phase after,
-                               bool may_end) {
+void ProtocolEvents::on_report(const std::string& node, const wire::CommandMessage& order,
+                               control::Phase after, bool may_end) {
   ProtocolEvent event{.kind = Kind::kReport};
   event.node = nodes_.at(node);
   event.run = runs_.at(order.sender);
@@ -104,13 +104,13 @@ void ProtocolEvents::on_crash(const std::string& node) {
   });
 }
 
-void ProtocolEvents::on_reply(const ReplyMessage& reply) {
-  if (reply.outcome == ReplyMessage::Outcome::kNonceMissing) return;
+void ProtocolEvents::on_reply(const wire::ReplyMessage& reply) {
+  if (reply.outcome == wire::ReplyMessage::Outcome::kNonceMissing) return;
   const ProtocolEvent event = event_of(Kind::kReply, reply);
   if (!is_repeated(event)) effects_.push_back(event);
 }
 
-void ProtocolEvents::on_pulses_begin(const CommandMessage& order) {
+void ProtocolEvents::on_pulses_begin(const wire::CommandMessage& order) {
   ProtocolEvent event{.kind = Kind::kPulsesBegin};
   event.run = runs_.at(order.sender);
   effects_.push_back(event);

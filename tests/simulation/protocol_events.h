@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "daemon/control/control_table.h"
+#include "daemon/control/control.h"
 #include "wire/messages.h"
 
 namespace v3d::simulation {
@@ -29,10 +29,10 @@ struct ProtocolEvent {
   int node = 0;
   int run = 0;  ///< run of v3dctl that sent the command, or the order of kReport and kPulsesBegin
   int64_t counter = 0;
-  Input command{};
+  control::Input command{};
   bool own_only = false;
   int take = 0;            ///< number of the take name in a command; 0: none
-  Phase phase{};           ///< after the event
+  control::Phase phase{};  ///< after the event
   int outcome = 0;         ///< of a reply
   bool may_end = false;    ///< of kReport: a disk is full, or the process shuts down
   uint32_t addressed = 0;  ///< addressed nodes, as bits
@@ -45,7 +45,7 @@ std::string text_of(const ProtocolEvent& event);
 /// All events of one schedule.
 struct ProtocolTrace {
   struct Run {
-    Input order{};  ///< the command of v3dctl
+    control::Input order{};  ///< the command of v3dctl
     int take = 0;
   };
   int nodes = 0;  ///< number of nodes; node 0 has the trigger
@@ -58,15 +58,17 @@ struct ProtocolTrace {
 class ProtocolEvents {
  public:
   void add_node(const std::string& node);
-  void add_run(const std::string& sender, const CommandMessage& order);
+  void add_run(const std::string& sender, const wire::CommandMessage& order);
 
-  void on_send(const CommandMessage& command);
-  void on_receive(const ReplyMessage& reply);
-  void on_command(const std::string& node, const CommandMessage& command, Phase after);
-  void on_report(const std::string& node, const CommandMessage& order, Phase after, bool may_end);
+  void on_send(const wire::CommandMessage& command);
+  void on_receive(const wire::ReplyMessage& reply);
+  void on_command(const std::string& node, const wire::CommandMessage& command,
+                  control::Phase after);
+  void on_report(const std::string& node, const wire::CommandMessage& order, control::Phase after,
+                 bool may_end);
   void on_crash(const std::string& node);
-  void on_reply(const ReplyMessage& reply);
-  void on_pulses_begin(const CommandMessage& order);
+  void on_reply(const wire::ReplyMessage& reply);
+  void on_pulses_begin(const wire::CommandMessage& order);
   void on_pulses_end();
 
   const ProtocolTrace& trace() const { return trace_; }
@@ -74,8 +76,8 @@ class ProtocolEvents {
  private:
   bool is_repeated(const ProtocolEvent& event);
   void add_effects();
-  ProtocolEvent event_of(ProtocolEvent::Kind kind, const CommandMessage& command);
-  ProtocolEvent event_of(ProtocolEvent::Kind kind, const ReplyMessage& reply);
+  ProtocolEvent event_of(ProtocolEvent::Kind kind, const wire::CommandMessage& command);
+  ProtocolEvent event_of(ProtocolEvent::Kind kind, const wire::ReplyMessage& reply);
   int take_number(const std::string& name);
 
   ProtocolTrace trace_;

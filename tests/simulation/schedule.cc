@@ -22,8 +22,9 @@ constexpr Duration kSettlesWithin = seconds(100);
 /// Limit for a stop and an abort of an operator to make every node idle.
 constexpr Duration kIdleWithin = seconds(30);
 
-CommandMessage order_of(CommandVerb verb, const std::string& take = "", int64_t pulses = 0) {
-  CommandMessage order;
+wire::CommandMessage order_of(wire::CommandVerb verb, const std::string& take = "",
+                              int64_t pulses = 0) {
+  wire::CommandMessage order;
   order.verb = verb;
   order.take = take;
   order.pulses = pulses;
@@ -31,12 +32,13 @@ CommandMessage order_of(CommandVerb verb, const std::string& take = "", int64_t 
 }
 
 /// The timeouts of v3dctl.
-Duration timeout_of(CommandVerb verb) {
-  if (verb == CommandVerb::kArm) return seconds(30);
-  return verb == CommandVerb::kStart || verb == CommandVerb::kAbort ? seconds(10) : seconds(60);
+Duration timeout_of(wire::CommandVerb verb) {
+  if (verb == wire::CommandVerb::kArm) return seconds(30);
+  return verb == wire::CommandVerb::kStart || verb == wire::CommandVerb::kAbort ? seconds(10)
+                                                                                : seconds(60);
 }
 
-OperatorStep step(CommandMessage order, Duration then = {}) {
+OperatorStep step(wire::CommandMessage order, Duration then = {}) {
   const Duration timeout = timeout_of(order.verb);
   return {.order = std::move(order), .timeout = timeout, .then = then};
 }
@@ -48,7 +50,7 @@ class Schedule {
         trace_(time_, with_trace),
         network_(time_, draws_),
         trigger_(
-            time_, draws_, [this](const CommandMessage& order) { on_train(order); },
+            time_, draws_, [this](const wire::CommandMessage& order) { on_train(order); },
             [this] { events_.on_pulses_end(); },
             [this](int64_t pulse, bool sensed) { on_pulse(pulse, sensed); }),
         truth_(draw_studio()),
@@ -59,8 +61,8 @@ class Schedule {
  private:
   /// One key for all schedules. It comes from the kernel's random numbers; results do not depend on
   /// it.
-  static const StudioKey& key() {
-    static const StudioKey key = StudioKey::make();
+  static const wire::StudioKey& key() {
+    static const wire::StudioKey key = wire::StudioKey::make();
     return key;
   }
 
@@ -77,7 +79,7 @@ class Schedule {
   }
 
   // --- execution
-  void on_train(const CommandMessage& order) {
+  void on_train(const wire::CommandMessage& order) {
     truth_.on_train(order);
     events_.on_pulses_begin(order);
   }
@@ -99,7 +101,7 @@ class Schedule {
   Trace trace_;
   Network network_;
   Trigger trigger_;
-  CommandTargets commanded_;
+  control::CommandTargets commanded_;
   std::map<std::string, std::vector<std::string>> cameras_;
   bool steps_clocks_ = false;
   Truth truth_;
@@ -161,16 +163,18 @@ std::deque<OperatorStep> Schedule::draw_steps(int person) {
     const int64_t pulses = draws_.chance(0.25) ? draws_.integer(3, 40) : 0;
     const int kind = draws_.integer(0, 19);
     if (kind == 0) {
-      steps.push_back(step(order_of(CommandVerb::kBackground, "", draws_.integer(2, 12))));
+      steps.push_back(step(order_of(wire::CommandVerb::kBackground, "", draws_.integer(2, 12))));
       continue;
     }
-    if (kind == 1) steps.push_back(step(order_of(CommandVerb::kCheck, "check", 10)));
-    if (kind > 1) steps.push_back(step(order_of(CommandVerb::kArm, take, pulses)));
+    if (kind == 1) steps.push_back(step(order_of(wire::CommandVerb::kCheck, "check", 10)));
+    if (kind > 1) steps.push_back(step(order_of(wire::CommandVerb::kArm, take, pulses)));
     steps.back().then = draws_.seconds(0, 2);
     if (kind == 2) continue;
-    if (kind > 3) steps.push_back(step(order_of(CommandVerb::kStart), draws_.seconds(0.2, 8)));
+    if (kind > 3)
+      steps.push_back(step(order_of(wire::CommandVerb::kStart), draws_.seconds(0.2, 8)));
     const bool names_it = draws_.chance(0.3);
-    const CommandVerb verb = draws_.chance(0.8) ? CommandVerb::kStop : CommandVerb::kAbort;
+    const wire::CommandVerb verb =
+        draws_.chance(0.8) ? wire::CommandVerb::kStop : wire::CommandVerb::kAbort;
     steps.push_back(step(order_of(verb, names_it && kind > 1 ? take : ""), draws_.seconds(0, 3)));
   }
   return steps;
@@ -319,20 +323,21 @@ void Schedule::heal() {
 
 /// True when every remaining activity waits for an operator: a take that is armed or that runs.
 bool Schedule::is_settled() const {
-  const Phase trigger = nodes_.front()->phase();
-  const bool waits = trigger == Phase::kArmed || trigger == Phase::kRecording;
+  const control::Phase trigger = nodes_.front()->phase();
+  const bool waits = trigger == control::Phase::kArmed || trigger == control::Phase::kRecording;
   const bool nodes_settled = std::ranges::all_of(nodes_, [&](const auto& node) {
-    const Phase phase = node->phase();
-    if (phase == Phase::kRecording) return waits && node->id() == nodes_.front()->id();
-    return phase == Phase::kIdle || phase == Phase::kFault || phase == Phase::kArmed;
+    const control::Phase phase = node->phase();
+    if (phase == control::Phase::kRecording) return waits && node->id() == nodes_.front()->id();
+    return phase == control::Phase::kIdle || phase == control::Phase::kFault ||
+           phase == control::Phase::kArmed;
   });
   return nodes_settled &&
          std::ranges::none_of(operators_, [](const auto& o) { return o->is_busy(); });
 }
 
 bool Schedule::is_idle() const {
-  return std::ranges::all_of(nodes_,
-                             [](const auto& node) { return node->phase() == Phase::kIdle; });
+  return std::ranges::all_of(
+      nodes_, [](const auto& node) { return node->phase() == control::Phase::kIdle; });
 }
 
 /// Waits until the studio is settled. A node that was still shutting down is started again.
@@ -351,7 +356,8 @@ void Schedule::settle() {
 void Schedule::make_idle() {
   const MonotonicInstant began = time_.now();
   OperatorProcess& person = *operators_.front();
-  person.begin({step(order_of(CommandVerb::kStop)), step(order_of(CommandVerb::kAbort))});
+  person.begin(
+      {step(order_of(wire::CommandVerb::kStop)), step(order_of(wire::CommandVerb::kAbort))});
   run_until(kIdleWithin, [&] { return !person.is_busy() && is_idle(); });
   outcome_.idle_s = to_seconds(time_.now() - began);
   if (is_broken() || is_idle()) return;
@@ -361,14 +367,14 @@ void Schedule::make_idle() {
 /// Checks that a take after the faults succeeds and is complete.
 void Schedule::record_final_take() {
   OperatorProcess& person = *operators_.front();
-  person.begin({step(order_of(CommandVerb::kArm, "last")),
-                step(order_of(CommandVerb::kStart), seconds(1)),
-                step(order_of(CommandVerb::kStop))});
+  person.begin({step(order_of(wire::CommandVerb::kArm, "last")),
+                step(order_of(wire::CommandVerb::kStart), seconds(1)),
+                step(order_of(wire::CommandVerb::kStop))});
   run_until(seconds(130), [&] { return !person.is_busy(); });
   if (is_broken()) return;
   if (!person.was_done()) return truth_.violate("no take succeeds after the faults");
   // Every node must know every pulse, for all clock errors.
-  std::vector<Ledger> parts;
+  std::vector<take::Ledger> parts;
   for (const auto& node : nodes_) {
     const auto kept = node->host().disk.takes.find("last");
     if (kept == node->host().disk.takes.end() || !kept->second.ledger) continue;
@@ -386,7 +392,7 @@ void Schedule::check_disks() {
   run_until(seconds(5), [] { return false; });
   for (const auto& node : nodes_) truth_.check_disk(node->host().name, node->host().disk);
   for (const std::string& take : truth_.takes()) {
-    std::map<std::string, Ledger> parts;
+    std::map<std::string, take::Ledger> parts;
     bool has_triggers = false;
     for (const auto& node : nodes_) {
       const auto kept = node->host().disk.takes.find(take);

@@ -4,7 +4,7 @@
 
 #include "base/core/error.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/node/disk_monitor.h"
+#include "daemon/node/node_health.h"
 #include "daemon/node/take_folder.h"
 
 namespace v3d::simulation {
@@ -21,24 +21,24 @@ constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 
 // --- common to both kinds -----------------------------------------------------------------------
 
-std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
+std::optional<node::RejoinDecision::Found> SimulatedWork::running_take() {
   if (!rejoin_.is_open()) return std::nullopt;
-  std::optional<TrainState::RunningTake> running;
-  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) {
+  std::optional<node::TrainState::RunningTake> running;
+  for (const node::ReceivedHealth& health : std::exchange(trigger_health_, {})) {
     if (auto update = train_.running(health)) running = std::move(update);
   }
   return running ? rejoin_.decide(*running) : std::nullopt;
 }
 
 void SimulatedWork::listen_to_train() {
-  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) {
+  for (const node::ReceivedHealth& health : std::exchange(trigger_health_, {})) {
     train_.on_health(health, order_.take);
   }
 }
 
 /// Forgets the earlier train, as TrainMonitor::reset() does.
 void SimulatedWork::restart_train() {
-  for (const ReceivedHealth& health : std::exchange(trigger_health_, {})) train_.note(health);
+  for (const node::ReceivedHealth& health : std::exchange(trigger_health_, {})) train_.note(health);
   train_.reset(now());
 }
 
@@ -61,20 +61,20 @@ void SimulatedWork::remove_take() {
   host_.disk.takes.erase(take);
 }
 
-void SimulatedWork::reject_existing(const CommandMessage& order) const {
-  check_take_name(order.take);
+void SimulatedWork::reject_existing(const wire::CommandMessage& order) const {
+  node::check_take_name(order.take);
   if (!host_.disk.takes.contains(order.take)) return;
   throw InputError("take " + order.take + " exists already; choose another name");
 }
 
 // --- capture ------------------------------------------------------------------------------------
 
-void SimulatedCapture::arm(const CommandMessage& order) {
-  if (order.verb == CommandVerb::kArm) reject_existing(order);
+void SimulatedCapture::arm(const wire::CommandMessage& order) {
+  if (order.verb == wire::CommandVerb::kArm) reject_existing(order);
   make_ready(order);
 }
 
-void SimulatedCapture::make_ready(const CommandMessage& order) {
+void SimulatedCapture::make_ready(const wire::CommandMessage& order) {
   clear_persisted_orders();
   order_ = order;
   disk_is_full_ = ended_by_disk_ = false;
@@ -87,20 +87,20 @@ std::optional<int64_t> SimulatedCapture::train_length() const {
   return order_.pulses > 0 ? std::optional(order_.pulses) : std::nullopt;
 }
 
-NodeReport SimulatedCapture::poll_arming() {
-  if (now() < ready_at_) return {.event = Input::kFailed, .text = "", .detail = {}};
-  if (!is_ready_) return {.event = Input::kFailed, .text = "not ready: cam", .detail = {}};
-  if (order_.verb == CommandVerb::kArm && host_.disk.is_full) {
-    return {.event = Input::kFailed, .text = "needs 29 GB, 1 GB free", .detail = {}};
+control::NodeReport SimulatedCapture::poll_arming() {
+  if (now() < ready_at_) return {.event = control::Input::kFailed, .text = "", .detail = {}};
+  if (!is_ready_) return {.event = control::Input::kFailed, .text = "not ready: cam", .detail = {}};
+  if (order_.verb == wire::CommandVerb::kArm && host_.disk.is_full) {
+    return {.event = control::Input::kFailed, .text = "needs 29 GB, 1 GB free", .detail = {}};
   }
   open_take();
-  return {.event = Input::kReady, .text = "ready", .detail = {}};
+  return {.event = control::Input::kReady, .text = "ready", .detail = {}};
 }
 
 void SimulatedCapture::open_take() {
   is_open_ = true;
   was_started_ = false;
-  pulses_ = KnownPulses(order_.take);
+  pulses_ = captured::KnownPulses(order_.take);
   accounts_.clear();
   received_.clear();
   write_errors_ = 0;
@@ -130,13 +130,13 @@ void SimulatedCapture::disarm() {
   is_open_ = false;
 }
 
-std::optional<CommandMessage> SimulatedCapture::rejoin() {
+std::optional<wire::CommandMessage> SimulatedCapture::rejoin() {
   if (host_.trigger != nullptr) return std::nullopt;
   const auto found = running_take();
   if (!found) return std::nullopt;
   order_ = found->order;
   TakeOnDisk& take = on_disk();
-  pulses_ = KnownPulses(order_.take, take.pulses, found->commanded);
+  pulses_ = captured::KnownPulses(order_.take, take.pulses, found->commanded);
   accounts_.clear();
   for (const auto& [camera, frames] : take.frames) {
     for (const int64_t pulse : frames) accounts_[camera].add(pulse, false);
@@ -148,18 +148,18 @@ std::optional<CommandMessage> SimulatedCapture::rejoin() {
   return order_;
 }
 
-std::optional<NodeReport> SimulatedCapture::poll(Phase phase) {
+std::optional<control::NodeReport> SimulatedCapture::poll(control::Phase phase) {
   switch (phase) {
-    case Phase::kArming: {
-      NodeReport report = poll_arming();
+    case control::Phase::kArming: {
+      control::NodeReport report = poll_arming();
       if (report.text.empty()) return std::nullopt;
       return report;
     }
-    case Phase::kLearning:
+    case control::Phase::kLearning:
       return poll_learning();
-    case Phase::kRecording:
+    case control::Phase::kRecording:
       return poll_recording();
-    case Phase::kDraining:
+    case control::Phase::kDraining:
       return poll_draining();
     default:
       return std::nullopt;
@@ -171,25 +171,27 @@ bool SimulatedCapture::train_has_ended() {
   return host_.trigger != nullptr ? host_.trigger->is_finished() : train_.ended();
 }
 
-std::optional<NodeReport> SimulatedCapture::poll_learning() {
+std::optional<control::NodeReport> SimulatedCapture::poll_learning() {
   const bool over = train_has_ended();
   if (host_.trigger != nullptr && !over) return std::nullopt;
   const bool learnt = std::ranges::all_of(
       host_.cameras, [&](const std::string& camera) { return received_[camera] >= order_.pulses; });
   if (!learnt && now() < learn_by_) return std::nullopt;
-  return NodeReport{.event = learnt ? Input::kReady : Input::kFailed,
-                    .text = learnt ? "learnt the background" : "only some plates arrived",
-                    .detail = {}};
+  return control::NodeReport{.event = learnt ? control::Input::kReady : control::Input::kFailed,
+                             .text = learnt ? "learnt the background" : "only some plates arrived",
+                             .detail = {}};
 }
 
-std::optional<NodeReport> SimulatedCapture::poll_recording() {
+std::optional<control::NodeReport> SimulatedCapture::poll_recording() {
   disk_is_full_ = records() && (write_errors_ > 0 || host_.disk.is_full);
   ended_by_disk_ = disk_is_full_ || !full_elsewhere_.empty();
   if (ended_by_disk_) {
-    return NodeReport{.event = Input::kTrainEnded, .text = "a disk is full", .detail = {}};
+    return control::NodeReport{
+        .event = control::Input::kTrainEnded, .text = "a disk is full", .detail = {}};
   }
   if (!train_has_ended()) return std::nullopt;
-  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+  return control::NodeReport{
+      .event = control::Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
 int64_t SimulatedCapture::commanded() const {
@@ -215,33 +217,36 @@ bool SimulatedCapture::has_all(int64_t pulses, bool silent, Duration quiet) cons
   });
 }
 
-std::optional<NodeReport> SimulatedCapture::poll_draining() {
+std::optional<control::NodeReport> SimulatedCapture::poll_draining() {
   listen_to_train();
   if (!is_drained()) return std::nullopt;
-  const Ledger ledger = close_take();
-  if (order_.verb == CommandVerb::kCheck) {
-    return NodeReport{.event = Input::kDrained, .text = "checked cameras", .detail = {}};
+  const take::Ledger ledger = close_take();
+  if (order_.verb == wire::CommandVerb::kCheck) {
+    return control::NodeReport{
+        .event = control::Input::kDrained, .text = "checked cameras", .detail = {}};
   }
   const auto take = host_.disk.takes.find(order_.take);
   if (take != host_.disk.takes.end() && take->second.is_open) {
-    return NodeReport{
-        .event = Input::kBroken, .text = "cannot write the ledger", .detail = ledger_json(ledger)};
+    return control::NodeReport{.event = control::Input::kBroken,
+                               .text = "cannot write the ledger",
+                               .detail = control::ledger_json(ledger)};
   }
-  return NodeReport{
-      .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
+  return control::NodeReport{.event = control::Input::kDrained,
+                             .text = ledger.verdict(),
+                             .detail = control::ledger_json(ledger)};
 }
 
-Ledger SimulatedCapture::close_take() {
-  Ledger ledger;
+take::Ledger SimulatedCapture::close_take() {
+  take::Ledger ledger;
   ledger.take = order_.take;
   ledger.commanded = commanded();
   ledger.commanded_is_minimum =
       host_.trigger == nullptr && !train_.ended() && train_length() != ledger.commanded;
-  const bool knows = sensed_count_is_known(world_.has_sense_line, host_.trigger != nullptr,
-                                           pulses_.count(), ledger.commanded);
+  const bool knows = captured::sensed_count_is_known(
+      world_.has_sense_line, host_.trigger != nullptr, pulses_.count(), ledger.commanded);
   if (knows) pulses_.fill_ledger(ledger, ledger.commanded);
   is_open_ = false;
-  if (order_.verb != CommandVerb::kArm) return ledger;
+  if (order_.verb != wire::CommandVerb::kArm) return ledger;
   for (const std::string& camera : host_.cameras) {
     ledger.cameras.push_back(accounts_[camera].ledger(camera, ledger.commanded));
   }
@@ -252,21 +257,21 @@ Ledger SimulatedCapture::close_take() {
   }
   on_disk().ledger = ledger;
   on_disk().is_open = false;
-  if (is_empty_take(ledger, was_started_, host_.trigger != nullptr)) remove_take();
+  if (captured::is_empty_take(ledger, was_started_, host_.trigger != nullptr)) remove_take();
   return ledger;
 }
 
-void SimulatedCapture::report_health(HealthMessage& health) {
+void SimulatedCapture::report_health(wire::HealthMessage& health) {
   const bool counts = is_counted();
   health.values["pulses_commanded"] = static_cast<double>(counts ? commanded() : 0);
-  health.values[kDiskFull] = disk_is_full_ ? 1 : 0;
+  health.values[node::kDiskFull] = disk_is_full_ ? 1 : 0;
 }
 
-void SimulatedCapture::on_other_health(const HealthMessage& health) {
-  if (host_.trigger != nullptr && reports_full_disk(health)) full_elsewhere_ = health.node;
+void SimulatedCapture::on_other_health(const wire::HealthMessage& health) {
+  if (host_.trigger != nullptr && node::reports_full_disk(health)) full_elsewhere_ = health.node;
 }
 
-void SimulatedCapture::on_pulse_message(const PulseMessage& pulse) {
+void SimulatedCapture::on_pulse_message(const wire::PulseMessage& pulse) {
   if (is_open_ && host_.trigger == nullptr && pulses_.accepts(pulse)) {
     pulses_.add(pulse.pulse);
     if (records()) on_disk().pulses.insert(pulse.pulse);
@@ -298,17 +303,17 @@ void SimulatedCapture::write(const std::string& camera, int64_t pulse) {
 
 // --- reconstruction -----------------------------------------------------------------------------
 
-void SimulatedRecon::arm(const CommandMessage& order) {
+void SimulatedRecon::arm(const wire::CommandMessage& order) {
   clear_persisted_orders();
   order_ = order;
   ready_at_ = now() + world_.draws.seconds(0.01, 2);
-  if (order.verb == CommandVerb::kCheck) return;
+  if (order.verb == wire::CommandVerb::kCheck) return;
   reject_existing(order);
   create_take({});
   is_open_ = true;
 }
 
-void SimulatedRecon::learn(const CommandMessage& order) {
+void SimulatedRecon::learn(const wire::CommandMessage& order) {
   clear_persisted_orders();
   order_ = order;
   ready_at_ = now();
@@ -319,7 +324,7 @@ void SimulatedRecon::disarm() {
   if (on_disk().meshes == 0) remove_take();
 }
 
-std::optional<CommandMessage> SimulatedRecon::rejoin() {
+std::optional<wire::CommandMessage> SimulatedRecon::rejoin() {
   const auto found = running_take();
   if (!found) return std::nullopt;
   order_ = found->order;
@@ -327,23 +332,23 @@ std::optional<CommandMessage> SimulatedRecon::rejoin() {
   return order_;
 }
 
-std::optional<NodeReport> SimulatedRecon::poll(Phase phase) {
-  const auto report = [](Input event, const char* text) {
-    return NodeReport{.event = event, .text = text, .detail = {}};
+std::optional<control::NodeReport> SimulatedRecon::poll(control::Phase phase) {
+  const auto report = [](control::Input event, const char* text) {
+    return control::NodeReport{.event = event, .text = text, .detail = {}};
   };
   switch (phase) {
-    case Phase::kArming:
+    case control::Phase::kArming:
       if (now() < ready_at_) return std::nullopt;
-      return report(Input::kReady, "reconstructs at 10 mm");
-    case Phase::kLearning:
-      return report(Input::kReady, "nothing to learn here");
-    case Phase::kRecording:
+      return report(control::Input::kReady, "reconstructs at 10 mm");
+    case control::Phase::kLearning:
+      return report(control::Input::kReady, "nothing to learn here");
+    case control::Phase::kRecording:
       listen_to_train();
       if (!train_.ended()) return std::nullopt;
-      return report(Input::kTrainEnded, "pulses have ended");
-    case Phase::kDraining:
+      return report(control::Input::kTrainEnded, "pulses have ended");
+    case control::Phase::kDraining:
       if (is_open_ && now() - drain_began_ <= kReconQuiet) return std::nullopt;
-      return report(Input::kDrained, "meshes");
+      return report(control::Input::kDrained, "meshes");
     default:
       return std::nullopt;
   }

@@ -9,26 +9,25 @@
 #include <string>
 #include <vector>
 
-#include "daemon/captured/known_pulses.h"
-#include "daemon/control/node_delegate.h"
+#include "daemon/captured/pulse_log.h"
+#include "daemon/control/node_protocol.h"
 #include "daemon/node/persisted_command.h"
-#include "daemon/node/train_monitor.h"
 #include "simulation/node_setting.h"
 
 namespace v3d::simulation {
 
 /// Common part of capture and reconstruction nodes. One thread.
-class SimulatedWork : public NodeDelegate {
+class SimulatedWork : public control::NodeDelegate {
  public:
   SimulatedWork(World& world, Host& host)
       : world_(world), host_(host), rejoin_(host.disk.persisted_commands()) {}
 
   /// Called with accepted health of the trigger's node; on_other_health(): of any node.
-  void on_trigger_health(const HealthMessage& health, uint32_t session) {
+  void on_trigger_health(const wire::HealthMessage& health, uint32_t session) {
     trigger_health_.push_back({.health = health, .session = session, .received = now()});
   }
-  virtual void on_other_health(const HealthMessage&) {}
-  virtual void on_pulse_message(const PulseMessage&) {}
+  virtual void on_other_health(const wire::HealthMessage&) {}
+  virtual void on_pulse_message(const wire::PulseMessage&) {}
   /// Called when a camera of this node has delivered the frame of a pulse.
   virtual void on_frame(const std::string&, int64_t) {}
   /// Called when the sense line of this node has seen a pulse.
@@ -40,7 +39,7 @@ class SimulatedWork : public NodeDelegate {
  protected:
   MonotonicInstant now() const { return world_.time.now(); }
   /// The take to rejoin, decided from the health received from the trigger's node.
-  std::optional<RejoinDecision::Found> running_take();
+  std::optional<node::RejoinDecision::Found> running_take();
   void listen_to_train();
   void restart_train();
   void clear_persisted_orders();
@@ -48,52 +47,52 @@ class SimulatedWork : public NodeDelegate {
   /// Creates the folder of the take, with the order.
   void create_take(const std::vector<std::string>& cameras);
   void remove_take();
-  void reject_existing(const CommandMessage& order) const;
+  void reject_existing(const wire::CommandMessage& order) const;
 
   World& world_;
   Host& host_;
-  CommandMessage order_;
-  TrainState train_;
+  wire::CommandMessage order_;
+  node::TrainState train_;
 
  private:
-  RejoinDecision rejoin_;
-  std::vector<ReceivedHealth> trigger_health_;  ///< not yet processed
+  node::RejoinDecision rejoin_;
+  std::vector<node::ReceivedHealth> trigger_health_;  ///< not yet processed
 };
 
 class SimulatedCapture : public SimulatedWork {
  public:
   SimulatedCapture(World& world, Host& host) : SimulatedWork(world, host) {}
 
-  void arm(const CommandMessage& order) override;
-  void learn(const CommandMessage& order) override { make_ready(order); }
+  void arm(const wire::CommandMessage& order) override;
+  void learn(const wire::CommandMessage& order) override { make_ready(order); }
   void start() override;
   void drain() override;
   void disarm() override;
-  std::optional<CommandMessage> rejoin() override;
-  std::optional<NodeReport> poll(Phase phase) override;
-  void report_health(HealthMessage& health) override;
+  std::optional<wire::CommandMessage> rejoin() override;
+  std::optional<control::NodeReport> poll(control::Phase phase) override;
+  void report_health(wire::HealthMessage& health) override;
 
-  void on_other_health(const HealthMessage& health) override;
-  void on_pulse_message(const PulseMessage& pulse) override;
+  void on_other_health(const wire::HealthMessage& health) override;
+  void on_pulse_message(const wire::PulseMessage& pulse) override;
   void on_frame(const std::string& camera, int64_t pulse) override;
   void on_sensed(int64_t pulse) override;
   bool ended_by_disk() const override { return ended_by_disk_; }
 
  private:
-  bool records() const { return is_open_ && order_.verb == CommandVerb::kArm; }
-  bool is_counted() const { return is_open_ && order_.verb != CommandVerb::kBackground; }
-  void make_ready(const CommandMessage& order);
+  bool records() const { return is_open_ && order_.verb == wire::CommandVerb::kArm; }
+  bool is_counted() const { return is_open_ && order_.verb != wire::CommandVerb::kBackground; }
+  void make_ready(const wire::CommandMessage& order);
   std::optional<int64_t> train_length() const;
-  NodeReport poll_arming();
+  control::NodeReport poll_arming();
   void open_take();
-  std::optional<NodeReport> poll_learning();
-  std::optional<NodeReport> poll_recording();
-  std::optional<NodeReport> poll_draining();
+  std::optional<control::NodeReport> poll_learning();
+  std::optional<control::NodeReport> poll_recording();
+  std::optional<control::NodeReport> poll_draining();
   bool train_has_ended();
   bool is_drained() const;
   bool has_all(int64_t pulses, bool silent, Duration quiet) const;
   int64_t commanded() const;
-  Ledger close_take();
+  take::Ledger close_take();
   void write(const std::string& camera, int64_t pulse);
 
   MonotonicInstant ready_at_;
@@ -103,8 +102,8 @@ class SimulatedCapture : public SimulatedWork {
   MonotonicInstant ended_;
   MonotonicInstant last_frame_;
   MonotonicInstant learn_by_;
-  KnownPulses pulses_{""};
-  std::map<std::string, CameraAccount> accounts_;
+  captured::KnownPulses pulses_{""};
+  std::map<std::string, take::CameraAccount> accounts_;
   std::map<std::string, int64_t> received_;
   int64_t write_errors_ = 0;
   bool disk_is_full_ = false;   ///< a full disk here ended the last take
@@ -116,14 +115,14 @@ class SimulatedRecon : public SimulatedWork {
  public:
   SimulatedRecon(World& world, Host& host) : SimulatedWork(world, host) {}
 
-  void arm(const CommandMessage& order) override;
-  void learn(const CommandMessage& order) override;
+  void arm(const wire::CommandMessage& order) override;
+  void learn(const wire::CommandMessage& order) override;
   void start() override { restart_train(); }
   void drain() override { drain_began_ = now(); }
   void disarm() override;
-  std::optional<CommandMessage> rejoin() override;
-  std::optional<NodeReport> poll(Phase phase) override;
-  void report_health(HealthMessage&) override {}
+  std::optional<wire::CommandMessage> rejoin() override;
+  std::optional<control::NodeReport> poll(control::Phase phase) override;
+  void report_health(wire::HealthMessage&) override {}
   void on_frame(const std::string& camera, int64_t pulse) override;
 
  private:

@@ -13,7 +13,7 @@ namespace v3d::simulation {
 /// One thread.
 class Trigger {
  public:
-  using OnTrain = std::function<void(const CommandMessage& order)>;
+  using OnTrain = std::function<void(const wire::CommandMessage& order)>;
   using OnEnd = std::function<void()>;
   using OnPulse = std::function<void(int64_t pulse, bool sensed)>;
 
@@ -27,7 +27,7 @@ class Trigger {
   /// `unsensed`: share of the pulses that the sense line does not detect.
   void set_unsensed(double unsensed) { unsensed_ = unsensed; }
 
-  void arm(const CommandMessage& order, double rate_hz, std::optional<int64_t> count) {
+  void arm(const wire::CommandMessage& order, double rate_hz, std::optional<int64_t> count) {
     stop();
     order_ = order;
     period_ = period_of(rate_hz);
@@ -61,7 +61,7 @@ class Trigger {
   const OnTrain on_train_;
   const OnEnd on_end_;
   const OnPulse on_pulse_;
-  CommandMessage order_;
+  wire::CommandMessage order_;
   Duration period_{};
   std::optional<int64_t> count_;
   double unsensed_ = 0;

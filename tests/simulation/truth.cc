@@ -7,7 +7,9 @@
 namespace v3d::simulation {
 namespace {
 
-bool expects_pulses(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
+bool expects_pulses(control::Phase phase) {
+  return phase == control::Phase::kRecording || phase == control::Phase::kLearning;
+}
 
 }  // namespace
 
@@ -16,24 +18,26 @@ void Truth::on_change(const Change& change) {
   const std::string id = order_id(change.order);
   if (change.cause == Cause::kTakeBack) check_take_back(change, node);
   if (expects_pulses(change.from) && !expects_pulses(change.to)) node.left[node.id] = change.cause;
-  const bool leaves = change.to == Phase::kIdle || change.to == Phase::kFault;
+  const bool leaves = change.to == control::Phase::kIdle || change.to == control::Phase::kFault;
   if (leaves && change.node == studio_.commanded.trigger) ended_[change.order.sender] = ++events_;
   node.phase = change.to;
-  node.id = change.to == Phase::kIdle || change.to == Phase::kFault ? "" : id;
-  if (change.to == Phase::kArmed) node.committed.insert(id);
+  node.id = change.to == control::Phase::kIdle || change.to == control::Phase::kFault ? "" : id;
+  if (change.to == control::Phase::kArmed) node.committed.insert(id);
   if (!expects_pulses(change.to)) return;
   node.started.insert(id);
   node.left.erase(id);
-  if (change.command.verb == CommandVerb::kStart) node.started_by = change.command.sender;
+  if (change.command.verb == wire::CommandVerb::kStart) node.started_by = change.command.sender;
 }
 
 /// A sender may take back only what it began itself. Exception: a failed start also ends a take
 /// that another sender armed.
 void Truth::check_take_back(const Change& change, const Node& node) {
   const std::string& sender = change.command.sender;
-  const bool armed = change.from == Phase::kArmed && verbs_[sender] == CommandVerb::kStart;
+  const bool armed =
+      change.from == control::Phase::kArmed && verbs_[sender] == wire::CommandVerb::kStart;
   const std::string& owner = expects_pulses(change.from) ? node.started_by : change.order.sender;
-  const bool is_over = change.from == Phase::kDraining || change.from == Phase::kFault;
+  const bool is_over =
+      change.from == control::Phase::kDraining || change.from == control::Phase::kFault;
   const bool is_left = nodes_[studio_.commanded.trigger].id != order_id(change.order);
   if (armed || sender == owner || is_over || is_left) return;
   violate(change.node + ": " + sender + " takes back an order of " + owner);
@@ -45,12 +49,12 @@ bool Truth::has_pulses(const std::string& take) const {
   return known != by_take_.end() && trains_.at(known->second).pulses > 0;
 }
 
-void Truth::on_train(const CommandMessage& order) {
+void Truth::on_train(const wire::CommandMessage& order) {
   const std::string id = order_id(order);
   running_ = id;
   const bool is_known = trains_.contains(id);
   trains_[id] = {.take = order.take, .verb = order.verb};
-  if (order.verb == CommandVerb::kArm) {
+  if (order.verb == wire::CommandVerb::kArm) {
     if (is_known || has_pulses(order.take)) violate(order.take + " has two trains");
     by_take_[order.take] = id;
   }
@@ -67,7 +71,8 @@ void Truth::on_pulse(int64_t pulse, bool sensed) {
   if (pulse != train.pulses) violate(train.take + ": pulse numbers have a gap");
   ++train.pulses;
   train.sensed += sensed ? 1 : 0;
-  if (train.verb == CommandVerb::kBackground) return;  // learning may end before the last pulse
+  if (train.verb == wire::CommandVerb::kBackground)
+    return;  // learning may end before the last pulse
   for (const std::string& name : studio_.commanded.nodes) {
     if (name != studio_.commanded.trigger) check_recording(name, nodes_[name], running_);
   }
@@ -76,7 +81,7 @@ void Truth::on_pulse(int64_t pulse, bool sensed) {
 /// While pulses run, a node must record, unless it ended, a disk is full, or an operator stopped
 /// it.
 void Truth::check_recording(const std::string& name, const Node& node, const std::string& id) {
-  if (node.phase == Phase::kRecording && node.id == id) return;
+  if (node.phase == control::Phase::kRecording && node.id == id) return;
   const auto left = node.left.find(id);
   const Cause cause = left == node.left.end() ? Cause::kOtherCommand : left->second;
   if (cause == Cause::kEnded || cause == Cause::kDisk || cause == Cause::kStopOrAbort) return;
@@ -113,16 +118,16 @@ bool Truth::has_frame(const std::string& take, const std::string& camera, int64_
 
 // --- answers ------------------------------------------------------------------------------------
 
-void Truth::on_answer(const CommandMessage& order, const std::string& sender, int64_t counter,
-                      const Answer& answer) {
-  if (order.verb == CommandVerb::kStop) return check_stop(answer);
+void Truth::on_answer(const wire::CommandMessage& order, const std::string& sender, int64_t counter,
+                      const control::Answer& answer) {
+  if (order.verb == wire::CommandVerb::kStop) return check_stop(answer);
   if (!answer.done()) return;
-  if (order.verb == CommandVerb::kStart && !trains_.contains(running_)) {
+  if (order.verb == wire::CommandVerb::kStart && !trains_.contains(running_)) {
     violate("a start was answered 'done', but no pulse was made");
   }
-  if (order.verb != CommandVerb::kArm && order.verb != CommandVerb::kCheck) return;
+  if (order.verb != wire::CommandVerb::kArm && order.verb != wire::CommandVerb::kCheck) return;
   check_only_winner(order, sender);
-  CommandMessage armed = order;
+  wire::CommandMessage armed = order;
   armed.sender = sender;
   armed.counter = counter;
   for (const std::string& name : studio_.commanded.nodes) {
@@ -133,14 +138,14 @@ void Truth::on_answer(const CommandMessage& order, const std::string& sender, in
 
 /// Two operators never both win: when two orders to arm overlap in time and both are answered
 /// "done", the trigger's node has left the first one before the second one was answered.
-void Truth::check_only_winner(const CommandMessage& order, const std::string& sender) {
+void Truth::check_only_winner(const wire::CommandMessage& order, const std::string& sender) {
   if (winner_ && begun_[sender] < winner_->answered && !ended_.contains(winner_->sender)) {
     violate("arm " + order.take + " and arm " + winner_->take + " overlap, and both are done");
   }
   winner_ = Winner{.sender = sender, .take = order.take, .answered = ++events_};
 }
 
-void Truth::check_stop(const Answer& answer) {
+void Truth::check_stop(const control::Answer& answer) {
   std::vector<std::string> cameras;
   for (const auto& [node, names] : studio_.cameras) {
     cameras.insert(cameras.end(), names.begin(), names.end());
@@ -150,7 +155,7 @@ void Truth::check_stop(const Answer& answer) {
   if (!account.unreadable.empty()) violate("a ledger is not readable");
   const bool from_all = answer.done() && account.of_another_take.empty();
   if (!from_all) account = ctl::merge_ledgers(answer, cameras);
-  const Ledger& ledger = account.ledger;
+  const take::Ledger& ledger = account.ledger;
   check_complete(ledger);
   const auto id = by_take_.find(ledger.take);
   if (id == by_take_.end() || !from_all) return;
@@ -164,7 +169,7 @@ void Truth::check_stop(const Answer& answer) {
 }
 
 /// Checks that a ledger that reports "complete" has every frame of every camera.
-void Truth::check_complete(const Ledger& ledger) {
+void Truth::check_complete(const take::Ledger& ledger) {
   if (!ledger.complete()) return;
   const int64_t pulses = pulses_of(ledger.take);
   if (ledger.commanded != pulses)
@@ -181,8 +186,8 @@ void Truth::check_complete(const Ledger& ledger) {
 }
 
 /// Checks that the ledger lists exactly the pulses without a frame as missing.
-void Truth::check_cameras(const std::string& where, const Ledger& ledger) {
-  for (const CameraLedger& camera : ledger.cameras) {
+void Truth::check_cameras(const std::string& where, const take::Ledger& ledger) {
+  for (const take::CameraLedger& camera : ledger.cameras) {
     const std::set<int64_t> missing(camera.missing.begin(), camera.missing.end());
     for (const int64_t pulse : missing) {
       if (!has_frame(ledger.take, camera.name, pulse)) continue;
@@ -215,11 +220,11 @@ void Truth::check_disk(const std::string& node, const NodeDisk& disk) {
   }
 }
 
-bool Truth::check_joined(const std::string& take, const std::map<std::string, Ledger>& parts,
+bool Truth::check_joined(const std::string& take, const std::map<std::string, take::Ledger>& parts,
                          bool has_triggers) {
-  std::vector<Ledger> ledgers;
+  std::vector<take::Ledger> ledgers;
   for (const auto& [node, ledger] : parts) ledgers.push_back(ledger);
-  const Ledger joined = merge(ledgers);
+  const take::Ledger joined = merge(ledgers);
   const Train& train = trains_[by_take_[take]];
   const bool is_joined = std::ranges::all_of(
       studio_.cameras, [&](const auto& node) { return parts.contains(node.first); });

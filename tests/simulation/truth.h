@@ -32,7 +32,7 @@ enum class Cause : uint8_t {
 class Truth {
  public:
   struct Studio {
-    CommandTargets commanded;
+    control::CommandTargets commanded;
     std::map<std::string, std::vector<std::string>> cameras;  ///< by node
   };
   explicit Truth(Studio studio) : studio_(std::move(studio)) {}
@@ -45,30 +45,31 @@ class Truth {
   // --- events
   struct Change {
     std::string node;
-    Phase from{};
-    Phase to{};
-    CommandMessage order;  ///< the node's order after the change, or before it if there is none
+    control::Phase from{};
+    control::Phase to{};
+    wire::CommandMessage
+        order;  ///< the node's order after the change, or before it if there is none
     Cause cause{};
-    CommandMessage command;  ///< the command that is the cause, if any
+    wire::CommandMessage command;  ///< the command that is the cause, if any
   };
   void on_change(const Change& change);
-  void on_order(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
+  void on_order(const std::string& sender, wire::CommandVerb verb) { verbs_[sender] = verb; }
   /// Called when an order of an operator begins, at any time.
   void on_order_begins(const std::string& sender) { begun_[sender] = ++events_; }
-  void on_train(const CommandMessage& order);
+  void on_train(const wire::CommandMessage& order);
   void on_pulse(int64_t pulse, bool sensed);
   void on_trigger_lost() { trains_[running_].trigger_lost = true; }
   void on_frame_written(const std::string& node, const std::string& take, const std::string& id,
                         const std::string& camera, int64_t pulse);
   /// Called when a node removes a take from its disk.
   void on_removed(const std::string& node, const std::string& take, const TakeOnDisk& disk);
-  void on_answer(const CommandMessage& order, const std::string& sender, int64_t counter,
-                 const Answer& answer);
+  void on_answer(const wire::CommandMessage& order, const std::string& sender, int64_t counter,
+                 const control::Answer& answer);
   /// Checks a node's disk at the end: no frame is lost, and the ledgers are right.
   void check_disk(const std::string& node, const NodeDisk& disk);
   /// Checks the joined ledgers of all nodes, by node. "takes collect" joins no parts without that
   /// of a capture node. True when they are joined and reported as complete.
-  bool check_joined(const std::string& take, const std::map<std::string, Ledger>& parts,
+  bool check_joined(const std::string& take, const std::map<std::string, take::Ledger>& parts,
                     bool has_triggers);
 
   /// Takes for which pulses were made.
@@ -78,13 +79,13 @@ class Truth {
  private:
   struct Train {
     std::string take;
-    CommandVerb verb{};
+    wire::CommandVerb verb{};
     int64_t pulses = 0;
     int64_t sensed = 0;
     bool trigger_lost = false;  ///< its node ended while the pulses ran
   };
   struct Node {
-    Phase phase{};
+    control::Phase phase{};
     std::string id;                            ///< of the present order
     std::string started_by;                    ///< sender
     std::set<std::string> committed, started;  ///< all orders so far
@@ -93,16 +94,16 @@ class Truth {
   };
   void check_take_back(const Change& change, const Node& node);
   void check_recording(const std::string& name, const Node& node, const std::string& id);
-  void check_only_winner(const CommandMessage& order, const std::string& sender);
-  void check_stop(const Answer& answer);
-  void check_complete(const Ledger& ledger);
-  void check_cameras(const std::string& where, const Ledger& ledger);
+  void check_only_winner(const wire::CommandMessage& order, const std::string& sender);
+  void check_stop(const control::Answer& answer);
+  void check_complete(const take::Ledger& ledger);
+  void check_cameras(const std::string& where, const take::Ledger& ledger);
   bool has_pulses(const std::string& take) const;
   bool has_frame(const std::string& take, const std::string& camera, int64_t pulse) const;
 
   const Studio studio_;
   std::string violation_;
-  std::map<std::string, CommandVerb> verbs_;  ///< of orders, by sender
+  std::map<std::string, wire::CommandVerb> verbs_;  ///< of orders, by sender
   /// An order to arm that was answered "done", and was not ended yet.
   struct Winner {
     std::string sender, take;

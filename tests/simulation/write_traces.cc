@@ -23,8 +23,8 @@ using Place = Events::iterator;
 using Mutation = std::function<bool(Events& events)>;
 
 bool is_obeyed_start(const ProtocolEvent& event) {
-  return event.kind == Kind::kCommand && event.command == Input::kStart &&
-         event.phase == Phase::kRecording;
+  return event.kind == Kind::kCommand && event.command == control::Input::kStart &&
+         event.phase == control::Phase::kRecording;
 }
 
 /// Lets the pulses begin before the last of the other nodes records.
@@ -40,16 +40,17 @@ bool begin_pulses_early(Events& events) {
 
 /// Removes the stop of a node that drains.
 bool drop_obeyed_stop(Events& events) {
-  std::map<int, Phase> before;
+  std::map<int, control::Phase> before;
   for (auto event = events.begin(); event != events.end(); ++event) {
-    const bool stops = event->kind == Kind::kCommand && event->command == Input::kStop;
-    if (stops && before[event->node] == Phase::kRecording && event->phase == Phase::kDraining) {
+    const bool stops = event->kind == Kind::kCommand && event->command == control::Input::kStop;
+    if (stops && before[event->node] == control::Phase::kRecording &&
+        event->phase == control::Phase::kDraining) {
       events.erase(event);
       return true;
     }
     if (event->kind == Kind::kCommand || event->kind == Kind::kReport)
       before[event->node] = event->phase;
-    if (event->kind == Kind::kCrash) before[event->node] = Phase::kIdle;
+    if (event->kind == Kind::kCrash) before[event->node] = control::Phase::kIdle;
   }
   return false;
 }
@@ -57,7 +58,8 @@ bool drop_obeyed_stop(Events& events) {
 /// Removes a reply of another node, so that the operator starts the trigger's node too early.
 bool start_trigger_before_replies(Events& events) {
   const auto send = std::ranges::find_if(events, [](const ProtocolEvent& event) {
-    return event.kind == Kind::kSend && event.command == Input::kStart && event.addressed == 1;
+    return event.kind == Kind::kSend && event.command == control::Input::kStart &&
+           event.addressed == 1;
   });
   if (send == events.end()) return false;
   const auto reply =

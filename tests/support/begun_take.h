@@ -8,12 +8,12 @@
 
 namespace v3d::test {
 
-inline TakeInfo begun_take(const std::vector<std::string>& cameras) {
+inline take::TakeInfo begun_take(const std::vector<std::string>& cameras) {
   return {.name = "kendo-07",
           .studio = "dojo",
           .rate_hz = 25,
           .pulses = 0,
-          .state = TakeState::kRecording,
+          .state = take::TakeState::kRecording,
           .software_version = "0.1.0",
           .started = {},
           .cameras = cameras};

@@ -7,7 +7,7 @@
 
 #include <csignal>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 
 namespace v3d::test {
 

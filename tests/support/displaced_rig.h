@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/geometry/camera_model.h"
-#include "calib/rig/rig_comparison.h"
+#include "calib/rig/rig_alignment.h"
 #include "sim/rendering/noise.h"
 
 namespace v3d::test {

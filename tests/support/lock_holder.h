@@ -16,7 +16,7 @@ namespace v3d::test {
 class LockHolder {
  public:
   /// Returns when the process holds the lock. Throws std::runtime_error when it does not get it.
-  LockHolder(const TakePaths& paths, const std::string& node) {
+  LockHolder(const take::TakePaths& paths, const std::string& node) {
     int ends[2];
     if (pipe(ends) != 0) throw std::runtime_error("pipe");
     const io::UniqueFd reader(ends[0]);
@@ -41,8 +41,8 @@ class LockHolder {
   }
 
  private:
-  [[noreturn]] static void hold(const TakePaths& paths, const std::string& node, int report) {
-    const auto lock = TakeLock::acquire(paths, node);
+  [[noreturn]] static void hold(const take::TakePaths& paths, const std::string& node, int report) {
+    const auto lock = take::TakeLock::acquire(paths, node);
     if (!lock || write(report, "x", 1) != 1) _exit(1);
     for (;;) pause();
   }

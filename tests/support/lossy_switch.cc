@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 #include "base/core/error.h"
-#include "base/core/realtime_thread.h"
+#include "base/io/process.h"
 
 namespace v3d::test {
 namespace {

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/config/lcm_group.h"
+#include "base/config/studio_values.h"
 #include "base/core/time.h"
 
 namespace v3d::test {

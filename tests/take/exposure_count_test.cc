@@ -1,10 +1,10 @@
-#include "take/ledger/exposure_count.h"
-
 #include <gtest/gtest.h>
 
 #include <initializer_list>
 
-namespace v3d {
+#include "take/ledger/ledger.h"
+
+namespace v3d::take {
 namespace {
 
 int64_t exposed(std::initializer_list<uint64_t> counters) {
@@ -27,4 +27,4 @@ TEST(ExposureCount, starts_a_new_run_when_the_counter_is_reset) {
 TEST(ExposureCount, accepts_frames_out_of_order) { EXPECT_EQ(exposed({10, 12, 11, 13}), 4); }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

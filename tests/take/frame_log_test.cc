@@ -8,17 +8,17 @@
 #include <csignal>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using test::TemporaryFolder;
 
-FrameMessage frame_of(int64_t pulse) {
-  FrameMessage m;
+wire::FrameMessage frame_of(int64_t pulse) {
+  wire::FrameMessage m;
   m.sent = from_ns<Realtime>(1'700'000'000'000'000'000 + pulse * 40'000'000);
   m.seq = pulse;
   m.take = "kendo-07";
@@ -87,7 +87,7 @@ TEST(FrameLog, returns_the_first_of_two_frames_of_one_pulse) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "log");
-    FrameMessage second = frame_of(5);
+    wire::FrameMessage second = frame_of(5);
     second.frame.image.bytes[0] = 99;
     EXPECT_TRUE(writer.write(frame_of(5)));
     EXPECT_TRUE(writer.write(second));
@@ -177,7 +177,7 @@ TEST(FrameLog, counts_events_that_are_not_frames_as_damaged) {
   {
     EventLogWriter writer(folder / "log");
     EXPECT_TRUE(writer.write(frame_of(0)));
-    EXPECT_TRUE(writer.write(PulseMessage{}));
+    EXPECT_TRUE(writer.write(wire::PulseMessage{}));
   }
   FrameLogReader reader(folder / "log");
   EXPECT_EQ(reader.labels().size(), 1U);
@@ -252,7 +252,7 @@ TEST(PulseLog, returns_every_pulse_in_order) {
   {
     EventLogWriter writer(folder / "pulses.lcmlog");
     for (int64_t pulse = 0; pulse < 5; ++pulse) {
-      PulseMessage m;
+      wire::PulseMessage m;
       m.pulse = pulse;
       m.edge = from_ns<Realtime>(pulse * 40'000'003);
       EXPECT_TRUE(writer.write(m));
@@ -265,4 +265,4 @@ TEST(PulseLog, returns_every_pulse_in_order) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

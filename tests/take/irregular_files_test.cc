@@ -17,20 +17,19 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "base/io/unique_fd.h"
-#include "base/io/whole_file.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
 #include "take/ledger/ledger.h"
-#include "take/ledger/verified.h"
+#include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
 #include "take/logs/mesh_file.h"
-#include "take/slate.h"
 #include "take/take.h"
 #include "take/take_listing.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -231,4 +230,4 @@ TEST_F(IrregularTakeFiles, are_rejected_when_ledger_or_verification_are_links) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

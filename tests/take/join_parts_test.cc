@@ -1,25 +1,23 @@
-#include "take/join_parts.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/core/checksum.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_account.h"
-#include "take/ledger/verified.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_listing.h"
+#include "take/take_transfer.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::ElementsAre;
@@ -50,7 +48,7 @@ class JoinParts : public testing::Test {
     Ledger ledger{.take = "kendo-07", .commanded = pulses, .sensed = pulses, .cameras = {}};
     EventLogWriter sensed(paths.pulses());
     for (int64_t pulse = 0; pulse < pulses; ++pulse) {
-      PulseMessage message;
+      wire::PulseMessage message;
       message.pulse = pulse;
       EXPECT_TRUE(sensed.write(message));
     }
@@ -260,4 +258,4 @@ TEST_F(JoinParts, keeps_the_checksums_of_the_nodes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

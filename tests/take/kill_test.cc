@@ -11,7 +11,7 @@
 #include <random>
 #include <set>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
@@ -19,7 +19,7 @@
 #include "take/logs/frame_log.h"
 #include "wire/codec.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::IsEmpty;
@@ -40,7 +40,7 @@ struct Acknowledgement {
   std::vector<EventLogWriter> logs;
   for (const std::string& camera : kCameras) logs.emplace_back(paths.frames(camera));
   for (int64_t pulse = 0;; ++pulse) {
-    PulseMessage sensed;
+    wire::PulseMessage sensed;
     sensed.pulse = pulse;
     if (!pulses.write(sensed)) _exit(1);
     for (size_t c = 0; c < logs.size(); ++c) {
@@ -141,4 +141,4 @@ TEST(KilledRecording, keeps_every_acknowledged_frame_and_a_correct_ledger) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -8,11 +8,11 @@
 #include <numeric>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using Numbers = std::vector<int64_t>;
@@ -201,4 +201,4 @@ TEST(Ledger, reports_what_is_wrong_with_its_file) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -1,12 +1,11 @@
-#include "take/logs/log_segments.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::HasSubstr;
@@ -64,4 +63,4 @@ TEST_F(SegmentIndexFile, is_rejected_with_the_cause) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

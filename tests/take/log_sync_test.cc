@@ -12,7 +12,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::HasSubstr;
@@ -82,4 +82,4 @@ TEST_F(LogSync, succeeds_where_the_file_system_does_not_support_it) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

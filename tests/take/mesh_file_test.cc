@@ -4,13 +4,13 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
-#include "codec/crc32.h"
+#include "base/io/file.h"
+#include "codec/byte_stream.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using Payload = std::vector<uint8_t>;
@@ -27,7 +27,8 @@ void write_meshes(const std::filesystem::path& path, const std::vector<int64_t>&
 
 TEST(Crc32, matches_ieee_802_3) {
   const std::string digits = "123456789";
-  EXPECT_EQ(crc32({reinterpret_cast<const uint8_t*>(digits.data()), digits.size()}), 0xCBF43926);
+  EXPECT_EQ(codec::crc32({reinterpret_cast<const uint8_t*>(digits.data()), digits.size()}),
+            0xCBF43926);
 }
 
 TEST(MeshFile, returns_every_mesh_by_its_pulse) {
@@ -209,4 +210,4 @@ TEST(MeshFile, rejects_files_that_are_not_a_mesh_file_with_their_name) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

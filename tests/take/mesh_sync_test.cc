@@ -12,7 +12,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::HasSubstr;
@@ -61,4 +61,4 @@ TEST_F(MeshSync, reports_an_error_once_by_append_and_by_close) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

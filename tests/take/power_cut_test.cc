@@ -7,16 +7,16 @@
 
 #include <random>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::IsEmpty;
@@ -59,7 +59,7 @@ class Recording {
 
 std::optional<int64_t> pulse_of(const EventLogReader& log, size_t event) {
   const auto bytes = log.read(log.events()[event]);
-  const auto message = bytes ? decode<FrameMessage>(*bytes) : std::nullopt;
+  const auto message = bytes ? wire::decode<wire::FrameMessage>(*bytes) : std::nullopt;
   return message ? std::optional(message->frame.label.pulse) : std::nullopt;
 }
 
@@ -116,7 +116,7 @@ class PowerCutRecovery : public testing::Test {
     EventLogWriter pulses(paths_.pulses());
     EventLogWriter frames(paths_.frames(kCamera));
     for (int64_t pulse = 0; pulse < 10; ++pulse) {
-      PulseMessage sensed;
+      wire::PulseMessage sensed;
       sensed.pulse = pulse;
       EXPECT_TRUE(pulses.write(sensed));
       EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
@@ -185,4 +185,4 @@ TEST_F(PowerCutRecovery, returns_an_empty_log_when_no_frame_is_whole) {
 #endif
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

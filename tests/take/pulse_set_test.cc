@@ -1,11 +1,11 @@
-#include "take/ledger/pulse_set.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <set>
 
-namespace v3d {
+#include "take/ledger/ledger.h"
+
+namespace v3d::take {
 namespace {
 
 using Numbers = std::vector<int64_t>;
@@ -41,4 +41,4 @@ TEST(PulseSet, accepts_any_number) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -7,8 +7,8 @@
 
 namespace v3d::test {
 
-inline FrameMessage recorded_frame(const std::string& camera, int64_t pulse, ImageSize size) {
-  FrameMessage m;
+inline wire::FrameMessage recorded_frame(const std::string& camera, int64_t pulse, ImageSize size) {
+  wire::FrameMessage m;
   m.seq = pulse;
   m.take = "kendo-07";
   m.frame.camera = camera;

@@ -11,7 +11,7 @@
 #include <map>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
@@ -66,7 +66,7 @@ extern "C" DIR* opendir(const char* path) {
   return next(path);
 }
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::Contains;
@@ -89,7 +89,7 @@ class TakeRecovery : public testing::Test {
     {
       EventLogWriter frames(log());
       for (int64_t pulse = 0; pulse <= kFrames; ++pulse) {
-        PulseMessage sensed;
+        wire::PulseMessage sensed;
         sensed.pulse = pulse;
         EXPECT_TRUE(pulses.write(sensed));
         EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
@@ -284,7 +284,7 @@ TEST_F(TakeRecovery, includes_pulses_recorded_after_an_earlier_recovery) {
     EventLogWriter pulses(paths_.pulses(), LogOpening::kContinue);
     EventLogWriter frames(log(), LogOpening::kContinue);
     for (const int64_t pulse : {kFrames + 1, kFrames + 2}) {
-      PulseMessage sensed;
+      wire::PulseMessage sensed;
       sensed.pulse = pulse;
       EXPECT_TRUE(pulses.write(sensed));
       EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
@@ -325,4 +325,4 @@ TEST(MeshFileRecovery, changes_no_byte_when_a_record_is_unreadable) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

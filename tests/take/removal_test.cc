@@ -10,12 +10,12 @@
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
-#include "take/logs/log_segments.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_listing.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -127,4 +127,4 @@ TEST_F(TakeRemoval, deletes_the_whole_take) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

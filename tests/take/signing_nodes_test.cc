@@ -5,7 +5,7 @@
 #include "signed_take.h"
 #include "take/ledger/verify.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -107,4 +107,4 @@ TEST_F(TakeOfSigningNodes, is_rejected_with_other_cameras_counts_or_state) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -1,13 +1,12 @@
-#include "take/slate.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/take_listing.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 TEST(Slate, is_unchanged_after_saving_and_loading) {
@@ -47,4 +46,4 @@ TEST(Slate, reports_the_invalid_field) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

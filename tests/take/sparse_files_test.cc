@@ -8,18 +8,18 @@
 #include <string>
 
 #include "base/core/error.h"
-#include "codec/crc32.h"
+#include "codec/byte_stream.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/ledger/hashed_file.h"
+#include "take/ledger/take_signature.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 #include "take/logs/mesh_file_layout.h"
 #include "take/take.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -235,7 +235,7 @@ TEST(SparseMeshFile, allocates_no_memory_for_the_mesh_length_in_its_index) {
   index.u32(300U << 20);              // length
   index.u32(0);                       // checksum
   std::vector<uint8_t> end = index.bytes();
-  const auto foot = footer(kHole, static_cast<uint32_t>(end.size()), crc32(end));
+  const auto foot = footer(kHole, static_cast<uint32_t>(end.size()), codec::crc32(end));
   end.insert(end.end(), foot.begin(), foot.end());
   write_sparse_meshes(folder / "mesh.v3d", kHole, end);
   EXPECT_LT(mebibytes_of([&] {
@@ -281,4 +281,4 @@ TEST(SparseMeshFile, is_searched_in_seconds_when_records_claim_the_same_bytes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -6,7 +6,7 @@
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::ElementsAre;
@@ -27,4 +27,4 @@ TEST(TakeAccount, reports_a_file_whose_length_cannot_be_read_and_gives_it_no_ent
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -1,12 +1,10 @@
-#include "take/take_copy.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
@@ -14,8 +12,9 @@
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_transfer.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -51,7 +50,7 @@ class TakeCopy : public testing::Test {
     fs::remove(take.pulses());
     EventLogWriter log(take.pulses());
     for (int64_t pulse = 0; pulse < pulses; ++pulse) {
-      PulseMessage message;
+      wire::PulseMessage message;
       message.pulse = pulse;
       EXPECT_TRUE(log.write(message));
     }
@@ -172,10 +171,10 @@ TEST_F(TakeCopy, rejects_another_take_and_a_missing_camera) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take
 
 /// Replaces that of the C library, to count its calls.
 extern "C" int syncfs(int fd) {
-  ++v3d::synced_file_systems;
+  ++v3d::take::synced_file_systems;
   return static_cast<int>(syscall(SYS_syncfs, fd));
 }

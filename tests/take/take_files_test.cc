@@ -6,12 +6,12 @@
 #include <sys/mman.h>
 #include <sys/statfs.h>
 
-#include "base/core/checksum.h"
+#include "base/core/bytes.h"
+#include "base/io/file.h"
 #include "base/io/unique_fd.h"
-#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -93,4 +93,4 @@ TEST(ChecksumText, has_16_hexadecimal_digits_and_is_parsed_again) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -11,7 +11,7 @@
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -110,11 +110,11 @@ TEST_F(TakeLocks, do_not_remove_the_lock_file_of_a_new_take_with_the_same_name) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take
 
 /// Replaces that of the C library, to inject errors.
 extern "C" int flock(int fd, int operation) {
-  if (v3d::flock_error == 0) return static_cast<int>(syscall(SYS_flock, fd, operation));
-  errno = v3d::flock_error;
+  if (v3d::take::flock_error == 0) return static_cast<int>(syscall(SYS_flock, fd, operation));
+  errno = v3d::take::flock_error;
   return -1;
 }

@@ -8,20 +8,19 @@
 #include <functional>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recording.h"
 #include "signed_take.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/join_parts.h"
-#include "take/ledger/hashed_file.h"
 #include "take/ledger/signature_check.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
+#include "take/take_transfer.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 namespace fs = std::filesystem;
@@ -49,11 +48,11 @@ TEST_F(TakeSigning, verifies_with_the_name_and_key_of_its_node) {
 }
 
 /// The root of the documented tree (docs/takes.md) with leaves of the lengths `pieces`.
-Hash documented_root(const std::string& content, const std::vector<size_t>& pieces) {
-  HashTree tree;
+wire::Hash documented_root(const std::string& content, const std::vector<size_t>& pieces) {
+  wire::HashTree tree;
   size_t at = 0;
   for (const size_t piece : pieces) {
-    LeafHash leaf;
+    wire::LeafHash leaf;
     leaf.add({reinterpret_cast<const uint8_t*>(content.data()) + at, piece});
     tree.add(leaf.value());
     at += piece;
@@ -196,7 +195,7 @@ TEST_F(TakeSigning, is_rejected_when_any_byte_of_the_signature_is_changed) {
 }
 
 TEST_F(TakeSigning, is_rejected_when_another_key_signed_it) {
-  ASSERT_TRUE(sign_whole("cap01", SigningKey::make()));
+  ASSERT_TRUE(sign_whole("cap01", wire::SigningKey::make()));
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("the studio file has")));
   EXPECT_FALSE(check().is_complete);
   studio_.nodes[0].public_key.clear();
@@ -275,7 +274,7 @@ TEST_F(TakeSigning, is_rejected_when_a_stranger_signed_a_changed_file) {
   for (const fs::path& file : {take_.frames("cam01"), take_.pulses(), take_.calib()}) {
     const std::string content = read_file(file);
     test::write_text(file, content + "x");
-    ASSERT_TRUE(sign_whole("stranger", SigningKey::make()));
+    ASSERT_TRUE(sign_whole("stranger", wire::SigningKey::make()));
     const std::string name = file.filename();
     EXPECT_THAT(check().disagreements,
                 ElementsAre(name + ": does not match the signature of cap01"));
@@ -287,7 +286,7 @@ TEST_F(TakeSigning, is_rejected_when_a_stranger_signed_a_changed_file) {
 TEST_F(TakeSigning, is_not_complete_with_a_file_that_only_a_stranger_signed) {
   test::write_text(take_.folder / "cam09.lcmlog", "frames");
   EXPECT_FALSE(check().is_complete);
-  ASSERT_TRUE(sign_whole("stranger", SigningKey::make()));
+  ASSERT_TRUE(sign_whole("stranger", wire::SigningKey::make()));
   EXPECT_THAT(check().disagreements, IsEmpty());
   EXPECT_FALSE(check().is_complete);
   fs::remove(take_.folder / "cam09.lcmlog");
@@ -362,4 +361,4 @@ TEST_F(TakeSigning, is_rejected_in_one_line_when_its_signature_is_unreadable) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

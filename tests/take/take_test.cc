@@ -7,7 +7,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 TakeInfo some_info() {
@@ -74,4 +74,4 @@ TEST(TakeInfo, reports_the_invalid_field) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

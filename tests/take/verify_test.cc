@@ -7,7 +7,7 @@
 #include <map>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -16,7 +16,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 
-namespace v3d {
+namespace v3d::take {
 namespace {
 
 using testing::Contains;
@@ -24,8 +24,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-FrameMessage frame_of(const std::string& camera, int64_t pulse) {
-  FrameMessage m;
+wire::FrameMessage frame_of(const std::string& camera, int64_t pulse) {
+  wire::FrameMessage m;
   m.frame.camera = camera;
   m.frame.label.pulse = pulse;
   m.frame.sensor_size = {4, 2};
@@ -46,7 +46,7 @@ class VerifyTake : public testing::Test {
     Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
     EventLogWriter pulses(paths_.pulses());
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
-      PulseMessage m;
+      wire::PulseMessage m;
       m.pulse = pulse;
       EXPECT_TRUE(pulses.write(m));
     }
@@ -167,7 +167,7 @@ TEST_F(VerifyTake, reports_an_impossible_pulse_number) {
   {
     EventLogWriter pulses(paths_.pulses());
     for (const int64_t pulse : {int64_t{0}, int64_t{1}, int64_t{2}, INT64_MAX - 1}) {
-      PulseMessage m;
+      wire::PulseMessage m;
       m.pulse = pulse;
       EXPECT_TRUE(pulses.write(m));
     }
@@ -364,4 +364,4 @@ TEST(Verify, rejects_a_folder_that_is_not_a_take) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::take

@@ -1,9 +1,9 @@
-#include "v3dctl/operate/camera_check.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+
+#include "v3dctl/operate/camera_report.h"
 
 namespace v3d::ctl {
 namespace {
@@ -79,8 +79,8 @@ TEST(CameraCheck, reports_all_faults_and_the_remedy_of_the_worst) {
   EXPECT_THAT(verdict.remedy, HasSubstr("network"));
 }
 
-Answer answer_with(const std::string& detail) {
-  Answer answer;
+control::Answer answer_with(const std::string& detail) {
+  control::Answer answer;
   answer.replies["cap01"].detail = detail;
   answer.replies["recon01"];  // a reconstruction node has no detail
   return answer;

@@ -1,8 +1,8 @@
-#include "v3dctl/operate/contact_sheet.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
+
+#include "v3dctl/operate/camera_report.h"
 
 namespace v3d::ctl {
 namespace {

@@ -8,9 +8,8 @@
 #include <thread>
 
 #include "support/temporary_folder.h"
-#include "v3dctl/setup/doctor_key.h"
 #include "wire/member_list.h"
-#include "wire/studio_key.h"
+#include "wire/secret_keys.h"
 
 namespace v3d::ctl {
 namespace {
@@ -155,7 +154,7 @@ TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
   const auto path = folder / "studio.key";
   EXPECT_EQ(check_key_file(path).verdict, Verdict::kBad);
   EXPECT_NE(check_key_file(path).remedy.find("v3dctl key new"), std::string::npos);
-  StudioKey::make().save(path);
+  wire::StudioKey::make().save(path);
   EXPECT_EQ(check_key_file(path).verdict, Verdict::kGood);
   std::filesystem::permissions(path, std::filesystem::perms(0644));
   EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
@@ -163,23 +162,23 @@ TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
 
 TEST(Doctor, requires_a_member_list_with_the_signature_of_the_authority) {
   const test::TemporaryFolder folder;
-  const SigningKey authority = SigningKey::make();
+  const wire::SigningKey authority = wire::SigningKey::make();
   Studio studio;
   studio.name = "kyoto";
   studio.network.members = folder / "members.toml";
   studio.network.authority = authority.public_key().text();
   EXPECT_EQ(check_member_list(studio).verdict, Verdict::kBad) << "there is none";
-  const MemberList list{.studio = "kyoto", .serial = 3, .members = {}};
+  const wire::MemberList list{.studio = "kyoto", .serial = 3, .members = {}};
   test::write_text(studio.network.members, sign_member_list(list, authority));
   EXPECT_EQ(check_member_list(studio).verdict, Verdict::kGood);
   EXPECT_NE(check_member_list(studio).text.find("serial number 3"), std::string::npos);
-  test::write_text(studio.network.members, sign_member_list(list, SigningKey::make()));
+  test::write_text(studio.network.members, sign_member_list(list, wire::SigningKey::make()));
   EXPECT_EQ(check_member_list(studio).verdict, Verdict::kBad);
 }
 
 TEST(Doctor, names_the_nodes_that_have_no_key_or_another) {
-  HealthMessage well;
-  HealthMessage strange;
+  wire::HealthMessage well;
+  wire::HealthMessage strange;
   strange.text = "not verified: no valid MAC or signature";
   const auto findings =
       check_keys_of({"cap01", "cap02", "cap03"}, {{"cap01", well}, {"cap02", strange}});

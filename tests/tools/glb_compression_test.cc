@@ -10,13 +10,13 @@
 #include <set>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "recon/shapes.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/glb.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/scene/gltf_model.h"
+#include "v3dctl/scene/model.h"
 
 namespace v3d::ctl {
 namespace {
@@ -29,7 +29,7 @@ const VertexLattice kLattice{{-1.5, -1.5, 0}, 0.0005};
 
 /// A ball whose vertices lie on kLattice, coloured with all values that a channel can have.
 Mesh ball_on_lattice() {
-  Mesh ball = shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 24);
+  Mesh ball = recon::shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 24);
   for (size_t v = 0; v < ball.vertices.size(); ++v) {
     ball.vertices[v] = rounded_to(kLattice, ball.vertices[v]);
     ball.colours.push_back(
@@ -224,7 +224,7 @@ TEST_P(GlbCompression, is_much_smaller_than_the_plain_file) {
 }
 
 TEST_P(GlbCompression, accepts_a_mesh_without_colours_and_without_a_lattice) {
-  const Mesh ball = shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
+  const Mesh ball = recon::shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
   const Opened again = opened(ball, {.compression = GetParam().compression});
   EXPECT_TRUE(again.colours.empty());
   EXPECT_EQ(again.triangles.size(), ball.triangles.size());
@@ -232,7 +232,7 @@ TEST_P(GlbCompression, accepts_a_mesh_without_colours_and_without_a_lattice) {
 }
 
 TEST_P(GlbCompression, coarsens_a_lattice_of_too_many_steps_by_the_smallest_factor) {
-  const Mesh ball = shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
+  const Mesh ball = recon::shapes::sphere({0.2F, -0.1F, 1}, 0.3F, 10);
   const Opened again =
       opened(ball, {.compression = GetParam().compression, .lattice = {{-1.5, -1.5, 0}, 1e-6}});
   // 0.6 m are 600,000 steps; the coarse step is 16 of them.

@@ -1,6 +1,4 @@
 // Tests of glTF 2.0 models from untrusted sources: accepted models, and messages for rejected ones.
-#include "v3dctl/scene/gltf_model.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,10 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "v3dctl/scene/model.h"
 
 namespace v3d::ctl {
 namespace {

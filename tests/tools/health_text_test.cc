@@ -34,8 +34,8 @@ TEST(HealthText, rounds_durations_to_one_unit) {
   EXPECT_EQ(duration_text(5e5), "6 d");
 }
 
-HealthMessage health(NodeState state, std::map<std::string, double> values) {
-  HealthMessage message;
+wire::HealthMessage health(wire::NodeState state, std::map<std::string, double> values) {
+  wire::HealthMessage message;
   message.program = "v3d-captured";
   message.state = state;
   message.take = "kendo-07";
@@ -44,10 +44,10 @@ HealthMessage health(NodeState state, std::map<std::string, double> values) {
 }
 
 TEST(HealthText, is_well_when_every_node_has_reported_and_none_has_a_fault) {
-  std::map<std::string, HealthMessage> reported;
-  for (const std::string& node : kNodes) reported[node] = health(NodeState::kIdle, {});
+  std::map<std::string, wire::HealthMessage> reported;
+  for (const std::string& node : kNodes) reported[node] = health(wire::NodeState::kIdle, {});
   EXPECT_TRUE(all_well(kNodes, reported));
-  reported["cap02"].state = NodeState::kFault;
+  reported["cap02"].state = wire::NodeState::kFault;
   EXPECT_FALSE(all_well(kNodes, reported));
   reported.erase("cap02");
   EXPECT_FALSE(all_well(kNodes, reported));
@@ -55,10 +55,11 @@ TEST(HealthText, is_well_when_every_node_has_reported_and_none_has_a_fault) {
 }
 
 TEST(HealthText, is_summed_over_the_nodes) {
-  const std::map<std::string, HealthMessage> reported = {
-      {"cap01", health(NodeState::kRecording, {{"frames_missing", 2}, {"pulses_sensed", 1300}})},
+  const std::map<std::string, wire::HealthMessage> reported = {
+      {"cap01",
+       health(wire::NodeState::kRecording, {{"frames_missing", 2}, {"pulses_sensed", 1300}})},
       {"cap02",
-       health(NodeState::kRecording, {{"frames_missing", 1}, {"cam2.frames_missing", 1}})}};
+       health(wire::NodeState::kRecording, {{"frames_missing", 1}, {"cam2.frames_missing", 1}})}};
   EXPECT_EQ(sum_over_nodes(reported, "frames_missing"), 3);
   EXPECT_EQ(sum_over_nodes(reported, "live_fps"), std::nullopt);
   EXPECT_EQ(recording_line(reported), "1,300 pulses   3 missing");
@@ -66,16 +67,17 @@ TEST(HealthText, is_summed_over_the_nodes) {
 
 TEST(HealthText, has_the_same_content_as_json) {
   const Json json =
-      health_json({"cap01", "cap02"}, {{"cap01", health(NodeState::kIdle, {{"x", 1}})}});
+      health_json({"cap01", "cap02"}, {{"cap01", health(wire::NodeState::kIdle, {{"x", 1}})}});
   EXPECT_FALSE(json["well"].get<bool>());
   EXPECT_EQ(json["nodes"][0]["values"]["x"], 1);
   EXPECT_EQ(json["nodes"][1]["state"], "silent");
 }
 
 TEST(HealthText, has_a_table_of_cameras_below_the_values_of_the_node) {
-  HealthMessage message = health(NodeState::kRecording, {{"disk_free_bytes", 812e9},
-                                                         {"cam01.frames_per_second", 25},
-                                                         {"cam02.frames_per_second", 25}});
+  wire::HealthMessage message =
+      health(wire::NodeState::kRecording, {{"disk_free_bytes", 812e9},
+                                           {"cam01.frames_per_second", 25},
+                                           {"cam02.frames_per_second", 25}});
   message.version = "0.1.0";
   const auto lines = health_lines({"cap01", "cap02"}, {{"cap01", message}});
   EXPECT_THAT(lines, Contains(AllOf(HasSubstr("disk_free_bytes"), HasSubstr("812 GB"))));

@@ -1,12 +1,11 @@
-#include "v3dctl/evaluate/held_out_view.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "v3dctl/evaluate/evaluate.h"
 
 namespace v3d::ctl {
 namespace {
@@ -15,7 +14,7 @@ constexpr ImageSize kSize{160, 120};
 
 /// Stripes fine enough to cause false colours at the filters of a sensor.
 Mesh striped_ball() {
-  Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 60);
+  Mesh ball = recon::shapes::sphere({0, 0, 0}, 0.5F, 60);
   for (const Eigen::Vector3f& v : ball.vertices) {
     const auto grey = static_cast<uint8_t>(128 + 100 * std::sin(90 * v.x()));
     ball.colours.push_back({grey, grey, grey});
@@ -26,13 +25,13 @@ Mesh striped_ball() {
 class HeldOutViews : public testing::Test {
  protected:
   const Mesh ball_ = striped_ball();
-  RigCamera camera_{"c", shapes::camera({0, -2, 0.3}, {0, 0, 0}, kSize, 220)};
-  const Image drawing_ = draw_mesh(ball_, camera_.model);
+  RigCamera camera_{"c", recon::shapes::camera({0, -2, 0.3}, {0, 0, 0}, kSize, 220)};
+  const Image drawing_ = recon::draw_mesh(ball_, camera_.model);
 
-  SegmentedFrame photograph(Image image) const {
-    SegmentedFrame frame;
+  recorded::SegmentedFrame photograph(Image image) const {
+    recorded::SegmentedFrame frame;
     frame.raw.image = std::move(image);
-    frame.mask = draw_silhouette(ball_, camera_.model);
+    frame.mask = recon::draw_silhouette(ball_, camera_.model);
     return frame;
   }
 };
@@ -62,7 +61,7 @@ TEST_F(HeldOutViews, have_no_error_from_the_camera_colours_for_a_perfect_renderi
 }
 
 TEST_F(HeldOutViews, have_pixels_inside_that_show_foreground_only) {
-  SegmentedFrame frame = photograph(drawing_);
+  recorded::SegmentedFrame frame = photograph(drawing_);
   frame.mask = Mask(kSize);
   for (int y = 30; y < 50; ++y) frame.mask.fill_row(y, 40, 70);
   frame.mask.set(55, 40, false);

@@ -8,8 +8,8 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -67,13 +67,13 @@ TEST_F(Import, makes_a_whole_take_of_images_and_masks) {
   options_.masks = folder_ / "masks";
   const ImportResult result = import_take(options_);
   EXPECT_EQ(result.frames, 1);
-  EXPECT_TRUE(verify_take({options_.take}).whole());
+  EXPECT_TRUE(take::verify_take({options_.take}).whole());
 }
 
 TEST_F(Import, keeps_every_pixel_and_every_bit_of_the_mask) {
   options_.masks = folder_ / "masks";
   import_take(options_);
-  TakeFrames take(options_.take, {});
+  recorded::TakeFrames take(options_.take, {});
   const auto frames = take.read(0);
   ASSERT_EQ(frames.size(), 4U);
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -100,7 +100,7 @@ TEST_F(Import, reads_the_frames_of_one_folder_per_camera_in_numeric_order) {
   options_.images = folder_ / "frames";
   options_.black = BlackBackground{0.1, 0, 0};
   EXPECT_EQ(import_take(options_).frames, 3);
-  TakeFrames take(options_.take, {});
+  recorded::TakeFrames take(options_.take, {});
   EXPECT_EQ(take.read(0)[0]->mask.count(), 0);
   EXPECT_GT(take.read(2)[0]->mask.count(), 0);
 }
@@ -108,7 +108,7 @@ TEST_F(Import, reads_the_frames_of_one_folder_per_camera_in_numeric_order) {
 TEST_F(Import, masks_what_is_brighter_than_a_black_background) {
   options_.black = BlackBackground{0.19, 0, 0};
   import_take(options_);
-  TakeFrames take(options_.take, {});
+  recorded::TakeFrames take(options_.take, {});
   const Mask mask = take.read(0)[1]->mask;
   int64_t bright = 0;
   const Image image = test::ball_image(rig_[1]);
@@ -135,7 +135,7 @@ TEST_F(Import, imports_videos_at_their_own_rate) {
   const ImportResult result = import_take(options_);
   EXPECT_EQ(result.frames, 7);
   EXPECT_DOUBLE_EQ(result.rate_hz, 10);
-  EXPECT_TRUE(verify_take({options_.take}).whole());
+  EXPECT_TRUE(take::verify_take({options_.take}).whole());
 }
 
 TEST_F(Import, makes_a_take_that_is_not_read_with_a_calibration_of_another_size) {
@@ -145,7 +145,7 @@ TEST_F(Import, makes_a_take_that_is_not_read_with_a_calibration_of_another_size)
   std::string calib = read_file(options_.take / "calib.toml");
   calib.replace(calib.find("[64, 48]"), 8, "[16384, 16384]");
   test::write_text(options_.take / "calib.toml", calib);
-  EXPECT_THAT(test::message_of<InputError>([&] { TakeFrames take(options_.take, {}); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { recorded::TakeFrames take(options_.take, {}); }),
               HasSubstr("the size of a is 16384x16384, but its frames are 64x48"));
 }
 
@@ -153,7 +153,7 @@ TEST_F(Import, learns_backgrounds_that_segment_the_frames) {
   use_videos(3, 3);
   options_.backgrounds = options_.videos;
   import_take(options_);
-  TakeFrames take(options_.take, {});
+  recorded::TakeFrames take(options_.take, {});
   EXPECT_TRUE(take.read(0)[0]);
 }
 
@@ -357,7 +357,7 @@ TEST_F(Import, rejects_a_folder_without_images) {
 TEST_F(Import, rejects_to_overwrite_a_take) {
   import_take(options_);
   EXPECT_THROW(import_take(options_), InputError);
-  EXPECT_TRUE(verify_take({options_.take}).whole());
+  EXPECT_TRUE(take::verify_take({options_.take}).whole());
 }
 
 TEST_F(Import, rejects_an_invalid_take_name) {

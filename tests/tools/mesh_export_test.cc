@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
-#include "common/ply_reader.h"
+#include "base/io/file.h"
+#include "common/ply_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/glb.h"

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "common/number_option.h"
+#include "common/option_checks.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
@@ -12,7 +12,9 @@ namespace {
 
 using testing::ElementsAre;
 
-TEST(FrameRange, contains_all_frames_by_default) { EXPECT_EQ(parse_frame_range(""), FrameRange{}); }
+TEST(FrameRange, contains_all_frames_by_default) {
+  EXPECT_EQ(parse_frame_range(""), take::FrameRange{});
+}
 
 TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
   const CLI::Validator seconds = number_in(0.5, 3600);
@@ -24,15 +26,15 @@ TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
 }
 
 TEST(FrameRange, ends_before_its_second_number) {
-  EXPECT_EQ(parse_frame_range("3:7"), (FrameRange{3, 7}));
+  EXPECT_EQ(parse_frame_range("3:7"), (take::FrameRange{3, 7}));
   EXPECT_TRUE(parse_frame_range("3:7").contains(6));
   EXPECT_FALSE(parse_frame_range("3:7").contains(7));
 }
 
 TEST(FrameRange, may_be_open_at_either_end_or_a_single_frame) {
   EXPECT_EQ(parse_frame_range("3:").begin, 3);
-  EXPECT_EQ(parse_frame_range(":7"), (FrameRange{0, 7}));
-  EXPECT_EQ(parse_frame_range("5"), (FrameRange{5, 6}));
+  EXPECT_EQ(parse_frame_range(":7"), (take::FrameRange{0, 7}));
+  EXPECT_EQ(parse_frame_range("5"), (take::FrameRange{5, 6}));
 }
 
 TEST(FrameRange, rejects_an_invalid_range) {
@@ -67,8 +69,8 @@ TEST(Names, must_not_be_empty) {
 }
 
 TEST(Deform, accepts_its_numbers_in_any_order) {
-  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,carving=0");
-  EXPECT_EQ(o.mode, DeformMode::kPaper);
+  const recon::DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,carving=0");
+  EXPECT_EQ(o.mode, recon::DeformMode::kPaper);
   EXPECT_EQ(o.window, 7);
   EXPECT_EQ(o.views, 4);
   EXPECT_EQ(o.silhouette, 0);
@@ -76,7 +78,7 @@ TEST(Deform, accepts_its_numbers_in_any_order) {
   EXPECT_FALSE(o.carve_concavities);
   EXPECT_TRUE(parse_deform("carving=1").carve_concavities);
   EXPECT_FALSE(parse_deform("hollows=0").carve_concavities) << "the former name";
-  EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
+  EXPECT_EQ(parse_deform("").mode, recon::DeformMode::kSearch);
 }
 
 TEST(Deform, rejects_unknown_names) {

@@ -6,12 +6,11 @@
 #include <opencv2/calib3d.hpp>
 
 #include "base/config/calib_file.h"
-#include "calib/boards/board_pose.h"
+#include "calib/boards/board.h"
 #include "calib/lens/bundle_adjustment.h"
-#include "calib/rig/board_initialization.h"
-#include "calib/rig/floor_fit.h"
+#include "calib/rig/pair_poses.h"
+#include "calib/rig/rig_alignment.h"
 #include "calib/rig/rig_fit.h"
-#include "calibrate/floor_boards.h"
 #include "calibrate/rig_boards.h"
 #include "real_recordings.h"
 

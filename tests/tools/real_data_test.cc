@@ -6,8 +6,8 @@
 #include <string>
 
 #include "base/core/statistics.h"
-#include "base/geometry/box.h"
 #include "base/geometry/mesh.h"
+#include "base/geometry/rigid_transform.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "real_recordings.h"
 #include "support/temporary_folder.h"
@@ -49,7 +49,7 @@ TEST_F(RealData, studio20_gives_one_closed_mesh_that_covers_the_silhouettes) {
   EXPECT_LT(report.volume_m3.at(0), 0.078);
   EXPECT_GE(mean(report.silhouette_iou), 0.94);
   EXPECT_GE(least(report.silhouette_iou), 0.92);
-  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  const Mesh mesh = recorded::MeshFrames(request_.take).read(0).mesh;
   EXPECT_TRUE(is_watertight(mesh));
   EXPECT_EQ(connected_components(mesh), 1);
 }
@@ -79,7 +79,7 @@ class Room4 : public RealData {
     request_.voxel_m = 0.02;
   }
 
-  ReconstructReport rebuild(FrameRange frames) {
+  ReconstructReport rebuild(take::FrameRange frames) {
     import_.take = request_.take = folder_ / ("take-" + std::to_string(frames.begin));
     import_.frames = frames;
     import_take(import_);

@@ -10,10 +10,10 @@
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "base/geometry/box.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
-#include "common/ply_writer.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
+#include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -23,10 +23,9 @@
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/evaluate/evaluation_page.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/export/take_colours.h"
-#include "v3dctl/import/image_file.h"
 #include "v3dctl/import/import.h"
-#include "v3dctl/reconstruct/reconstruction_bounds.h"
+#include "v3dctl/import/media.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
@@ -74,7 +73,7 @@ TEST_F(Reconstruct, makes_a_ball_from_eight_views_of_a_ball) {
   EXPECT_GT(median(report.volume_m3), 0.95 * ball);  // a hull contains its object
   EXPECT_LT(median(report.volume_m3), 1.4 * ball);   // and more, for a ring of views
   EXPECT_GT(mean(report.silhouette_iou), 0.85);
-  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  const Mesh mesh = recorded::MeshFrames(request_.take).read(0).mesh;
   EXPECT_EQ(connected_components(mesh), 1);
 }
 
@@ -101,27 +100,27 @@ TEST_F(Reconstruct, is_not_measured_outside_the_view_of_the_bounds) {
 
 TEST_F(Reconstruct, gives_the_same_bytes_for_any_number_of_threads) {
   reconstruct_take(request_);
-  const std::string two = read_file(TakePaths{request_.take}.mesh());
+  const std::string two = read_file(take::TakePaths{request_.take}.mesh());
   request_.threads = 1;
   reconstruct_take(request_);
-  EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), two);
+  EXPECT_EQ(read_file(take::TakePaths{request_.take}.mesh()), two);
 }
 
 /// Frames 3 to 6 of a voxel that gets lighter: a key frame and three frames that depend on it.
 void write_sequence(const fs::path& file, int64_t left_out = -1) {
-  BrickMap occupied;
+  codec::BrickMap occupied;
   occupied.clear({1, 1, 1});
   occupied.word({0, 0, 0}) = 1;
   occupied.number();
-  const std::vector<Brick> bricks{Brick{1}};
-  const std::vector<BrickCoord> coords{{0, 0, 0}};
-  const BrickVolume volume{&occupied, bricks, coords};
-  MeshFileWriter writer(file);
-  FrameEncoder encoder({});
+  const std::vector<codec::Brick> bricks{codec::Brick{1}};
+  const std::vector<codec::BrickCoord> coords{{0, 0, 0}};
+  const codec::BrickVolume volume{&occupied, bricks, coords};
+  take::MeshFileWriter writer(file);
+  codec::FrameEncoder encoder({});
   for (int64_t pulse = 3; pulse <= 6; ++pulse) {
     const auto grey = static_cast<uint8_t>(30 * pulse);
-    const std::vector<VertexColour> colours(6, VertexColour{grey, grey, grey});
-    FrameContent content;
+    const std::vector<codec::VertexColour> colours(6, codec::VertexColour{grey, grey, grey});
+    codec::FrameContent content;
     content.facts.pulse = pulse;
     content.facts.step = 0.01;
     content.volume = &volume;
@@ -133,8 +132,8 @@ void write_sequence(const fs::path& file, int64_t left_out = -1) {
 }
 
 TEST_F(Reconstruct, is_read_in_any_order_of_its_frames) {
-  write_sequence(TakePaths{request_.take}.mesh());
-  MeshFrames rising(request_.take), jumping(request_.take);
+  write_sequence(take::TakePaths{request_.take}.mesh());
+  recorded::MeshFrames rising(request_.take), jumping(request_.take);
   std::map<int64_t, std::vector<Rgb8>> colours;
   for (int64_t frame = 3; frame <= 6; ++frame) colours[frame] = rising.read(frame).mesh.colours;
   EXPECT_NE(colours[3], colours[4]);
@@ -144,9 +143,9 @@ TEST_F(Reconstruct, is_read_in_any_order_of_its_frames) {
 }
 
 TEST_F(Reconstruct, is_read_with_path_and_cause_of_a_read_error) {
-  const std::filesystem::path mesh = TakePaths{request_.take}.mesh();
+  const std::filesystem::path mesh = take::TakePaths{request_.take}.mesh();
   write_sequence(mesh);
-  MeshFrames meshes(request_.take);
+  recorded::MeshFrames meshes(request_.take);
   const test::UnreadableByte bad(16 + 24, mesh.parent_path());  // in the payload of frame 3
   for (const int64_t frame : {3, 4}) {
     EXPECT_EQ(test::message_of<InputError>([&] { meshes.read(frame); }),
@@ -156,8 +155,8 @@ TEST_F(Reconstruct, is_read_with_path_and_cause_of_a_read_error) {
 }
 
 TEST_F(Reconstruct, is_rejected_without_a_frame_that_another_needs) {
-  write_sequence(TakePaths{request_.take}.mesh(), 4);
-  MeshFrames meshes(request_.take);
+  write_sequence(take::TakePaths{request_.take}.mesh(), 4);
+  recorded::MeshFrames meshes(request_.take);
   meshes.read(3);
   EXPECT_THAT(test::message_of<InputError>([&] { meshes.read(5); }),
               HasSubstr("frame 5 is damaged, or of an earlier version: reconstruct"));
@@ -167,7 +166,8 @@ TEST_F(Reconstruct, leaves_out_the_requested_cameras) {
   request_.leave_out = {"c", "e"};
   const ReconstructReport report = reconstruct_take(request_);
   EXPECT_EQ(report.cameras.size(), 6U);
-  EXPECT_THAT(MeshFrames(request_.take).read(0).cameras, testing::Not(testing::Contains("c")));
+  EXPECT_THAT(recorded::MeshFrames(request_.take).read(0).cameras,
+              testing::Not(testing::Contains("c")));
 }
 
 TEST_F(Reconstruct, is_measured_by_a_held_out_camera) {
@@ -185,7 +185,7 @@ TEST_F(Reconstruct, is_compared_with_the_true_surface_in_the_same_colours) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
   fs::create_directories(folder_ / "truth");
-  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  const Mesh mesh = recorded::MeshFrames(request_.take).read(0).mesh;
   const auto figures_of = [&](const Mesh& truth) {
     write_ply(folder_ / "truth/000000.ply", truth);
     return *evaluate_held_out({request_.take}, {{"c"}, false, folder_ / "truth"})[0].true_surface;
@@ -210,7 +210,7 @@ size_t count_of_pictures(const std::string& page) {
 TEST_F(Reconstruct, is_shown_with_the_photograph_and_other_meshes_of_the_take) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
-  fs::copy_file(TakePaths{request_.take}.mesh(), folder_ / "other.v3d");
+  fs::copy_file(take::TakePaths{request_.take}.mesh(), folder_ / "other.v3d");
   EvaluationPage page{.columns = {{"mesh.v3d", {request_.take}, {}, {}},
                                   {"other", {request_.take, folder_ / "other.v3d"}, {}, {}}},
                       .truth = {},
@@ -225,7 +225,7 @@ TEST_F(Reconstruct, is_shown_with_the_photograph_and_other_meshes_of_the_take) {
 
 TEST_F(Reconstruct, is_coloured_by_its_distance_from_the_truth) {
   reconstruct_take(request_);
-  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  const Mesh mesh = recorded::MeshFrames(request_.take).read(0).mesh;
   Mesh larger = mesh;
   for (Eigen::Vector3f& v : larger.vertices) v *= 1.2F;
   const Image right = error_renderings(mesh, mesh).at(0),
@@ -247,7 +247,7 @@ TEST_F(Reconstruct, is_not_measured_by_a_camera_that_took_part) {
 TEST_F(Reconstruct, is_measured_against_the_true_surface) {
   reconstruct_take(request_);
   fs::create_directories(folder_ / "truth");
-  write_ply(folder_ / "truth/000000.ply", MeshFrames(request_.take).read(0).mesh);
+  write_ply(folder_ / "truth/000000.ply", recorded::MeshFrames(request_.take).read(0).mesh);
   const TruthReport report = evaluate_truth({request_.take}, folder_ / "truth");
   EXPECT_EQ(report.frames, 1);
   EXPECT_LT(report.distance.accuracy_p90_mm, 0.01);
@@ -259,7 +259,7 @@ TEST_F(Reconstruct, is_measured_against_the_true_surface) {
 TEST_F(Reconstruct, is_exported_with_the_colours_of_each_camera) {
   request_.leave_out = {"c"};  // its frames have colours, too
   reconstruct_take(request_);
-  const CompactFrame frame = MeshFrames(request_.take).read(0);
+  const recon::CompactFrame frame = recorded::MeshFrames(request_.take).read(0);
   const std::vector<ExportedCamera> cameras = TakeColours(request_.take).of(frame);
   ASSERT_EQ(cameras.size(), 8U);
   EXPECT_EQ(cameras[2].colours.camera, "c");
@@ -279,8 +279,8 @@ TEST_F(Reconstruct, is_exported_with_the_colours_of_each_camera) {
 
 TEST_F(Reconstruct, has_no_colours_of_cameras_without_raw_frames) {
   reconstruct_take(request_);
-  const CompactFrame frame = MeshFrames(request_.take).read(0);
-  const TakePaths paths{request_.take};
+  const recon::CompactFrame frame = recorded::MeshFrames(request_.take).read(0);
+  const take::TakePaths paths{request_.take};
   for (const char* camera : {"a", "b", "c", "d", "e", "f", "g"}) {
     fs::resize_file(paths.frames(camera), 0);
   }
@@ -341,14 +341,14 @@ TEST_F(Reconstruct, rejects_a_folder_that_is_not_a_take) {
 
 TEST_F(Reconstruct, keeps_the_old_meshes_after_an_error) {
   reconstruct_take(request_);
-  const std::string old = read_file(TakePaths{request_.take}.mesh());
+  const std::string old = read_file(take::TakePaths{request_.take}.mesh());
   request_.frames = {5, 9};
   rejection();
-  EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), old);
+  EXPECT_EQ(read_file(take::TakePaths{request_.take}.mesh()), old);
 }
 
 TEST_F(Reconstruct, reports_a_missing_camera) {
-  const TakePaths paths{request_.take};
+  const take::TakePaths paths{request_.take};
   fs::resize_file(paths.frames("d"), 0);
   const ReconstructReport report = reconstruct_take(request_);
   EXPECT_EQ(report.frames, 1);

@@ -14,10 +14,10 @@ using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
-using Outcome = ReplyMessage::Outcome;
+using Outcome = wire::ReplyMessage::Outcome;
 
-ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& detail = "") {
-  ReplyMessage message;
+wire::ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& detail = "") {
+  wire::ReplyMessage message;
   message.outcome = outcome;
   message.text = text;
   message.detail = detail;
@@ -27,7 +27,7 @@ ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& 
 const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
 
 TEST(ReplyLines, share_a_line_where_neighbours_reply_the_same) {
-  Answer answer;
+  control::Answer answer;
   for (const char* node : {"cap01", "cap02"}) answer.replies[node] = reply(Outcome::kDone, "quiet");
   answer.replies["cap03"] = reply(Outcome::kRefused, "not ready: cam07 silent");
   EXPECT_THAT(reply_lines(kNodes, answer, "ready"),
@@ -35,7 +35,7 @@ TEST(ReplyLines, share_a_line_where_neighbours_reply_the_same) {
 }
 
 TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap02"] = reply(Outcome::kDone, "quiet");
   answer.silent = {"cap01", "cap03"};
   const auto lines = reply_lines(kNodes, answer, "ready");
@@ -45,9 +45,9 @@ TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
 }
 
 TEST(ReplyLines, show_the_health_text_of_a_node_that_does_not_reply) {
-  Answer answer;
+  control::Answer answer;
   answer.silent = {"cap01", "cap02"};
-  HealthMessage keyless;
+  wire::HealthMessage keyless;
   keyless.text = "every command is rejected: no studio key";
   const auto lines = reply_lines(kNodes, answer, "ready", {{"cap01", keyless}, {"cap02", {}}});
   ASSERT_EQ(lines.size(), 2U) << "cap03 was not asked";
@@ -67,7 +67,7 @@ std::string detail(const std::string& camera, int missing) {
 }
 
 TEST(TakeAccounts, have_the_cameras_of_all_nodes) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["recon"] = reply(Outcome::kDone, "", "{\"meshes\": 10}");
@@ -83,40 +83,40 @@ TEST(TakeAccounts, name_a_node_with_impossible_counts) {
     std::string text = detail("cam01", 0);
     const std::string right = "\"commanded\":10";
     text.replace(text.find(right), right.size(), std::string("\"commanded\":") + count);
-    Answer answer;
+    control::Answer answer;
     answer.replies["cap01"] = reply(Outcome::kDone, "", text);
     EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << count;
   }
 }
 
 TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 1));
-  const Ledger ledger = merge_ledgers(answer).ledger;
+  const take::Ledger ledger = merge_ledgers(answer).ledger;
   EXPECT_FALSE(ledger.complete());
   EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
 }
 
 TEST(TakeAccounts, keep_a_number_of_pulses_that_is_a_minimum) {
-  Ledger recovered;
+  take::Ledger recovered;
   recovered.take = "kendo";
   recovered.commanded = 10;
   for (const bool is_minimum : {false, true}) {
     recovered.commanded_is_minimum = is_minimum;
-    Answer answer;
-    answer.replies["cap01"] = reply(Outcome::kDone, "", ledger_json(recovered));
+    control::Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", control::ledger_json(recovered));
     EXPECT_EQ(merge_ledgers(answer).ledger.commanded_is_minimum, is_minimum);
   }
 }
 
 TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
-  const Ledger ledger = merge_ledgers(answer, {"cam01", "cam02"}).ledger;
+  const take::Ledger ledger = merge_ledgers(answer, {"cam01", "cam02"}).ledger;
   ASSERT_EQ(ledger.cameras.size(), 2U);
   EXPECT_FALSE(ledger.complete());
-  for (const CameraLedger& camera : ledger.cameras) {
+  for (const take::CameraLedger& camera : ledger.cameras) {
     EXPECT_EQ(camera.missing.size(), camera.name == "cam02" ? 10U : 0U);
   }
 }
@@ -124,7 +124,7 @@ TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
 TEST(TakeAccounts, do_not_merge_different_takes) {
   std::string other = detail("cam03", 0);
   other.replace(other.find("kendo"), 5, "naginata");
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["cap03"] = reply(Outcome::kDone, "", other);
@@ -135,7 +135,7 @@ TEST(TakeAccounts, do_not_merge_different_takes) {
 }
 
 TEST(TakeAccounts, count_live_frames_that_were_sent_and_not_received) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["recon"] =
@@ -148,7 +148,7 @@ TEST(TakeAccounts, count_live_frames_that_were_sent_and_not_received) {
 }
 
 TEST(TakeAccounts, have_no_live_losses_of_a_node_that_restarted_in_the_take) {
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["recon"] =
@@ -167,7 +167,7 @@ TEST(TakeAccounts, count_the_meshes_of_a_sharded_take_once) {
                      ", \"cam01.live_received\": " + std::to_string(meshes) +
                      ", \"without_mesh\": [" + without + "]}");
   };
-  Answer answer;
+  control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["recon1"] = shard(8, 3, 0, "4, 5");
   answer.replies["recon2"] = shard(2, 1, 0, "");  // it joined later
@@ -184,7 +184,7 @@ TEST(TakeAccounts, name_a_node_whose_ledger_cannot_be_parsed) {
   for (const char* malformed :
        {"{", "[]", "7", "{\"cameras\": 3}", "{\"pulses\":{\"commanded\":\"ten\"},\"cameras\":[]}",
         "{\"take\":\"k\",\"pulses\":{\"commanded\":1,\"sensed\":1},\"cameras\":[{\"name\":7}]}"}) {
-    Answer answer;
+    control::Answer answer;
     answer.replies["cap01"] = reply(Outcome::kDone, "", malformed);
     EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << malformed;
   }

@@ -7,14 +7,13 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/image/picture.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/test_images.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/scene/scene_clock.h"
+#include "v3dctl/scene/scene_file.h"
 #include "v3dctl/scene/scene_renderer.h"
 #include "v3dctl/scene/scene_video.h"
 

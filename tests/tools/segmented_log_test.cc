@@ -1,6 +1,4 @@
 // Tests that SegmentedLog returns the masks of the live segmentation from a recorded take.
-#include "daemon/recorded/segmented_log.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +6,7 @@
 #include <random>
 
 #include "base/core/error.h"
+#include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -47,10 +46,10 @@ class SegmentedLogTest : public testing::Test {
   /// Writes a log as a capture daemon does that sends every third pulse live. Keeps the masks of
   /// these pulses.
   void record(const std::vector<int64_t>& pulses) {
-    Segmenter segmenter(model_, {});
-    EventLogWriter log(take_.frames(kCamera));
+    segmentation::Segmenter segmenter(model_, {});
+    take::EventLogWriter log(take_.frames(kCamera));
     for (const int64_t pulse : pulses) {
-      FrameMessage message;
+      wire::FrameMessage message;
       message.frame.camera = kCamera;
       message.frame.label.pulse = pulse;
       message.frame.sensor_size = kSize;
@@ -67,19 +66,19 @@ class SegmentedLogTest : public testing::Test {
     }
   }
 
-  void expect_as_live(SegmentedLog& log, int64_t pulse) {
+  void expect_as_live(recorded::SegmentedLog& log, int64_t pulse) {
     const auto frame = log.read(pulse);
     ASSERT_TRUE(frame) << pulse;
     EXPECT_EQ(frame->mask, live_.at(pulse)) << pulse;
   }
   void expect_all_as_live() {
-    SegmentedLog log(take_, kCamera);
+    recorded::SegmentedLog log(take_, kCamera);
     for (const auto& [pulse, mask] : live_) expect_as_live(log, pulse);
   }
 
   const test::TemporaryFolder folder_;
-  const TakePaths take_{folder_.path()};
-  BackgroundModel model_;
+  const take::TakePaths take_{folder_.path()};
+  segmentation::BackgroundModel model_;
   std::map<int64_t, Mask> live_;
 };
 
@@ -92,15 +91,16 @@ std::vector<int64_t> pulses(int64_t begin, int64_t end) {
 TEST_F(SegmentedLogTest, returns_the_live_masks) {
   record(pulses(0, 300));
   expect_all_as_live();
-  Segmenter unlearned(model_, {});  // without learning the masks differ, so the test is sensitive
+  segmentation::Segmenter unlearned(
+      model_, {});  // without learning the masks differ, so the test is sensitive
   EXPECT_NE(unlearned.segment(picture(298).view()), live_.at(298));
 }
 
 TEST_F(SegmentedLogTest, returns_the_live_masks_for_a_part_and_for_reverse_order) {
   record(pulses(0, 300));
-  SegmentedLog from_the_middle(take_, kCamera);
+  recorded::SegmentedLog from_the_middle(take_, kCamera);
   for (const int64_t pulse : {202, 205, 256, 298}) expect_as_live(from_the_middle, pulse);
-  SegmentedLog backwards(take_, kCamera);
+  recorded::SegmentedLog backwards(take_, kCamera);
   for (const int64_t pulse : {298, 100, 34, 31, 1, 298}) expect_as_live(backwards, pulse);
 }
 
@@ -115,7 +115,7 @@ TEST_F(SegmentedLogTest, returns_the_live_masks_when_frames_for_learning_are_mis
 
 TEST_F(SegmentedLogTest, returns_the_live_masks_when_pulse_numbers_are_out_of_order) {
   record({0, 1, 64, 64, 4, 32, 34, 65, 64, 70, 160, 128, 130, 133, 100, 192, 193});
-  SegmentedLog log(take_, kCamera);
+  recorded::SegmentedLog log(take_, kCamera);
   for (const int64_t pulse : {1, 4, 34, 70, 100, 130, 133, 193}) expect_as_live(log, pulse);
 }
 
@@ -123,7 +123,7 @@ TEST_F(SegmentedLogTest, does_not_follow_a_background_folder_that_is_a_link) {
   record({0});
   std::filesystem::rename(take_.background(), folder_ / "elsewhere");
   std::filesystem::create_directory_symlink("elsewhere", take_.background());
-  EXPECT_THAT(test::message_of<InputError>([&] { SegmentedLog log(take_, kCamera); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { recorded::SegmentedLog log(take_, kCamera); }),
               testing::HasSubstr("background: it is a symbolic link"));
 }
 

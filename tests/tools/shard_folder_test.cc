@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 
@@ -40,7 +40,7 @@ class FinishedShard : public testing::Test {
     made.camera_iou = {{0.5, 0.25}, {1e-9}};
     made.quality = {{25, {0.7, 0.8, 2}}, {26, {0.1, 0.2, 1}}};
     made.silhouette_faults = {
-        {26, "cam02", {1, SilhouetteFaultKind::kPulseLate, {4, 5, 6, 7}, 89}}};
+        {26, "cam02", {1, recon::SilhouetteFaultKind::kPulseLate, {4, 5, 6, 7}, 89}}};
     made.stages[1].ms = {12.5, 1.0 / 7};
     made.peak_rss_mb = 321.5;
     made_ = made;
@@ -48,7 +48,7 @@ class FinishedShard : public testing::Test {
   }
 
   void write(const std::vector<int64_t>& pulses) {
-    MeshFileWriter file(folder_.mesh(shard_));
+    take::MeshFileWriter file(folder_.mesh(shard_));
     for (const int64_t pulse : pulses)
       EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 7)));
     EXPECT_TRUE(file.close());

@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "base/image/png_file.h"
+#include "base/image/image_files.h"
 
 namespace v3d::test {
 namespace {

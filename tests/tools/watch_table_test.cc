@@ -14,12 +14,12 @@ using testing::Not;
 constexpr size_t kWide = 200;
 constexpr size_t kHigh = 100;
 
-HealthMessage capture_health() {
-  HealthMessage health;
+wire::HealthMessage capture_health() {
+  wire::HealthMessage health;
   health.node = "cap01";
   health.program = "v3d-captured";
   health.version = "0.1.0";
-  health.state = NodeState::kRecording;
+  health.state = wire::NodeState::kRecording;
   health.take = "kendo-07";
   health.values = {{"cameras", 2},
                    {"cameras_streaming", 2},
@@ -98,8 +98,9 @@ TEST(WatchTable, colours_faults_and_nothing_else) {
   EXPECT_EQ(alarms(set("clock_offset_us", -5000)), 1U);
   EXPECT_EQ(alarms(set("temperature_max_celsius", 95)), 1U);
   EXPECT_EQ(alarms([](StudioState& state) { state.health.clear(); }), 1U) << "a silent node";
-  EXPECT_EQ(alarms([](StudioState& state) { state.health["cap01"].state = NodeState::kFault; }),
-            1U);
+  EXPECT_EQ(
+      alarms([](StudioState& state) { state.health["cap01"].state = wire::NodeState::kFault; }),
+      1U);
   EXPECT_EQ(alarms(set("cam02.frames_dropped", 0)), 0U);
 }
 
@@ -111,10 +112,10 @@ TEST(WatchTable, has_the_same_text_without_colours) {
   EXPECT_THAT(lines, Contains(AllOf(HasSubstr("silent"), HasSubstr("on cap01"))));
 }
 
-EventMessage event(const std::string& subject, const std::string& text) {
-  EventMessage message;
+wire::EventMessage event(const std::string& subject, const std::string& text) {
+  wire::EventMessage message;
   message.node = "cap01";
-  message.severity = Severity::kAlarm;
+  message.severity = wire::Severity::kAlarm;
   message.subject = subject;
   message.text = text;
   return message;

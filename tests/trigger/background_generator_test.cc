@@ -10,7 +10,7 @@
 #include "support/child_process.h"
 #include "support/message_of.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using test::becomes_true;
@@ -149,4 +149,4 @@ TEST_F(BackgroundGeneratorTest, reports_that_pulses_may_continue_until_stop_succ
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -16,10 +16,10 @@
 #include <thread>
 #include <vector>
 
-#include "base/core/trigger_edge.h"
+#include "base/config/studio_values.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 class CableServer {
  public:
@@ -110,4 +110,4 @@ class CableServer {
   size_t accepted_ = 0;
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

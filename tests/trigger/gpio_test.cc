@@ -1,3 +1,5 @@
+#include "trigger/gpio.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,11 +10,9 @@
 #include "base/core/error.h"
 #include "slow_host.h"
 #include "support/message_of.h"
-#include "trigger/gpio_generator.h"
-#include "trigger/gpio_sensor.h"
-#include "trigger/make_trigger.h"
+#include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using std::chrono::milliseconds;
@@ -276,4 +276,4 @@ TEST(MakeTrigger, makes_a_gpio_trigger_and_a_sensor_only_for_a_configured_sense_
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -1,12 +1,12 @@
-#include "trigger/lateness.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
 #include <vector>
 
-namespace v3d {
+#include "trigger/paced_train.h"
+
+namespace v3d::trigger {
 namespace {
 
 TEST(Lateness, is_zero_without_pulses) {
@@ -37,4 +37,4 @@ RC_GTEST_PROP(Lateness, reports_percentiles_within_10_percent_and_maximum_and_co
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -6,7 +6,7 @@
 #include "support/message_of.h"
 #include "trigger/scpi/scpi_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using std::chrono::milliseconds;
@@ -318,4 +318,4 @@ TEST(ScpiAnswers, do_not_match_another_value) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using std::chrono::milliseconds;
@@ -72,4 +72,4 @@ RC_GTEST_PROP(SensedTrain, numbers_a_train_with_jitter_gaps_and_bounces_correctl
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -1,5 +1,3 @@
-#include "trigger/scpi/serial_port.h"
-
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +11,10 @@
 
 #include "support/fake_generator.h"
 #include "support/message_of.h"
+#include "trigger/scpi/instrument.h"
 #include "trigger/scpi/scpi_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using testing::HasSubstr;
@@ -128,4 +127,4 @@ TEST(SerialPort, reports_a_silent_or_unplugged_instrument_and_a_device_that_is_n
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

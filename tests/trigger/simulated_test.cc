@@ -1,5 +1,3 @@
-#include "trigger/simulated.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,9 +10,10 @@
 #include "cable_server.h"
 #include "slow_host.h"
 #include "support/message_of.h"
-#include "trigger/make_trigger.h"
+#include "trigger/pulse_generator.h"
+#include "trigger/simulated_trigger.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using std::chrono::milliseconds;
@@ -278,4 +277,4 @@ TEST(MakeTrigger, makes_the_generator_and_the_sensor_of_the_studio_file) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <map>
 
-#include "trigger/host_clock.h"
+#include "trigger/paced_train.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 struct SlowHost {
   /// `delays`: additional sleep, by the time at which the sleep should end.
@@ -26,4 +26,4 @@ struct SlowHost {
   MonotonicInstant now{std::chrono::seconds(100)};
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -7,9 +7,8 @@
 #include <deque>
 
 #include "support/message_of.h"
-#include "trigger/scpi/usbtmc_message.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 using testing::Contains;
@@ -169,4 +168,4 @@ TEST(Usbtmc, reports_that_the_instrument_was_unplugged) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -24,16 +24,16 @@ Rig one_camera() {
 
 void save_take(const std::filesystem::path& folder, int64_t pulses) {
   std::filesystem::create_directories(folder);
-  const TakePaths paths{folder};
+  const take::TakePaths paths{folder};
   io::throw_if_failed(save_take_info(paths, {.name = folder.filename(),
                                              .studio = "dojo",
                                              .rate_hz = 25,
                                              .pulses = pulses,
-                                             .state = TakeState::kComplete,
+                                             .state = take::TakeState::kComplete,
                                              .software_version = "test",
                                              .started = Realtime::now(),
                                              .cameras = {"cam01"}}));
-  Ledger ledger;
+  take::Ledger ledger;
   ledger.take = folder.filename();
   ledger.commanded = pulses;
   io::throw_if_failed(save_ledger(paths.ledger(), ledger));
@@ -41,13 +41,13 @@ void save_take(const std::filesystem::path& folder, int64_t pulses) {
 }
 
 void save_meshes(const std::filesystem::path& path) {
-  Scene scene(ball(20));
-  FrameEncoder encoder({.key_every = 10});
-  MeshFileWriter file(path);
+  codec::Scene scene(codec::ball(20));
+  codec::FrameEncoder encoder({.key_every = 10});
+  take::MeshFileWriter file(path);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
     if (pulse >= kFirstMissing && pulse < kFirstBlue) continue;
-    const VertexColour colour =
-        pulse < kFirstMissing ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
+    const codec::VertexColour colour =
+        pulse < kFirstMissing ? codec::VertexColour{40, 200, 40} : codec::VertexColour{40, 40, 200};
     io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
   io::throw_if_failed(file.close());

@@ -18,7 +18,7 @@ namespace {
 constexpr int kKeyEvery = 10;
 
 /// The colour of a pulse. Pulses near each other have clearly different colours.
-VertexColour colour_of(int64_t pulse) {
+codec::VertexColour colour_of(int64_t pulse) {
   const auto level = [&](int64_t factor) {
     return static_cast<uint8_t>(40 + pulse * factor % 170);
   };
@@ -29,8 +29,8 @@ VertexColour colour_of(int64_t pulse) {
 /// frames can be predicted from earlier ones.
 double radius_of(int64_t pulse) { return static_cast<double>(12 + pulse / 5 % 8); }
 
-MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
-  MeshMessage message;
+wire::MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
+  wire::MeshMessage message;
   message.sent = Realtime::now();
   message.seq = pulse;
   message.take = "lossy";
@@ -43,16 +43,16 @@ MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
 
 void send(const std::string& url, int64_t pulses, double rate_hz, double lost_percent,
           uint32_t seed) {
-  Bus bus(url);
-  FrameEncoder encoder({.key_every = kKeyEvery});
+  bus::Bus bus(url);
+  codec::FrameEncoder encoder({.key_every = kKeyEvery});
   std::mt19937 random(seed);
   MonotonicInstant due = Monotonic::now();
   for (int64_t pulse = 0; pulse < pulses; ++pulse) {
-    Scene scene(ball(radius_of(pulse)));
+    codec::Scene scene(codec::ball(radius_of(pulse)));
     auto compact = *encoder.encode(ball_frame(scene, pulse, colour_of(pulse)));
-    const bool key = !read_header(compact)->is(FrameHeader::kInter);
+    const bool key = !codec::read_header(compact)->is(codec::FrameHeader::kInter);
     const bool lost = random() % 10'000 < lost_percent * 100;
-    if (!lost) bus.publish(kMeshChannel, encode(message_of(pulse, std::move(compact))));
+    if (!lost) bus.publish(wire::kMeshChannel, wire::encode(message_of(pulse, std::move(compact))));
     std::printf("%lld %s %s\n", static_cast<long long>(pulse), key ? "key" : "inter",
                 lost ? "lost" : "sent");
     std::fflush(stdout);

@@ -7,7 +7,7 @@
 
 #include "message_generators.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 using test::any_message;
@@ -291,4 +291,4 @@ TEST(FrameHead, is_not_decoded_from_a_truncated_head) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

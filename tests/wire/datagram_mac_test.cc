@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 const StudioKey& key() {
@@ -63,4 +63,4 @@ RC_GTEST_PROP(DatagramMac, rejects_another_key_and_a_shifted_boundary_of_head_an
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

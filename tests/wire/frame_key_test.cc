@@ -1,12 +1,11 @@
-#include "wire/frame_key.h"
-
 #include <gtest/gtest.h>
 
 #include <array>
 
-#include "wire/message_signature.h"
+#include "wire/datagram_mac.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 class SealedKey : public testing::Test {
@@ -72,4 +71,4 @@ TEST(FrameMac, differs_from_the_mac_of_a_studio_key_with_the_same_bytes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

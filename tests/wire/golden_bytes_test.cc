@@ -4,7 +4,7 @@
 
 #include "wire/codec.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 std::string hex(const Bytes& bytes) {
@@ -244,4 +244,4 @@ TEST(GoldenBytes, match_for_the_head_of_a_frame_and_the_start_of_the_frame) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

@@ -4,7 +4,7 @@
 
 #include <set>
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 std::span<const uint8_t> bytes_of(std::string_view text) {
@@ -96,4 +96,4 @@ TEST(Hash, is_parsed_only_from_64_hexadecimal_digits) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

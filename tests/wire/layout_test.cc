@@ -1,10 +1,10 @@
-#include "wire/layout.h"
-
 #include <gtest/gtest.h>
 
 #include <vector>
 
-namespace v3d {
+#include "wire/packing.h"
+
+namespace v3d::wire {
 namespace {
 
 using Body = std::vector<uint8_t>;
@@ -47,4 +47,4 @@ TEST(Layout, distinguishes_two_counts) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

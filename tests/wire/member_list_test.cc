@@ -5,9 +5,9 @@
 
 #include "base/core/error.h"
 #include "support/message_of.h"
-#include "wire/signed_text.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 using testing::ElementsAreArray;
@@ -138,4 +138,4 @@ TEST(SignedMessage, splits_a_message_and_its_signature) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

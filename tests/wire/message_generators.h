@@ -51,7 +51,7 @@ template <class M>
 M any_message();
 
 template <>
-inline PulseMessage any_message() {
+inline wire::PulseMessage any_message() {
   return {.sent = any_sent(),
           .seq = any_count(),
           .take = any_text(),
@@ -61,12 +61,12 @@ inline PulseMessage any_message() {
 }
 
 template <>
-inline FrameMessage any_message() {
+inline wire::FrameMessage any_message() {
   return {.sent = any_sent(), .seq = any_count(), .take = any_text(), .frame = any_frame()};
 }
 
 template <>
-inline MeshMessage any_message() {
+inline wire::MeshMessage any_message() {
   return {.sent = any_sent(),
           .seq = any_count(),
           .take = any_text(),
@@ -80,15 +80,15 @@ inline MeshMessage any_message() {
 }
 
 template <>
-inline ShardMeshMessage any_message() {
-  ShardMeshMessage message;
-  static_cast<MeshMessage&>(message) = any_message<MeshMessage>();
+inline wire::ShardMeshMessage any_message() {
+  wire::ShardMeshMessage message;
+  static_cast<wire::MeshMessage&>(message) = any_message<wire::MeshMessage>();
   message.node = any_text();
   return message;
 }
 
 template <>
-inline ShardMessage any_message() {
+inline wire::ShardMessage any_message() {
   const auto pulse = [] { return *rc::gen::inRange<int64_t>(-1, INT64_MAX); };
   return {.sent = any_sent(),
           .seq = any_count(),
@@ -102,7 +102,7 @@ inline ShardMessage any_message() {
 }
 
 template <>
-inline SessionMessage any_message() {
+inline wire::SessionMessage any_message() {
   return {.sent = any_sent(),
           .session = *rc::gen::arbitrary<uint32_t>(),
           .newest = *rc::gen::arbitrary<uint32_t>(),
@@ -111,12 +111,13 @@ inline SessionMessage any_message() {
 }
 
 template <>
-inline FrameKeyMessage any_message() {
-  FrameKeyMessage message{.sent = any_sent(),
-                          .session = *rc::gen::arbitrary<uint32_t>(),
-                          .newest = *rc::gen::arbitrary<uint32_t>(),
-                          .keys = std::vector<SealedFrameKey>(*rc::gen::inRange<size_t>(0, 4))};
-  for (SealedFrameKey& key : message.keys) {
+inline wire::FrameKeyMessage any_message() {
+  wire::FrameKeyMessage message{
+      .sent = any_sent(),
+      .session = *rc::gen::arbitrary<uint32_t>(),
+      .newest = *rc::gen::arbitrary<uint32_t>(),
+      .keys = std::vector<wire::SealedFrameKey>(*rc::gen::inRange<size_t>(0, 4))};
+  for (wire::SealedFrameKey& key : message.keys) {
     for (uint8_t& byte : key.recipient) byte = *rc::gen::arbitrary<uint8_t>();
     for (uint8_t& byte : key.sealed) byte = *rc::gen::arbitrary<uint8_t>();
   }
@@ -124,11 +125,11 @@ inline FrameKeyMessage any_message() {
 }
 
 template <>
-inline CommandMessage any_message() {
+inline wire::CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),
           .counter = any_count(),
-          .verb = static_cast<CommandVerb>(*rc::gen::inRange(1, 8)),
+          .verb = static_cast<wire::CommandVerb>(*rc::gen::inRange(1, 8)),
           .own_only = *rc::gen::arbitrary<bool>(),
           .take = any_text(),
           .rate_hz = *rc::gen::inRange(0, 1000) / 8.0,
@@ -139,52 +140,52 @@ inline CommandMessage any_message() {
 }
 
 template <>
-inline ReplyMessage any_message() {
+inline wire::ReplyMessage any_message() {
   return {.sent = any_sent(),
           .node = any_text(),
           .command_sender = any_text(),
           .command_counter = any_count(),
           .command_sent = any_sent(),
           .nonce = any_count(),
-          .outcome = static_cast<ReplyMessage::Outcome>(*rc::gen::inRange(1, 5)),
+          .outcome = static_cast<wire::ReplyMessage::Outcome>(*rc::gen::inRange(1, 5)),
           .take = any_text(),
           .text = any_text(),
           .detail = any_text()};
 }
 
 template <>
-inline HealthMessage any_message() {
+inline wire::HealthMessage any_message() {
   return {.sent = any_sent(),
           .seq = any_count(),
           .node = any_text(),
           .program = any_text(),
           .version = any_text(),
-          .state = static_cast<NodeState>(*rc::gen::inRange(1, 6)),
+          .state = static_cast<wire::NodeState>(*rc::gen::inRange(1, 6)),
           .take = any_text(),
           .text = any_text(),
           .values = {{any_text(), 0.25}, {"frames_received", *rc::gen::inRange(0, 1000) * 1.0}}};
 }
 
 template <>
-inline EventMessage any_message() {
+inline wire::EventMessage any_message() {
   return {.sent = any_sent(),
           .seq = any_count(),
           .node = any_text(),
-          .severity = static_cast<Severity>(*rc::gen::inRange(1, 4)),
+          .severity = static_cast<wire::Severity>(*rc::gen::inRange(1, 4)),
           .subject = any_text(),
           .text = any_text()};
 }
 
 template <>
-inline PreviewMessage any_message() {
+inline wire::PreviewMessage any_message() {
   const ImageSize size{*rc::gen::inRange(1, 80), *rc::gen::inRange(1, 20)};
-  PreviewMessage message{.sent = any_sent(),
-                         .seq = any_count(),
-                         .camera = any_text(),
-                         .pulse = *rc::gen::inRange<int64_t>(-1, INT64_MAX),
-                         .size = size,
-                         .mask = {},
-                         .jpeg = *rc::gen::arbitrary<std::vector<uint8_t>>()};
+  wire::PreviewMessage message{.sent = any_sent(),
+                               .seq = any_count(),
+                               .camera = any_text(),
+                               .pulse = *rc::gen::inRange<int64_t>(-1, INT64_MAX),
+                               .size = size,
+                               .mask = {},
+                               .jpeg = *rc::gen::arbitrary<std::vector<uint8_t>>()};
   if (*rc::gen::arbitrary<bool>()) message.mask = any_mask(size);
   return message;
 }

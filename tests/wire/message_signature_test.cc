@@ -1,10 +1,9 @@
-#include "wire/message_signature.h"
-
 #include <gtest/gtest.h>
 
 #include "wire/member_list.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr RealtimeInstant kSent = from_ns<Realtime>(1'700'000'000'000'000'000);
@@ -83,4 +82,4 @@ TEST_F(BusSignature, separates_the_channel_from_the_session) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

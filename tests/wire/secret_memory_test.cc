@@ -14,14 +14,13 @@
 #include <string>
 #include <vector>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 #include "wire/datagram_mac.h"
-#include "wire/frame_key.h"
-#include "wire/signing_key.h"
-#include "wire/studio_key.h"
+#include "wire/secret_keys.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 constexpr uint8_t kMask = 0x5a;
@@ -202,4 +201,4 @@ TEST_F(SecretMemory, holds_a_frame_key_once_for_each_owner_and_not_after_use) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

@@ -1,16 +1,15 @@
-#include "wire/signing_key.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "wire/hexadecimal.h"
+#include "wire/secret_keys.h"
+#include "wire/signatures.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 using testing::AllOf;
@@ -93,4 +92,4 @@ TEST(PublicKey, is_parsed_only_from_64_hexadecimal_digits) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

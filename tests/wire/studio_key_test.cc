@@ -1,15 +1,14 @@
-#include "wire/studio_key.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::wire {
 namespace {
 
 using testing::HasSubstr;
@@ -109,4 +108,4 @@ TEST_F(StudioKeyFile, is_rejected_unless_it_holds_64_hexadecimal_digits) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::wire

@@ -1,8 +1,11 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <cstdlib>
+#include <filesystem>
+
 #include "capture/sync/pulse_matcher.h"
-#include "rates.h"
+#include "take/logs/frame_log.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -10,9 +13,9 @@ namespace {
 
 /// Segments 15 raw frames into 15 masks.
 void segment(benchmark::State& state) {
-  std::vector<Segmenter> segmenters;
-  for (const BackgroundModel& model : background_models()) {
-    segmenters.emplace_back(model, SegmentOptions{});
+  std::vector<segmentation::Segmenter> segmenters;
+  for (const segmentation::BackgroundModel& model : background_models()) {
+    segmenters.emplace_back(model, segmentation::SegmentOptions{});
   }
   const std::vector<Image>& frames = raw_frames();
   tbb::task_arena arena(static_cast<int>(state.range(0)));
@@ -30,7 +33,7 @@ void segment(benchmark::State& state) {
 void match(benchmark::State& state) {
   const Duration period = period_of(25);
   const auto device_period = static_cast<int64_t>(static_cast<double>(period.count()) * 1.0001);
-  PulseMatcher matcher(period);
+  capture::PulseMatcher matcher(period);
   int64_t frame = 0;
   measure(state, 1, 0, [&] {
     benchmark::DoNotOptimize(
@@ -44,4 +47,119 @@ BENCHMARK(segment)->Name("segment/15xXGA")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK(match)->Name("match/frames");
 
 }  // namespace
+
+namespace {
+
+/// Temporary folder; the destructor removes it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "v3d-bench-XXXXXX").string();
+    path_ = mkdtemp(name.data());
+  }
+  ~ScratchFolder() { std::filesystem::remove_all(path_); }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+  void clear() const {
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) {
+      std::filesystem::remove(entry);
+    }
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Raw frames of all cameras at one pulse.
+std::vector<wire::FrameMessage> one_pulse() {
+  std::vector<wire::FrameMessage> messages(kCameras);
+  for (int c = 0; c < kCameras; ++c) {
+    messages[c].frame.camera = rig()[c].name;
+    messages[c].frame.sensor_size = kSize;
+    messages[c].frame.roi = {0, 0, kSize.width, kSize.height};
+    messages[c].frame.image = raw_frames()[c];
+  }
+  return messages;
+}
+
+std::vector<take::EventLogWriter> new_logs(const ScratchFolder& folder,
+                                           const std::vector<wire::FrameMessage>& messages,
+                                           take::LogHashing hashing = take::LogHashing::kChecksum) {
+  folder.clear();
+  std::vector<take::EventLogWriter> logs;
+  for (const wire::FrameMessage& m : messages) {
+    logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"), take::LogOpening::kNew,
+                      hashing);
+  }
+  return logs;
+}
+
+bool write_pulse(std::vector<take::EventLogWriter>& logs, std::vector<wire::FrameMessage>& messages,
+                 int64_t pulse) {
+  bool written = true;
+  for (int c = 0; c < kCameras; ++c) {
+    messages[c].frame.label.pulse = pulse;
+    written = logs[c].write(messages[c]).has_value() && written;
+  }
+  return written;
+}
+
+/// Writes one pulse of raw frames into 15 event logs, as v3d-captured does, without a sync to the
+/// disk. New logs are opened every 25 pulses, so that a run needs 300 MB.
+void record(benchmark::State& state, take::LogHashing hashing) {
+  const ScratchFolder folder;
+  std::vector<wire::FrameMessage> messages = one_pulse();
+  std::vector<take::EventLogWriter> logs;
+  int64_t pulse = 0;
+  const double bytes = static_cast<double>(kSize.pixels()) * kCameras;
+  measure(state, kCameras, bytes, [&] {
+    if (pulse % 25 == 0) {
+      logs.clear();
+      logs = new_logs(folder, messages, hashing);
+    }
+    if (!write_pulse(logs, messages, pulse++)) state.SkipWithError("a log cannot be written");
+  });
+}
+
+BENCHMARK_CAPTURE(record, checksum, take::LogHashing::kChecksum)->Name("record/15xXGA");
+BENCHMARK_CAPTURE(record, tree, take::LogHashing::kTree)->Name("record/15xXGA/signed");
+
+// Writing to the disk with a sync: 100 pulses, 1.18 GB, and for comparison as much by dd with
+// blocks of one frame. Run both alternately (docs/performance.md).
+constexpr int64_t kSyncedPulses = 100;
+constexpr double kSyncedFrames = kSyncedPulses * kCameras;
+
+void record_to_disk(benchmark::State& state) {
+  const ScratchFolder folder;
+  std::vector<wire::FrameMessage> messages = one_pulse();
+  measure(state, kSyncedFrames, kSyncedFrames * static_cast<double>(kSize.pixels()), [&] {
+    std::vector<take::EventLogWriter> logs = new_logs(folder, messages);
+    bool written = true;
+    for (int64_t pulse = 0; pulse < kSyncedPulses; ++pulse) {
+      written = write_pulse(logs, messages, pulse) && written;
+    }
+    for (take::EventLogWriter& log : logs) written = log.sync().has_value() && written;
+    if (!written) state.SkipWithError("a log cannot be written");
+  });
+}
+
+BENCHMARK(record_to_disk)->Name("record/15xXGA/to_disk")->Iterations(1);
+
+/// dd writes zeros, so it reads no disk.
+void dd(benchmark::State& state) {
+  const ScratchFolder folder;
+  const std::string command = "dd if=/dev/zero of=" + (folder.path() / "dd").string() +
+                              " bs=" + std::to_string(kSize.pixels()) +
+                              " count=" + std::to_string(kSyncedPulses * kCameras) +
+                              " conv=fdatasync status=none";
+  measure(state, kSyncedFrames, kSyncedFrames * static_cast<double>(kSize.pixels()), [&] {
+    if (std::system(command.c_str()) != 0) state.SkipWithError("dd failed");
+  });
+}
+
+BENCHMARK(dd)->Name("record/dd")->Iterations(1);
+
+}  // namespace
+
 }  // namespace v3d::bench

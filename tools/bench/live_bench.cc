@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <fstream>
 #include <semaphore>
+#include <string>
 
 #include "base/core/statistics.h"
 #include "base/core/time.h"
-#include "rates.h"
+#include "recon/hull/sparse_volume.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "workload.h"
 
@@ -18,7 +20,7 @@ namespace {
 /// of v3d-recond and `v3dctl reconstruct`.
 struct Pulse {
   MonotonicInstant taken;
-  FrameSetJob work;
+  recon::FrameSetJob work;
 };
 
 /// The live pipeline, fed with the same frames without a pause.
@@ -48,10 +50,10 @@ class Chain {
     return Pulse{Monotonic::now(), {}};
   }
 
-  static std::vector<Segmenter> make_segmenters() {
-    std::vector<Segmenter> segmenters;
-    for (const BackgroundModel& model : background_models()) {
-      segmenters.emplace_back(model, SegmentOptions{});
+  static std::vector<segmentation::Segmenter> make_segmenters() {
+    std::vector<segmentation::Segmenter> segmenters;
+    for (const segmentation::BackgroundModel& model : background_models()) {
+      segmenters.emplace_back(model, segmentation::SegmentOptions{});
     }
     return segmenters;
   }
@@ -73,12 +75,12 @@ class Chain {
     done_.release();
   }
 
-  std::vector<Segmenter> segmenters_;
-  Reconstructor reconstructor_;
+  std::vector<segmentation::Segmenter> segmenters_;
+  recon::Reconstructor reconstructor_;
   std::atomic<bool> stopping_ = false;
   std::counting_semaphore<> done_{0};
-  std::vector<double> latencies_ms_;  ///< of the last stage, until the pipeline has ended
-  FramePipeline<Pulse> pipeline_;     ///< last member: it uses all others
+  std::vector<double> latencies_ms_;      ///< of the last stage, until the pipeline has ended
+  recon::FramePipeline<Pulse> pipeline_;  ///< last member: it uses all others
 };
 
 /// Maximum throughput of the pipeline, and its latency at this rate. Both stages are always busy,
@@ -95,4 +97,37 @@ void live(benchmark::State& state) {
 BENCHMARK(live)->Name("live/10mm")->ArgName("threads")->Arg(1)->Arg(2);
 
 }  // namespace
+
+namespace {
+
+/// A size of /proc/self/status ("VmRSS", "VmHWM") in megabytes; 0 when it is missing.
+double status_mb(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with(key + ":")) return std::stod(line.substr(key.size() + 1)) / 1000;
+  }
+  return 0;
+}
+
+/// Resets the peak of the resident memory (VmHWM): see proc(5), clear_refs.
+void reset_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
+
+/// Memory to make a mesh at 2 mm from silhouettes. `peak_rss_mb` is the peak of the whole process,
+/// including the workload of the benchmark; `rise_mb` is the increase by this work.
+void memory(benchmark::State& state) {
+  const std::vector<const Mask*> pointers = pointers_to(masks());
+  const double before = status_mb("VmRSS");
+  reset_peak();
+  measure(state, 1, 0, [&] {
+    recon::Intersector hull = intersector(0.002);
+    benchmark::DoNotOptimize(marching_cubes(hull.intersect(pointers)));
+  });
+  state.counters["peak_rss_mb"] = status_mb("VmHWM");
+  state.counters["rise_mb"] = status_mb("VmHWM") - before;
+}
+
+BENCHMARK(memory)->Name("memory/2mm");
+
+}  // namespace
+
 }  // namespace v3d::bench

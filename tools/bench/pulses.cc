@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "recon/hull/marching_cubes.h"
+#include "recon/hull/sparse_volume.h"
 #include "recon/texture/texture.h"
-#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/camera_images.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -12,21 +12,21 @@ namespace {
 
 constexpr double kVoxelM = 0.01;
 
-FrameSet shoot(sim::BatchRenderer& film, int pulse) {
+recon::FrameSet shoot(sim::BatchRenderer& film, int pulse) {
   const std::vector<Image> images =
       film.render_all(kInstantSeconds + pulse / 25.0, kPlates + pulse);
-  FrameSet set;
+  recon::FrameSet set;
   for (int c = 0; c < kCameras; ++c) {
-    const Mask mask = Segmenter(background_models()[c], {}).segment(images[c].view());
+    const Mask mask = segmentation::Segmenter(background_models()[c], {}).segment(images[c].view());
     set.frames.push_back(observe(rig()[c].name, {}, images[c].view(), mask));
   }
   return set;
 }
 
-Pulse make_pulse(const FrameSet& set, bool deformed) {
+Pulse make_pulse(const recon::FrameSet& set, bool deformed) {
   std::vector<const Mask*> masks;
-  std::vector<TextureCamera> colouring;
-  std::vector<DeformCamera> deforming;
+  std::vector<recon::TextureCamera> colouring;
+  std::vector<recon::DeformCamera> deforming;
   for (int c = 0; c < kCameras; ++c) {
     masks.push_back(&*set.frames[c].mask);
     colouring.push_back({&rig()[c].model, &set.frames[c]});
@@ -36,9 +36,10 @@ Pulse make_pulse(const FrameSet& set, bool deformed) {
   pulse.volume = intersector(kVoxelM).intersect(masks);
   pulse.mesh = marching_cubes(pulse.volume);
   if (deformed) {
-    DeformOptions options;
+    recon::DeformOptions options;
     options.voxel_m = kVoxelM;
-    Deformer(options).run(SurfaceCameras(deforming, pulse.mesh, options.voxel_m), pulse.mesh);
+    recon::Deformer(options).run(recon::SurfaceCameras(deforming, pulse.mesh, options.voxel_m),
+                                 pulse.mesh);
     for (const auto& v : pulse.mesh.vertices) pulse.positions.push_back({v.x(), v.y(), v.z()});
   }
   pulse.mesh.colours = colour_vertices(pulse.mesh, colouring, {}).colours;
@@ -64,9 +65,10 @@ const std::vector<Pulse>& high_pulses() {
   return kMade;
 }
 
-FrameContent content_of(const Pulse& pulse, const BrickVolume& volume, int64_t number) {
-  const VoxelGrid& grid = pulse.volume.grid();
-  FrameContent content;
+codec::FrameContent content_of(const Pulse& pulse, const codec::BrickVolume& volume,
+                               int64_t number) {
+  const recon::VoxelGrid& grid = pulse.volume.grid();
+  codec::FrameContent content;
   content.facts.pulse = number;
   content.facts.cameras = {rig()[0].name};
   content.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
@@ -77,12 +79,14 @@ FrameContent content_of(const Pulse& pulse, const BrickVolume& volume, int64_t n
   return content;
 }
 
-std::vector<uint8_t> encode_pulse(FrameEncoder& encoder, const Pulse& pulse, int64_t number) {
-  const BrickVolume volume = pulse.volume.view();
+std::vector<uint8_t> encode_pulse(codec::FrameEncoder& encoder, const Pulse& pulse,
+                                  int64_t number) {
+  const codec::BrickVolume volume = pulse.volume.view();
   return encoder.encode(content_of(pulse, volume, number)).value();
 }
 
-double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColour>& b) {
+double psnr_db(const std::vector<codec::VertexColour>& a,
+               const std::vector<codec::VertexColour>& b) {
   double sum = 0;
   for (size_t v = 0; v < a.size(); ++v) {
     for (int c = 0; c < 3; ++c) sum += (a[v][c] - b[v][c]) * (a[v][c] - b[v][c]);

@@ -13,10 +13,10 @@ namespace v3d::bench {
 inline constexpr int kPulses = 4;
 
 struct Pulse {
-  SparseVolume volume;
+  recon::SparseVolume volume;
   Mesh mesh;
-  std::vector<VertexColour> colours;      ///< of the mesh
-  std::vector<VertexPosition> positions;  ///< of the deformed mesh; empty for a hull
+  std::vector<codec::VertexColour> colours;      ///< of the mesh
+  std::vector<codec::VertexPosition> positions;  ///< of the deformed mesh; empty for a hull
 };
 
 /// Hulls, as with --quality live.
@@ -26,10 +26,12 @@ const std::vector<Pulse>& high_pulses();
 
 /// Content of the pulse for an encoder. It refers to the pulse and to `volume`, the view of its
 /// volume.
-FrameContent content_of(const Pulse& pulse, const BrickVolume& volume, int64_t number);
-std::vector<uint8_t> encode_pulse(FrameEncoder& encoder, const Pulse& pulse, int64_t number);
+codec::FrameContent content_of(const Pulse& pulse, const codec::BrickVolume& volume,
+                               int64_t number);
+std::vector<uint8_t> encode_pulse(codec::FrameEncoder& encoder, const Pulse& pulse, int64_t number);
 
 /// PSNR over all colour channels, peak 255, in dB.
-double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColour>& b);
+double psnr_db(const std::vector<codec::VertexColour>& a,
+               const std::vector<codec::VertexColour>& b);
 
 }  // namespace v3d::bench

@@ -3,7 +3,7 @@
 #include <optional>
 #include <utility>
 
-#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/camera_images.h"
 #include "sim/rendering/scene.h"
 
 namespace v3d::bench {
@@ -32,12 +32,12 @@ const Pictures& pictures() {
   return kPictures;
 }
 
-BackgroundModel learn(int camera) {
+segmentation::BackgroundModel learn(int camera) {
   std::vector<ImageView> views;
   for (const Image& plate : plates(camera)) {
     views.push_back(plate.view());
   }
-  return learn_background(views);
+  return segmentation::learn_background(views);
 }
 
 template <class Make>
@@ -62,14 +62,15 @@ const std::vector<Image>& raw_frames() { return pictures().frames; }
 
 const std::vector<Image>& plates(int camera) { return pictures().plates[camera]; }
 
-const std::vector<BackgroundModel>& background_models() {
+const std::vector<segmentation::BackgroundModel>& background_models() {
   static const auto kModels = for_each_camera(learn);
   return kModels;
 }
 
 const std::vector<Mask>& masks() {
-  static const auto kMasks = for_each_camera(
-      [](int c) { return Segmenter(background_models()[c], {}).segment(raw_frames()[c].view()); });
+  static const auto kMasks = for_each_camera([](int c) {
+    return segmentation::Segmenter(background_models()[c], {}).segment(raw_frames()[c].view());
+  });
   return kMasks;
 }
 
@@ -81,15 +82,17 @@ std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks) {
   return pointers;
 }
 
-Intersector intersector(double voxel_m) {
-  return {VoxelGrid::covering(space(), voxel_m), models_of(rig()), kMinViews};
+recon::Intersector intersector(double voxel_m) {
+  return {recon::VoxelGrid::covering(space(), voxel_m), models_of(rig()), kMinViews};
 }
 
-SparseVolume volume(double voxel_m) { return intersector(voxel_m).intersect(pointers_to(masks())); }
+recon::SparseVolume volume(double voxel_m) {
+  return intersector(voxel_m).intersect(pointers_to(masks()));
+}
 
-const FrameSet& frame_set() {
-  static const FrameSet kSet = [] {
-    FrameSet set;
+const recon::FrameSet& frame_set() {
+  static const recon::FrameSet kSet = [] {
+    recon::FrameSet set;
     for (int c = 0; c < kCameras; ++c) {
       set.frames.push_back(observe(rig()[c].name, {}, raw_frames()[c].view(), masks()[c]));
     }
@@ -100,17 +103,17 @@ const FrameSet& frame_set() {
 
 const std::vector<uint8_t>& compact_10mm() {
   static const std::vector<uint8_t> kCompact =
-      Reconstructor(rig(), options(0.01, 0)).reconstruct(frame_set()).compact;
+      recon::Reconstructor(rig(), options(0.01, 0)).reconstruct(frame_set()).compact;
   return kCompact;
 }
 
-const CompactFrame& compact_frame_10mm() {
-  static const CompactFrame kFrame = decode_compact(compact_10mm()).value();
+const recon::CompactFrame& compact_frame_10mm() {
+  static const recon::CompactFrame kFrame = recon::decode_compact(compact_10mm()).value();
   return kFrame;
 }
 
-ReconstructOptions options(double voxel_m, int threads) {
-  ReconstructOptions o;
+recon::ReconstructOptions options(double voxel_m, int threads) {
+  recon::ReconstructOptions o;
   o.bounds = space();
   o.voxel_m = voxel_m;
   o.threads = threads;

@@ -2,10 +2,13 @@
 // 3 x 3 x 2 m, one seed.
 #pragma once
 
+#include <benchmark/benchmark.h>
+
+#include <chrono>
 #include <vector>
 
-#include "base/geometry/box.h"
 #include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "base/image/frame.h"
 #include "capture/segmentation/segmenter.h"
 #include "recon/hull/intersect.h"
@@ -33,7 +36,7 @@ const std::vector<Image>& raw_frames();
 const std::vector<Image>& plates(int camera);
 
 /// Background models of all cameras, learnt from plates().
-const std::vector<BackgroundModel>& background_models();
+const std::vector<segmentation::BackgroundModel>& background_models();
 
 /// Segmented silhouettes of raw_frames().
 const std::vector<Mask>& masks();
@@ -42,17 +45,36 @@ const std::vector<Mask>& masks();
 std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks);
 
 /// Intersector of the space with the benchmark's cameras.
-Intersector intersector(double voxel_m);
+recon::Intersector intersector(double voxel_m);
 /// The visual hull of masks().
-SparseVolume volume(double voxel_m);
+recon::SparseVolume volume(double voxel_m);
 
 /// raw_frames() and masks() in the form that the reconstruction receives.
-const FrameSet& frame_set();
+const recon::FrameSet& frame_set();
 
 /// frame_set() reconstructed at 10 mm, as encoded bytes and decoded.
 const std::vector<uint8_t>& compact_10mm();
-const CompactFrame& compact_frame_10mm();
+const recon::CompactFrame& compact_frame_10mm();
 
-ReconstructOptions options(double voxel_m, int threads);
+recon::ReconstructOptions options(double voxel_m, int threads);
+
+// Measures rates by the wall clock. Google Benchmark itself uses the CPU time of the main thread,
+// or adds
+// "/real_time" to the fixed benchmark names.
+
+/// Runs `work` once per iteration and reports items and bytes per second of wall-clock time.
+template <class Work>
+void measure(benchmark::State& state, double items, double bytes, Work work) {
+  const auto begin = std::chrono::steady_clock::now();
+  for (auto _ : state) {
+    work();
+  }
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+  const double iterations = static_cast<double>(state.iterations());
+  state.counters["items_per_second"] = items * iterations / elapsed.count();
+  if (bytes > 0) {
+    state.counters["bytes_per_second"] = bytes * iterations / elapsed.count();
+  }
+}
 
 }  // namespace v3d::bench

@@ -1,4 +1,16 @@
-#include "calibrate/commands.h"
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/config/calib_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
+#include "base/image/image.h"
+#include "calib/rig/rig_fit.h"
+#include "calibrate/calibrate_commands.h"
+#include "common/console.h"
+#include "common/option_checks.h"
+#include "v3dctl/options.h"
 
 namespace v3d::calibrate {
 
@@ -35,6 +47,65 @@ void add_calibrate(ctl::CommandLine& line) {
   add_refine(line, command);
   add_colour(line, command);
   add_convert(line, command);
+}
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string size;
+  double horizontal_fov_deg = 60;
+  std::string out;
+  bool json = false;
+};
+
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  const ImageSize size = parse_size(arguments.size);
+  if (std::filesystem::exists(arguments.out)) {
+    throw InputError(
+        arguments.out +
+        ": exists already and is not replaced by an uncalibrated rig; use another name, or "
+        "move the file");
+  }
+  const Studio studio = line.studio();
+  std::vector<std::string> names;
+  for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
+  const Rig rig =
+      calib::initial_rig(names, size, arguments.horizontal_fov_deg, studio.space.bounds);
+  save_calib(arguments.out, rig);
+  if (arguments.json) {
+    std::printf("%s\n", Json{{"cameras", names}, {"out", arguments.out}}.dump(2).c_str());
+    return kExitDone;
+  }
+  std::printf(
+      "%s: %s with assumed poses on a ring around the space. Sufficient for recording boards, not "
+      "for meshes; next step: v3dctl calibrate rig --live\n",
+      arguments.out.c_str(), ctl::count_of(std::ssize(rig), "camera").c_str());
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_guess(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command = add_under(
+      calibrate, "guess", "Write an initial calib.toml for a new studio, to record boards with",
+      {"v3dctl calibrate guess --size 1024x768 --out /etc/v3d/calib.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("--size", arguments->size, "Size of the images of all cameras")
+      ->type_name("WxH")
+      ->required();
+  command
+      ->add_option("--across", arguments->horizontal_fov_deg,
+                   "Horizontal field of view of the cameras, degrees")
+      ->type_name("DEG")
+      ->check(number_in(5, 150))
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "The file to write; must not exist")
+      ->type_name("FILE")
+      ->required();
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::calibrate

@@ -4,12 +4,11 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
-#include "calib/colour/colour_report.h"
-#include "calibrate/colour_images.h"
-#include "calibrate/colour_places.h"
-#include "calibrate/commands.h"
-#include "v3dctl/process.h"
+#include "base/io/file.h"
+#include "calib/rig/reports.h"
+#include "calibrate/calibrate_commands.h"
+#include "calibrate/colour_samples.h"
+#include "common/console.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -3,11 +3,10 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "calib/rig/floor_fit.h"
-#include "calibrate/commands.h"
-#include "calibrate/floor_boards.h"
+#include "calib/rig/rig_alignment.h"
+#include "calibrate/calibrate_commands.h"
+#include "calibrate/rig_boards.h"
 #include "common/console.h"
-#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

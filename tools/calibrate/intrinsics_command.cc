@@ -4,15 +4,13 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "calib/boards/view_selection.h"
-#include "calibrate/board_search.h"
-#include "calibrate/commands.h"
-#include "calibrate/live_take.h"
+#include "base/core/text.h"
+#include "calib/boards/board.h"
+#include "calibrate/calibrate_commands.h"
+#include "calibrate/calibration_images.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -4,16 +4,15 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
 #include "calib/rig/silhouette_refinement.h"
-#include "calibrate/commands.h"
+#include "calibrate/calibrate_commands.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/hull/bounds_mask.h"
+#include "recon/hull/voxel_grid.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
-#include "v3dctl/reconstruct/reconstruction_bounds.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -36,7 +35,7 @@ class Silhouettes {
   Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
     const Box space =
         ctl::default_bounds(rig, ctl::default_min_views(static_cast<int>(rig.size())));
-    for (const RigCamera& camera : rig) views_.push_back(bounds_mask(space, camera.model));
+    for (const RigCamera& camera : rig) views_.push_back(recon::bounds_mask(space, camera.model));
     const std::vector<int64_t> pulses = take_.pulses();
     const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());
     Progress progress("read silhouettes", static_cast<int64_t>(count));
@@ -69,7 +68,7 @@ class Silhouettes {
     instants_.push_back(std::move(masks));
   }
 
-  TakeFrames take_;
+  recorded::TakeFrames take_;
   const Rig& rig_;
   std::vector<Mask> views_;
   std::vector<std::vector<std::optional<Mask>>> instants_;
@@ -113,8 +112,8 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
 }
 
 int run(const Arguments& arguments) {
-  const Rig rig =
-      arguments.calib.empty() ? load_take_calib({arguments.take}) : load_calib(arguments.calib);
+  const Rig rig = arguments.calib.empty() ? take::load_take_calib({arguments.take})
+                                          : load_calib(arguments.calib);
   ctl::catch_interrupts();
   const Silhouettes silhouettes(arguments, rig);
   const calib::RefineResult result =

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/boards/board_detector.h"
-#include "calibrate/board_search.h"
+#include "calib/boards/detectors.h"
+#include "calibrate/calibration_images.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 
@@ -54,5 +54,15 @@ struct RigBoards {
 /// Searches the images of all cameras. Throws like find_boards() and open_sources(), and where
 /// lists of images have different lengths.
 RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector);
+
+// Search for a small, slanted board on the floor, with the calibrated rig as a prediction.
+
+/// Searches for the board in up to five images of each camera.
+///
+/// Where a camera finds the board, the rig predicts its pose for the other cameras, which are then
+/// searched at that pose. Cameras without the board are omitted. Throws InputError for a camera
+/// that `rig` lacks or has with another image size; also throws like open_sources().
+std::vector<calib::CameraObservations> find_floor_boards(const RigSources& sources, const Rig& rig,
+                                                         const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

@@ -4,16 +4,15 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/html.h"
-#include "base/image/demosaic.h"
-#include "base/image/jpeg.h"
-#include "base/io/whole_file.h"
+#include "base/core/text.h"
+#include "base/image/colour.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
+#include "calib/rig/reports.h"
 #include "calib/rig/rig_fit.h"
-#include "calib/rig/rig_report.h"
-#include "calibrate/commands.h"
+#include "calibrate/calibrate_commands.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
-#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

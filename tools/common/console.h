@@ -1,11 +1,16 @@
-// Console output for people: notes and progress on stderr. stdout is reserved for results.
+// Console output, interrupts by the user, local time.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
+#include <ctime>
 #include <string>
 
+#include "base/core/time.h"
+
 namespace v3d {
+
+// Console output for people: notes and progress on stderr. stdout is reserved for results.
 
 /// Prints one line on stderr.
 void note(const std::string& line);
@@ -59,4 +64,32 @@ class Progress {
 /// The text of a bar, such as "[=====>    ]  50 %", with `width` characters between the brackets.
 std::string progress_bar(int64_t done, int64_t total, int width);
 
+// Local date and time of an instant as text.
+
+/// Formats `instant` in the time zone of this PC. `format` is that of strftime(); the result must
+/// have at most 31 characters.
+inline std::string local_time(RealtimeInstant instant, const char* format) {
+  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
+  std::tm parts{};
+  localtime_r(&seconds, &parts);
+  char text[32];
+  return {text, std::strftime(text, sizeof text, format, &parts)};
+}
+
 }  // namespace v3d
+
+namespace v3d::ctl {
+
+// Signals and host name of this process.
+
+/// Installs handlers of SIGINT and SIGTERM that only set a flag. Long work then checks the flag
+/// after each frame and removes its temporary files before it ends.
+void catch_interrupts();
+/// Whether one of the two signals has arrived since catch_interrupts(). Thread-safe.
+bool interrupted();
+/// Throws std::runtime_error("interrupted") if interrupted().
+void stop_if_interrupted();
+
+std::string host_name();
+
+}  // namespace v3d::ctl

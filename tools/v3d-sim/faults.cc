@@ -1,10 +1,9 @@
-#include "v3d-sim/faults.h"
-
 #include <algorithm>
 #include <array>
 
 #include "base/config/toml_file.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
+#include "v3d-sim/simulated_take.h"
 
 namespace v3d::sim {
 namespace {

@@ -7,16 +7,14 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
 #include "capture/segmentation/segmenter.h"
-#include "common/ply_writer.h"
+#include "common/ply_file.h"
 #include "sim/cameras/device_clock.h"
-#include "sim/performer/outer_surface.h"
-#include "sim/rendering/batch_renderer.h"
+#include "sim/performer/performer.h"
+#include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
-#include "sim/rendering/outline_noise.h"
 #include "sim/rendering/parallel.h"
-#include "take/ledger/exposure_count.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
@@ -31,7 +29,7 @@ constexpr int64_t kStartRealtimeNs = 1'767'225'600'000'000'000;
 constexpr int64_t kStartMonotonicNs = 1'000'000'000'000;
 constexpr Duration kTransferTime = std::chrono::milliseconds(9);
 
-TakePaths create_folder(const std::filesystem::path& folder) {
+take::TakePaths create_folder(const std::filesystem::path& folder) {
   namespace fs = std::filesystem;
   const std::string name = fs::absolute(folder / ".").parent_path().filename().string();
   if (!is_file_name(name)) {
@@ -46,19 +44,20 @@ TakePaths create_folder(const std::filesystem::path& folder) {
 }
 
 /// Renders background plates and writes their models. Returns the models.
-std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig& rig,
-                                               BatchRenderer& renderer) {
+std::vector<segmentation::BackgroundModel> write_backgrounds(const take::TakePaths& paths,
+                                                             const Rig& rig,
+                                                             BatchRenderer& renderer) {
   std::vector<std::vector<Image>> plates;
   for (uint64_t i = 0; i < kPlates; ++i) {
     plates.push_back(renderer.render_all({}, i));
   }
-  std::vector<BackgroundModel> models(rig.size());
+  std::vector<segmentation::BackgroundModel> models(rig.size());
   for_each_index(rig.size(), [&](size_t c) {
     std::vector<ImageView> views;
     for (const auto& plate : plates) {
       views.push_back(plate[c].view());
     }
-    models[c] = learn_background(views);
+    models[c] = segmentation::learn_background(views);
   });
   for (size_t c = 0; c < rig.size(); ++c) {
     save_background(paths.background(), rig[c].name, models[c]);
@@ -69,8 +68,8 @@ std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig
 /// Writes the log of one camera, with its faults.
 class CameraLog {
  public:
-  CameraLog(const TakePaths& paths, std::string take, int index, std::string camera, uint64_t seed,
-            const std::vector<Fault>& faults)
+  CameraLog(const take::TakePaths& paths, std::string take, int index, std::string camera,
+            uint64_t seed, const std::vector<Fault>& faults)
       : take_(std::move(take)),
         camera_(std::move(camera)),
         index_(index),
@@ -85,7 +84,7 @@ class CameraLog {
     if (has_fault(faults_, camera_, pulse, FaultKind::kDrop)) {
       return;
     }
-    FrameMessage message;
+    wire::FrameMessage message;
     message.take = take_;
     message.frame.camera = camera_;
     message.frame.sensor_size = image.size;
@@ -124,12 +123,12 @@ class CameraLog {
     return pulse < late->pulse ? recent_images_.back() : recent_images_.front();
   }
 
-  CameraLedger close(int64_t commanded) const {
-    CameraLedger ledger = account(camera_, pulses_, suspect_, commanded);
+  take::CameraLedger close(int64_t commanded) const {
+    take::CameraLedger ledger = take::account(camera_, pulses_, suspect_, commanded);
     ledger.exposed = exposures_.exposed();
     return ledger;
   }
-  TakeFile file() const { return writer_.file(); }
+  take::TakeFile file() const { return writer_.file(); }
 
  private:
   const std::string take_;
@@ -138,10 +137,10 @@ class CameraLog {
   const uint64_t seed_;
   const std::vector<Fault>& faults_;
   const SimulatedClock clock_;
-  EventLogWriter writer_;
+  take::EventLogWriter writer_;
   std::vector<int64_t> pulses_;
   std::vector<int64_t> suspect_;
-  ExposureCount exposures_;
+  take::ExposureCount exposures_;
   std::deque<Image> recent_images_;  ///< of a camera with kLate: the last images
 };
 
@@ -156,10 +155,12 @@ void write_truth(const std::filesystem::path& folder, int64_t pulse, double seco
 /// Segments like the capture daemon and adds noise to the outlines.
 class NoisySegmenter {
  public:
-  NoisySegmenter(const SimulatedTake& take, const std::vector<BackgroundModel>& models)
+  NoisySegmenter(const SimulatedTake& take,
+                 const std::vector<segmentation::BackgroundModel>& models)
       : noise_px_(take.outline_noise_px), seed_(take.seed) {
     if (noise_px_ <= 0) return;
-    for (const BackgroundModel& model : models) segmenters_.emplace_back(model, SegmentOptions{});
+    for (const segmentation::BackgroundModel& model : models)
+      segmenters_.emplace_back(model, segmentation::SegmentOptions{});
   }
   /// Empty when the take has no masks.
   std::optional<Mask> segment(size_t camera, int64_t pulse, const Image& image) {
@@ -172,14 +173,14 @@ class NoisySegmenter {
  private:
   const double noise_px_;
   const uint64_t seed_;
-  std::vector<Segmenter> segmenters_;
+  std::vector<segmentation::Segmenter> segmenters_;
 };
 
 }  // namespace
 
 void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& progress) {
-  const TakePaths paths = create_folder(take.folder);
-  TakeInfo info;
+  const take::TakePaths paths = create_folder(take.folder);
+  take::TakeInfo info;
   info.name = std::filesystem::absolute(take.folder / ".").parent_path().filename().string();
   info.studio = "simulated";
   info.rate_hz = take.rate_hz;
@@ -201,7 +202,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     logs.emplace_back(paths, info.name, static_cast<int>(c), take.rig[c].name, take.seed,
                       take.faults);
   }
-  EventLogWriter pulses(paths.pulses());
+  take::EventLogWriter pulses(paths.pulses());
   if (take.truth) {
     std::filesystem::create_directories(*take.truth / "sword");
   }
@@ -210,8 +211,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     const Duration since = from_seconds(seconds);
     const MonotonicInstant edge = from_ns<Monotonic>(kStartMonotonicNs) + since;
     const RealtimeInstant edge_realtime = from_ns<Realtime>(kStartRealtimeNs) + since;
-    io::throw_if_failed(
-        pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge}));
+    io::throw_if_failed(pulses.write(
+        wire::PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge}));
     const double action_s = take.begin_s + seconds;
     std::vector<Image> images =
         renderer.render_all(action_s, static_cast<uint64_t>(kPlates + pulse));
@@ -225,7 +226,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     progress(pulse + 1);
   }
 
-  Ledger ledger;
+  take::Ledger ledger;
   ledger.take = info.name;
   ledger.commanded = take.frames;
   ledger.sensed = take.frames;
@@ -234,7 +235,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     ledger.files.push_back(log.file());
   }
   info.pulses = take.frames;
-  info.state = TakeState::kComplete;
+  info.state = take::TakeState::kComplete;
   save_account_or_throw(paths, info, ledger);
 }
 

@@ -6,19 +6,17 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/memory.h"
-#include "base/core/units.h"
-#include "base/io/whole_file.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
+#include "base/io/process.h"
 #include "common/console.h"
 #include "sim/cameras/exposure_record.h"
 #include "sim/cameras/gige_cameras.h"
 #include "sim/cameras/trigger_cable.h"
-#include "sim/rendering/batch_renderer.h"
-#include "v3d-sim/commands.h"
-#include "v3d-sim/faults.h"
-#include "v3d-sim/options.h"
-#include "v3d-sim/studio_text.h"
-#include "wire/studio_key.h"
+#include "sim/rendering/camera_images.h"
+#include "v3d-sim/sim_commands.h"
+#include "v3d-sim/simulated_take.h"
+#include "wire/secret_keys.h"
 
 namespace v3d::sim {
 namespace {
@@ -136,7 +134,7 @@ int run(Arguments arguments) {
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
   if (!std::filesystem::exists(folder / "studio.key"))
-    StudioKey::make().save(folder / "studio.key");
+    wire::StudioKey::make().save(folder / "studio.key");
 
   const std::optional<RenderedImages> rendered = render_all_images(rig, arguments, stop);
   if (!rendered) {

@@ -1,12 +1,16 @@
-#include "v3d-sim/take_check.h"
-
+#include <iostream>
 #include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
+#include "sim/cameras/exposure_record.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
+#include "v3d-sim/sim_commands.h"
 
 namespace v3d::sim {
 namespace {
@@ -63,11 +67,11 @@ std::string verdict(const std::string& camera, const FrameLabel& label, const Ex
 }  // namespace
 
 TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& lines) {
-  const TakePaths paths{take};
-  const TakeInfo info = load_take_info(paths);
+  const take::TakePaths paths{take};
+  const take::TakeInfo info = load_take_info(paths);
   const ExposureIndex record(lines);
   std::map<int64_t, MonotonicInstant> pulses;
-  for (const PulseMessage& pulse : read_pulses(paths.pulses())) {
+  for (const wire::PulseMessage& pulse : take::read_pulses(paths.pulses())) {
     pulses[pulse.pulse] = pulse.edge_monotonic;
   }
   TakeCheck check;
@@ -77,7 +81,7 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
     }
   };
   for (const std::string& camera : info.cameras) {
-    const FrameLogReader log(paths.frames(camera));
+    const take::FrameLogReader log(paths.frames(camera));
     std::set<int64_t> seen;
     for (const FrameLabel& label : log.labels()) {
       ++check.frames_received;
@@ -98,6 +102,53 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
     }
   }
   return check;
+}
+
+namespace {
+
+struct Arguments {
+  std::string take;
+  std::string exposures;
+  bool json = false;
+};
+
+int run(const Arguments& arguments) {
+  const TakeCheck check = check_take(arguments.take, load_exposures(arguments.exposures));
+  for (const std::string& problem : check.problems) {
+    std::cerr << problem << '\n';
+  }
+  if (arguments.json) {
+    std::cout << nlohmann::ordered_json{{"frames_received", check.frames_received},
+                                        {"frames_missing", check.frames_missing},
+                                        {"frames_mislabelled", check.frames_mislabelled},
+                                        {"mislabelled_silently", check.mislabelled_not_suspect}}
+                     .dump()
+              << '\n';
+  } else {
+    std::cout << format_count(check.frames_received) << " frames received, "
+              << format_count(check.frames_missing) << " missing, "
+              << format_count(check.frames_mislabelled) << " mislabelled, "
+              << format_count(check.mislabelled_not_suspect) << " of them not suspect\n";
+  }
+  return check.whole() ? kExitDone : kExitIncomplete;
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app, int& status) {
+  CLI::App& command = *app.add_subcommand(
+      "check",
+      "Compare a recorded take with the simulator's record of the edge that each image shows");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("TAKE", arguments->take, "Folder of the take")->required();
+  command.add_option("--exposures", arguments->exposures, "exposures.csv of the simulated studio")
+      ->required();
+  command.add_flag("--json", arguments->json, "One JSON object on stdout");
+  command.footer(
+      "Exit status 3 when a frame is missing or mislabelled.\n"
+      "Example:\n"
+      "  v3d-sim check studio/kendo-01 --exposures studio/exposures.csv --json");
+  command.callback([arguments, &status] { status = run(*arguments); });
 }
 
 }  // namespace v3d::sim

@@ -2,10 +2,9 @@
 
 #include "base/core/error.h"
 #include "common/console.h"
-#include "common/number_option.h"
+#include "common/option_checks.h"
 #include "sim/rendering/scene.h"
-#include "v3d-sim/commands.h"
-#include "v3d-sim/options.h"
+#include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
 
 namespace v3d::sim {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "base/io/process.h"
 #include "take/take.h"
 
@@ -57,7 +57,7 @@ std::filesystem::path CommandLine::studio_path() const {
 }
 
 std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& take) const {
-  if (auto studio = load_take_studio({take})) return studio;
+  if (auto studio = take::load_take_studio({take})) return studio;
   std::filesystem::path path;
   try {
     path = studio_path();

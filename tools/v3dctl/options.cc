@@ -4,7 +4,7 @@
 #include <charconv>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "common/console.h"
 
 namespace v3d::ctl {
@@ -22,8 +22,8 @@ int64_t parse_frame_number(std::string_view text, std::string_view whole) {
 
 }  // namespace
 
-FrameRange parse_frame_range(std::string_view text) {
-  FrameRange range;
+take::FrameRange parse_frame_range(std::string_view text) {
+  take::FrameRange range;
   if (text.empty()) return range;
   const size_t colon = text.find(':');
   if (colon == std::string_view::npos) {

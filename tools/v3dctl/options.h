@@ -9,14 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "base/core/name.h"
-#include "daemon/recorded/frame_range.h"
+#include "base/core/text.h"
+#include "take/take.h"
 
 namespace v3d::ctl {
 
 /// Parses a range of frame numbers: "A:B" is A to B - 1, "A:" is A and later, ":B" is before B, "A"
 /// is one frame, "" is all frames. Throws InputError for other text and for an empty range.
-FrameRange parse_frame_range(std::string_view text);
+take::FrameRange parse_frame_range(std::string_view text);
 
 using CameraFile = std::pair<std::string, std::filesystem::path>;
 /// Splits "CAM=FILE" values into pairs and keeps their order. `option`: its name, for messages.

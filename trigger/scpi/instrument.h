@@ -1,14 +1,18 @@
-// Interface of a bench instrument that is controlled by lines of text (SCPI).
+// Instruments, and those on a serial port.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
 
 #include "base/config/studio_file.h"
 #include "base/core/error.h"
+#include "base/core/time.h"
 
-namespace v3d {
+namespace v3d::trigger {
+
+// Interface of a bench instrument that is controlled by lines of text (SCPI).
 
 /// The instrument does not answer, was disconnected, or sends invalid data. A retry may succeed.
 class InstrumentError : public InputError {
@@ -41,4 +45,28 @@ using OpenInstrument = std::function<std::unique_ptr<Instrument>(const StudioIns
 /// Quotes an answer for a message: printable, at most 60 characters.
 std::string in_quotes(const std::string& answer);
 
-}  // namespace v3d
+// Instrument on a serial port.
+
+/// 8 data bits, no parity, 1 stop bit, no flow control. Commands end with CR LF, answers with LF.
+/// The port is opened for exclusive use.
+class SerialPort : public Instrument {
+ public:
+  /// `baud` as in the studio file. Throws InstrumentError when the device does not exist,
+  /// InputError when it cannot be used.
+  SerialPort(const std::filesystem::path& device, int baud);
+  ~SerialPort() override;
+  SerialPort(const SerialPort&) = delete;
+  SerialPort& operator=(const SerialPort&) = delete;
+
+  void write(const std::string& line) override;
+  std::string query(const std::string& line) override;
+
+ private:
+  void set_up(int baud);
+  /// Returns false when `deadline` passes first. Throws InstrumentAbsent.
+  bool wait_for(short events, MonotonicInstant deadline) const;
+
+  int fd_ = -1;
+};
+
+}  // namespace v3d::trigger

@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 /// SCPI's number for infinity is 9.9E37.
@@ -259,4 +259,4 @@ bool says(std::string_view answer, std::string_view part, std::string_view want)
   return !got.empty() && same_word(got, want);
 }
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "trigger/pulse_train.h"
+#include "trigger/pulse_generator.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 /// One setting and the query that reads it back. Placeholders in the texts: {channel}, {rate} (Hz),
 /// {period} and {width} (s), {high} (V) and {count}.
@@ -53,4 +53,4 @@ std::string substitute_values(std::string_view text, const ScpiValues& values);
 /// OFF: also 1 and 0.
 bool says(std::string_view answer, std::string_view part, std::string_view want);
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/core/check.h"
+#include "base/core/error.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 /// Time limit for all attempts of one task. The last transfer may exceed it.
@@ -187,4 +187,4 @@ bool ScpiGenerator::finished() const {
   return values_.train.count && clock_.now() >= end();
 }
 
-}  // namespace v3d
+}  // namespace v3d::trigger

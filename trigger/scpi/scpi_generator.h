@@ -4,13 +4,13 @@
 #include <memory>
 #include <string>
 
-#include "trigger/gpio_line.h"
-#include "trigger/host_clock.h"
+#include "trigger/gpio.h"
+#include "trigger/paced_train.h"
 #include "trigger/pulse_generator.h"
 #include "trigger/scpi/instrument.h"
 #include "trigger/scpi/scpi_dialect.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 /// A train of known length is a burst, which the instrument counts. A train without end runs while
 /// the gate line is active or, without a gate line, until the output is turned off. Its count is an
@@ -75,4 +75,4 @@ class ScpiGenerator : public PulseGenerator {
   std::string fault_;
 };
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -8,7 +8,7 @@
 
 #include "trigger/scpi/instrument.h"
 
-namespace v3d {
+namespace v3d::trigger {
 namespace {
 
 constexpr unsigned kControlTimeoutMs = 500;
@@ -209,4 +209,4 @@ std::unique_ptr<UsbPort> open_usb_port(const StudioInstrument& address) {
   return std::make_unique<LibusbPort>(address);
 }
 
-}  // namespace v3d
+}  // namespace v3d::trigger

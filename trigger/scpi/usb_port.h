@@ -10,7 +10,7 @@
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
 
-namespace v3d {
+namespace v3d::trigger {
 
 enum class UsbOutcome : uint8_t { kDone, kTimeout, kStall, kGone, kError };
 
@@ -44,4 +44,4 @@ class UsbPort {
 /// missing or the device is not a USBTMC instrument.
 std::unique_ptr<UsbPort> open_usb_port(const StudioInstrument& address);
 
-}  // namespace v3d
+}  // namespace v3d::trigger

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 
 namespace v3d {

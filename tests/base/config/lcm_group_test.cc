@@ -1,6 +1,6 @@
-#include "base/config/lcm_group.h"
-
 #include <gtest/gtest.h>
+
+#include "base/config/studio_values.h"
 
 namespace v3d {
 namespace {

@@ -1,8 +1,8 @@
-#include "base/config/pulse_rate.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
+
+#include "base/config/studio_values.h"
 
 namespace v3d {
 namespace {

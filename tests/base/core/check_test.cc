@@ -1,6 +1,6 @@
-#include "base/core/check.h"
-
 #include <gtest/gtest.h>
+
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

@@ -1,8 +1,8 @@
-#include "base/core/checksum.h"
-
 #include <gtest/gtest.h>
 
 #include <vector>
+
+#include "base/core/bytes.h"
 
 namespace v3d {
 namespace {

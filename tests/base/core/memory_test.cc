@@ -1,9 +1,9 @@
-#include "base/core/memory.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <limits>
+
+#include "base/io/process.h"
 
 namespace v3d {
 namespace {

@@ -1,9 +1,9 @@
-#include "base/core/name.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
+
+#include "base/core/text.h"
 
 namespace v3d {
 namespace {

@@ -1,7 +1,7 @@
-#include "base/core/printable.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include "base/core/text.h"
 
 namespace v3d {
 namespace {

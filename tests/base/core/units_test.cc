@@ -1,8 +1,7 @@
-#include "base/core/units.h"
-
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 
 namespace v3d {
 namespace {

@@ -1,8 +1,7 @@
-#include "base/geometry/box.h"
-
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "base/geometry/rigid_transform.h"
 
 namespace v3d {
 namespace {

@@ -1,10 +1,10 @@
-#include "base/image/demosaic.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "base/image/colour.h"
 
 namespace v3d {
 namespace {

@@ -1,8 +1,7 @@
-#include "base/image/image_size.h"
-
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "base/image/image.h"
 #include "support/message_of.h"
 
 namespace v3d {

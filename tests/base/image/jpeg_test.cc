@@ -1,8 +1,8 @@
-#include "base/image/jpeg.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+
+#include "base/image/image_files.h"
 
 namespace v3d {
 namespace {

@@ -1,7 +1,7 @@
-#include "base/image/mask_morphology.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include "base/image/mask_operations.h"
 
 namespace v3d {
 namespace {

@@ -1,12 +1,9 @@
-#include "base/image/picture.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "base/image/jpeg.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

@@ -1,9 +1,9 @@
-#include "base/io/big_endian.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <array>
+
+#include "base/core/bytes.h"
 
 namespace v3d {
 namespace {

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <utility>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

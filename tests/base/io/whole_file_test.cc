@@ -1,9 +1,8 @@
-#include "base/io/whole_file.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

@@ -1,10 +1,10 @@
-#include "calib/boards/board_detector.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/imgproc.hpp>
+
+#include "calib/boards/detectors.h"
 
 namespace v3d::calib {
 namespace {

@@ -9,11 +9,9 @@
 #include <opencv2/imgproc.hpp>
 
 #include "base/core/error.h"
-#include "calib/colour/chart_detector.h"
-#include "calib/colour/colour_difference.h"
-#include "calib/colour/colour_report.h"
+#include "calib/boards/detectors.h"
+#include "calib/rig/reports.h"
 #include "sim/rendering/noise.h"
-#include "sim/rendering/sensor_colour.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

@@ -1,14 +1,11 @@
 // Reading and writing calibrations of other programs.
-#include "calib/formats/foreign_rig.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include "base/core/error.h"
-#include "calib/formats/colmap_text.h"
-#include "calib/formats/middlebury_par.h"
 #include "calib/formats/opencv_file.h"
+#include "calib/formats/rig_text.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

@@ -1,9 +1,8 @@
-#include "calib/formats/time_stamps.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "calib/formats/text_fields.h"
 #include "support/message_of.h"
 namespace v3d::calib {
 namespace {

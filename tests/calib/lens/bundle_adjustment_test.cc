@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/board_walk_observations.h"
-#include "calib/boards/board_pose.h"
+#include "calib/boards/board.h"
 #include "sim/rendering/scene.h"
 
 namespace v3d::calib {

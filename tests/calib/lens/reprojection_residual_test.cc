@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "calib/boards/board_pose.h"
 
 namespace v3d::calib {
 namespace {

@@ -1,11 +1,10 @@
-#include "calib/rig/floor_fit.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
 #include "calib/board_walk_observations.h"
-#include "calib/boards/board_pose.h"
+#include "calib/boards/board.h"
+#include "calib/rig/rig_alignment.h"
 #include "sim/rendering/scene.h"
 #include "support/message_of.h"
 

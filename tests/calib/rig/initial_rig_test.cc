@@ -1,8 +1,7 @@
-#include "calib/rig/initial_rig.h"
-
 #include <gtest/gtest.h>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
+#include "calib/rig/rig_fit.h"
 
 namespace v3d::calib {
 namespace {

@@ -8,7 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "calib/board_walk_observations.h"
-#include "calib/rig/rig_comparison.h"
+#include "calib/rig/rig_alignment.h"
 #include "sim/rendering/scene.h"
 #include "support/message_of.h"
 

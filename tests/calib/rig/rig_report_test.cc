@@ -1,9 +1,8 @@
-#include "calib/rig/rig_report.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/core/html.h"
+#include "base/core/text.h"
+#include "calib/rig/reports.h"
 #include "sim/rendering/scene.h"
 
 namespace v3d::calib {

@@ -1,10 +1,10 @@
-#include "daemon/bus/bounded_queue.h"
-
 #include <gtest/gtest.h>
 
 #include <thread>
 
-namespace v3d {
+#include "daemon/bus/subscription_queue.h"
+
+namespace v3d::bus {
 namespace {
 
 MonotonicInstant soon() { return Monotonic::now() + std::chrono::seconds(10); }
@@ -39,4 +39,4 @@ TEST(BoundedQueue, wakes_a_waiting_thread) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

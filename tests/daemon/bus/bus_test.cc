@@ -18,10 +18,10 @@
 #include "support/child_process.h"
 #include "support/message_of.h"
 #include "support/raw_datagrams.h"
-#include "wire/channels.h"
-#include "wire/studio_key.h"
+#include "wire/messages.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using test::becomes_true;
@@ -32,8 +32,8 @@ using testing::UnorderedElementsAre;
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 
-EventMessage event(int64_t seq) {
-  EventMessage m;
+wire::EventMessage event(int64_t seq) {
+  wire::EventMessage m;
   m.seq = seq;
   m.node = "cap01";
   return m;
@@ -42,8 +42,8 @@ EventMessage event(int64_t seq) {
 TEST(Bus, carries_messages_between_two_connections) {
   Bus sender(kUrl);
   Bus receiver(kUrl);
-  Subscription<EventMessage> events(receiver, kEventChannel, 8);
-  ASSERT_TRUE(sender.publish(kEventChannel, encode(event(3))));
+  Subscription<wire::EventMessage> events(receiver, wire::kEventChannel, 8);
+  ASSERT_TRUE(sender.publish(wire::kEventChannel, encode(event(3))));
   const auto got = events.wait(within(10));
   ASSERT_TRUE(got);
   EXPECT_EQ(got->seq, 3);
@@ -52,14 +52,14 @@ TEST(Bus, carries_messages_between_two_connections) {
 
 TEST(Bus, carries_a_message_of_several_datagrams) {
   Bus bus(kUrl);
-  Subscription<FrameMessage> frames(bus, "V3D_FRAME_.*", 2);
-  FrameMessage m;
+  Subscription<wire::FrameMessage> frames(bus, "V3D_FRAME_.*", 2);
+  wire::FrameMessage m;
   m.frame.camera = "cam07";
   m.frame.sensor_size = {320, 240};
   m.frame.roi = {0, 0, 320, 240};
   m.frame.image = Image({320, 240}, PixelFormat::kBayerRG8);
   m.frame.image.bytes[70'000] = 77;
-  bus.publish(frame_channel("cam07"), encode(m));
+  bus.publish(wire::frame_channel("cam07"), encode(m));
   const auto got = frames.wait(within(10));
   ASSERT_TRUE(got);
   EXPECT_EQ(got->frame.image.bytes[70'000], 77);
@@ -68,10 +68,10 @@ TEST(Bus, carries_a_message_of_several_datagrams) {
 class FrameGroups : public testing::Test {
  protected:
   void send(int64_t pulse) {
-    sender_.publish_frame(pulse, frame_channel("cam07"), encode(frame_of(pulse)));
+    sender_.publish_frame(pulse, wire::frame_channel("cam07"), encode(frame_of(pulse)));
   }
-  static FrameMessage frame_of(int64_t pulse) {
-    FrameMessage message;
+  static wire::FrameMessage frame_of(int64_t pulse) {
+    wire::FrameMessage message;
     FrameLabel label;
     label.pulse = pulse;
     const Image raw({16, 8}, PixelFormat::kBayerRG8);
@@ -116,7 +116,7 @@ class FrameGroups : public testing::Test {
                                           "udpm://239.255.76.70:7670?ttl=0"};
   Bus sender_{kUrl, urls_};
   Bus receiver_{kUrl, urls_};
-  Subscription<FrameMessage> frames_{receiver_, "V3D_FRAME_.*", 100};
+  Subscription<wire::FrameMessage> frames_{receiver_, "V3D_FRAME_.*", 100};
 };
 
 TEST_F(FrameGroups, deliver_the_frames_of_their_pulses_only) {
@@ -139,10 +139,10 @@ TEST_F(FrameGroups, are_joined_and_left_while_frames_arrive) {
 
 TEST_F(FrameGroups, do_not_change_other_channels) {
   Bus without_groups(kUrl);
-  Subscription<EventMessage> events(without_groups, kEventChannel, 8);
-  Subscription<EventMessage> events_too(receiver_, kEventChannel, 8);
+  Subscription<wire::EventMessage> events(without_groups, wire::kEventChannel, 8);
+  Subscription<wire::EventMessage> events_too(receiver_, wire::kEventChannel, 8);
   receiver_.join_frame_groups({0, 1, 2});
-  ASSERT_TRUE(sender_.publish(kEventChannel, encode(event(3))));
+  ASSERT_TRUE(sender_.publish(wire::kEventChannel, encode(event(3))));
   EXPECT_TRUE(events.wait(within(10)));
   EXPECT_TRUE(events_too.wait(within(10)));
   EXPECT_EQ(events_too.counts().received, 1);
@@ -161,17 +161,17 @@ TEST_F(FrameGroups, count_as_one_when_the_studio_has_none) {
   Bus one(kUrl);
   EXPECT_EQ(one.frame_groups(), 1U);
   EXPECT_EQ(sender_.frame_groups(), 3U);
-  Subscription<FrameMessage> frames(one, "V3D_FRAME_.*", 8);
-  one.publish_frame(5, frame_channel("cam07"), encode(frame_of(5)));
+  Subscription<wire::FrameMessage> frames(one, "V3D_FRAME_.*", 8);
+  one.publish_frame(5, wire::frame_channel("cam07"), encode(frame_of(5)));
   EXPECT_TRUE(frames.wait(within(10)));
 }
 
 TEST(Subscription, counts_dropped_lost_and_undecodable_messages) {
   Bus bus(kUrl);
-  Subscription<EventMessage> events(bus, kEventChannel, 2);
-  for (const int64_t seq : {0, 1, 2, 7}) bus.publish(kEventChannel, encode(event(seq)));
-  bus.publish(kEventChannel, Bytes{1, 2, 3});
-  bus.publish(kEventChannel, encode(PulseMessage{}));
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 2);
+  for (const int64_t seq : {0, 1, 2, 7}) bus.publish(wire::kEventChannel, encode(event(seq)));
+  bus.publish(wire::kEventChannel, wire::Bytes{1, 2, 3});
+  bus.publish(wire::kEventChannel, encode(wire::PulseMessage{}));
   ASSERT_TRUE(becomes_true([&] { return events.counts().undecodable == 2; }, within(10)));
   EXPECT_EQ(events.counts().received, 4);
   EXPECT_EQ(events.counts().dropped, 2);
@@ -181,21 +181,21 @@ TEST(Subscription, counts_dropped_lost_and_undecodable_messages) {
 
 TEST(Subscription, may_end_before_the_bus) {
   Bus bus(kUrl);
-  { const Subscription<EventMessage> gone(bus, kEventChannel, 2); }
-  Subscription<EventMessage> events(bus, kEventChannel, 2);
-  bus.publish(kEventChannel, encode(event(0)));
+  { const Subscription<wire::EventMessage> gone(bus, wire::kEventChannel, 2); }
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 2);
+  bus.publish(wire::kEventChannel, encode(event(0)));
   EXPECT_TRUE(events.wait(within(10)));
 }
 
 TEST(Subscription, accepts_only_authentic_messages_when_there_is_a_key) {
   Bus bus(kUrl);
-  bus.authenticator().set_key(StudioKey::make());
-  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  bus.authenticator().set_key(wire::StudioKey::make());
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 8);
   Bus attacker(kUrl);
-  attacker.authenticator().set_key(StudioKey::make());
-  bus.publish(kEventChannel, encode(event(0)));
-  attacker.publish_authenticated(kEventChannel, encode(event(1)));
-  bus.publish_authenticated(kEventChannel, encode(event(2)));
+  attacker.authenticator().set_key(wire::StudioKey::make());
+  bus.publish(wire::kEventChannel, encode(event(0)));
+  attacker.publish_authenticated(wire::kEventChannel, encode(event(1)));
+  bus.publish_authenticated(wire::kEventChannel, encode(event(2)));
   const auto got = events.wait(within(10));
   ASSERT_TRUE(got);
   EXPECT_EQ(got->seq, 2);
@@ -204,24 +204,24 @@ TEST(Subscription, accepts_only_authentic_messages_when_there_is_a_key) {
 
 TEST(Subscription, counts_equal_messages_that_were_sent_separately_as_no_replay) {
   Bus bus(kUrl);
-  bus.authenticator().set_key(StudioKey::make());
-  Subscription<EventMessage> events(bus, kEventChannel, 8);
-  for (int i = 0; i < 4; ++i) bus.publish_authenticated(kEventChannel, encode(event(7)));
+  bus.authenticator().set_key(wire::StudioKey::make());
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 8);
+  for (int i = 0; i < 4; ++i) bus.publish_authenticated(wire::kEventChannel, encode(event(7)));
   for (int i = 0; i < 4; ++i) ASSERT_TRUE(events.wait(within(10)));
   EXPECT_EQ(bus.authenticator().counts().replayed, 0);
 }
 
 TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
   Bus bus(kUrl);
-  bus.authenticator().set_key(StudioKey::make());
-  Subscription<HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
-  HealthMessage idle;
+  bus.authenticator().set_key(wire::StudioKey::make());
+  Subscription<wire::HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
+  wire::HealthMessage idle;
   idle.node = "cap02";
   idle.sent = Realtime::now();
   // Messages are dropped until the session has answered a question.
   ASSERT_TRUE(becomes_true(
       [&] {
-        bus.publish_authenticated(health_channel("cap01"), encode(idle));
+        bus.publish_authenticated(wire::health_channel("cap01"), encode(idle));
         return health.counts().undecodable > 0;
       },
       within(10)));
@@ -238,47 +238,47 @@ class MemberBuses : public testing::Test {
     studio_.cameras[0].name = "cam01";
     studio_.cameras[0].node = "cap01";
   }
-  std::unique_ptr<Bus> bus_of(const SigningKey& key,
+  std::unique_ptr<Bus> bus_of(const wire::SigningKey& key,
                               const std::vector<std::string>& frame_groups = {}) const {
     auto bus = std::make_unique<Bus>(kUrl, frame_groups, ChannelList(studio_));
     bus->authenticator().set_key(studio_key_);
     bus->authenticator().members().require();
-    bus->authenticator().members().set_members(std::make_shared<const MemberList>(
-        MemberList{"kyoto",
-                   1,
-                   {{"cap01", Role::kCapture, cap01_.public_key()},
-                    {"cap02", Role::kCapture, cap02_.public_key()},
-                    {"recon01", Role::kReconstruction, recon01_.public_key()}}}));
+    bus->authenticator().members().set_members(std::make_shared<const wire::MemberList>(
+        wire::MemberList{"kyoto",
+                         1,
+                         {{"cap01", wire::Role::kCapture, cap01_.public_key()},
+                          {"cap02", wire::Role::kCapture, cap02_.public_key()},
+                          {"recon01", wire::Role::kReconstruction, recon01_.public_key()}}}));
     bus->authenticator().members().set_signing_key(key);
     return bus;
   }
 
   Studio studio_;
-  const StudioKey studio_key_ = StudioKey::make();
-  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make(),
-                   recon01_ = SigningKey::make();
+  const wire::StudioKey studio_key_ = wire::StudioKey::make();
+  const wire::SigningKey cap01_ = wire::SigningKey::make(), cap02_ = wire::SigningKey::make(),
+                         recon01_ = wire::SigningKey::make();
 };
 
 TEST_F(MemberBuses, accept_events_only_from_the_node_that_they_name) {
   const auto cap01 = bus_of(cap01_), cap02 = bus_of(cap02_), listener = bus_of(cap02_);
-  Subscription<EventMessage> events(*listener, kEventChannel, 8);
-  cap02->publish_authenticated(kEventChannel, encode(event(1)));
-  cap01->publish_authenticated(kEventChannel, encode(event(2)));
+  Subscription<wire::EventMessage> events(*listener, wire::kEventChannel, 8);
+  cap02->publish_authenticated(wire::kEventChannel, encode(event(1)));
+  cap01->publish_authenticated(wire::kEventChannel, encode(event(2)));
   EXPECT_EQ(events.wait(within(10)).value().seq, 2);
   EXPECT_EQ(listener->authenticator().counts().not_signed, 1);
 }
 
 TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   const auto cap01 = bus_of(cap01_), listener = bus_of(cap02_);
-  Subscription<EventMessage> questions(*cap01, kEventChannel,
-                                       8);  // a bus with a subscription answers
-  Subscription<PulseMessage> pulses(*listener, kPulseChannel, 8);
-  Subscription<HealthMessage> health(*listener, health_channel("cap01"), 8);
-  HealthMessage idle;
+  Subscription<wire::EventMessage> questions(*cap01, wire::kEventChannel,
+                                             8);  // a bus with a subscription answers
+  Subscription<wire::PulseMessage> pulses(*listener, wire::kPulseChannel, 8);
+  Subscription<wire::HealthMessage> health(*listener, wire::health_channel("cap01"), 8);
+  wire::HealthMessage idle;
   idle.node = "cap01";
   const auto arrive = [&] {
-    cap01->publish_authenticated(kPulseChannel, encode(PulseMessage{}));
-    cap01->publish_authenticated(health_channel("cap01"), encode(idle));
+    cap01->publish_authenticated(wire::kPulseChannel, encode(wire::PulseMessage{}));
+    cap01->publish_authenticated(wire::health_channel("cap01"), encode(idle));
     return pulses.counts().received > 0 && health.counts().received > 0;
   };
   EXPECT_TRUE(becomes_true(arrive, within(10)));
@@ -293,16 +293,16 @@ TEST_F(MemberBuses, carry_frames_with_the_key_that_their_node_announced) {
     const auto cap01 = bus_of(cap01_, frame_groups), cap02 = bus_of(cap02_, frame_groups),
                recon01 = bus_of(recon01_, frame_groups);
     recon01->join_frame_groups(all_frame_groups(recon01->frame_groups()));
-    Subscription<EventMessage> answers(*cap01, kEventChannel, 8);
-    Subscription<FrameMessage> frames(*recon01, frame_channel("cam01"), 100);
-    FrameMessage message;
+    Subscription<wire::EventMessage> answers(*cap01, wire::kEventChannel, 8);
+    Subscription<wire::FrameMessage> frames(*recon01, wire::frame_channel("cam01"), 100);
+    wire::FrameMessage message;
     message.frame.camera = "cam01";
     message.frame.sensor_size = {320, 240};
     message.frame.roi = {0, 0, 320, 240};
     message.frame.image = Image({320, 240}, PixelFormat::kBayerRG8);
     const auto publish = [&](Bus& from, int64_t seq) {
       message.seq = seq;
-      return from.publish_frame(seq, frame_channel("cam01"), encode(message));
+      return from.publish_frame(seq, wire::frame_channel("cam01"), encode(message));
     };
     EXPECT_FALSE(publish(*cap01, 0)) << "there is no key";
     cap02->announce_frame_key("cap02");
@@ -326,47 +326,48 @@ TEST_F(MemberBuses, carry_frames_with_the_key_that_their_node_announced) {
 
 TEST_F(MemberBuses, send_a_signature_after_a_message_only_when_members_are_required) {
   const test::RawSocket network(kUrl);
-  const Bytes message = encode(event(1));
+  const wire::Bytes message = encode(event(1));
   const auto signed_bus = bus_of(cap01_);
-  signed_bus->publish_authenticated(kEventChannel, message);
+  signed_bus->publish_authenticated(wire::kEventChannel, message);
   const auto with_signature = network.receive(std::chrono::seconds(10));
   Bus plain(kUrl);
   plain.authenticator().set_key(studio_key_);
-  plain.publish_authenticated(kEventChannel, message);
+  plain.publish_authenticated(wire::kEventChannel, message);
   const auto without = network.receive(std::chrono::seconds(10));
-  EXPECT_EQ(without.size(), 8 + sizeof kEventChannel + message.size() + kMacTrailerSize);
-  EXPECT_EQ(with_signature.size(), without.size() + kMessageSignatureSize);
+  EXPECT_EQ(without.size(),
+            8 + sizeof wire::kEventChannel + message.size() + wire::kMacTrailerSize);
+  EXPECT_EQ(with_signature.size(), without.size() + wire::kMessageSignatureSize);
 }
 
 TEST(Subscription, reads_authenticated_messages_without_a_key) {
   Bus sender(kUrl);
-  sender.authenticator().set_key(StudioKey::make());
+  sender.authenticator().set_key(wire::StudioKey::make());
   Bus receiver(kUrl);
-  Subscription<EventMessage> events(receiver, kEventChannel, 8);
-  sender.publish_authenticated(kEventChannel, encode(event(3)));
+  Subscription<wire::EventMessage> events(receiver, wire::kEventChannel, 8);
+  sender.publish_authenticated(wire::kEventChannel, encode(event(3)));
   EXPECT_EQ(events.wait(within(10)).value().seq, 3);
 }
 
 TEST(Subscription, rejects_all_messages_without_a_key_when_authentication_is_required) {
   Bus bus(kUrl);
   bus.authenticator().require_authentication();
-  Subscription<EventMessage> events(bus, kEventChannel, 8);
-  bus.publish_authenticated(kEventChannel, encode(event(3)));
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 8);
+  bus.publish_authenticated(wire::kEventChannel, encode(event(3)));
   ASSERT_TRUE(becomes_true([&] { return bus.authenticator().counts().unkeyed == 1; }, within(10)));
   EXPECT_EQ(events.counts().received, 0);
 }
 
 TEST(Bus, releases_an_ended_handler_and_keeps_calling_the_others) {
   Bus bus(kUrl);
-  Subscription<EventMessage> others(bus, kEventChannel, 8);
+  Subscription<wire::EventMessage> others(bus, wire::kEventChannel, 8);
   auto mine = std::make_shared<std::atomic<int>>(0);
   std::optional<Bus::Listening> listening(
-      bus.subscribe(kEventChannel, [mine](const ReceivedMessage&) { ++*mine; }));
-  bus.publish(kEventChannel, encode(event(1)));
+      bus.subscribe(wire::kEventChannel, [mine](const ReceivedMessage&) { ++*mine; }));
+  bus.publish(wire::kEventChannel, encode(event(1)));
   ASSERT_TRUE(becomes_true([&] { return *mine == 1; }, within(10)));
   listening.reset();
   EXPECT_EQ(mine.use_count(), 1);
-  bus.publish(kEventChannel, encode(event(2)));
+  bus.publish(wire::kEventChannel, encode(event(2)));
   ASSERT_TRUE(becomes_true([&] { return others.counts().received == 2; }, within(10)));
   EXPECT_EQ(*mine, 1);
 }
@@ -420,20 +421,20 @@ TEST(Bus, counts_datagrams_that_the_kernel_drops_while_a_handler_blocks) {
 }
 
 TEST(Bus, carries_a_reply_of_several_datagrams_and_verifies_each) {
-  const StudioKey key = StudioKey::make();
+  const wire::StudioKey key = wire::StudioKey::make();
   Bus node(kUrl);
   node.authenticator().set_key(key);
   Bus operator_bus(kUrl);
   operator_bus.authenticator().set_key(key);
-  Subscription<ReplyMessage> replies(
-      operator_bus, kReplyChannel, 4,
-      [key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
+  Subscription<wire::ReplyMessage> replies(
+      operator_bus, wire::kReplyChannel, 4,
+      [key](const ReceivedMessage& in) -> std::optional<wire::ReplyMessage> {
         if (!key.has_valid_mac(in.bytes)) return std::nullopt;
-        return decode<ReplyMessage>(in.bytes);
+        return wire::decode<wire::ReplyMessage>(in.bytes);
       });
-  ReplyMessage reply;
+  wire::ReplyMessage reply;
   reply.detail = std::string(200'000, ' ');
-  ASSERT_TRUE(node.publish(kReplyChannel, encode_with_mac(reply, key)));
+  ASSERT_TRUE(node.publish(wire::kReplyChannel, encode_with_mac(reply, key)));
   ASSERT_TRUE(
       becomes_true([&] { return operator_bus.authenticator().counts().forged == 4; }, within(10)));
   ASSERT_TRUE(node.publish_reply(encode_with_mac(reply, key)));
@@ -464,4 +465,4 @@ TEST(ReceiveBuffer, is_a_problem_when_the_kernel_grants_less_than_the_url_reques
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 Studio studio() {
@@ -65,4 +65,4 @@ TEST(ChannelList, has_smaller_limits_for_short_messages) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

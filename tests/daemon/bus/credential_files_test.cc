@@ -4,10 +4,10 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -21,14 +21,14 @@ constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
 class KeyFile : public testing::Test {
  protected:
   /// Replaces the file atomically.
-  StudioKey replace_key() const {
-    const StudioKey key = StudioKey::make();
+  wire::StudioKey replace_key() const {
+    const wire::StudioKey key = wire::StudioKey::make();
     key.save(folder_ / "new.key");
     std::filesystem::rename(folder_ / "new.key", path_);
     return key;
   }
-  bool accepts(const StudioKey& key, MonotonicInstant now) const {
-    return credentials_.open_command(encode_with_mac(CommandMessage{}, key), now).result ==
+  bool accepts(const wire::StudioKey& key, MonotonicInstant now) const {
+    return credentials_.open_command(encode_with_mac(wire::CommandMessage{}, key), now).result ==
            OpenedCommand::Result::kAccepted;
   }
 
@@ -44,7 +44,7 @@ TEST_F(KeyFile, is_read_when_it_is_made_and_reported_as_missing_before) {
   EXPECT_THAT(files_.poll(kNow), IsEmpty()) << "it was reported already";
   EXPECT_FALSE(files_.is_ready());
   EXPECT_FALSE(authenticator_.is_required());
-  const StudioKey key = replace_key();
+  const wire::StudioKey key = replace_key();
   EXPECT_THAT(files_.poll(kNow), HasSubstr("is readable again"));
   EXPECT_TRUE(files_.is_ready());
   EXPECT_THAT(files_.problem(), IsEmpty());
@@ -53,10 +53,10 @@ TEST_F(KeyFile, is_read_when_it_is_made_and_reported_as_missing_before) {
 }
 
 TEST_F(KeyFile, is_replaced_while_the_process_runs) {
-  const StudioKey first = replace_key();
+  const wire::StudioKey first = replace_key();
   files_.poll(kNow);
   const auto first_mac = authenticator_.mac(kNow);
-  const StudioKey second = replace_key();
+  const wire::StudioKey second = replace_key();
   EXPECT_FALSE(accepts(second, kNow));
   EXPECT_THAT(files_.poll(kNow + 1s), HasSubstr("a new studio key"));
   EXPECT_THAT(files_.poll(kNow + 2s), IsEmpty()) << "the same key";
@@ -64,14 +64,16 @@ TEST_F(KeyFile, is_replaced_while_the_process_runs) {
   EXPECT_TRUE(accepts(first, kNow + 2s));
   EXPECT_EQ(authenticator_.mac(kNow + 2s), first_mac);
   EXPECT_NE(authenticator_.mac(kNow + 11s), first_mac);
-  EXPECT_TRUE(first.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 2s)));
-  EXPECT_TRUE(second.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 11s)));
+  EXPECT_TRUE(
+      first.has_valid_mac(credentials_.authenticate(encode(wire::ReplyMessage{}), kNow + 2s)));
+  EXPECT_TRUE(
+      second.has_valid_mac(credentials_.authenticate(encode(wire::ReplyMessage{}), kNow + 11s)));
   EXPECT_FALSE(accepts(first, kNow + 21s));
   EXPECT_TRUE(accepts(second, kNow + 21s));
 }
 
 TEST_F(KeyFile, that_is_damaged_readable_for_others_or_missing_leaves_the_key_in_use) {
-  const StudioKey key = replace_key();
+  const wire::StudioKey key = replace_key();
   files_.poll(kNow);
   const std::string text = read_file(path_);
   test::write_text(path_, text.substr(0, text.size() / 2));
@@ -84,7 +86,8 @@ TEST_F(KeyFile, that_is_damaged_readable_for_others_or_missing_leaves_the_key_in
   EXPECT_THAT(files_.poll(kNow), HasSubstr("No such file or directory"));
   EXPECT_TRUE(files_.is_ready());
   EXPECT_TRUE(accepts(key, kNow + 1h));
-  EXPECT_TRUE(key.has_valid_mac(credentials_.authenticate(encode(ReplyMessage{}), kNow + 1h)));
+  EXPECT_TRUE(
+      key.has_valid_mac(credentials_.authenticate(encode(wire::ReplyMessage{}), kNow + 1h)));
 }
 
 /// The signing key of a capture node of a studio without a member list.
@@ -92,7 +95,7 @@ class SigningKeyFile : public KeyFile {
  protected:
   SigningKeyFile() { replace_key(); }
 
-  CredentialFiles files_of(const std::string& node, Role role) {
+  CredentialFiles files_of(const std::string& node, wire::Role role) {
     return {{.studio = "kyoto",
              .studio_key = path_,
              .signing_key = signing_key_,
@@ -101,8 +104,8 @@ class SigningKeyFile : public KeyFile {
             credentials_,
             authenticator_};
   }
-  PublicKey replace_signing_key() const {
-    const SigningKey key = SigningKey::make();
+  wire::PublicKey replace_signing_key() const {
+    const wire::SigningKey key = wire::SigningKey::make();
     key.save(folder_ / "next.key");
     std::filesystem::rename(folder_ / "next.key", signing_key_);
     return key.public_key();
@@ -112,16 +115,16 @@ class SigningKeyFile : public KeyFile {
 };
 
 TEST_F(SigningKeyFile, is_read_when_it_is_made_or_replaced_without_a_restart) {
-  CredentialFiles files = files_of("cap01", Role::kCapture);
+  CredentialFiles files = files_of("cap01", wire::Role::kCapture);
   EXPECT_THAT(files.poll(kNow), AllOf(StartsWith("takes are not signed: "),
                                       HasSubstr("make one on each PC with v3dctl key node")));
   EXPECT_TRUE(files.is_ready()) << "the node records takes without a signature";
   EXPECT_FALSE(files.signing_key().has_value());
-  const PublicKey first = replace_signing_key();
+  const wire::PublicKey first = replace_signing_key();
   EXPECT_THAT(files.poll(kNow), HasSubstr("the signing key is readable again"));
   EXPECT_EQ(files.signing_key().value().public_key(), first);
   EXPECT_THAT(files.problem(), IsEmpty());
-  const PublicKey second = replace_signing_key();
+  const wire::PublicKey second = replace_signing_key();
   EXPECT_THAT(files.poll(kNow), HasSubstr("node.key: a new signing key"));
   EXPECT_EQ(files.signing_key().value().public_key(), second);
   test::write_text(signing_key_, "damaged");
@@ -131,7 +134,7 @@ TEST_F(SigningKeyFile, is_read_when_it_is_made_or_replaced_without_a_restart) {
 
 TEST_F(SigningKeyFile, is_not_read_by_processes_that_sign_nothing) {
   for (const auto& [node, role] :
-       {std::pair("recon01", Role::kReconstruction), std::pair("", Role::kOperator)}) {
+       {std::pair("recon01", wire::Role::kReconstruction), std::pair("", wire::Role::kOperator)}) {
     CredentialFiles files = files_of(node, role);
     files.start_signing();
     EXPECT_THAT(files.poll(kNow), IsEmpty()) << node;
@@ -143,7 +146,7 @@ TEST_F(SigningKeyFile, is_not_read_by_processes_that_sign_nothing) {
 class MemberFiles : public testing::Test {
  protected:
   MemberFiles() {
-    StudioKey::make().save(folder_ / "studio.key");
+    wire::StudioKey::make().save(folder_ / "studio.key");
     cap01_.save(folder_ / "node.key");
     write(list());
     restart();
@@ -157,29 +160,29 @@ class MemberFiles : public testing::Test {
                                    .signing_key = folder_ / "node.key",
                                    .accepted_serial = folder_ / serial_file,
                                    .node = "cap01",
-                                   .role = Role::kCapture},
+                                   .role = wire::Role::kCapture},
                    credentials_, authenticator_);
   }
-  MemberList list(int64_t serial = 5) const {
+  wire::MemberList list(int64_t serial = 5) const {
     return {.studio = "kyoto",
             .serial = serial,
-            .members = {{"ada", Role::kOperator, ada_.public_key()},
-                        {"cap01", Role::kCapture, cap01_.public_key()}}};
+            .members = {{"ada", wire::Role::kOperator, ada_.public_key()},
+                        {"cap01", wire::Role::kCapture, cap01_.public_key()}}};
   }
-  MemberList without_ada(int64_t serial) const {
-    MemberList list = this->list(serial);
+  wire::MemberList without_ada(int64_t serial) const {
+    wire::MemberList list = this->list(serial);
     list.members.erase(list.members.begin());
     return list;
   }
-  void write(const MemberList& list) const {
+  void write(const wire::MemberList& list) const {
     test::write_text(path_, sign_member_list(list, authority_));
   }
   bool accepts_ada() const {
-    const Bytes bytes = sign_message(encode(CommandMessage{}), ada_);
+    const wire::Bytes bytes = sign_message(encode(wire::CommandMessage{}), ada_);
     return credentials_.open_command(bytes, kNow).result == OpenedCommand::Result::kAccepted;
   }
   bool is_accepted_as(const std::string& node) const {
-    ReplyMessage reply;
+    wire::ReplyMessage reply;
     reply.node = node;
     return credentials_.open_reply(credentials_.authenticate(encode(reply), kNow), kNow)
         .has_value();
@@ -187,8 +190,8 @@ class MemberFiles : public testing::Test {
 
   const test::TemporaryFolder folder_;
   const std::filesystem::path path_ = folder_ / "members.toml";
-  const SigningKey authority_ = SigningKey::make(), ada_ = SigningKey::make(),
-                   cap01_ = SigningKey::make();
+  const wire::SigningKey authority_ = wire::SigningKey::make(), ada_ = wire::SigningKey::make(),
+                         cap01_ = wire::SigningKey::make();
   Credentials credentials_;
   MessageAuthenticator authenticator_;
   std::optional<CredentialFiles> files_;
@@ -312,14 +315,14 @@ TEST_F(MemberFiles, without_a_list_make_a_node_reject_all_commands) {
 }
 
 TEST_F(MemberFiles, report_the_command_that_enrolls_a_node_whose_key_is_not_in_the_list) {
-  const SigningKey next = SigningKey::make();
+  const wire::SigningKey next = wire::SigningKey::make();
   std::filesystem::remove(folder_ / "node.key");
   next.save(folder_ / "node.key");
   EXPECT_THAT(files_->poll(kNow), HasSubstr("v3dctl key enroll cap01 --role capture --public-key " +
                                             next.public_key().text()));
   EXPECT_FALSE(is_accepted_as("cap01"));
-  MemberList both = list(6);
-  both.members.push_back({"cap01", Role::kCapture, next.public_key()});
+  wire::MemberList both = list(6);
+  both.members.push_back({"cap01", wire::Role::kCapture, next.public_key()});
   write(both);
   files_->poll(kNow);
   EXPECT_THAT(files_->problem(), IsEmpty());
@@ -327,15 +330,15 @@ TEST_F(MemberFiles, report_the_command_that_enrolls_a_node_whose_key_is_not_in_t
 }
 
 TEST_F(MemberFiles, replace_the_signing_key_while_the_process_runs) {
-  const SigningKey next = SigningKey::make();
-  MemberList both = list();
-  both.members.push_back({"cap01", Role::kCapture, next.public_key()});
+  const wire::SigningKey next = wire::SigningKey::make();
+  wire::MemberList both = list();
+  both.members.push_back({"cap01", wire::Role::kCapture, next.public_key()});
   write(both);
   files_->poll(kNow);
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", folder_ / "node.key");
   EXPECT_THAT(files_->poll(kNow), HasSubstr("a new signing key"));
-  MemberList later = list(6);
+  wire::MemberList later = list(6);
   later.members.back().key = next.public_key();
   write(later);
   files_->poll(kNow);
@@ -343,4 +346,4 @@ TEST_F(MemberFiles, replace_the_signing_key_while_the_process_runs) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -8,18 +8,20 @@
 #include "daemon/bus/datagram.h"
 #include "daemon/bus/session_replay_filter.h"
 #include "support/raw_datagrams.h"
-#include "wire/message_signature.h"
+#include "wire/signatures.h"
 
 namespace v3d::test {
 
 inline constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
-inline constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
+inline constexpr bus::ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 
 /// The datagrams of a message, each with a MAC.
-inline std::vector<RawDatagram> datagrams_of(const DatagramMac& mac, const MessageOrigin& origin,
+inline std::vector<RawDatagram> datagrams_of(const wire::DatagramMac& mac,
+                                             const wire::MessageOrigin& origin,
                                              std::span<const uint8_t> message) {
   std::vector<RawDatagram> all;
-  for (OutgoingDatagram& datagram : split_message(origin.sequence, origin.channel, message, true)) {
+  for (bus::OutgoingDatagram& datagram :
+       bus::split_message(origin.sequence, origin.channel, message, true)) {
     datagram.trailer.session = origin.session;
     datagram.trailer.sent = origin.sent;
     mac.sign(datagram.head(), datagram.data, datagram.trailer);
@@ -35,32 +37,33 @@ inline std::vector<RawDatagram> datagrams_of(const DatagramMac& mac, const Messa
 /// Makes the same datagrams as MulticastSender.
 class DatagramSender {
  public:
-  explicit DatagramSender(const StudioKey& key) : mac_(key) {}
+  explicit DatagramSender(const wire::StudioKey& key) : mac_(key) {}
 
   /// The datagrams of the next message of the session, each with a MAC.
   std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
                                      RealtimeInstant sent = kNow) {
-    const MessageOrigin of = origin(channel, sent);
+    const wire::MessageOrigin of = origin(channel, sent);
     ++sequence;
     return datagrams_of(mac_, of, message);
   }
 
   /// The origin of the next message.
-  MessageOrigin origin(std::string_view channel, RealtimeInstant sent = kNow) const {
+  wire::MessageOrigin origin(std::string_view channel, RealtimeInstant sent = kNow) const {
     return {.channel = channel, .session = session, .sequence = sequence, .sent = sent};
   }
   /// Like datagrams(), with a member's signature too.
   std::vector<RawDatagram> signed_datagrams(std::string_view channel,
-                                            std::span<const uint8_t> message, const SigningKey& key,
+                                            std::span<const uint8_t> message,
+                                            const wire::SigningKey& key,
                                             RealtimeInstant sent = kNow) {
     return datagrams(channel, sign_on_bus(message, origin(channel, sent), key), sent);
   }
 
-  uint32_t session = random_session();
+  uint32_t session = wire::random_session();
   uint32_t sequence = 0;
 
  private:
-  DatagramMac mac_;
+  wire::DatagramMac mac_;
 };
 
 }  // namespace v3d::test

@@ -9,7 +9,7 @@
 
 #include "support/raw_datagrams.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using test::fragment_header;
@@ -152,4 +152,4 @@ TEST(Datagrams, are_empty_for_a_message_or_a_name_that_is_too_long) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

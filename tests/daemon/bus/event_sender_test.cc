@@ -4,20 +4,20 @@
 #include <gtest/gtest.h>
 
 #include "support/child_process.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
 
 TEST(EventSender, limits_events_of_a_growing_count_and_sends_another_problem_at_once) {
   Bus bus("udpm://239.255.76.67:7667?ttl=0");
-  Subscription<EventMessage> events(bus, kEventChannel, 64);
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 64);
   EventSender sender(bus, "cap01");
   const MonotonicInstant now = Monotonic::now();
   const auto report = [&](const std::string& text, Duration after) {
-    sender.report_condition(Severity::kAlarm, "disk", text, "Look", now + after);
+    sender.report_condition(wire::Severity::kAlarm, "disk", text, "Look", now + after);
   };
   for (int n = 1000; n <= 1030; ++n) {
     report(std::to_string(n).insert(1, ",") + " frames lost: /takes is too slow", n * 1s);
@@ -41,4 +41,4 @@ TEST(EventSender, limits_events_of_a_growing_count_and_sends_another_problem_at_
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,8 +1,8 @@
-#include "daemon/bus/event_throttle.h"
-
 #include <gtest/gtest.h>
 
-namespace v3d {
+#include "daemon/bus/event_sender.h"
+
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -31,4 +31,4 @@ TEST(EventThrottle, permits_an_event_for_a_count_that_has_halved) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

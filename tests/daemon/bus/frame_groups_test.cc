@@ -1,11 +1,11 @@
-#include "daemon/bus/frame_groups.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <map>
 
-namespace v3d {
+#include "daemon/bus/channel_list.h"
+
+namespace v3d::bus {
 namespace {
 
 TEST(FrameNumbers, increase_by_one_without_groups) {
@@ -34,4 +34,4 @@ TEST(FrameNumbers, put_a_frame_without_a_pulse_into_group_0) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,5 +1,7 @@
 // Tests of frame keys: live frames are accepted only from the node that owns the camera, although
 // all senders have the studio key.
+#include "daemon/bus/frame_keys.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,12 +9,11 @@
 #include <memory>
 
 #include "daemon/bus/message_receiver.h"
-#include "daemon/bus/own_frame_key.h"
 #include "datagram_sender.h"
 #include "support/allocation_count.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -30,9 +31,10 @@ using Datagrams = std::vector<RawDatagram>;
 /// A studio whose members all have the studio key.
 struct Members {
   Studio studio;
-  StudioKey studio_key = StudioKey::make();
-  SigningKey cap01 = SigningKey::make(), cap02 = SigningKey::make(), recon01 = SigningKey::make(),
-             recon02 = SigningKey::make(), guest = SigningKey::make();
+  wire::StudioKey studio_key = wire::StudioKey::make();
+  wire::SigningKey cap01 = wire::SigningKey::make(), cap02 = wire::SigningKey::make(),
+                   recon01 = wire::SigningKey::make(), recon02 = wire::SigningKey::make(),
+                   guest = wire::SigningKey::make();
 
   Members() {
     studio.nodes = {{"cap01"}, {"cap02"}, {"recon01"}, {"recon02"}};
@@ -43,15 +45,16 @@ struct Members {
     studio.cameras[1].node = "cap02";
   }
   /// All members but `revoked`.
-  MemberList list(const std::string& revoked = "") const {
-    MemberList list{.studio = "kyoto",
-                    .serial = 1,
-                    .members = {{"cap01", Role::kCapture, cap01.public_key()},
-                                {"cap02", Role::kCapture, cap02.public_key()},
-                                {"recon01", Role::kReconstruction, recon01.public_key()},
-                                {"recon02", Role::kReconstruction, recon02.public_key()},
-                                {"guest", Role::kViewer, guest.public_key()}}};
-    std::erase_if(list.members, [&](const Member& member) { return member.name == revoked; });
+  wire::MemberList list(const std::string& revoked = "") const {
+    wire::MemberList list{
+        .studio = "kyoto",
+        .serial = 1,
+        .members = {{"cap01", wire::Role::kCapture, cap01.public_key()},
+                    {"cap02", wire::Role::kCapture, cap02.public_key()},
+                    {"recon01", wire::Role::kReconstruction, recon01.public_key()},
+                    {"recon02", wire::Role::kReconstruction, recon02.public_key()},
+                    {"guest", wire::Role::kViewer, guest.public_key()}}};
+    std::erase_if(list.members, [&](const wire::Member& member) { return member.name == revoked; });
     return list;
   }
 };
@@ -59,17 +62,17 @@ struct Members {
 /// A node that sends frames.
 class FrameNode {
  public:
-  FrameNode(std::string name, const SigningKey& key, const Members& members)
+  FrameNode(std::string name, const wire::SigningKey& key, const Members& members)
       : name_(std::move(name)), key_(key), main_(members.studio_key) {
     own_.adapt_to(members.list(), kReceiverNow.monotonic);
   }
 
   Datagrams announcement(Duration after = {}) {
-    return main_.signed_datagrams(frame_key_channel(name_), encode(own_.announcement()), key_,
+    return main_.signed_datagrams(wire::frame_key_channel(name_), encode(own_.announcement()), key_,
                                   kNow + after);
   }
   /// A message with the MAC of the frame key.
-  Datagrams frame(const std::string& channel, const Bytes& message, Duration after = {}) {
+  Datagrams frame(const std::string& channel, const wire::Bytes& message, Duration after = {}) {
     const auto sending = own_.sending(kReceiverNow.monotonic + after);
     return datagrams_of(sending->mac,
                         {.channel = channel,
@@ -78,10 +81,10 @@ class FrameNode {
                          .sent = kNow + after},
                         message);
   }
-  Datagrams answer(SessionMessage question, Duration after) {
+  Datagrams answer(wire::SessionMessage question, Duration after) {
     question.newest = main_.sequence - 1;
     question.is_answer = true;
-    return main_.signed_datagrams(kSessionChannel, encode(question), key_, kNow + after);
+    return main_.signed_datagrams(wire::kSessionChannel, encode(question), key_, kNow + after);
   }
   uint32_t frame_session() const { return own_.announcement().session; }
   OwnFrameKey& own() { return own_; }
@@ -89,7 +92,7 @@ class FrameNode {
 
  private:
   const std::string name_;
-  const SigningKey key_;
+  const wire::SigningKey key_;
   DatagramSender main_;
   OwnFrameKey own_;
 };
@@ -97,7 +100,7 @@ class FrameNode {
 /// A process that receives.
 class Pc {
  public:
-  Pc(const SigningKey& key, const Members& members, bool wants_frames = true)
+  Pc(const wire::SigningKey& key, const Members& members, bool wants_frames = true)
       : wants_frames_(wants_frames) {
     authenticator_.set_key(members.studio_key);
     authenticator_.members().require();
@@ -106,16 +109,16 @@ class Pc {
     receiver_ = std::make_unique<MessageReceiver>(
         ChannelList(members.studio), authenticator_,
         [this](std::string_view channel) {
-          return (wants_frames_ || !channel.starts_with(kFramePrefix)) &&
-                 !channel.starts_with(kFrameKeyPrefix);
+          return (wants_frames_ || !channel.starts_with(wire::kFramePrefix)) &&
+                 !channel.starts_with(wire::kFrameKeyPrefix);
         },
-        SessionPort{.send = [this](const SessionMessage& m) { questions_.push_back(m); }});
+        SessionPort{.send = [this](const wire::SessionMessage& m) { questions_.push_back(m); }});
   }
-  void set_members(const MemberList& list) {
-    authenticator_.members().set_members(std::make_shared<const MemberList>(list));
+  void set_members(const wire::MemberList& list) {
+    authenticator_.members().set_members(std::make_shared<const wire::MemberList>(list));
   }
-  std::optional<Bytes> receive(const Datagrams& datagrams, Duration after = {}) {
-    std::optional<Bytes> got;
+  std::optional<wire::Bytes> receive(const Datagrams& datagrams, Duration after = {}) {
+    std::optional<wire::Bytes> got;
     for (const RawDatagram& bytes : datagrams) {
       const auto message =
           receiver_->receive(bytes, 1, {kReceiverNow.monotonic + after, kNow + after});
@@ -142,7 +145,7 @@ class Pc {
  private:
   const bool wants_frames_;
   MessageAuthenticator authenticator_;
-  std::vector<SessionMessage> questions_;
+  std::vector<wire::SessionMessage> questions_;
   std::unique_ptr<MessageReceiver> receiver_;
 };
 
@@ -150,8 +153,8 @@ class FrameKeys : public testing::Test {
  protected:
   static constexpr char kCam01[] = "V3D_FRAME_cam01";
   static constexpr char kCam02[] = "V3D_FRAME_cam02";
-  const Bytes frame_ = Bytes(100, 7);
-  const Bytes long_frame_ = Bytes(300'000, 9);
+  const wire::Bytes frame_ = wire::Bytes(100, 7);
+  const wire::Bytes long_frame_ = wire::Bytes(300'000, 9);
   const Members members_;
   FrameNode cap01_{"cap01", members_.cap01, members_}, cap02_{"cap02", members_.cap02, members_};
   Pc recon01_{members_.recon01, members_};
@@ -174,7 +177,7 @@ TEST_F(FrameKeys, let_the_frames_of_their_node_arrive_in_any_order_of_fragments)
 TEST_F(FrameKeys, are_needed_beside_the_studio_key) {
   recon01_.learn_key_of(cap01_);
   DatagramSender forger(members_.studio_key);
-  for (const Bytes& frame : {frame_, long_frame_}) {
+  for (const wire::Bytes& frame : {frame_, long_frame_}) {
     EXPECT_FALSE(recon01_.accepts(forger.datagrams(kCam01, frame)));
   }
   EXPECT_EQ(recon01_.counts().not_signed, 2);
@@ -250,7 +253,7 @@ TEST_F(FrameKeys, are_not_sent_to_a_revoked_reconstruction_node) {
   recon02.learn_key_of(cap01_);
   EXPECT_TRUE(recon02.accepts(cap01_.frame(kCam01, frame_)));
   cap01_.own().adapt_to(members_.list("recon02"), kReceiverNow.monotonic);
-  const FrameKeyMessage message = cap01_.own().announcement();
+  const wire::FrameKeyMessage message = cap01_.own().announcement();
   ASSERT_EQ(message.keys.size(), 1U);
   EXPECT_EQ(message.keys[0].recipient, id_of(members_.recon01.public_key()));
   recon02.learn_key_of(cap01_, 2s);
@@ -271,7 +274,7 @@ TEST_F(FrameKeys, of_a_revoked_node_are_rejected_at_once) {
 
 TEST_F(FrameKeys, of_nodes_with_the_same_session_number_do_not_disturb_each_other) {
   // cap02 announces the session of cap01 with a key of its own, and uses up its numbers.
-  FrameKeyMessage forged = cap02_.own().announcement();
+  wire::FrameKeyMessage forged = cap02_.own().announcement();
   forged.session = cap01_.frame_session();
   recon01_.learn_key_of(cap02_);
   recon01_.receive(
@@ -292,9 +295,9 @@ TEST_F(FrameKeys, cannot_be_used_up_by_messages_with_the_studio_key) {
   DatagramSender forger(members_.studio_key);
   forger.session = cap01_.frame_session();
   forger.sequence = 5000;
-  recon01_.receive(forger.signed_datagrams(kMeshChannel, frame_, members_.recon02));
+  recon01_.receive(forger.signed_datagrams(wire::kMeshChannel, frame_, members_.recon02));
   recon01_.learn_key_of(cap01_);
-  recon01_.receive(forger.signed_datagrams(kMeshChannel, frame_, members_.recon02));
+  recon01_.receive(forger.signed_datagrams(wire::kMeshChannel, frame_, members_.recon02));
   EXPECT_TRUE(recon01_.accepts(cap01_.frame(kCam01, long_frame_)));
 }
 
@@ -318,7 +321,8 @@ TEST_F(FrameKeys, are_announced_without_a_subscription_and_not_delivered) {
   recon01_.learn_key_of(cap01_);
   EXPECT_FALSE(recon01_.accepts(cap01_.announcement()));
   EXPECT_EQ(recon01_.receiver().counts().malformed, 0);
-  recon01_.receive(cap01_.main().signed_datagrams("V3D_FRAMEKEY_cap01", Bytes(50), members_.cap01));
+  recon01_.receive(
+      cap01_.main().signed_datagrams("V3D_FRAMEKEY_cap01", wire::Bytes(50), members_.cap01));
   EXPECT_EQ(recon01_.receiver().counts().malformed, 1);
 }
 
@@ -327,7 +331,7 @@ TEST_F(FrameKeys, make_a_forged_frame_cost_no_allocation) {
   const Datagrams real = cap01_.frame(kCam01, long_frame_);
   Datagrams forged = cap01_.frame(kCam01, long_frame_);
   for (RawDatagram& datagram : forged) datagram.back() ^= 1;
-  DatagramSender attacker(StudioKey::make());
+  DatagramSender attacker(wire::StudioKey::make());
   Datagrams unknown = attacker.datagrams(kCam01, long_frame_);
   recon01_.authenticator().report(std::string(200, 'x'));  // allocates memory for the text
   EXPECT_FALSE(recon01_.receiver().receive(real[0], 1, kReceiverNow));
@@ -352,11 +356,11 @@ TEST(FramesWithoutMembers, are_accepted_with_the_studio_key_and_announcements_ig
       [](std::string_view channel) { return channel != "V3D_FRAMEKEY_cap01"; });
   DatagramSender sender(members.studio_key);
   EXPECT_TRUE(
-      receiver.receive(sender.datagrams("V3D_FRAME_cam01", Bytes(9)).at(0), 1, kReceiverNow));
+      receiver.receive(sender.datagrams("V3D_FRAME_cam01", wire::Bytes(9)).at(0), 1, kReceiverNow));
   FrameNode cap01("cap01", members.cap01, members);
   EXPECT_FALSE(receiver.receive(cap01.announcement().at(0), 1, kReceiverNow));
   EXPECT_EQ(authenticator.counts().forged, 0);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,10 +1,9 @@
-#include "daemon/bus/frame_sessions.h"
-
 #include <gtest/gtest.h>
 
-#include "wire/frame_key.h"
+#include "daemon/bus/frame_keys.h"
+#include "wire/datagram_mac.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -74,9 +73,10 @@ TEST_F(FrameSessionsTest, are_64_at_most_and_the_one_announced_longest_ago_is_re
 TEST_F(FrameSessionsTest, open_a_key_once) {
   int opened = 0;
   const auto announce_with_key = [&](bool has_key) {
-    sessions_.announce("cap01", 7, {}, kNow, [&]() -> std::shared_ptr<const DatagramMac> {
+    sessions_.announce("cap01", 7, {}, kNow, [&]() -> std::shared_ptr<const wire::DatagramMac> {
       ++opened;
-      return has_key ? std::make_shared<const DatagramMac>(FrameKey::make().mac()) : nullptr;
+      return has_key ? std::make_shared<const wire::DatagramMac>(wire::FrameKey::make().mac())
+                     : nullptr;
     });
   };
   announce_with_key(false);
@@ -88,4 +88,4 @@ TEST_F(FrameSessionsTest, open_a_key_once) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,10 +1,10 @@
-#include "daemon/bus/key_rotation.h"
-
 #include <gtest/gtest.h>
 
 #include <memory>
 
-namespace v3d {
+#include "daemon/bus/credentials.h"
+
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -81,4 +81,4 @@ TEST(KeyRotation, releases_the_old_key_when_its_time_is_over_and_not_before) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -10,7 +10,7 @@
 #include "daemon/bus/bus.h"
 #include "support/child_process.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using test::becomes_true;
@@ -53,12 +53,12 @@ class Interoperation : public testing::TestWithParam<size_t> {};
 
 TEST_P(Interoperation, liblcm_reads_authenticated_messages_followed_by_the_last_trailer) {
   Bus bus(kUrl);
-  bus.authenticator().set_key(StudioKey::make());
+  bus.authenticator().set_key(wire::StudioKey::make());
   LcmMember member;
   const auto sent = message(GetParam());
   ASSERT_TRUE(bus.publish_authenticated("V3D_FRAME_cam01", sent));
   const auto got = member.next();
-  ASSERT_EQ(got.size(), sent.size() + kMacTrailerSize);
+  ASSERT_EQ(got.size(), sent.size() + wire::kMacTrailerSize);
   EXPECT_TRUE(std::equal(sent.begin(), sent.end(), got.begin()));
 }
 
@@ -90,4 +90,4 @@ INSTANTIATE_TEST_SUITE_P(OfSizes, Interoperation,
                                          130'960, 786'432));
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -3,14 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
 
 TEST(MessageAuthenticator, reports_the_reason_of_a_rejection_for_a_limited_time) {
   MessageAuthenticator authenticator;
-  authenticator.set_key(StudioKey::make());
+  authenticator.set_key(wire::StudioKey::make());
   EXPECT_EQ(authenticator.trouble(Realtime::now()), "");
   authenticator.count_unverified();
   EXPECT_EQ(authenticator.counts().forged, 1);
@@ -30,7 +30,7 @@ TEST(MessageAuthenticator, counts_no_datagram_as_forged_before_there_is_a_key) {
 
 TEST(MessageAuthenticator, counts_and_reports_messages_without_a_permitted_signature) {
   MessageAuthenticator authenticator;
-  authenticator.set_key(StudioKey::make());
+  authenticator.set_key(wire::StudioKey::make());
   authenticator.count_unsigned("V3D_PULSE of member cap02");
   EXPECT_EQ(authenticator.counts().not_signed, 1);
   EXPECT_EQ(authenticator.counts().forged, 0);
@@ -43,9 +43,9 @@ TEST(MessageAuthenticator, is_required_with_a_key_or_on_request) {
   authenticator.require_authentication();
   EXPECT_TRUE(authenticator.is_required());
   EXPECT_EQ(authenticator.mac(), nullptr);
-  authenticator.set_key(StudioKey::make());
+  authenticator.set_key(wire::StudioKey::make());
   EXPECT_NE(authenticator.mac(), nullptr);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -11,9 +11,9 @@
 
 #include "datagram_sender.h"
 #include "support/allocation_count.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -45,28 +45,29 @@ class Receiver : public testing::Test {
     return bytes;
   }
 
-  const StudioKey key_ = StudioKey::make();
+  const wire::StudioKey key_ = wire::StudioKey::make();
   MessageAuthenticator authenticator_;
   static constexpr uint32_t kOwnSession = 77;
-  std::vector<SessionMessage> sent_;
+  std::vector<wire::SessionMessage> sent_;
   std::string_view unwanted_ = "V3D_PREVIEW_cam01";
-  MessageReceiver receiver_{ChannelList(studio()),
-                            authenticator_,
-                            [this](std::string_view channel) { return channel != unwanted_; },
-                            {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
-                               if (session != kOwnSession) return std::nullopt;
-                               return 41;
-                             },
-                             .send = [this](const SessionMessage& m) { sent_.push_back(m); }}};
+  MessageReceiver receiver_{
+      ChannelList(studio()),
+      authenticator_,
+      [this](std::string_view channel) { return channel != unwanted_; },
+      {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
+         if (session != kOwnSession) return std::nullopt;
+         return 41;
+       },
+       .send = [this](const wire::SessionMessage& m) { sent_.push_back(m); }}};
   Sender sender_{key_};
 };
 
 TEST_F(Receiver, returns_a_message_without_its_trailer) {
   const auto sent = message(100);
-  const RawDatagram datagram = sender_.datagrams(kEventChannel, sent).at(0);
+  const RawDatagram datagram = sender_.datagrams(wire::kEventChannel, sent).at(0);
   const auto got = receive(datagram);
   ASSERT_TRUE(got);
-  EXPECT_EQ(got->channel, kEventChannel);
+  EXPECT_EQ(got->channel, wire::kEventChannel);
   EXPECT_THAT(got->bytes, testing::ElementsAreArray(sent));
 }
 
@@ -102,10 +103,10 @@ TEST_F(Receiver, returns_a_long_message_for_any_order_of_its_datagrams) {
 }
 
 TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
-  const StudioKey next = StudioKey::make();
+  const wire::StudioKey next = wire::StudioKey::make();
   Sender renewed(next);
   const auto accepts = [&](Sender& sender, Duration delay) {
-    const auto sent = sender.datagrams(kEventChannel, message(100), kNow + delay).at(0);
+    const auto sent = sender.datagrams(wire::kEventChannel, message(100), kNow + delay).at(0);
     return receive(sent, delay).has_value();
   };
   EXPECT_FALSE(accepts(renewed, 0s));
@@ -127,7 +128,7 @@ TEST_F(Receiver, rejects_commands_and_replies_without_a_mac_although_they_contai
     }
     return bytes;
   };
-  for (const char* channel : {kCommandChannel, kReplyChannel}) {
+  for (const char* channel : {wire::kCommandChannel, wire::kReplyChannel}) {
     EXPECT_FALSE(receive(without_mac(channel))) << channel;
     const auto sent = sender_.datagrams(channel, message(100)).at(0);
     const auto got = receive(sent);
@@ -140,7 +141,7 @@ TEST_F(Receiver, rejects_commands_and_replies_without_a_mac_although_they_contai
 }
 
 TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
-  const RawDatagram whole = sender_.datagrams(kEventChannel, message(40)).at(0);
+  const RawDatagram whole = sender_.datagrams(wire::kEventChannel, message(40)).at(0);
   for (size_t bit = 0; bit < 8 * whole.size(); ++bit) {
     RawDatagram changed = whole;
     changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
@@ -174,7 +175,7 @@ TEST_F(Receiver, rejects_fragments_of_different_messages_as_one_message) {
 }
 
 TEST_F(Receiver, rejects_replayed_old_and_future_messages) {
-  const RawDatagram first = sender_.datagrams(kEventChannel, message(40)).at(0);
+  const RawDatagram first = sender_.datagrams(wire::kEventChannel, message(40)).at(0);
   EXPECT_TRUE(receive(first));
   EXPECT_FALSE(receive(first));
   EXPECT_EQ(authenticator_.counts().replayed, 1);
@@ -184,31 +185,32 @@ TEST_F(Receiver, rejects_replayed_old_and_future_messages) {
   EXPECT_FALSE(receive(frame[0]));
   EXPECT_FALSE(receive(frame[1]));
   EXPECT_EQ(authenticator_.counts().replayed, 2);
-  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow - 6s).at(0)));
-  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + 3s).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow - 6s).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + 3s).at(0)));
   EXPECT_EQ(authenticator_.counts().stale, 2);
 }
 
 TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
   const Duration hour = -1h;
-  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   ASSERT_EQ(sent_.size(), 1U);
-  const SessionMessage question = sent_[0];
+  const wire::SessionMessage question = sent_[0];
   EXPECT_EQ(question.session, sender_.session);
-  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   EXPECT_EQ(sent_.size(), 1U) << "the last question was just sent";
-  SessionMessage answer = question;
+  wire::SessionMessage answer = question;
   answer.is_answer = true;
   answer.newest = 2;
-  SessionMessage guessed = answer;
+  wire::SessionMessage guessed = answer;
   guessed.nonce ^= 1;
-  receive(sender_.datagrams(kSessionChannel, encode(guessed), kNow + hour).at(0));
-  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  receive(sender_.datagrams(wire::kSessionChannel, encode(guessed), kNow + hour).at(0));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   answer.newest = 4;
-  receive(sender_.datagrams(kSessionChannel, encode(answer), kNow + hour).at(0));
-  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  receive(sender_.datagrams(wire::kSessionChannel, encode(answer), kNow + hour).at(0));
+  EXPECT_TRUE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   EXPECT_THAT(authenticator_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
-  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
+  EXPECT_TRUE(
+      receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
       << "the session stays accepted";
   EXPECT_EQ(authenticator_.counts().stale, 3);
 }
@@ -216,12 +218,13 @@ TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answe
 TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
   Sender recorded(key_);
   const Duration hour = -1h;
-  const RawDatagram event = recorded.datagrams(kEventChannel, message(40), kNow + hour).at(0);
-  SessionMessage old;
+  const RawDatagram event = recorded.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0);
+  wire::SessionMessage old;
   old.session = recorded.session;
   old.nonce = 12345;
   old.is_answer = true;
-  const RawDatagram answer = recorded.datagrams(kSessionChannel, encode(old), kNow + hour).at(0);
+  const RawDatagram answer =
+      recorded.datagrams(wire::kSessionChannel, encode(old), kNow + hour).at(0);
   for (int i = 0; i < 10; ++i) {
     EXPECT_FALSE(receive(event, i * 1s));
     receive(answer, i * 1s);
@@ -230,16 +233,16 @@ TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
 }
 
 /// The answer of `sender` to `question`.
-RawDatagram answer_of(Sender& sender, SessionMessage question, uint32_t newest) {
+RawDatagram answer_of(Sender& sender, wire::SessionMessage question, uint32_t newest) {
   question.newest = newest;
   question.is_answer = true;
-  return sender.datagrams(kSessionChannel, encode(question)).at(0);
+  return sender.datagrams(wire::kSessionChannel, encode(question)).at(0);
 }
 
 TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered) {
-  for (const char* const channel : {"V3D_HEALTH_cap01", kPulseChannel}) {
+  for (const char* const channel : {"V3D_HEALTH_cap01", wire::kPulseChannel}) {
     Sender sender(key_);
-    EXPECT_TRUE(receive(sender.datagrams(kEventChannel, message(40)).at(0)));
+    EXPECT_TRUE(receive(sender.datagrams(wire::kEventChannel, message(40)).at(0)));
     const RawDatagram older = sender.datagrams(channel, message(40)).at(0);
     EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
     ASSERT_FALSE(sent_.empty());
@@ -261,38 +264,38 @@ TEST_F(Receiver, drops_its_questions_when_it_removes_a_session) {
   receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_EQ(sent_.size(), 1U);
   for (size_t i = 0; i <= SessionReplayFilter::kMaxSessions; ++i) {
-    EXPECT_TRUE(receive(Sender(key_).datagrams(kEventChannel, message(40)).at(0)));
+    EXPECT_TRUE(receive(Sender(key_).datagrams(wire::kEventChannel, message(40)).at(0)));
   }
   receive(answer_of(sender_, sent_[0], 0));
   EXPECT_FALSE(receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0)));
 }
 
 TEST_F(Receiver, answers_for_its_own_sessions_at_most_100_times_a_second) {
-  SessionMessage question;
+  wire::SessionMessage question;
   question.session = kOwnSession;
   question.nonce = 99;
-  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
   ASSERT_EQ(sent_.size(), 1U);
   EXPECT_TRUE(sent_[0].is_answer);
   EXPECT_EQ(sent_[0].nonce, 99);
   EXPECT_EQ(sent_[0].newest, 41U);
   question.session = 78;
-  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
   EXPECT_EQ(sent_.size(), 1U) << "session of another process";
   question.session = kOwnSession;
   for (int i = 0; i < 1000; ++i) {
-    receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+    receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
   }
   EXPECT_EQ(sent_.size(), 100U);
-  Sender attacker(StudioKey::make());
-  receive(attacker.datagrams(kSessionChannel, encode(question)).at(0), 2s);
+  Sender attacker(wire::StudioKey::make());
+  receive(attacker.datagrams(wire::kSessionChannel, encode(question)).at(0), 2s);
   EXPECT_EQ(sent_.size(), 100U);
 }
 
 TEST_F(Receiver, drops_unknown_channels_and_sizes_before_any_hash) {
   EXPECT_FALSE(receive(sender_.datagrams("V3D_FRAME_invented", message(40)).at(0)));
   EXPECT_FALSE(receive(sender_.datagrams("LCM_SELF_TEST", message(40)).at(0)));
-  EXPECT_FALSE(receive(sender_.datagrams(kPulseChannel, message(5000)).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(wire::kPulseChannel, message(5000)).at(0)));
   EXPECT_FALSE(receive(test::short_datagram(1, "V3D_COMMAND")));
   EXPECT_EQ(receiver_.counts().foreign, 2);
   EXPECT_EQ(receiver_.counts().oversized, 1);
@@ -310,12 +313,12 @@ TEST_F(Receiver, skips_all_fragments_of_a_message_without_subscription) {
 }
 
 TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
-  Sender attacker(StudioKey::make());
+  Sender attacker(wire::StudioKey::make());
   const auto health = receive(attacker.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_TRUE(health);
   EXPECT_FALSE(health->is_accepted);
   EXPECT_EQ(health->bytes.size(), 40U);
-  EXPECT_FALSE(receive(attacker.datagrams(kEventChannel, message(40)).at(0)));
+  EXPECT_FALSE(receive(attacker.datagrams(wire::kEventChannel, message(40)).at(0)));
   EXPECT_EQ(authenticator_.counts().forged, 2);
 }
 
@@ -323,7 +326,7 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
   MessageAuthenticator authenticator;
   MessageReceiver receiver(ChannelList(studio()), authenticator,
                            [](std::string_view) { return true; });
-  Sender sender(StudioKey::make());
+  Sender sender(wire::StudioKey::make());
   const std::vector<uint8_t> sent(100'000, 77);
   std::optional<ReceivedMessage> got;
   auto datagrams = sender.datagrams("V3D_FRAME_cam01", sent);
@@ -346,7 +349,7 @@ TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
   authenticator.require_authentication();
   MessageReceiver receiver(ChannelList(studio()), authenticator,
                            [](std::string_view) { return true; });
-  Sender sender(StudioKey::make());
+  Sender sender(wire::StudioKey::make());
   for (const auto& datagram : sender.datagrams("V3D_FRAME_cam01", std::vector<uint8_t>(100'000))) {
     EXPECT_FALSE(receiver.receive(datagram, kSource, kReceiverNow));
   }
@@ -359,12 +362,12 @@ TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
 std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
   std::mt19937 random(7);
   std::vector<RawDatagram> all;
-  Sender attacker(StudioKey::make());
-  const SigningKey key = SigningKey::make();
+  Sender attacker(wire::StudioKey::make());
+  const wire::SigningKey key = wire::SigningKey::make();
   const std::vector<uint8_t> bytes(100'000, 5);
   const std::vector<uint8_t> few(100, 5);
   for (int i = 0; i < 1000; ++i) {
-    for (const char* channel : {kEventChannel, kPulseChannel, kSessionChannel}) {
+    for (const char* channel : {wire::kEventChannel, wire::kPulseChannel, wire::kSessionChannel}) {
       all.push_back(attacker.signed_datagrams(channel, few, key).at(0));
     }
     all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
@@ -415,4 +418,4 @@ TEST_F(Receiver, allocates_nothing_for_forged_datagrams_when_members_are_require
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -9,7 +9,7 @@
 
 #include "support/child_process.h"
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using test::becomes_true;
@@ -79,4 +79,4 @@ TEST_F(DatagramRingTest, wakes_both_threads_when_it_is_stopped) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

@@ -1,12 +1,12 @@
-#include "daemon/bus/reassembly.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
 
-namespace v3d {
+#include "daemon/bus/datagram.h"
+
+namespace v3d::bus {
 namespace {
 
 /// A message cut into fragments of `piece` bytes.
@@ -95,4 +95,4 @@ TEST(Reassembly, rejects_fragments_that_overlap_or_leave_a_gap) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

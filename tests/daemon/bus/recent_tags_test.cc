@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 /// Tags with the same first two bytes lie in one set.
@@ -31,4 +31,4 @@ TEST(RecentTags, replace_the_oldest_tag_of_a_full_set) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

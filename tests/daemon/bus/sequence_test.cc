@@ -1,11 +1,11 @@
-#include "daemon/bus/sequence.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <random>
 
-namespace v3d {
+#include "daemon/bus/subscription_queue.h"
+
+namespace v3d::bus {
 namespace {
 
 /// The time of sending of message `seq`: one message a millisecond.
@@ -137,4 +137,4 @@ RC_GTEST_PROP(SequenceTracker, never_counts_a_negative_number_of_lost_messages, 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

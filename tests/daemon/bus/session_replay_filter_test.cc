@@ -5,7 +5,7 @@
 
 #include <set>
 
-namespace v3d {
+namespace v3d::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -34,7 +34,7 @@ RC_GTEST_PROP(SessionReplayFilter, accepts_a_number_once_also_when_numbers_wrap,
   }
 }
 
-KeyId key_id(uint8_t first) { return {first}; }
+wire::KeyId key_id(uint8_t first) { return {first}; }
 
 TEST(SessionReplayFilter, keeps_answers_of_different_keys_apart) {
   SessionReplayFilter filter;
@@ -196,4 +196,4 @@ TEST(SessionQuestions, keep_16_questions_pending) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::bus

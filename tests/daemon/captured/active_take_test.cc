@@ -9,9 +9,9 @@
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "trigger/cable_server.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 using test::becomes_true;
@@ -24,7 +24,7 @@ constexpr char kTriggerNode[] = "cap01";
 constexpr int64_t kPulses = 4;
 
 /// Number of pulses in pulses.lcmlog, which must be readable.
-int64_t logged_pulses(const TakePaths& take) {
+int64_t logged_pulses(const take::TakePaths& take) {
   std::vector<std::string> problems;
   const EdgeTimes edges = read_edge_times(take, problems);
   EXPECT_THAT(problems, testing::IsEmpty());
@@ -53,16 +53,18 @@ class ActiveTakeTest : public testing::Test {
     return studio;
   }
   ActiveTake::Context context() {
-    return {{studio_, node_, bus_, cameras_, slots_, signer_}, trigger_, [](const PulseEdge&) {}};
+    return {{studio_, node_, bus_, cameras_, slots_, signer_},
+            trigger_,
+            [](const capture::PulseEdge&) {}};
   }
-  static ActiveTake::Plan plan(CommandVerb verb) {
-    CommandMessage order;
+  static ActiveTake::Plan plan(wire::CommandVerb verb) {
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = kTake;
     return {.order = order,
             .train = {.rate_hz = 10, .width = std::chrono::milliseconds(1), .count = kPulses}};
   }
-  TakePaths paths() const { return take_paths(studio_, kTake); }
+  take::TakePaths paths() const { return node::take_paths(studio_, kTake); }
   bool exists(const std::filesystem::path& file) const { return std::filesystem::exists(file); }
 
   /// Stops the train and closes the take when it is drained.
@@ -74,22 +76,22 @@ class ActiveTakeTest : public testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  const CableServer cable_;
-  Bus bus_{kUrl};
+  const trigger::CableServer cable_;
+  bus::Bus bus_{kUrl};
   const std::string node_;
   const Studio studio_;
-  PulseTimes pulse_times_{std::chrono::milliseconds(100)};
+  capture::PulseTimes pulse_times_{std::chrono::milliseconds(100)};
   NodeTrigger trigger_;
   NodeCameras cameras_{studio_, node_, pulse_times_};
   PrioritySemaphore slots_{1};
-  std::shared_ptr<const TakeSigner> signer_;
+  std::shared_ptr<const take::TakeSigner> signer_;
 };
 
 class TakeOfTheTriggersNode : public ActiveTakeTest {
  protected:
   TakeOfTheTriggersNode() : ActiveTakeTest(kTriggerNode) {}
 
-  std::unique_ptr<ActiveTake> started(CommandVerb verb) {
+  std::unique_ptr<ActiveTake> started(wire::CommandVerb verb) {
     trigger_.arm(plan(verb).train);
     return ActiveTake::begin(context(), plan(verb));
   }
@@ -101,7 +103,7 @@ class TakeOfTheTriggersNode : public ActiveTakeTest {
 };
 
 TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
-  const auto take = started(CommandVerb::kArm);
+  const auto take = started(wire::CommandVerb::kArm);
   ASSERT_TRUE(take->has_ledger());
   run_train(*take);
   const TakeResult result = drain(*take);
@@ -111,13 +113,14 @@ TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
   EXPECT_EQ(result.ledger.sensed.value() + std::ssize(result.ledger.unsensed), kPulses);
   EXPECT_EQ(result.counts.commanded, kPulses);
   EXPECT_EQ(result.close_report.error, "");
-  EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
   EXPECT_EQ(logged_pulses(paths()), result.ledger.sensed.value());
 }
 
 TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed) {
-  signer_ = std::make_shared<const TakeSigner>(TakeSigner{kTriggerNode, SigningKey::make()});
-  const auto take = started(CommandVerb::kArm);
+  signer_ = std::make_shared<const take::TakeSigner>(
+      take::TakeSigner{kTriggerNode, wire::SigningKey::make()});
+  const auto take = started(wire::CommandVerb::kArm);
   run_train(*take);
   test::write_text(paths().studio(), "damaged");
   const TakeResult result = drain(*take);
@@ -126,11 +129,11 @@ TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed)
   EXPECT_THAT(result.close_report.signing_error,
               testing::AllOf(testing::HasSubstr("take kendo-07 is not signed: cannot sign"),
                              testing::HasSubstr("studio.toml")));
-  EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
 }
 
 TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {
-  const auto take = started(CommandVerb::kArm);
+  const auto take = started(wire::CommandVerb::kArm);
   EXPECT_TRUE(exists(paths().info()));
   const TakeResult result = take->close();
   EXPECT_EQ(result.ledger.commanded, 0);
@@ -142,7 +145,7 @@ TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {
 }
 
 TEST_F(TakeOfTheTriggersNode, records_nothing_when_it_is_a_check) {
-  const auto take = started(CommandVerb::kCheck);
+  const auto take = started(wire::CommandVerb::kCheck);
   EXPECT_TRUE(take->has_ledger());
   EXPECT_EQ(take->recording(), nullptr);
   run_train(*take);
@@ -153,7 +156,7 @@ TEST_F(TakeOfTheTriggersNode, records_nothing_when_it_is_a_check) {
 }
 
 TEST_F(TakeOfTheTriggersNode, has_no_ledger_when_the_background_is_learnt) {
-  const auto take = started(CommandVerb::kBackground);
+  const auto take = started(wire::CommandVerb::kBackground);
   EXPECT_FALSE(take->has_ledger());
   run_train(*take);
   take->train_ended();
@@ -166,20 +169,20 @@ class TakeOfAnotherNode : public ActiveTakeTest {
   TakeOfAnotherNode() : ActiveTakeTest("cap02") {}
 
   void publish_pulse(int64_t pulse) {
-    PulseMessage message;
+    wire::PulseMessage message;
     message.take = kTake;
     message.pulse = pulse;
-    bus_.publish_authenticated(kPulseChannel, encode(message));
+    bus_.publish_authenticated(wire::kPulseChannel, encode(message));
   }
-  void publish_commanded(int64_t pulses, NodeState state = NodeState::kRecording) {
-    HealthMessage health;
+  void publish_commanded(int64_t pulses, wire::NodeState state = wire::NodeState::kRecording) {
+    wire::HealthMessage health;
     health.sent = Realtime::now();
     health.seq = health_seq_++;
     health.node = kTriggerNode;
     health.state = state;
     health.take = kTake;
     health.values["pulses_commanded"] = static_cast<double>(pulses);
-    bus_.publish(health_channel(kTriggerNode), encode(health));
+    bus_.publish(wire::health_channel(kTriggerNode), encode(health));
   }
   bool receives(const ActiveTake& take, int64_t commanded, int64_t sensed) {
     return becomes_true(
@@ -195,7 +198,7 @@ class TakeOfAnotherNode : public ActiveTakeTest {
 };
 
 TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_message) {
-  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+  const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
   trigger_.start();
   for (int64_t pulse = 0; pulse < 3; ++pulse) publish_pulse(pulse);
   ASSERT_TRUE(receives(*take, 3, 3));
@@ -205,7 +208,7 @@ TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_messag
 }
 
 TEST_F(TakeOfAnotherNode, omits_the_sensed_pulses_when_a_message_was_lost) {
-  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+  const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
   trigger_.start();
   for (const int64_t pulse : {0, 2}) publish_pulse(pulse);
   publish_commanded(kPulses);
@@ -216,7 +219,7 @@ TEST_F(TakeOfAnotherNode, omits_the_sensed_pulses_when_a_message_was_lost) {
 }
 
 TEST_F(TakeOfAnotherNode, has_a_minimum_of_pulses_when_it_is_closed_before_the_train_ends) {
-  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+  const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
   trigger_.start();
   publish_commanded(kPulses - 1);
   ASSERT_TRUE(receives(*take, kPulses - 1, 0));
@@ -224,15 +227,15 @@ TEST_F(TakeOfAnotherNode, has_a_minimum_of_pulses_when_it_is_closed_before_the_t
 }
 
 TEST_F(TakeOfAnotherNode, has_all_pulses_when_the_triggers_node_has_stopped_or_none_can_follow) {
-  for (const auto& [pulses, state] :
-       {std::pair(kPulses - 1, NodeState::kDraining), std::pair(kPulses, NodeState::kRecording)}) {
+  for (const auto& [pulses, state] : {std::pair(kPulses - 1, wire::NodeState::kDraining),
+                                      std::pair(kPulses, wire::NodeState::kRecording)}) {
     std::filesystem::remove_all(paths().folder);
-    const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+    const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
     trigger_.start();
     publish_commanded(pulses);
     publish_commanded(pulses, state);
     ASSERT_TRUE(receives(*take, pulses, 0));
-    if (state == NodeState::kDraining) {
+    if (state == wire::NodeState::kDraining) {
       ASSERT_TRUE(becomes_true([&] { return trigger_.train_has_ended(kTake); }, within(30)));
     }
     EXPECT_FALSE(drain(*take).ledger.commanded_is_minimum) << pulses;
@@ -241,12 +244,12 @@ TEST_F(TakeOfAnotherNode, has_all_pulses_when_the_triggers_node_has_stopped_or_n
 
 TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
   {
-    const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+    const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
     for (int64_t pulse = 0; pulse < 2; ++pulse) publish_pulse(pulse);
     ASSERT_TRUE(receives(*take, 2, 2));
   }
-  EXPECT_EQ(load_take_info(paths()).state, TakeState::kRecording) << "as a crash leaves it";
-  const auto take = ActiveTake::resume(context(), plan(CommandVerb::kArm), 5);
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording) << "as a crash leaves it";
+  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 5);
   EXPECT_EQ(take->counts().sensed, 2);
   publish_pulse(6);
   ASSERT_TRUE(receives(*take, 7, 3));
@@ -256,4 +259,4 @@ TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

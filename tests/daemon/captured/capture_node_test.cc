@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/config/calib_file.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/node/take_folder.h"
 #include "support/child_process.h"
 #include "support/studio_text.h"
@@ -12,7 +12,7 @@
 #include "take/ledger/take_signature.h"
 #include "trigger/cable_server.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
@@ -39,8 +39,8 @@ class TriggerOnlyNode : public testing::Test {
     std::filesystem::create_directories(studio.storage.background);
     return studio;
   }
-  static CommandMessage order(CommandVerb verb) {
-    CommandMessage order;
+  static wire::CommandMessage order(wire::CommandVerb verb) {
+    wire::CommandMessage order;
     order.sender = "ada@pc";
     order.verb = verb;
     order.take = name(verb);
@@ -48,71 +48,72 @@ class TriggerOnlyNode : public testing::Test {
     return order;
   }
   /// The report of the node in this phase.
-  NodeReport report(Phase phase) {
-    std::optional<NodeReport> report;
+  control::NodeReport report(control::Phase phase) {
+    std::optional<control::NodeReport> report;
     EXPECT_TRUE(test::becomes_true(
         [&] {
           report = node_.poll(phase);
           return report.has_value();
         },
         test::within(30)));
-    return report.value_or(NodeReport{});
+    return report.value_or(control::NodeReport{});
   }
   void start_take(const std::string& take) {
-    CommandMessage arm = order(CommandVerb::kArm);
+    wire::CommandMessage arm = order(wire::CommandVerb::kArm);
     arm.take = take;
     node_.arm(arm);
-    ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
+    ASSERT_EQ(report(control::Phase::kArming).event, control::Input::kReady);
     node_.start();
   }
   void finish_take() {
-    EXPECT_EQ(report(Phase::kRecording).event, Input::kTrainEnded);
+    EXPECT_EQ(report(control::Phase::kRecording).event, control::Input::kTrainEnded);
     node_.drain();
-    EXPECT_EQ(report(Phase::kDraining).event, Input::kDrained);
+    EXPECT_EQ(report(control::Phase::kDraining).event, control::Input::kDrained);
     node_.disarm();
   }
-  PublicKey key_of_signature(const std::string& take) const {
-    const auto path = signature_path(take_paths(studio_, take), "cap01");
-    return parse_signature(read_file(path), path).key;
+  wire::PublicKey key_of_signature(const std::string& take) const {
+    const auto path = signature_path(node::take_paths(studio_, take), "cap01");
+    return take::parse_signature(read_file(path), path).key;
   }
   double pulses_commanded() {
-    HealthMessage health;
+    wire::HealthMessage health;
     node_.report_health(health);
     return health.values.at("pulses_commanded");
   }
 
   const test::TemporaryFolder folder_;
-  CableServer cable_;
+  trigger::CableServer cable_;
   const Studio studio_ = studio();
-  Bus bus_{kUrl};
+  bus::Bus bus_{kUrl};
   CaptureNode node_{studio_, "cap01", bus_};
 };
 
 TEST_F(TriggerOnlyNode, has_learnt_the_background_when_the_pulses_have_ended) {
-  node_.learn(order(CommandVerb::kBackground));
-  ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
+  node_.learn(order(wire::CommandVerb::kBackground));
+  ASSERT_EQ(report(control::Phase::kArming).event, control::Input::kReady);
   node_.start();
-  EXPECT_EQ(report(Phase::kLearning).event, Input::kReady);
+  EXPECT_EQ(report(control::Phase::kLearning).event, control::Input::kReady);
   node_.disarm();
   EXPECT_TRUE(cable_.wait_for_edges(kPulses - 1)) << "a busy host may skip one";
 }
 
 TEST_F(TriggerOnlyNode, fires_every_pulse_of_a_check) {
-  node_.arm(order(CommandVerb::kCheck));
-  ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
+  node_.arm(order(wire::CommandVerb::kCheck));
+  ASSERT_EQ(report(control::Phase::kArming).event, control::Input::kReady);
   node_.start();
-  EXPECT_EQ(report(Phase::kRecording).text, "pulses have ended");
+  EXPECT_EQ(report(control::Phase::kRecording).text, "pulses have ended");
   node_.drain();
-  EXPECT_EQ(report(Phase::kDraining).text, "checked 0 cameras");
+  EXPECT_EQ(report(control::Phase::kDraining).text, "checked 0 cameras");
   EXPECT_EQ(pulses_commanded(), kPulses);
 }
 
 TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_armed) {
-  const SigningKey first = SigningKey::make(), second = SigningKey::make();
+  const wire::SigningKey first = wire::SigningKey::make(), second = wire::SigningKey::make();
   start_take("kendo-01");
   node_.set_signing_key(first);
   finish_take();
-  EXPECT_FALSE(std::filesystem::exists(signature_path(take_paths(studio_, "kendo-01"), "cap01")))
+  EXPECT_FALSE(
+      std::filesystem::exists(signature_path(node::take_paths(studio_, "kendo-01"), "cap01")))
       << "it was armed without a key";
   start_take("kendo-02");
   node_.set_signing_key(second);
@@ -124,4 +125,4 @@ TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

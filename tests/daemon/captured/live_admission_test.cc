@@ -10,9 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "daemon/captured/priority_semaphore.h"
-
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 TEST(LiveAdmission, decides_once_per_pulse_even_if_the_backlog_changes) {
@@ -95,4 +93,4 @@ TEST(PrioritySemaphore, releases_its_slot_after_an_exception) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -1,13 +1,12 @@
-#include "daemon/captured/node_signer.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
+#include "daemon/captured/take_signers.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 using testing::AllOf;
@@ -17,7 +16,7 @@ using testing::IsEmpty;
 class NodeSignerTest : public testing::Test {
  protected:
   /// Writes and reads a studio file that lists `key` for cap01.
-  Studio studio_with(const SigningKey& key) const {
+  Studio studio_with(const wire::SigningKey& key) const {
     std::string text = test::studio_text({{"cap01", {"cam01"}}});
     const std::string name = "name = 'cap01'\n";
     text.insert(text.find(name) + name.size(), "public_key = '" + key.public_key().text() + "'\n");
@@ -26,7 +25,7 @@ class NodeSignerTest : public testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  const SigningKey first_ = SigningKey::make(), second_ = SigningKey::make();
+  const wire::SigningKey first_ = wire::SigningKey::make(), second_ = wire::SigningKey::make();
 };
 
 TEST_F(NodeSignerTest, warns_of_a_key_until_the_studio_file_lists_it) {
@@ -53,4 +52,4 @@ TEST_F(NodeSignerTest, does_not_warn_where_the_studio_file_lists_no_key) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

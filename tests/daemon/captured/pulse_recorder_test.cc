@@ -6,25 +6,25 @@
 #include <thread>
 
 #include "support/child_process.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
 
 /// Senses three pulses.
-class ThreePulses : public PulseSensor {
+class ThreePulses : public trigger::PulseSensor {
  public:
   void reset() override {}
-  std::optional<SensedPulse> wait(MonotonicInstant deadline) override {
+  std::optional<trigger::SensedPulse> wait(MonotonicInstant deadline) override {
     if (next_ == 3) {
       std::this_thread::sleep_until(deadline);
       return std::nullopt;
     }
     const int number = next_++;
-    return SensedPulse{.number = number, .at = began_ + kPeriod * number};
+    return trigger::SensedPulse{.number = number, .at = began_ + kPeriod * number};
   }
   std::string fault() const override { return ""; }
 
@@ -34,13 +34,13 @@ class ThreePulses : public PulseSensor {
 };
 
 TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed) {
-  Bus bus(kUrl);
-  Subscription<PulseMessage> received(bus, kPulseChannel, 16);
+  bus::Bus bus(kUrl);
+  bus::Subscription<wire::PulseMessage> received(bus, wire::kPulseChannel, 16);
   ThreePulses sensor;
   PulseRecorder recorder(&sensor, bus,
                          {.take = "kendo-07",
                           .train = {.rate_hz = 25, .width = kPeriod / 8, .count = 3},
-                          .on_edge = [](const PulseEdge&) {}});
+                          .on_edge = [](const capture::PulseEdge&) {}});
   std::vector<int64_t> pulses;
   while (pulses.size() < 6) {
     const auto pulse = received.wait(test::within(10));
@@ -53,4 +53,4 @@ TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

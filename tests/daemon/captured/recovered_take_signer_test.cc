@@ -1,11 +1,10 @@
-#include "daemon/captured/recovered_take_signer.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
+#include "daemon/captured/take_signers.h"
 #include "support/begun_take.h"
 #include "support/child_process.h"
 #include "support/studio_text.h"
@@ -15,7 +14,7 @@
 #include "take/logs/frame_log.h"
 #include "take/take_lock.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,24 +34,24 @@ class RecoveredTakeSigning : public testing::Test {
   }
 
   /// A take of cap01 that a crash left open, and its recovery.
-  TakePaths recover(const std::string& name, bool names_key = true) const {
-    const TakePaths take{folder_ / name};
+  take::TakePaths recover(const std::string& name, bool names_key = true) const {
+    const take::TakePaths take{folder_ / name};
     fs::create_directories(take.folder);
-    TakeInfo info = test::begun_take({"cam01"});
+    take::TakeInfo info = test::begun_take({"cam01"});
     info.name = name;
     EXPECT_TRUE(save_take_info(take, info));
     std::string studio = test::studio_text({{"cap01", {"cam01"}}, {"cap02", {"cam02"}}});
     if (names_key) studio += "signing_key = 'node.key'\n";
     test::write_text(take.studio(), studio);
     test::write_text(take.calib(), "# the rig\n");
-    EventLogWriter{take.pulses()};
-    EventLogWriter{take.frames("cam01")};
+    take::EventLogWriter{take.pulses()};
+    take::EventLogWriter{take.frames("cam01")};
     recover_take(take);
     return take;
   }
   std::vector<std::string> unsigned_takes(const std::string& node = "cap01") const {
     std::vector<std::string> errors, names;
-    for (const TakePaths& take : unsigned_recovered_takes(folder_.path(), node, errors)) {
+    for (const take::TakePaths& take : unsigned_recovered_takes(folder_.path(), node, errors)) {
       names.push_back(take.folder.filename());
     }
     EXPECT_THAT(errors, IsEmpty());
@@ -72,10 +71,10 @@ class RecoveredTakeSigning : public testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  const SigningKey key_ = SigningKey::make();
-  const std::shared_ptr<const TakeSigner> as_cap01_ =
-      std::make_shared<const TakeSigner>(TakeSigner{"cap01", key_});
-  const TakePaths take_{folder_ / "kendo-07"};
+  const wire::SigningKey key_ = wire::SigningKey::make();
+  const std::shared_ptr<const take::TakeSigner> as_cap01_ =
+      std::make_shared<const take::TakeSigner>(take::TakeSigner{"cap01", key_});
+  const take::TakePaths take_{folder_ / "kendo-07"};
   Studio studio_;
 };
 
@@ -86,23 +85,23 @@ TEST_F(RecoveredTakeSigning, states_in_the_signature_that_it_was_made_after_the_
   ASSERT_EQ(done.size(), 1U);
   EXPECT_EQ(done[0].take, "kendo-07");
   EXPECT_EQ(done[0].error, "");
-  const SignatureCheck check = check_signatures(take_, &studio_);
+  const take::SignatureCheck check = check_signatures(take_, &studio_);
   EXPECT_THAT(check.disagreements, IsEmpty());
   ASSERT_EQ(check.signers.size(), 1U);
-  EXPECT_EQ(check.signers[0].occasion, SigningOccasion::kRecovery);
+  EXPECT_EQ(check.signers[0].occasion, take::SigningOccasion::kRecovery);
   EXPECT_EQ(check.signers[0].files, 4) << "calibration, studio file, pulses, log";
   EXPECT_THAT(unsigned_takes(), IsEmpty());
 }
 
 TEST_F(RecoveredTakeSigning, omits_takes_that_are_complete_signed_or_of_another_node_or_time) {
   recover("before-the-key", false);
-  const TakePaths complete = recover("complete");
-  TakeInfo info = load_take_info(complete);
-  info.state = TakeState::kComplete;
+  const take::TakePaths complete = recover("complete");
+  take::TakeInfo info = load_take_info(complete);
+  info.state = take::TakeState::kComplete;
   ASSERT_TRUE(save_take_info(complete, info));
-  const TakePaths is_signed = recover("signed");
-  ASSERT_TRUE(sign_whole_take(is_signed, *as_cap01_, SigningOccasion::kCommand));
-  const TakePaths damaged = recover("damaged");
+  const take::TakePaths is_signed = recover("signed");
+  ASSERT_TRUE(sign_whole_take(is_signed, *as_cap01_, take::SigningOccasion::kCommand));
+  const take::TakePaths damaged = recover("damaged");
   test::write_text(damaged.info(), "damaged");
   fs::create_directory(folder_ / "no take");
   EXPECT_THAT(unsigned_takes(), ElementsAre("kendo-07"));
@@ -125,8 +124,8 @@ TEST_F(RecoveredTakeSigning, does_not_sign_a_take_that_the_node_records_again) {
     const auto hold = signer.hold();
     signer.search(as_cap01_);
     ASSERT_TRUE(becomes_true([&] { return signer.pending() == 1; }, within(60)));
-    TakeInfo info = load_take_info(take_);
-    info.state = TakeState::kRecording;
+    take::TakeInfo info = load_take_info(take_);
+    info.state = take::TakeState::kRecording;
     ASSERT_TRUE(save_take_info(take_, info));
   }
   EXPECT_TRUE(becomes_true([&] { return signer.pending() == 0; }, within(60)));
@@ -135,7 +134,7 @@ TEST_F(RecoveredTakeSigning, does_not_sign_a_take_that_the_node_records_again) {
 }
 
 TEST_F(RecoveredTakeSigning, fails_with_a_cause_while_another_process_holds_the_take) {
-  const auto lock = TakeLock::acquire(take_, "cap01");
+  const auto lock = take::TakeLock::acquire(take_, "cap01");
   ASSERT_TRUE(lock);
   RecoveredTakeSigner signer(studio_, "cap01");
   signer.search(as_cap01_);
@@ -146,9 +145,9 @@ TEST_F(RecoveredTakeSigning, fails_with_a_cause_while_another_process_holds_the_
 }
 
 TEST_F(RecoveredTakeSigning, reports_a_take_that_cannot_be_read_and_signs_the_others) {
-  const TakePaths other = recover("kendo-06");
+  const take::TakePaths other = recover("kendo-06");
   test::write_text(other.ledger(), "damaged");
-  const TakePaths third = recover("kendo-05");
+  const take::TakePaths third = recover("kendo-05");
   test::write_text(third.studio(), "damaged");
   RecoveredTakeSigner signer(studio_, "cap01");
   signer.search(as_cap01_);
@@ -167,4 +166,4 @@ TEST_F(RecoveredTakeSigning, ends_while_it_is_paused) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

@@ -7,7 +7,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::captured {
 namespace {
 
 using testing::HasSubstr;
@@ -61,7 +61,7 @@ class TakeDiskTest : public testing::Test {
     test::write_text(paths_.info(), "");
   }
   const test::TemporaryFolder folder_;
-  const TakePaths paths_{folder_ / "kendo-07"};
+  const take::TakePaths paths_{folder_ / "kendo-07"};
 };
 
 TEST_F(TakeDiskTest, reserves_space_until_the_ledger_is_written) {
@@ -121,4 +121,4 @@ TEST_F(TakeDiskTest, reports_a_deleted_take_and_does_not_measure_another_disk) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::captured

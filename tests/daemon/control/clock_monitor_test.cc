@@ -9,7 +9,7 @@
 
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 /// The reply of chronyd 4.3 to request 7, as received: local clock, stratum 3.
@@ -130,4 +130,4 @@ TEST(ClockMonitor, reports_synchronisation_by_timesyncd_without_chronyd) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::control

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 using testing::HasSubstr;
@@ -15,14 +15,14 @@ using testing::HasSubstr;
 class FailingWork : public NodeDelegate {
  public:
   std::string fails_in;  ///< name of a function
-  std::optional<CommandMessage> running_take;
+  std::optional<wire::CommandMessage> running_take;
 
-  void arm(const CommandMessage& /*order*/) override { fail_in("arm"); }
-  void learn(const CommandMessage& /*order*/) override {}
+  void arm(const wire::CommandMessage& /*order*/) override { fail_in("arm"); }
+  void learn(const wire::CommandMessage& /*order*/) override {}
   void start() override { fail_in("start"); }
   void drain() override { fail_in("drain"); }
   void disarm() override { fail_in("disarm"); }
-  std::optional<CommandMessage> rejoin() override {
+  std::optional<wire::CommandMessage> rejoin() override {
     fail_in("rejoin");
     return running_take;
   }
@@ -31,7 +31,7 @@ class FailingWork : public NodeDelegate {
     if (phase != Phase::kArming) return std::nullopt;
     return NodeReport{.event = Input::kReady, .text = "ready", .detail = {}};
   }
-  void report_health(HealthMessage& /*health*/) override {}
+  void report_health(wire::HealthMessage& /*health*/) override {}
   bool progressed_since(MonotonicInstant /*since*/) const override { return true; }
 
  private:
@@ -44,8 +44,8 @@ class FailingWork : public NodeDelegate {
 
 class Node : public testing::Test {
  protected:
-  void command(CommandVerb verb) {
-    CommandMessage order;
+  void command(wire::CommandVerb verb) {
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = "kendo-07";
     order.sender = "operator";
@@ -56,43 +56,44 @@ class Node : public testing::Test {
   const std::string& last_text() const { return replies_.back().text; }
 
   FailingWork work_;
-  std::vector<ReplyMessage> replies_;
+  std::vector<wire::ReplyMessage> replies_;
   MonotonicInstant now_ = MonotonicInstant(std::chrono::seconds(1000));
-  NodeProtocol protocol_{
-      "cap01", work_, [this](ReplyMessage reply) { replies_.push_back(std::move(reply)); }, now_};
+  NodeProtocol protocol_{"cap01", work_,
+                         [this](wire::ReplyMessage reply) { replies_.push_back(std::move(reply)); },
+                         now_};
   int64_t counter_ = 0;
 };
 
 TEST_F(Node, refuses_to_arm_when_files_cannot_be_created_and_stays_idle) {
   work_.fails_in = "arm";
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kIdle);
   EXPECT_THAT(last_text(), HasSubstr("Input/output error [/takes/kendo-07]"));
 }
 
 TEST_F(Node, survives_a_disk_error_while_arming) {
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   work_.fails_in = "poll";
   poll();
   EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
   EXPECT_NE(protocol_.phase(), Phase::kArming);
   work_.fails_in = "";
   poll();
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kPrepared) << "the next take is not affected";
 }
 
 TEST_F(Node, continues_recording_after_a_disk_error_and_enters_fault_when_it_cannot_close) {
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   poll();
-  command(CommandVerb::kCommit);
-  command(CommandVerb::kStart);
+  command(wire::CommandVerb::kCommit);
+  command(wire::CommandVerb::kStart);
   work_.fails_in = "poll";
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kRecording);
-  command(CommandVerb::kStop);
+  command(wire::CommandVerb::kStop);
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kFault);
   EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
@@ -107,32 +108,32 @@ TEST_F(Node, survives_a_disk_error_while_rejoining) {
 TEST_F(Node, rejoins_a_running_take_unless_it_has_answered_a_stop_with_its_ledger) {
   work_.running_take.emplace().take = "kendo-07";
   protocol_.remember("kendo-07", "recovered", "{}");
-  command(CommandVerb::kStop);
+  command(wire::CommandVerb::kStop);
   EXPECT_EQ(last_text(), "recovered");
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kIdle) << "seed 20169961 of the simulator";
   NodeProtocol restarted(
-      "cap01", work_, [](const ReplyMessage&) {}, now_);
+      "cap01", work_, [](const wire::ReplyMessage&) {}, now_);
   restarted.poll(now_, true);
   EXPECT_EQ(restarted.phase(), Phase::kRecording);
 }
 
 TEST_F(Node, survives_a_disk_error_while_disarming) {
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   poll();
   work_.fails_in = "disarm";
-  command(CommandVerb::kAbort);
+  command(wire::CommandVerb::kAbort);
   EXPECT_EQ(protocol_.phase(), Phase::kIdle);
 }
 
 TEST_F(Node, has_the_take_of_a_command_when_it_records_it_or_recorded_it_last) {
-  CommandMessage stop;
-  stop.verb = CommandVerb::kStop;
+  wire::CommandMessage stop;
+  stop.verb = wire::CommandVerb::kStop;
   stop.take = "kendo-07";
   EXPECT_FALSE(protocol_.has_take_of(stop));
-  command(CommandVerb::kArm);
+  command(wire::CommandVerb::kArm);
   EXPECT_TRUE(protocol_.has_take_of(stop));
-  command(CommandVerb::kAbort);
+  command(wire::CommandVerb::kAbort);
   EXPECT_FALSE(protocol_.has_take_of(stop));
   protocol_.remember("kendo-07", "recovered", "");
   EXPECT_TRUE(protocol_.has_take_of(stop));
@@ -141,4 +142,4 @@ TEST_F(Node, has_the_take_of_a_command_when_it_records_it_or_recorded_it_last) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::control

@@ -11,11 +11,11 @@
 #include "support/child_process.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "wire/channels.h"
 #include "wire/member_list.h"
-#include "wire/studio_key.h"
+#include "wire/messages.h"
+#include "wire/secret_keys.h"
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 using test::becomes_true;
@@ -26,37 +26,40 @@ constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 /// A node that replies to each command with its next outcome, and repeats the last one.
 class FakeNode {
  public:
-  using Authenticate = std::function<Bytes(const ReplyMessage&)>;
+  using Authenticate = std::function<wire::Bytes(const wire::ReplyMessage&)>;
 
   /// Its replies carry the MAC of the studio key.
-  FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
+  FakeNode(std::string node, const wire::StudioKey& key,
+           std::vector<wire::ReplyMessage::Outcome> outcomes)
       : FakeNode(std::move(node), std::move(outcomes),
-                 [key](const ReplyMessage& reply) { return encode_with_mac(reply, key); }) {
+                 [key](const wire::ReplyMessage& reply) { return encode_with_mac(reply, key); }) {
     bus_.authenticator().set_key(key);
   }
   /// Replies "done", authenticated by `authenticate`, for studios with a member list.
-  FakeNode(std::string node, const StudioKey& key, Authenticate authenticate)
-      : FakeNode(std::move(node), {ReplyMessage::Outcome::kDone}, std::move(authenticate)) {
+  FakeNode(std::string node, const wire::StudioKey& key, Authenticate authenticate)
+      : FakeNode(std::move(node), {wire::ReplyMessage::Outcome::kDone}, std::move(authenticate)) {
     bus_.authenticator().set_key(key);
   }
 
  private:
-  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes, Authenticate authenticate)
+  FakeNode(std::string node, std::vector<wire::ReplyMessage::Outcome> outcomes,
+           Authenticate authenticate)
       : node_(std::move(node)),
         outcomes_(std::move(outcomes)),
         authenticate_(std::move(authenticate)),
         bus_(kUrl) {
-    listening_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& received) {
-      const auto signed_message = split_signature(received.bytes);
-      const auto command =
-          decode<CommandMessage>(signed_message ? signed_message->message : received.bytes);
-      const bool meant =
-          command && std::find(command->to.begin(), command->to.end(), node_) != command->to.end();
-      if (meant) answer(*command);
-    }));
+    listening_.emplace(
+        bus_.subscribe(wire::kCommandChannel, [this](const bus::ReceivedMessage& received) {
+          const auto signed_message = wire::split_signature(received.bytes);
+          const auto command = wire::decode<wire::CommandMessage>(
+              signed_message ? signed_message->message : received.bytes);
+          const bool meant = command && std::find(command->to.begin(), command->to.end(), node_) !=
+                                            command->to.end();
+          if (meant) answer(*command);
+        }));
   }
-  void answer(const CommandMessage& command) {
-    ReplyMessage reply;
+  void answer(const wire::CommandMessage& command) {
+    wire::ReplyMessage reply;
     reply.node = node_;
     reply.command_sender = command.sender;
     reply.command_counter = command.counter;
@@ -65,11 +68,11 @@ class FakeNode {
   }
 
   const std::string node_;
-  const std::vector<ReplyMessage::Outcome> outcomes_;
+  const std::vector<wire::ReplyMessage::Outcome> outcomes_;
   const Authenticate authenticate_;
   size_t answered_ = 0;
-  Bus bus_;
-  std::optional<Bus::Listening> listening_;  // last: its handler uses the other members
+  bus::Bus bus_;
+  std::optional<bus::Bus::Listening> listening_;  // last: its handler uses the other members
 };
 
 class OperatorClientTest : public testing::Test {
@@ -84,11 +87,11 @@ class OperatorClientTest : public testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  const StudioKey key_ = StudioKey::make();
+  const wire::StudioKey key_ = wire::StudioKey::make();
   Studio studio_;
 };
 
-using enum ReplyMessage::Outcome;
+using enum wire::ReplyMessage::Outcome;
 
 TEST_F(OperatorClientTest, commands_nodes_with_camera_trigger_or_reconstruction) {
   EXPECT_THAT(commanded_nodes(studio_), testing::ElementsAre("cap01", "recon01"));
@@ -99,8 +102,8 @@ TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_sent_a_final_r
   const FakeNode recon("recon01", key_, {kDone});
   OperatorClient client(studio_);
   int replies = 0;
-  const Answer answer =
-      client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++replies; });
+  const Answer answer = client.command(wire::CommandMessage{}, within(20),
+                                       [&](const wire::ReplyMessage&) { ++replies; });
   EXPECT_TRUE(answer.done());
   EXPECT_EQ(answer.replies.size(), 2U);
   EXPECT_EQ(replies, 5);  // pending once, ready twice, armed twice
@@ -109,15 +112,15 @@ TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_sent_a_final_r
 TEST_F(OperatorClientTest, lists_silent_nodes) {
   const FakeNode capture("cap01", key_, {kDone});
   OperatorClient client(studio_);
-  const Answer answer = client.command(CommandMessage{}, within(1));
+  const Answer answer = client.command(wire::CommandMessage{}, within(1));
   EXPECT_FALSE(answer.done());
   EXPECT_THAT(answer.silent, testing::ElementsAre("recon01"));
 }
 
 TEST_F(OperatorClientTest, ignores_a_forged_done) {
-  const FakeNode stranger("cap01", StudioKey::make(), {kDone});
+  const FakeNode stranger("cap01", wire::StudioKey::make(), {kDone});
   OperatorClient client(studio_);
-  const Answer answer = client.command(CommandMessage{}, within(1));
+  const Answer answer = client.command(wire::CommandMessage{}, within(1));
   EXPECT_THAT(answer.silent, testing::ElementsAre("cap01"));
 }
 
@@ -125,48 +128,50 @@ TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_monitor) {
   studio_.network.key = folder_ / "elsewhere.key";
   OperatorClient client(studio_);
   EXPECT_TRUE(client.health(Monotonic::now()).empty());
-  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
-              testing::HasSubstr("v3dctl key new"));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { client.command(wire::CommandMessage{}, within(1)); }),
+      testing::HasSubstr("v3dctl key new"));
 }
 
 /// A studio with a member list.
 class MemberClientTest : public OperatorClientTest {
  protected:
   MemberClientTest() {
-    const SigningKey authority = SigningKey::make();
+    const wire::SigningKey authority = wire::SigningKey::make();
     ada_.save(folder_ / "operator.key");
     studio_.network.members = folder_ / "members.toml";
     studio_.network.authority = authority.public_key().text();
     studio_.network.operator_key = folder_ / "operator.key";
     test::write_text(
         studio_.network.members,
-        sign_member_list({.studio = studio_.name,
-                          .serial = 1,
-                          .members = {{"ada", Role::kOperator, ada_.public_key()},
-                                      {"guest", Role::kViewer, guest_.public_key()},
-                                      {"cap01", Role::kCapture, cap01_.public_key()},
-                                      {"recon01", Role::kReconstruction, recon01_.public_key()}}},
-                         authority));
+        sign_member_list(
+            {.studio = studio_.name,
+             .serial = 1,
+             .members = {{"ada", wire::Role::kOperator, ada_.public_key()},
+                         {"guest", wire::Role::kViewer, guest_.public_key()},
+                         {"cap01", wire::Role::kCapture, cap01_.public_key()},
+                         {"recon01", wire::Role::kReconstruction, recon01_.public_key()}}},
+            authority));
   }
-  static FakeNode::Authenticate signed_by(const SigningKey& key) {
-    return [key](const ReplyMessage& reply) { return sign_message(encode(reply), key); };
+  static FakeNode::Authenticate signed_by(const wire::SigningKey& key) {
+    return [key](const wire::ReplyMessage& reply) { return sign_message(encode(reply), key); };
   }
   std::vector<std::string> silent_nodes() const {
     OperatorClient client(studio_);
-    CommandMessage abort;  // goes to all nodes, even when the trigger's node is silent
-    abort.verb = CommandVerb::kAbort;
+    wire::CommandMessage abort;  // goes to all nodes, even when the trigger's node is silent
+    abort.verb = wire::CommandVerb::kAbort;
     return client.command(abort, within(2)).silent;
   }
 
-  const SigningKey ada_ = SigningKey::make(), guest_ = SigningKey::make(),
-                   cap01_ = SigningKey::make(), recon01_ = SigningKey::make();
+  const wire::SigningKey ada_ = wire::SigningKey::make(), guest_ = wire::SigningKey::make(),
+                         cap01_ = wire::SigningKey::make(), recon01_ = wire::SigningKey::make();
 };
 
 TEST_F(MemberClientTest, accepts_signed_replies_of_nodes) {
   const FakeNode capture("cap01", key_, signed_by(cap01_));
   const FakeNode recon("recon01", key_, signed_by(recon01_));
   OperatorClient client(studio_);
-  EXPECT_TRUE(client.command(CommandMessage{}, within(60)).done());
+  EXPECT_TRUE(client.command(wire::CommandMessage{}, within(60)).done());
 }
 
 TEST_F(MemberClientTest, ignores_a_node_that_replies_for_another) {
@@ -177,9 +182,10 @@ TEST_F(MemberClientTest, ignores_a_node_that_replies_for_another) {
 }
 
 TEST_F(MemberClientTest, ignores_holders_of_the_studio_key_that_are_no_members) {
-  const FakeNode capture("cap01", key_, signed_by(SigningKey::make()));
-  const FakeNode recon("recon01", key_,
-                       [&](const ReplyMessage& reply) { return encode_with_mac(reply, key_); });
+  const FakeNode capture("cap01", key_, signed_by(wire::SigningKey::make()));
+  const FakeNode recon("recon01", key_, [&](const wire::ReplyMessage& reply) {
+    return encode_with_mac(reply, key_);
+  });
   EXPECT_THAT(silent_nodes(), testing::UnorderedElementsAre("cap01", "recon01"));
 }
 
@@ -187,13 +193,15 @@ TEST_F(MemberClientTest, does_not_command_with_the_key_of_a_viewer) {
   std::filesystem::remove(folder_ / "operator.key");
   guest_.save(folder_ / "operator.key");
   OperatorClient client(studio_);
-  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
-              testing::AllOf(testing::HasSubstr("no operator has the public key of "),
-                             testing::HasSubstr("v3dctl key enroll NAME --role operator")));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { client.command(wire::CommandMessage{}, within(1)); }),
+      testing::AllOf(testing::HasSubstr("no operator has the public key of "),
+                     testing::HasSubstr("v3dctl key enroll NAME --role operator")));
   std::filesystem::remove(folder_ / "operator.key");
-  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
-              testing::HasSubstr("operator.key"));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { client.command(wire::CommandMessage{}, within(1)); }),
+      testing::HasSubstr("operator.key"));
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::control

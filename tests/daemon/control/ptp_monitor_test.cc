@@ -1,5 +1,3 @@
-#include "daemon/control/ptp_monitor.h"
-
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -7,9 +5,10 @@
 
 #include <cstring>
 
+#include "daemon/control/clock_monitor.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 std::vector<uint8_t> bytes_of(const std::string& hex) {
@@ -113,4 +112,4 @@ TEST(PtpMonitor, reports_nothing_without_ptp4l) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::control

@@ -6,7 +6,7 @@
 
 #include "daemon/simulated_crew.h"
 
-namespace v3d {
+namespace v3d::control {
 namespace {
 
 using namespace std::chrono_literals;
@@ -16,15 +16,15 @@ using test::SimulatedStudio;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using Outcome = ReplyMessage::Outcome;
+using Outcome = wire::ReplyMessage::Outcome;
 
 const CommandTargets kStudio = {{"cap01", "cap02", "recon01"}, "cap01"};
 
 class CoordinatorTest : public testing::Test {
  protected:
-  StudioCoordinator begin(CommandVerb verb, const std::string& take = "",
+  StudioCoordinator begin(wire::CommandVerb verb, const std::string& take = "",
                           const CommandTargets& studio = kStudio) {
-    CommandMessage order;
+    wire::CommandMessage order;
     order.verb = verb;
     order.take = take;
     return {order, 0, studio, now_ + 10s};
@@ -40,7 +40,7 @@ class CoordinatorTest : public testing::Test {
   /// `take`: empty for that of the command, or kendo-07 where it names none.
   void reply(StudioCoordinator& coordinator, const std::string& node, Outcome outcome,
              const std::string& text = "", const std::string& take = "") {
-    ReplyMessage reply;
+    wire::ReplyMessage reply;
     reply.node = node;
     reply.command_counter = last_->counter;
     reply.outcome = outcome;
@@ -54,11 +54,11 @@ class CoordinatorTest : public testing::Test {
   }
 
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
-  std::optional<CommandMessage> last_;
+  std::optional<wire::CommandMessage> last_;
 };
 
 TEST_F(CoordinatorTest, arms_the_triggers_node_then_all_and_commits_when_every_node_is_ready) {
-  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kArm, "kendo-07");
   EXPECT_EQ(sent(coordinator), "arm@cap01");
   reply(coordinator, "cap01", Outcome::kPending);
   EXPECT_EQ(sent(coordinator), "arm@cap01,cap02,recon01");
@@ -76,7 +76,7 @@ TEST_F(CoordinatorTest, arms_the_triggers_node_then_all_and_commits_when_every_n
 }
 
 TEST_F(CoordinatorTest, stops_after_a_refusal_of_the_trigger_s_node) {
-  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-08");
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kArm, "kendo-08");
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kRefused, "armed for kendo-07 by anna@desk already");
   EXPECT_TRUE(coordinator.is_finished()) << "nothing to take back";
@@ -86,7 +86,7 @@ TEST_F(CoordinatorTest, stops_after_a_refusal_of_the_trigger_s_node) {
 }
 
 TEST_F(CoordinatorTest, takes_back_what_was_armed_when_one_node_refuses) {
-  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kArm, "kendo-07");
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kDone);
   sent(coordinator);
@@ -101,7 +101,7 @@ TEST_F(CoordinatorTest, takes_back_what_was_armed_when_one_node_refuses) {
 }
 
 TEST_F(CoordinatorTest, lists_a_silent_node_and_takes_back_the_others) {
-  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kArm, "kendo-07");
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kDone);
   sent(coordinator);
@@ -115,7 +115,7 @@ TEST_F(CoordinatorTest, lists_a_silent_node_and_takes_back_the_others) {
 }
 
 TEST_F(CoordinatorTest, starts_the_trigger_s_node_last_for_the_take_of_the_others) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   EXPECT_EQ(sent(coordinator), "start@cap02,recon01");
   all_reply(coordinator, Outcome::kDone);
   EXPECT_EQ(sent(coordinator), "start@cap01");
@@ -126,7 +126,7 @@ TEST_F(CoordinatorTest, starts_the_trigger_s_node_last_for_the_take_of_the_other
 }
 
 TEST_F(CoordinatorTest, repeats_a_start_for_the_take_that_the_first_node_has_started) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   sent(coordinator);
   EXPECT_EQ(last_->take, "");
   reply(coordinator, "cap02", Outcome::kDone);
@@ -136,7 +136,7 @@ TEST_F(CoordinatorTest, repeats_a_start_for_the_take_that_the_first_node_has_sta
 }
 
 TEST_F(CoordinatorTest, repeats_a_stop_for_the_take_that_the_first_node_stops) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStop);
   sent(coordinator);
   now_ += StudioCoordinator::kTriggerTimeout + 1ms;
   EXPECT_EQ(sent(coordinator), "stop@cap01,cap02,recon01");
@@ -151,7 +151,7 @@ TEST_F(CoordinatorTest, repeats_a_stop_for_the_take_that_the_first_node_stops) {
 }
 
 TEST_F(CoordinatorTest, starts_no_pulses_when_a_node_has_started_another_take) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   sent(coordinator);
   reply(coordinator, "cap02", Outcome::kDone);
   reply(coordinator, "recon01", Outcome::kDone, "recording kendo-08", "kendo-08");
@@ -166,7 +166,7 @@ TEST_F(CoordinatorTest, starts_no_pulses_when_a_node_has_started_another_take) {
 }
 
 TEST_F(CoordinatorTest, starts_no_pulses_when_one_node_is_not_armed) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   sent(coordinator);
   reply(coordinator, "cap02", Outcome::kRefused, "not armed");
   reply(coordinator, "recon01", Outcome::kDone);
@@ -179,7 +179,7 @@ TEST_F(CoordinatorTest, starts_no_pulses_when_one_node_is_not_armed) {
 }
 
 TEST_F(CoordinatorTest, takes_no_start_back_while_the_trigger_s_node_is_silent) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   sent(coordinator);
   all_reply(coordinator, Outcome::kDone);
   EXPECT_EQ(sent(coordinator), "start@cap01");
@@ -195,7 +195,7 @@ TEST_F(CoordinatorTest, takes_no_start_back_while_the_trigger_s_node_is_silent) 
 }
 
 TEST_F(CoordinatorTest, keeps_a_running_take_when_a_second_start_is_refused) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStart);
   sent(coordinator);
   reply(coordinator, "cap02", Outcome::kRefused, "not armed");
   reply(coordinator, "recon01", Outcome::kDone);
@@ -205,14 +205,14 @@ TEST_F(CoordinatorTest, keeps_a_running_take_when_a_second_start_is_refused) {
 }
 
 TEST_F(CoordinatorTest, stops_the_triggers_node_first_and_all_when_it_is_silent) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStop);
   EXPECT_EQ(sent(coordinator), "stop@cap01");
   now_ += StudioCoordinator::kTriggerTimeout + 1ms;
   EXPECT_EQ(sent(coordinator), "stop@cap01,cap02,recon01");
 }
 
 TEST_F(CoordinatorTest, stops_the_others_when_the_triggers_node_has_nothing_to_stop) {
-  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kStop);
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kRefused, "not armed");
   EXPECT_EQ(sent(coordinator), "stop@cap02,recon01");
@@ -223,7 +223,7 @@ TEST_F(CoordinatorTest, stops_the_others_when_the_triggers_node_has_nothing_to_s
 
 TEST_F(CoordinatorTest, finishes_with_the_reply_of_a_single_node) {
   const CommandTargets one = {{"cap01"}, "cap01"};
-  for (const CommandVerb verb : {CommandVerb::kStop, CommandVerb::kAbort}) {
+  for (const wire::CommandVerb verb : {wire::CommandVerb::kStop, wire::CommandVerb::kAbort}) {
     for (const Outcome outcome : {Outcome::kDone, Outcome::kRefused}) {
       StudioCoordinator coordinator = begin(verb, "", one);
       EXPECT_NE(sent(coordinator), "");
@@ -233,13 +233,13 @@ TEST_F(CoordinatorTest, finishes_with_the_reply_of_a_single_node) {
       EXPECT_THAT(coordinator.answer().silent, IsEmpty());
     }
   }
-  StudioCoordinator arm = begin(CommandVerb::kArm, "kendo-07", one);
+  StudioCoordinator arm = begin(wire::CommandVerb::kArm, "kendo-07", one);
   EXPECT_EQ(sent(arm), "arm@cap01");
   reply(arm, "cap01", Outcome::kDone);
   EXPECT_EQ(sent(arm), "commit@cap01");
   reply(arm, "cap01", Outcome::kDone);
   EXPECT_TRUE(arm.answer().done() && arm.is_finished());
-  StudioCoordinator drains = begin(CommandVerb::kStop, "", one);
+  StudioCoordinator drains = begin(wire::CommandVerb::kStop, "", one);
   sent(drains);
   reply(drains, "cap01", Outcome::kPending);
   EXPECT_FALSE(drains.is_finished());
@@ -249,13 +249,13 @@ TEST_F(CoordinatorTest, finishes_with_the_reply_of_a_single_node) {
 }
 
 TEST_F(CoordinatorTest, learns_the_background_on_all_nodes_and_returns_each_result) {
-  StudioCoordinator coordinator = begin(CommandVerb::kBackground);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kBackground);
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kPending);
   for (const char* round : {"background@cap01,cap02,recon01", "commit@cap01,cap02,recon01",
                             "start@cap02,recon01", "start@cap01", "stop@cap01,cap02,recon01"}) {
     EXPECT_EQ(sent(coordinator), round);
-    if (!coordinator.is_finished() && last_->verb != CommandVerb::kStop)
+    if (!coordinator.is_finished() && last_->verb != wire::CommandVerb::kStop)
       all_reply(coordinator, Outcome::kDone);
   }
   reply(coordinator, "cap01", Outcome::kDone, "learnt the background of 7 cameras");
@@ -267,9 +267,9 @@ TEST_F(CoordinatorTest, learns_the_background_on_all_nodes_and_returns_each_resu
 }
 
 TEST_F(CoordinatorTest, ignores_replies_to_other_commands_and_of_other_nodes) {
-  StudioCoordinator coordinator = begin(CommandVerb::kAbort);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kAbort);
   sent(coordinator);
-  ReplyMessage reply;
+  wire::ReplyMessage reply;
   reply.node = "cap01";
   reply.command_counter = last_->counter + 1;
   reply.outcome = Outcome::kDone;
@@ -280,14 +280,14 @@ TEST_F(CoordinatorTest, ignores_replies_to_other_commands_and_of_other_nodes) {
 }
 
 TEST_F(CoordinatorTest, learns_a_nonce_only_from_the_reply_to_its_newest_command) {
-  StudioCoordinator coordinator = begin(CommandVerb::kAbort);
+  StudioCoordinator coordinator = begin(wire::CommandVerb::kAbort);
   sent(coordinator);
-  ReplyMessage newer;
+  wire::ReplyMessage newer;
   newer.node = "cap01";
   newer.command_sent = from_ns<Realtime>(2'000);
   newer.nonce = 22;
   newer.outcome = Outcome::kNonceMissing;
-  ReplyMessage replayed = newer;
+  wire::ReplyMessage replayed = newer;
   replayed.command_sent = from_ns<Realtime>(1'000);
   replayed.nonce = 11;
   coordinator.on_reply(newer);
@@ -311,9 +311,9 @@ NetworkConditions any_conditions() {
 uint32_t any_seed() { return *rc::gen::arbitrary<uint32_t>(); }
 
 void add_take_orders(SimulatedOperator& person, const std::string& take) {
-  person.add_order(CommandVerb::kArm, take);
-  person.add_order(CommandVerb::kStart);
-  person.add_order(CommandVerb::kStop);
+  person.add_order(wire::CommandVerb::kArm, take);
+  person.add_order(wire::CommandVerb::kStart);
+  person.add_order(wire::CommandVerb::kStop);
 }
 
 std::string text_of(const Answer& answer) {
@@ -326,7 +326,7 @@ std::string text_of(const Answer& answer) {
 RC_GTEST_PROP(Studio, records_every_take_on_every_node_on_any_network, ()) {
   SimulatedStudio studio(any_seed(), any_conditions(), 5);
   SimulatedOperator& anna = studio.add_operator("anna", 0s);
-  anna.add_order(CommandVerb::kBackground);
+  anna.add_order(wire::CommandVerb::kBackground);
   add_take_orders(anna, "kendo-01");
   add_take_orders(anna, "kendo-02");
   studio.run_until_idle();
@@ -342,8 +342,8 @@ RC_GTEST_PROP(Studio, arms_the_take_of_one_operator_and_refuses_the_other, ()) {
   SimulatedOperator& anna = studio.add_operator("anna", 0s);
   SimulatedOperator& ben =
       studio.add_operator("ben", std::chrono::milliseconds(*rc::gen::inRange(0, 30)));
-  anna.add_order(CommandVerb::kArm, "kendo-a");
-  ben.add_order(CommandVerb::kArm, "kendo-b");
+  anna.add_order(wire::CommandVerb::kArm, "kendo-a");
+  ben.add_order(wire::CommandVerb::kArm, "kendo-b");
   studio.run_until_idle();
   RC_ASSERT(anna.answers.size() == 1U && ben.answers.size() == 1U);
   const bool anna_has_it = anna.answers[0].done();
@@ -366,13 +366,13 @@ RC_GTEST_PROP(Studio, reaches_one_state_for_any_concurrent_orders, ()) {
     SimulatedOperator& person = studio.add_operator("person" + std::to_string(i), start);
     switch (*rc::gen::inRange(0, 4)) {
       case 0:
-        person.add_order(CommandVerb::kStop);
+        person.add_order(wire::CommandVerb::kStop);
         break;
       case 1:
-        person.add_order(CommandVerb::kAbort);
+        person.add_order(wire::CommandVerb::kAbort);
         break;
       case 2:
-        person.add_order(CommandVerb::kStart);
+        person.add_order(wire::CommandVerb::kStart);
         break;
       default:
         add_take_orders(person, "kendo-" + std::to_string(i));
@@ -401,7 +401,7 @@ RC_GTEST_PROP(Studio, reaches_one_state_after_restarts_of_nodes, ()) {
   }
   studio.run_until_idle();
   SimulatedOperator& cleaner = studio.add_operator("cleaner", 0s);
-  cleaner.add_order(CommandVerb::kAbort);
+  cleaner.add_order(wire::CommandVerb::kAbort);
   studio.run_until_idle();
   RC_ASSERT(cleaner.answers.size() == 1U && cleaner.answers[0].done());
   RC_ASSERT(studio.all_are(Phase::kIdle));
@@ -415,15 +415,15 @@ test::SimulatedNode& any_other_node(SimulatedStudio& studio) {
 RC_GTEST_PROP(Studio, rejoins_the_take_after_a_restart, ()) {
   SimulatedStudio studio(any_seed(), any_conditions(), 4);
   SimulatedOperator& anna = studio.add_operator("anna", 0s);
-  anna.add_order(CommandVerb::kArm, "kendo-01");
-  anna.add_order(CommandVerb::kStart);
+  anna.add_order(wire::CommandVerb::kArm, "kendo-01");
+  anna.add_order(wire::CommandVerb::kStart);
   studio.run_until_idle();
   RC_ASSERT(studio.all_are(Phase::kRecording));
   for (int i = *rc::gen::inRange(1, 4); i > 0; --i) any_other_node(studio).restart(studio.now());
   studio.run_for(2s);
   RC_ASSERT(studio.all_are(Phase::kRecording));
   SimulatedOperator& ben = studio.add_operator("ben", 0s);
-  ben.add_order(CommandVerb::kStop);
+  ben.add_order(wire::CommandVerb::kStop);
   studio.run_until_idle();
   RC_ASSERT(ben.answers.at(0).done());
   RC_ASSERT(studio.all_are(Phase::kIdle));
@@ -434,11 +434,11 @@ RC_GTEST_PROP(Studio, rejoins_the_take_after_a_restart, ()) {
 RC_GTEST_PROP(Studio, replies_the_ledger_after_a_restart_at_any_time, ()) {
   SimulatedStudio studio(any_seed(), any_conditions(), 4);
   SimulatedOperator& anna = studio.add_operator("anna", 0s);
-  anna.add_order(CommandVerb::kArm, "kendo-01");
-  anna.add_order(CommandVerb::kStart);
+  anna.add_order(wire::CommandVerb::kArm, "kendo-01");
+  anna.add_order(wire::CommandVerb::kStart);
   studio.run_until_idle();
   SimulatedOperator& ben = studio.add_operator("ben", 1500ms);
-  ben.add_order(CommandVerb::kStop, "kendo-01");
+  ben.add_order(wire::CommandVerb::kStop, "kendo-01");
   studio.run_for(std::chrono::milliseconds(*rc::gen::inRange(0, 4000)));
   any_other_node(studio).restart(studio.now());
   if (*rc::gen::inRange(0, 4) == 0) studio.nodes[0]->restart(studio.now());
@@ -449,4 +449,4 @@ RC_GTEST_PROP(Studio, replies_the_ledger_after_a_restart_at_any_time, ()) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::control

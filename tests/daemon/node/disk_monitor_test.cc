@@ -1,24 +1,23 @@
-#include "daemon/node/disk_monitor.h"
-
 #include <gtest/gtest.h>
 
+#include "daemon/node/node_health.h"
 #include "support/child_process.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 
-void report(Bus& bus, const std::string& node, double full) {
-  HealthMessage health;
+void report(bus::Bus& bus, const std::string& node, double full) {
+  wire::HealthMessage health;
   health.node = node;
   health.values[kDiskFull] = full;
-  bus.publish(health_channel(node), encode(health));
+  bus.publish(wire::health_channel(node), encode(health));
 }
 
 TEST(DiskMonitor, finds_the_node_whose_disk_is_full) {
-  Bus bus(kUrl);
+  bus::Bus bus(kUrl);
   DiskMonitor monitor(bus, {"cap02", "cap03"});
   EXPECT_EQ(monitor.full_node(), "");
   report(bus, "cap02", 0);
@@ -30,9 +29,9 @@ TEST(DiskMonitor, finds_the_node_whose_disk_is_full) {
 }
 
 TEST(DiskMonitor, ignores_messages_from_before_a_reset) {
-  Bus bus(kUrl);
+  bus::Bus bus(kUrl);
   DiskMonitor monitor(bus, {"cap02"});
-  Subscription<HealthMessage> arrived(bus, health_channel("cap02"), 4);
+  bus::Subscription<wire::HealthMessage> arrived(bus, wire::health_channel("cap02"), 4);
   report(bus, "cap02", 1);
   ASSERT_TRUE(arrived.wait(test::within(10)));
   monitor.reset();
@@ -40,4 +39,4 @@ TEST(DiskMonitor, ignores_messages_from_before_a_reset) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

@@ -1,5 +1,3 @@
-#include "daemon/node/folder_lock.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
@@ -10,10 +8,11 @@
 #include <optional>
 
 #include "base/core/error.h"
+#include "daemon/node/take_folder.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 int flock_error = 0;  ///< injected into flock(); 0: none
@@ -37,11 +36,11 @@ TEST(FolderLock, reports_an_error_of_the_file_system_as_that_error) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node
 
 /// Replaces that of the C library, to inject errors.
 extern "C" int flock(int fd, int operation) {
-  if (v3d::flock_error == 0) return static_cast<int>(syscall(SYS_flock, fd, operation));
-  errno = v3d::flock_error;
+  if (v3d::node::flock_error == 0) return static_cast<int>(syscall(SYS_flock, fd, operation));
+  errno = v3d::node::flock_error;
   return -1;
 }

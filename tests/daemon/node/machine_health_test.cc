@@ -1,10 +1,9 @@
-#include "daemon/node/machine_health.h"
-
 #include <gtest/gtest.h>
 
+#include "daemon/node/node_health.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 using test::write_text;
@@ -89,4 +88,4 @@ TEST(MachineHealth, reads_this_machine) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

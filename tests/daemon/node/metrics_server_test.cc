@@ -12,7 +12,7 @@
 #include "base/core/error.h"
 #include "base/io/unique_fd.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 using testing::HasSubstr;
@@ -49,12 +49,12 @@ class Client {
 /// The response to HTTP GET /metrics.
 std::string get(int port) { return Client(port, "GET /metrics HTTP/1.0\r\n\r\n").read_all(); }
 
-HealthMessage health() {
-  HealthMessage message;
+wire::HealthMessage health() {
+  wire::HealthMessage message;
   message.node = "cap01";
   message.program = "v3d-captured";
   message.version = "0.1.0";
-  message.state = NodeState::kRecording;
+  message.state = wire::NodeState::kRecording;
   message.take = "kendo-07";
   message.values = {{"disk_free_bytes", 812e9}, {"cam03.frames_missing", 7}, {"odd-name", 1}};
   return message;
@@ -70,7 +70,7 @@ TEST(MetricsServer, serves_the_last_health_with_node_and_camera_as_labels) {
   EXPECT_THAT(text, HasSubstr("v3d_camera_frames_missing{node=\"cap01\",camera=\"cam03\"} 7"));
   EXPECT_THAT(text, HasSubstr("v3d_odd_name{"));
   EXPECT_THAT(text, HasSubstr("state=\"recording\",take=\"kendo-07\""));
-  HealthMessage later = health();
+  wire::HealthMessage later = health();
   later.values = {{"disk_free_bytes", 811e9}};
   server.update(later);
   EXPECT_THAT(get(port), HasSubstr("} 811000000000"));
@@ -124,4 +124,4 @@ TEST(MetricsServer, is_off_by_default_and_optional) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

@@ -9,52 +9,52 @@
 #include <mutex>
 #include <thread>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 using test::becomes_true;
 using test::within;
 
 /// A node that only keeps the signing keys that it gets.
-class IdleDelegate : public NodeDelegate {
+class IdleDelegate : public control::NodeDelegate {
  public:
   /// The public keys, oldest first. Any thread.
-  std::vector<PublicKey> signing_keys() const {
+  std::vector<wire::PublicKey> signing_keys() const {
     const std::scoped_lock lock(mutex_);
     return keys_;
   }
 
-  void set_signing_key(const SigningKey& key) override {
+  void set_signing_key(const wire::SigningKey& key) override {
     const std::scoped_lock lock(mutex_);
     keys_.push_back(key.public_key());
   }
-  void arm(const CommandMessage&) override {}
-  void learn(const CommandMessage&) override {}
+  void arm(const wire::CommandMessage&) override {}
+  void learn(const wire::CommandMessage&) override {}
   void start() override {}
   void drain() override {}
   void disarm() override {}
-  std::optional<NodeReport> poll(Phase) override { return std::nullopt; }
-  void report_health(HealthMessage&) override {}
+  std::optional<control::NodeReport> poll(control::Phase) override { return std::nullopt; }
+  void report_health(wire::HealthMessage&) override {}
   bool progressed_since(MonotonicInstant) const override { return true; }
 
  private:
   mutable std::mutex mutex_;
-  std::vector<PublicKey> keys_;
+  std::vector<wire::PublicKey> keys_;
 };
 
 /// A node with its loop in a thread.
 class RunningNode {
  public:
   RunningNode(const Studio& studio, const std::string& node)
-      : bus_(studio.network.lcm_url, {}, ChannelList(studio)) {
+      : bus_(studio.network.lcm_url, {}, bus::ChannelList(studio)) {
     bus_.authenticator().require_authentication();
-    loop_.emplace(NodeIdentity{node, "v3d-test", credentials_of_node(studio, node), ""}, bus_,
+    loop_.emplace(NodeIdentity{node, "v3d-test", bus::credentials_of_node(studio, node), ""}, bus_,
                   delegate_);
     thread_ = std::thread([this] {
       while (!stopping_) loop_->run_once();
@@ -64,12 +64,12 @@ class RunningNode {
     stopping_ = true;
     thread_.join();
   }
-  std::vector<PublicKey> signing_keys() const { return delegate_.signing_keys(); }
+  std::vector<wire::PublicKey> signing_keys() const { return delegate_.signing_keys(); }
   RunningNode(const RunningNode&) = delete;
   RunningNode& operator=(const RunningNode&) = delete;
 
  private:
-  Bus bus_;
+  bus::Bus bus_;
   IdleDelegate delegate_;
   std::optional<NodeLoop> loop_;
   std::atomic<bool> stopping_ = false;
@@ -91,42 +91,42 @@ class NodeLoops : public testing::Test {
     capture_.emplace(studio_, "cap01");
     recon_.emplace(studio_, "recon01");
   }
-  static Answer abort(OperatorClient& client, MonotonicInstant deadline) {
-    CommandMessage command;
-    command.verb = CommandVerb::kAbort;
+  static control::Answer abort(control::OperatorClient& client, MonotonicInstant deadline) {
+    wire::CommandMessage command;
+    command.verb = wire::CommandVerb::kAbort;
     return client.command(command, deadline);
   }
-  static bool accepts_command_of(OperatorClient& client) {
+  static bool accepts_command_of(control::OperatorClient& client) {
     return abort(client, within(60)).done();
   }
-  static bool ignores_command_of(OperatorClient& client) {
+  static bool ignores_command_of(control::OperatorClient& client) {
     return abort(client, within(2)).silent.size() == 2;
   }
 
   const test::TemporaryFolder folder_;
-  const StudioKey key_ = StudioKey::make();
+  const wire::StudioKey key_ = wire::StudioKey::make();
   Studio studio_;
   std::optional<RunningNode> capture_, recon_;
 };
 
 TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   start();
-  OperatorClient client(studio_);
+  control::OperatorClient client(studio_);
   ASSERT_TRUE(accepts_command_of(client));
-  const StudioKey next = StudioKey::make();
+  const wire::StudioKey next = wire::StudioKey::make();
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
-  Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus::Bus renewed(studio_.network.lcm_url, {}, bus::ChannelList(studio_));
   renewed.authenticator().set_key(next);
-  Subscription<HealthMessage> capture(renewed, health_channel("cap01"), 16);
-  Subscription<HealthMessage> recon(renewed, health_channel("recon01"), 16);
+  bus::Subscription<wire::HealthMessage> capture(renewed, wire::health_channel("cap01"), 16);
+  bus::Subscription<wire::HealthMessage> recon(renewed, wire::health_channel("recon01"), 16);
   const auto is_renewed = [&] {
     EXPECT_TRUE(accepts_command_of(client));
     return capture.wait(Monotonic::now()) && recon.wait(Monotonic::now());
   };
   EXPECT_TRUE(becomes_true(is_renewed, within(60)));
   EXPECT_TRUE(accepts_command_of(client));
-  OperatorClient newcomer(studio_);
+  control::OperatorClient newcomer(studio_);
   EXPECT_TRUE(accepts_command_of(newcomer));
   for (const auto& [node, health] : client.health(within(5))) {
     EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
@@ -137,10 +137,10 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
 TEST_F(NodeLoops, pass_a_signing_key_that_is_made_or_replaced_to_the_capture_node) {
   studio_.storage.signing_key = folder_ / "node.key";
   start();
-  std::vector<PublicKey> made;
+  std::vector<wire::PublicKey> made;
   EXPECT_EQ(capture_->signing_keys(), made);
   for (int i = 0; i < 2; ++i) {
-    const SigningKey key = SigningKey::make();
+    const wire::SigningKey key = wire::SigningKey::make();
     key.save(folder_ / "next.key");
     std::filesystem::rename(folder_ / "next.key", studio_.storage.signing_key);
     made.push_back(key.public_key());
@@ -162,14 +162,14 @@ class MemberLoops : public NodeLoops {
     bob_.save(folder_ / "bob.key");
     write_members(1, {member("ada", ada_), member("bob", bob_)});
   }
-  static Member member(const std::string& name, const SigningKey& key,
-                       Role role = Role::kOperator) {
+  static wire::Member member(const std::string& name, const wire::SigningKey& key,
+                             wire::Role role = wire::Role::kOperator) {
     return {name, role, key.public_key()};
   }
-  void write_members(int64_t serial, std::vector<Member> people) const {
-    people.push_back(member("cap01", pc_, Role::kCapture));
-    people.push_back(member("recon01", pc_, Role::kReconstruction));
-    people.push_back(member("guest", guest_, Role::kViewer));
+  void write_members(int64_t serial, std::vector<wire::Member> people) const {
+    people.push_back(member("cap01", pc_, wire::Role::kCapture));
+    people.push_back(member("recon01", pc_, wire::Role::kReconstruction));
+    people.push_back(member("guest", guest_, wire::Role::kViewer));
     replace_file(
         studio_.network.members,
         sign_member_list({.studio = "kyoto", .serial = serial, .members = people}, authority_));
@@ -182,7 +182,7 @@ class MemberLoops : public NodeLoops {
     std::filesystem::copy_file(studio_.network.members, studio.network.members);
     return studio;
   }
-  bool health_has(OperatorClient& client, const std::string& text) const {
+  bool health_has(control::OperatorClient& client, const std::string& text) const {
     return becomes_true(
         [&] {
           const auto health = client.health(within(5));
@@ -193,13 +193,14 @@ class MemberLoops : public NodeLoops {
         within(60));
   }
 
-  const SigningKey authority_ = SigningKey::make(), ada_ = SigningKey::make(),
-                   bob_ = SigningKey::make(), pc_ = SigningKey::make(), guest_ = SigningKey::make();
+  const wire::SigningKey authority_ = wire::SigningKey::make(), ada_ = wire::SigningKey::make(),
+                         bob_ = wire::SigningKey::make(), pc_ = wire::SigningKey::make(),
+                         guest_ = wire::SigningKey::make();
 };
 
 TEST_F(MemberLoops, accept_an_operator_until_it_is_revoked_and_reject_an_older_list) {
   start();
-  OperatorClient ada(studio_), bob(studio_of_bob());
+  control::OperatorClient ada(studio_), bob(studio_of_bob());
   ASSERT_TRUE(accepts_command_of(bob));
   ASSERT_TRUE(accepts_command_of(ada));
   write_members(2, {member("ada", ada_)});
@@ -215,13 +216,13 @@ TEST_F(MemberLoops, accept_an_operator_until_it_is_revoked_and_reject_an_older_l
 
 TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   start();
-  OperatorClient ada(studio_);
+  control::OperatorClient ada(studio_);
   ASSERT_TRUE(accepts_command_of(ada));
-  Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus::Bus bus(studio_.network.lcm_url, {}, bus::ChannelList(studio_));
   bus.authenticator().set_key(key_);
-  CommandMessage command;
+  wire::CommandMessage command;
   command.sender = "guest@viewer";
-  command.verb = CommandVerb::kAbort;
+  command.verb = wire::CommandVerb::kAbort;
   command.to = {"cap01", "recon01"};
   const auto is_counted = [&] {
     command.sent = Realtime::now();
@@ -237,25 +238,26 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
 
 TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   start();
-  OperatorClient ada(studio_);
+  control::OperatorClient ada(studio_);
   ASSERT_TRUE(accepts_command_of(ada));
-  Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus::Bus bus(studio_.network.lcm_url, {}, bus::ChannelList(studio_));
   bus.authenticator().set_key(key_);
   bus.authenticator().members().require();
   bus.authenticator().members().set_signing_key(guest_);
-  const auto listening = bus.subscribe(kEventChannel, [](const ReceivedMessage&) {});  // to answer
-  HealthMessage forged;
+  const auto listening =
+      bus.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});  // to answer
+  wire::HealthMessage forged;
   forged.node = "cap01";
   forged.text = "forged";
-  std::map<std::string, HealthMessage> health;
+  std::map<std::string, wire::HealthMessage> health;
   const auto is_counted = [&] {
     forged.sent = Realtime::now();
-    bus.publish_authenticated(health_channel("cap01"), encode(forged));
+    bus.publish_authenticated(wire::health_channel("cap01"), encode(forged));
     health = ada.health(within(5));
     return health.contains("cap01") && health["cap01"].values["messages_unsigned"] >= 1;
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(is_verified(health["cap01"])) << health["cap01"].text;
+  EXPECT_TRUE(control::is_verified(health["cap01"])) << health["cap01"].text;
   const auto is_reported = [&] {
     is_counted();
     return health["cap01"].text ==
@@ -266,11 +268,11 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
 
 TEST_F(MemberLoops, are_reported_as_unverified_on_a_PC_without_the_member_list) {
   start();
-  OperatorClient ada(studio_);
+  control::OperatorClient ada(studio_);
   ASSERT_TRUE(accepts_command_of(ada));
   Studio without_list = studio_;
   without_list.network.members = folder_ / "forgotten.toml";
-  OperatorClient client(without_list);
+  control::OperatorClient client(without_list);
   EXPECT_TRUE(health_has(client, "not verified: cannot read "));
   EXPECT_TRUE(health_has(client, "forgotten.toml: No such file or directory; v3dctl key enroll"));
 }
@@ -279,7 +281,7 @@ TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
   const Studio bobs = studio_of_bob();
   std::filesystem::remove(studio_.network.members);
   start();
-  OperatorClient bob(bobs);
+  control::OperatorClient bob(bobs);
   EXPECT_TRUE(health_has(bob, "v3dctl key enroll makes it"));
   EXPECT_TRUE(ignores_command_of(bob));
   write_members(1, {member("bob", bob_)});
@@ -287,4 +289,4 @@ TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

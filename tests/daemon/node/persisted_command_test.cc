@@ -6,7 +6,7 @@
 #include "daemon/node/take_folder.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 namespace fs = std::filesystem;
@@ -20,8 +20,8 @@ class PersistedCommandTest : public testing::Test {
     studio_.storage.takes = folder_ / "takes";
     for (const char* take : {"kendo-07", "kendo-08"}) {
       fs::create_directories(take_paths(studio_, take).folder);
-      CommandMessage order;
-      order.verb = CommandVerb::kArm;
+      wire::CommandMessage order;
+      order.verb = wire::CommandVerb::kArm;
       order.sender = "desk";
       order.take = take;
       persist_command(studio_, "cap01", order);
@@ -78,4 +78,4 @@ TEST_F(PersistedCommandTest, may_exist_in_a_folder_of_takes_that_cannot_be_liste
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

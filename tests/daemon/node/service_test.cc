@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 /// Makes the signals interrupt another thread than this one.
@@ -57,4 +57,4 @@ TEST(StopSignal, is_waited_for_until_the_deadline_only) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

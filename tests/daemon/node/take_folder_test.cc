@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "daemon/node/persisted_command.h"
 #include "support/begun_take.h"
 #include "support/lock_holder.h"
@@ -13,7 +13,7 @@
 #include "take/logs/frame_log.h"
 #include "take/take_removal.h"
 
-namespace v3d {
+namespace v3d::node {
 namespace {
 
 using testing::HasSubstr;
@@ -37,13 +37,13 @@ class TakeFolderTest : public testing::Test {
 
   const test::TemporaryFolder folder_;
   Studio studio_;
-  TakeInfo info_;
+  take::TakeInfo info_;
 };
 
 TEST_F(TakeFolderTest, begins_with_the_rig_the_studio_and_the_background_of_its_cameras) {
   create_take(studio_, info_);
-  const TakePaths paths = take_paths(studio_, "kendo-07");
-  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecording);
   EXPECT_EQ(read_file(paths.calib()), "# the rig\n");
   EXPECT_EQ(read_file(paths.studio()), "# the studio\n");
   EXPECT_EQ(read_file(paths.background() / "cam01.mean.png"), "cam01.mean.png");
@@ -73,24 +73,24 @@ TEST_F(TakeFolderTest, names_the_file_that_could_not_be_written) {
 
 TEST_F(TakeFolderTest, ends_with_its_ledger) {
   create_take(studio_, info_);
-  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   EXPECT_TRUE(close_take(studio_, info_, ledger));
-  const TakePaths paths = take_paths(studio_, "kendo-07");
-  EXPECT_EQ(load_take_info(paths).state, TakeState::kComplete);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kComplete);
   EXPECT_EQ(load_take_info(paths).pulses, 3);
-  EXPECT_EQ(load_ledger(paths.ledger()).commanded, 3);
+  EXPECT_EQ(take::load_ledger(paths.ledger()).commanded, 3);
 }
 
 TEST_F(TakeFolderTest, names_the_cause_when_its_ledger_cannot_be_written_or_lacks_a_checksum) {
   create_take(studio_, info_);
-  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
-  const TakePaths paths = take_paths(studio_, "kendo-07");
+  const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
   std::filesystem::create_symlink("gone", paths.folder / "notes.txt");
   EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
             "the ledger of kendo-07 lacks a checksum: cannot read " +
                 (paths.folder / "notes.txt").string() +
                 ": it is a symbolic link, or its path has too many of them");
-  EXPECT_EQ(load_ledger(paths.ledger()).commanded, 3);
+  EXPECT_EQ(take::load_ledger(paths.ledger()).commanded, 3);
   std::filesystem::remove_all(paths.folder);
   EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
             "cannot write the ledger of kendo-07: cannot list folder " + paths.folder.string() +
@@ -99,10 +99,10 @@ TEST_F(TakeFolderTest, names_the_cause_when_its_ledger_cannot_be_written_or_lack
 
 TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   create_take(studio_, info_);
-  const TakePaths paths = take_paths(studio_, "kendo-07");
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
   {
-    EventLogWriter pulses(paths.pulses());
-    PulseMessage m;
+    take::EventLogWriter pulses(paths.pulses());
+    wire::PulseMessage m;
     EXPECT_TRUE(pulses.write(m));
   }
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam02"}).empty());  // not of this node
@@ -115,14 +115,14 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
                 paths.frames("cam01").string() + ": No such file or directory");
   ASSERT_TRUE(recovered[0].ledger);
   EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
-  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecovered);
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
 }
 
 TEST_F(TakeFolderTest, is_not_recovered_when_its_deletion_was_interrupted) {
   create_take(studio_, info_);
-  const TakePaths paths = take_paths(studio_, "kendo-07");
-  EventLogWriter(paths.frames("cam01"));
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  take::EventLogWriter(paths.frames("cam01"));
   std::filesystem::rename(paths.folder, studio_.storage.takes / ".deleted-kendo-07");
   EXPECT_THAT(recover_open_takes(studio_, "cap01", {"cam01"}), testing::IsEmpty());
   std::filesystem::rename(studio_.storage.takes / ".deleted-kendo-07", paths.folder);
@@ -131,25 +131,25 @@ TEST_F(TakeFolderTest, is_not_recovered_when_its_deletion_was_interrupted) {
 
 TEST_F(TakeFolderTest, is_recovered_by_a_node_that_has_the_trigger_and_no_camera) {
   create_take(studio_, info_);
-  CommandMessage order;
+  wire::CommandMessage order;
   order.take = info_.name;
   persist_command(studio_, "cap01", order);
   EXPECT_TRUE(recover_open_takes(studio_, "cap02", {}).empty());
   EXPECT_EQ(recover_open_takes(studio_, "cap01", {}).size(), 1U);
-  EXPECT_EQ(load_take_info(take_paths(studio_, info_.name)).state, TakeState::kRecovered);
+  EXPECT_EQ(load_take_info(take_paths(studio_, info_.name)).state, take::TakeState::kRecovered);
 }
 
 TEST_F(TakeFolderTest, stays_open_for_the_next_recovery_when_it_is_closed_as_recording) {
   create_take(studio_, info_);
-  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
-  EXPECT_TRUE(close_take(studio_, info_, ledger, TakeState::kRecording));
-  EXPECT_EQ(load_ledger(take_paths(studio_, "kendo-07").ledger()).commanded, 3);
+  const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  EXPECT_TRUE(close_take(studio_, info_, ledger, take::TakeState::kRecording));
+  EXPECT_EQ(take::load_ledger(take_paths(studio_, "kendo-07").ledger()).commanded, 3);
   EXPECT_EQ(recover_open_takes(studio_, "cap01", {"cam01"}).size(), 1U);
 }
 
 TEST_F(TakeFolderTest, frees_its_name_when_it_could_not_be_armed_unless_another_node_uses_it) {
   create_take(studio_, info_);
-  const TakePaths paths = take_paths(studio_, "kendo-07");
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
   {
     test::LockHolder other(paths, "cap02");
     quarantine_unarmed_take(paths);
@@ -157,13 +157,13 @@ TEST_F(TakeFolderTest, frees_its_name_when_it_could_not_be_armed_unless_another_
   }
   quarantine_unarmed_take(paths);
   check_new_take(studio_, "kendo-07");
-  EXPECT_TRUE(std::filesystem::exists(studio_.storage.takes / kQuarantineFolder / "kendo-07" /
+  EXPECT_TRUE(std::filesystem::exists(studio_.storage.takes / take::kQuarantineFolder / "kendo-07" /
                                       "take.toml"));
 }
 
 TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_records_it) {
   create_take(studio_, info_);
-  const TakePaths paths = take_paths(studio_, "kendo-07");
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
   test::LockHolder other(paths, "cap01");
   const auto found = recover_open_takes(studio_, "cap01", {"cam01"});
   ASSERT_EQ(found.size(), 1U);
@@ -171,14 +171,14 @@ TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_record
   EXPECT_THAT(found[0].line,
               testing::ContainsRegex("kendo-07.*process [0-9]+ on .* has locked it"));
   recover_reopened_take(paths, "cap01");
-  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecording);
   EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
   EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),
               HasSubstr("has locked it"));
   other.kill();
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).at(0).ledger);
-  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecovered);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

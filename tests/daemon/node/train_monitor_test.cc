@@ -1,8 +1,8 @@
-#include "daemon/node/train_monitor.h"
-
 #include <gtest/gtest.h>
 
-namespace v3d {
+#include "daemon/node/persisted_command.h"
+
+namespace v3d::node {
 namespace {
 
 using namespace std::chrono_literals;
@@ -14,13 +14,13 @@ class TrainStateTest : public testing::Test {
   TrainStateTest() { train_.reset(now_); }
 
   /// The next message of the trigger's node, whose clock shows `sent_s`. It is not received yet.
-  ReceivedHealth next(NodeState state, double sent_s = 0) {
-    HealthMessage health;
+  ReceivedHealth next(wire::NodeState state, double sent_s = 0) {
+    wire::HealthMessage health;
     health.seq = seq_++;
     health.sent = from_ns<Realtime>(0) + from_seconds(sent_s);
     health.node = "cap01";
     health.state = state;
-    health.take = state == NodeState::kIdle ? "" : kTake;
+    health.take = state == wire::NodeState::kIdle ? "" : kTake;
     return {.health = health, .session = session_, .received = {}};
   }
   void receive(ReceivedHealth message) {
@@ -40,37 +40,37 @@ class TrainStateTest : public testing::Test {
 };
 
 TEST_F(TrainStateTest, ends_when_the_triggers_node_no_longer_records) {
-  receive(next(NodeState::kRecording));
+  receive(next(wire::NodeState::kRecording));
   EXPECT_FALSE(train_.ended());
-  receive(next(NodeState::kDraining));
+  receive(next(wire::NodeState::kDraining));
   EXPECT_TRUE(train_.ended());
 }
 
 TEST_F(TrainStateTest, does_not_end_by_late_messages_from_before_a_clock_step) {
-  const ReceivedHealth before_step = next(NodeState::kIdle, 100);
-  const ReceivedHealth after_step = next(NodeState::kIdle, 96);
+  const ReceivedHealth before_step = next(wire::NodeState::kIdle, 100);
+  const ReceivedHealth after_step = next(wire::NodeState::kIdle, 96);
   receive(after_step);
   receive(before_step);
   EXPECT_FALSE(train_.ended()) << "seed 20153349 of the simulator";
 }
 
 TEST_F(TrainStateTest, does_not_end_by_several_late_messages_from_before_it_was_armed) {
-  receive(next(NodeState::kIdle, 100));
+  receive(next(wire::NodeState::kIdle, 100));
   now_ += TrainState::kMaxAge;
-  receive(next(NodeState::kIdle, 101));
+  receive(next(wire::NodeState::kIdle, 101));
   EXPECT_FALSE(train_.ended());
 }
 
 TEST_F(TrainStateTest, does_not_end_by_a_late_message_while_pulses_run) {
-  const ReceivedHealth idle = next(NodeState::kIdle, 100);
-  receive(next(NodeState::kRecording, 96));
+  const ReceivedHealth idle = next(wire::NodeState::kIdle, 100);
+  receive(next(wire::NodeState::kRecording, 96));
   receive(idle);
   EXPECT_FALSE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ignores_what_is_older_than_messages_before_the_start) {
-  const ReceivedHealth draining = next(NodeState::kDraining);
-  train_.note(next(NodeState::kArmed));
+  const ReceivedHealth draining = next(wire::NodeState::kDraining);
+  train_.note(next(wire::NodeState::kArmed));
   train_.reset(now_);
   now_ += TrainState::kMaxAge + 1s;
   receive(draining);
@@ -79,44 +79,44 @@ TEST_F(TrainStateTest, ignores_what_is_older_than_messages_before_the_start) {
 
 TEST_F(TrainStateTest, ends_without_pulses_when_the_message_cannot_be_from_before_the_start) {
   now_ += TrainState::kMaxAge + 1ms;
-  receive(next(NodeState::kIdle));
+  receive(next(wire::NodeState::kIdle));
   EXPECT_TRUE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ends_when_the_triggers_node_has_restarted_with_a_clock_that_was_set_back) {
   seq_ = 500;
-  receive(next(NodeState::kRecording, 100));
+  receive(next(wire::NodeState::kRecording, 100));
   restart_sender();
-  receive(next(NodeState::kIdle, 97));
+  receive(next(wire::NodeState::kIdle, 97));
   EXPECT_TRUE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ignores_late_messages_of_a_process_that_has_ended) {
   seq_ = 500;
-  const ReceivedHealth draining = next(NodeState::kDraining);
-  const ReceivedHealth idle = next(NodeState::kIdle);
+  const ReceivedHealth draining = next(wire::NodeState::kDraining);
+  const ReceivedHealth idle = next(wire::NodeState::kIdle);
   train_.note(draining);
   restart_sender();
-  receive(next(NodeState::kRecording));
+  receive(next(wire::NodeState::kRecording));
   receive(idle);
   EXPECT_FALSE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ends_at_once_after_it_was_rejoined) {
-  ASSERT_EQ(train_.running(next(NodeState::kRecording)).value().take, kTake);
-  receive(next(NodeState::kIdle));
+  ASSERT_EQ(train_.running(next(wire::NodeState::kRecording)).value().take, kTake);
+  receive(next(wire::NodeState::kIdle));
   EXPECT_TRUE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ends_anew_for_each_take) {
-  receive(next(NodeState::kRecording));
-  receive(next(NodeState::kIdle));
+  receive(next(wire::NodeState::kRecording));
+  receive(next(wire::NodeState::kIdle));
   train_.reset(now_);
   EXPECT_FALSE(train_.ended());
-  receive(next(NodeState::kRecording));
-  receive(next(NodeState::kIdle));
+  receive(next(wire::NodeState::kRecording));
+  receive(next(wire::NodeState::kIdle));
   EXPECT_TRUE(train_.ended());
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::node

@@ -19,7 +19,7 @@
 #include "support/child_process.h"
 #include "tests/recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using test::becomes_true;
@@ -30,23 +30,25 @@ Rig ring_of(size_t cameras) {
   for (size_t i = 0; i < cameras; ++i) {
     const double angle =
         2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(cameras);
-    rig.push_back({"cam" + std::to_string(i),
-                   shapes::camera({3 * std::cos(angle), 3 * std::sin(angle), i % 2 ? 1.0 : -1.0},
-                                  {0, 0, 0}, {160, 120}, 250)});
+    rig.push_back(
+        {"cam" + std::to_string(i),
+         recon::shapes::camera({3 * std::cos(angle), 3 * std::sin(angle), i % 2 ? 1.0 : -1.0},
+                               {0, 0, 0}, {160, 120}, 250)});
   }
   return rig;
 }
 
-ReconstructOptions in_a_small_space() {
+recon::ReconstructOptions in_a_small_space() {
   return {.bounds = {{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}}, .min_views = 3};
 }
 
-FrameSet seen_by(const Rig& rig) {
-  FrameSet set;
+recon::FrameSet seen_by(const Rig& rig) {
+  recon::FrameSet set;
   for (const RigCamera& camera : rig) {
     Frame frame;
     frame.camera = camera.name;
-    frame.mask = draw_silhouette(shapes::sphere({0.1F, -0.1F, 0}, 0.25F, 24), camera.model);
+    frame.mask =
+        recon::draw_silhouette(recon::shapes::sphere({0.1F, -0.1F, 0}, 0.25F, 24), camera.model);
     set.frames.push_back(std::move(frame));
   }
   return set;
@@ -55,7 +57,7 @@ FrameSet seen_by(const Rig& rig) {
 TEST(DisplacementMonitor, moves_all_masks_out_of_a_set) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
   DisplacementMonitor monitor(rig, in_a_small_space());
-  FrameSet set = seen_by(rig);
+  recon::FrameSet set = seen_by(rig);
   // offer() does not wait for the lock, so the first calls may leave the masks.
   EXPECT_TRUE(becomes_true(
       [&] {
@@ -122,7 +124,7 @@ TEST(DisplacementMonitor, raises_its_priority_on_a_busy_machine_until_it_has_a_r
   const auto offered_until = [&](auto condition) {
     return becomes_true(
         [&] {
-          FrameSet set = seen_by(rig);
+          recon::FrameSet set = seen_by(rig);
           monitor.offer(set);
           return condition();
         },
@@ -142,7 +144,7 @@ TEST(DisplacementMonitor, stops_without_waiting_and_takes_no_more_masks) {
   DisplacementMonitor monitor(rig, in_a_small_space());
   monitor.stop();
   ASSERT_TRUE(becomes_true([&] { return monitor.has_stopped(); }, within(60)));
-  FrameSet set = seen_by(rig);
+  recon::FrameSet set = seen_by(rig);
   monitor.offer(set);
   EXPECT_TRUE(set.frames[0].mask);
 }
@@ -150,11 +152,11 @@ TEST(DisplacementMonitor, stops_without_waiting_and_takes_no_more_masks) {
 TEST(DisplacementMonitor, does_nothing_with_too_few_cameras) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras - 1);
   DisplacementMonitor monitor(rig, in_a_small_space());
-  FrameSet set = seen_by(rig);
+  recon::FrameSet set = seen_by(rig);
   monitor.offer(set);
   EXPECT_TRUE(set.frames[0].mask);
   EXPECT_TRUE(monitor.has_stopped());
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using std::chrono::milliseconds;
@@ -148,4 +148,4 @@ TEST(QueueIdleTimer, ends_with_the_next_message) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -5,12 +5,12 @@
 
 #include <cerrno>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using testing::HasSubstr;
@@ -20,7 +20,7 @@ class MeshRecovery : public testing::Test {
  protected:
   MeshRecovery() {
     {
-      MeshFileWriter file(path_);
+      take::MeshFileWriter file(path_);
       for (int64_t pulse = 0; pulse < 5; ++pulse) {
         EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 7)));
       }
@@ -37,7 +37,7 @@ TEST_F(MeshRecovery, adds_the_missing_index) {
   EXPECT_TRUE(recovered.is_whole);
   EXPECT_EQ(recovered.meshes, 5);
   EXPECT_EQ(recovered.text, "5 meshes recovered");
-  EXPECT_FALSE(MeshFileReader(path_).index_was_rebuilt());
+  EXPECT_FALSE(take::MeshFileReader(path_).index_was_rebuilt());
 }
 
 TEST_F(MeshRecovery, reports_an_index_that_cannot_be_synced_with_path_and_cause) {
@@ -60,4 +60,4 @@ TEST_F(MeshRecovery, reports_no_number_of_meshes_of_a_file_that_cannot_be_read) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

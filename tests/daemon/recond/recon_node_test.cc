@@ -9,9 +9,9 @@
 #include "support/child_process.h"
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using testing::StartsWith;
@@ -44,9 +44,9 @@ class ReconNodeOnBadDisk : public testing::Test {
     test::write_text(studio.storage.calib, kCalib);
     return studio;
   }
-  static CommandMessage order() {
-    CommandMessage order;
-    order.verb = CommandVerb::kArm;
+  static wire::CommandMessage order() {
+    wire::CommandMessage order;
+    order.verb = wire::CommandVerb::kArm;
     order.take = "kendo-07";
     return order;
   }
@@ -56,8 +56,8 @@ class ReconNodeOnBadDisk : public testing::Test {
 
   const test::TemporaryFolder folder_;
   const Studio studio_ = studio();
-  Bus bus_{kUrl};
-  Subscription<EventMessage> events_{bus_, kEventChannel, 16};
+  bus::Bus bus_{kUrl};
+  bus::Subscription<wire::EventMessage> events_{bus_, wire::kEventChannel, 16};
   test::FsyncHook hook_;
   ReconNode node_{studio_, "recon01", bus_};
 };
@@ -66,19 +66,19 @@ TEST_F(ReconNodeOnBadDisk, reports_path_and_cause_in_its_reply_and_in_an_event) 
   node_.arm(order());
   hook_.fail_next(EIO);
   node_.drain();
-  std::optional<NodeReport> report;
+  std::optional<control::NodeReport> report;
   ASSERT_TRUE(test::becomes_true(
       [&] {
-        report = node_.poll(Phase::kDraining);
+        report = node_.poll(control::Phase::kDraining);
         return report.has_value();
       },
       test::within(30)));
-  EXPECT_EQ(report->event, Input::kBroken);
+  EXPECT_EQ(report->event, control::Input::kBroken);
   EXPECT_EQ(report->text, expected_error());
   node_.disarm();
   const auto event = events_.wait(Monotonic::now() + std::chrono::seconds(10));
   ASSERT_TRUE(event);
-  EXPECT_EQ(event->severity, Severity::kAlarm);
+  EXPECT_EQ(event->severity, wire::Severity::kAlarm);
   EXPECT_THAT(event->text, StartsWith(expected_error()));
 }
 
@@ -92,4 +92,4 @@ TEST_F(ReconNodeOnBadDisk, reports_path_and_cause_in_an_event_when_it_is_disarme
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -8,13 +8,13 @@
 #include <semaphore>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
-#include "wire/channels.h"
+#include "wire/messages.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using test::becomes_true;
@@ -26,7 +26,7 @@ constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 /// A pipeline of one camera, fed over the bus, whose stages are the test's.
 class ReconPipelineOnBus : public testing::Test {
  protected:
-  void begin(MeshStages stages, std::optional<FrameSet> warm_up = std::nullopt) {
+  void begin(MeshStages stages, std::optional<recon::FrameSet> warm_up = std::nullopt) {
     pipeline_.emplace(ReconPipeline::Setup{.take = "kendo-07",
                                            .mesh_file = folder_ / "mesh.v3d",
                                            .stages = std::move(stages),
@@ -36,24 +36,24 @@ class ReconPipelineOnBus : public testing::Test {
                       bus_);
   }
   void send(int64_t pulse) {
-    FrameMessage message;
+    wire::FrameMessage message;
     message.take = "kendo-07";
     FrameLabel label;
     label.pulse = pulse;
     const Image raw(kSize, PixelFormat::kBayerRG8);
     message.frame = observe("cam01", label, raw.view(), Mask(kSize));
     message.seq = numbers_.next(pulse);
-    bus_.publish_frame(pulse, frame_channel("cam01"), encode(message));
+    bus_.publish_frame(pulse, wire::frame_channel("cam01"), encode(message));
   }
-  static void name_pulse(FrameSetJob& work) { work.result.pulse = work.set.pulse; }
-  static void write_pulse(FrameSetJob& work) {
+  static void name_pulse(recon::FrameSetJob& work) { work.result.pulse = work.set.pulse; }
+  static void write_pulse(recon::FrameSetJob& work) {
     work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
   }
 
   /// Every pulse waits for `go` in the first stage.
   void begin_held(std::counting_semaphore<>& go) {
     begin({.make_mesh =
-               [&go](FrameSetJob& work) {
+               [&go](recon::FrameSetJob& work) {
                  go.acquire();
                  name_pulse(work);
                },
@@ -64,13 +64,13 @@ class ReconPipelineOnBus : public testing::Test {
       : bus_(kUrl, frame_groups), numbers_(bus_.frame_groups()) {}
 
   const test::TemporaryFolder folder_;
-  Bus bus_;
-  FrameNumbers numbers_;
+  bus::Bus bus_;
+  bus::FrameNumbers numbers_;
   std::optional<ReconPipeline> pipeline_;
 };
 
 TEST_F(ReconPipelineOnBus, counts_a_pulse_whose_stage_throws_and_continues) {
-  begin({.make_mesh = name_pulse, .encode = [](FrameSetJob& work) {
+  begin({.make_mesh = name_pulse, .encode = [](recon::FrameSetJob& work) {
            if (work.result.pulse == 3) throw InputError("the surface is too large");
            write_pulse(work);
          }});
@@ -81,7 +81,8 @@ TEST_F(ReconPipelineOnBus, counts_a_pulse_whose_stage_throws_and_continues) {
   EXPECT_EQ(pipeline_->counts().failed, 1);
   EXPECT_EQ(pipeline_->counts().failure, "the surface is too large");
   EXPECT_TRUE(pipeline_->close());
-  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), (std::vector<int64_t>{0, 1, 2, 4, 5}));
+  EXPECT_EQ(take::MeshFileReader(folder_ / "mesh.v3d").pulses(),
+            (std::vector<int64_t>{0, 1, 2, 4, 5}));
 }
 
 TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
@@ -89,18 +90,18 @@ TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   std::vector<int64_t> encoded;
   begin({.make_mesh = name_pulse,
          .encode =
-             [&](FrameSetJob& work) {
+             [&](recon::FrameSetJob& work) {
                encoded.push_back(work.set.pulse);
                write_pulse(work);
              },
          .begin_sequence = [&] { encoded.push_back(kBegin); }},
-        FrameSet{.pulse = -7, .frames = {}});
+        recon::FrameSet{.pulse = -7, .frames = {}});
   send(0);
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 1; }, within(30)));
   EXPECT_TRUE(pipeline_->close());
   EXPECT_EQ(encoded, (std::vector<int64_t>{-7, kBegin, 0}));
   EXPECT_EQ(pipeline_->counts().meshes, 1);
-  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
+  EXPECT_EQ(take::MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
 }
 
 TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_them) {
@@ -120,7 +121,7 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_t
       },
       within(30)));
   EXPECT_TRUE(pipeline_->close());
-  const std::vector<int64_t> pulses = MeshFileReader(folder_ / "mesh.v3d").pulses();
+  const std::vector<int64_t> pulses = take::MeshFileReader(folder_ / "mesh.v3d").pulses();
   EXPECT_EQ(std::ssize(pulses), pipeline_->counts().meshes);
   EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
 }
@@ -148,7 +149,7 @@ class SharedPipelines : public ReconPipelineOnBus {
 
   struct Node {
     explicit Node(const std::vector<std::string>& frame_groups = {}) : bus(kUrl, frame_groups) {}
-    Bus bus;
+    bus::Bus bus;
     std::atomic<int> sequences = 0;
     std::optional<ReconPipeline> pipeline;
   };
@@ -179,7 +180,7 @@ TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_write_all_in_order) {
   begin(one, "recon01");
   begin(two, "recon02");
   ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
-  Subscription<MeshMessage> shown(bus_, kMeshChannel, 100);
+  bus::Subscription<wire::MeshMessage> shown(bus_, wire::kMeshChannel, 100);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
   ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
   for (Node* node : {&one, &two}) {
@@ -198,7 +199,7 @@ TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_write_all_in_order) {
     EXPECT_EQ(mesh->seq, pulse);
   }
   EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node publishes them";
-  EXPECT_EQ(MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
+  EXPECT_EQ(take::MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
   EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
 }
 
@@ -258,4 +259,4 @@ TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -1,16 +1,16 @@
-#include "daemon/recond/reorder_buffer.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
 #include <set>
 
-namespace v3d {
+#include "daemon/recond/shard_members.h"
+
+namespace v3d::recond {
 namespace {
 
-MeshMessage mesh(int64_t pulse, size_t bytes = 1) {
-  MeshMessage mesh;
+wire::MeshMessage mesh(int64_t pulse, size_t bytes = 1) {
+  wire::MeshMessage mesh;
   mesh.pulse = pulse;
   mesh.compact.assign(bytes, 0);
   return mesh;
@@ -60,4 +60,4 @@ TEST(ReorderBuffer, has_limits_of_meshes_and_of_bytes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

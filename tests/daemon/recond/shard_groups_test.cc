@@ -4,7 +4,7 @@
 
 #include "daemon/shared_studio.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using std::chrono::milliseconds;
@@ -46,7 +46,7 @@ TEST(ShardInGroups, loses_and_reports_at_most_a_second_of_a_killed_node) {
         EXPECT_EQ(pulse % 3, static_cast<int64_t>(killed));
         EXPECT_LT(pulse, 75);
       }
-      EXPECT_EQ(studio.shard(node).frame_groups(), (FrameGroupSet{node, killed}));
+      EXPECT_EQ(studio.shard(node).frame_groups(), (bus::FrameGroupSet{node, killed}));
       EXPECT_GT(studio.shard(node).counts().taken_over, 10);
     }
   }
@@ -75,12 +75,12 @@ TEST(ShardInGroups, makes_no_mesh_of_a_set_truncated_by_joining) {
   Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1", .frame_groups = 2});
   MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
   const auto set_of = [](int64_t pulse, const std::vector<std::string>& missing) {
-    ReadySet ready;
+    recon::ReadySet ready;
     ready.set.pulse = pulse;
     ready.missing = missing;
     return ready;
   };
-  ShardMessage alive;
+  wire::ShardMessage alive;
   alive.take = kTake;
   alive.node = "recon2";
   alive.first = 0;
@@ -88,15 +88,15 @@ TEST(ShardInGroups, makes_no_mesh_of_a_set_truncated_by_joining) {
   shard.advance(now);
   shard.on_status(alive);
   shard.advance(now += milliseconds(50));
-  EXPECT_EQ(shard.frame_groups(), FrameGroupSet{0});
+  EXPECT_EQ(shard.frame_groups(), bus::FrameGroupSet{0});
   for (int i = 0; i < 10; ++i) shard.advance(now += milliseconds(50));
-  EXPECT_EQ(shard.frame_groups(), (FrameGroupSet{0, 1})) << "the other node is silent";
+  EXPECT_EQ(shard.frame_groups(), (bus::FrameGroupSet{0, 1})) << "the other node is silent";
   shard.on_set(set_of(5, {"cam02"}));
   shard.on_set(set_of(6, {"cam02"}));
   shard.on_set(set_of(7, {"cam02"}));
   shard.advance(now += milliseconds(50));
   std::vector<int64_t> work;
-  for (const ReadySet& set : shard.take_work()) work.push_back(set.set.pulse);
+  for (const recon::ReadySet& set : shard.take_work()) work.push_back(set.set.pulse);
   EXPECT_EQ(work, (std::vector<int64_t>{6, 7})) << "5 is the first of its group";
 }
 
@@ -121,4 +121,4 @@ RC_GTEST_PROP(ShardInGroups, accounts_for_every_pulse_when_any_node_is_killed, (
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

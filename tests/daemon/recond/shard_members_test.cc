@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 /// The availability of one to nine nodes, at least one of which is available.
@@ -55,7 +55,7 @@ RC_GTEST_PROP(ShardMembers, returns_every_group_of_a_node_s_pulses, ()) {
   const auto groups = *rc::gen::inRange<size_t>(1, 10);
   for (int64_t pulse = 0; pulse < 100; ++pulse) {
     const size_t owner = owner_of(pulse, std::vector<bool>(nodes, true));
-    RC_ASSERT(groups_of(owner, nodes, groups).contains(FrameNumbers::group_of(pulse, groups)));
+    RC_ASSERT(groups_of(owner, nodes, groups).contains(bus::FrameNumbers::group_of(pulse, groups)));
   }
 }
 
@@ -80,4 +80,4 @@ TEST(ActiveTimeClock, excludes_time_in_which_the_process_was_stopped) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

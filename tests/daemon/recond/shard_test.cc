@@ -4,7 +4,7 @@
 
 #include "daemon/shared_studio.h"
 
-namespace v3d {
+namespace v3d::recond {
 namespace {
 
 using std::chrono::milliseconds;
@@ -160,7 +160,7 @@ RC_GTEST_PROP(Shard, accounts_for_every_pulse_when_any_node_is_killed, ()) {
 TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
   Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"});
   MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
-  ShardMessage alive;
+  wire::ShardMessage alive;
   alive.take = kTake;
   alive.node = "recon2";
   alive.first = 0;
@@ -168,10 +168,10 @@ TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
     alive.sent += milliseconds(40);
     shard.on_status(alive);
     shard.advance(now += milliseconds(40));
-    ReadySet set;
+    recon::ReadySet set;
     set.set.pulse = pulse;
     shard.on_set(std::move(set));
-    for (const ReadySet& mine : shard.take_work()) shard.give_up(mine.set.pulse);
+    for (const recon::ReadySet& mine : shard.take_work()) shard.give_up(mine.set.pulse);
   }
   EXPECT_EQ(shard.counts().let_go, 300 - static_cast<int64_t>(Shard::kMaxHeld));
   EXPECT_GT(shard.counts().lost, 0) << "the wait for a pending pulse is limited";
@@ -179,7 +179,7 @@ TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
 
 TEST(Shard, ignores_unknown_nodes_and_other_takes) {
   Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"});
-  ShardMessage status;
+  wire::ShardMessage status;
   status.take = "kendo-06";
   status.node = "recon2";
   status.first = 0;
@@ -192,7 +192,7 @@ TEST(Shard, ignores_unknown_nodes_and_other_takes) {
   status.node = "recon2";
   shard.on_status(status);
   EXPECT_EQ(shard.counts().alive, 2);
-  MeshMessage mesh;
+  wire::MeshMessage mesh;
   mesh.take = "kendo-06";
   shard.on_mesh(mesh);
   shard.advance(from_ns<Monotonic>(2));
@@ -200,4 +200,4 @@ TEST(Shard, ignores_unknown_nodes_and_other_takes) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recond

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 RelayedMessage heard_number(int n) {
@@ -12,24 +12,24 @@ RelayedMessage heard_number(int n) {
     case 0:
       return NotVerified{"there is no key " + std::to_string(n)};
     case 1: {
-      MeshMessage mesh;
+      wire::MeshMessage mesh;
       mesh.pulse = n;
       mesh.compact.assign(static_cast<size_t>(n), 7);
       return mesh;
     }
     case 2: {
-      HealthMessage health;
+      wire::HealthMessage health;
       health.node = "cap01";
       health.values["frames"] = n;
       return health;
     }
     case 3: {
-      EventMessage event;
+      wire::EventMessage event;
       event.text = std::to_string(n);
       return event;
     }
     default: {
-      PreviewMessage preview;
+      wire::PreviewMessage preview;
       preview.camera = "cam01";
       preview.pulse = n;
       preview.size = {4, 3};
@@ -80,4 +80,4 @@ TEST(BusRelay, throws_for_an_invalid_record_size) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

@@ -10,15 +10,15 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "daemon/viewd/child_program.h"
+#include "base/core/text.h"
+#include "base/io/child_process.h"
 #include "daemon/viewd/served_files.h"
-#include "daemon/viewd/studio_status.h"
 #include "daemon/viewd/web_site.h"
+#include "daemon/viewd/web_streams.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using test::becomes_true;
@@ -142,7 +142,7 @@ TEST(TokenThrottle, counts_further_addresses_as_one) {
 
 class CommandEndpointTest : public testing::Test {
  protected:
-  static WebRequest order(const std::string& body) {
+  static web::WebRequest order(const std::string& body) {
     return {.method = "POST",
             .target = "/api/order",
             .host = "127.0.0.1:8330",
@@ -152,13 +152,13 @@ class CommandEndpointTest : public testing::Test {
             .address = "127.0.0.1",
             .body = body};
   }
-  WebAnswer post(const WebRequest& request) {
-    WebSite site(studio_, WebAccess(viewer_token_), {}, commands_);
+  web::WebAnswer post(const web::WebRequest& request) {
+    WebSite site(studio_, web::WebAccess(viewer_token_), {}, commands_);
     return site.answer(request);
   }
   /// Expects a refusal, and that nothing is executed.
-  void expect_refused(const WebRequest& request, int status, const std::string& why) {
-    const WebAnswer answer = post(request);
+  void expect_refused(const web::WebRequest& request, int status, const std::string& why) {
+    const web::WebAnswer answer = post(request);
     EXPECT_EQ(answer.status, status) << answer.body;
     EXPECT_THAT(answer.body, HasSubstr(why));
     EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
@@ -173,7 +173,7 @@ class CommandEndpointTest : public testing::Test {
 };
 
 TEST_F(CommandEndpointTest, accepts_a_command_and_reports_its_result) {
-  const WebAnswer answer = post(order(R"({"do":"arm", "take":"kendo-07"})"));
+  const web::WebAnswer answer = post(order(R"({"do":"arm", "take":"kendo-07"})"));
   EXPECT_EQ(answer.status, 202) << answer.body;
   const auto taken = commands_.next_command();
   ASSERT_TRUE(taken);
@@ -212,7 +212,7 @@ TEST_F(CommandEndpointTest, reports_sender_and_command_in_events) {
       {.status = 3, .output = R"({"lines": ["take kendo-07: incomplete"]})", .errors = ""});
   const auto event = commands_.next_event();
   EXPECT_EQ(event->text, "127.0.0.1: stop: exit status 3: take kendo-07: incomplete");
-  EXPECT_EQ(event->severity, Severity::kWarning);
+  EXPECT_EQ(event->severity, wire::Severity::kWarning);
 }
 
 TEST_F(CommandEndpointTest, runs_one_command_at_a_time) {
@@ -226,7 +226,7 @@ TEST_F(CommandEndpointTest, runs_one_command_at_a_time) {
 }
 
 TEST_F(CommandEndpointTest, refuses_commands_without_the_operators_token) {
-  WebRequest request = order(R"({"do":"stop"})");
+  web::WebRequest request = order(R"({"do":"stop"})");
   request.operator_token = "";
   expect_refused(request, 401, "orders require the operators' token");
   request.operator_token = std::string(kToken) + "x";
@@ -237,14 +237,14 @@ TEST_F(CommandEndpointTest, refuses_commands_without_the_operators_token) {
 }
 
 TEST_F(CommandEndpointTest, admits_the_right_token_after_wrong_ones_of_any_address) {
-  WebRequest guess = order(R"({"do":"stop"})");
+  web::WebRequest guess = order(R"({"do":"stop"})");
   guess.operator_token = std::string(kToken) + "x";
   for (int i = 0; i < 200; ++i) {
     guess.address = "10.0.7." + std::to_string(i);
     post(guess);
   }
   EXPECT_EQ(post(guess).status, 429) << "wrong tokens are throttled";
-  WebRequest right = order(R"({"do":"look"})");
+  web::WebRequest right = order(R"({"do":"look"})");
   right.address = "10.0.9.1";
   EXPECT_EQ(post(right).status, 200) << "an address without wrong tokens";
   right.address = "10.0.7.1";
@@ -253,7 +253,7 @@ TEST_F(CommandEndpointTest, admits_the_right_token_after_wrong_ones_of_any_addre
 
 TEST_F(CommandEndpointTest, refuses_commands_with_the_viewers_token) {
   viewer_token_ = "viewers-0123456789";
-  WebRequest request = order(R"({"do":"stop"})");
+  web::WebRequest request = order(R"({"do":"stop"})");
   expect_refused(request, 401, "requires a token");
   request.authorization = "Bearer " + viewer_token_;
   request.operator_token = viewer_token_;
@@ -265,7 +265,7 @@ TEST_F(CommandEndpointTest, refuses_commands_with_the_viewers_token) {
 }
 
 TEST_F(CommandEndpointTest, refuses_commands_of_pages_of_other_origins) {
-  WebRequest request = order(R"({"do":"stop"})");
+  web::WebRequest request = order(R"({"do":"stop"})");
   request.origin = "http://evil.example";
   expect_refused(request, 403, "pages of other origins");
   request.origin = "null";
@@ -276,7 +276,7 @@ TEST_F(CommandEndpointTest, refuses_commands_of_pages_of_other_origins) {
 }
 
 TEST_F(CommandEndpointTest, refuses_commands_that_a_form_or_a_link_could_send) {
-  WebRequest request = order(R"({"do":"stop"})");
+  web::WebRequest request = order(R"({"do":"stop"})");
   for (const char* type : {"", "text/plain", "application/x-www-form-urlencoded",
                            "multipart/form-data", "application/jsonx"}) {
     request.content_type = type;
@@ -296,7 +296,7 @@ TEST_F(CommandEndpointTest, refuses_commands_that_a_form_or_a_link_could_send) {
 }
 
 TEST_F(CommandEndpointTest, refuses_bodies_that_are_too_large_or_invalid) {
-  WebRequest request = order("");
+  web::WebRequest request = order("");
   request.has_unread_body = true;
   expect_refused(request, 413, "at most 4096 bytes");
   expect_refused(order(""), 400, "expected an order as JSON");
@@ -306,10 +306,10 @@ TEST_F(CommandEndpointTest, refuses_bodies_that_are_too_large_or_invalid) {
 
 TEST_F(CommandEndpointTest, refuses_commands_without_viewer_control) {
   CommandEndpoint closed(studio_, "");
-  WebRequest request = order(R"({"do":"stop"})");
+  web::WebRequest request = order(R"({"do":"stop"})");
   for (const char* token : {"", kToken}) {
     request.operator_token = token;
-    const WebAnswer answer = closed.post(request, Monotonic::now());
+    const web::WebAnswer answer = closed.post(request, Monotonic::now());
     EXPECT_EQ(answer.status, 403);
     EXPECT_THAT(answer.body, HasSubstr("[viewer] control"));
   }
@@ -407,4 +407,4 @@ TEST(ChildProgram, fails_at_once_if_the_program_is_missing) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

@@ -1,17 +1,16 @@
 // Photographs of recorded takes, as HTTP answers.
-#include "daemon/viewd/take_photographs.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "base/config/calib_file.h"
-#include "base/image/jpeg.h"
+#include "base/image/image_files.h"
+#include "daemon/viewd/take_pictures.h"
 #include "support/child_process.h"
 #include "viewed_site.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using test::field;
@@ -24,10 +23,10 @@ class PhotographSite : public test::ViewedSite {
  protected:
   static constexpr ImageSize kSize{64, 48};
 
-  PhotographSite() { add_frames(LogOpening::kNew, 0, 3); }
+  PhotographSite() { add_frames(take::LogOpening::kNew, 0, 3); }
 
-  static FrameMessage frame(int64_t pulse) {
-    FrameMessage message;
+  static wire::FrameMessage frame(int64_t pulse) {
+    wire::FrameMessage message;
     message.frame.camera = "cam01";
     message.frame.label.pulse = pulse;
     message.frame.sensor_size = kSize;
@@ -36,12 +35,12 @@ class PhotographSite : public test::ViewedSite {
     std::ranges::fill(message.frame.image.bytes, static_cast<uint8_t>(50 + 40 * pulse));
     return message;
   }
-  void add_frames(LogOpening opening, int64_t first, int64_t end) const {
-    EventLogWriter log(folder_ / "takes/kendo-07/cam01.lcmlog", opening);
+  void add_frames(take::LogOpening opening, int64_t first, int64_t end) const {
+    take::EventLogWriter log(folder_ / "takes/kendo-07/cam01.lcmlog", opening);
     for (int64_t pulse = first; pulse < end; ++pulse) ASSERT_TRUE(log.write(frame(pulse)));
     ASSERT_TRUE(log.sync());
   }
-  static std::optional<Image> picture_of(const WebAnswer& answer) {
+  static std::optional<Image> picture_of(const web::WebAnswer& answer) {
     return decode_jpeg({reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size()},
                        kSize);
   }
@@ -49,7 +48,7 @@ class PhotographSite : public test::ViewedSite {
 
 TEST_F(PhotographSite, serves_the_frame_of_a_camera_at_a_pulse) {
   for (int pulse = 0; pulse < 3; ++pulse) {
-    const WebAnswer answer =
+    const web::WebAnswer answer =
         get("/api/takes/kendo-07/photographs/" + std::to_string(pulse) + "/cam01.jpg");
     EXPECT_EQ(answer.status, 200);
     EXPECT_EQ(answer.type, "image/jpeg");
@@ -71,10 +70,10 @@ TEST_F(PhotographSite, corrects_colours_by_the_calibration) {
 
 TEST_F(PhotographSite, answers_304_for_a_matching_etag) {
   WebSite site = this->site();
-  WebRequest request{.method = "GET",
-                     .target = "/api/takes/kendo-07/photographs/1/cam01.jpg",
-                     .host = "localhost"};
-  const WebAnswer first = done(site.answer(request));
+  web::WebRequest request{.method = "GET",
+                          .target = "/api/takes/kendo-07/photographs/1/cam01.jpg",
+                          .host = "localhost"};
+  const web::WebAnswer first = done(site.answer(request));
   EXPECT_EQ(field(first, "Cache-Control"), "no-cache");
   request.if_none_match = field(first, "ETag");
   EXPECT_EQ(done(site.answer(request)).status, 304);
@@ -91,7 +90,7 @@ TEST_F(PhotographSite, answers_404_for_missing_photographs_and_paths_outside_the
         of + "1/cam01.png", of + "1/cam01", of + "1/.jpg", of + "1", of + "1/%2e%2e.jpg",
         of + "1/..%2f..%2fcam02.jpg", std::string("/api/takes/none/photographs/1/cam01.jpg"),
         std::string("/api/takes/%2e%2e/photographs/1/cam02.jpg")}) {
-    const WebAnswer answer = get(target);
+    const web::WebAnswer answer = get(target);
     EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
     EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
     EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
@@ -100,33 +99,33 @@ TEST_F(PhotographSite, answers_404_for_missing_photographs_and_paths_outside_the
 
 TEST_F(PhotographSite, opens_a_replaced_log_again) {
   WebSite site = this->site();
-  const WebRequest request{.method = "GET",
-                           .target = "/api/takes/kendo-07/photographs/7/cam01.jpg",
-                           .host = "localhost"};
+  const web::WebRequest request{.method = "GET",
+                                .target = "/api/takes/kendo-07/photographs/7/cam01.jpg",
+                                .host = "localhost"};
   EXPECT_EQ(done(site.answer(request)).status, 404);
   std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
   EXPECT_EQ(done(site.answer(request)).status, 404);
-  add_frames(LogOpening::kNew, 0, 9);
+  add_frames(take::LogOpening::kNew, 0, 9);
   EXPECT_EQ(done(site.answer(request)).status, 200);
 }
 
 TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
   WebSite site = this->site();
-  const WebRequest request{.method = "GET",
-                           .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
-                           .host = "localhost"};
+  const web::WebRequest request{.method = "GET",
+                                .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
+                                .host = "localhost"};
   EXPECT_EQ(done(site.answer(request)).status, 404);
-  add_frames(LogOpening::kContinue, 3, 5);
+  add_frames(take::LogOpening::kContinue, 3, 5);
   EXPECT_TRUE(test::becomes_true([&] { return done(site.answer(request)).status == 200; },
                                  test::within(20)));
 }
 
 TEST_F(PhotographSite, survives_a_damaged_log) {
   write(folder_ / "takes/kendo-07/cam01.lcmlog", std::string(5000, 'x'));
-  const WebAnswer answer = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
+  const web::WebAnswer answer = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
   EXPECT_EQ(answer.status, 404);
   EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

@@ -1,18 +1,17 @@
 // Vertex colours of recorded takes by camera, as HTTP answers.
-#include "daemon/viewd/take_views.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include "base/config/calib_file.h"
+#include "daemon/viewd/take_pictures.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
-#include "tests/codec/scene.h"
+#include "tests/codec/coded_scene.h"
 #include "viewed_site.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using test::field;
@@ -28,12 +27,12 @@ class ViewedBall : public test::ViewedSite {
   static constexpr Rgb8 kLeft{200, 40, 30}, kRight{20, 60, 220};
 
   ViewedBall() {
-    const TakePaths paths{folder_ / "takes/kendo-07"};
+    const take::TakePaths paths{folder_ / "takes/kendo-07"};
     EXPECT_TRUE(save_take_info(paths, {.name = "kendo-07",
                                        .studio = "dojo",
                                        .rate_hz = 25,
                                        .pulses = 3,
-                                       .state = TakeState::kComplete,
+                                       .state = take::TakeState::kComplete,
                                        .software_version = "test",
                                        .started = Realtime::now(),
                                        .cameras = {"left", "right"}}));
@@ -48,11 +47,11 @@ class ViewedBall : public test::ViewedSite {
     matrix << 200, 0, 79.5, 0, 200, 59.5, 0, 0, 1;
     return {.name = name, .model = {kSize, matrix, {}, look_at(eye, {0, 0, 1})}, .colour = {}};
   }
-  static void save_frames(const TakePaths& paths, const std::string& camera, Rgb8 colour) {
+  static void save_frames(const take::TakePaths& paths, const std::string& camera, Rgb8 colour) {
     std::filesystem::remove(paths.frames(camera));
-    EventLogWriter log(paths.frames(camera));
+    take::EventLogWriter log(paths.frames(camera));
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
-      FrameMessage message;
+      wire::FrameMessage message;
       message.frame.camera = camera;
       message.frame.label.pulse = pulse;
       message.frame.sensor_size = kSize;
@@ -69,14 +68,14 @@ class ViewedBall : public test::ViewedSite {
     ASSERT_TRUE(log.sync());
   }
   void save_meshes(const std::filesystem::path& path) {
-    Scene scene(ball(20));
-    scene.colours.assign(scene.mesh.vertices.size(), VertexColour{1, 2, 3});
+    codec::Scene scene(codec::ball(20));
+    scene.colours.assign(scene.mesh.vertices.size(), codec::VertexColour{1, 2, 3});
     vertices_ = static_cast<int64_t>(scene.mesh.vertices.size());
-    FrameEncoder encoder({.key_every = 10});
+    codec::FrameEncoder encoder({.key_every = 10});
     std::filesystem::remove(path);  // the default one is not a mesh file
-    MeshFileWriter file(path);
+    take::MeshFileWriter file(path);
     for (const int64_t pulse : {0, 2}) {
-      FrameContent content = scene.content(pulse);
+      codec::FrameContent content = scene.content(pulse);
       const double half = 25 * scene.volume.grid().voxel_m;
       content.facts.origin = {-half, -half, 1 - half};
       content.facts.cameras = {"left", "right"};
@@ -121,7 +120,7 @@ struct ReadViews {
 };
 
 TEST_F(ViewedBall, has_the_colours_of_each_camera_on_its_side) {
-  const WebAnswer answer = get("/api/takes/kendo-07/views/2");
+  const web::WebAnswer answer = get("/api/takes/kendo-07/views/2");
   ASSERT_EQ(answer.status, 200) << answer.body;
   const ReadViews views(answer.body);
   EXPECT_TRUE(views.whole);
@@ -157,11 +156,12 @@ TEST_F(ViewedBall, does_not_depend_on_previous_requests) {
 
 TEST_F(ViewedBall, changes_its_etag_only_with_its_files) {
   WebSite site = this->site();
-  WebRequest request{.method = "GET", .target = "/api/takes/kendo-07/views/0", .host = "localhost"};
+  web::WebRequest request{
+      .method = "GET", .target = "/api/takes/kendo-07/views/0", .host = "localhost"};
   request.if_none_match = field(done(site.answer(request)), "ETag");
   EXPECT_EQ(done(site.answer(request)).status, 304);
-  save_frames(TakePaths{folder_ / "takes/kendo-07"}, "left", kRight);
-  const WebAnswer changed = done(site.answer(request));
+  save_frames(take::TakePaths{folder_ / "takes/kendo-07"}, "left", kRight);
+  const web::WebAnswer changed = done(site.answer(request));
   ASSERT_EQ(changed.status, 200);
   EXPECT_EQ(ReadViews(changed.body).cameras[0].colours.front(), kRight);
 }
@@ -171,7 +171,7 @@ TEST_F(ViewedBall, answers_404_without_frames_and_outside_the_takes) {
        {"/api/takes/kendo-07/views/1", "/api/takes/kendo-07/views/-1",
         "/api/takes/kendo-07/views/x", "/api/takes/kendo-07/views", "/api/takes/none/views/0",
         "/api/takes/%2e%2e/views/0", "/api/takes/-x/views/0"}) {
-    const WebAnswer answer = get(target);
+    const web::WebAnswer answer = get(target);
     EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
     EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
     EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
@@ -200,4 +200,4 @@ TEST_F(ViewedBall, survives_damaged_files) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

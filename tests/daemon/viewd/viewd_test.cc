@@ -12,13 +12,11 @@
 #include "base/core/error.h"
 #include "codec/frame_header.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/viewd/live_feed.h"
-#include "daemon/viewd/studio_status.h"
+#include "daemon/viewd/web_streams.h"
 #include "daemon/web/web_access.h"
-#include "daemon/web/web_target.h"
 #include "viewed_site.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using test::field;
@@ -30,12 +28,12 @@ using testing::HasSubstr;
 using testing::Not;
 
 TEST(WebTarget, decodes_path_and_query) {
-  const auto target = parse_web_target("/takes/kendo-07/mesh.v3d?token=a%2Db&x");
+  const auto target = web::parse_web_target("/takes/kendo-07/mesh.v3d?token=a%2Db&x");
   ASSERT_TRUE(target);
   EXPECT_THAT(target->path, ElementsAre("takes", "kendo-07", "mesh.v3d"));
   EXPECT_EQ(target->query.at("token"), "a-b");
   EXPECT_EQ(target->query.at("x"), "");
-  EXPECT_TRUE(parse_web_target("/")->path.empty());
+  EXPECT_TRUE(web::parse_web_target("/")->path.empty());
 }
 
 TEST(WebTarget, rejects_paths_out_of_the_folder) {
@@ -43,18 +41,18 @@ TEST(WebTarget, rejects_paths_out_of_the_folder) {
        {"", "takes", "/..", "/takes/../../etc/passwd", "/takes/%2e%2e/x", "/takes/.", "//etc",
         "/takes//x", "/takes/", "/takes/a%2fb", "/takes/a%5cb", "/takes/a\\b", "/takes/%00", "/%",
         "/%4", "/%zz", "/\xc3\xa4", "/a%0d%0ab", "http://127.0.0.1/"}) {
-    EXPECT_FALSE(parse_web_target(target)) << target;
+    EXPECT_FALSE(web::parse_web_target(target)) << target;
   }
-  EXPECT_FALSE(parse_web_target("/" + std::string(3000, 'a')));
-  EXPECT_EQ(parse_web_target("/%252e%252e")->path.front(), "%2e%2e") << "decoded once only";
+  EXPECT_FALSE(web::parse_web_target("/" + std::string(3000, 'a')));
+  EXPECT_EQ(web::parse_web_target("/%252e%252e")->path.front(), "%2e%2e") << "decoded once only";
 }
 
 TEST(ByteRange, is_the_requested_part) {
   const auto part = [](const char* header, int64_t size) {
-    const ByteRange range = byte_range(header, size);
+    const web::ByteRange range = web::byte_range(header, size);
     return std::tuple(range.kind, range.first, range.size);
   };
-  using enum ByteRange::Kind;
+  using enum web::ByteRange::Kind;
   EXPECT_EQ(part("", 100), std::tuple(kWhole, 0, 100));
   EXPECT_EQ(part("bytes=0-9", 100), std::tuple(kPart, 0, 10));
   EXPECT_EQ(part("bytes=90-", 100), std::tuple(kPart, 90, 10));
@@ -72,19 +70,19 @@ TEST(ByteRange, is_the_requested_part) {
 
 RC_GTEST_PROP(ByteRange, lies_inside_the_file_for_any_request, (int64_t first, int64_t last)) {
   const int64_t size = *rc::gen::inRange<int64_t>(0, 1000);
-  const ByteRange range =
-      byte_range("bytes=" + std::to_string(first) + "-" + std::to_string(last), size);
+  const web::ByteRange range =
+      web::byte_range("bytes=" + std::to_string(first) + "-" + std::to_string(last), size);
   RC_ASSERT(range.first >= 0 && range.size >= 0 && range.first + range.size <= size);
 }
 
 TEST(WebAddress, is_an_ip_address_and_a_port) {
-  EXPECT_TRUE(parse_web_address("127.0.0.1:8330", "f").is_loopback());
-  EXPECT_TRUE(parse_web_address("[::1]:8330", "f").is_loopback());
-  EXPECT_FALSE(parse_web_address("0.0.0.0:8330", "f").is_loopback());
-  EXPECT_EQ(parse_web_address("[::]:1", "f").host, "::");
+  EXPECT_TRUE(web::parse_web_address("127.0.0.1:8330", "f").is_loopback());
+  EXPECT_TRUE(web::parse_web_address("[::1]:8330", "f").is_loopback());
+  EXPECT_FALSE(web::parse_web_address("0.0.0.0:8330", "f").is_loopback());
+  EXPECT_EQ(web::parse_web_address("[::]:1", "f").host, "::");
   for (const char* odd :
        {"", "8330", "localhost:8330", "127.0.0.1", "127.0.0.1:", "1.2.3.4:70000", "1.2.3.4:1x"}) {
-    EXPECT_THROW(parse_web_address(odd, "f"), InputError) << odd;
+    EXPECT_THROW(web::parse_web_address(odd, "f"), InputError) << odd;
   }
 }
 
@@ -99,37 +97,38 @@ class WebToken : public testing::Test {
 };
 
 TEST_F(WebToken, is_one_line_with_restricted_permissions) {
-  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "there is none";
+  EXPECT_THROW(web::load_web_token(path_, "f"), InputError) << "there is none";
   save("0123456789abcdef\n", 0640);
-  EXPECT_EQ(load_web_token(path_, "f"), "0123456789abcdef");
+  EXPECT_EQ(web::load_web_token(path_, "f"), "0123456789abcdef");
   save("0123456789abcdef\n", 0644);
-  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "others may read it";
+  EXPECT_THROW(web::load_web_token(path_, "f"), InputError) << "others may read it";
   save("0123456789abcdef\n", 0660);
-  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "its group may change it";
+  EXPECT_THROW(web::load_web_token(path_, "f"), InputError) << "its group may change it";
   for (const char* odd : {"", "short\n", "0123456789 abcdef\n", "0123456789abcdef\nanother\n"}) {
     save(odd, 0600);
-    EXPECT_THROW(load_web_token(path_, "f"), InputError) << odd;
+    EXPECT_THROW(web::load_web_token(path_, "f"), InputError) << odd;
   }
 }
 
-WebAccess::Verdict check(const WebAccess& access, const WebRequest& request) {
-  return access.check(request, *parse_web_target(request.target));
+web::WebAccess::Verdict check(const web::WebAccess& access, const web::WebRequest& request) {
+  return access.check(request, *web::parse_web_target(request.target));
 }
 
 TEST(WebAccess, without_a_token_allows_only_names_of_this_pc) {
-  const WebAccess access("");
+  const web::WebAccess access("");
   for (const char* host : {"127.0.0.1:8330", "localhost:8330", "[::1]:8330", "127.0.0.1"}) {
-    EXPECT_EQ(check(access, {.target = "/", .host = host}), WebAccess::Verdict::kAllowed) << host;
+    EXPECT_EQ(check(access, {.target = "/", .host = host}), web::WebAccess::Verdict::kAllowed)
+        << host;
   }
   for (const char* host : {"", "evil.example", "127.0.0.1.evil.example:8330", "10.0.0.1:8330"}) {
-    EXPECT_EQ(check(access, {.target = "/", .host = host}), WebAccess::Verdict::kForeignHost)
+    EXPECT_EQ(check(access, {.target = "/", .host = host}), web::WebAccess::Verdict::kForeignHost)
         << host;
   }
 }
 
 TEST(WebAccess, with_a_token_allows_only_requests_with_the_token) {
-  const WebAccess access("0123456789abcdef");
-  using enum WebAccess::Verdict;
+  const web::WebAccess access("0123456789abcdef");
+  using enum web::WebAccess::Verdict;
   EXPECT_EQ(check(access, {.target = "/", .host = "127.0.0.1"}), kTokenRequired);
   EXPECT_EQ(check(access, {.target = "/?token=0123456789abcdef"}), kAllowedWithCookie);
   EXPECT_EQ(check(access, {.target = "/?token=0123456789abcdeX"}), kTokenRequired);
@@ -153,10 +152,10 @@ TEST_F(ViewedSite, serves_only_files_of_the_page) {
 }
 
 TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
-  const WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
+  const web::WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.file->size, 10);
-  const WebAnswer part = get("/takes/kendo-07/mesh.v3d", "bytes=2-4");
+  const web::WebAnswer part = get("/takes/kendo-07/mesh.v3d", "bytes=2-4");
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/10");
   EXPECT_EQ(part.file->first, 2);
@@ -166,7 +165,8 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
 
 TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
-  WebRequest request{.method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
+  web::WebRequest request{
+      .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   request.if_none_match = field(done(site.answer(request)), "ETag");
   EXPECT_EQ(done(site.answer(request)).status, 304);
   write(folder_ / "takes/kendo-07/mesh.v3d", "01234567890");
@@ -205,7 +205,7 @@ class NoFreeDescriptor {
 
 TEST_F(ViewedSite, answers_503_for_a_file_when_it_has_no_free_descriptor) {
   WebSite site = this->site();
-  const WebRequest request{
+  const web::WebRequest request{
       .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   const auto status = [&] { return done(site.answer(request)).status; };
   const auto status_without_descriptor = [&] {
@@ -232,7 +232,7 @@ TEST_F(ViewedSite, serves_a_scene_and_its_files) {
 
 TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
   for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
-    const WebAnswer answer = get(target);
+    const web::WebAnswer answer = get(target);
     EXPECT_EQ(answer.status, 404);
     EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
   }
@@ -241,7 +241,7 @@ TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
 
 TEST_F(ViewedSite, accepts_only_get_and_head) {
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
-    const WebAnswer answer =
+    const web::WebAnswer answer =
         site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
     EXPECT_EQ(answer.status, 405) << method;
   }
@@ -250,7 +250,7 @@ TEST_F(ViewedSite, accepts_only_get_and_head) {
 TEST_F(ViewedSite, rejects_a_host_field_with_user_information) {
   for (const char* host :
        {"localhost@evil.example", "evil.example@localhost", "a:b@127.0.0.1:8330", "local host"}) {
-    const WebAnswer answer = site().answer({.method = "GET", .target = "/", .host = host});
+    const web::WebAnswer answer = site().answer({.method = "GET", .target = "/", .host = host});
     EXPECT_EQ(answer.status, 400) << host;
     EXPECT_THAT(answer.body, testing::StartsWith("Host: ")) << host;
     EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
@@ -258,17 +258,17 @@ TEST_F(ViewedSite, rejects_a_host_field_with_user_information) {
 }
 
 TEST_F(ViewedSite, rejects_several_host_fields) {
-  const WebAnswer answer = site().answer(
+  const web::WebAnswer answer = site().answer(
       {.method = "GET", .target = "/", .host = "localhost", .has_several_hosts = true});
   EXPECT_EQ(answer.status, 400);
   EXPECT_THAT(answer.body, testing::StartsWith("Host: "));
 }
 
 TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
-  WebRequest request{.method = "GET",
-                     .target = "/api/live",
-                     .host = "127.0.0.1:8330",
-                     .origin = "http://127.0.0.1:8330"};
+  web::WebRequest request{.method = "GET",
+                          .target = "/api/live",
+                          .host = "127.0.0.1:8330",
+                          .origin = "http://127.0.0.1:8330"};
   EXPECT_EQ(site().open_stream(request).stream, WebSite::StreamKind::kLive);
   request.origin = "http://evil.example";
   EXPECT_EQ(site().open_stream(request).refusal.status, 403);
@@ -283,18 +283,18 @@ TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
 /// Frames with valid headers and without content.
 class Meshes {
  public:
-  MeshMessage next(bool key) {
-    FrameHeader header;
+  wire::MeshMessage next(bool key) {
+    codec::FrameHeader header;
     header.facts.pulse = pulse_;
     header.facts.step = 0.01;
     if (key) key_ = pulse_;
     header.key_pulse = key_;
-    header.flags = FrameHeader::kColours | (key ? 0 : FrameHeader::kInter);
+    header.flags = codec::FrameHeader::kColours | (key ? 0 : codec::FrameHeader::kInter);
     header.colour_steps = {1, 1, 1};
     header.reference = key ? 0 : checksum_;
-    MeshMessage mesh;
+    wire::MeshMessage mesh;
     mesh.pulse = pulse_++;
-    mesh.compact = write_frame(header, Sections{{{1}, {1}, {}, {1}}});
+    mesh.compact = write_frame(header, codec::Sections{{{1}, {1}, {}, {1}}});
     checksum_ = header.checksum;
     return mesh;
   }
@@ -306,7 +306,7 @@ class Meshes {
 };
 
 /// The pulse in a message, -1 where there is none.
-int64_t pulse_in(const std::optional<WebMessage>& message) {
+int64_t pulse_in(const std::optional<web::WebMessage>& message) {
   if (!message) return -1;
   const std::string key = "\"pulse\":";
   return std::stoll(message->bytes->substr(message->bytes->find(key) + key.size()));
@@ -341,8 +341,8 @@ TEST(LiveFeed, drops_frames_that_are_not_after_the_last_pulse) {
   LiveFeed feed;
   Meshes meshes;
   const auto subscriber = feed.subscribe();
-  const MeshMessage first = meshes.next(true);
-  MeshMessage second = meshes.next(true);
+  const wire::MeshMessage first = meshes.next(true);
+  wire::MeshMessage second = meshes.next(true);
   feed.add(first);
   feed.add(second);
   EXPECT_EQ(pulse_in(subscriber->next()), 1);
@@ -350,7 +350,7 @@ TEST(LiveFeed, drops_frames_that_are_not_after_the_last_pulse) {
   feed.add(second);
   EXPECT_EQ(pulse_in(subscriber->next()), -1);
   EXPECT_EQ(feed.counts().outdated, 2);
-  MeshMessage again = first;
+  wire::MeshMessage again = first;
   again.sent += std::chrono::minutes(1);
   feed.add(again);
   EXPECT_EQ(pulse_in(subscriber->next()), 0) << "a new take of the same name";
@@ -375,7 +375,7 @@ RC_GTEST_PROP(LiveFeed, sends_no_frame_without_its_predecessor, ()) {
   std::set<int64_t> keys;
   for (const int dice : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 20))) {
     const bool key = dice < 3;
-    const MeshMessage mesh = meshes.next(key);
+    const wire::MeshMessage mesh = meshes.next(key);
     if (key) keys.insert(mesh.pulse);
     if (dice != 19) feed.add(mesh);  // else it is lost on the network
     if (dice % 3 == 0) {
@@ -389,7 +389,7 @@ RC_GTEST_PROP(LiveFeed, sends_no_frame_without_its_predecessor, ()) {
 
 TEST(LiveFeed, drops_messages_without_a_compact_frame) {
   LiveFeed feed;
-  MeshMessage mesh;
+  wire::MeshMessage mesh;
   mesh.compact = {1, 2, 3};
   feed.add(mesh);
   EXPECT_EQ(feed.counts().unusable, 1);
@@ -406,14 +406,14 @@ class StudioStatusTest : public testing::Test {
     studio.cameras.back().node = "cap01";
     return studio;
   }
-  static HealthMessage health(const std::string& text) {
-    HealthMessage message;
+  static wire::HealthMessage health(const std::string& text) {
+    wire::HealthMessage message;
     message.node = "cap01";
     message.text = text;
     return message;
   }
-  static PreviewMessage preview(const std::string& camera) {
-    PreviewMessage message;
+  static wire::PreviewMessage preview(const std::string& camera) {
+    wire::PreviewMessage message;
     message.camera = camera;
     message.jpeg = {1, 2, 3};
     return message;
@@ -443,7 +443,7 @@ TEST_F(StudioStatusTest, removes_a_silent_node) {
 
 TEST_F(StudioStatusTest, keeps_the_last_events_and_the_last_preview_of_each_camera) {
   for (int i = 0; i < 500; ++i) {
-    EventMessage event;
+    wire::EventMessage event;
     event.text = "event " + std::to_string(i) + ".";
     status_.on_event(event);
     status_.on_preview(preview("cam01"));
@@ -459,11 +459,11 @@ TEST_F(StudioStatusTest, keeps_the_last_events_and_the_last_preview_of_each_came
 }
 
 TEST(TakesJson, replaces_bytes_of_a_slate_that_are_not_utf8) {
-  TakeListing take;
+  take::TakeListing take;
   take.info.rate_hz = 25;
   take.slate.note = "caf\xe9";
-  EXPECT_NE(takes_json({take}).find("caf\xEF\xBF\xBD"), std::string::npos);
+  EXPECT_NE(control::takes_json({take}).find("caf\xEF\xBF\xBD"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

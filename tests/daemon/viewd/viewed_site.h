@@ -1,4 +1,4 @@
-// The WebSite of a studio with one take, without sockets.
+// The viewd::WebSite of a studio with one take, without sockets.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ inline void write(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path) << text;
 }
 
-inline std::string field(const WebAnswer& answer, const std::string& name) {
+inline std::string field(const web::WebAnswer& answer, const std::string& name) {
   for (const auto& [known, value] : answer.fields) {
     if (known == name) return value;
   }
@@ -36,17 +36,19 @@ class ViewedSite : public testing::Test {
     studio_.storage.calib = folder_ / "calib.toml";
   }
 
-  WebAnswer get(const std::string& target, const std::string& range = "") {
+  web::WebAnswer get(const std::string& target, const std::string& range = "") {
     return done(site().answer(
         {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range}));
   }
   /// The final answer, after deferred work.
-  static WebAnswer done(WebAnswer answer) { return answer.work ? answer.work() : answer; }
-  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), commands_}; }
+  static web::WebAnswer done(web::WebAnswer answer) { return answer.work ? answer.work() : answer; }
+  viewd::WebSite site() {
+    return {studio_, web::WebAccess(""), viewd::find_page_files(folder_ / "page"), commands_};
+  }
 
   const TemporaryFolder folder_;
   Studio studio_;
-  CommandEndpoint commands_{studio_, ""};
+  viewd::CommandEndpoint commands_{studio_, ""};
 };
 
 }  // namespace v3d::test

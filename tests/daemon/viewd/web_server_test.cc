@@ -19,7 +19,7 @@
 #include "support/child_process.h"
 #include "viewed_site.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using test::becomes_true;
@@ -82,9 +82,9 @@ const std::string kUpgrade =
     "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
 
-class Silent : public WebStream {
+class Silent : public web::WebStream {
  public:
-  std::optional<WebMessage> next() override { return {}; }
+  std::optional<web::WebMessage> next() override { return {}; }
 };
 
 class ServedSite : public test::ViewedSite {
@@ -93,16 +93,16 @@ class ServedSite : public test::ViewedSite {
     studio_.viewer.control = true;
     serve({});
   }
-  void serve(const WebLimits& limits) {
+  void serve(const web::WebLimits& limits) {
     server_.reset();
-    site_.emplace(studio_, WebAccess(""), find_page_files(folder_ / "page"), operators_,
+    site_.emplace(studio_, web::WebAccess(""), find_page_files(folder_ / "page"), operators_,
                   [this](const std::filesystem::path& folder) {
                     ++listings_;
                     disk_.wait();
                     return WebSite::list_takes(folder);
                   });
     handler_.emplace(*site_, [](WebSite::StreamKind) { return std::make_unique<Silent>(); });
-    server_ = std::make_unique<WebServer>(WebAddress{"127.0.0.1", 0}, *handler_, limits);
+    server_ = std::make_unique<web::WebServer>(web::WebAddress{"127.0.0.1", 0}, *handler_, limits);
   }
   ~ServedSite() override { wake_disk(); }
   void wake_disk() {
@@ -130,7 +130,7 @@ class ServedSite : public test::ViewedSite {
   std::atomic<int> listings_ = 0;
   std::optional<WebSite> site_;
   std::optional<SiteHandler> handler_;
-  std::unique_ptr<WebServer> server_;
+  std::unique_ptr<web::WebServer> server_;
   std::vector<std::unique_ptr<Client>> clients_;
 };
 
@@ -144,7 +144,7 @@ TEST_F(ServedSite, answers_while_half_open_requests_exceed_its_slots) {
 
 TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_slots) {
   for (const char* from : {"127.0.0.2", "127.0.0.3"}) {
-    occupy(ConnectionSlots::kMaxPerAddress, from, request("/api/live", kUpgrade));
+    occupy(web::ConnectionSlots::kMaxPerAddress, from, request("/api/live", kUpgrade));
   }
   for (const auto& viewer : clients_) ASSERT_TRUE(viewer->receives("101 Switching"));
   const std::string token = std::string("X-V3D-Operator: ") + kToken + "\r\n";
@@ -154,10 +154,10 @@ TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_slots) {
   EXPECT_TRUE(client("127.0.0.2")->write(request("/", token)).receives("<!doctype html>"));
   EXPECT_TRUE(client()->write(request("/api/live", token + kUpgrade)).receives("503"))
       << "reserved slots are freed soon";
-  occupy(3 * ConnectionSlots::kReserved, "127.0.0.4", "GET / HT");
+  occupy(3 * web::ConnectionSlots::kReserved, "127.0.0.4", "GET / HT");
   EXPECT_TRUE(client()->write(request("/", token)).receives("<!doctype html>"))
       << "unauthenticated clients hold the reserved slots";
-  const std::ptrdiff_t viewers = ConnectionSlots::kMaxCommon;
+  const std::ptrdiff_t viewers = web::ConnectionSlots::kMaxCommon;
   EXPECT_TRUE(std::none_of(clients_.begin(), clients_.begin() + viewers,
                            [](const auto& viewer) { return viewer->has_ended(); }));
 }
@@ -220,29 +220,29 @@ TEST_F(ServedSite, answers_503_when_the_disk_does_not_list_the_takes_in_time) {
 }
 
 TEST(ConnectionSlots, are_bounded_for_any_clients) {
-  ConnectionSlots slots;
+  web::ConnectionSlots slots;
   for (int i = 0; i < 1000; ++i) {
     const auto slot = slots.acquire("10.0.0." + std::to_string(i % 7));
-    if (slot && i % 3 != 0) slots.set_role(slot->id, ClientRole::kOperator);
+    if (slot && i % 3 != 0) slots.set_role(slot->id, web::ClientRole::kOperator);
   }
-  EXPECT_EQ(slots.size(), ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved);
+  EXPECT_EQ(slots.size(), web::ConnectionSlots::kMaxCommon + web::ConnectionSlots::kReserved);
   EXPECT_FALSE(slots.acquire("10.0.1.1")) << "operators hold all reserved slots";
 }
 
 TEST(ConnectionSlots, replace_the_oldest_unauthenticated_connection_of_the_address_first) {
-  ConnectionSlots slots;
+  web::ConnectionSlots slots;
   const auto other = slots.acquire("10.0.0.1");
   const auto viewer = slots.acquire("10.0.0.2");
-  slots.set_role(viewer->id, ClientRole::kViewer);
+  slots.set_role(viewer->id, web::ClientRole::kViewer);
   const auto oldest = slots.acquire("10.0.0.2");
-  for (size_t i = 2; i < ConnectionSlots::kMaxPerAddress; ++i) {
+  for (size_t i = 2; i < web::ConnectionSlots::kMaxPerAddress; ++i) {
     EXPECT_FALSE(slots.acquire("10.0.0.2")->replaced);
   }
   EXPECT_EQ(slots.acquire("10.0.0.2")->replaced, oldest->id);
   slots.release(oldest->id);
-  EXPECT_EQ(slots.size(), ConnectionSlots::kMaxPerAddress + 1) << "its slot was free already";
+  EXPECT_EQ(slots.size(), web::ConnectionSlots::kMaxPerAddress + 1) << "its slot was free already";
   EXPECT_FALSE(other->replaced);
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

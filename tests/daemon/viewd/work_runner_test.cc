@@ -8,7 +8,7 @@
 
 #include "support/child_process.h"
 
-namespace v3d {
+namespace v3d::viewd {
 namespace {
 
 using namespace std::chrono_literals;
@@ -24,16 +24,16 @@ class WorkRunnerTest : public testing::Test {
     io_.stop();
   }
   /// Work that waits for the disk.
-  std::function<WebAnswer()> waiting_work() {
+  std::function<web::WebAnswer()> waiting_work() {
     return [this, disk = disk_answers_] {
       ++started_;
       disk.wait();
-      return plain_answer(200, "read");
+      return web::plain_answer(200, "read");
     };
   }
-  bool run(WorkRunner& runner, const std::string& name = "") {
+  bool run(web::WorkRunner& runner, const std::string& name = "") {
     return runner.run(name, waiting_work(),
-                      [this](const WebAnswer& answer) { statuses_.push_back(answer.status); });
+                      [this](const web::WebAnswer& answer) { statuses_.push_back(answer.status); });
   }
   void disk_answers() {
     answers_ = true;
@@ -59,7 +59,7 @@ class WorkRunnerTest : public testing::Test {
 };
 
 TEST_F(WorkRunnerTest, runs_as_much_work_at_once_as_it_has_threads) {
-  WorkRunner runner(io_, {.threads = 3, .timeout = 1h, .late = "late"});
+  web::WorkRunner runner(io_, {.threads = 3, .timeout = 1h, .late = "late"});
   for (int i = 0; i < 5; ++i) EXPECT_TRUE(run(runner));
   EXPECT_TRUE(becomes_true([&] { return started_ == 3; }, within(60)));
   EXPECT_THAT(statuses_, IsEmpty());
@@ -69,7 +69,7 @@ TEST_F(WorkRunnerTest, runs_as_much_work_at_once_as_it_has_threads) {
 }
 
 TEST_F(WorkRunnerTest, rejects_work_beyond_its_limit_also_when_nobody_waits_for_the_rest_any_more) {
-  WorkRunner runner(io_, {.threads = 1, .max_waiting = 2, .timeout = 10ms, .late = "late"});
+  web::WorkRunner runner(io_, {.threads = 1, .max_waiting = 2, .timeout = 10ms, .late = "late"});
   EXPECT_TRUE(run(runner));
   EXPECT_TRUE(run(runner));
   EXPECT_FALSE(run(runner));
@@ -87,7 +87,7 @@ TEST_F(WorkRunnerTest, rejects_work_beyond_its_limit_also_when_nobody_waits_for_
 }
 
 TEST_F(WorkRunnerTest, shares_a_run_between_requests_of_one_name) {
-  WorkRunner runner(io_, {.threads = 2, .timeout = 1h, .late = "late"});
+  web::WorkRunner runner(io_, {.threads = 2, .timeout = 1h, .late = "late"});
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(run(runner, "takes"));
   disk_answers();
   EXPECT_TRUE(receives(3));
@@ -95,4 +95,4 @@ TEST_F(WorkRunnerTest, shares_a_run_between_requests_of_one_name) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::viewd

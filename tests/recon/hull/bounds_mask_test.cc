@@ -1,14 +1,12 @@
-#include "recon/hull/bounds_mask.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "base/geometry/box.h"
 #include "base/geometry/rigid_transform.h"
+#include "recon/hull/voxel_grid.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 CameraModel barrel_camera() {
@@ -58,4 +56,4 @@ TEST(BoundsMask, is_empty_for_a_box_behind_the_camera_and_full_from_inside) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -5,7 +5,7 @@
 #include "recon/hull/brick_halo.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 int number_at(const BrickCounts& counts, int voxel) {
@@ -28,7 +28,7 @@ TEST(BrickCounts, count_the_27_voxels_in_and_round_each_across_the_faces_of_bric
         make_volume(small_grid(29, 27, 31), [&](int, int, int) { return random() % 10 < in_ten; });
     for (size_t b = 0; b < volume.bricks().size(); ++b) {
       const BrickCounts counts = counts_of(volume, b);
-      const BrickCoord at = volume.coords()[b];
+      const codec::BrickCoord at = volume.coords()[b];
       for (int n = 0; n < 512; ++n) {
         const int i = 8 * at.x + n % 8, j = 8 * at.y + n / 8 % 8, k = 8 * at.z + n / 64;
         int expected = 0;
@@ -45,16 +45,16 @@ TEST(BrickCounts, larger_compares_voxel_by_voxel) {
   std::mt19937_64 random(6);
   BrickCounts a, b;
   for (size_t k = 0; k < a.bit.size(); ++k) {
-    for (size_t z = 0; z < kBrickEdge; ++z) {
+    for (size_t z = 0; z < codec::kBrickEdge; ++z) {
       a.bit[k][z] = random();
       b.bit[k][z] = k < 2 ? random() : a.bit[k][z];  // most differ by little, some not at all
     }
   }
-  const Brick more = larger(a, b);
+  const codec::Brick more = larger(a, b);
   for (int n = 0; n < 512; ++n) {
     EXPECT_EQ((more[n / 64] >> (n % 64) & 1) != 0, number_at(a, n) > number_at(b, n));
   }
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

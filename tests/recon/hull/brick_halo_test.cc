@@ -4,10 +4,10 @@
 
 #include <random>
 
-#include "recon/mesh/vertex_lattice.h"
+#include "base/geometry/mesh.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 TEST(BrickHalo, sums_over_the_27_voxels_in_and_round_each_across_the_borders_of_bricks) {
@@ -32,7 +32,7 @@ TEST(BrickHalo, sums_over_the_27_voxels_in_and_round_each_across_the_borders_of_
       return values;
     };
     const auto sums = neighbourhood_sums<uint32_t>(bricks_around(volume, b), row_of);
-    const BrickCoord at = volume.coords()[b];
+    const codec::BrickCoord at = volume.coords()[b];
     for (int n = 0; n < 512; ++n) {
       const int i = 8 * at.x + n % 8, j = 8 * at.y + n / 8 % 8, k = 8 * at.z + n / 64;
       uint32_t expected = 0;
@@ -63,4 +63,4 @@ TEST(VertexLattice, keeps_its_own_points) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -10,7 +10,7 @@
 #include "recon/shapes.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// 1.2 m wide, around the origin.
@@ -160,4 +160,4 @@ TEST(GhostRemoval, keeps_components_of_ten_litres_without_proof) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -12,7 +12,7 @@
 #include "tests/recon/allocations.h"
 #include "tests/recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Cameras with their silhouettes of one pulse.
@@ -222,7 +222,7 @@ TEST(SparseVolume, counts_and_finds_its_voxels) {
   EXPECT_FALSE(volume.get(8, 7, 1));
   EXPECT_FALSE(volume.get(20, 8, 16));
   EXPECT_FALSE(volume.get(-1, 7, 0));
-  EXPECT_EQ(volume.coords()[0], (BrickCoord{1, 0, 0}));
+  EXPECT_EQ(volume.coords()[0], (codec::BrickCoord{1, 0, 0}));
   EXPECT_EQ(volume.bricks()[0][0], uint64_t{1} << 56);
   EXPECT_EQ(volume.index_of({0, 0, 0}), -1);
 }
@@ -238,4 +238,4 @@ TEST(SparseVolume, counts_what_two_have_in_common_and_what_one_has_alone) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,12 +1,11 @@
-#include "recon/hull/intersection_octree.h"
-
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 
+#include "recon/hull/intersect.h"
 #include "tests/recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 const VoxelGrid kGrid{{-1.5, -1.5, 0}, 0.008, {375, 371, 250}};
@@ -80,4 +79,4 @@ RC_GTEST_PROP(IntersectionOctree, knows_nothing_where_numbers_may_overflow, ()) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

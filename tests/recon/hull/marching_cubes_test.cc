@@ -1,5 +1,3 @@
-#include "recon/hull/marching_cubes.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 #include <tbb/global_control.h>
@@ -10,10 +8,11 @@
 #include <set>
 
 #include "codec/cube_cases.h"
+#include "recon/hull/sparse_volume.h"
 #include "tests/recon/random_rig.h"
 #include "tests/recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Pseudo-random voxels, from sparse to nearly solid.
@@ -63,12 +62,12 @@ bool same(const Mesh& a, const Mesh& b) {
 TEST(CubeCases, use_exactly_the_edges_between_occupied_and_empty_corners) {
   for (int occupied = 0; occupied < 256; ++occupied) {
     std::set<int> used;
-    const CubeCase& shape = cube_cases()[occupied];
+    const codec::CubeCase& shape = codec::cube_cases()[occupied];
     for (int t = 0; t < shape.count; ++t) {
       used.insert(shape.triangles[t].begin(), shape.triangles[t].end());
     }
     for (int number = 0; number < 12; ++number) {
-      const CubeEdge e = cube_edge(number);
+      const codec::CubeEdge e = codec::cube_edge(number);
       const int low = e.x | e.y << 1 | e.z << 2;
       const bool crossed = ((occupied >> low ^ occupied >> (low | 1 << e.axis)) & 1) != 0;
       EXPECT_EQ(used.contains(number), crossed) << "case " << occupied << " edge " << number;
@@ -235,4 +234,4 @@ TEST(MarchingCubes, returns_the_same_bytes_for_any_number_of_threads) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

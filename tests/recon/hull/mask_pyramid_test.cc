@@ -7,7 +7,7 @@
 
 #include "tests/recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 struct Span {
@@ -107,4 +107,4 @@ TEST(MaskPyramid, finds_a_single_pixel_and_nothing_away_from_it) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -8,7 +8,7 @@
 
 #include "recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 VoxelGrid random_grid() {
@@ -61,9 +61,9 @@ RC_GTEST_PROP(SparseVolume, stores_no_empty_brick_and_sorts_the_others, ()) {
   const SparseVolume volume = DenseVolume(random_grid()).sparse();
   const auto coords = volume.coords();
   for (size_t n = 0; n < coords.size(); ++n) {
-    RC_ASSERT(volume.bricks()[n] != kEmptyBrick);
+    RC_ASSERT(volume.bricks()[n] != codec::kEmptyBrick);
     RC_ASSERT(volume.index_of(coords[n]) == static_cast<int>(n));
-    const auto key = [](BrickCoord at) { return std::array{at.z, at.y, at.x}; };
+    const auto key = [](codec::BrickCoord at) { return std::array{at.z, at.y, at.x}; };
     RC_ASSERT(n == 0 || key(coords[n - 1]) < key(coords[n]));
   }
 }
@@ -96,8 +96,8 @@ RC_GTEST_PROP(SparseVolume, counts_common_and_differing_voxels, ()) {
 
 RC_GTEST_PROP(BitsInside, are_the_voxels_of_a_brick_that_the_grid_contains, ()) {
   const VoxelGrid grid = random_grid();
-  const BrickCoord at{uniform_int(0, 5), uniform_int(0, 5), uniform_int(0, 5)};
-  const Brick bits = bits_inside(grid, at);
+  const codec::BrickCoord at{uniform_int(0, 5), uniform_int(0, 5), uniform_int(0, 5)};
+  const codec::Brick bits = bits_inside(grid, at);
   for (int n = 0; n < 512; ++n) {
     const bool inside = grid.contains(8 * at.x + n % 8, 8 * at.y + n / 8 % 8, 8 * at.z + n / 64);
     RC_ASSERT((bits[n / 64] >> (n % 64) & 1) == (inside ? 1U : 0U));
@@ -105,4 +105,4 @@ RC_GTEST_PROP(BitsInside, are_the_voxels_of_a_brick_that_the_grid_contains, ()) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -10,7 +10,7 @@
 
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Voxel = std::array<int, 3>;
@@ -24,7 +24,7 @@ std::set<Voxels> found_in(const SparseVolume& volume) {
   for (size_t c = 0; c < components.count(); ++c) {
     Voxels voxels;
     for (const ComponentPart& part : components.parts(c)) {
-      const BrickCoord at = volume.coords()[part.brick];
+      const codec::BrickCoord at = volume.coords()[part.brick];
       for (int n = 0; n < 512; ++n) {
         if ((part.bits[n / 64] >> (n % 64) & 1) != 0)
           voxels.insert({8 * at.x + n % 8, 8 * at.y + n / 8 % 8, 8 * at.z + n / 64});
@@ -106,4 +106,4 @@ TEST(VolumeComponents, have_a_largest_one) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,20 +1,19 @@
-#include "recon/hull/volume_cut.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
+#include "recon/hull/volume_components.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// One brick for each of the volume, with the voxels for which cut(i, j, k) is true.
 template <class Cut>
-std::vector<Brick> bricks_of(const SparseVolume& volume, const Cut& cut) {
-  std::vector<Brick> bricks(volume.bricks().size(), kEmptyBrick);
+std::vector<codec::Brick> bricks_of(const SparseVolume& volume, const Cut& cut) {
+  std::vector<codec::Brick> bricks(volume.bricks().size(), codec::kEmptyBrick);
   for (size_t b = 0; b < bricks.size(); ++b) {
-    const BrickCoord at = volume.coords()[b];
+    const codec::BrickCoord at = volume.coords()[b];
     for (int n = 0; n < 512; ++n) {
       if (cut(8 * at.x + n % 8, 8 * at.y + n / 8 % 8, 8 * at.z + n / 64)) {
         bricks[b][n / 64] |= uint64_t{1} << (n % 64);
@@ -153,4 +152,4 @@ TEST(VolumeCut, of_everything_is_empty) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,10 +7,10 @@
 #include <string>
 
 #include "base/core/error.h"
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 #include "support/message_of.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using ::testing::HasSubstr;
@@ -68,4 +68,4 @@ TEST(VoxelGrid, rejects_more_voxels_along_an_axis_than_the_kernels_support) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,11 +1,10 @@
-#include "recon/hull/voxel_projection.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "recon/hull/voxel_grid.h"
 #include "tests/recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 const VoxelGrid kGrid{{-1.5, -1.5, 0}, 0.008, {375, 375, 250}};
@@ -75,4 +74,4 @@ RC_GTEST_PROP(VoxelProjection, sees_what_the_camera_model_sees_away_from_borders
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <random>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Box = BoxTree::Box;
@@ -114,4 +114,4 @@ TEST(BoxTree, accepts_boxes_at_one_place_and_nan_corners) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

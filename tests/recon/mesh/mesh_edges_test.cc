@@ -1,10 +1,9 @@
-#include "recon/mesh/mesh_edges.h"
-
 #include <gtest/gtest.h>
 
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 double longest_edge(const Mesh& mesh) {
@@ -48,4 +47,4 @@ TEST(MeshEdges, have_a_mean_length) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,13 +1,12 @@
-#include "recon/mesh/neighbours.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <set>
 
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Reference: neighbours by vertex, from the edges of all triangles.
@@ -81,4 +80,4 @@ TEST(NeighbourRows, are_as_many_as_the_largest_number_of_neighbours_in_a_group) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,4 +1,3 @@
-#include "recon/mesh/self_intersection_removal.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -8,7 +7,7 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr float kBall = 1;
@@ -99,4 +98,4 @@ TEST(SelfIntersectionRemoval, is_the_same_with_one_thread) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

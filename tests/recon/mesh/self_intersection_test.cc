@@ -6,7 +6,7 @@
 
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 TEST(SelfIntersection, a_ball_has_none) {
@@ -76,4 +76,4 @@ TEST(SelfIntersection, finds_crossings_of_moved_vertices_and_none_after_they_ret
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,13 +1,12 @@
-#include "recon/mesh/smooth_surface.h"
-
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
 #include <random>
 
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3f;
@@ -131,4 +130,4 @@ TEST(SmoothNormals, that_cancel_each_other_are_unchanged) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,11 +1,10 @@
-#include "recon/mesh/vertex_lattice.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "base/geometry/mesh.h"
 #include "recon/random_rig.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 VertexLattice random_lattice() {
@@ -41,4 +40,4 @@ TEST(VertexLattice, rounds_a_half_up_on_both_sides_of_the_origin) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

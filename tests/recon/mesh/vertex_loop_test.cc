@@ -1,5 +1,3 @@
-#include "recon/mesh/vertex_loop.h"
-
 #include <gtest/gtest.h>
 
 #include <mutex>
@@ -7,7 +5,9 @@
 #include <utility>
 #include <vector>
 
-namespace v3d {
+#include "recon/mesh/mesh_neighbours.h"
+
+namespace v3d::recon {
 namespace {
 
 constexpr size_t kCounts[] = {0, 1, 63, 64, 65, 511, 512, 513, 5000};
@@ -42,4 +42,4 @@ TEST(VertexLoop, divides_the_indices_into_blocks_that_begin_at_multiples_of_thei
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,7 +7,7 @@
 #include "recon/metrics/nearest_triangle.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 TEST(SurfaceDistance, of_a_surface_to_itself_is_zero) {
@@ -205,4 +205,4 @@ TEST(Ssim, of_flat_pictures_is_the_term_of_their_brightness) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

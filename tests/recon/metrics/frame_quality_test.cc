@@ -5,12 +5,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 const Box kSpace{{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}};
@@ -78,4 +78,4 @@ TEST_F(FrameQualityTest, is_one_without_silhouettes_and_zero_without_a_surface) 
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

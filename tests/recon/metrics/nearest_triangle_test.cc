@@ -7,7 +7,7 @@
 
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3d;
@@ -95,4 +95,4 @@ TEST(NearestTriangle, is_none_without_triangles) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

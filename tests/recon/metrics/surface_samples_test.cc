@@ -1,12 +1,11 @@
-#include "recon/metrics/surface_samples.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "recon/metrics/nearest_triangle.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3d;
@@ -65,4 +64,4 @@ TEST(Interpolated, is_the_weighted_mean_of_the_values_at_the_corners) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

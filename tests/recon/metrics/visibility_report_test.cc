@@ -1,10 +1,9 @@
-#include "recon/metrics/visibility_report.h"
-
 #include <gtest/gtest.h>
 
+#include "recon/metrics/evaluation.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{400, 300};
@@ -65,4 +64,4 @@ TEST(VisibilityReportTest, of_an_empty_mesh_is_empty) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -2,18 +2,18 @@
 
 #include <gtest/gtest.h>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// A triangle on its lattice, a shade lighter with every pulse.
 struct Triangle {
-  const std::vector<VertexPosition> positions{{0, 0, 0}, {0.5F, 0, 0}, {0, 0.25F, 1}};
-  const std::vector<VertexTriangle> triangles{{0, 1, 2}};
+  const std::vector<codec::VertexPosition> positions{{0, 0, 0}, {0.5F, 0, 0}, {0, 0.25F, 1}};
+  const std::vector<codec::VertexTriangle> triangles{{0, 1, 2}};
   const std::vector<Rgb8> colours{{10, 200, 30}, {40, 50, 60}, {255, 0, 255}};
 
   std::vector<uint8_t> encoded() const {
-    const std::vector<VertexColour> coded = vertex_colours(colours);
-    FrameContent content;
+    const std::vector<codec::VertexColour> coded = vertex_colours(colours);
+    codec::FrameContent content;
     content.facts = {.pulse = 7,
                      .exposure_ns = 1'700'000'000'000'000'000,
                      .cameras = {"cam01", "cam02"},
@@ -24,7 +24,7 @@ struct Triangle {
     content.positions = positions;
     content.triangles = triangles;
     content.colours = coded;
-    return FrameEncoder({.colour_steps = {1, 1, 1}}).encode(content).value();
+    return codec::FrameEncoder({.colour_steps = {1, 1, 1}}).encode(content).value();
   }
 };
 
@@ -58,4 +58,4 @@ TEST(VertexLattice, rounds_to_the_nearest_point_on_either_side_of_its_origin) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -12,7 +12,7 @@
 #include "recon/pipeline/reconstructor.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using testing::ElementsAre;
@@ -225,4 +225,4 @@ TEST(FramePipeline, returns_the_bytes_of_sequential_processing_for_any_number_of
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,7 +6,7 @@
 
 #include <set>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using testing::ElementsAre;
@@ -164,4 +164,4 @@ RC_GTEST_PROP(FrameSets, account_for_every_frame_and_never_go_back, ()) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/pipeline/compact_frame.h"
@@ -14,7 +14,7 @@
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using testing::ElementsAre;
@@ -168,7 +168,7 @@ TEST(Reconstructor, encodes_one_sequence_with_key_frames_at_fixed_pulses) {
   CompactDecoder decoder;
   for (const Reconstruction& result : sequence) {
     EXPECT_EQ(decode_compact(result.compact).has_value(), result.pulse == 23 || result.pulse == 25);
-    ASSERT_EQ(decoder.decode(result.compact), DecodeStatus::kOk);
+    ASSERT_EQ(decoder.decode(result.compact), codec::DecodeStatus::kOk);
     EXPECT_EQ(decoder.frame().mesh.vertices, result.mesh.vertices);
     EXPECT_EQ(decoder.frame().mesh.colours, result.mesh.colours);
   }
@@ -268,4 +268,4 @@ TEST(Reconstructor, rejects_impossible_options) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

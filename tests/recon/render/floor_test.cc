@@ -1,10 +1,9 @@
-#include "recon/render/floor.h"
-
 #include <gtest/gtest.h>
 
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3d;
@@ -71,4 +70,4 @@ TEST(Floor, has_lines_and_no_shadow_without_objects) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,7 +6,7 @@
 #include "recon/random_rig.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr Band kImage{40, 0, 30};
@@ -199,4 +199,4 @@ TEST(ScreenPlane, of_a_degenerate_triangle_has_the_value_of_its_first_corner) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

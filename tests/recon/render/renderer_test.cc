@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using shapes::camera;
@@ -140,4 +140,4 @@ TEST(ContactSheet, shows_every_view_at_its_position) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,5 +1,3 @@
-#include "recon/render/screen_vertex.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -7,9 +5,10 @@
 
 #include "recon/instruction_sets.h"
 #include "recon/random_rig.h"
+#include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 const Box kSpace{{-1, -1, -1}, {1, 1, 1}};
@@ -77,4 +76,4 @@ TEST(ScreenVertices, have_the_length_of_the_mesh_when_their_memory_is_used_again
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

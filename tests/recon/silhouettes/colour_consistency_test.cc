@@ -1,6 +1,4 @@
 // Tests with a white ball; one camera may report background in its image.
-#include "recon/silhouettes/colour_consistency.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,8 +6,9 @@
 #include <vector>
 
 #include "recon/shapes.h"
+#include "recon/silhouettes/missing_foreground.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{160, 120};
@@ -103,4 +102,4 @@ TEST(ColourConsistency, compares_nothing_without_colours_or_points) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

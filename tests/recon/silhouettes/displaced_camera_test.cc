@@ -6,12 +6,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 const Box kSpace{{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}};
@@ -121,4 +121,4 @@ TEST(DisplacedCamera, ignores_a_camera_without_foreground) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

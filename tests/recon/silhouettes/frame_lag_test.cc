@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// A bar that moved by `step` pixels to the right, in an image of `size`. The camera shows it
@@ -67,4 +67,4 @@ TEST(SilhouetteChangeTest,
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

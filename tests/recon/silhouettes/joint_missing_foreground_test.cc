@@ -1,17 +1,16 @@
-#include "recon/silhouettes/joint_missing_foreground.h"
-
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
 #include <numbers>
 
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
+#include "recon/silhouettes/missing_foreground.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{160, 120};
@@ -138,4 +137,4 @@ TEST(JointMissingForeground, returns_the_same_for_any_number_of_threads) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,7 +7,7 @@
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kMinViews = 2;
@@ -92,4 +92,4 @@ TEST_F(LeaveOneOut, skips_cameras_without_a_mask) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -8,14 +8,14 @@
 #include <cmath>
 #include <set>
 
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/camera_images.h"
 #include "sim/rendering/scene.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using testing::IsEmpty;
@@ -296,4 +296,4 @@ TEST(SilhouetteRepair, accepts_background_of_the_only_camera_that_sees_it) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

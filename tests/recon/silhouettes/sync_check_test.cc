@@ -4,13 +4,13 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/frame_lag.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kPulses = 12;
@@ -102,4 +102,4 @@ TEST(SyncCheckTest, does_not_compare_a_camera_with_a_gap) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <random>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr int kLabels = BeliefPropagation::kLabels;
@@ -144,4 +144,4 @@ TEST(BeliefPropagation, is_independent_of_the_previous_graph) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

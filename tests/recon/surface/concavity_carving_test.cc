@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <random>
 
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 #include "recon/hull/intersect.h"
-#include "recon/hull/marching_cubes.h"
+#include "recon/hull/sparse_volume.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{320, 240};
@@ -245,4 +245,4 @@ TEST(ConcavityCarver, is_independent_of_the_previous_frame) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,12 +1,12 @@
-#include "recon/surface/correlation.h"
-
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
 #include <cmath>
 #include <random>
 
-namespace v3d {
+#include "recon/surface/template_windows.h"
+
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{160, 120};
@@ -219,4 +219,4 @@ TEST(Luminance, keeps_positions_at_half_resolution) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

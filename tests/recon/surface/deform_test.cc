@@ -9,11 +9,10 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "recon/mesh/self_intersection.h"
-#include "recon/mesh/self_intersection_removal.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{320, 240};
@@ -282,4 +281,4 @@ TEST(Deformer, names_the_option_that_is_out_of_range) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

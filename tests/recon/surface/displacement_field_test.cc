@@ -8,7 +8,7 @@
 
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Possible observations of the vertices of a mesh.
@@ -171,4 +171,4 @@ TEST(NeighbourRows, list_the_neighbours_in_order_and_pad_the_rest) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

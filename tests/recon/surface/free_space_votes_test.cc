@@ -1,11 +1,10 @@
-#include "recon/surface/free_space_votes.h"
-
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
+#include "recon/surface/carving_evidence.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 SparseVolume full(int nx, int ny, int nz) {
@@ -16,15 +15,15 @@ Eigen::Vector3f middle_of(const SparseVolume& volume, int i, int j, int k) {
   return volume.grid().center(i, j, k).cast<float>();
 }
 
-bool get(const SparseVolume& volume, const std::vector<Brick>& bricks, int i, int j, int k) {
+bool get(const SparseVolume& volume, const std::vector<codec::Brick>& bricks, int i, int j, int k) {
   const int brick = volume.index_of({i / 8, j / 8, k / 8});
   return (bricks[brick][k % 8] >> (8 * (j % 8) + i % 8) & 1) != 0;
 }
 
-int count(const std::vector<Brick>& bricks) {
+int count(const std::vector<codec::Brick>& bricks) {
   int sum = 0;
-  for (const Brick& brick : bricks) {
-    for (const uint64_t layer : brick) sum += bit_count(layer);
+  for (const codec::Brick& brick : bricks) {
+    for (const uint64_t layer : brick) sum += codec::bit_count(layer);
   }
   return sum;
 }
@@ -34,7 +33,7 @@ TEST(FreeSpaceVotes, count_for_a_voxel_and_the_26_around_it_across_the_borders_o
   for (const int at : {3, 7, 8, 15, 16}) {
     FreeSpaceVotes votes(volume);
     votes.vote_free(middle_of(volume, at, at, 9));
-    const std::vector<Brick> seen = votes.free_voxels(1);
+    const std::vector<codec::Brick> seen = votes.free_voxels(1);
     EXPECT_EQ(count(seen), 27);
     for (const int way : {-1, 0, 1}) EXPECT_TRUE(get(volume, seen, at + way, at - way, 9 + way));
     EXPECT_EQ(count(votes.free_voxels(2)), 0);
@@ -101,4 +100,4 @@ TEST(FreeSpaceVotes, of_one_kind_never_overflow_into_the_other) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

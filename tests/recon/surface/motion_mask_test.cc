@@ -1,12 +1,11 @@
-#include "recon/surface/motion_mask.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "recon/shapes.h"
+#include "recon/surface/temporal_smoothing.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{120, 90};
@@ -92,4 +91,4 @@ TEST(MotionMask, is_0_beyond_the_border_of_a_picture) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,12 +1,11 @@
-#include "recon/surface/pulse_views.h"
-
 #include <gtest/gtest.h>
 
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/surface/temporal_smoothing.h"
 #include "recon/visibility/depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr double kVoxel = 0.01;
@@ -97,4 +96,4 @@ TEST_F(PulseViewsTest, pair_the_cameras_of_two_pulses_by_their_place_in_the_rig)
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

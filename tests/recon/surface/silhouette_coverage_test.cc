@@ -1,12 +1,11 @@
-#include "recon/surface/silhouette_coverage.h"
-
 #include <gtest/gtest.h>
 
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/surface/carving_evidence.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{160, 120};
@@ -66,10 +65,11 @@ TEST(VoxelsAt, are_those_whose_centres_fall_on_the_pixels) {
   const View view;
   const VoxelGrid grid{Eigen::Vector3d(-0.2, -0.3, 0.8), 0.02, {20, 30, 20}};
   const SparseVolume volume = make_volume(grid, [](int i, int, int) { return i != 7; });
-  const std::vector<Brick> all(volume.bricks().begin(), volume.bricks().end());
+  const std::vector<codec::Brick> all(volume.bricks().begin(), volume.bricks().end());
   Mask pixels(kSize);
   for (int y = 40; y < 60; ++y) pixels.fill_row(y, 70, 83);
-  const std::vector<Brick> found = voxels_at(std::span(&pixels, 1), view.cameras, volume, all);
+  const std::vector<codec::Brick> found =
+      voxels_at(std::span(&pixels, 1), view.cameras, volume, all);
   const auto expected = make_volume(grid, [&](int i, int j, int k) {
     if (!volume.get(i, j, k)) return false;
     const auto seen = view.cameras[0].project(grid.center(i, j, k).cast<float>());
@@ -79,8 +79,8 @@ TEST(VoxelsAt, are_those_whose_centres_fall_on_the_pixels) {
   int64_t count = 0;
   for (size_t b = 0; b < found.size(); ++b) {
     const int there = expected.index_of(volume.coords()[b]);
-    EXPECT_EQ(found[b], there < 0 ? kEmptyBrick : expected.bricks()[there]);
-    for (const uint64_t layer : found[b]) count += bit_count(layer);
+    EXPECT_EQ(found[b], there < 0 ? codec::kEmptyBrick : expected.bricks()[there]);
+    for (const uint64_t layer : found[b]) count += codec::bit_count(layer);
   }
   EXPECT_EQ(count, expected.count());
 }
@@ -89,8 +89,8 @@ TEST(VoxelsAt, are_none_without_pixels_and_only_requested_ones) {
   const View view;
   const SparseVolume volume = make_volume({Eigen::Vector3d(-0.2, -0.3, 0.8), 0.02, {20, 30, 20}},
                                           [](int, int, int) { return true; });
-  const std::vector<Brick> all(volume.bricks().begin(), volume.bricks().end());
-  const std::vector<Brick> none(all.size(), kEmptyBrick);
+  const std::vector<codec::Brick> all(volume.bricks().begin(), volume.bricks().end());
+  const std::vector<codec::Brick> none(all.size(), codec::kEmptyBrick);
   const Mask dark(kSize);
   EXPECT_EQ(voxels_at(std::span(&dark, 1), view.cameras, volume, all), none);
   Mask bright(kSize);
@@ -100,4 +100,4 @@ TEST(VoxelsAt, are_none_without_pixels_and_only_requested_ones) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,13 +1,12 @@
-#include "recon/surface/silhouette_force.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/surface/deform.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3f;
@@ -116,4 +115,4 @@ TEST(NearOutline, contains_every_pixel_within_two_of_the_outline_and_no_far_one)
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -5,7 +5,7 @@
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector2f;
@@ -130,4 +130,4 @@ TEST(TemplateWindows, are_made_for_every_nth_vertex_of_a_block) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

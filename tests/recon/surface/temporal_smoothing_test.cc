@@ -12,7 +12,7 @@
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{320, 240};
@@ -146,4 +146,4 @@ TEST(TemporalSmoothing, is_the_same_for_any_number_of_threads) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

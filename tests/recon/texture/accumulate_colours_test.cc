@@ -8,12 +8,12 @@
 #include <optional>
 #include <random>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
 #include "recon/texture/texture.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{200, 150};
@@ -142,4 +142,4 @@ TEST(AccumulateVertexColours, returns_the_same_sums_on_every_instruction_set) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

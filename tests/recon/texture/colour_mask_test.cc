@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <random>
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 /// Mostly foreground: a third of the pixels are `inner`.
@@ -52,4 +52,4 @@ TEST(ColourMask, is_foreground_everywhere_without_a_mask) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -9,11 +9,10 @@
 #include <functional>
 #include <random>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "recon/shapes.h"
-#include "recon/texture/camera_colours.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using shapes::camera;
@@ -429,4 +428,4 @@ TEST(CameraColours, are_empty_for_a_camera_without_pixels_and_for_an_empty_mesh)
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,14 +1,13 @@
-#include "recon/texture/vertex_cameras.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/texture/texture.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{120, 90};
@@ -98,4 +97,4 @@ TEST(VertexCameras, demosaic_and_correct_colours_on_request) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -7,12 +7,11 @@
 
 #include <random>
 
-#include "recon/render/draw_triangles.h"
 #include "recon/render/rasteriser.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using shapes::camera;
@@ -350,4 +349,4 @@ TEST(Silhouette, is_what_the_depth_buffer_covers) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,14 +1,13 @@
-#include "recon/visibility/locate_points.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "recon/instruction_sets.h"
-#include "recon/render/screen_vertex.h"
+#include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
+#include "recon/visibility/point_depth_buffer.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{200, 150};
@@ -135,4 +134,4 @@ TEST(ProjectVertices, rejects_points_before_the_near_plane) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -1,12 +1,12 @@
-#include "recon/visibility/luminance.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <random>
 
-namespace v3d {
+#include "recon/visibility/surface_camera.h"
+
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{40, 30};
@@ -116,4 +116,4 @@ TEST(Luminance, halved_is_the_mean_of_two_by_two_pixels_at_the_same_place_of_the
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -8,13 +8,12 @@
 #include <cmath>
 #include <random>
 
-#include "recon/hull/marching_cubes.h"
+#include "recon/hull/sparse_volume.h"
 #include "recon/shapes.h"
 #include "recon/visibility/depth_buffer.h"
-#include "recon/visibility/surface_points.h"
 #include "recon/volumes.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using shapes::camera;
@@ -164,4 +163,4 @@ TEST(PointDepthBuffer, are_the_same_on_every_instruction_set) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -6,9 +6,9 @@
 
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "recon/surface/pulse_views.h"
+#include "recon/surface/temporal_smoothing.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 using Eigen::Vector3f;
@@ -160,4 +160,4 @@ TEST(NeighbourSamples, pair_the_cameras_of_two_pulses_by_the_rig) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

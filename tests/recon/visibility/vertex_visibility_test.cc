@@ -9,7 +9,7 @@
 #include "recon/shapes.h"
 #include "recon/surface/template_windows.h"
 
-namespace v3d {
+namespace v3d::recon {
 namespace {
 
 constexpr ImageSize kSize{200, 150};
@@ -162,4 +162,4 @@ TEST(WindowBlock, lists_the_cameras_that_a_vertex_faces_most_up_to_the_limit) {
 }
 
 }  // namespace
-}  // namespace v3d
+}  // namespace v3d::recon

@@ -8,9 +8,8 @@
 // cores.
 #include <tbb/parallel_for.h>
 
-#include "base/image/demosaic.h"
+#include "base/image/colour.h"
 #include "peers/opencv_subtractor.h"
-#include "rates.h"
 #include "workload.h"
 
 namespace v3d::bench {

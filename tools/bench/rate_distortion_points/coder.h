@@ -20,8 +20,8 @@ struct Accuracy {
 /// Number of bytes, and the decoded vertices in the order of the mesh.
 struct Coded {
   size_t bytes = 0;
-  std::vector<VertexPosition> positions;
-  std::vector<VertexColour> colours;
+  std::vector<codec::VertexPosition> positions;
+  std::vector<codec::VertexColour> colours;
 };
 
 /// Conversion of colour channels to coded levels and back.

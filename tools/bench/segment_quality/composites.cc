@@ -1,12 +1,10 @@
-#include "segment_quality/composites.h"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "segment_quality/segment_trials.h"
 #include "sim/rendering/noise.h"
-#include "v3dctl/import/image_file.h"
-#include "v3dctl/import/video_file.h"
+#include "v3dctl/import/media.h"
 
 namespace v3d::bench {
 namespace {

@@ -7,9 +7,9 @@
 #include <random>
 #include <set>
 
-#include "base/image/mask_morphology.h"
+#include "base/image/mask_operations.h"
 #include "recon/silhouettes/silhouette_repair.h"
-#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/camera_images.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -163,7 +163,7 @@ class Trials {
         film_(rig_, {.seed = seed}),
         random_(static_cast<uint32_t>(seed)),
         repair_(rig_, space(), kVoxel, kMinViews),
-        intersector_(VoxelGrid::covering(space(), kVoxel), models_of(rig_), kMinViews) {}
+        intersector_(recon::VoxelGrid::covering(space(), kVoxel), models_of(rig_), kMinViews) {}
 
   void run(int pulse, std::vector<FaultScore>& scores) {
     const Instant instant = make_instant(rig_, film_, 0.13 + 0.31 * pulse, pulse, seed_);
@@ -187,17 +187,17 @@ class Trials {
 
   void judge(const Instant& instant, const Shown& shown, std::optional<size_t> faulty,
              FaultScore& score) {
-    const RepairedSilhouettes repaired = repair_.repair(
+    const recon::RepairedSilhouettes repaired = repair_.repair(
         pointers_to(shown.masks[kNow]), shown.frames,
         {.before = pointers_to(shown.masks[kBefore]), .after = pointers_to(shown.masks[kAfter])});
     std::vector<const Mask*> after;
     for (const auto& mask : repaired.masks) after.push_back(mask ? &*mask : nullptr);
-    const SparseVolume truth = intersector_.intersect(pointers_to(instant.truth[kNow]));
+    const recon::SparseVolume truth = intersector_.intersect(pointers_to(instant.truth[kNow]));
     const int64_t wrong_before =
         count_differing(intersector_.intersect(pointers_to(shown.masks[kNow])), truth);
     const int64_t wrong_after = count_differing(intersector_.intersect(after), truth);
     std::set<size_t> named;
-    for (const SilhouetteFault& fault : repaired.faults) named.insert(fault.camera);
+    for (const recon::SilhouetteFault& fault : repaired.faults) named.insert(fault.camera);
     const bool found = faulty && named.contains(*faulty);
     ++score.trials;
     score.found += found;
@@ -210,14 +210,14 @@ class Trials {
 
   void print(const std::string& kind, std::optional<size_t> faulty, bool found,
              int64_t wrong_before, int64_t wrong_after,
-             const std::vector<SilhouetteFault>& faults) const {
+             const std::vector<recon::SilhouetteFault>& faults) const {
     std::printf("  %-16s %-6s %-6s %9lld %9lld\n", kind.c_str(),
                 faulty ? rig_[*faulty].name.c_str() : "",
                 !faulty ? ""
                 : found ? "found"
                         : "missed",
                 static_cast<long long>(wrong_before), static_cast<long long>(wrong_after));
-    for (const SilhouetteFault& fault : faults) {
+    for (const recon::SilhouetteFault& fault : faults) {
       static constexpr const char* kNames[] = {"missing", "phantom", "whole", "late"};
       std::printf("      %s%s %s %d,%d %dx%d %lld px\n", rig_[fault.camera].name.c_str(),
                   fault.camera == faulty ? "" : " (innocent)",
@@ -231,8 +231,8 @@ class Trials {
   const Rig rig_;
   sim::BatchRenderer film_;
   std::mt19937 random_;
-  SilhouetteRepair repair_;
-  Intersector intersector_;
+  recon::SilhouetteRepair repair_;
+  recon::Intersector intersector_;
 };
 
 }  // namespace

@@ -6,9 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 #include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
-#include "recon/metrics/visibility_report.h"
 
 namespace v3d::ctl {
 
@@ -18,7 +22,7 @@ struct EvaluatedMeshes {
   std::filesystem::path take;
   std::optional<std::filesystem::path> meshes{};
 };
-MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
+recorded::MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
 
 /// Largest correct distance of a point, metres, for the report by the number of cameras that see
 /// it.
@@ -28,12 +32,12 @@ inline constexpr double kVisibilityLimitM = 0.005;
 struct TruthReport {
   int64_t frames = 0;
   int64_t without_truth = 0;  ///< frames without a PLY file
-  SurfaceDistance distance;
-  double min_covered_10mm = 0;    ///< minimum over the frames
-  double self_intersections = 0;  ///< pairs of triangles
-  VisibilityReport visibility;    ///< by the number of used cameras, kVisibilityLimitM; means
-  int64_t consecutive = 0;        ///< frames whose previous pulse has a true surface, too
-  SurfaceChange change;           ///< medians over the consecutive frames
+  recon::SurfaceDistance distance;
+  double min_covered_10mm = 0;         ///< minimum over the frames
+  double self_intersections = 0;       ///< pairs of triangles
+  recon::VisibilityReport visibility;  ///< by the number of used cameras, kVisibilityLimitM; means
+  int64_t consecutive = 0;             ///< frames whose previous pulse has a true surface, too
+  recon::SurfaceChange change;         ///< medians over the consecutive frames
 };
 
 /// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws
@@ -70,5 +74,50 @@ struct HeldOutRequest {
 /// InputError for a camera that the take does not have, and for one that took part.
 std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request);
+
+// View of a held-out camera: its photograph, and renderings of meshes that compare with it.
+
+/// Renderings pass through the colour response of the camera and the Bayer filters of its sensor,
+/// like the photograph. So both contain the same false colours of the mosaic, which then do not
+/// count as errors.
+class HeldOutView {
+ public:
+  /// `camera` is borrowed.
+  HeldOutView(const RigCamera& camera, const recorded::SegmentedFrame& frame);
+
+  /// RGB8 of the whole image, in the common colours of the rig.
+  const Image& photograph() const { return photograph_; }
+  const Mask& mask() const { return mask_; }
+  /// Pixels whose neighbours up to two pixels away, the reach of demosaicing, are foreground, too.
+  const Mask& inside() const { return inside_; }
+  /// Rendering of `mesh` with the colours of its vertices, comparable with photograph().
+  Image render(const Mesh& mesh) const;
+
+ private:
+  Image as_recorded(Image rendering) const;
+
+  const RigCamera& camera_;
+  const PixelFormat format_;
+  const Mask mask_;
+  const Mask inside_;
+  const Image photograph_;
+};
+
+/// Images of a HeldOutView for people, cropped to the foreground.
+class CroppedHeldOutView {
+ public:
+  /// Requires a mask with foreground. `camera` is borrowed.
+  CroppedHeldOutView(const RigCamera& camera, const recorded::SegmentedFrame& frame);
+  Image photograph() const;
+  Image render(const Mesh& mesh) const;
+  /// Absolute difference of both over inside(): black for 0, white for 64 grey values and more.
+  Image difference(const Mesh& mesh) const;
+
+ private:
+  Image crop(const Image& whole) const;
+
+  const HeldOutView view_;
+  const Rect region_;
+};
 
 }  // namespace v3d::ctl

@@ -3,12 +3,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
+#include "common/console.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/evaluate/evaluation_page.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
@@ -25,11 +25,11 @@ struct Arguments {
   bool json = false;
 };
 
-Json to_json(const VisibilityReport& sight) {
+Json to_json(const recon::VisibilityReport& sight) {
   Json json;
   constexpr const char* kCameras[] = {"none", "one", "two", "more"};
   for (size_t n = 0; n < sight.seen_by.size(); ++n) {
-    const VisibilityFigures& f = sight.seen_by[n];
+    const recon::VisibilityFigures& f = sight.seen_by[n];
     json[kCameras[n]] = {{"truth", f.truth},
                          {"truth_within_5mm", f.truth_within},
                          {"reconstructed", f.reconstructed},
@@ -40,7 +40,7 @@ Json to_json(const VisibilityReport& sight) {
 }
 
 void put_truth(Json& json, const TruthReport& report) {
-  const SurfaceDistance& d = report.distance;
+  const recon::SurfaceDistance& d = report.distance;
   json["frames"] = report.frames;
   json["distance_mm"] = {{"accuracy_p50", d.accuracy_p50_mm},
                          {"accuracy_p90", d.accuracy_p90_mm},
@@ -55,7 +55,7 @@ void put_truth(Json& json, const TruthReport& report) {
   json["self_intersections"] = report.self_intersections;
   json["seen_by"] = to_json(report.visibility);
   if (report.consecutive == 0) return;
-  const SurfaceChange& c = report.change;
+  const recon::SurfaceChange& c = report.change;
   json["flicker_mm"] = {
       {"p50", c.flicker_p50_mm}, {"p90", c.flicker_p90_mm}, {"still_part", c.still}};
   json["moving_mm"] = {
@@ -82,7 +82,7 @@ void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
   }
 }
 
-void print_change(const SurfaceChange& change) {
+void print_change(const recon::SurfaceChange& change) {
   if (change.still > 0) {
     std::printf("flicker       %.2f mm (median), %.2f mm (90 %%) of the still surface (%.0f %%)\n",
                 change.flicker_p50_mm, change.flicker_p90_mm, 100 * change.still);
@@ -94,7 +94,7 @@ void print_change(const SurfaceChange& change) {
 }
 
 void print_truth(const TruthReport& report) {
-  const SurfaceDistance& d = report.distance;
+  const recon::SurfaceDistance& d = report.distance;
   std::printf("%lld frames against the truth (medians over frames)\n",
               static_cast<long long>(report.frames));
   std::printf("accuracy      %.2f mm (median), %.2f mm (90 %%), mesh to truth\n", d.accuracy_p50_mm,

@@ -1,20 +1,21 @@
 #include <algorithm>
+#include <cstdlib>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/image/colour.h"
 #include "common/console.h"
-#include "daemon/recorded/frame_colours.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/mesh/mesh_edges.h"
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/renderer.h"
+#include "recon/texture/colour_mask.h"
 #include "v3dctl/evaluate/evaluate.h"
-#include "v3dctl/evaluate/held_out_view.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
 
-void require_held_out(const CompactFrame& frame, const std::vector<std::string>& cameras) {
+void require_held_out(const recon::CompactFrame& frame, const std::vector<std::string>& cameras) {
   for (const std::string& camera : cameras) {
     if (std::find(frame.cameras.begin(), frame.cameras.end(), camera) == frame.cameras.end())
       continue;
@@ -25,8 +26,8 @@ void require_held_out(const CompactFrame& frame, const std::vector<std::string>&
 }
 
 ImageSimilarity compare_images(const Image& rendering, const Image& photograph, const Mask& where) {
-  return {psnr_db(rendering.view(), photograph.view(), where),
-          ssim(rendering.view(), photograph.view(), where)};
+  return {recon::psnr_db(rendering.view(), photograph.view(), where),
+          recon::ssim(rendering.view(), photograph.view(), where)};
 }
 
 ImageSimilarity mean_of(const std::vector<ImageSimilarity>& frames) {
@@ -45,7 +46,7 @@ class HeldOutSamples {
     const Image rendering = view.render(mesh);
     inside_.push_back(compare_images(rendering, view.photograph(), view.inside()));
     whole_mask_.push_back(compare_images(rendering, view.photograph(), view.mask()));
-    iou_.push_back(intersection_over_union(draw_silhouette(mesh, camera), view.mask()));
+    iou_.push_back(intersection_over_union(recon::draw_silhouette(mesh, camera), view.mask()));
   }
   void add_truth(const HeldOutView& view, const Mesh& truth) {
     truth_.push_back(compare_images(view.render(truth), view.photograph(), view.inside()));
@@ -67,26 +68,27 @@ std::optional<Mesh> read_resampled_truth(const Mesh& mesh, const std::filesystem
                                          int64_t frame) {
   if (truth.empty() || mesh.triangles.empty()) return {};
   const auto true_surface = read_truth(truth, frame);
-  return true_surface ? std::optional(with_short_edges(*true_surface, mean_edge(mesh)))
-                      : std::nullopt;
+  return true_surface
+             ? std::optional(recon::with_short_edges(*true_surface, recon::mean_edge(mesh)))
+             : std::nullopt;
 }
 
 }  // namespace
 
 std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request) {
-  MeshFrames meshes = open_meshes(evaluated);
-  TakeFrames recorded(evaluated.take, request.cameras);
+  recorded::MeshFrames meshes = open_meshes(evaluated);
+  recorded::TakeFrames recorded(evaluated.take, request.cameras);
   std::vector<HeldOutSamples> samples(request.cameras.size());
   const std::vector<int64_t> frames = meshes.frames({});
   Progress progress("compare with the cameras", std::ssize(frames));
   for (const int64_t frame : frames) {
     stop_if_interrupted();
-    const CompactFrame compact = meshes.read(frame);
+    const recon::CompactFrame compact = meshes.read(frame);
     require_held_out(compact, request.cameras);
     const auto views = recorded.read(frame);
     const auto truth = read_resampled_truth(compact.mesh, request.truth, frame);
-    std::optional<FrameColours> colours;
+    std::optional<recorded::FrameColours> colours;
     if (request.view_dependent || truth) colours.emplace(evaluated.take, compact);
     for (size_t i = 0; i < samples.size(); ++i) {
       if (!views[i]) continue;
@@ -109,6 +111,90 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
     reports.push_back(samples[i].report(request.cameras[i]));
   }
   return reports;
+}
+
+namespace {
+
+constexpr int kMarginPx = 12;  // around the foreground
+constexpr int kMaxGreyDifference = 64;
+
+Mask inside_of(const Mask& mask) {
+  Frame frame;
+  frame.sensor_size = mask.size();
+  frame.roi = {0, 0, mask.size().width, mask.size().height};
+  frame.mask = mask;
+  const recon::ColourMask colours(frame);
+  Mask inside(mask.size());
+  for (int y = 0; y < mask.size().height; ++y) {
+    for (int x = 0; x < mask.size().width; ++x) {
+      if (colours.inner(x, y)) inside.set(x, y);
+    }
+  }
+  return inside;
+}
+
+Image corrected(Image image, const ColourResponse& response) {
+  correct(image, response);
+  return image;
+}
+
+Rect with_margin(Rect r, ImageSize size) {
+  const int x0 = std::max(0, r.x0 - kMarginPx), y0 = std::max(0, r.y0 - kMarginPx);
+  return {x0, y0, std::min(size.width, r.x0 + r.width + kMarginPx) - x0,
+          std::min(size.height, r.y0 + r.height + kMarginPx) - y0};
+}
+
+}  // namespace
+
+HeldOutView::HeldOutView(const RigCamera& camera, const recorded::SegmentedFrame& frame)
+    : camera_(camera),
+      format_(frame.raw.image.format),
+      mask_(frame.mask),
+      inside_(inside_of(frame.mask)),
+      photograph_(corrected(to_rgb(frame.raw.image.view()), camera.colour)) {}
+
+Image HeldOutView::render(const Mesh& mesh) const {
+  return as_recorded(recon::draw_mesh(mesh, camera_.model));
+}
+
+Image HeldOutView::as_recorded(Image rendering) const {
+  if (!is_bayer(format_)) return rendering;
+  correct(rendering, camera_.colour.inverse());
+  return corrected(to_rgb(mosaic(rendering.view(), format_).view()), camera_.colour);
+}
+
+CroppedHeldOutView::CroppedHeldOutView(const RigCamera& camera,
+                                       const recorded::SegmentedFrame& frame)
+    : view_(camera, frame), region_(with_margin(frame.mask.bounding_box(), frame.mask.size())) {}
+
+Image CroppedHeldOutView::photograph() const { return crop(view_.photograph()); }
+
+Image CroppedHeldOutView::render(const Mesh& mesh) const { return crop(view_.render(mesh)); }
+
+Image CroppedHeldOutView::difference(const Mesh& mesh) const {
+  const Image rendering = view_.render(mesh);
+  const Image& photograph = view_.photograph();
+  Image difference(rendering.size, PixelFormat::kRGB8);
+  for (int y = 0; y < rendering.size.height; ++y) {
+    for (int x = 0; x < rendering.size.width; ++x) {
+      if (!view_.inside().get(x, y)) continue;
+      int max = 0;
+      for (int i = 3 * x; i < 3 * x + 3; ++i) {
+        max = std::max(max, std::abs(rendering.row(y)[i] - photograph.row(y)[i]));
+      }
+      const int grey = std::min(255, max * 255 / kMaxGreyDifference);
+      std::fill_n(difference.row(y) + 3 * x, 3, static_cast<uint8_t>(grey));
+    }
+  }
+  return crop(difference);
+}
+
+Image CroppedHeldOutView::crop(const Image& whole) const {
+  Image part({region_.width, region_.height}, PixelFormat::kRGB8);
+  for (int y = 0; y < region_.height; ++y) {
+    std::copy_n(whole.row(region_.y0 + y) + 3 * region_.x0, 3 * region_.width, part.row(y));
+  }
+  return part;
 }
 
 }  // namespace v3d::ctl

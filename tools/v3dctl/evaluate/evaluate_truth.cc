@@ -4,11 +4,10 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "common/console.h"
-#include "common/ply_reader.h"
+#include "common/ply_file.h"
 #include "recon/mesh/self_intersection.h"
 #include "take/take.h"
 #include "v3dctl/evaluate/evaluate.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
@@ -33,23 +32,24 @@ Figures medians(const std::vector<Figures>& frames, double Figures::*const (&fig
   return result;
 }
 
-constexpr double SurfaceDistance::*kDistances[] = {
-    &SurfaceDistance::accuracy_p50_mm,     &SurfaceDistance::accuracy_p90_mm,
-    &SurfaceDistance::completeness_p50_mm, &SurfaceDistance::completeness_p90_mm,
-    &SurfaceDistance::f_score_2mm,         &SurfaceDistance::f_score_5mm,
-    &SurfaceDistance::f_score_10mm,        &SurfaceDistance::covered_2mm,
-    &SurfaceDistance::covered_5mm,         &SurfaceDistance::covered_10mm,
-    &SurfaceDistance::normal_error_deg};
-constexpr double VisibilityFigures::*kVisibilityValues[] = {
-    &VisibilityFigures::truth, &VisibilityFigures::truth_within, &VisibilityFigures::reconstructed,
-    &VisibilityFigures::reconstructed_within};
-constexpr double SurfaceChange::*kChanges[] = {
-    &SurfaceChange::still,  &SurfaceChange::flicker_p50_mm, &SurfaceChange::flicker_p90_mm,
-    &SurfaceChange::moving, &SurfaceChange::moving_p50_mm,  &SurfaceChange::moving_p90_mm};
+constexpr double recon::SurfaceDistance::*kDistances[] = {
+    &recon::SurfaceDistance::accuracy_p50_mm,     &recon::SurfaceDistance::accuracy_p90_mm,
+    &recon::SurfaceDistance::completeness_p50_mm, &recon::SurfaceDistance::completeness_p90_mm,
+    &recon::SurfaceDistance::f_score_2mm,         &recon::SurfaceDistance::f_score_5mm,
+    &recon::SurfaceDistance::f_score_10mm,        &recon::SurfaceDistance::covered_2mm,
+    &recon::SurfaceDistance::covered_5mm,         &recon::SurfaceDistance::covered_10mm,
+    &recon::SurfaceDistance::normal_error_deg};
+constexpr double recon::VisibilityFigures::*kVisibilityValues[] = {
+    &recon::VisibilityFigures::truth, &recon::VisibilityFigures::truth_within,
+    &recon::VisibilityFigures::reconstructed, &recon::VisibilityFigures::reconstructed_within};
+constexpr double recon::SurfaceChange::*kChanges[] = {
+    &recon::SurfaceChange::still,          &recon::SurfaceChange::flicker_p50_mm,
+    &recon::SurfaceChange::flicker_p90_mm, &recon::SurfaceChange::moving,
+    &recon::SurfaceChange::moving_p50_mm,  &recon::SurfaceChange::moving_p90_mm};
 
-VisibilityReport mean_of(const std::vector<VisibilityReport>& frames) {
-  VisibilityReport mean;
-  for (const VisibilityReport& frame : frames) {
+recon::VisibilityReport mean_of(const std::vector<recon::VisibilityReport>& frames) {
+  recon::VisibilityReport mean;
+  for (const recon::VisibilityReport& frame : frames) {
     for (size_t n = 0; n < mean.seen_by.size(); ++n) {
       for (const auto figure : kVisibilityValues) {
         mean.seen_by[n].*figure += frame.seen_by[n].*figure / static_cast<double>(frames.size());
@@ -70,13 +70,13 @@ struct FrameWithTruth {
 class TruthMeter {
  public:
   void add(FrameWithTruth current) {
-    distances_.push_back(compare_surfaces(current.mesh, current.truth));
-    intersections_.push_back(static_cast<double>(self_intersections(current.mesh).size()));
-    visibilities_.push_back(
-        compare_by_visibility(current.mesh, current.truth, current.cameras, kVisibilityLimitM));
+    distances_.push_back(recon::compare_surfaces(current.mesh, current.truth));
+    intersections_.push_back(static_cast<double>(recon::self_intersections(current.mesh).size()));
+    visibilities_.push_back(recon::compare_by_visibility(current.mesh, current.truth,
+                                                         current.cameras, kVisibilityLimitM));
     if (previous_ && previous_->frame + 1 == current.frame) {
-      changes_.push_back(
-          compare_in_time({&previous_->mesh, &previous_->truth}, {&current.mesh, &current.truth}));
+      changes_.push_back(recon::compare_in_time({&previous_->mesh, &previous_->truth},
+                                                {&current.mesh, &current.truth}));
     }
     previous_ = std::move(current);
   }
@@ -85,7 +85,7 @@ class TruthMeter {
     report.frames = std::ssize(distances_);
     report.distance = medians(distances_, kDistances);
     report.min_covered_10mm = 1;
-    for (const SurfaceDistance& frame : distances_) {
+    for (const recon::SurfaceDistance& frame : distances_) {
       report.min_covered_10mm = std::min(report.min_covered_10mm, frame.covered_10mm);
     }
     report.self_intersections = median(intersections_);
@@ -97,10 +97,10 @@ class TruthMeter {
 
  private:
   std::optional<FrameWithTruth> previous_;
-  std::vector<SurfaceDistance> distances_;
+  std::vector<recon::SurfaceDistance> distances_;
   std::vector<double> intersections_;
-  std::vector<VisibilityReport> visibilities_;
-  std::vector<SurfaceChange> changes_;
+  std::vector<recon::VisibilityReport> visibilities_;
+  std::vector<recon::SurfaceChange> changes_;
 };
 
 std::vector<CameraModel> models_of(const Rig& rig, const std::vector<std::string>& names) {
@@ -113,9 +113,9 @@ std::vector<CameraModel> models_of(const Rig& rig, const std::vector<std::string
 
 }  // namespace
 
-MeshFrames open_meshes(const EvaluatedMeshes& evaluated) {
-  return evaluated.meshes ? MeshFrames(evaluated.take, *evaluated.meshes)
-                          : MeshFrames(evaluated.take);
+recorded::MeshFrames open_meshes(const EvaluatedMeshes& evaluated) {
+  return evaluated.meshes ? recorded::MeshFrames(evaluated.take, *evaluated.meshes)
+                          : recorded::MeshFrames(evaluated.take);
 }
 
 std::optional<Mesh> read_truth(const fs::path& truth, int64_t frame) {
@@ -124,8 +124,8 @@ std::optional<Mesh> read_truth(const fs::path& truth, int64_t frame) {
 }
 
 TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const fs::path& truth) {
-  MeshFrames meshes = open_meshes(evaluated);
-  const Rig rig = load_take_calib({evaluated.take});
+  recorded::MeshFrames meshes = open_meshes(evaluated);
+  const Rig rig = take::load_take_calib({evaluated.take});
   TruthMeter meter;
   int64_t without_truth = 0;
   const std::vector<int64_t> frames = meshes.frames({});
@@ -133,7 +133,7 @@ TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const fs::path& tru
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     if (auto true_surface = read_truth(truth, frame)) {
-      CompactFrame made = meshes.read(frame);
+      recon::CompactFrame made = meshes.read(frame);
       meter.add(
           {frame, std::move(made.mesh), *std::move(true_surface), models_of(rig, made.cameras)});
     } else {

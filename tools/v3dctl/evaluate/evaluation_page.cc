@@ -4,13 +4,13 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/core/html.h"
-#include "base/image/jpeg.h"
-#include "daemon/recorded/frame_colours.h"
+#include "base/core/text.h"
+#include "base/image/image_files.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/render/renderer.h"
-#include "v3dctl/evaluate/held_out_view.h"
+#include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -36,14 +36,15 @@ std::string row(const EvaluationPage& page, const std::string& name, const TextO
 }
 
 std::string truth_rows(const EvaluationPage& page) {
-  const auto of_distance = [&](const char* name, double SurfaceDistance::*figure, int digits) {
+  const auto of_distance = [&](const char* name, double recon::SurfaceDistance::*figure,
+                               int digits) {
     return row(page, name, [&](const EvaluationColumn& c) {
       return number(c.truth->distance.*figure, digits);
     });
   };
   // Empty without such parts, for instance with a single frame.
-  const auto of_change = [&](const char* name, double SurfaceChange::*part,
-                             double SurfaceChange::*figure) {
+  const auto of_change = [&](const char* name, double recon::SurfaceChange::*part,
+                             double recon::SurfaceChange::*figure) {
     const bool any = std::ranges::any_of(
         page.columns, [&](const EvaluationColumn& c) { return c.truth->change.*part > 0; });
     if (!any) return std::string();
@@ -51,30 +52,31 @@ std::string truth_rows(const EvaluationPage& page) {
       return c.truth->change.*part > 0 ? number(c.truth->change.*figure, 2) : "";
     });
   };
-  return of_distance("accuracy (mesh to truth): median, mm", &SurfaceDistance::accuracy_p50_mm, 2) +
-         of_distance("accuracy: 90th percentile, mm", &SurfaceDistance::accuracy_p90_mm, 1) +
+  return of_distance("accuracy (mesh to truth): median, mm",
+                     &recon::SurfaceDistance::accuracy_p50_mm, 2) +
+         of_distance("accuracy: 90th percentile, mm", &recon::SurfaceDistance::accuracy_p90_mm, 1) +
          of_distance("completeness (truth to mesh): median, mm",
-                     &SurfaceDistance::completeness_p50_mm, 2) +
-         of_distance("completeness: 90th percentile, mm", &SurfaceDistance::completeness_p90_mm,
-                     1) +
-         of_distance("f-score at 2 mm", &SurfaceDistance::f_score_2mm, 3) +
-         of_distance("f-score at 5 mm", &SurfaceDistance::f_score_5mm, 3) +
-         of_distance("f-score at 10 mm", &SurfaceDistance::f_score_10mm, 3) +
-         of_distance("error of normals, degrees", &SurfaceDistance::normal_error_deg, 1) +
+                     &recon::SurfaceDistance::completeness_p50_mm, 2) +
+         of_distance("completeness: 90th percentile, mm",
+                     &recon::SurfaceDistance::completeness_p90_mm, 1) +
+         of_distance("f-score at 2 mm", &recon::SurfaceDistance::f_score_2mm, 3) +
+         of_distance("f-score at 5 mm", &recon::SurfaceDistance::f_score_5mm, 3) +
+         of_distance("f-score at 10 mm", &recon::SurfaceDistance::f_score_10mm, 3) +
+         of_distance("error of normals, degrees", &recon::SurfaceDistance::normal_error_deg, 1) +
          row(page, "f-score at 5 mm if all surface that two cameras see were right",
              [](const EvaluationColumn& c) {
                return number(c.truth->visibility.f_score_if_right_from(2), 3);
              }) +
          row(page, "pairs of intersecting triangles",
              [](const EvaluationColumn& c) { return number(c.truth->self_intersections, 0); }) +
-         of_change("flicker of still surface: median, mm", &SurfaceChange::still,
-                   &SurfaceChange::flicker_p50_mm) +
-         of_change("flicker: 90th percentile, mm", &SurfaceChange::still,
-                   &SurfaceChange::flicker_p90_mm) +
-         of_change("error of moving surface: median, mm", &SurfaceChange::moving,
-                   &SurfaceChange::moving_p50_mm) +
-         of_change("moving: 90th percentile, mm", &SurfaceChange::moving,
-                   &SurfaceChange::moving_p90_mm);
+         of_change("flicker of still surface: median, mm", &recon::SurfaceChange::still,
+                   &recon::SurfaceChange::flicker_p50_mm) +
+         of_change("flicker: 90th percentile, mm", &recon::SurfaceChange::still,
+                   &recon::SurfaceChange::flicker_p90_mm) +
+         of_change("error of moving surface: median, mm", &recon::SurfaceChange::moving,
+                   &recon::SurfaceChange::moving_p50_mm) +
+         of_change("moving: 90th percentile, mm", &recon::SurfaceChange::moving,
+                   &recon::SurfaceChange::moving_p90_mm);
 }
 
 /// Empty without a true surface.
@@ -138,16 +140,16 @@ std::string error_scale() {
 }
 
 /// Meshes of the shown frame, by column.
-std::vector<CompactFrame> meshes_of(const EvaluationPage& page, int64_t frame) {
-  std::vector<CompactFrame> meshes;
+std::vector<recon::CompactFrame> meshes_of(const EvaluationPage& page, int64_t frame) {
+  std::vector<recon::CompactFrame> meshes;
   for (const EvaluationColumn& column : page.columns) {
     meshes.push_back(open_meshes(column.evaluated).read(frame));
   }
   return meshes;
 }
 
-std::string error_section(const EvaluationPage& page, const std::vector<CompactFrame>& meshes,
-                          const Mesh& truth) {
+std::string error_section(const EvaluationPage& page,
+                          const std::vector<recon::CompactFrame>& meshes, const Mesh& truth) {
   std::string html = "<h2>Distance of the surface from the truth</h2>\n" + error_scale();
   for (size_t i = 0; i < meshes.size(); ++i) {
     std::string views;
@@ -158,13 +160,14 @@ std::string error_section(const EvaluationPage& page, const std::vector<CompactF
 }
 
 std::string photograph_and_renderings(const EvaluationPage& page,
-                                      const std::vector<CompactFrame>& meshes, size_t index,
-                                      const RigCamera& camera, const SegmentedFrame& frame) {
+                                      const std::vector<recon::CompactFrame>& meshes, size_t index,
+                                      const RigCamera& camera,
+                                      const recorded::SegmentedFrame& frame) {
   const CroppedHeldOutView view(camera, frame);
   std::string renderings, differences;
   for (size_t i = 0; i < meshes.size(); ++i) {
     const EvaluationColumn& column = page.columns[i];
-    const Mesh mesh = page.view_dependent ? FrameColours(column.evaluated.take, meshes[i])
+    const Mesh mesh = page.view_dependent ? recorded::FrameColours(column.evaluated.take, meshes[i])
                                                 .coloured_for(camera.model, meshes[i].mesh)
                                           : meshes[i].mesh;
     renderings +=
@@ -178,9 +181,9 @@ std::string photograph_and_renderings(const EvaluationPage& page,
          image_row("<figure></figure>\n" + differences);
 }
 
-std::string held_out_pictures(const EvaluationPage& page, const std::vector<CompactFrame>& meshes,
-                              int64_t frame) {
-  TakeFrames recorded(page.columns.front().evaluated.take, page.held_out);
+std::string held_out_pictures(const EvaluationPage& page,
+                              const std::vector<recon::CompactFrame>& meshes, int64_t frame) {
+  recorded::TakeFrames recorded(page.columns.front().evaluated.take, page.held_out);
   const auto views = recorded.read(frame);
   std::string html =
       "<h2>Held-out cameras</h2>\n<p class=\"note\">Photograph, renderings, and "
@@ -218,22 +221,23 @@ Rgb8 error_colour(double mm) {
 std::vector<Image> error_renderings(const Mesh& mesh, const Mesh& truth) {
   Mesh painted = mesh;
   painted.colours.clear();
-  for (const double mm : vertex_distances_mm(mesh, truth)) {
+  for (const double mm : recon::vertex_distances_mm(mesh, truth)) {
     painted.colours.push_back(error_colour(mm));
   }
   std::vector<Image> images;
-  for (const CameraModel& camera : turntable_cameras(bounds_of(truth), kSides, kRenderingSize)) {
-    images.push_back(draw_mesh(painted, camera, {.head_light = kHeadLight}));
+  for (const CameraModel& camera :
+       recon::turntable_cameras(recon::bounds_of(truth), kSides, kRenderingSize)) {
+    images.push_back(recon::draw_mesh(painted, camera, {.head_light = kHeadLight}));
   }
   return images;
 }
 
 std::string evaluation_html(const EvaluationPage& page) {
   const EvaluatedMeshes& first = page.columns.front().evaluated;
-  const std::string name = load_take_info({first.take}).name;
+  const std::string name = take::load_take_info({first.take}).name;
   const std::vector<int64_t> frames = open_meshes(first).frames({});
   const int64_t shown = frames[frames.size() / 2];
-  const std::vector<CompactFrame> meshes = meshes_of(page, shown);
+  const std::vector<recon::CompactFrame> meshes = meshes_of(page, shown);
   std::string html = html_head("Evaluation of " + name) + "<h1>Evaluation of " +
                      html_escaped(name) + "</h1>\n<p>" + frames_text(page, frames) + "</p>\n" +
                      table(page);

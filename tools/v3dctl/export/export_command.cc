@@ -3,14 +3,12 @@
 #include <optional>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/export/take_colours.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
@@ -46,7 +44,7 @@ int run(const Arguments& arguments) {
   const MeshFormat format = parse_mesh_format(arguments.format);
   const Compression compression = parse_compression(arguments.compression);
   check_options(format, compression, arguments.view_dependent);
-  MeshFrames meshes(arguments.take);
+  recorded::MeshFrames meshes(arguments.take);
   const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
   const bool to_file = is_file(arguments, format, frames.size());
   std::error_code error;
@@ -61,7 +59,7 @@ int run(const Arguments& arguments) {
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
-    const CompactFrame content = meshes.read(frame);
+    const recon::CompactFrame content = meshes.read(frame);
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
     write_mesh(file, format, content.mesh,
@@ -71,7 +69,7 @@ int run(const Arguments& arguments) {
   const int status =
       colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
   if (!meshes.is_unfinished()) return status;
-  note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
+  note("v3dctl: " + take::TakePaths{arguments.take}.mesh().string() +
        ": has no index: it is truncated or not finished; frames may be missing");
   return kExitIncomplete;
 }

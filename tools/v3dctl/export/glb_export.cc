@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/vertex_streams.h"
 

@@ -1,13 +1,16 @@
 // Export of a coloured mesh: one writer for each file format. docs/export.md describes the formats.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "base/geometry/mesh.h"
-#include "recon/mesh/vertex_lattice.h"
-#include "recon/texture/camera_colours.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/texture/texture.h"
 
 namespace v3d::ctl {
 
@@ -21,7 +24,7 @@ std::string_view extension(MeshFormat format);  ///< with the dot
 
 /// Colours of the mesh in one camera, and the pose of that camera.
 struct ExportedCamera {
-  CameraColours colours;
+  recon::CameraColours colours;
   Eigen::Vector3d centre{0, 0, 0};  ///< world, metres
   Eigen::Vector3d axis{0, 0, 1};    ///< viewing direction: unit vector, world
 };
@@ -53,5 +56,25 @@ void write_obj(const std::filesystem::path& path, const Mesh& mesh);
 /// to the y up of the standard. A mesh without triangles gives an empty scene. Compression
 /// quantises positions to the lattice of the options and reorders triangles and vertices.
 void write_glb(const std::filesystem::path& path, const Mesh& mesh, const MeshFileOptions& options);
+
+// Vertex colours of reconstructed frames in each camera, from the raw frames of the take.
+
+/// One thread; uses several processors.
+class TakeColours {
+ public:
+  /// Throws InputError for a folder that is no take, for a take without raw frames, and for cameras
+  /// with equal attribute_name()s.
+  explicit TakeColours(const std::filesystem::path& take);
+  /// Colours of `frame` in all cameras of the take, ordered by name. In a camera without a frame of
+  /// this pulse no vertex is visible. Throws InputError when no camera has one. Fast for increasing
+  /// pulses.
+  std::vector<ExportedCamera> of(const recon::CompactFrame& frame);
+  /// Number of frames so far in which a camera was missing or unreadable.
+  int64_t incomplete() const { return incomplete_; }
+
+ private:
+  recorded::TakeFrames frames_;
+  int64_t incomplete_ = 0;
+};
 
 }  // namespace v3d::ctl

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
-#include "recon/mesh/vertex_lattice.h"
 
 namespace v3d::ctl {
 

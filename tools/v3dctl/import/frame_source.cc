@@ -7,9 +7,8 @@
 #include <map>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "v3dctl/import/image_file.h"
-#include "v3dctl/import/video_file.h"
+#include "base/core/text.h"
+#include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
 namespace {

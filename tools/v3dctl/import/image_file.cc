@@ -1,5 +1,3 @@
-#include "v3dctl/import/image_file.h"
-
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -13,6 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
 namespace {

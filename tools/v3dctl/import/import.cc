@@ -3,20 +3,73 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <limits>
+#include <numeric>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
-#include "base/core/units.h"
-#include "base/image/image_size.h"
+#include "base/core/text.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
+#include "base/image/image.h"
+#include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/console.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/frame_log.h"
+#include "take/take.h"
 #include "v3dctl/import/frame_source.h"
-#include "v3dctl/import/take_builder.h"
-#include "v3dctl/import/video_file.h"
-#include "v3dctl/process.h"
+#include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
+
+// Builder of complete takes from images, for the import.
+
+/// Writes a take under a temporary name in the same folder until finish(); the destructor removes
+/// an unfinished take. One thread.
+class TakeBuilder {
+ public:
+  /// Throws InputError if `folder` exists, if its name is no take name, or if its parent is not
+  /// writable.
+  TakeBuilder(const std::filesystem::path& folder, std::vector<std::string> cameras, double rate_hz,
+              const Rig& rig);
+  ~TakeBuilder();
+  TakeBuilder(const TakeBuilder&) = delete;
+  TakeBuilder& operator=(const TakeBuilder&) = delete;
+
+  /// Folder for background models.
+  std::filesystem::path background() const { return paths_.background(); }
+  struct Shot {
+    Image image;
+    std::optional<Mask> mask;
+  };
+  /// Adds a pulse: one image of each camera, in the order of `cameras`. Throws std::runtime_error
+  /// for errors of the disk.
+  void add_pulse(std::vector<Shot> shots);
+  int64_t pulses() const { return pulses_; }
+  /// Writes ledger and take.toml, and renames the take. Throws std::runtime_error for errors of the
+  /// disk.
+  void finish();
+
+ private:
+  FrameLabel label() const;
+
+  std::filesystem::path folder_;
+  take::TakePaths paths_;  ///< in the temporary folder
+  take::TakeInfo info_;
+  std::optional<take::EventLogWriter> pulse_log_;
+  std::vector<take::EventLogWriter> frame_logs_;
+  int64_t pulses_ = 0;
+  bool finished_ = false;
+};
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -176,7 +229,7 @@ void learn_backgrounds(const ImportOptions& options, const Rig& rig, const fs::p
       views.push_back(plate.view());
     }
     fs::create_directories(folder);
-    save_background(folder, name, learn_background(views));
+    save_background(folder, name, segmentation::learn_background(views));
     note("background of " + name + ": " + format_count(std::ssize(plates)) + " plates");
   }
 }
@@ -238,6 +291,107 @@ BlackBackground parse_black_background(std::string_view text) {
                      "pixels 0 to 100)");
   }
   return black;
+}
+
+namespace {
+
+fs::path checked_folder(fs::path folder) {
+  folder = fs::absolute(folder).lexically_normal();
+  if (!folder.has_filename()) folder = folder.parent_path();
+  const std::string name = folder.filename();
+  if (!is_file_name(name)) {
+    throw InputError(
+        folder.string() + ": '" + name +
+        "' is no take name; expected up to 64 letters, digits, '-', '_' and '.', not starting "
+        "with '-' or '.'");
+  }
+  if (fs::exists(folder)) {
+    throw InputError(folder.string() + ": exists; expected another name");
+  }
+  return folder;
+}
+
+fs::path make_temporary_beside(const fs::path& folder) {
+  std::string pattern = folder.string() + ".partial-XXXXXX";
+  if (!mkdtemp(pattern.data())) throw InputError(errno_message(folder.parent_path().string()));
+  fs::permissions(pattern, fs::perms(0755));
+  return pattern;
+}
+
+}  // namespace
+
+TakeBuilder::TakeBuilder(const fs::path& folder, std::vector<std::string> cameras, double rate_hz,
+                         const Rig& rig)
+    : folder_(checked_folder(folder)), paths_{make_temporary_beside(folder_)} {
+  info_.name = folder_.filename();
+  info_.studio = "import";
+  info_.rate_hz = rate_hz;
+  info_.software_version = V3D_VERSION;
+  info_.started = Realtime::now();
+  info_.cameras = std::move(cameras);
+  save_calib(paths_.calib(), rig);
+  pulse_log_.emplace(paths_.pulses());
+  for (const std::string& camera : info_.cameras) frame_logs_.emplace_back(paths_.frames(camera));
+}
+
+TakeBuilder::~TakeBuilder() {
+  if (finished_) return;
+  std::error_code ignored;
+  fs::remove_all(paths_.folder, ignored);
+}
+
+// Imported images have no clock: pulse n is labelled n periods after the start of the import.
+FrameLabel TakeBuilder::label() const {
+  FrameLabel label;
+  label.pulse = pulses_;
+  label.camera_counter = static_cast<uint64_t>(pulses_);
+  label.device_time = DeviceInstant(from_seconds(static_cast<double>(pulses_) / info_.rate_hz));
+  label.received = info_.started + label.device_time.time_since_epoch();
+  return label;
+}
+
+void TakeBuilder::add_pulse(std::vector<Shot> shots) {
+  wire::FrameMessage message;
+  message.seq = pulses_;
+  message.take = info_.name;
+  message.frame.label = label();
+  message.sent = message.frame.label.received;
+  for (size_t camera = 0; camera < shots.size(); ++camera) {
+    Frame& frame = message.frame;
+    frame.camera = info_.cameras[camera];
+    frame.image = std::move(shots[camera].image);
+    frame.mask = std::move(shots[camera].mask);
+    frame.sensor_size = frame.image.size;
+    frame.roi = {0, 0, frame.image.size.width, frame.image.size.height};
+    io::throw_if_failed(frame_logs_[camera].write(message));
+  }
+  wire::PulseMessage pulse;
+  pulse.sent = pulse.edge = message.sent;
+  pulse.edge_monotonic = MonotonicInstant(message.frame.label.device_time.time_since_epoch());
+  pulse.seq = pulse.pulse = pulses_;
+  pulse.take = info_.name;
+  io::throw_if_failed(pulse_log_->write(pulse));
+  ++pulses_;
+}
+
+void TakeBuilder::finish() {
+  std::vector<int64_t> pulses(static_cast<size_t>(pulses_));
+  std::iota(pulses.begin(), pulses.end(), 0);
+  take::Ledger ledger;
+  ledger.take = info_.name;
+  ledger.commanded = pulses_;
+  ledger.sensed = pulses_;
+  for (const std::string& camera : info_.cameras) {
+    ledger.cameras.push_back(take::account(camera, pulses, {}, pulses_));
+  }
+  info_.pulses = pulses_;
+  info_.state = take::TakeState::kComplete;
+  for (take::EventLogWriter& log : frame_logs_) io::throw_if_failed(log.sync());
+  io::throw_if_failed(pulse_log_->sync());
+  for (const take::EventLogWriter& log : frame_logs_) ledger.files.push_back(log.file());
+  save_account_or_throw(paths_, info_, ledger);
+  io::throw_if_failed(io::rename_new(paths_.folder, folder_));
+  finished_ = true;
 }
 
 }  // namespace v3d::ctl

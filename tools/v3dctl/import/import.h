@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "v3dctl/import/image_file.h"
+#include "v3dctl/import/media.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -21,7 +21,7 @@ struct ImportOptions {
   std::vector<CameraFile> videos;        ///< one for each camera
   std::vector<CameraFile> backgrounds;   ///< of the empty studio: a video, folder or image
   std::optional<BlackBackground> black;  ///< makes masks from the images
-  FrameRange frames;
+  take::FrameRange frames;
   double rate_hz = 0;  ///< 0: that of the videos, otherwise 25
 };
 

@@ -2,10 +2,10 @@
 #include <cstdio>
 
 #include "base/core/error.h"
-#include "common/number_option.h"
+#include "common/console.h"
+#include "common/option_checks.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/import/import.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,4 +1,4 @@
-#include "v3dctl/import/video_file.h"
+#include "v3dctl/import/media.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -14,7 +14,7 @@ extern "C" {
 #include <string>
 
 #include "base/core/error.h"
-#include "base/image/image_size.h"
+#include "base/image/image.h"
 #include "base/io/file.h"
 
 namespace v3d::ctl {

@@ -4,17 +4,14 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/image/jpeg.h"
-#include "base/image/png_file.h"
-#include "base/io/whole_file.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
 #include "common/console.h"
-#include "common/pulse_rate_option.h"
+#include "common/option_checks.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/operate/camera_check.h"
-#include "v3dctl/operate/contact_sheet.h"
-#include "v3dctl/operate/pulse_train.h"
+#include "v3dctl/operate/camera_report.h"
+#include "v3dctl/operate/short_train.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
@@ -35,9 +32,9 @@ void print_text(const CheckReport& report) {
 
 int run_check(const CommandLine& line, const CheckOptions& options) {
   const Studio studio = line.studio();
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   catch_interrupts();
-  const Answer answer = run_train(client, studio, options.train, [] {});
+  const control::Answer answer = run_train(client, studio, options.train, [] {});
   const CheckReport report = parse_check_replies(answer);
   if (options.json) {
     std::printf("%s\n", check_json(report).dump(2).c_str());
@@ -59,10 +56,10 @@ struct PreviewOptions {
   bool mask = false;
 };
 
-using Previews = std::map<std::string, PreviewMessage>;  // last of each camera, by its name
+using Previews = std::map<std::string, wire::PreviewMessage>;  // last of each camera, by its name
 
 /// Receives previews until `deadline`, or until every camera has one.
-void receive_until(OperatorClient& client, const Studio& studio, MonotonicInstant deadline,
+void receive_until(control::OperatorClient& client, const Studio& studio, MonotonicInstant deadline,
                    Previews& previews) {
   while (auto preview = client.next_preview(deadline)) {
     const std::string camera = preview->camera;
@@ -72,13 +69,14 @@ void receive_until(OperatorClient& client, const Studio& studio, MonotonicInstan
   }
 }
 
-bool is_recording(OperatorClient& client) {
+bool is_recording(control::OperatorClient& client) {
   const auto health = client.health(Monotonic::now() + from_seconds(kHealthSeconds));
-  return std::any_of(health.begin(), health.end(),
-                     [](const auto& entry) { return entry.second.state == NodeState::kRecording; });
+  return std::any_of(health.begin(), health.end(), [](const auto& entry) {
+    return entry.second.state == wire::NodeState::kRecording;
+  });
 }
 
-Previews receive_previews(OperatorClient& client, const Studio& studio) {
+Previews receive_previews(control::OperatorClient& client, const Studio& studio) {
   Previews previews;
   client.next_preview(Monotonic::now());  // joins the channel, so that no preview is missed
   if (is_recording(client)) {
@@ -113,7 +111,7 @@ int run_preview(const CommandLine& line, const PreviewOptions& options) {
                      ": expected a name that ends in .jpg or .png");
   }
   const Studio studio = line.studio();
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   catch_interrupts();
   const Previews previews = receive_previews(client, studio);
   std::vector<SheetImage> images;

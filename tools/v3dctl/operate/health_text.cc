@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/core/units.h"
+#include "base/core/text.h"
 
 namespace v3d::ctl {
 namespace {
@@ -19,7 +19,7 @@ std::string formatted(const char* format, double value) {
 /// Values of one camera by name; "cam03.frames" of the node is "frames".
 using CameraValues = std::map<std::string, double>;
 
-std::map<std::string, CameraValues> values_by_camera(const HealthMessage& health) {
+std::map<std::string, CameraValues> values_by_camera(const wire::HealthMessage& health) {
   std::map<std::string, CameraValues> cameras;
   for (const auto& [name, value] : health.values) {
     const size_t dot = name.find('.');
@@ -59,7 +59,8 @@ void add_camera_table(const std::map<std::string, CameraValues>& cameras,
   for (const auto& [name, row] : rows) lines.push_back(row);
 }
 
-double max_over_nodes(const std::map<std::string, HealthMessage>& health, const std::string& name) {
+double max_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
+                      const std::string& name) {
   double max = 0;
   for (const auto& [node, message] : health) {
     const auto found = message.values.find(name);
@@ -93,7 +94,7 @@ std::string value_text(const std::string& name, double value) {
 }
 
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
-                                      const std::map<std::string, HealthMessage>& health) {
+                                      const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<std::string> lines;
   for (const std::string& node : nodes) {
     const auto found = health.find(node);
@@ -102,7 +103,7 @@ std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                       "  silent. Try: systemctl status v3d-studio.target on " + node);
       continue;
     }
-    const HealthMessage& message = found->second;
+    const wire::HealthMessage& message = found->second;
     std::string line = pad_right(node, 12) + "  " + pad_right(message.program, 12) + "  " +
                        pad_right(std::string(name(message.state)), 9);
     if (!message.take.empty()) line += "  " + message.take;
@@ -114,7 +115,7 @@ std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
 }
 
 std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
-                                      const std::map<std::string, HealthMessage>& health) {
+                                      const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<std::string> lines;
   for (const std::string& node : nodes) {
     lines.push_back(status_lines({node}, health).front());
@@ -136,7 +137,7 @@ std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
 }
 
 Json health_json(const std::vector<std::string>& nodes,
-                 const std::map<std::string, HealthMessage>& health) {
+                 const std::map<std::string, wire::HealthMessage>& health) {
   Json list = Json::array();
   for (const std::string& node : nodes) {
     const auto found = health.find(node);
@@ -144,7 +145,7 @@ Json health_json(const std::vector<std::string>& nodes,
       list.push_back({{"node", node}, {"state", "silent"}});
       continue;
     }
-    const HealthMessage& message = found->second;
+    const wire::HealthMessage& message = found->second;
     list.push_back({{"node", node},
                     {"program", message.program},
                     {"version", message.version},
@@ -157,24 +158,24 @@ Json health_json(const std::vector<std::string>& nodes,
 }
 
 bool all_well(const std::vector<std::string>& nodes,
-              const std::map<std::string, HealthMessage>& health) {
+              const std::map<std::string, wire::HealthMessage>& health) {
   return std::all_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
     const auto found = health.find(node);
-    return found != health.end() && found->second.state != NodeState::kFault;
+    return found != health.end() && found->second.state != wire::NodeState::kFault;
   });
 }
 
 bool all_reported(const std::vector<std::string>& nodes,
-                  const std::map<std::string, HealthMessage>& health) {
+                  const std::map<std::string, wire::HealthMessage>& health) {
   return std::all_of(nodes.begin(), nodes.end(),
                      [&](const std::string& node) { return health.contains(node); });
 }
 
-bool is_in_take(const HealthMessage& health) {
-  return health.state == NodeState::kRecording || health.state == NodeState::kDraining;
+bool is_in_take(const wire::HealthMessage& health) {
+  return health.state == wire::NodeState::kRecording || health.state == wire::NodeState::kDraining;
 }
 
-std::optional<double> sum_over_nodes(const std::map<std::string, HealthMessage>& health,
+std::optional<double> sum_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
                                      const std::string& name) {
   std::optional<double> sum;
   for (const auto& [node, message] : health) {
@@ -184,7 +185,7 @@ std::optional<double> sum_over_nodes(const std::map<std::string, HealthMessage>&
   return sum;
 }
 
-std::string recording_line(const std::map<std::string, HealthMessage>& health) {
+std::string recording_line(const std::map<std::string, wire::HealthMessage>& health) {
   const auto count = [](double value) { return value_text("", value); };
   std::string line;
   const auto add = [&](const std::string& part) { line += (line.empty() ? "" : "   ") + part; };

@@ -25,33 +25,33 @@ std::string duration_text(double seconds);
 
 /// One line for each node: "cap01  v3d-captured  recording kendo-07  cam07 silent".
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
-                                      const std::map<std::string, HealthMessage>& health);
+                                      const std::map<std::string, wire::HealthMessage>& health);
 
 /// status_lines(), with all values of each node below its line and a table of its cameras.
 std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
-                                      const std::map<std::string, HealthMessage>& health);
+                                      const std::map<std::string, wire::HealthMessage>& health);
 
 /// {"well", "nodes" [{"node", "program", "version", "state", "take", "text", "values"}]}
 Json health_json(const std::vector<std::string>& nodes,
-                 const std::map<std::string, HealthMessage>& health);
+                 const std::map<std::string, wire::HealthMessage>& health);
 
 /// Whether every node has reported and none has a fault.
 bool all_well(const std::vector<std::string>& nodes,
-              const std::map<std::string, HealthMessage>& health);
+              const std::map<std::string, wire::HealthMessage>& health);
 
 /// Whether every node has reported.
 bool all_reported(const std::vector<std::string>& nodes,
-                  const std::map<std::string, HealthMessage>& health);
+                  const std::map<std::string, wire::HealthMessage>& health);
 
 /// Whether the node records a take or drains the frames in flight after its end.
-bool is_in_take(const HealthMessage& health);
+bool is_in_take(const wire::HealthMessage& health);
 
 /// Sum of a value over the nodes; empty when none reports it.
-std::optional<double> sum_over_nodes(const std::map<std::string, HealthMessage>& health,
+std::optional<double> sum_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
                                      const std::string& name);
 
 /// Progress of the running take: "300 pulses   15/15 cameras   0 missing   live 25.0/s, 71 ms".
 /// Values that no node reports are left out.
-std::string recording_line(const std::map<std::string, HealthMessage>& health);
+std::string recording_line(const std::map<std::string, wire::HealthMessage>& health);
 
 }  // namespace v3d::ctl

@@ -1,20 +1,53 @@
 // health and watch: counters of the nodes, and the state of the studio on one screen.
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include <cstdio>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/core/error.h"
-#include "common/number_option.h"
+#include "common/console.h"
+#include "common/option_checks.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"
-#include "v3dctl/operate/live_screen.h"
 #include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/operate/watch_table.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
+
+// Terminal screen that is redrawn in place.
+
+/// On a terminal: shows lines on the alternate screen; the destructor restores the main screen and
+/// prints the last lines there. On a pipe or file: prints all lines. One object at a time, one
+/// thread.
+class LiveScreen {
+ public:
+  LiveScreen();
+  ~LiveScreen();
+  LiveScreen(const LiveScreen&) = delete;
+  LiveScreen& operator=(const LiveScreen&) = delete;
+
+  /// Whether stdout is a terminal that can be redrawn.
+  bool is_terminal() const { return terminal_; }
+  /// Whether it is one and NO_COLOR is not set (no-color.org).
+  bool has_colours() const;
+  size_t width() const;   ///< columns; practically unlimited without a terminal
+  size_t height() const;  ///< rows; practically unlimited without a terminal
+
+  void show(const std::vector<std::string>& lines);
+
+ private:
+  const bool terminal_;
+  std::vector<std::string> shown_;
+};
+
 namespace {
 
 // --- health
@@ -26,7 +59,7 @@ struct HealthOptions {
 };
 
 int print_health(const Studio& studio, const HealthOptions& options) {
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   report_if_not_verified(client);
   const auto health = client.health(Monotonic::now() + from_seconds(options.timeout_s));
   if (options.json) {
@@ -94,7 +127,7 @@ void print_until_interrupted(StudioMonitor& monitor) {
   std::string printed;
   MonotonicInstant next = Monotonic::now() + kSummaryPeriod;
   while (!interrupted()) {
-    for (const EventMessage& event : monitor.poll()) {
+    for (const wire::EventMessage& event : monitor.poll()) {
       std::printf("%s\n", event_line(event).text(false).c_str());
     }
     if (const std::string summary = summary_line(monitor.state());
@@ -141,6 +174,67 @@ void add_watch(CommandLine& line) {
     }
     return kExitDone;
   });
+}
+
+namespace {
+
+constexpr size_t kUnlimited = 100'000;
+
+bool stdout_can_redraw() {
+  const char* term = std::getenv("TERM");
+  return isatty(STDOUT_FILENO) && term && std::string_view(term) != "dumb";
+}
+
+winsize window_size() {
+  winsize size{};
+  ioctl(STDOUT_FILENO, TIOCGWINSZ, &size);
+  return size;
+}
+
+}  // namespace
+
+LiveScreen::LiveScreen() : terminal_(stdout_can_redraw()) {
+  // Alternate screen, hidden cursor (control sequences of xterm; console_codes(4)).
+  if (terminal_) std::fputs("\033[?1049h\033[?25l", stdout);
+}
+
+LiveScreen::~LiveScreen() {
+  if (!terminal_) return;
+  std::fputs("\033[?25h\033[?1049l", stdout);
+  for (const std::string& line : shown_) std::printf("%s\n", line.c_str());
+  std::fflush(stdout);
+}
+
+bool LiveScreen::has_colours() const {
+  const char* no_colour = std::getenv("NO_COLOR");
+  return terminal_ && (no_colour == nullptr || *no_colour == '\0');
+}
+
+size_t LiveScreen::width() const {
+  const size_t columns = terminal_ ? window_size().ws_col : 0;
+  return columns > 0 ? columns : kUnlimited;
+}
+
+size_t LiveScreen::height() const {
+  const size_t rows = terminal_ ? window_size().ws_row : 0;
+  return rows > 0 ? rows : kUnlimited;
+}
+
+void LiveScreen::show(const std::vector<std::string>& lines) {
+  if (!terminal_) {
+    for (const std::string& line : lines) std::printf("%s\n", line.c_str());
+    std::fflush(stdout);
+    return;
+  }
+  std::string text = "\033[H";
+  const size_t rows = height();
+  for (size_t i = 0; i < lines.size() && i < rows; ++i) {
+    text += lines[i] + "\033[K" + (i + 1 < rows ? "\r\n" : "");
+  }
+  text += "\033[J";
+  std::fputs(text.c_str(), stdout);
+  std::fflush(stdout);
+  shown_ = lines;
 }
 
 }  // namespace v3d::ctl

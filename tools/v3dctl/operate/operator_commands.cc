@@ -4,11 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "common/console.h"
-#include "common/number_option.h"
-#include "common/pulse_rate_option.h"
+#include "common/option_checks.h"
 #include "daemon/control/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
@@ -16,7 +14,6 @@
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
@@ -62,40 +59,40 @@ struct Options {
   bool json = false;
   bool wait = false;
   double timeout_s = 0;
-  CommandMessage message;
+  wire::CommandMessage message;
   std::string allow_missing;
 };
 
 // Sends a command and prints the replies of the nodes.
-Answer send(OperatorClient& client, const Options& options, Report& report) {
-  const auto show_progress = [&](const ReplyMessage& reply) {
-    if (reply.outcome == ReplyMessage::Outcome::kPending && on_terminal()) {
+control::Answer send(control::OperatorClient& client, const Options& options, Report& report) {
+  const auto show_progress = [&](const wire::ReplyMessage& reply) {
+    if (reply.outcome == wire::ReplyMessage::Outcome::kPending && on_terminal()) {
       note(reply.node + ": " + reply.text);
     }
   };
-  const Answer answer =
+  const control::Answer answer =
       client.command(options.message, in_seconds(options.timeout_s), show_progress);
-  const bool quiet = answer.done() && options.message.verb != CommandVerb::kArm;
+  const bool quiet = answer.done() && options.message.verb != wire::CommandVerb::kArm;
   if (!quiet) {
-    const bool arms = options.message.verb == CommandVerb::kArm;
-    std::map<std::string, HealthMessage> health;
+    const bool arms = options.message.verb == wire::CommandVerb::kArm;
+    std::map<std::string, wire::HealthMessage> health;
     if (!answer.silent.empty()) health = client.health(in_seconds(kHealthSeconds));
     report.add(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
   }
   return answer;
 }
 
-int done_count(const Answer& answer) {
+int done_count(const control::Answer& answer) {
   int count = 0;
   for (const auto& [node, reply] : answer.replies) {
-    count += reply.outcome == ReplyMessage::Outcome::kDone;
+    count += reply.outcome == wire::ReplyMessage::Outcome::kDone;
   }
   return count;
 }
 
 // Reports a refusal. `json`: the object of --json, otherwise that of the answer.
-int report_refusal(const OperatorClient& client, const Answer& answer, const std::string& hint,
-                   Report& report, const Json& json = {}) {
+int report_refusal(const control::OperatorClient& client, const control::Answer& answer,
+                   const std::string& hint, Report& report, const Json& json = {}) {
   const bool asked_all = answer.replies.size() + answer.silent.size() == client.nodes().size();
   const std::string count = std::to_string(done_count(answer)) + " of " +
                             std::to_string(client.nodes().size()) + " nodes ready";
@@ -120,7 +117,7 @@ void report_account(const TakeAccount& account, Report& report) {
 }
 
 // The running take according to the nodes' health; "" when there is none.
-std::string current_take(const std::map<std::string, HealthMessage>& health) {
+std::string current_take(const std::map<std::string, wire::HealthMessage>& health) {
   for (const auto& [node, message] : health) {
     if (!message.take.empty()) return message.take;
   }
@@ -129,9 +126,9 @@ std::string current_take(const std::map<std::string, HealthMessage>& health) {
 
 // For commands whose result is only done or refused.
 int run_simple(const CommandLine& line, const Options& options, const std::string& done_text) {
-  OperatorClient client(line.studio());
+  control::OperatorClient client(line.studio());
   Report report(options.json);
-  const Answer answer = send(client, options, report);
+  const control::Answer answer = send(client, options, report);
   if (!answer.done()) return report_refusal(client, answer, "", report);
   report.add(done_text);
   report.print(answer_json(answer));
@@ -153,9 +150,9 @@ int run_arm(const CommandLine& line, Options options) {
     if (!known)
       throw InputError("--allow-missing " + name + ": no such camera in " + studio.path.string());
   }
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   Report report(options.json);
-  const Answer answer = send(client, options, report);
+  const control::Answer answer = send(client, options, report);
   if (!answer.done()) {
     return report_refusal(client, answer, " (arm without a camera: --allow-missing CAM)", report);
   }
@@ -171,7 +168,7 @@ int run_arm(const CommandLine& line, Options options) {
 
 // Shows the progress until the trigger's node has closed the take. The state of that node decides,
 // because counts of pulses cannot: a pulse may have been lost.
-int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
+int wait_for_end(control::OperatorClient& client, const std::string& trigger_node) {
   StatusLine status;
   std::string take;
   MonotonicInstant last_report = Monotonic::now();
@@ -195,9 +192,9 @@ int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
 
 int run_start(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   Report report(options.json);
-  const Answer answer = send(client, options, report);
+  const control::Answer answer = send(client, options, report);
   if (!answer.done()) return report_refusal(client, answer, ": first v3dctl arm NAME", report);
   report.print(answer_json(answer));
   if (options.wait) return wait_for_end(client, studio.trigger.node);
@@ -210,7 +207,7 @@ int run_start(const CommandLine& line, const Options& options) {
 }
 
 /// Seconds since the last pulse that this client received; null when it received none.
-Json seconds_after_last_pulse(OperatorClient& client) {
+Json seconds_after_last_pulse(control::OperatorClient& client) {
   std::optional<RealtimeInstant> last;
   while (const auto pulse = client.next_pulse(Monotonic::now())) last = pulse->edge;
   return last ? Json(to_seconds(Realtime::now() - *last)) : Json();
@@ -218,10 +215,10 @@ Json seconds_after_last_pulse(OperatorClient& client) {
 
 int run_stop(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
-  OperatorClient client(studio);
+  control::OperatorClient client(studio);
   client.next_pulse(Monotonic::now());  // joins the channel of pulses
   Report report(options.json);
-  const Answer answer = send(client, options, report);
+  const control::Answer answer = send(client, options, report);
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
   // The cameras of a node without a reply miss every pulse.
@@ -250,7 +247,7 @@ int run_stop(const CommandLine& line, const Options& options) {
 }
 
 int run_status(const CommandLine& line, const Options& options) {
-  OperatorClient client(line.studio());
+  control::OperatorClient client(line.studio());
   report_if_not_verified(client);
   const auto health = client.health(in_seconds(options.timeout_s));
   if (options.json) {
@@ -265,7 +262,7 @@ int run_status(const CommandLine& line, const Options& options) {
   return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
 }
 
-std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double timeout_s) {
+std::shared_ptr<Options> options_of(CLI::App* command, wire::CommandVerb verb, double timeout_s) {
   auto options = std::make_shared<Options>();
   options->message.verb = verb;
   options->timeout_s = timeout_s;
@@ -281,7 +278,7 @@ void add_arm(CommandLine& line) {
   CLI::App* command =
       line.add("arm", "Prepare a take: cameras stream and wait for pulses",
                {"v3dctl arm kendo-07", "v3dctl arm kendo-08 --pulses 500 --allow-missing cam07"});
-  auto options = options_of(command, CommandVerb::kArm, 30);
+  auto options = options_of(command, wire::CommandVerb::kArm, 30);
   command->add_option("NAME", options->message.take, "The name of the take")->required();
   command
       ->add_option("--rate", options->message.rate_hz,
@@ -301,32 +298,32 @@ void add_arm(CommandLine& line) {
 
 void add_operator_commands(CommandLine& line) {
   CLI::App* status = line.add("status", "Print the state of every node", {"v3dctl status"});
-  auto status_options = options_of(status, CommandVerb::kArm, kHealthSeconds);
+  auto status_options = options_of(status, wire::CommandVerb::kArm, kHealthSeconds);
   line.on_run(status, [&line, status_options] { return run_status(line, *status_options); });
 
   add_arm(line);
 
   CLI::App* start = line.add("start", "Start the pulses and record the armed take",
                              {"v3dctl start", "v3dctl start --wait"});
-  auto start_options = options_of(start, CommandVerb::kStart, 10);
+  auto start_options = options_of(start, wire::CommandVerb::kStart, 10);
   start->add_flag("--wait", start_options->wait,
                   "Show the progress until the take has ended (v3dctl arm --pulses)");
   line.on_run(start, [&line, start_options] { return run_start(line, *start_options); });
 
   CLI::App* stop = line.add("stop", "End the take and reconcile its ledger",
                             {"v3dctl stop", "v3dctl stop --json"});
-  auto stop_options = options_of(stop, CommandVerb::kStop, 60);
+  auto stop_options = options_of(stop, wire::CommandVerb::kStop, 60);
   line.on_run(stop, [&line, stop_options] { return run_stop(line, *stop_options); });
 
   CLI::App* abort =
       line.add("abort", "End arming or recording at once; files on disk stay", {"v3dctl abort"});
-  auto abort_options = options_of(abort, CommandVerb::kAbort, 10);
+  auto abort_options = options_of(abort, wire::CommandVerb::kAbort, 10);
   line.on_run(abort,
               [&line, abort_options] { return run_simple(line, *abort_options, "aborted"); });
 
   CLI::App* background = line.add("background", "Learn the background model of the empty studio",
                                   {"v3dctl background"});
-  auto background_options = options_of(background, CommandVerb::kBackground, 60);
+  auto background_options = options_of(background, wire::CommandVerb::kBackground, 60);
   line.on_run(background, [&line, background_options] {
     return run_simple(line, *background_options, "background learned");
   });

@@ -6,22 +6,22 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "daemon/control/reply_json.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
 namespace {
 
-std::string_view outcome_name(ReplyMessage::Outcome outcome) {
+std::string_view outcome_name(wire::ReplyMessage::Outcome outcome) {
   switch (outcome) {
-    case ReplyMessage::Outcome::kPending:
+    case wire::ReplyMessage::Outcome::kPending:
       return "pending";
-    case ReplyMessage::Outcome::kDone:
+    case wire::ReplyMessage::Outcome::kDone:
       return "done";
-    case ReplyMessage::Outcome::kRefused:
+    case wire::ReplyMessage::Outcome::kRefused:
       return "refused";
-    case ReplyMessage::Outcome::kNonceMissing:
+    case wire::ReplyMessage::Outcome::kNonceMissing:
       break;  // the client sends the command again
   }
   return "";
@@ -38,7 +38,7 @@ struct NodeRange {
 };
 
 std::string silent_node_text(const std::string& node,
-                             const std::map<std::string, HealthMessage>& health) {
+                             const std::map<std::string, wire::HealthMessage>& health) {
   const auto found = health.find(node);
   if (found == health.end()) {
     return "no reply. Try: systemctl status v3d-studio.target on " + node;
@@ -47,9 +47,9 @@ std::string silent_node_text(const std::string& node,
   return "no reply to commands" + (text.empty() ? ", but health messages" : ": " + text);
 }
 
-std::string reply_text(const ReplyMessage& reply, const std::string& done_word) {
-  if (reply.outcome == ReplyMessage::Outcome::kRefused) return reply.text;
-  const bool done = reply.outcome == ReplyMessage::Outcome::kDone;
+std::string reply_text(const wire::ReplyMessage& reply, const std::string& done_word) {
+  if (reply.outcome == wire::ReplyMessage::Outcome::kRefused) return reply.text;
+  const bool done = reply.outcome == wire::ReplyMessage::Outcome::kDone;
   return padded(done ? done_word : "pending", 9) + reply.text;
 }
 
@@ -60,15 +60,15 @@ void read_numbers(const Json& from, const char* key, std::vector<int64_t>& to) {
 // Throws a Json exception if the value is no count of pulses or frames.
 int64_t read_count(const Json& json) {
   const auto n = json.get<double>();
-  if (!(n >= 0 && n <= static_cast<double>(kMaxPulses))) {
+  if (!(n >= 0 && n <= static_cast<double>(take::kMaxPulses))) {
     throw Json::other_error::create(501, "no count", nullptr);
   }
   return static_cast<int64_t>(n);
 }
 
 // Throws a Json exception if the value is no ledger.
-Ledger parse_ledger(const Json& json) {
-  Ledger ledger;
+take::Ledger parse_ledger(const Json& json) {
+  take::Ledger ledger;
   ledger.take = json.at("take").get<std::string>();
   const Json& pulses = json.at("pulses");
   ledger.commanded = read_count(pulses.at("commanded"));
@@ -78,7 +78,7 @@ Ledger parse_ledger(const Json& json) {
   read_numbers(pulses, "runt", ledger.runt);
   ledger.extra = pulses.contains("extra") ? read_count(pulses.at("extra")) : 0;
   for (const Json& entry : json.at("cameras")) {
-    CameraLedger camera;
+    take::CameraLedger camera;
     camera.name = entry.at("name").get<std::string>();
     camera.received = read_count(entry.at("received"));
     camera.written = read_count(entry.at("written"));
@@ -93,15 +93,15 @@ Ledger parse_ledger(const Json& json) {
 }
 
 /// Ledger of the expected cameras that no node reported. After a merge they miss every pulse.
-Ledger ledger_of_unreported_cameras(const std::vector<std::string>& expected,
-                                    const std::vector<Ledger>& parts) {
+take::Ledger ledger_of_unreported_cameras(const std::vector<std::string>& expected,
+                                          const std::vector<take::Ledger>& parts) {
   const auto is_known = [&](const std::string& name) {
-    return std::any_of(parts.begin(), parts.end(), [&](const Ledger& part) {
+    return std::any_of(parts.begin(), parts.end(), [&](const take::Ledger& part) {
       return std::any_of(part.cameras.begin(), part.cameras.end(),
-                         [&](const CameraLedger& camera) { return camera.name == name; });
+                         [&](const take::CameraLedger& camera) { return camera.name == name; });
     });
   };
-  Ledger silent;
+  take::Ledger silent;
   for (const std::string& name : expected) {
     if (!is_known(name)) silent.cameras.emplace_back().name = name;
   }
@@ -110,9 +110,9 @@ Ledger ledger_of_unreported_cameras(const std::vector<std::string>& expected,
 
 /// Frames sent by each camera minus those that the reconstruction received. A node that restarted
 /// in the take did not count the frames sent before, so its cameras have no entry.
-std::map<std::string, int64_t> live_losses(const Ledger& ledger, const Json& reconstruction) {
+std::map<std::string, int64_t> live_losses(const take::Ledger& ledger, const Json& reconstruction) {
   std::map<std::string, int64_t> lost;
-  for (const CameraLedger& camera : ledger.cameras) {
+  for (const take::CameraLedger& camera : ledger.cameras) {
     const auto received = reconstruction.find(camera.name + ".live_received");
     if (received == reconstruction.end()) continue;
     try {
@@ -150,13 +150,13 @@ void merge_maxima(const Json& detail, Json& maxima) {
 
 /// Returns the ledgers of the take that most nodes report. A stop without a take name is answered
 /// with the node's last take, which differs where a node took part in another one since.
-std::vector<Ledger> select_take(const std::vector<std::pair<std::string, Ledger>>& ledgers,
-                                TakeAccount& account) {
+std::vector<take::Ledger> select_take(
+    const std::vector<std::pair<std::string, take::Ledger>>& ledgers, TakeAccount& account) {
   std::map<std::string, int> count;
   for (const auto& [node, ledger] : ledgers) ++count[ledger.take];
   const auto most_common = std::max_element(
       count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  std::vector<Ledger> parts;
+  std::vector<take::Ledger> parts;
   for (const auto& [node, ledger] : ledgers) {
     if (ledger.take == most_common->first) {
       parts.push_back(ledger);
@@ -169,9 +169,9 @@ std::vector<Ledger> select_take(const std::vector<std::pair<std::string, Ledger>
 
 }  // namespace
 
-std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
-                                     const std::string& done_word,
-                                     const std::map<std::string, HealthMessage>& health) {
+std::vector<std::string> reply_lines(const std::vector<std::string>& nodes,
+                                     const control::Answer& answer, const std::string& done_word,
+                                     const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<NodeRange> lines;
   for (const std::string& node : nodes) {
     const auto reply = answer.replies.find(node);
@@ -194,7 +194,7 @@ std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, cons
   return texts;
 }
 
-Json answer_json(const Answer& answer) {
+Json answer_json(const control::Answer& answer) {
   Json replies = Json::array();
   for (const auto& [node, reply] : answer.replies) {
     Json entry = {{"node", node}, {"outcome", outcome_name(reply.outcome)}, {"text", reply.text}};
@@ -205,9 +205,9 @@ Json answer_json(const Answer& answer) {
   return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
 }
 
-TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected) {
+TakeAccount merge_ledgers(const control::Answer& answer, const std::vector<std::string>& expected) {
   TakeAccount account;
-  std::vector<std::pair<std::string, Ledger>> ledgers;
+  std::vector<std::pair<std::string, take::Ledger>> ledgers;
   Json reconstruction = Json::object();
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
@@ -223,7 +223,7 @@ TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& 
       account.unreadable.push_back(node);
     }
   }
-  std::vector<Ledger> parts = select_take(ledgers, account);
+  std::vector<take::Ledger> parts = select_take(ledgers, account);
   if (!expected.empty()) parts.insert(parts.begin(), ledger_of_unreported_cameras(expected, parts));
   account.ledger = merge(parts);
   account.live_lost = live_losses(account.ledger, reconstruction);
@@ -234,7 +234,7 @@ std::string live_loss_line(const TakeAccount& account) {
   int64_t sent = 0;
   int64_t lost = 0;
   std::string cameras;
-  for (const CameraLedger& camera : account.ledger.cameras) {
+  for (const take::CameraLedger& camera : account.ledger.cameras) {
     const auto found = account.live_lost.find(camera.name);
     if (found == account.live_lost.end()) continue;
     sent += camera.published;
@@ -255,7 +255,7 @@ std::string shards_line(const TakeAccount& account) {
     if (shard.taken_over > 0) line += " (" + format_count(shard.taken_over) + " taken over)";
   }
   if (account.without_mesh.empty()) return line;
-  return line + "; no mesh of " + number_ranges(account.without_mesh);
+  return line + "; no mesh of " + take::number_ranges(account.without_mesh);
 }
 
 Json shards_json(const TakeAccount& account) {
@@ -266,6 +266,6 @@ Json shards_json(const TakeAccount& account) {
   return {{"meshes", account.meshes}, {"without_mesh", account.without_mesh}, {"nodes", nodes}};
 }
 
-Json to_json(const Ledger& ledger) { return Json::parse(ledger_json(ledger)); }
+Json to_json(const take::Ledger& ledger) { return Json::parse(control::ledger_json(ledger)); }
 
 }  // namespace v3d::ctl

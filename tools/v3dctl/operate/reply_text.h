@@ -17,12 +17,12 @@ using Json = nlohmann::ordered_json;
 /// replies share a line ("cap01-cap15"). `done_word`: printed before the reply of a node that
 /// executed the command. `health`: of the nodes, for the line of a node without a reply; otherwise
 /// it has the next step.
-std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
-                                     const std::string& done_word,
-                                     const std::map<std::string, HealthMessage>& health = {});
+std::vector<std::string> reply_lines(const std::vector<std::string>& nodes,
+                                     const control::Answer& answer, const std::string& done_word,
+                                     const std::map<std::string, wire::HealthMessage>& health = {});
 
 /// {"done", "replies" [{"node", "outcome", "text", "detail"}], "silent" [..]}
-Json answer_json(const Answer& answer);
+Json answer_json(const control::Answer& answer);
 
 /// Work of one of several reconstruction nodes in a take.
 struct ShardAccount {
@@ -33,7 +33,7 @@ struct ShardAccount {
 
 /// Result of a take: the nodes' ledgers merged to one, and the counts of the reconstruction.
 struct TakeAccount {
-  Ledger ledger;
+  take::Ledger ledger;
   std::vector<std::string> unreadable;  ///< nodes whose reply cannot be parsed
   /// Nodes whose ledger belongs to another take than that of the majority; they are not merged.
   std::vector<std::string> of_another_take;
@@ -50,7 +50,8 @@ struct TakeAccount {
 /// Merges the ledgers in replies to a stop. Commanded and sensed pulses are those of the node with
 /// the greatest counts; replies of reconstruction nodes have no ledger. The cameras of a node that
 /// ended early miss the later pulses, and cameras in `expected` without a ledger miss all.
-TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected = {});
+TakeAccount merge_ledgers(const control::Answer& answer,
+                          const std::vector<std::string>& expected = {});
 
 /// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was lost.
 std::string live_loss_line(const TakeAccount& account);
@@ -63,6 +64,6 @@ std::string shards_line(const TakeAccount& account);
 Json shards_json(const TakeAccount& account);
 
 /// The keys of `v3dctl verify --json`.
-Json to_json(const Ledger& ledger);
+Json to_json(const take::Ledger& ledger);
 
 }  // namespace v3d::ctl

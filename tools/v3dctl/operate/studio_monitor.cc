@@ -21,13 +21,13 @@ StudioMonitor::StudioMonitor(const Studio& studio) : client_(studio) {
   }
 }
 
-std::vector<EventMessage> StudioMonitor::poll() {
+std::vector<wire::EventMessage> StudioMonitor::poll() {
   MonotonicInstant until = Monotonic::now() + kPollWait;
   while (const auto health = client_.next_health(until)) {
     state_.health[health->node] = *health;
     received_at_[health->node] = until = Monotonic::now();
   }
-  std::vector<EventMessage> events;
+  std::vector<wire::EventMessage> events;
   while (auto event = client_.next_event(Monotonic::now())) {
     state_.events.push_back(*event);
     if (state_.events.size() > kMaxEvents) state_.events.pop_front();
@@ -43,7 +43,7 @@ void StudioMonitor::drop_silent_nodes() {
   }
 }
 
-void report_if_not_verified(const OperatorClient& client) {
+void report_if_not_verified(const control::OperatorClient& client) {
   if (client.not_verified().empty()) return;
   note("v3dctl: messages are not verified: " + client.not_verified());
 }

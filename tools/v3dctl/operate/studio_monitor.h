@@ -16,8 +16,8 @@ struct StudioState {
   std::string studio;
   std::vector<std::string> nodes;                           ///< in the order of the studio file
   std::map<std::string, std::vector<std::string>> cameras;  ///< names by node
-  std::map<std::string, HealthMessage> health;  ///< last of each node; silent nodes have none
-  std::deque<EventMessage> events;              ///< newest last
+  std::map<std::string, wire::HealthMessage> health;  ///< last of each node; silent nodes have none
+  std::deque<wire::EventMessage> events;              ///< newest last
 };
 
 /// Receives health and events. One thread.
@@ -28,18 +28,18 @@ class StudioMonitor {
 
   /// Updates state() with the messages since the last call, and waits at most 100 ms for one.
   /// Returns the new events.
-  std::vector<EventMessage> poll();
+  std::vector<wire::EventMessage> poll();
   const StudioState& state() const { return state_; }
 
  private:
   void drop_silent_nodes();
 
-  OperatorClient client_;
+  control::OperatorClient client_;
   StudioState state_;
   std::map<std::string, MonotonicInstant> received_at_;  ///< of the last health, by node
 };
 
 /// Reports on stderr that messages are not verified, where the client has no studio key.
-void report_if_not_verified(const OperatorClient& client);
+void report_if_not_verified(const control::OperatorClient& client);
 
 }  // namespace v3d::ctl

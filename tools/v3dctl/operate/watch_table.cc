@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include "base/core/units.h"
-#include "common/local_time.h"
+#include "base/core/text.h"
+#include "common/console.h"
 #include "v3dctl/operate/health_text.h"
 
 namespace v3d::ctl {
@@ -49,7 +49,7 @@ class Row {
   WatchLine line_;
 };
 
-std::optional<double> find(const HealthMessage& health, const std::string& name) {
+std::optional<double> find(const wire::HealthMessage& health, const std::string& name) {
   const auto found = health.values.find(name);
   if (found == health.values.end()) return std::nullopt;
   return found->second;
@@ -64,13 +64,13 @@ void add_count(Row& row, std::optional<double> count, Highlight highlight, doubl
   row.add(value_text("", *count), *count > limit ? highlight : Highlight::kNone);
 }
 
-void add_value(Row& row, const HealthMessage& health, const std::string& name, double limit) {
+void add_value(Row& row, const wire::HealthMessage& health, const std::string& name, double limit) {
   const auto value = find(health, name);
   if (!value) return row.add("-");
   row.add(value_text(name, *value), highlight_if(false, *value > limit));
 }
 
-void add_disk(Row& row, const HealthMessage& health) {
+void add_disk(Row& row, const wire::HealthMessage& health) {
   const auto free = find(health, "disk_free_bytes");
   if (!free) return row.add("-");
   const auto seconds = find(health, "disk_seconds_left");
@@ -79,7 +79,7 @@ void add_disk(Row& row, const HealthMessage& health) {
           highlight_if(*seconds < kAlarmDiskSeconds, *seconds < kWarnDiskSeconds));
 }
 
-void add_clock(Row& row, const HealthMessage& health) {
+void add_clock(Row& row, const wire::HealthMessage& health) {
   const auto synchronised = find(health, "clock_synchronised_flag");
   const auto offset = find(health, "clock_offset_us");
   if (!synchronised) return row.add("unknown");
@@ -89,11 +89,13 @@ void add_clock(Row& row, const HealthMessage& health) {
           highlight_if(false, std::abs(*offset) > kWarnClockOffsetUs));
 }
 
-Highlight highlight_of(NodeState state) { return highlight_if(state == NodeState::kFault); }
+Highlight highlight_of(wire::NodeState state) {
+  return highlight_if(state == wire::NodeState::kFault);
+}
 
 /// Frames per second of the fastest camera of a node, or meshes per second of a reconstruction
 /// node.
-std::string rate_text(const HealthMessage& health, const std::vector<std::string>& cameras) {
+std::string rate_text(const wire::HealthMessage& health, const std::vector<std::string>& cameras) {
   if (const auto live = find(health, "live_fps")) return value_text("_fps", *live);
   double max = 0;
   for (const std::string& camera : cameras) {
@@ -102,7 +104,7 @@ std::string rate_text(const HealthMessage& health, const std::vector<std::string
   return cameras.empty() ? "-" : value_text("_per_second", max);
 }
 
-void add_memory(Row& row, const HealthMessage& health) {
+void add_memory(Row& row, const wire::HealthMessage& health) {
   const auto used = find(health, "memory_daemon_bytes");
   const auto available = find(health, "memory_available_bytes");
   if (!used) return row.add("-");
@@ -119,7 +121,7 @@ WatchLine node_line(const std::string& node, const StudioState& state) {
     line.parts.push_back({"Try: systemctl status v3d-studio.target on " + node, Highlight::kNone});
     return line;
   }
-  const HealthMessage& health = found->second;
+  const wire::HealthMessage& health = found->second;
   const auto cameras = state.cameras.find(node);
   const bool meshes = find(health, "meshes").has_value();
   row.add(std::string(name(health.state)), highlight_of(health.state));
@@ -143,7 +145,8 @@ WatchLine node_line(const std::string& node, const StudioState& state) {
 }
 
 /// Returns also whether the camera needs attention.
-std::pair<WatchLine, bool> camera_line(const std::string& camera, const HealthMessage& health) {
+std::pair<WatchLine, bool> camera_line(const std::string& camera,
+                                       const wire::HealthMessage& health) {
   const auto value = [&](const char* what) { return find(health, camera + "." + what); };
   const bool streams = value("streaming_flag").value_or(0) != 0;
   Row row;
@@ -161,7 +164,7 @@ std::pair<WatchLine, bool> camera_line(const std::string& camera, const HealthMe
 }
 
 /// Work of one of several reconstruction nodes in the take; empty for other nodes.
-std::string shard_text(const HealthMessage& health) {
+std::string shard_text(const wire::HealthMessage& health) {
   const auto made = find(health, "shard_pulses");
   if (!made) return "";
   std::string text = value_text("", *made) + " meshes made by this node";
@@ -241,10 +244,10 @@ std::string WatchLine::text(bool colours) const {
   return line;
 }
 
-WatchLine event_line(const EventMessage& event) {
-  const Highlight highlight = event.severity == Severity::kAlarm     ? Highlight::kAlarm
-                              : event.severity == Severity::kWarning ? Highlight::kWarning
-                                                                     : Highlight::kNone;
+WatchLine event_line(const wire::EventMessage& event) {
+  const Highlight highlight = event.severity == wire::Severity::kAlarm     ? Highlight::kAlarm
+                              : event.severity == wire::Severity::kWarning ? Highlight::kWarning
+                                                                           : Highlight::kNone;
   return {{{local_time(event.sent, "%H:%M:%S") + "  ", Highlight::kNone},
            {event.node + "  " + event.subject + ": ", highlight},
            {event.text, Highlight::kNone}}};

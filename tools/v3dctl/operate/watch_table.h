@@ -28,7 +28,7 @@ struct WatchLine {
 std::vector<WatchLine> watch_lines(const StudioState& state, size_t width, size_t height);
 
 /// "14:03:11  cap01  cam07: lost ...", local time.
-WatchLine event_line(const EventMessage& event);
+WatchLine event_line(const wire::EventMessage& event);
 
 /// State and progress of the take: "recording kendo-07   300 pulses   15/15 cameras ...".
 std::string summary_line(const StudioState& state);

@@ -10,17 +10,16 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "base/core/units.h"
-#include "base/geometry/box.h"
+#include "base/core/text.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/io/child_process.h"
 #include "common/console.h"
-#include "common/subprocess.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
-#include "v3dctl/reconstruct/sharded_reconstruction.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
+#include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {
 namespace {

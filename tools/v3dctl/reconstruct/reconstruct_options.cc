@@ -4,8 +4,8 @@
 #include <string>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
-#include "base/geometry/box.h"
+#include "base/core/text.h"
+#include "base/geometry/rigid_transform.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -26,14 +26,14 @@ Number number_of(const std::string& value, const std::string& part) {
   return number;
 }
 
-void set_value(DeformOptions& options, const std::string& part) {
+void set_value(recon::DeformOptions& options, const std::string& part) {
   const size_t equals = part.find('=');
   if (equals == std::string::npos) refuse(part);
   const std::string name = part.substr(0, equals), value = part.substr(equals + 1);
   if (name == "mode" && value == "search") {
-    options.mode = DeformMode::kSearch;
+    options.mode = recon::DeformMode::kSearch;
   } else if (name == "mode" && value == "paper") {
-    options.mode = DeformMode::kPaper;
+    options.mode = recon::DeformMode::kPaper;
   } else if (name == "internal") {
     options.internal = number_of<double>(value, part);
   } else if (name == "photometric") {
@@ -141,8 +141,8 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
   return request;
 }
 
-DeformOptions parse_deform(std::string_view text) {
-  DeformOptions options;
+recon::DeformOptions parse_deform(std::string_view text) {
+  recon::DeformOptions options;
   for (const std::string& part : parse_names(text, "--deform")) set_value(options, part);
   check(options);
   return options;

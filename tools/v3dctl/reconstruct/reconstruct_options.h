@@ -29,6 +29,6 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
 /// Parses "mode=paper,internal=0.3,photometric=0.4,silhouette=0.3,window=7,views=6,carving=1": any
 /// of these in any order; missing ones have their defaults. Throws InputError for other text and
 /// for values that check() rejects.
-DeformOptions parse_deform(std::string_view text);
+recon::DeformOptions parse_deform(std::string_view text);
 
 }  // namespace v3d::ctl

@@ -38,7 +38,7 @@ PulseFault fault_from_json(const Json& json) {
   fault.pulse = json.at(0);
   fault.camera = json.at(1);
   fault.fault.camera = json.at(2);
-  fault.fault.kind = static_cast<SilhouetteFaultKind>(json.at(3).get<int>());
+  fault.fault.kind = static_cast<recon::SilhouetteFaultKind>(json.at(3).get<int>());
   fault.fault.region = {json.at(4), json.at(5), json.at(6), json.at(7)};
   fault.fault.pixels = json.at(8);
   return fault;
@@ -46,7 +46,8 @@ PulseFault fault_from_json(const Json& json) {
 
 }  // namespace
 
-ReconstructReport empty_report(const Rig& rig, const ReconstructOptions& options, bool repaired) {
+ReconstructReport empty_report(const Rig& rig, const recon::ReconstructOptions& options,
+                               bool repaired) {
   ReconstructReport report;
   for (const RigCamera& camera : rig) report.cameras.push_back(camera.name);
   report.camera_iou.resize(rig.size());
@@ -108,7 +109,7 @@ void read_samples(const Json& json, ReconstructReport& part) {
     part.camera_iou[c] = json.at("camera_iou").at(c).get<std::vector<double>>();
   }
   for (const Json& of : json.at("quality")) {
-    part.quality.emplace_back(of.at(0), FrameQuality{of.at(1), of.at(2), of.at(3)});
+    part.quality.emplace_back(of.at(0), recon::FrameQuality{of.at(1), of.at(2), of.at(3)});
   }
   for (const Json& fault : json.at("faults"))
     part.silhouette_faults.push_back(fault_from_json(fault));

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/pipeline/reconstructor.h"
-#include "v3dctl/reconstruct/silhouette_repair.h"
+#include "v3dctl/reconstruct/take_silhouette_repair.h"
 
 namespace v3d::ctl {
 
@@ -34,10 +34,11 @@ struct ReconstructReport {
   /// Intersection over union of the rendered surface and the mask within the view of the bounds;
   /// one for each frame and camera.
   std::vector<double> silhouette_iou;
-  std::vector<std::vector<double>> camera_iou;            ///< the same, by camera
-  std::vector<std::pair<int64_t, FrameQuality>> quality;  ///< by pulse, as live meshes have it
-  bool repaired = false;                                  ///< silhouette repair was requested
-  std::vector<PulseFault> silhouette_faults;              ///< repaired ones
+  std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
+  std::vector<std::pair<int64_t, recon::FrameQuality>>
+      quality;                                ///< by pulse, as live meshes have it
+  bool repaired = false;                      ///< silhouette repair was requested
+  std::vector<PulseFault> silhouette_faults;  ///< repaired ones
   std::vector<StageSamples> stages;  ///< segment intersect mesh deform steady texture encode
                                      ///< quality total
   double seconds = 0;                ///< of the whole run
@@ -47,7 +48,8 @@ struct ReconstructReport {
 };
 
 /// A report without frames.
-ReconstructReport empty_report(const Rig& rig, const ReconstructOptions& options, bool repaired);
+ReconstructReport empty_report(const Rig& rig, const recon::ReconstructOptions& options,
+                               bool repaired);
 
 /// Appends the frames of `part` to `whole`. Requires equal arguments of their empty_report().
 void append(ReconstructReport& whole, const ReconstructReport& part);

@@ -1,14 +1,17 @@
 #include "v3dctl/reconstruct/reconstruct_request.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <vector>
 
 #include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "common/console.h"
-#include "v3dctl/reconstruct/reconstruction_bounds.h"
 
 namespace v3d::ctl {
 namespace {
@@ -25,7 +28,7 @@ Box reported_default_bounds(const Rig& rig, int min_views) {
   return box;
 }
 
-Json deform_to_json(const DeformOptions& deform) {
+Json deform_to_json(const recon::DeformOptions& deform) {
   return {{"mode", static_cast<int>(deform.mode)},
           {"internal", deform.internal},
           {"photometric", deform.photometric},
@@ -35,9 +38,9 @@ Json deform_to_json(const DeformOptions& deform) {
           {"hollows", deform.carve_concavities}};
 }
 
-DeformOptions deform_from_json(const Json& json) {
-  DeformOptions deform;
-  deform.mode = static_cast<DeformMode>(json.at("mode").get<int>());
+recon::DeformOptions deform_from_json(const Json& json) {
+  recon::DeformOptions deform;
+  deform.mode = static_cast<recon::DeformMode>(json.at("mode").get<int>());
   deform.internal = json.at("internal");
   deform.photometric = json.at("photometric");
   deform.silhouette = json.at("silhouette");
@@ -49,11 +52,11 @@ DeformOptions deform_from_json(const Json& json) {
 
 }  // namespace
 
-TakeFrames open_take(const ReconstructRequest& request) {
-  return {request.take, cameras_without(load_take_info({request.take}), request.leave_out)};
+recorded::TakeFrames open_take(const ReconstructRequest& request) {
+  return {request.take, cameras_without(take::load_take_info({request.take}), request.leave_out)};
 }
 
-std::vector<std::string> cameras_without(const TakeInfo& info,
+std::vector<std::string> cameras_without(const take::TakeInfo& info,
                                          const std::vector<std::string>& leave_out) {
   for (const std::string& name : leave_out) {
     if (std::ranges::find(info.cameras, name) == info.cameras.end()) {
@@ -70,7 +73,8 @@ std::vector<std::string> cameras_without(const TakeInfo& info,
   return cameras;
 }
 
-ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFrames& take) {
+ReconstructRequest with_defaults(const ReconstructRequest& request,
+                                 const recorded::TakeFrames& take) {
   const Studio* studio =
       request.studio && request.studio->name == take.info().studio ? &*request.studio : nullptr;
   const int cameras = static_cast<int>(take.rig().size());
@@ -92,8 +96,8 @@ ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFr
   return complete;
 }
 
-ReconstructOptions options_of(const ReconstructRequest& complete, int threads) {
-  ReconstructOptions options;
+recon::ReconstructOptions options_of(const ReconstructRequest& complete, int threads) {
+  recon::ReconstructOptions options;
   options.bounds = *complete.bounds;
   options.voxel_m = *complete.voxel_m;
   options.min_views = *complete.min_views;
@@ -133,7 +137,8 @@ ReconstructRequest request_from_json(const Json& json) {
   return request;
 }
 
-std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFrames& take) {
+std::vector<int64_t> pulses_of(const ReconstructRequest& request,
+                               const recorded::TakeFrames& take) {
   const std::vector<int64_t> all = take.pulses();
   if (all.empty()) throw InputError(take.paths().folder.string() + ": the take has no frames");
   std::vector<int64_t> pulses;
@@ -146,7 +151,7 @@ std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFram
   return pulses;
 }
 
-int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrames& take) {
+int64_t pulses_without_frames(const ReconstructRequest& request, const recorded::TakeFrames& take) {
   const int64_t end = std::min(take.info().pulses, request.frames.end);
   const auto with_frames = std::ssize(pulses_of(request, take));
   return std::max<int64_t>(0, end - request.frames.begin - with_frames);
@@ -155,6 +160,71 @@ int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrame
 int threads_of(const ReconstructRequest& request) {
   if (request.threads > 0) return request.threads;
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+namespace {
+
+constexpr int kSamples = 64;  // along each axis
+
+// Least squares: solves sum over cameras of (I - d d^T)(p - c) = 0. A small weight of the cameras'
+// mean position keeps the system regular for parallel axes.
+Eigen::Vector3d point_nearest_to_axes(const Rig& rig) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const RigCamera& camera : rig) {
+    const Eigen::Vector3d d = camera.model.viewing_direction();
+    const Eigen::Matrix3d across =
+        Eigen::Matrix3d::Identity() - d * d.transpose() + 1e-6 * Eigen::Matrix3d::Identity();
+    a += across;
+    b += across * camera.model.center();
+  }
+  return a.ldlt().solve(b);
+}
+
+int cameras_seeing(const Rig& rig, const Eigen::Vector3d& point) {
+  return static_cast<int>(std::count_if(rig.begin(), rig.end(), [&](const RigCamera& camera) {
+    const auto pixel = camera.model.project(point);
+    return pixel && camera.model.inside_image(*pixel);
+  }));
+}
+
+double median_distance(const Rig& rig, const Eigen::Vector3d& point) {
+  std::vector<double> distances;
+  for (const RigCamera& camera : rig) distances.push_back((camera.model.center() - point).norm());
+  return median(distances);
+}
+
+}  // namespace
+
+int default_min_views(int cameras) { return std::clamp(cameras - 1, 1, 4); }
+
+Box observed_bounds(const Rig& rig, int min_cameras) {
+  const Eigen::Vector3d focus = point_nearest_to_axes(rig);
+  const double radius = median_distance(rig, focus);
+  const double step = 2 * radius / kSamples;
+  Box seen{Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()),
+           Eigen::Vector3d::Constant(-std::numeric_limits<double>::infinity())};
+  for (int k = 0; k < kSamples; ++k) {
+    for (int j = 0; j < kSamples; ++j) {
+      for (int i = 0; i < kSamples; ++i) {
+        const Eigen::Vector3d offset =
+            step * (Eigen::Vector3d(i, j, k) + Eigen::Vector3d::Constant(0.5 - 0.5 * kSamples));
+        if (offset.norm() > radius || cameras_seeing(rig, focus + offset) < min_cameras) continue;
+        seen.min = seen.min.cwiseMin(focus + offset - Eigen::Vector3d::Constant(0.5 * step));
+        seen.max = seen.max.cwiseMax(focus + offset + Eigen::Vector3d::Constant(0.5 * step));
+      }
+    }
+  }
+  if (!(seen.min.array() < seen.max.array()).all()) {
+    throw InputError("no point is seen by " + std::to_string(min_cameras) +
+                     " cameras; expected --bounds, or a smaller --min-views");
+  }
+  return seen;
+}
+
+Box default_bounds(const Rig& rig, int min_views) {
+  const int cameras = static_cast<int>(rig.size());
+  return observed_bounds(rig, std::max(min_views, (cameras + 1) / 2));
 }
 
 }  // namespace v3d::ctl

@@ -1,4 +1,4 @@
-// Request to reconstruct a take: its frames, cameras, bounds and quality.
+// Request of a reconstruction, and the default bounds of its space.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/rigid_transform.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/reconstructor.h"
 #include "recon/surface/deform.h"
@@ -17,38 +18,41 @@
 
 namespace v3d::ctl {
 
+// Request to reconstruct a take: its frames, cameras, bounds and quality.
+
 struct ReconstructRequest {
   std::filesystem::path take;
   std::optional<Box> bounds;       ///< metres; otherwise the studio's, otherwise default_bounds()
   std::optional<double> voxel_m;   ///< otherwise the studio's, otherwise 10 mm
   std::optional<int> min_views;    ///< otherwise the studio's, otherwise default_min_views()
   std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
-  DeformOptions deform;            ///< with high quality
+  recon::DeformOptions deform;     ///< with high quality
   bool smooth = true;              ///< temporal smoothing, with high quality
   bool repair = false;             ///< silhouette repair before the reconstruction
-  FrameRange frames;
+  take::FrameRange frames;
   int threads = 0;                     ///< 0: one per core
   std::vector<std::string> leave_out;  ///< cameras
   std::optional<Studio> studio;        ///< gives defaults if the take belongs to this studio
 };
 
 /// Opens the frames of the requested cameras. Throws InputError for an unknown camera.
-TakeFrames open_take(const ReconstructRequest& request);
+recorded::TakeFrames open_take(const ReconstructRequest& request);
 
 /// The cameras of a take without those of `leave_out`. Throws InputError for a name that the take
 /// does not have, and when no camera remains.
-std::vector<std::string> cameras_without(const TakeInfo& info,
+std::vector<std::string> cameras_without(const take::TakeInfo& info,
                                          const std::vector<std::string>& leave_out);
 
 /// Sets all optional values of the request to their defaults, so that every process uses the same.
 /// Prints default_bounds() on stderr where they are used. Throws InputError for more views than
 /// cameras.
-ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFrames& take);
+ReconstructRequest with_defaults(const ReconstructRequest& request,
+                                 const recorded::TakeFrames& take);
 
 // The functions below marked "complete" require a result of with_defaults().
 
 /// Options of the reconstructor for a complete request.
-ReconstructOptions options_of(const ReconstructRequest& complete, int threads);
+recon::ReconstructOptions options_of(const ReconstructRequest& complete, int threads);
 
 /// A complete request as JSON, without the take, and back. The second throws
 /// nlohmann::json::exception for other JSON.
@@ -56,12 +60,27 @@ nlohmann::ordered_json request_to_json(const ReconstructRequest& complete);
 ReconstructRequest request_from_json(const nlohmann::ordered_json& json);
 
 /// Pulses of the requested frames, increasing. Throws InputError when there is none.
-std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFrames& take);
+std::vector<int64_t> pulses_of(const ReconstructRequest& request, const recorded::TakeFrames& take);
 
 /// Number of requested pulses that were commanded and have no frame of any camera.
-int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrames& take);
+int64_t pulses_without_frames(const ReconstructRequest& request, const recorded::TakeFrames& take);
 
 /// Number of worker threads: the requested one, otherwise one per core.
 int threads_of(const ReconstructRequest& request);
+
+// Default bounds of the reconstruction, where neither the user nor a studio file gives them.
+
+/// Number of views below which space is empty: 4, and with few cameras all but one, because a voxel
+/// outside of one camera's image may belong to the body.
+int default_min_views(int cameras);
+
+/// Box around the points that at least `min_cameras` cameras see (world frame, metres). Points are
+/// limited to a ball around the point nearest to all optical axes, with the median distance of the
+/// cameras as radius, and sampled on a 64^3 grid.
+/// Throws InputError when there is no such point.
+Box observed_bounds(const Rig& rig, int min_cameras);
+
+/// observed_bounds() by at least half the cameras and at least `min_views` of them.
+Box default_bounds(const Rig& rig, int min_views);
 
 }  // namespace v3d::ctl

@@ -10,14 +10,14 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "base/core/checksum.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
-#include "base/io/uninterrupted.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
+#include "base/io/unique_fd.h"
 #include "codec/frame_codec.h"
-#include "take/logs/log_segments.h"
+#include "common/console.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
-#include "v3dctl/process.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
@@ -57,14 +57,14 @@ Json input(const fs::path& path, const fs::path& folder) {
           std::chrono::duration_cast<std::chrono::nanoseconds>(changed).count()};
 }
 
-Json inputs_of(const TakeFrames& take) {
-  const TakePaths& paths = take.paths();
+Json inputs_of(const recorded::TakeFrames& take) {
+  const take::TakePaths& paths = take.paths();
   Json list = Json::array();
   const auto add = [&](const fs::path& path) { list.push_back(input(path, paths.folder)); };
   const auto add_log = [&](const fs::path& log) {
-    for (const fs::path& segment : io::value_or_throw(existing_segments(log))) {
+    for (const fs::path& segment : io::value_or_throw(take::existing_segments(log))) {
       add(segment);
-      add(segment_index_path(segment));
+      add(take::segment_index_path(segment));
     }
   };
   for (const fs::path& path : {paths.info(), paths.calib()}) add(path);
@@ -96,7 +96,7 @@ std::vector<fs::path> entries_of(const fs::path& folder, const std::string& pref
 }  // namespace
 
 std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
-  const int64_t length = EncoderOptions().key_every;
+  const int64_t length = codec::EncoderOptions().key_every;
   std::vector<Shard> shards;
   for (const int64_t pulse : pulses) {
     if (shards.empty() || shards.back().number != pulse / length) {
@@ -107,7 +107,8 @@ std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
   return shards;
 }
 
-ShardFolder ShardFolder::create(const ReconstructRequest& complete, const TakeFrames& take) {
+ShardFolder ShardFolder::create(const ReconstructRequest& complete,
+                                const recorded::TakeFrames& take) {
   const Json content = {{"program", program_id()},
                         {"request", request_to_json(complete)},
                         {"inputs", inputs_of(take)}};
@@ -158,7 +159,7 @@ std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
     const Json& samples = json.at("samples");
     const std::string sum =
         checksum_of({bytes_of(read_file(mesh(shard))), bytes_of(samples.dump())});
-    if (json.at("checksum") != sum || MeshFileReader(mesh(shard)).pulses() != shard.pulses) {
+    if (json.at("checksum") != sum || take::MeshFileReader(mesh(shard)).pulses() != shard.pulses) {
       return std::nullopt;
     }
     ReconstructReport found = empty;
@@ -221,7 +222,7 @@ void ShardFolder::remove_others() const {
 ShardFolderLock::ShardFolderLock(const ShardFolder& folder) {
   const fs::path path = folder.path() / "lock";
   fd_.reset(
-      io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); }));
+      io::uninterrupted([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); }));
   if (!fd_) {
     error_ = errno_message(path.string());
   } else if (io::uninterrupted([&] { return flock(fd_.get(), LOCK_EX | LOCK_NB); }) == 0) {

@@ -37,7 +37,7 @@ class ShardFolder {
  public:
   /// Creates the folder for a complete request, if it does not exist. Throws std::runtime_error for
   /// errors of the disk.
-  static ShardFolder create(const ReconstructRequest& complete, const TakeFrames& take);
+  static ShardFolder create(const ReconstructRequest& complete, const recorded::TakeFrames& take);
   /// Uses an existing folder.
   explicit ShardFolder(std::filesystem::path path) : path_(std::move(path)) {}
 

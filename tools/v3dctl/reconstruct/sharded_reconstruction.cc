@@ -1,16 +1,14 @@
-#include "v3dctl/reconstruct/sharded_reconstruction.h"
-
 #include <algorithm>
 #include <map>
 #include <stdexcept>
 
 #include "base/core/error.h"
 #include "base/core/time.h"
-#include "base/io/whole_file.h"
+#include "base/io/file.h"
 #include "common/console.h"
 #include "take/logs/mesh_file.h"
-#include "v3dctl/process.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
+#include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {
 namespace {
@@ -62,7 +60,7 @@ class ShardedRun {
 
  private:
   ShardedRun(const ReconstructRequest& request, int threads, const MakeTaskRunner& make_runner,
-             const TakeFrames& take)
+             const recorded::TakeFrames& take)
       : complete_(with_defaults(request, take)),
         shards_(shards_of(pulses_of(request, take))),
         mesh_(take.paths().mesh()),
@@ -167,7 +165,7 @@ class ShardedRun {
   void join() {
     PendingMeshFile file(mesh_);
     for (const Shard& shard : shards_) {
-      MeshFileReader meshes(folder_.mesh(shard));
+      take::MeshFileReader meshes(folder_.mesh(shard));
       for (const int64_t pulse : shard.pulses) {
         const auto compact = meshes.read(pulse);
         if (!compact) throw std::runtime_error(compact.error().message);
@@ -203,10 +201,10 @@ ReconstructReport reconstruct_sharded(const ReconstructRequest& request, int thr
   return report;
 }
 
-void reconstruct_shards(const ShardFolder& folder, FrameRange range, int threads) {
+void reconstruct_shards(const ShardFolder& folder, take::FrameRange range, int threads) {
   try {
     const ReconstructRequest request = folder.request();
-    TakeFrames take = open_take(request);
+    recorded::TakeFrames take = open_take(request);
     const std::vector<Shard> shards = shards_of(pulses_of(request, take));
     const ReconstructReport empty =
         empty_report(take.rig(), options_of(request, threads), request.repair);

@@ -11,15 +11,13 @@
 
 #include "base/core/error.h"
 #include "base/core/time.h"
-#include "base/geometry/box.h"
-#include "base/image/mask_morphology.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/mask_operations.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "recon/hull/bounds_mask.h"
+#include "recon/hull/voxel_grid.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/render/renderer.h"
-#include "v3dctl/process.h"
-#include "v3dctl/reconstruct/take_surfaces.h"
 
 namespace v3d::ctl {
 namespace {
@@ -32,12 +30,12 @@ class SilhouetteMeter {
   SilhouetteMeter(const Rig& rig, const Box& bounds) : views_(rig.size()) {
     for (const RigCamera& camera : rig) models_.push_back(camera.model);
     tbb::parallel_for(size_t{0}, rig.size(),
-                      [&](size_t i) { views_[i] = bounds_mask(bounds, models_[i]); });
+                      [&](size_t i) { views_[i] = recon::bounds_mask(bounds, models_[i]); });
   }
 
-  void measure(const Mesh& mesh, const std::vector<std::optional<SegmentedFrame>>& frames,
+  void measure(const Mesh& mesh, const std::vector<std::optional<recorded::SegmentedFrame>>& frames,
                ReconstructReport& report) const {
-    const std::vector<Mask> rendered = draw_silhouettes(mesh, models_);
+    const std::vector<Mask> rendered = recon::draw_silhouettes(mesh, models_);
     for (size_t i = 0; i < rendered.size(); ++i) {
       if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
       const Mask mask = intersection_of(frames[i]->mask, views_[i]);
@@ -54,7 +52,7 @@ class SilhouetteMeter {
   std::vector<Mask> views_;
 };
 
-void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
+void add_stage_times(const recon::StageTimes& times, double segment, ReconstructReport& report) {
   const double parts[] = {segment,         times.intersect, times.mesh,   times.deform,
                           times.smoothing, times.texture,   times.encode, times.quality};
   double total = 0;
@@ -66,7 +64,7 @@ void add_stage_times(const StageTimes& times, double segment, ReconstructReport&
   report.stages.back().ms.push_back(total);
 }
 
-void add_measurements(const Reconstruction& result, ReconstructReport& report) {
+void add_measurements(const recon::Reconstruction& result, ReconstructReport& report) {
   ++report.frames;
   report.volume_m3.push_back(result.volume_m3);
   report.vertices.push_back(static_cast<double>(result.mesh.vertices.size()));
@@ -99,7 +97,7 @@ std::vector<PulseFault> faults_among(std::span<const int64_t> pulses,
 // measuring.
 class TakeReconstruction::Impl {
  public:
-  Impl(const ReconstructRequest& complete, int threads, TakeFrames&& take)
+  Impl(const ReconstructRequest& complete, int threads, recorded::TakeFrames&& take)
       : take_(std::move(take)),
         options_(options_of(complete, threads)),
         reconstructor_(take_.rig(), options_),
@@ -116,17 +114,18 @@ class TakeReconstruction::Impl {
     ReconstructReport report = empty_report(take_.rig(), options_, repair_.has_value());
     auto next = pulses.begin();
     reconstructor_.begin_sequence();
-    FramePipeline<Job>(options_.threads,
-                       [&]() -> std::optional<Job> {
-                         stop_if_interrupted();
-                         if (next == pulses.end()) return std::nullopt;
-                         return Job{*next++};
-                       },
-                       {[&](Job& job) { make_mesh(job); }, [&](Job& job) { encode(job, file); },
-                        [&](Job& job) {
-                          measure(job, report);
-                          on_frame();
-                        }})
+    recon::FramePipeline<Job>(
+        options_.threads,
+        [&]() -> std::optional<Job> {
+          stop_if_interrupted();
+          if (next == pulses.end()) return std::nullopt;
+          return Job{*next++};
+        },
+        {[&](Job& job) { make_mesh(job); }, [&](Job& job) { encode(job, file); },
+         [&](Job& job) {
+           measure(job, report);
+           on_frame();
+         }})
         .wait();
     if (repair_) report.silhouette_faults = faults_among(pulses, repair_->faults());
     report.read_errors = take_.read_errors();
@@ -151,23 +150,23 @@ class TakeReconstruction::Impl {
   }
 
   void measure(Job& job, ReconstructReport& report) const {
-    const Reconstruction& result = job.made.work.result;
+    const recon::Reconstruction& result = job.made.work.result;
     silhouettes_.measure(result.mesh, job.made.frames, report);
     add_stage_times(result.times, job.made.segment_ms, report);
     add_measurements(result, report);
     if (result.cameras.size() < take_.rig().size()) ++report.incomplete;
   }
 
-  TakeFrames take_;
-  const ReconstructOptions options_;
-  Reconstructor reconstructor_;
+  recorded::TakeFrames take_;
+  const recon::ReconstructOptions options_;
+  recon::Reconstructor reconstructor_;
   const SilhouetteMeter silhouettes_;
   std::optional<TakeSilhouetteRepair> repair_;
   TakeSurfaces surfaces_;
 };
 
 TakeReconstruction::TakeReconstruction(const ReconstructRequest& complete, int threads,
-                                       TakeFrames take)
+                                       recorded::TakeFrames take)
     : impl_(std::make_unique<Impl>(complete, threads, std::move(take))) {}
 TakeReconstruction::~TakeReconstruction() = default;
 
@@ -178,7 +177,7 @@ ReconstructReport TakeReconstruction::make(std::span<const int64_t> pulses, Pend
 
 ReconstructReport reconstruct_take(const ReconstructRequest& request) {
   const MonotonicInstant begin = Monotonic::now();
-  TakeFrames take = open_take(request);
+  recorded::TakeFrames take = open_take(request);
   const std::vector<int64_t> pulses = pulses_of(request, take);
   const int64_t without_frames = pulses_without_frames(request, take);
   const fs::path path = take.paths().mesh();
@@ -216,6 +215,98 @@ void PendingMeshFile::finish() {
   fs::rename(temporary_path_, path_);
   finished_ = true;
   io::throw_if_failed(io::sync_folder(fs::absolute(path_).parent_path()));
+}
+
+TakeSurfaces::TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
+                           TakeSilhouetteRepair* repair, bool smooth)
+    : take_(take),
+      reconstructor_(reconstructor),
+      repair_(repair),
+      smooth_(smooth),
+      pulses_(take.pulses()) {}
+
+TakeSurface TakeSurfaces::make(int64_t pulse) {
+  if (!smooth_) {
+    TakeSurface made = read(pulse);
+    reconstructor_.make_surface(made.work);
+    return made;
+  }
+  constexpr int kWindowReach = 2;
+  std::erase_if(window_, [&](const auto& entry) {
+    return entry.first < pulse - kWindowReach || entry.first > pulse + kWindowReach;
+  });
+  for (int64_t p = pulse - kWindowReach; p <= pulse + kWindowReach; ++p) make_hull(p);
+  for (int64_t p = pulse - 1; p <= pulse + 1; ++p) deform(p);
+  WindowEntry& now = window_.at(pulse);
+  TakeSurface made = std::move(now.surface);
+  const MonotonicInstant smoothing = Monotonic::now();
+  reconstructor_.deform_stage().smooth(now.views, neighbours(pulse), made.work.result.mesh);
+  made.work.result.times.smoothing = recon::milliseconds_since(smoothing);
+  return made;
+}
+
+TakeSurface TakeSurfaces::read(int64_t pulse) {
+  const MonotonicInstant begin = Monotonic::now();
+  TakeSurface made;
+  if (repair_ != nullptr) set_previous_of(pulse);
+  made.frames = pulse == next_pulse_ ? std::move(next_) : take_.read(pulse);
+  if (repair_ != nullptr) repair(pulse, made.frames);
+  made.work = recon::FrameSetJob(observe_all(pulse, made.frames));
+  made.work.set.exposure = take_.edge_of(pulse);
+  made.segment_ms = recon::milliseconds_since(begin);
+  return made;
+}
+
+/// Reads the pulse before, where a shard begins.
+void TakeSurfaces::set_previous_of(int64_t pulse) {
+  if (!has(pulse - 1) || repair_->is_previous(pulse - 1)) return;
+  repair_->set_previous(pulse - 1, take_.read(pulse - 1));
+}
+
+void TakeSurfaces::repair(int64_t pulse, SegmentedFrames& frames) {
+  next_pulse_ = pulse + 1;
+  next_ = take_.read(next_pulse_);
+  repair_->repair(pulse, frames, next_);
+}
+
+bool TakeSurfaces::has(int64_t pulse) const {
+  return std::binary_search(pulses_.begin(), pulses_.end(), pulse);
+}
+
+/// Makes the carved hull of a pulse once.
+void TakeSurfaces::make_hull(int64_t pulse) {
+  if (!has(pulse) || window_.contains(pulse)) return;
+  TakeSurface surface = read(pulse);
+  recon::FrameSetJob& work = surface.work;
+  reconstructor_.make_hull(work);
+  const MonotonicInstant observing = Monotonic::now();
+  recon::PulseViews views =
+      reconstructor_.deform_stage().views(work.frames, work.volume, work.result.mesh);
+  work.result.times.deform = recon::milliseconds_since(observing);
+  window_.emplace(pulse, WindowEntry{std::move(surface), std::move(views)});
+}
+
+/// Deforms the surface of a pulse once. Requires the hulls of its neighbours.
+void TakeSurfaces::deform(int64_t pulse) {
+  const auto found = window_.find(pulse);
+  if (found == window_.end() || found->second.deformed) return;
+  auto& [surface, views, deformed] = found->second;
+  recon::FrameSetJob& work = surface.work;
+  const MonotonicInstant deforming = Monotonic::now();
+  reconstructor_.deform_stage().deform(views, neighbours(pulse), work.volume, work.result.mesh);
+  work.result.times.deform += recon::milliseconds_since(deforming);
+  deformed = true;
+}
+
+/// Views of the pulses before and after, as far as the take has them.
+std::vector<const recon::PulseViews*> TakeSurfaces::neighbours(int64_t pulse) const {
+  std::vector<const recon::PulseViews*> neighbours;
+  for (const int64_t p : {pulse - 1, pulse + 1}) {
+    if (const auto found = window_.find(p); found != window_.end()) {
+      neighbours.push_back(&found->second.views);
+    }
+  }
+  return neighbours;
 }
 
 }  // namespace v3d::ctl

@@ -4,15 +4,18 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
+#include "recon/pipeline/reconstructor.h"
 #include "take/logs/mesh_file.h"
 #include "v3dctl/reconstruct/reconstruct_report.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
+#include "v3dctl/reconstruct/take_silhouette_repair.h"
 
 namespace v3d::ctl {
 
@@ -40,7 +43,7 @@ class PendingMeshFile {
  private:
   std::filesystem::path path_;
   std::filesystem::path temporary_path_;
-  MeshFileWriter file_;
+  take::MeshFileWriter file_;
   bool finished_ = false;
 };
 
@@ -54,7 +57,7 @@ class TakeReconstruction {
  public:
   /// `complete`: a result of with_defaults() for this take. Throws InputError as Reconstructor
   /// does.
-  TakeReconstruction(const ReconstructRequest& complete, int threads, TakeFrames take);
+  TakeReconstruction(const ReconstructRequest& complete, int threads, recorded::TakeFrames take);
   ~TakeReconstruction();
 
   /// Appends the meshes of `pulses` to `file`, the first as a key frame, and calls `on_frame` after
@@ -67,6 +70,53 @@ class TakeReconstruction {
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;
+};
+
+// Surfaces of a take, pulse by pulse, with temporal smoothing.
+
+/// Surface of one pulse; its vertices have no colours yet.
+struct TakeSurface {
+  SegmentedFrames frames;
+  double segment_ms = 0;
+  recon::FrameSetJob work;
+};
+
+/// A smoothed surface depends on the surfaces one pulse before and after, and these on the views
+/// one pulse farther: a window of two pulses to each side, of three with silhouette repair. It
+/// depends on nothing else, so order and shards do not change it. One caller at a time, in its TBB
+/// arena.
+class TakeSurfaces {
+ public:
+  /// All references are borrowed. `repair`: null for none. Without `smooth`, each pulse is
+  /// reconstructed alone.
+  TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
+               TakeSilhouetteRepair* repair, bool smooth);
+
+  /// Requires increasing pulses that the take has. Throws as TakeFrames::read().
+  TakeSurface make(int64_t pulse);
+
+ private:
+  struct WindowEntry {
+    TakeSurface surface;  ///< a hull until `deformed`; moved away by make()
+    recon::PulseViews views;
+    bool deformed = false;
+  };
+  bool has(int64_t pulse) const;
+  TakeSurface read(int64_t pulse);
+  void set_previous_of(int64_t pulse);
+  void repair(int64_t pulse, SegmentedFrames& frames);
+  void make_hull(int64_t pulse);
+  void deform(int64_t pulse);
+  std::vector<const recon::PulseViews*> neighbours(int64_t pulse) const;
+
+  recorded::TakeFrames& take_;
+  recon::Reconstructor& reconstructor_;
+  TakeSilhouetteRepair* repair_;
+  const bool smooth_;
+  const std::vector<int64_t> pulses_;  ///< of the take, increasing
+  std::map<int64_t, WindowEntry> window_;
+  int64_t next_pulse_ = -1;
+  SegmentedFrames next_;  ///< frames of next_pulse_, already read for the repair
 };
 
 }  // namespace v3d::ctl

@@ -1,19 +1,23 @@
-// Task runners: where the tasks of a sharded reconstruction run.
+// Task runners of a sharded reconstruction: local processes, Slurm.
 #pragma once
 
 #include <sys/types.h>
 
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <memory>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "base/core/time.h"
-#include "daemon/recorded/frame_range.h"
+#include "take/take.h"
 #include "v3dctl/reconstruct/shard_folder.h"
 
 namespace v3d::ctl {
+
+// Task runners: where the tasks of a sharded reconstruction run.
 
 /// Runs tasks; each task makes the unfinished shards of a range of indices. The destructor ends all
 /// tasks. One thread.
@@ -49,14 +53,14 @@ class LocalTaskRunner : public TaskRunner {
   std::string hint() const override { return {}; }
 
  private:
-  void start_task(FrameRange shards);
+  void start_task(take::FrameRange shards);
   void reap();
   void signal(int number) const;
 
   const ShardFolder folder_;
   const size_t processes_;
   const int threads_;
-  std::deque<FrameRange> queue_;  ///< indices of shards
+  std::deque<take::FrameRange> queue_;  ///< indices of shards
   std::vector<pid_t> running_;
 };
 
@@ -90,5 +94,21 @@ class SlurmTaskRunner : public TaskRunner {
   std::set<std::string> reported_;  ///< reasons
   bool query_failed_ = false;       ///< and was reported
 };
+
+// Reconstruction of a take by several processes, on this PC or on a Slurm cluster.
+
+/// Called once, with the complete request.
+using MakeTaskRunner = std::function<std::unique_ptr<TaskRunner>(
+    const ShardFolder&, const ReconstructRequest& complete)>;
+
+/// reconstruct_take() by tasks, with the same bytes as result. Shards of an earlier run with the
+/// same request are kept, and those of this run after an error or interrupt. Shards that their task
+/// did not finish are retried twice. `threads`: of all tasks, for the report. Throws as
+/// reconstruct_take().
+ReconstructReport reconstruct_sharded(const ReconstructRequest& request, int threads,
+                                      const MakeTaskRunner& make_runner);
+
+/// Work of one task: makes the unfinished shards of `range`, given by their indices in the take.
+void reconstruct_shards(const ShardFolder& folder, take::FrameRange range, int threads);
 
 }  // namespace v3d::ctl

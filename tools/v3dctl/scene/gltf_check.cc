@@ -1,5 +1,3 @@
-#include "v3dctl/scene/gltf_check.h"
-
 #include <algorithm>
 #include <climits>
 #include <nlohmann/json.hpp>
@@ -8,8 +6,9 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
+#include "v3dctl/scene/model.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,6 +1,4 @@
 // Only this file includes tinygltf.
-#include "v3dctl/scene/gltf_model.h"
-
 #include <tiny_gltf.h>
 
 #include <algorithm>
@@ -9,9 +7,9 @@
 #include <map>
 
 #include "base/core/error.h"
-#include "base/image/picture.h"
+#include "base/image/image_files.h"
 #include "base/io/file.h"
-#include "v3dctl/scene/gltf_check.h"
+#include "v3dctl/scene/model.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,7 +1,7 @@
-#include "v3dctl/scene/model_surface.h"
-
 #include <algorithm>
 #include <cmath>
+
+#include "v3dctl/scene/model.h"
 
 namespace v3d::ctl {
 namespace {

@@ -3,19 +3,17 @@
 #include <optional>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/geometry/box.h"
-#include "base/image/image_size.h"
-#include "base/image/png_file.h"
+#include "base/core/text.h"
+#include "base/geometry/rigid_transform.h"
+#include "base/image/image.h"
+#include "base/image/image_files.h"
 #include "common/console.h"
-#include "common/number_option.h"
-#include "daemon/recorded/frame_colours.h"
+#include "common/option_checks.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/render/renderer.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/process.h"
 #include "v3dctl/scene/scene_renderer.h"
 #include "v3dctl/scene/scene_video.h"
 
@@ -42,21 +40,22 @@ struct Arguments {
 /// Renders a frame, with view-dependent colours if requested.
 class FrameRenderer {
  public:
-  FrameRenderer(const Arguments& arguments, CompactFrame frame) : mesh_(std::move(frame.mesh)) {
+  FrameRenderer(const Arguments& arguments, recon::CompactFrame frame)
+      : mesh_(std::move(frame.mesh)) {
     if (arguments.view_dependent) colours_.emplace(arguments.take, frame);
   }
   const Mesh& mesh() const { return mesh_; }
-  Image draw(const CameraModel& camera, const DrawOptions& options) const {
+  Image draw(const CameraModel& camera, const recon::DrawOptions& options) const {
     return draw_mesh(colours_ ? colours_->coloured_for(camera, mesh_) : mesh_, camera, options);
   }
 
  private:
   Mesh mesh_;
-  std::optional<FrameColours> colours_;
+  std::optional<recorded::FrameColours> colours_;
 };
 
 Image render_camera(const Arguments& arguments, const FrameRenderer& renderer) {
-  const TakePaths paths{arguments.take};
+  const take::TakePaths paths{arguments.take};
   const Rig rig = load_take_calib(paths);
   const int index = find_camera(rig, arguments.camera);
   if (index < 0) {
@@ -69,9 +68,9 @@ Image render_camera(const Arguments& arguments, const FrameRenderer& renderer) {
 }
 
 // A floor for objects of the size of people; its grid would hide much smaller ones.
-std::optional<FloorOptions> floor_under(const Box& bounds) {
+std::optional<recon::FloorOptions> floor_under(const Box& bounds) {
   if (bounds.size().maxCoeff() < 0.5) return std::nullopt;
-  FloorOptions floor;
+  recon::FloorOptions floor;
   floor.z = bounds.min.z();
   return floor;
 }
@@ -80,20 +79,20 @@ Image turntable(const FrameRenderer& renderer, int views, int64_t frame) {
   if (renderer.mesh().vertices.empty()) {
     throw InputError("--turntable: frame " + std::to_string(frame) + " has no surface");
   }
-  const Box bounds = bounds_of(renderer.mesh());
-  DrawOptions options;
+  const Box bounds = recon::bounds_of(renderer.mesh());
+  recon::DrawOptions options;
   options.head_light = 0.3;
   options.floor = floor_under(bounds);
   std::vector<Image> images;
-  for (const CameraModel& camera : turntable_cameras(bounds, views, kTurntableView)) {
+  for (const CameraModel& camera : recon::turntable_cameras(bounds, views, kTurntableView)) {
     images.push_back(renderer.draw(camera, options));
   }
-  return contact_sheet(images);
+  return recon::contact_sheet(images);
 }
 
 /// Range of pictures of the scene.
-FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
-  FrameRange range = parse_frame_range(arguments.frames);
+take::FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
+  take::FrameRange range = parse_frame_range(arguments.frames);
   range.end = std::min(range.end, scene.frames());
   if (range.begin < range.end) return range;
   throw InputError("--frames " + arguments.frames +
@@ -101,7 +100,7 @@ FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
                    std::to_string(scene.frames() - 1));
 }
 
-void draw_video(SceneRenderer& renderer, const Arguments& arguments, FrameRange range,
+void draw_video(SceneRenderer& renderer, const Arguments& arguments, take::FrameRange range,
                 ImageSize size) {
   VideoWriter video(arguments.out, size, renderer.scene().rate_hz);
   Progress progress("render", range.end - range.begin);
@@ -113,7 +112,7 @@ void draw_video(SceneRenderer& renderer, const Arguments& arguments, FrameRange 
   video.close();
 }
 
-void draw_folder(SceneRenderer& renderer, const Arguments& arguments, FrameRange range) {
+void draw_folder(SceneRenderer& renderer, const Arguments& arguments, take::FrameRange range) {
   std::error_code error;
   if (!fs::create_directories(arguments.out, error) && !fs::is_directory(arguments.out)) {
     throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
@@ -140,7 +139,7 @@ int run_scene(const Arguments& arguments) {
   }
   const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
-  const FrameRange range = frames_of(arguments, scene);
+  const take::FrameRange range = frames_of(arguments, scene);
   SceneRenderer renderer(std::move(scene),
                          {.size = size, .view_dependent = arguments.view_dependent});
   catch_interrupts();
@@ -161,7 +160,7 @@ int run_take(const Arguments& arguments) {
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": expected a name that ends in .png");
   }
-  MeshFrames meshes(arguments.take);
+  recorded::MeshFrames meshes(arguments.take);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
   const FrameRenderer renderer(arguments, meshes.read(frame));
   const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)

@@ -1,17 +1,21 @@
-// Scene: takes, models and a background in one world, and a camera path.
-// The format is in docs/scene.md; tools/viewer/src/scene_file.ts reads and writes it, too.
+// Scene: its file, and its state at a time.
 #pragma once
 
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
+#include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
 
 namespace v3d::ctl {
+
+// Scene: takes, models and a background in one world, and a camera path.
+// The format is in docs/scene.md; tools/viewer/src/scene_file.ts reads and writes it, too.
 
 /// Pose and scale of an object in the world (metres, z up): scaled, rotated about x, then y, then
 /// z, and translated.
@@ -75,5 +79,23 @@ struct Scene {
 /// Throws InputError with the path, the field and what is expected.
 Scene parse_scene(std::string_view text, const std::filesystem::path& path);
 Scene load_scene(const std::filesystem::path& path);
+
+// State of a scene at a time: camera on its path, and pulses of the takes. Pure.
+// tools/viewer/src/scene_clock.ts does the same. Source of the formulas: docs/scene.md.
+
+/// Camera at a time: a cubic Hermite spline through the keys. The slope at a key is that of the
+/// line between its neighbours, at an end of the line to its neighbour. The camera does not move
+/// before the first key and after the last. Requires at least one key, with increasing times. at_s
+/// of the result is `seconds`.
+CameraKey camera_at(std::span<const CameraKey> keys, double seconds);
+
+/// Camera model without distortion, upright.
+CameraModel camera_model(const CameraKey& key, ImageSize size);
+
+/// Pulse of a take that is shown at a time; empty where the take is hidden. `rate_hz`: pulse rate
+/// of the take. `first`, `last`: pulses of its meshes, used without an in or out point. Requires
+/// first <= last.
+std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t first, int64_t last,
+                                double seconds);
 
 }  // namespace v3d::ctl

@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include "base/core/error.h"
-#include "base/image/picture.h"
-#include "daemon/recorded/frame_colours.h"
+#include "base/image/image_files.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
 
 namespace v3d::ctl {
@@ -49,10 +49,10 @@ Image render_sphere(const CameraModel& camera, const Image& sphere, double turn_
 SceneRenderer::SceneRenderer(Scene scene, const Options& options)
     : scene_(std::move(scene)), options_(options) {
   for (const SceneTake& take : scene_.takes) {
-    auto meshes = std::make_unique<MeshFrames>(take.take);
+    auto meshes = std::make_unique<recorded::MeshFrames>(take.take);
     auto pulses = meshes->frames({});
-    actors_.push_back(
-        {take, std::move(meshes), std::move(pulses), load_take_info(TakePaths{take.take}).rate_hz});
+    actors_.push_back({take, std::move(meshes), std::move(pulses),
+                       load_take_info(take::TakePaths{take.take}).rate_hz});
   }
   for (const SceneModel& model : scene_.models) {
     append(models_, lit_model(load_model(model.model), model.place.world_from_own()));
@@ -85,10 +85,10 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double sec
   if (!pulse) return;
   // A pulse without a mesh shows the previous mesh.
   const auto next = std::ranges::upper_bound(actor.pulses, *pulse);
-  CompactFrame frame = actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
+  recon::CompactFrame frame = actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
   Mesh mesh = std::move(frame.mesh);
   if (options_.view_dependent) {
-    mesh = FrameColours(actor.take.take, frame)
+    mesh = recorded::FrameColours(actor.take.take, frame)
                .coloured_for(camera_in_take(camera, actor.take.place), std::move(mesh));
   }
   const Eigen::Affine3f place = actor.take.place.world_from_own().cast<float>();
@@ -101,9 +101,9 @@ Image SceneRenderer::draw_at(double seconds) {
   Mesh all = models_;
   for (Actor& actor : actors_) add_take(actor, camera, seconds, all);
   const Image behind = backdrop(camera, seconds);
-  DrawOptions options{.top = scene_.background.colour, .bottom = scene_.background.colour};
+  recon::DrawOptions options{.top = scene_.background.colour, .bottom = scene_.background.colour};
   if (behind.size.pixels() > 0) options.backdrop = &behind;
-  if (scene_.floor) options.floor = FloorOptions{};
+  if (scene_.floor) options.floor = recon::FloorOptions{};
   return draw_mesh(all, camera, options);
 }
 

@@ -6,8 +6,7 @@
 
 #include "base/image/image.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "v3dctl/scene/gltf_model.h"
-#include "v3dctl/scene/scene_clock.h"
+#include "v3dctl/scene/model.h"
 #include "v3dctl/scene/scene_file.h"
 #include "v3dctl/scene/scene_video.h"
 
@@ -35,7 +34,7 @@ class SceneRenderer {
  private:
   struct Actor {
     SceneTake take;
-    std::unique_ptr<MeshFrames> meshes;
+    std::unique_ptr<recorded::MeshFrames> meshes;
     std::vector<int64_t> pulses;
     double rate_hz;
   };

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "base/image/image_size.h"
+#include "base/image/image.h"
 
 namespace v3d::ctl {
 namespace {

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "base/image/image.h"
-#include "common/process_stream.h"
+#include "base/io/child_process.h"
 
 namespace v3d::ctl {
 

@@ -7,6 +7,10 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "wire/member_list.h"
+#include "wire/messages.h"
 
 namespace v3d::ctl {
 
@@ -37,7 +41,7 @@ Finding check_mtu(const std::string& interface, int mtu, int packet_size);
 /// IP address of this PC on the route to `address`; 0 when there is none.
 uint32_t source_address_to(const std::string& address);
 
-// --- clock: doctor_clock.cc
+// --- clock: doctor_machine.cc
 
 /// Asks chronyd, systemd-timesyncd and ptp4l, up to 200 ms.
 Finding check_clock();
@@ -58,5 +62,40 @@ Finding judge_disk_speed(double bytes_per_second, double needed);
 Finding check_realtime(unsigned long limit, bool root);
 /// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.
 Finding check_usb_memory(long mb, bool has_usb_cameras);
+
+// Checks of keys: the studio key of every PC of the studio, and the member list of this PC.
+
+/// Finding: the file exists, contains a key, and other users cannot read it.
+Finding check_key_file(const std::filesystem::path& key);
+
+/// Finding: the member list has a valid signature of the authority. Requires a studio with a member
+/// list.
+Finding check_member_list(const Studio& studio);
+
+/// One finding for each node. `health`: verified and unverified health messages by node. A node
+/// whose message has a valid MAC has the studio key of this PC. A node without an entry is unknown.
+std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
+                                   const std::map<std::string, wire::HealthMessage>& health);
+
+/// All findings of this file. Receives health for up to three seconds. Never throws for a node
+/// without health messages: its finding is kUnknown.
+std::vector<Finding> examine_keys(const Studio& studio);
+
+// Reads the member list that a studio file names, and verifies its signature.
+
+/// The public key of the authority. Throws InputError where the studio file contains none or an
+/// invalid one (PublicKey::parse()).
+inline wire::PublicKey authority_of(const Studio& studio) {
+  return wire::PublicKey::parse(studio.network.authority,
+                                studio.path.string() + ": network.authority");
+}
+
+/// The verified member list. Throws InputError when the file cannot be read, and like
+/// parse_member_list().
+inline wire::MemberList load_member_list(const Studio& studio) {
+  const std::filesystem::path& path = studio.network.members;
+  const std::string text = io::value_or_throw(io::read_file(path, wire::kMaxMemberListBytes));
+  return parse_member_list(text, path, authority_of(studio), studio.name);
+}
 
 }  // namespace v3d::ctl

@@ -15,9 +15,9 @@
 #include <map>
 #include <memory>
 
-#include "base/config/lcm_group.h"
+#include "base/config/studio_values.h"
 #include "base/core/error.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {

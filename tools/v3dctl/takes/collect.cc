@@ -7,15 +7,13 @@
 #include <sstream>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
+#include "base/core/text.h"
+#include "base/io/child_process.h"
 #include "base/io/file.h"
-#include "base/io/uninterrupted.h"
-#include "base/io/whole_file.h"
+#include "base/io/unique_fd.h"
 #include "common/console.h"
-#include "common/subprocess.h"
-#include "take/join_parts.h"
-#include "take/ledger/verified.h"
-#include "v3dctl/process.h"
+#include "take/ledger/take_account.h"
+#include "take/take_transfer.h"
 
 namespace v3d::ctl {
 namespace {
@@ -111,17 +109,17 @@ class Collector {
   CollectedTake collect(const std::string& take, const Sources& sources) {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
-    const TakePaths place{request_.to / take};
+    const take::TakePaths place{request_.to / take};
     if (file_exists(place.info())) {
       result.was_there = true;
       remove_copies(stage(take));
       return result;
     }
     try {
-      std::vector<TakePaths> parts;
+      std::vector<take::TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
       require_capture_nodes(parts);
-      const MeshPart meshes = part_with_most_meshes(parts);
+      const take::MeshPart meshes = part_with_most_meshes(parts);
       if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
       result.verification = join(take, sources, parts, place);
       // After the record of the verification, because the copy itself is right.
@@ -134,14 +132,14 @@ class Collector {
 
   /// Throws InputError when a node that is collected from has no part of a take, although it has
   /// cameras or the trigger in the studio file of the take: its disk may not be mounted.
-  void require_capture_nodes(const std::vector<TakePaths>& parts) const {
-    for (const TakePaths& recorded : parts) {
+  void require_capture_nodes(const std::vector<take::TakePaths>& parts) const {
+    for (const take::TakePaths& recorded : parts) {
       const std::optional<Studio> studio = load_take_studio(recorded);
       if (!studio || !file_exists(recorded.info())) continue;
       for (const TakeSource& source : request_.sources) {
         const bool captures =
             !studio->cameras_of(source.node).empty() || studio->trigger.node == source.node;
-        const bool has_part = std::ranges::any_of(parts, [&](const TakePaths& part) {
+        const bool has_part = std::ranges::any_of(parts, [&](const take::TakePaths& part) {
           return part.folder.filename() == source.node && file_exists(part.info());
         });
         if (!captures || has_part) continue;
@@ -153,12 +151,12 @@ class Collector {
   }
 
   /// Copies the part of one node.
-  TakePaths fetch(const std::string& take, const TakeSource& source) {
-    const TakePaths part{stage(take) / source.node};
+  take::TakePaths fetch(const std::string& take, const TakeSource& source) {
+    const take::TakePaths part{stage(take) / source.node};
     io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
-    if (file_exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
+    if (file_exists(part.info()) && load_take_info(part).state == take::TakeState::kRecording) {
       throw InputError(source.node + " records it, or stopped and has not restarted since");
     }
     if (on_terminal()) note(source.node + "  " + take);
@@ -173,7 +171,7 @@ class Collector {
   /// Compares the content of every file, because size and time do not prove a file of an earlier
   /// run.
   void copy(const TakeSource& source, std::vector<std::string> options, const std::string& from,
-            const TakePaths& part) {
+            const take::TakePaths& part) {
     options.push_back("--ignore-times");
     const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
     if (copied.status != 0) {
@@ -182,15 +180,15 @@ class Collector {
     }
   }
 
-  static int64_t mesh_files(const std::vector<TakePaths>& parts) {
-    return std::ranges::count_if(parts,
-                                 [](const TakePaths& part) { return file_exists(part.mesh()); });
+  static int64_t mesh_files(const std::vector<take::TakePaths>& parts) {
+    return std::ranges::count_if(
+        parts, [](const take::TakePaths& part) { return file_exists(part.mesh()); });
   }
 
   /// Whether every part equals the files of its node. rsync reads the copy from the page cache,
   /// which has the bytes that were just read back from the disk.
   bool equal_nodes(const std::string& take, const Sources& sources,
-                   const std::vector<TakePaths>& parts) const {
+                   const std::vector<take::TakePaths>& parts) const {
     for (size_t i = 0; i < parts.size(); ++i) {
       const ProcessResult compared =
           rsync_.run({"--checksum", "--dry-run", "--itemize-changes", "--exclude=/verified.toml",
@@ -203,11 +201,12 @@ class Collector {
 
   /// Verifies the copy by reading it back from its disk. Throws when it differs from the nodes'
   /// files. A file that is damaged on its node is a disagreement of the result.
-  Verification read_back(const TakePaths& whole, const std::string& take, const Sources& sources,
-                         const std::vector<TakePaths>& parts) const {
+  take::Verification read_back(const take::TakePaths& whole, const std::string& take,
+                               const Sources& sources,
+                               const std::vector<take::TakePaths>& parts) const {
     // rsync does not call fsync().
     io::throw_if_failed(io::sync_file_system(whole.folder));
-    Verification verification = verify_take(whole, ReadFrom::kDisk);
+    take::Verification verification = verify_take(whole, take::ReadFrom::kDisk);
     if (verification.disagreements.empty() || equal_nodes(take, sources, parts)) {
       return verification;
     }
@@ -218,13 +217,13 @@ class Collector {
         lines);
   }
 
-  Verification join(const std::string& take, const Sources& sources,
-                    const std::vector<TakePaths>& parts, const TakePaths& place) {
+  take::Verification join(const std::string& take, const Sources& sources,
+                          const std::vector<take::TakePaths>& parts, const take::TakePaths& place) {
     const fs::path staged = stage(take);
-    const TakePaths whole{joined(staged)};
+    const take::TakePaths whole{joined(staged)};
     remove_copies(whole.folder);
     join_parts(parts, whole);
-    Verification verification = read_back(whole, take, sources, parts);
+    take::Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
     // Before the rename: after a power cut, a take with its final name is whole.
     io::throw_if_failed(io::sync_file_system(whole.folder));

@@ -28,7 +28,7 @@ struct CollectedTake {
   bool was_there = false;  ///< the copy existed; nothing was done
   std::string problem;     ///< why the take was not collected; empty: it was
   std::string meshes_of;   ///< node of the copied mesh.v3d, where several have one
-  Verification verification;
+  take::Verification verification;
 };
 
 /// The nodes of the studio that have takes, accessed by node name over the remote shell. The node

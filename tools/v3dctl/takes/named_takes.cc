@@ -4,11 +4,8 @@
 #include <cstdio>
 
 #include "base/core/error.h"
-#include "base/core/name.h"
-#include "base/core/printable.h"
-#include "base/core/units.h"
+#include "base/core/text.h"
 #include "common/console.h"
-#include "common/local_time.h"
 #include "daemon/control/reply_json.h"
 
 namespace v3d::ctl {
@@ -28,11 +25,11 @@ std::string length_text(double seconds) {
   return text;
 }
 
-std::string mesh_count_text(const TakeListing& take) {
+std::string mesh_count_text(const take::TakeListing& take) {
   return take.meshes ? format_count(*take.meshes) + " meshes" : "mesh.v3d cannot be read";
 }
 
-std::string listing_line(const TakeListing& take, size_t name_width) {
+std::string listing_line(const take::TakeListing& take, size_t name_width) {
   char text[512];
   std::snprintf(
       text, sizeof text, "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s",
@@ -52,40 +49,42 @@ std::filesystem::path takes_folder(const CommandLine& line, const TakesArguments
   return arguments.folder.empty() ? line.studio().storage.takes : arguments.folder;
 }
 
-std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArguments& arguments) {
+std::vector<take::TakeListing> named_takes(const CommandLine& line,
+                                           const TakesArguments& arguments) {
   const std::filesystem::path folder = takes_folder(line, arguments);
-  std::vector<TakeListing> takes;
+  std::vector<take::TakeListing> takes;
   for (const std::string& name : arguments.names) {
     if (!is_file_name(name)) {
       throw InputError("'" + name + "' is no name of a take: " + std::string(kFileNameRule));
     }
-    takes.push_back(read_take_listing({folder / name}));
+    takes.push_back(take::read_take_listing({folder / name}));
   }
   return takes;
 }
 
-std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes) {
+std::vector<std::string> listing_lines(const std::vector<take::TakeListing>& takes) {
   size_t width = 4;
-  for (const TakeListing& take : takes) width = std::max(width, take.info.name.size());
+  for (const take::TakeListing& take : takes) width = std::max(width, take.info.name.size());
   std::vector<std::string> lines;
-  for (const TakeListing& take : takes) lines.push_back(listing_line(take, width));
+  for (const take::TakeListing& take : takes) lines.push_back(listing_line(take, width));
   return lines;
 }
 
-void print_listing(const std::vector<TakeListing>& takes, bool json) {
-  for (const TakeListing& take : takes) {
+void print_listing(const std::vector<take::TakeListing>& takes, bool json) {
+  for (const take::TakeListing& take : takes) {
     if (!take.meshes) note("v3dctl: " + printable(take.mesh_error));
   }
   if (json) {
-    std::printf("%s\n", takes_json(takes, 2).c_str());
+    std::printf("%s\n", control::takes_json(takes, 2).c_str());
     return;
   }
   for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
 }
 
-std::string interrupted_text(const std::vector<InterruptedDeletion>& deletions) {
+std::string interrupted_text(const std::vector<take::InterruptedDeletion>& deletions) {
   std::vector<std::string> names;
-  for (const InterruptedDeletion& deletion : deletions) names.push_back(printable(deletion.take));
+  for (const take::InterruptedDeletion& deletion : deletions)
+    names.push_back(printable(deletion.take));
   return "the deletion of " + format_count(std::ssize(names)) +
          (names.size() == 1 ? " take" : " takes") + " was interrupted: " + join_names(names);
 }

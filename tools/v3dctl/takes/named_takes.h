@@ -22,14 +22,15 @@ using SharedTakesArguments = std::shared_ptr<TakesArguments>;
 std::filesystem::path takes_folder(const CommandLine& line, const TakesArguments& arguments);
 
 /// The takes of the given names. Throws InputError when one does not exist.
-std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArguments& arguments);
+std::vector<take::TakeListing> named_takes(const CommandLine& line,
+                                           const TakesArguments& arguments);
 
 /// One line for each take, in columns.
-std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes);
-void print_listing(const std::vector<TakeListing>& takes, bool json);
+std::vector<std::string> listing_lines(const std::vector<take::TakeListing>& takes);
+void print_listing(const std::vector<take::TakeListing>& takes, bool json);
 
 /// "the deletion of 2 takes was interrupted: kendo-06, kendo-07".
-std::string interrupted_text(const std::vector<InterruptedDeletion>& deletions);
+std::string interrupted_text(const std::vector<take::InterruptedDeletion>& deletions);
 
 /// Adds a subcommand with one example to `takes`.
 CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,

@@ -1,11 +1,18 @@
 // takes: the list of takes, and the subcommands slate, circle, reject, clear and sign.
+#include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "base/core/printable.h"
+#include "base/core/text.h"
 #include "common/console.h"
+#include "take/ledger/take_account.h"
 #include "take/ledger/take_signature.h"
+#include "take/take_lock.h"
+#include "take/take_removal.h"
+#include "take/take_transfer.h"
 #include "v3dctl/options.h"
+#include "v3dctl/takes/collect.h"
 #include "v3dctl/takes/named_takes.h"
 
 namespace v3d::ctl {
@@ -16,8 +23,8 @@ int run_list(const CommandLine& line, const TakesArguments& arguments) {
     note("v3dctl: skipped: " + printable(error.what()));
   };
   const std::filesystem::path folder = takes_folder(line, arguments);
-  print_listing(find_takes(folder, report_skipped), arguments.json);
-  const auto interrupted = io::value_or_throw(interrupted_deletions(folder));
+  print_listing(take::find_takes(folder, report_skipped), arguments.json);
+  const auto interrupted = io::value_or_throw(take::interrupted_deletions(folder));
   if (!interrupted.empty()) {
     note("v3dctl: " + interrupted_text(interrupted) + "; to finish: v3dctl takes delete --yes");
   }
@@ -33,8 +40,8 @@ struct SlateArguments {
 /// Changes the slates of the named takes and prints the takes.
 template <class Change>
 int change_slates(const CommandLine& line, const TakesArguments& arguments, Change change) {
-  std::vector<TakeListing> takes = named_takes(line, arguments);
-  for (TakeListing& take : takes) {
+  std::vector<take::TakeListing> takes = named_takes(line, arguments);
+  for (take::TakeListing& take : takes) {
     change(take.slate);
     io::throw_if_failed(save_slate(take.paths.slate(), take.slate));
   }
@@ -63,7 +70,7 @@ void add_slate(CommandLine& line, CLI::App* takes, const SharedTakesArguments& s
       command->add_option("--note", arguments->note, "Other text")->type_name("TEXT");
   for (CLI::Option* option : {scene, take, note}) option->check(check_slate_text, "");
   line.on_run(command, [&line, shared, arguments, scene, take, note] {
-    return change_slates(line, *shared, [&](Slate& slate) {
+    return change_slates(line, *shared, [&](take::Slate& slate) {
       if (scene->count() > 0) slate.scene = arguments->scene;
       if (take->count() > 0) slate.take = arguments->take;
       if (note->count() > 0) slate.note = arguments->note;
@@ -72,12 +79,12 @@ void add_slate(CommandLine& line, CLI::App* takes, const SharedTakesArguments& s
 }
 
 void add_mark(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared,
-              const std::string& name, Mark mark, const std::string& description) {
+              const std::string& name, take::Mark mark, const std::string& description) {
   CLI::App* command =
       add_takes_subcommand(takes, name, description, "v3dctl takes " + name + " kendo-07");
   add_names_option(command, shared);
   line.on_run(command, [&line, shared, mark] {
-    return change_slates(line, *shared, [mark](Slate& slate) { slate.mark = mark; });
+    return change_slates(line, *shared, [mark](take::Slate& slate) { slate.mark = mark; });
   });
 }
 
@@ -96,14 +103,14 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
     throw InputError(line.studio_path().string() +
                      ": [storage] signing_key is missing; name the file there, or with --key");
   }
-  const TakeSigner signer{arguments.node, SigningKey::load(key)};
-  for (const TakeListing& take : named_takes(line, *arguments.takes)) {
-    if (take.info.state == TakeState::kRecording) {
+  const take::TakeSigner signer{arguments.node, wire::SigningKey::load(key)};
+  for (const take::TakeListing& take : named_takes(line, *arguments.takes)) {
+    if (take.info.state == take::TakeState::kRecording) {
       throw InputError(take.info.name +
                        " is being recorded, or was not closed: v3dctl verify --recover " +
                        take.paths.folder.string());
     }
-    io::throw_if_failed(sign_whole_take(take.paths, signer, SigningOccasion::kCommand));
+    io::throw_if_failed(sign_whole_take(take.paths, signer, take::SigningOccasion::kCommand));
     std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
   }
   return kExitDone;
@@ -138,12 +145,234 @@ void add_takes(CommandLine& line) {
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run_list(line, *arguments); });
   add_slate(line, command, arguments);
-  add_mark(line, command, arguments, "circle", Mark::kCircled, "Mark takes as good");
-  add_mark(line, command, arguments, "reject", Mark::kRejected, "Mark takes as bad");
-  add_mark(line, command, arguments, "clear", Mark::kNone, "Remove the mark");
+  add_mark(line, command, arguments, "circle", take::Mark::kCircled, "Mark takes as good");
+  add_mark(line, command, arguments, "reject", take::Mark::kRejected, "Mark takes as bad");
+  add_mark(line, command, arguments, "clear", take::Mark::kNone, "Remove the mark");
   add_takes_collect(line, command, arguments);
   add_sign(line, command, arguments);
   add_takes_delete(line, command, arguments);
+}
+
+// takes delete: the only command that deletes recordings.
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct DeleteArguments {
+  SharedTakesArguments takes;
+  fs::path copy;
+  bool no_copy = false;
+  bool yes = false;
+};
+
+[[noreturn]] void refuse_unverified(const take::TakeListing& take) {
+  throw InputError(take.info.name + " is not verified, or has changed since: v3dctl verify " +
+                   take.paths.folder.string());
+}
+
+/// Throws InputError for a take that must not be deleted.
+void require_deletable(const take::TakeListing& take) {
+  const std::string& name = take.info.name;
+  if (take.info.state == take::TakeState::kRecording) {
+    throw InputError(name + " is being recorded, or was not closed: v3dctl verify --recover " +
+                     take.paths.folder.string());
+  }
+  if (!take.examined) refuse_unverified(take);
+  if (take.slate.mark == take::Mark::kCircled) {
+    throw InputError(name + " is circled: v3dctl takes clear " + name);
+  }
+}
+
+/// Reads the copy back from its disk. Throws InputError when it is incomplete, and reports the
+/// missing files.
+void require_copy(const take::TakeListing& take, const fs::path& copies) {
+  const auto verified = load_verified(take.paths);
+  if (!verified) refuse_unverified(take);
+  const take::TakePaths copy{copies / take.info.name};
+  const std::vector<std::string> missing = missing_in_copy(take.paths, *verified, copy);
+  if (missing.empty()) return;
+  for (const std::string& text : missing) note(text);
+  throw InputError(take.info.name + " is not deleted: its copy in " + copies.string() +
+                   " is incomplete; move " + copy.folder.string() +
+                   " away, then v3dctl takes collect copies the take again");
+}
+
+std::vector<take::InterruptedDeletion> interrupted_in(const fs::path& folder) {
+  return io::value_or_throw(take::interrupted_deletions(folder));
+}
+
+/// Finishes all interrupted deletions. They were requested with --yes.
+void finish_deletions(const fs::path& folder) {
+  for (const take::InterruptedDeletion& deletion : interrupted_in(folder)) {
+    io::throw_if_failed(finish_deletion(deletion));
+    std::printf("finished the deletion of %s\n", printable(deletion.take).c_str());
+  }
+}
+
+/// `takes delete` without names.
+int run_finish(const fs::path& folder, bool yes) {
+  const std::vector<take::InterruptedDeletion> interrupted = interrupted_in(folder);
+  if (interrupted.empty()) {
+    throw InputError("takes delete: name the takes; " + folder.string() +
+                     " has no interrupted deletion to finish");
+  }
+  if (!yes) {
+    throw InputError(interrupted_text(interrupted) + "; add --yes to finish");
+  }
+  finish_deletions(folder);
+  return kExitDone;
+}
+
+int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
+  const fs::path folder = takes_folder(line, *arguments.takes);
+  if (arguments.takes->names.empty()) return run_finish(folder, arguments.yes);
+  if (arguments.copy.empty() == !arguments.no_copy) {
+    throw InputError(
+        "takes delete: name the folder of the copies, which are read back first (--copy DIR), or "
+        "say that none is needed (--no-copy)");
+  }
+  const std::vector<take::TakeListing> takes = named_takes(line, *arguments.takes);
+  double bytes = 0;
+  for (const take::TakeListing& take : takes) {
+    require_deletable(take);
+    bytes += static_cast<double>(take.bytes);
+  }
+  if (!arguments.yes) {
+    for (const std::string& text : listing_lines(takes)) note(text);
+    throw InputError(format_bytes(bytes) +
+                     " would be deleted permanently; add --yes to delete them");
+  }
+  std::vector<std::vector<take::TakeLock>> locks;  // until all takes are deleted
+  for (const take::TakeListing& take : takes) {
+    locks.push_back(io::value_or_throw(lock_whole_take(take.paths)));
+  }
+  for (const take::TakeListing& take : takes) {
+    if (!arguments.no_copy) require_copy(take, arguments.copy);
+  }
+  for (const take::TakeListing& take : takes) {
+    io::throw_if_failed(delete_take(take.paths));
+    std::printf("deleted %s\n", take.info.name.c_str());
+  }
+  finish_deletions(folder);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_takes_delete(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
+  CLI::App* command =
+      add_takes_subcommand(takes, "delete", "Delete takes that are verified and not circled",
+                           "v3dctl takes delete kendo-06 --copy /mnt/archive --yes");
+  auto arguments = std::make_shared<DeleteArguments>();
+  arguments->takes = shared;
+  command->add_option("NAME", shared->names,
+                      "Takes (none: finish deletions that were interrupted)");
+  command
+      ->add_option("--copy", arguments->copy,
+                   "Folder of takes with the copies; each is read back from its disk and compared")
+      ->type_name("DIR");
+  command->add_flag("--no-copy", arguments->no_copy, "Delete takes without a copy");
+  command->add_flag("--yes", arguments->yes,
+                    "Delete; otherwise the command only lists what it would delete");
+  line.on_run(command, [&line, arguments] { return run_delete(line, *arguments); });
+}
+
+// takes collect: options and results of collect_takes().
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct CollectArguments {
+  SharedTakesArguments takes;
+  std::filesystem::path to;
+  std::vector<std::string> from;
+  std::string rsh;
+};
+
+TakeSource parse_source(const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
+    throw InputError("--from " + text + ": expected NODE=PLACE, such as cap01=/mnt/cap01/takes");
+  }
+  const TakeSource source{text.substr(0, equals), text.substr(equals + 1)};
+  if (!is_file_name(source.node)) {
+    throw InputError("--from " + text + ": '" + source.node + "' cannot be the name of a node");
+  }
+  return source;
+}
+
+bool is_whole(const CollectedTake& take) {
+  return take.was_there || (take.problem.empty() && take.verification.whole());
+}
+
+std::string text_of(const CollectedTake& take) {
+  if (take.was_there) return "take " + take.name + ": exists already";
+  if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
+  std::string text;
+  for (const std::string& line : take.verification.disagreements) text += line + "\n";
+  for (const std::string& line : take.verification.notes) text += "note: " + line + "\n";
+  if (!take.meshes_of.empty()) {
+    text += "mesh.v3d of " + take.meshes_of + ", which has most meshes\n";
+  }
+  return text + take.verification.ledger.verdict();
+}
+
+Json collected_json(const std::vector<CollectedTake>& takes) {
+  Json list = Json::array();
+  for (const CollectedTake& take : takes) {
+    list.push_back({{"name", take.name},
+                    {"collected", take.problem.empty()},
+                    {"was_there", take.was_there},
+                    {"problem", take.problem},
+                    {"meshes_of", take.meshes_of},
+                    {"complete", is_whole(take)},
+                    {"disagreements", take.verification.disagreements},
+                    {"notes", take.verification.notes}});
+  }
+  return {{"takes", list}};
+}
+
+int run_collect(const CommandLine& line, const CollectArguments& arguments) {
+  CollectRequest request;
+  for (const std::string& text : arguments.from) request.sources.push_back(parse_source(text));
+  if (request.sources.empty()) request.sources = sources_of(line.studio());
+  request.to = arguments.to;
+  request.takes = arguments.takes->names;
+  request.rsh = arguments.rsh;
+  const std::vector<CollectedTake> takes = collect_takes(request);
+  if (arguments.takes->json) {
+    std::printf("%s\n", collected_json(takes).dump(2).c_str());
+  } else {
+    for (const CollectedTake& take : takes) std::printf("%s\n", text_of(take).c_str());
+    if (takes.empty()) note("v3dctl: no node has a take");
+  }
+  return std::all_of(takes.begin(), takes.end(), is_whole) ? kExitDone : kExitIncomplete;
+}
+
+}  // namespace
+
+void add_takes_collect(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
+  CLI::App* command = add_takes_subcommand(
+      takes, "collect", "Copy takes from all nodes into one folder and verify the copies",
+      "v3dctl takes collect --to /mnt/archive kendo-07");
+  auto arguments = std::make_shared<CollectArguments>();
+  arguments->takes = shared;
+  command->add_option("NAME", shared->names, "Takes (otherwise all that are not there yet)");
+  command->add_option("--to", arguments->to, "The folder of the copies")
+      ->type_name("DIR")
+      ->required();
+  command
+      ->add_option("--from", arguments->from,
+                   "A node and its takes: a folder, or HOST:FOLDER (otherwise the nodes of the "
+                   "studio file)")
+      ->type_name("NODE=PLACE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--rsh", arguments->rsh, "Remote shell of rsync (otherwise ssh)")
+      ->type_name("COMMAND");
+  line.on_run(command, [&line, arguments] { return run_collect(line, *arguments); });
 }
 
 }  // namespace v3d::ctl

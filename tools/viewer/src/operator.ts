@@ -66,7 +66,7 @@ export function nextName(name: string): string {
   return stem + String(BigInt(digits) + 1n).padStart(digits.length, '0');
 }
 
-/** The same rule as in base/core/name.h. */
+/** The same rule as in base/core/text.h. */
 export const isTakeName = (name: string) => /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$/.test(name);
 
 export const NAME_RULE = 'The name of a take may have letters, digits, - _ and . , at most 64 characters.';

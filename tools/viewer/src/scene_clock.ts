@@ -1,5 +1,5 @@
 // State of a scene at a given time: the viewpoint on the camera path, and the pulse of a take. Pure. The formulas are in
-// docs/scene.md; tools/v3dctl/scene/scene_clock.cc has the same.
+// docs/scene.md; tools/v3dctl/scene/scene_file.cc has the same.
 import type { CameraKey, SceneTake, Vector } from './scene_file';
 
 const HARDLY = 1e-6;

@@ -1,0 +1,195 @@
+#include "daemon/captured/node_devices.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "capture/cameras/camera.h"
+#include "daemon/node/take_folder.h"
+#include "trigger/pulse_generator.h"
+
+namespace v3d::captured {
+namespace {
+
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+}  // namespace
+
+NodeCameras::NodeCameras(const Studio& studio, const std::string& node,
+                         const capture::PulseTimes& pulses)
+    : studio_(studio) {
+  for (const StudioCamera& camera : studio.cameras_of(node)) {
+    workers_.push_back(std::make_unique<capture::CameraWorker>(
+        camera.name, [&pulses, camera] { return make_camera(camera, pulses); },
+        capture::CameraWorkerOptions{.queue_frames = kQueueFrames}));
+  }
+}
+
+NodeCameras::~NodeCameras() {
+  for (const auto& worker : workers_) worker->end();
+}
+
+void NodeCameras::arm(Duration period, bool edges_are_reported) {
+  for (const auto& worker : workers_) worker->arm(period, edges_are_reported);
+}
+
+void NodeCameras::pulse_at(const capture::PulseEdge& edge) {
+  for (const auto& worker : workers_) worker->pulse_at(edge);
+}
+
+void NodeCameras::train_ended() {
+  for (const auto& worker : workers_) worker->train_ended();
+}
+
+void NodeCameras::disarm() {
+  for (const auto& worker : workers_) worker->disarm();
+}
+
+std::vector<capture::CameraWorker*> NodeCameras::ready() const {
+  std::vector<capture::CameraWorker*> ready;
+  for (const auto& worker : workers_) {
+    if (worker->status().state == capture::CameraState::kReady) ready.push_back(worker.get());
+  }
+  return ready;
+}
+
+std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missing) const {
+  std::vector<std::string> cameras;
+  for (const auto& worker : workers_) {
+    const capture::CameraWorkerStatus status = worker->status();
+    if (status.state == capture::CameraState::kReady || contains(may_be_missing, worker->camera()))
+      continue;
+    cameras.push_back(worker->camera() + " (" +
+                      (status.text.empty() ? std::string(name(status.state)) : status.text) + ")");
+  }
+  return fmt::format("{}", fmt::join(cameras, ", "));
+}
+
+void NodeCameras::check_prepared(const std::vector<std::string>& may_be_missing) const {
+  if (!file_exists(studio_.storage.calib)) {
+    throw InputError(studio_.storage.calib.string() +
+                     ": does not exist; v3dctl calibrate guess makes a first one");
+  }
+  const Rig rig = load_calib(studio_.storage.calib);
+  for (const auto& worker : workers_) {
+    const std::string& camera = worker->camera();
+    if (find_camera(rig, camera) < 0) {
+      throw InputError(studio_.storage.calib.string() + ": has no camera '" + camera + "' of " +
+                       studio_.path.string() + "; calibrate the camera");
+    }
+    if (!segmentation::has_background(studio_.storage.background, camera) &&
+        !contains(may_be_missing, camera)) {
+      throw InputError(camera + " has no background model in " +
+                       studio_.storage.background.string() +
+                       "; clear the studio and run v3dctl background");
+    }
+  }
+}
+
+segmentation::BackgroundModel NodeCameras::background_of(
+    const capture::CameraWorker& worker) const {
+  segmentation::BackgroundModel model =
+      segmentation::load_background(studio_.storage.background, worker.camera());
+  const capture::CameraWorkerStatus status = worker.status();
+  if (status.size != model.size || status.format != model.format) {
+    throw InputError(worker.camera() +
+                     ": its background model has another image size or pixel format; "
+                     "run v3dctl background");
+  }
+  return model;
+}
+
+double NodeCameras::bytes_per_pulse() const {
+  double bytes = 0;
+  for (const auto& worker : workers_) {
+    const capture::CameraWorkerStatus status = worker->status();
+    bytes += static_cast<double>(byte_count(status.size, status.format));
+  }
+  return bytes;
+}
+
+int64_t NodeCameras::max_queued() const {
+  int64_t longest = 0;
+  for (const auto& worker : workers_) longest = std::max(longest, worker->waiting());
+  return longest;
+}
+
+int64_t NodeCameras::dropped() const {
+  int64_t sum = 0;
+  for (const auto& worker : workers_) sum += worker->status().dropped;
+  return sum;
+}
+
+std::string NodeCameras::fault_text() const {
+  std::vector<std::string> lines;
+  for (const auto& worker : workers_) {
+    const std::string text = worker->status().text;
+    if (!text.empty()) lines.push_back(worker->camera() + ": " + text);
+  }
+  return fmt::format("{}", fmt::join(lines, "; "));
+}
+
+NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, bus::Bus& bus)
+    : is_sensed_(studio.trigger.is_sensed()) {
+  if (studio.trigger.node == node) {
+    generator_ = trigger::make_generator(studio.trigger);
+    sensor_ = trigger::make_sensor(studio.trigger);
+  } else {
+    monitor_ = std::make_unique<node::TrainMonitor>(bus, studio.trigger.node);
+  }
+}
+
+void NodeTrigger::arm(const trigger::PulseTrain& train) {
+  if (!generator_) return;
+  generator_->stop();
+  generator_->arm(train);
+}
+
+void NodeTrigger::start() {
+  first_pulse_reported_ = false;
+  if (monitor_) monitor_->reset();
+  if (generator_) generator_->start();
+}
+
+void NodeTrigger::stop() {
+  if (generator_) generator_->stop();
+}
+
+std::optional<capture::PulseEdge> NodeTrigger::unsensed_first_pulse() {
+  if (first_pulse_reported_ || sensor_ || !generator_) return std::nullopt;
+  const auto first = generator_->first_pulse();
+  if (!first) return std::nullopt;
+  first_pulse_reported_ = true;
+  return capture::PulseEdge{.pulse = 0, .at = *first};
+}
+
+void NodeTrigger::poll(const std::string& take) {
+  if (monitor_) monitor_->poll(take);
+}
+
+bool NodeTrigger::train_has_ended(const std::string& take) {
+  poll(take);
+  return generator_ ? generator_->finished() : monitor_->ended();
+}
+
+bool NodeTrigger::sensor_count_is_better() const {
+  return generator_ && sensor_ && !generator_->counts_exactly();
+}
+
+int64_t NodeTrigger::commanded(int64_t seen) const {
+  if (sensor_count_is_better()) return seen;
+  // On other nodes: the messages of the last pulses may have been lost.
+  return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
+}
+
+std::optional<trigger::PulseStatistics> NodeTrigger::statistics() const {
+  return generator_ ? std::optional(generator_->statistics()) : std::nullopt;
+}
+
+}  // namespace v3d::captured

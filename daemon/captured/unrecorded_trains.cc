@@ -1,0 +1,247 @@
+#include "daemon/captured/unrecorded_trains.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "base/core/error.h"
+#include "capture/segmentation/segmenter.h"
+
+namespace v3d::captured {
+namespace {
+
+constexpr Duration kPollInterval = std::chrono::milliseconds(20);
+/// After the last pulse. Longer than the latency of a frame.
+constexpr Duration kFrameTimeout = std::chrono::seconds(1);
+/// A camera that delivers a smaller share of its plates is faulty.
+constexpr double kMinPlateShare = 0.5;
+
+}  // namespace
+
+BackgroundLearner::BackgroundLearner(std::vector<capture::CameraWorker*> workers,
+                                     BackgroundPlan plan, bus::Bus& bus)
+    : workers_(std::move(workers)), plan_(std::move(plan)) {
+  for (const capture::CameraWorker* worker : workers_) {
+    previews_.emplace_back(bus, worker->camera(), plan_.rate_hz);
+  }
+  result_ = std::async(std::launch::async, [this] { return run(); });
+}
+
+BackgroundLearner::~BackgroundLearner() {
+  stopping_ = true;
+  if (result_.valid()) result_.wait();
+}
+
+std::optional<BackgroundLearner::Result> BackgroundLearner::poll() {
+  const bool finished =
+      result_.valid() && result_.wait_for(Duration::zero()) == std::future_status::ready;
+  if (!finished) return std::nullopt;
+  return result_.get();
+}
+
+std::vector<std::vector<Image>> BackgroundLearner::collect_plates() {
+  const MonotonicInstant end = Monotonic::now() + plan_.limit;
+  const auto wanted = static_cast<size_t>(plan_.plates);
+  std::vector<std::vector<Image>> plates(workers_.size());
+  const auto is_complete = [&] {
+    return std::all_of(plates.begin(), plates.end(),
+                       [&](const auto& p) { return p.size() >= wanted; });
+  };
+  last_frame_ = Monotonic::now();
+  const auto timed_out = [&] {
+    const MonotonicInstant now = Monotonic::now();
+    return now > end || (train_ended_ && now - last_frame_ > kFrameTimeout);
+  };
+  while (!stopping_ && !is_complete() && !timed_out()) {
+    heartbeat_.beat();
+    for (size_t i = 0; i < workers_.size(); ++i) {
+      if (plates[i].size() < wanted) take_plate(i, plates[i]);
+    }
+  }
+  return plates;
+}
+
+void BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
+  capture::CameraWorker& worker = *workers_[index];
+  // All cameras expose at the same time, so waiting for them in turn costs no time.
+  auto frame = worker.take(Monotonic::now() + kPollInterval);
+  if (!frame) return;
+  PreviewSender& preview = previews_[index];
+  if (const int64_t pulse = frame->label.pulse; preview.wants(pulse)) {
+    preview.send(pulse, frame->image.view(), nullptr);
+  }
+  plates.push_back(std::move(frame->image));
+  last_frame_ = Monotonic::now();
+  // This camera is done: missing frames from here on are no loss.
+  if (plates.size() == static_cast<size_t>(plan_.plates)) worker.train_ended();
+}
+
+void BackgroundLearner::save_model(const capture::CameraWorker& worker,
+                                   const std::vector<Image>& plates) {
+  std::vector<ImageView> views;
+  for (const Image& plate : plates) views.push_back(plate.view());
+  const std::string& camera = worker.camera();
+  segmentation::BackgroundModel model = segmentation::learn_background(views);
+  if (const auto key = plan_.keys.find(camera); key != plan_.keys.end()) model.key = key->second;
+  save_background(plan_.folder, camera, model);
+}
+
+BackgroundLearner::Result BackgroundLearner::run() try {
+  std::vector<std::vector<Image>> plates = collect_plates();
+  if (stopping_) return {.succeeded = false, .text = "stopped"};
+  const size_t enough = std::max<size_t>(2, static_cast<size_t>(kMinPlateShare * plan_.plates));
+  for (size_t i = 0; i < workers_.size(); ++i) {
+    if (plates[i].size() >= enough) continue;
+    return {.succeeded = false,
+            .text = workers_[i]->camera() + ": only " + std::to_string(plates[i].size()) + " of " +
+                    std::to_string(plan_.plates) + " plates arrived"};
+  }
+  std::filesystem::create_directories(plan_.folder);
+  for (size_t i = 0; i < workers_.size(); ++i) {
+    heartbeat_.beat();
+    save_model(*workers_[i], plates[i]);
+    plates[i].clear();
+  }
+  return {.succeeded = true,
+          .text = "learnt the background of " + std::to_string(workers_.size()) + " cameras"};
+} catch (const std::exception& error) {
+  return {.succeeded = false, .text = error.what()};
+}
+
+namespace {
+
+constexpr Duration kCheckPollInterval = std::chrono::milliseconds(20);
+
+/// Empty when there is no model yet, or it does not match the camera: a check works without one.
+std::optional<segmentation::BackgroundModel> background_of(const capture::CameraWorker& worker,
+                                                           const std::filesystem::path& folder) {
+  if (!segmentation::has_background(folder, worker.camera())) return std::nullopt;
+  try {
+    segmentation::BackgroundModel model = segmentation::load_background(folder, worker.camera());
+    const capture::CameraWorkerStatus status = worker.status();
+    if (model.size != status.size || model.format != status.format) return std::nullopt;
+    return model;
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+/// One camera of the check.
+struct CameraCheck::CheckedWorker {
+  CheckedWorker(capture::CameraWorker& camera_worker, const Setup& setup, bus::Bus& bus)
+      : worker(camera_worker), preview(bus, camera_worker.camera(), setup.rate_hz) {
+    const auto model = background_of(worker, setup.background);
+    if (!model) return;
+    segmenter.emplace(*model, segmentation::SegmentOptions{});
+    plates_focus = focus_of(*model);
+  }
+
+  capture::CameraWorker& worker;
+  PreviewSender preview;
+  std::optional<segmentation::Segmenter> segmenter;
+  std::optional<double> plates_focus;
+  // The members below belong to the thread until it has ended, except `received`.
+  segmentation::PictureStatistics pictures;
+  double foreground = 0;  ///< sum over all images of the foreground share, 0 to 1 each
+  std::vector<int64_t> pulses;
+  std::vector<int64_t> suspect;
+  std::atomic<int64_t> received = 0;
+};
+
+CameraCheck::CameraCheck(const std::vector<capture::CameraWorker*>& workers, const Setup& setup,
+                         bus::Bus& bus) {
+  for (capture::CameraWorker* worker : workers) {
+    workers_.push_back(std::make_unique<CheckedWorker>(*worker, setup, bus));
+  }
+  if (!workers_.empty()) thread_ = std::thread([this] { run(); });
+}
+
+CameraCheck::~CameraCheck() { stop_thread(); }
+
+void CameraCheck::stop_thread() {
+  stopping_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void CameraCheck::run() {
+  while (!stopping_) {
+    heartbeat_.beat();
+    // All cameras expose at the same time, so waiting for them in turn costs no time.
+    const MonotonicInstant until = Monotonic::now() + kCheckPollInterval;
+    for (const auto& checked : workers_) {
+      while (const auto frame = checked->worker.take(until)) {
+        examine(*checked, *frame);
+        ++checked->received;
+      }
+    }
+  }
+}
+
+void CameraCheck::examine(CheckedWorker& checked, const Frame& frame) {
+  const ImageView image = frame.image.view();
+  checked.pictures.add(image);
+  checked.pulses.push_back(frame.label.pulse);
+  if (frame.label.suspect) checked.suspect.push_back(frame.label.pulse);
+  std::optional<Mask> mask;
+  if (checked.segmenter && image.size == checked.segmenter->size() &&
+      image.format == checked.segmenter->format()) {
+    mask = checked.segmenter->segment(image);
+    checked.foreground +=
+        static_cast<double>(mask->count()) / static_cast<double>(image.size.pixels());
+  }
+  if (checked.preview.wants(frame.label.pulse)) {
+    checked.preview.send(frame.label.pulse, image, mask ? &*mask : nullptr);
+  }
+}
+
+bool CameraCheck::has_received(int64_t frames) const {
+  return std::all_of(workers_.begin(), workers_.end(),
+                     [&](const auto& checked) { return checked->received >= frames; });
+}
+
+std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
+  stop_thread();
+  std::vector<CheckedCamera> cameras;
+  for (const auto& checked : workers_) {
+    CheckedCamera camera;
+    camera.pulses =
+        take::account(checked->worker.camera(), checked->pulses, checked->suspect, commanded);
+    camera.pulses.received = checked->received;
+    camera.quality = checked->pictures.result();
+    camera.plates_focus = checked->plates_focus;
+    if (checked->segmenter && checked->pictures.pictures() > 0) {
+      camera.foreground = checked->foreground / static_cast<double>(checked->pictures.pictures());
+    }
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCamera>& cameras,
+                       const std::vector<std::string>& not_ready) {
+  const auto value_or_null = [](const auto& value) {
+    return value ? nlohmann::json(*value) : nlohmann::json();
+  };
+  nlohmann::json checked = nlohmann::json::array();
+  for (const CheckedCamera& c : cameras) {
+    checked.push_back({{"name", c.pulses.name},
+                       {"received", c.pulses.received},
+                       {"missing", c.pulses.missing},
+                       {"duplicate", c.pulses.duplicate},
+                       {"suspect", c.pulses.suspect},
+                       {"clipped", c.quality.clipped},
+                       {"dark", c.quality.dark},
+                       {"mean_grey", c.quality.mean_grey},
+                       {"focus", c.quality.focus},
+                       {"plates_focus", value_or_null(c.plates_focus)},
+                       {"foreground", value_or_null(c.foreground)}});
+  }
+  const nlohmann::json json = {
+      {"pulses", {{"commanded", ledger.commanded}, {"sensed", value_or_null(ledger.sensed)}}},
+      {"checked", checked},
+      {"not_ready", not_ready}};
+  return json.dump();
+}
+
+}  // namespace v3d::captured

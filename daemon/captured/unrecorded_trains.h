@@ -1,0 +1,128 @@
+// Trains whose frames are not recorded: background and check.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <future>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/config/studio_values.h"
+#include "capture/cameras/camera_worker.h"
+#include "capture/segmentation/image_measures.h"
+#include "capture/segmentation/segmenter.h"
+#include "daemon/bus/bus.h"
+#include "daemon/captured/preview.h"
+#include "daemon/node/service.h"
+#include "take/ledger/ledger.h"
+
+namespace v3d::captured {
+
+// Learns the background model of every camera from images of the empty studio.
+
+struct BackgroundPlan {
+  int64_t plates = 16;                      ///< images per camera
+  Duration limit{};                         ///< maximum time to collect the plates
+  std::filesystem::path folder;             ///< where the models are saved; created if missing
+  double rate_hz = 0;                       ///< of the pulses
+  std::map<std::string, ChromaKey> keys{};  ///< by camera; a camera may be absent
+};
+
+/// Collects plates from all cameras, then computes and saves one model for each. Works in a thread
+/// of its own, from construction. A camera that delivers less than half of its plates, or fewer
+/// than two, is an error.
+class BackgroundLearner {
+ public:
+  struct Result {
+    bool succeeded = false;
+    std::string text;  ///< one line for the operator
+  };
+
+  /// The workers are armed; they and `bus` outlive the learner. Sends previews of the plates.
+  BackgroundLearner(std::vector<capture::CameraWorker*> workers, BackgroundPlan plan,
+                    bus::Bus& bus);
+  /// Stops and waits for the thread.
+  ~BackgroundLearner();
+  BackgroundLearner(const BackgroundLearner&) = delete;
+  BackgroundLearner& operator=(const BackgroundLearner&) = delete;
+
+  /// The last pulse was sent: stop waiting 1 s after the last frame. Any thread.
+  void train_ended() { train_ended_ = true; }
+  /// The result, once, when the thread has finished; else empty.
+  std::optional<Result> poll();
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
+
+ private:
+  Result run();
+  std::vector<std::vector<Image>> collect_plates();
+  void take_plate(size_t index, std::vector<Image>& plates);
+  void save_model(const capture::CameraWorker& worker, const std::vector<Image>& plates);
+
+  const std::vector<capture::CameraWorker*> workers_;
+  const BackgroundPlan plan_;
+  std::vector<PreviewSender> previews_;  ///< one per worker, same order
+  MonotonicInstant last_frame_;          ///< the learner's thread only
+  node::Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<bool> train_ended_ = false;
+  std::future<Result> result_;
+};
+
+// Camera check (v3dctl check): receives the frames of a short train, records nothing, and measures
+// image quality and pulse numbers of each camera.
+
+/// Result for one camera.
+struct CheckedCamera {
+  take::CameraLedger pulses;  ///< received, missing, duplicate and suspect; written is 0
+  segmentation::PictureQuality quality;
+  std::optional<double> plates_focus;  ///< of the background plates; empty without a matching model
+  std::optional<double> foreground;    ///< mean share of the image, 0 to 1; empty without a model
+};
+
+/// Takes frames from its workers in a thread of its own, from construction, and sends previews of
+/// them. Works without a background model, too.
+class CameraCheck {
+ public:
+  struct Setup {
+    double rate_hz = 0;                ///< of the pulses
+    std::filesystem::path background;  ///< folder of the background models; may be empty
+  };
+  /// The workers are armed; they and `bus` outlive the check.
+  CameraCheck(const std::vector<capture::CameraWorker*>& workers, const Setup& setup,
+              bus::Bus& bus);
+  ~CameraCheck();
+  CameraCheck(const CameraCheck&) = delete;
+  CameraCheck& operator=(const CameraCheck&) = delete;
+
+  /// True when every camera has delivered `frames` frames. Any thread.
+  bool has_received(int64_t frames) const;
+  bool progressed_since(MonotonicInstant since) const {
+    return workers_.empty() || heartbeat_.beat_since(since);
+  }
+
+  /// Stops the thread. `commanded`: pulses of the train.
+  std::vector<CheckedCamera> close(int64_t commanded);
+
+ private:
+  struct CheckedWorker;
+  void run();
+  static void examine(CheckedWorker& checked, const Frame& frame);
+  void stop_thread();
+
+  std::vector<std::unique_ptr<CheckedWorker>> workers_;
+  node::Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;  ///< not started without workers
+};
+
+/// JSON of a check for the detail of a reply: pulses {commanded, sensed}, checked [{name, received,
+/// missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus, foreground}],
+/// not_ready [names].
+std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCamera>& cameras,
+                       const std::vector<std::string>& not_ready);
+
+}  // namespace v3d::captured

@@ -1,0 +1,192 @@
+#include "daemon/node/node_health.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+#include "wire/messages.h"
+#include "wire/secret_keys.h"
+
+namespace v3d::node {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string first_line(const fs::path& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
+std::vector<int64_t> numbers_in(const std::string& text) {
+  std::istringstream words(text);
+  std::vector<int64_t> numbers;
+  for (int64_t n = 0; words >> n;) numbers.push_back(n);
+  return numbers;
+}
+
+/// "MemAvailable:   123 kB" of /proc/meminfo, "VmRSS:" of /proc/self/status.
+std::optional<double> bytes_after(const fs::path& path, const std::string& key) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with(key)) continue;
+    const auto numbers = numbers_in(line.substr(key.size()));
+    if (!numbers.empty()) return 1024.0 * static_cast<double>(numbers.front());
+  }
+  return std::nullopt;
+}
+
+/// Lines: "cpu  user nice system idle iowait irq softirq steal ...", then "cpu0 ..." for each core.
+int count_cores(const fs::path& stat) {
+  std::ifstream file(stat);
+  int cores = -1;  // the first line is the sum of all
+  for (std::string line; std::getline(file, line);) cores += line.starts_with("cpu");
+  return std::max(1, cores);
+}
+
+/// utime and stime are fields 14 and 15; the name, field 2, may hold spaces and parentheses.
+std::optional<int64_t> ticks_of_process(const std::string& stat) {
+  const size_t name_end = stat.rfind(')');
+  if (name_end == std::string::npos || name_end + 4 > stat.size()) return std::nullopt;
+  const auto fields = numbers_in(stat.substr(name_end + 3));  // after the state: from field 4 on
+  if (fields.size() < 12) return std::nullopt;
+  return fields[10] + fields[11];
+}
+
+double percent(int64_t part, int64_t whole) {
+  return whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+}  // namespace
+
+std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
+  const std::string line = first_line(root_ / "proc/stat");
+  if (!line.starts_with("cpu ")) return std::nullopt;
+  std::vector<int64_t> times = numbers_in(line.substr(4));
+  if (times.size() < 5) return std::nullopt;
+  times.resize(8);  // the following guest times are part of user time
+  Ticks ticks;
+  for (const int64_t time : times) ticks.all += time;
+  ticks.busy = ticks.all - times[3] - times[4];  // idle, iowait
+  ticks.daemon = ticks_of_process(first_line(root_ / "proc/self/stat")).value_or(0);
+  ticks.cores = count_cores(root_ / "proc/stat");
+  return ticks;
+}
+
+std::optional<double> MachineHealth::hottest(const std::string& folder, const std::string& prefix,
+                                             const std::string& suffix) const {
+  std::optional<double> highest;
+  std::error_code error;
+  for (const auto& device : fs::directory_iterator(root_ / folder, error)) {
+    std::error_code inner;
+    for (const auto& entry : fs::directory_iterator(device.path(), inner)) {
+      const std::string file = entry.path().filename();
+      if (!file.starts_with(prefix) || !file.ends_with(suffix)) continue;
+      const auto numbers = numbers_in(first_line(entry.path()));
+      if (numbers.size() == 1)
+        highest = std::max(highest.value_or(-273), 1e-3 * double(numbers[0]));
+    }
+  }
+  return highest;
+}
+
+void MachineHealth::update_processor_time() {
+  const auto now = read_ticks();
+  if (!now) return;
+  const int64_t all = last_ ? now->all - last_->all : 0;
+  // A few ticks would give a wrong percentage.
+  if (last_ && all < kMinTicks * now->cores) return;
+  if (last_) {
+    machine_percent_ = percent(now->busy - last_->busy, all);
+    daemon_percent_ = now->cores * percent(now->daemon - last_->daemon, all);
+  }
+  last_ = now;
+}
+
+void MachineHealth::report(std::map<std::string, double>& values) {
+  const auto add = [&](const char* name, std::optional<double> value) {
+    if (value) values[name] = *value;
+  };
+  update_processor_time();
+  add("cpu_machine_percent", machine_percent_);
+  add("cpu_daemon_percent", daemon_percent_);
+  add("memory_daemon_bytes", bytes_after(root_ / "proc/self/status", "VmRSS:"));
+  add("memory_available_bytes", bytes_after(root_ / "proc/meminfo", "MemAvailable:"));
+  auto temperature = hottest("sys/class/thermal", "temp", "temp");
+  if (!temperature) temperature = hottest("sys/class/hwmon", "temp", "_input");
+  add("temperature_max_celsius", temperature);
+}
+
+namespace {
+
+constexpr size_t kHealthQueue = 8;
+
+}  // namespace
+
+bool reports_full_disk(const wire::HealthMessage& health) {
+  const auto full = health.values.find(kDiskFull);
+  return full != health.values.end() && full->second > 0;
+}
+
+DiskMonitor::DiskMonitor(bus::Bus& bus, const std::vector<std::string>& nodes) {
+  for (const std::string& node : nodes) {
+    nodes_.push_back({node, std::make_unique<bus::Subscription<wire::HealthMessage>>(
+                                bus, wire::health_channel(node), kHealthQueue)});
+  }
+}
+
+void DiskMonitor::reset() {
+  for (const Node& node : nodes_) {
+    while (node.health->wait(Monotonic::now())) {
+    }
+  }
+}
+
+std::string DiskMonitor::full_node() {
+  for (const Node& node : nodes_) {
+    while (const auto health = node.health->wait(Monotonic::now())) {
+      if (reports_full_disk(*health)) return node.name;
+    }
+  }
+  return "";
+}
+
+namespace {
+
+constexpr size_t kQueue = 16;
+
+/// 52 bits: exact in a double.
+double random_instance() {
+  return static_cast<double>(wire::random_nonce() & ((int64_t{1} << 52) - 1));
+}
+
+}  // namespace
+
+NameMonitor::NameMonitor(bus::Bus& bus, std::string node)
+    : node_(std::move(node)),
+      instance_(random_instance()),
+      healths_(bus, wire::health_channel(node_), kQueue) {}
+
+void NameMonitor::mark(wire::HealthMessage& health) const { health.values[kInstance] = instance_; }
+
+void NameMonitor::on_health(const wire::HealthMessage& health, MonotonicInstant now) {
+  const auto instance = health.values.find(kInstance);
+  const double sender = instance == health.values.end() ? -1 : instance->second;
+  if (sender == instance_) return;
+  const bool is_same = sender == other_ && last_of_other_ && now - *last_of_other_ <= kAlarmTime;
+  messages_of_other_ = is_same ? messages_of_other_ + 1 : 1;
+  other_ = sender;
+  last_of_other_ = now;
+}
+
+std::string NameMonitor::alarm(MonotonicInstant now) {
+  while (const auto health = healths_.wait(Monotonic::now())) on_health(*health, now);
+  if (messages_of_other_ < 2 || !last_of_other_ || now - *last_of_other_ > kAlarmTime) return "";
+  return "another process sends as node " + node_ + ": end one of the two; no take can be armed";
+}
+
+}  // namespace v3d::node

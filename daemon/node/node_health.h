@@ -1,0 +1,120 @@
+// Health of this machine, conclusions from that of others.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/core/time.h"
+#include "daemon/bus/bus.h"
+#include "wire/messages.h"
+
+namespace v3d::node {
+
+// Health of the machine: processor, memory and temperature, from /proc and /sys.
+
+/// Values that cannot be read are omitted. One thread.
+class MachineHealth {
+ public:
+  /// `root`: the folder with proc/ and sys/.
+  explicit MachineHealth(std::filesystem::path root = "/") : root_(std::move(root)) {}
+
+  /// Adds the values that are available:
+  ///   cpu_machine_percent       of all cores together, 0 to 100, since the last call
+  ///   cpu_daemon_percent        of one core, may exceed 100, since the last call
+  ///   memory_daemon_bytes       resident set of this process
+  ///   memory_available_bytes    available without swapping
+  ///   temperature_max_celsius   of the hottest thermal zone, else of the hottest hwmon sensor
+  /// Processor values are absent at the first call. Calls less than half a second apart repeat
+  /// them.
+  void report(std::map<std::string, double>& values);
+
+ private:
+  static constexpr int64_t kMinTicks = 50;  ///< per core: half a second
+
+  /// Clock ticks since boot.
+  struct Ticks {
+    int64_t busy = 0;
+    int64_t all = 0;
+    int64_t daemon = 0;
+    int cores = 1;
+  };
+  std::optional<Ticks> read_ticks() const;
+  void update_processor_time();
+  std::optional<double> hottest(const std::string& folder, const std::string& prefix,
+                                const std::string& suffix) const;
+
+  const std::filesystem::path root_;
+  std::optional<Ticks> last_;
+  std::optional<double> machine_percent_;
+  std::optional<double> daemon_percent_;
+};
+
+// Detects full or broken disks on other capture nodes, from their health messages. The trigger's
+// node then ends the train.
+
+/// Name of a health value: 1 from the time a node ended its part of the take because its disk is
+/// full or frames could not be written, until the next take.
+inline constexpr char kDiskFull[] = "disk_full_flag";
+
+/// True if `health` has kDiskFull set.
+bool reports_full_disk(const wire::HealthMessage& health);
+
+/// Subscribes to the health of other nodes. Health is sent every second, so a lost message only
+/// delays the result. One thread.
+class DiskMonitor {
+ public:
+  /// `bus` outlives the monitor.
+  DiskMonitor(bus::Bus& bus, const std::vector<std::string>& nodes);
+
+  /// Discards the messages received so far.
+  void reset();
+  /// Reads the messages that have arrived. Returns the name of a node whose disk is full, or an
+  /// empty string. Never waits.
+  std::string full_node();
+
+ private:
+  struct Node {
+    std::string name;
+    std::unique_ptr<bus::Subscription<wire::HealthMessage>> health;
+  };
+  std::vector<Node> nodes_;
+};
+
+// Duplicate name detection: finds another process that sends health under this node's name.
+
+/// Each process puts a random number into its health (`instance`). Authentic health of this node
+/// with another number comes from another process: two PCs have the same node name, or a daemon
+/// was started twice. One thread.
+class NameMonitor {
+ public:
+  /// The alarm ends this long after the last message of the other process.
+  static constexpr Duration kAlarmTime = std::chrono::seconds(3);
+  /// Name of a health value: the random number of the process.
+  static constexpr const char* kInstance = "instance";
+
+  /// `bus` outlives the monitor.
+  NameMonitor(bus::Bus& bus, std::string node);
+
+  /// Adds this process' number to a health message before it is sent.
+  void mark(wire::HealthMessage& health) const;
+  /// One line for the operator while another process uses the name at `now`, else empty. Starts
+  /// with its second message: the first may be the last one of a process that has just ended.
+  std::string alarm(MonotonicInstant now);
+
+ private:
+  void on_health(const wire::HealthMessage& health, MonotonicInstant now);
+
+  const std::string node_;
+  const double instance_;
+  double other_ = 0;
+  int64_t messages_of_other_ = 0;
+  std::optional<MonotonicInstant> last_of_other_;
+  bus::Subscription<wire::HealthMessage> healths_;
+};
+
+}  // namespace v3d::node

@@ -1,0 +1,325 @@
+#include "take/take_transfer.h"
+
+#include <algorithm>
+#include <optional>
+#include <set>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/take_account.h"
+#include "take/ledger/take_signature.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_files.h"
+#include "take/logs/mesh_file.h"
+#include "take/take_listing.h"
+#include "take/take_removal.h"
+
+namespace v3d::take {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Part {
+  TakePaths paths;
+  TakeInfo info;
+  Ledger ledger;
+};
+
+/// Throws InputError for a symbolic link, whose target may be outside of the take.
+void reject_link(const fs::path& path) {
+  if (io::value_or_throw(io::entry_type_of(path)) == fs::file_type::symlink) {
+    throw InputError(path.string() + ": it is a symbolic link");
+  }
+}
+
+/// Creates a hard link `place` to `file`. Copies the file where hard links fail, for example across
+/// file systems.
+void link_or_copy(const fs::path& file, const fs::path& place) {
+  reject_link(file);
+  std::error_code error;
+  fs::create_hard_link(file, place, error);
+  if (error) io::throw_if_failed(io::copy_file(file, place));
+}
+
+void link_if_present(const fs::path& file, const fs::path& place) {
+  if (file_exists(file) && !file_exists(place)) link_or_copy(file, place);
+}
+
+/// Links all segments of a log and their indexes (SegmentIndex).
+void link_log(const fs::path& log, const fs::path& place) {
+  for (const fs::path& segment : io::value_or_throw(existing_segments(log))) {
+    const fs::path to = place.parent_path() / segment.filename();
+    link_if_present(segment, to);
+    link_if_present(segment_index_path(segment), segment_index_path(to));
+  }
+}
+
+std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
+  std::vector<Part> recorded;
+  for (const TakePaths& paths : parts) {
+    if (!file_exists(paths.info())) {
+      if (may_hold_frames(paths)) {
+        throw InputError(paths.folder.string() + ": has logs of cameras and no take.toml");
+      }
+      continue;  // of a node that only reconstructs
+    }
+    recorded.push_back({paths, load_take_info(paths), load_ledger(paths.ledger())});
+  }
+  if (recorded.empty()) throw InputError("no part of the take has a take.toml");
+  return recorded;
+}
+
+void reject_other_take(const Part& first, const Part& other) {
+  const std::string files = first.paths.folder.string() + " and " + other.paths.folder.string();
+  if (first.info.name != other.info.name || first.info.rate_hz != other.info.rate_hz) {
+    throw InputError(files + ": are parts of different takes: their names or rates differ");
+  }
+  if (read_take_text(first.paths.calib()) != read_take_text(other.paths.calib())) {
+    throw InputError(files + ": have different calibrations (calib.toml)");
+  }
+}
+
+/// Links the files that are not specific to a camera: calibration, studio file, slate, signatures,
+/// plates.
+void link_shared_files(const TakePaths& part, const TakePaths& into) {
+  link_if_present(part.calib(), into.calib());
+  link_if_present(part.studio(), into.studio());
+  link_if_present(part.slate(), into.slate());
+  for (const std::string& name : io::value_or_throw(take_file_names(part))) {
+    if (is_signature(name)) link_if_present(part.folder / name, into.folder / name);
+  }
+  reject_link(part.background());
+  if (!file_exists(part.background())) return;
+  for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
+    link_if_present(plate, into.background() / plate.filename());
+  }
+}
+
+void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
+  for (const std::string& camera : part.info.cameras) {
+    if (std::find(info.cameras.begin(), info.cameras.end(), camera) != info.cameras.end()) {
+      throw InputError(part.paths.folder.string() + ": another part has " + camera + " too");
+    }
+    info.cameras.push_back(camera);
+    link_log(part.paths.frames(camera), into.frames(camera));
+  }
+}
+
+/// The capture nodes of the take that no part comes from.
+std::vector<TakeNode> absent_nodes(const std::vector<Part>& parts, const TakePaths& into,
+                                   const std::vector<std::string>& cameras) {
+  std::vector<TakeNode> nodes = capture_nodes(into);
+  std::erase_if(nodes, [&](const TakeNode& node) {
+    const bool has_part = std::ranges::any_of(
+        parts, [&](const Part& part) { return part.paths.folder.filename() == node.name; });
+    // A part may be a copy that was joined before.
+    return has_part || std::ranges::find_first_of(cameras, node.cameras) != cameras.end() ||
+           file_exists(signature_path(into, node.name));
+  });
+  return nodes;
+}
+
+/// Entries of the joined ledger for all files of `into`. The entries of the pulse log come from
+/// `of_pulses`, the ledger of the part whose pulse log is used.
+std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger& of_pulses,
+                                   const TakePaths& into) {
+  const std::string pulses = into.pulses().stem().string() + ".";
+  std::vector<TakeFile> files;
+  for (const std::string& name : io::value_or_throw(take_file_names(into))) {
+    const TakeFile* entry = name.starts_with(pulses) ? of_pulses.file(name) : nullptr;
+    for (auto part = parts.begin(); !entry && !name.starts_with(pulses) && part != parts.end();
+         ++part) {
+      entry = part->ledger.file(name);
+    }
+    if (entry) files.push_back(*entry);
+  }
+  return files;
+}
+
+}  // namespace
+
+MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts) {
+  MeshPart best;
+  std::optional<size_t> max_meshes;
+  for (const TakePaths& part : parts) {
+    if (!file_exists(part.mesh())) continue;
+    try {
+      const size_t meshes = MeshFileReader(part.mesh()).pulses().size();
+      if (max_meshes && meshes <= *max_meshes) continue;
+      best.part = &part;
+      max_meshes = meshes;
+    } catch (const InputError& error) {
+      best.errors.emplace_back(error.what());
+      if (!best.part) best.part = &part;
+    }
+  }
+  return best;
+}
+
+TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) {
+  const std::vector<Part> recorded = recorded_parts(parts);
+  TakeInfo info = recorded.front().info;
+  info.cameras.clear();
+  fs::create_directories(into.background());
+  std::vector<Ledger> ledgers;
+  for (const Part& part : recorded) {
+    reject_other_take(recorded.front(), part);
+    link_frames(part, into, info);
+    info.started = std::min(info.started, part.info.started);
+    if (part.info.state != TakeState::kComplete) info.state = part.info.state;
+    ledgers.push_back(part.ledger);
+  }
+  for (const TakePaths& part : parts) link_shared_files(part, into);
+  if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
+    link_if_present(meshes->mesh(), into.mesh());
+  }
+  const auto sensed_most = std::max_element(
+      recorded.begin(), recorded.end(),
+      [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
+  link_log(sensed_most->paths.pulses(), into.pulses());
+  Ledger ledger = merge(ledgers);
+  ledger.absent_nodes = absent_nodes(recorded, into, info.cameras);
+  ledger.files = joined_files(recorded, sensed_most->ledger, into);
+  info.pulses = ledger.commanded;
+  save_account_or_throw(into, info, std::move(ledger));
+  return info;
+}
+
+namespace {
+
+std::set<int64_t> pulses_in(const TakePaths& take) {
+  std::set<int64_t> pulses;
+  for (const wire::PulseMessage& message : read_pulses(take.pulses())) pulses.insert(message.pulse);
+  return pulses;
+}
+
+/// Pulses with an undamaged mesh. Throws InputError when a mesh cannot be read from the disk.
+std::set<int64_t> meshes_in(const TakePaths& take) {
+  MeshFileReader meshes(take.mesh());
+  std::set<int64_t> pulses;
+  for (const int64_t pulse : meshes.pulses()) {
+    if (io::value_or_throw(meshes.read(pulse))) pulses.insert(pulse);
+  }
+  return pulses;
+}
+
+class CopyCheck {
+ public:
+  CopyCheck(const TakePaths& original, const TakePaths& copy) : original_(original), copy_(copy) {}
+
+  std::vector<std::string> run(const Verified& verified) {
+    // A copy by other programs (cp -r) may be in memory only: files, and the names in its folders.
+    if (const auto synced = io::sync_file_system(copy_.folder); !synced) {
+      io::throw_input_error(synced.error());
+    }
+    load_from_disk(copy_.info());
+    check_info();
+    check_ledger();
+    check_slate();
+    for (const TakeFile& file : verified.files) {
+      const bool is_joined = file.name == original_.info().filename() ||
+                             file.name == original_.ledger().filename() ||
+                             file.name == original_.slate().filename();
+      if (!is_joined) check_file(file);
+    }
+    return std::move(lines_);
+  }
+
+ private:
+  /// Reads a file of the copy past the page cache, which then has the bytes of the disk. Throws
+  /// InputError.
+  void load_from_disk(const fs::path& file) const {
+    io::value_or_throw(read_take_file(copy_, file.filename(), ReadFrom::kDisk));
+  }
+
+  void check_info() {
+    const TakeInfo original = load_take_info(original_), copy = load_take_info(copy_);
+    if (copy.name != original.name) {
+      lines_.push_back(copy_.folder.string() + ": is a copy of take " + copy.name + ", not of " +
+                       original.name);
+    }
+    if (copy.state == TakeState::kRecording) {
+      lines_.push_back(copy_.folder.string() + ": the take was not closed");
+    }
+    for (const std::string& camera : original.cameras) {
+      if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
+      lines_.push_back(copy_.info().string() + ": has no camera '" + camera + "'");
+    }
+  }
+
+  void check_ledger() {
+    try {
+      load_from_disk(copy_.ledger());
+      const Ledger copy = load_ledger(copy_.ledger());
+      Ledger counted_to;  // the joined take may have more pulses than the node counted
+      counted_to.commanded = copy.commanded;
+      for (const CameraLedger& camera :
+           merge({load_ledger(original_.ledger()), counted_to}).cameras) {
+        if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
+        lines_.push_back(copy_.ledger().string() + ": has another account of " + camera.name +
+                         " than the original");
+      }
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
+    }
+  }
+
+  /// The crew edits slates, so their content may differ.
+  void check_slate() {
+    if (!file_exists(original_.slate()) && !file_exists(copy_.slate())) return;
+    try {
+      load_from_disk(copy_.slate());
+      load_slate(copy_.slate());
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
+    }
+  }
+
+  void check_file(const TakeFile& file) {
+    const fs::path path = copy_.folder / file.name;
+    std::error_code error;
+    if (fs::equivalent(original_.folder / file.name, path, error)) {
+      lines_.push_back(path.string() + ": is the file itself, not a copy");
+      return;
+    }
+    const auto read = read_take_file(copy_, file.name, ReadFrom::kDisk);
+    if (!read) {
+      lines_.push_back(read.error().message);
+    } else if (read->checksum != file.checksum && !may_differ(file.name)) {
+      lines_.push_back(path.string() + ": has " + format_count(read->bytes) +
+                       " bytes with the checksum " + checksum_text(*read->checksum) +
+                       ", the original " + format_count(file.bytes) + " with " +
+                       checksum_text(*file.checksum));
+    }
+  }
+
+  /// True for the file of another node that contains every pulse or mesh of the original.
+  /// Reports a file that cannot be read.
+  bool may_differ(const std::string& name) {
+    try {
+      if (name == original_.pulses().filename()) {
+        return std::ranges::includes(pulses_in(copy_), pulses_in(original_));
+      }
+      return name == original_.mesh().filename() &&
+             std::ranges::includes(meshes_in(copy_), meshes_in(original_));
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
+      return false;
+    }
+  }
+
+  const TakePaths& original_;
+  const TakePaths& copy_;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace
+
+std::vector<std::string> missing_in_copy(const TakePaths& original, const Verified& verified,
+                                         const TakePaths& copy) {
+  return CopyCheck(original, copy).run(verified);
+}
+
+}  // namespace v3d::take

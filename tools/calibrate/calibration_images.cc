@@ -1,0 +1,269 @@
+#include "calibrate/calibration_images.h"
+
+#include <glob.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <stdexcept>
+#include <vector>
+
+#include "base/core/error.h"
+#include "base/image/image.h"
+#include "common/console.h"
+#include "daemon/control/operator_client.h"
+#include "take/logs/frame_log.h"
+#include "take/take.h"
+#include "v3dctl/import/media.h"
+#include "v3dctl/operate/health_text.h"
+#include "v3dctl/operate/reply_text.h"
+#include "v3dctl/operate/short_train.h"
+#include "v3dctl/options.h"
+#include "v3dctl/takes/collect.h"
+
+namespace v3d::calibrate {
+namespace {
+
+namespace fs = std::filesystem;
+
+int64_t stride_of(int64_t announced, const Sampling& sampling) {
+  if (sampling.every > 0) return sampling.every;
+  return std::max<int64_t>(1, (announced + sampling.max_images - 1) / sampling.max_images);
+}
+
+std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
+
+}  // namespace
+
+std::vector<fs::path> matching_files(const std::string& pattern) {
+  glob_t found{};
+  glob(pattern.c_str(), GLOB_TILDE, nullptr, &found);
+  std::vector<fs::path> files(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+  globfree(&found);
+  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
+    return strverscmp(a.c_str(), b.c_str()) < 0;
+  });
+  return files;
+}
+
+ImageSource open_video(const fs::path& file, const Sampling& sampling) {
+  auto reader = std::make_shared<ctl::VideoFile>(file);
+  const int64_t stride = stride_of(reader->announced_frames(), sampling);
+  ImageSource source{file.string(), reader->announced_frames() / stride, {}};
+  source.next = [reader, stride, number = int64_t{0}]() mutable -> std::optional<SourceImage> {
+    for (; number % stride != 0; ++number) {
+      if (!reader->skip()) return std::nullopt;
+    }
+    auto image = reader->next();
+    if (!image) return std::nullopt;
+    const int64_t here = number++;
+    return SourceImage{here, frame_name(here), std::move(*image)};
+  };
+  return source;
+}
+
+ImageSource open_images(const std::string& pattern) {
+  std::vector<fs::path> files = matching_files(pattern);
+  std::erase_if(files, [](const fs::path& file) { return !ctl::has_image_name(file); });
+  if (files.empty()) {
+    throw InputError(pattern + ": no image matches (quote the pattern: 'boards/*.png')");
+  }
+  ImageSource source{pattern, std::ssize(files), {}};
+  source.next = [files, position = size_t{0}]() mutable -> std::optional<SourceImage> {
+    if (position == files.size()) return std::nullopt;
+    const fs::path& file = files[position];
+    return SourceImage{static_cast<int64_t>(position++), file.filename().string(),
+                       ctl::read_image(file)};
+  };
+  return source;
+}
+
+ImageSource open_take(const fs::path& take, const std::string& camera, const Sampling& sampling) {
+  const take::TakePaths paths{take};
+  auto log = std::make_shared<take::FrameLogReader>(paths.frames(camera));
+  std::vector<int64_t> pulses;
+  for (const FrameLabel& label : log->labels()) pulses.push_back(label.pulse);
+  std::sort(pulses.begin(), pulses.end());
+  pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
+  const int64_t last = pulses.empty() ? 0 : pulses.back() + 1;
+  const int64_t stride = stride_of(last, sampling);
+  // By pulse number, so that all cameras contribute the same pulses.
+  std::erase_if(pulses, [&](int64_t pulse) { return pulse % stride != 0; });
+  ImageSource source{paths.frames(camera).string(), std::ssize(pulses), {}};
+  source.next = [log, pulses, position = size_t{0}]() mutable -> std::optional<SourceImage> {
+    while (position < pulses.size()) {
+      const int64_t pulse = pulses[position++];
+      if (auto frame = log->read(pulse)) {
+        return SourceImage{pulse, "pulse " + std::to_string(pulse), std::move(frame->image)};
+      }
+    }
+    return std::nullopt;
+  };
+  return source;
+}
+
+namespace {
+
+/// A low rate, because boards move slowly and similar images add little information.
+constexpr double kMaxRateHz = 5;
+
+/// From the local time, which operators read.
+std::string new_take_name() {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  char text[40];
+  std::strftime(text, sizeof text, "calibration-%Y%m%d-%H%M%S", &local);
+  return text;
+}
+
+bool has_all_cameras(const take::TakePaths& paths, const Studio& studio) {
+  return fs::exists(paths.info()) &&
+         std::all_of(studio.cameras.begin(), studio.cameras.end(), [&](const StudioCamera& camera) {
+           return fs::exists(paths.frames(camera.name));
+         });
+}
+
+void record(const Studio& studio, const ctl::PulseTrain& train) {
+  control::OperatorClient client(studio);
+  StatusLine status;
+  const auto show = [&] {
+    const auto health = client.health(Monotonic::now());
+    if (std::any_of(health.begin(), health.end(),
+                    [](const auto& entry) { return ctl::is_in_take(entry.second); })) {
+      status.show("recording " + train.take + ": " + ctl::recording_line(health));
+    }
+  };
+  const ctl::TakeAccount account = ctl::merge_ledgers(run_train(client, studio, train, show));
+  if (!account.ledger.complete()) note("v3dctl: " + account.ledger.verdict());
+}
+
+/// Copies the take from the nodes that recorded it.
+fs::path collect(const Studio& studio, const std::string& name) {
+  const fs::path here = fs::current_path();
+  const auto collected = ctl::collect_takes(
+      {.sources = ctl::sources_of(studio), .to = here, .takes = {name}, .rsh = {}});
+  for (const ctl::CollectedTake& take : collected) {
+    if (!take.problem.empty()) throw std::runtime_error(name + ": " + take.problem);
+  }
+  return here / name;
+}
+
+}  // namespace
+
+fs::path record_live_take(const Studio& studio, double seconds) {
+  ctl::PulseTrain train{.take = new_take_name()};
+  train.rate_hz = std::min(kMaxRateHz, studio.trigger.rate_hz);
+  train.pulses = std::max<int64_t>(1, std::llround(seconds * train.rate_hz));
+  record(studio, train);
+  const take::TakePaths recorded{(studio.storage.takes / train.take).lexically_normal()};
+  const fs::path take =
+      has_all_cameras(recorded, studio) ? recorded.folder : collect(studio, train.take);
+  note("v3dctl: the images are kept in the take " + take.string() + "; use them again with --take");
+  return take;
+}
+
+namespace {
+
+using calib::BoardDetector;
+using calib::BoardObservation;
+
+constexpr size_t kBatch = 8;
+constexpr size_t kMaxDiagnosed = 6;
+
+std::vector<SourceImage> next_batch(ImageSource& source) {
+  std::vector<SourceImage> batch;
+  while (batch.size() < kBatch) {
+    auto image = source.next();
+    if (!image) break;
+    batch.push_back(std::move(*image));
+  }
+  return batch;
+}
+
+void require_one_size(const std::string& camera, const SourceImage& image, FoundBoards& found) {
+  if (found.images == 0) found.size = image.pixels.size;
+  if (image.pixels.size == found.size) return;
+  throw InputError(camera + ": " + image.name + " is " + format_size(image.pixels.size) +
+                   ", the images before it are " + format_size(found.size));
+}
+
+/// A few evenly spaced images without the board, for the diagnosis.
+class ImagesWithoutBoard {
+ public:
+  void add(SourceImage image) {
+    if (seen_++ % stride_ != 0) return;
+    kept_.push_back(std::move(image));
+    if (kept_.size() < 2 * kMaxDiagnosed) return;
+    for (size_t i = 0; i < kMaxDiagnosed; ++i) kept_[i] = std::move(kept_[2 * i]);
+    kept_.resize(kMaxDiagnosed);
+    stride_ *= 2;
+  }
+
+  std::optional<std::string> diagnose(const BoardDetector& detector) const {
+    for (const SourceImage& image : kept_) {
+      if (auto diagnosis = detector.diagnose(image.pixels.view()))
+        return image.name + ": " + *diagnosis;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::vector<SourceImage> kept_;
+  size_t seen_ = 0;
+  size_t stride_ = 1;
+};
+
+void add_view(SourceImage& image, BoardObservation observation, FoundBoards& found) {
+  int max_count = 0;
+  for (const auto& view : found.views) max_count = std::max(max_count, view.observation.count());
+  if (observation.count() > max_count) found.example = std::move(image.pixels);
+  found.views.push_back({image.name, std::move(observation)});
+  found.numbers.push_back(image.number);
+}
+
+void require_boards(const std::string& camera, const ImageSource& source, const FoundBoards& found,
+                    const calib::Board& board) {
+  if (found.images == 0) throw InputError(camera + ": " + source.name + ": contains no image");
+  if (!found.views.empty()) return;
+  if (found.diagnosis) throw InputError(camera + ": " + *found.diagnosis);
+  throw InputError(camera + ": too few boards: no " + board.text() + " in any of " +
+                   ctl::count_of(found.images, "image") + " of " + source.name +
+                   ": is it completely visible, flat, sharp and well lit?");
+}
+
+}  // namespace
+
+FoundBoards find_boards(const std::string& camera, ImageSource source,
+                        const BoardDetector& detector) {
+  FoundBoards found;
+  ImagesWithoutBoard without_board;
+  Progress progress("boards of " + camera, source.announced);
+  while (true) {
+    std::vector<SourceImage> batch = next_batch(source);
+    if (batch.empty()) break;
+    std::vector<std::optional<BoardObservation>> observations(batch.size());
+    tbb::parallel_for(size_t{0}, batch.size(),
+                      [&](size_t i) { observations[i] = detector.find(batch[i].pixels.view()); });
+    for (size_t i = 0; i < batch.size(); ++i) {
+      require_one_size(camera, batch[i], found);
+      ++found.images;
+      progress.advance();
+      if (observations[i]) {
+        add_view(batch[i], std::move(*observations[i]), found);
+      } else {
+        without_board.add(std::move(batch[i]));
+      }
+    }
+    ctl::stop_if_interrupted();
+  }
+  if (found.views.empty()) found.diagnosis = without_board.diagnose(detector);
+  require_boards(camera, source, found, detector.board());
+  return found;
+}
+
+}  // namespace v3d::calibrate

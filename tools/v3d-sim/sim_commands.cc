@@ -1,0 +1,63 @@
+#include "v3d-sim/sim_commands.h"
+
+#include <algorithm>
+
+#include "base/config/toml_file.h"
+#include "base/image/image.h"
+#include "common/option_checks.h"
+#include "sim/cameras/gige_cameras.h"
+#include "sim/rendering/scene.h"
+
+namespace v3d::sim {
+
+void add_studio_options(CLI::App& command, StudioOptions& options) {
+  command.add_option("--cameras", options.cameras, "Number of cameras")
+      ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT")
+      ->capture_default_str();
+  command.add_option("--seed", options.seed, "Random seed; equal seeds give equal bytes")
+      ->capture_default_str();
+  command.add_option("--rate", options.rate_hz, "Pulses per second")
+      ->check(check_pulse_rate)
+      ->capture_default_str();
+}
+
+Rig rig_of(const StudioOptions& options) {
+  return make_rig(options.cameras, parse_size(options.size, Sides::kEven), options.seed);
+}
+
+std::string studio_text(const Rig& rig, const StudioText& options) {
+  std::string text =
+      "# A simulated studio, written by v3d-sim.\n"
+      "name = \"simulated\"\n\n"
+      "[[node]]\nname = \"cap01\"\n\n"
+      "[[node]]\nname = \"recon01\"\n\n"
+      "[camera_defaults]\n"
+      "node = \"cap01\"\n"
+      "kind = \"aravis\"\n"
+      "pixel_format = \"BayerRG8\"\n"
+      "exposure_us = 1000.0\n"
+      "trigger_line = \"Line1\"\n"
+      "packet_size = 60000\n"
+      "buffers = 16\n\n";
+  for (size_t i = 0; i < rig.size(); ++i) {
+    text += "[[camera]]\nname = " + toml_string(rig[i].name) +
+            "\naddress = " + toml_string(gige_address(static_cast<int>(i))) + "  # " +
+            gige_serial(static_cast<int>(i)) + "\n\n";
+  }
+  text += "[trigger]\nnode = \"cap01\"\nkind = \"simulated\"\nrate_hz = " +
+          toml_number(options.rate_hz) +
+          "\npulse_width_us = " + toml_number(std::min(1000.0, 0.5e6 / options.rate_hz)) +
+          "\nwire = \"trigger.sock\"\n\n"
+          "[space]\nmin = [-1.5, -1.5, -0.05]\nmax = [1.5, 1.5, 2.45]\n\n"
+          "[network]\nlcm_url = \"udpm://239.255.76.67:7667?ttl=0&recv_buf_size=16777216\"\nkey = "
+          "\"studio.key\"\n\n"
+          "[storage]\ntakes = \".\"\nbackground = \"background\"\ncalib = \"calib.toml\"\n\n"
+          "[reconstruction]\nnode = \"recon01\"\nvoxel_m = " +
+          toml_number(options.voxel_m) +
+          "\nmin_views = " + std::to_string(std::min<size_t>(4, rig.size())) + "\n";
+  return text;
+}
+
+}  // namespace v3d::sim

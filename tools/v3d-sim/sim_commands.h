@@ -1,0 +1,66 @@
+// Commands of v3d-sim, their common options, studio file and check.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/config/calib_file.h"
+#include "base/geometry/camera_model.h"
+#include "sim/cameras/exposure_record.h"
+
+namespace v3d::sim {
+
+// The commands of v3d-sim. Each function adds a command, which writes its exit status to `status`
+// when it is run.
+
+void add_take_command(CLI::App& app, int& status);
+void add_studio_command(CLI::App& app, int& status);
+void add_check_command(CLI::App& app, int& status);
+
+// Command line options that several commands of v3d-sim share.
+
+/// Parameters of the simulated studio.
+struct StudioOptions {
+  int cameras = 15;
+  std::string size = "1024x768";
+  uint64_t seed = 1;
+  double rate_hz = 25;
+};
+
+/// Adds --cameras, --size, --seed and --rate.
+void add_studio_options(CLI::App& command, StudioOptions& options);
+
+/// The rig of the studio. Throws InputError for an invalid image size.
+Rig rig_of(const StudioOptions& options);
+
+// The studio file of a simulated studio.
+
+struct StudioText {
+  double rate_hz = 25;
+  double voxel_m = 0.01;
+};
+
+/// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and
+/// trigger belong to node cap01; recon01 is the reconstruction node.
+std::string studio_text(const Rig& rig, const StudioText& options);
+
+// Comparison of a recorded take with the simulator's exposure record.
+
+struct TakeCheck {
+  int64_t frames_received = 0;
+  int64_t frames_missing = 0;           ///< pulses without a frame, over all cameras
+  int64_t frames_mislabelled = 0;       ///< frames labelled with a wrong pulse
+  int64_t mislabelled_not_suspect = 0;  ///< mislabelled frames that are not marked suspect
+  std::vector<std::string> problems;    ///< the first problems, one line each
+  bool whole() const { return frames_missing == 0 && frames_mislabelled == 0; }
+};
+
+/// A label is correct when the record has an exposure of the frame's camera and device time, at the
+/// edge whose time pulses.lcmlog gives for the frame's pulse. This edge must be the pulse-th one,
+/// counted from the edge of pulse 0. Throws InputError for a take that cannot be read.
+TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& record);
+
+}  // namespace v3d::sim

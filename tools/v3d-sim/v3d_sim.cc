@@ -1,0 +1,33 @@
+// v3d-sim: the simulated studio.
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <iostream>
+
+#include "base/core/error.h"
+#include "v3d-sim/sim_commands.h"
+
+int main(int argc, char** argv) {
+  int status = v3d::kExitDone;
+  CLI::App app("The simulated studio: a performer with known surface, and cameras that record it.",
+               "v3d-sim");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", V3D_VERSION);
+  v3d::sim::add_take_command(app, status);
+  v3d::sim::add_studio_command(app, status);
+  v3d::sim::add_check_command(app, status);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& wanted) {
+    return app.exit(wanted);
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "v3d-sim: " << error.what() << "; see v3d-sim --help\n";
+    return v3d::kExitBadInput;
+  } catch (const v3d::InputError& error) {
+    std::cerr << "v3d-sim: " << error.what() << '\n';
+    return v3d::kExitBadInput;
+  } catch (const std::exception& error) {
+    std::cerr << "v3d-sim: " << error.what() << '\n';
+    return v3d::kExitFailed;
+  }
+  return status;
+}

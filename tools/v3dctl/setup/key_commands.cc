@@ -1,0 +1,256 @@
+// key: makes the keys of a studio.
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/options.h"
+#include "v3dctl/setup/doctor.h"
+#include "wire/member_list.h"
+#include "wire/secret_keys.h"
+#include "wire/signatures.h"
+
+namespace v3d::ctl {
+namespace {
+
+int run_new(const CommandLine& line, const std::string& out) {
+  // The studio key is made first: the studio file may not exist yet.
+  const std::filesystem::path path = !out.empty()        ? std::filesystem::path(out)
+                                     : line.has_studio() ? line.studio().network.key
+                                                         : std::filesystem::path(kDefaultKey);
+  if (std::filesystem::exists(path)) {
+    throw InputError(
+        path.string() +
+        ": the studio key exists already; write a new key with --out FILE, and rename it "
+        "into place on every PC");
+  }
+  wire::StudioKey::make().save(path);
+  std::printf("made %s: copy it to every PC of the studio over an encrypted connection\n",
+              path.c_str());
+  return kExitDone;
+}
+
+int run_node(const CommandLine& line, const std::string& out) {
+  std::filesystem::path path = out;
+  if (path.empty()) path = line.studio().storage.signing_key;
+  if (path.empty()) {
+    throw InputError(line.studio_path().string() +
+                     ": [storage] signing_key is missing; name the file there, or with --out");
+  }
+  const bool is_new = !std::filesystem::exists(path);
+  if (is_new) wire::SigningKey::make().save(path);
+  const std::string key = wire::SigningKey::load(path).public_key().text();
+  std::printf("%s %s; in the studio file, under the [[node]] of this PC:\npublic_key = \"%s\"\n",
+              is_new ? "made" : "read", path.c_str(), key.c_str());
+  return kExitDone;
+}
+
+/// The option --out of a command that makes a key.
+std::shared_ptr<std::string> add_out(CLI::App* command, const std::string& otherwise) {
+  command->fallthrough();
+  auto out = std::make_shared<std::string>();
+  command->add_option("--out", *out, "Where to write it (" + otherwise + ")")->type_name("FILE");
+  return out;
+}
+
+}  // namespace
+
+void add_key(CommandLine& line) {
+  CLI::App* key = line.add(
+      "key", "Make the keys of a studio, and the list of its members",
+      {"v3dctl key new", "v3dctl key node", "v3dctl key members",
+       "v3dctl key enroll cap01 --role capture --public-key HEX", "v3dctl key revoke ada"});
+  key->require_subcommand(1);
+  CLI::App* make = key->add_subcommand(
+      "new", "Make the studio key, once for all PCs; its holders may command the studio");
+  const auto out = add_out(make, "else as the studio file says, else /etc/v3d/studio.key");
+  line.on_run(make, [&line, out] { return run_new(line, *out); });
+  CLI::App* node = key->add_subcommand(
+      "node", "Make the signing key of this PC, if it has none, and print its public key");
+  const auto node_out = add_out(node, "else [storage] signing_key of the studio file");
+  line.on_run(node, [&line, node_out] { return run_node(line, *node_out); });
+  add_member_commands(line, key);
+}
+
+// key authority, operator, enroll, revoke, members: the keys of an operator and of the studio's
+// authority, and the member list that the authority signs.
+
+namespace {
+
+struct Options {
+  std::string name;
+  std::string role;
+  std::string public_key;
+  std::filesystem::path authority = "authority.key";
+  std::filesystem::path out;
+  bool json = false;
+};
+
+/// Path of the member list, from the studio file. Throws InputError where the file names none.
+std::filesystem::path list_path(const CommandLine& line, const Studio& studio) {
+  if (studio.network.members.empty()) {
+    throw InputError(line.studio_path().string() +
+                     ": [network] members is missing; name the file of the list there, and the "
+                     "public key of the authority");
+  }
+  return studio.network.members;
+}
+
+/// Applies `change` to the current list, signs it with the next serial number, and writes it.
+template <class Change>
+int change_list(const CommandLine& line, const Options& options, Change change) {
+  const Studio studio = line.studio();
+  const std::filesystem::path path = list_path(line, studio);
+  const wire::SigningKey authority = wire::SigningKey::load(options.authority, wire::kAuthorityKey);
+  if (authority.public_key() != authority_of(studio)) {
+    throw InputError(options.authority.string() + ": its public key is " +
+                     authority.public_key().text() + ", but " + studio.path.string() +
+                     " has a different key for [network] authority");
+  }
+  wire::MemberList list{.studio = studio.name, .serial = 0, .members = {}};
+  if (std::filesystem::exists(path)) list = load_member_list(studio);
+  change(list);
+  ++list.serial;
+  const std::string text = sign_member_list(list, authority);
+  parse_member_list(text, path, authority.public_key(), studio.name);
+  replace_file(path, text);
+  std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n", path.c_str(),
+              static_cast<long long>(list.serial));
+  return kExitDone;
+}
+
+int run_enroll(const CommandLine& line, const Options& options) {
+  const wire::Member member{.name = options.name,
+                            .role = wire::role_from_name(options.role).value(),
+                            .key = wire::PublicKey::parse(options.public_key, "--public-key")};
+  if (!is_file_name(member.name)) {
+    throw InputError("'" + member.name + "': " + std::string(kFileNameRule));
+  }
+  return change_list(line, options,
+                     [&](wire::MemberList& list) { list.members.push_back(member); });
+}
+
+int run_revoke(const CommandLine& line, const Options& options) {
+  return change_list(line, options, [&](wire::MemberList& list) {
+    const auto is_revoked = [&](const wire::Member& member) {
+      const bool is_key = options.public_key.empty() || member.key.text() == options.public_key;
+      return member.name == options.name && is_key;
+    };
+    if (std::erase_if(list.members, is_revoked) > 0) return;
+    throw InputError("no member " + options.name +
+                     " with such a key; v3dctl key members shows them");
+  });
+}
+
+int run_members(const CommandLine& line, const Options& options) {
+  const Studio studio = line.studio();
+  list_path(line, studio);
+  const wire::MemberList list = load_member_list(studio);
+  if (options.json) {
+    nlohmann::ordered_json json = {{"serial", list.serial},
+                                   {"members", nlohmann::ordered_json::array()}};
+    for (const wire::Member& member : list.members) {
+      json["members"].push_back(
+          {{"name", member.name}, {"role", name(member.role)}, {"public_key", member.key.text()}});
+    }
+    std::printf("%s\n", json.dump(2).c_str());
+    return kExitDone;
+  }
+  std::printf("serial number %lld\n", static_cast<long long>(list.serial));
+  for (const wire::Member& member : list.members) {
+    std::printf("%-14s %-16s %s\n", std::string(name(member.role)).c_str(), member.name.c_str(),
+                member.key.text().c_str());
+  }
+  return kExitDone;
+}
+
+int run_authority(const Options& options) {
+  const wire::SigningKey key = wire::SigningKey::make();
+  key.save(options.authority, "", wire::kAuthorityKey);
+  std::printf(
+      "made %s: do not store it on a PC of the studio; in the studio file, under [network]:\n"
+      "authority = \"%s\"\n",
+      options.authority.c_str(), key.public_key().text().c_str());
+  return kExitDone;
+}
+
+int run_operator(const CommandLine& line, const Options& options) {
+  const std::filesystem::path path =
+      options.out.empty() ? line.studio().network.operator_key : options.out;
+  const bool is_new = !std::filesystem::exists(path);
+  if (is_new) wire::SigningKey::make().save(path, "v3d", wire::kOperatorKey);
+  const std::string key = wire::SigningKey::load(path, wire::kOperatorKey).public_key().text();
+  std::printf(
+      "%s %s; run on the PC that has the authority's key:\n"
+      "v3dctl key enroll NAME --role operator --public-key %s\n",
+      is_new ? "made" : "read", path.c_str(), key.c_str());
+  return kExitDone;
+}
+
+void add_authority_option(CLI::App* command, Options& options, const std::string& what) {
+  command->add_option("--authority", options.authority, what)
+      ->type_name("FILE")
+      ->capture_default_str();
+}
+
+/// A command on one member.
+CLI::App* add_for_member(CLI::App* key, Options& options, const std::string& verb,
+                         const std::string& purpose) {
+  CLI::App* command = key->add_subcommand(verb, purpose);
+  command->fallthrough();
+  command->add_option("name", options.name, "The member: a node of the studio file, or a person")
+      ->required()
+      ->type_name("NAME");
+  add_authority_option(command, options, "The file of the authority's key");
+  return command;
+}
+
+CLI::App* add_plain(CLI::App* key, const std::string& verb, const std::string& purpose) {
+  CLI::App* command = key->add_subcommand(verb, purpose);
+  command->fallthrough();
+  return command;
+}
+
+}  // namespace
+
+void add_member_commands(CommandLine& line, CLI::App* key) {
+  auto options = std::make_shared<Options>();
+  CLI::App* operators =
+      add_plain(key, "operator",
+                "Make the key of this PC's operator, if there is none, and print its public key");
+  operators
+      ->add_option("--out", options->out,
+                   "Where to write it (else [network] operator_key of the studio file)")
+      ->type_name("FILE");
+  line.on_run(operators, [&line, options] { return run_operator(line, *options); });
+
+  CLI::App* authority =
+      add_plain(key, "authority", "Make the key that signs the member list, once for a studio");
+  add_authority_option(authority, *options, "Where to write it");
+  line.on_run(authority, [options] { return run_authority(*options); });
+
+  CLI::App* enroll = add_for_member(key, *options, "enroll", "Add a member, or a key of a member");
+  enroll->add_option("--role", options->role, "What the member may do")
+      ->required()
+      ->type_name("ROLE")
+      ->check(CLI::IsMember({"operator", "capture", "reconstruction", "viewer"}));
+  enroll->add_option("--public-key", options->public_key, "As key node or key operator prints it")
+      ->required()
+      ->type_name("HEX");
+  line.on_run(enroll, [&line, options] { return run_enroll(line, *options); });
+
+  CLI::App* revoke = add_for_member(key, *options, "revoke", "Remove a member");
+  revoke->add_option("--public-key", options->public_key, "Only this key of the member")
+      ->type_name("HEX");
+  line.on_run(revoke, [&line, options] { return run_revoke(line, *options); });
+
+  CLI::App* members = add_plain(key, "members", "Verify the member list, and show it");
+  add_json_flag(members, options->json);
+  line.on_run(members, [&line, options] { return run_members(line, *options); });
+}
+
+}  // namespace v3d::ctl

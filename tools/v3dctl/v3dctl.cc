@@ -1,0 +1,32 @@
+// v3dctl: operates a studio and processes its takes.
+#include "v3dctl/command_line.h"
+
+namespace v3d::ctl {
+namespace {
+
+/// Adds all commands, in the order of the help text.
+void add_all_commands(CommandLine& line) {
+  add_operator_commands(line);
+  add_check(line);
+  add_preview(line);
+  add_health(line);
+  add_watch(line);
+  add_key(line);
+  add_doctor(line);
+  add_takes(line);
+  add_verify(line);
+  add_external(line, "import", "Make a take from recordings of other sources");
+  add_external(line, "calibrate", "Calibrate lenses, poses and colours of the cameras");
+  add_reconstruct(line);
+  add_evaluate(line);
+  add_export(line);
+  add_render(line);
+}
+
+}  // namespace
+
+}  // namespace v3d::ctl
+
+int main(int argc, char** argv) {
+  return v3d::ctl::run_program(argc, argv, v3d::ctl::add_all_commands);
+}

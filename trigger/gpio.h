@@ -1,0 +1,134 @@
+// GPIO lines, generator and sense line: adapter of libgpiod.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
+#include "trigger/paced_train.h"
+#include "trigger/pulse_generator.h"
+
+namespace v3d::trigger {
+
+// GPIO lines: an interface for outputs and inputs, and its implementation with libgpiod 1.6. Only
+// gpio.cc includes libgpiod.
+
+/// A line that this process drives. Threads: one caller at a time.
+class OutputLine {
+ public:
+  virtual ~OutputLine() = default;
+  /// Returns false where the line does not work any more, for example because its chip was
+  /// unplugged.
+  virtual bool set(bool active) = 0;
+};
+
+struct LineEdge {
+  bool active = true;   ///< level after the edge
+  MonotonicInstant at;  ///< time stamp of the kernel's interrupt handler
+};
+
+/// A line whose edges this process reads. Threads: one.
+class InputLine {
+ public:
+  virtual ~InputLine() = default;
+  /// Waits for the next edge until `deadline`; empty when none came. The kernel keeps 16 edges and
+  /// drops further ones.
+  virtual std::optional<LineEdge> wait(MonotonicInstant deadline) = 0;
+  /// Whether the line does not work any more.
+  virtual bool gone() const = 0;
+};
+
+/// "TRIGGER of gpiochip0", for messages.
+std::string line_text(const StudioLine& line);
+
+/// Request a line for this process until the object is destroyed; an output starts inactive. Throw
+/// InputError for an unknown chip or line, a line in use, and missing permission.
+std::unique_ptr<OutputLine> open_output_line(const StudioLine& line);
+std::unique_ptr<InputLine> open_input_line(const StudioLine& line);
+
+using OpenOutputLine = std::function<std::unique_ptr<OutputLine>(const StudioLine&)>;
+using OpenInputLine = std::function<std::unique_ptr<InputLine>(const StudioLine&)>;
+
+// Pulse generator on a GPIO output line; this host's clock paces the pulses.
+
+/// Requests the line at the first silence() or arm() and keeps it; the line is inactive between
+/// trains.
+///
+/// A pulse that is later than a quarter of a period is skipped: a camera that is still busy with
+/// the previous pulse would miss it, and it would be unknown which cameras missed it.
+class GpioGenerator : public PulseGenerator, private PulseOutput {
+ public:
+  explicit GpioGenerator(StudioLine line, OpenOutputLine open = open_output_line,
+                         HostClock clock = {});
+  ~GpioGenerator() override;
+
+  void silence() override;
+  void arm(const PulseTrain& train) override;
+  void start() override;
+  void stop() override { train_.stop(); }
+  int64_t commanded() const override { return train_.commanded(); }
+  std::optional<MonotonicInstant> first_pulse() const override { return train_.first_pulse(); }
+  bool finished() const override { return train_.finished(); }
+  PulseStatistics statistics() const override { return train_.statistics(); }
+  std::string fault() const override;
+
+ private:
+  bool begin_pulse(MonotonicInstant /*at*/) override { return output_->set(true); }
+  bool end_pulse() override { return output_->set(false); }
+  /// Ends the train and makes the line inactive. Opens the line if it is not open or does not work.
+  void request_line(const PacedTrain::Plan& plan);
+
+  const StudioLine line_;
+  const OpenOutputLine open_;
+  std::unique_ptr<OutputLine> output_;
+  PacedTrain train_;  ///< last member: its thread uses the members above
+};
+
+// Sense line on a GPIO input.
+
+/// Reads the line on a thread of its own, because the kernel keeps only 16 edges. The first reset()
+/// starts the thread.
+///
+/// A pulse is reported at its end, with its width. A pulse whose end was lost is reported without a
+/// width, at the start of the next pulse or after 1.1 s.
+class GpioSensor : public PulseSensor {
+ public:
+  explicit GpioSensor(StudioLine line, OpenInputLine open = open_input_line);
+  ~GpioSensor() override;
+
+  void reset() override;
+  std::optional<SensedPulse> wait(MonotonicInstant deadline) override;
+  std::string fault() const override;
+
+ private:
+  void run();
+  void on_edge(const LineEdge& edge);
+  /// Reports a pulse whose end did not come within kMaxPulseWidth.
+  void report_overdue();
+  void report(std::optional<Duration> width);
+  void stop_thread();
+
+  const StudioLine line_;
+  const OpenInputLine open_;
+  std::unique_ptr<InputLine> input_;  ///< used by the thread only, while it runs
+  std::optional<MonotonicInstant>
+      pulse_start_;  ///< of a pulse without an end yet; used by the thread only
+  std::thread thread_;
+  std::atomic<bool> stopping_ = false;
+
+  mutable std::mutex mutex_;  ///< guards the next members
+  std::condition_variable changed_;
+  std::deque<SensedPulse> pulses_;
+  int64_t next_number_ = 0;
+  bool gone_ = false;
+  int64_t dropped_ = 0;
+};
+
+}  // namespace v3d::trigger
