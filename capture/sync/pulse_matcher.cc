@@ -124,9 +124,11 @@ bool PulseMatcher::run_is_conclusive(const Evidence& e) const {
   if (arrivals_.stddev(run_->pulse) > kMaxArrivalStddev || clock_contradicts(e)) return false;
   const bool by_clock = !e.off_pulse && run_->pulse == e.clock_pulse;
   // The counter errs by whole pulses, for example after a repeated frame. If the clock gives a
-  // pulse that is a little earlier, the frames may be late instead of the clock wrong.
+  // pulse that is a little earlier and has no frame, the frames may be late instead of the clock
+  // wrong.
   const int64_t delay = run_->pulse - e.clock_pulse;
-  const bool may_be_late = !e.off_pulse && delay > 0 && delay <= kMaxEqualDelay;
+  const bool may_be_late =
+      !e.off_pulse && e.clock_pulse > last_pulse_ && delay > 0 && delay <= kMaxEqualDelay;
   const bool by_counter = !reopened_ && run_->pulse == e.by_counter && !may_be_late;
   if (run_->confirmations <
       (by_clock || by_counter ? kConfirmationsOfTwo : kConfirmationsOfArrival))

@@ -83,8 +83,9 @@ struct KnownFrame {
 ///   - device time and counter agree as before;
 ///   - frames in a row advance equally by clock, counter and arrival. Then the arrival gives their
 ///     pulse. The second such frame is sufficient if the clock or the counter agrees with the
-///     arrival. The ninth is required if both must have restarted, or if only the counter agrees
-///     and the clock gives a pulse that is up to ten earlier: the frames may all be late.
+///     arrival. The ninth is required if both must have restarted. It is also required if only the
+///     counter agrees, and the clock gives a pulse that is up to ten earlier and has no frame: the
+///     frames may all be late.
 ///
 /// A frame is suspect if
 ///   - the sources disagree as above; its label is the most likely pulse;

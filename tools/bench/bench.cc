@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "calib/rig/rig_fit.h"
+#include "rates.h"
 #include "recon/hull/sparse_volume.h"
 #include "sim/cameras/board_walk.h"
 #include "sim/rendering/scene.h"

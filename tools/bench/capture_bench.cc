@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "capture/sync/pulse_matcher.h"
+#include "rates.h"
 #include "take/logs/frame_log.h"
 #include "workload.h"
 

@@ -9,6 +9,7 @@
 
 #include "base/core/statistics.h"
 #include "base/core/time.h"
+#include "rates.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "workload.h"

@@ -11,6 +11,7 @@
 #include "daemon/bus/bus.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/message_authenticator.h"
+#include "rates.h"
 #include "wire/codec.h"
 #include "wire/messages.h"
 #include "workload.h"

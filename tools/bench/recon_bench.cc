@@ -2,6 +2,7 @@
 #include <tbb/task_arena.h>
 
 #include "pulses.h"
+#include "rates.h"
 #include "recon/hull/ghost_removal.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"

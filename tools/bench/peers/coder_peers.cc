@@ -13,6 +13,7 @@
 #include <bit>
 #include <memory>
 
+#include "rates.h"
 #include "workload.h"
 
 namespace v3d::bench {

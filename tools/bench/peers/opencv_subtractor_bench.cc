@@ -10,6 +10,7 @@
 
 #include "base/image/colour.h"
 #include "peers/opencv_subtractor.h"
+#include "rates.h"
 #include "workload.h"
 
 namespace v3d::bench {

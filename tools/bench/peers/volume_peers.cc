@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <array>
 
+#include "rates.h"
 #include "workload.h"
 
 namespace v3d::bench {
