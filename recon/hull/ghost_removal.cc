@@ -167,8 +167,9 @@ void GhostRemoval::sample(const SparseVolume& volume, size_t component) {
       for (uint64_t left = part.bits[z]; left != 0; left &= left - 1) {
         if (number++ % every != 0) continue;
         const int bit = std::countr_zero(left);
-        samples_.emplace_back(codec::kBrickEdge * at.x + bit % 8 + 0.5,
-                              codec::kBrickEdge * at.y + bit / 8 + 0.5,
+        const int x = bit % 8, y = bit / 8;
+        samples_.emplace_back(codec::kBrickEdge * at.x + x + 0.5,
+                              codec::kBrickEdge * at.y + y + 0.5,
                               codec::kBrickEdge * at.z + z + 0.5);
       }
     }
