@@ -167,7 +167,7 @@ void check_datagram(Receivers& receivers, std::span<const uint8_t> bytes) {
   const auto with_mac = signed_datagram(receivers.mac, datagram);
   if (const auto got = receivers.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
   if (const auto got = receivers.of_members.receive(with_mac, 1, kReceiverNow)) {
-    const bus::ChannelKind& kind = *kind_of(got->channel);
+    const bus::ChannelKind& kind = *bus::kind_of(got->channel);
     must(!got->is_accepted || (!kind.is_signed() && !kind.is_of_frames));
     sum(got->bytes);
   }
