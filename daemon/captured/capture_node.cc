@@ -315,7 +315,7 @@ std::string CaptureNode::check_disks() {
                            node::advice::kQueue);
   const std::string here = recording->disk_stop_reason();
   disk_is_full_ = !here.empty();
-  const std::string elsewhere = disk_monitor_ ? disk_monitor_->full_node() : "";
+  const std::string elsewhere = disk_monitor_ ? disk_monitor_->full_node(plan_.order.take) : "";
   if (here.empty() && elsewhere.empty()) return "";
   const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
   events_.send(wire::Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,

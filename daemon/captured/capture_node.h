@@ -17,6 +17,7 @@
 #include "daemon/captured/take_signers.h"
 #include "daemon/control/node_protocol.h"
 #include "daemon/node/node_health.h"
+#include "daemon/node/peer_health.h"
 #include "daemon/node/persisted_command.h"
 
 namespace v3d::captured {

@@ -1,4 +1,4 @@
-// Health of this machine, conclusions from that of others.
+// Health of this machine, and detection of a second process with its name.
 #pragma once
 
 #include <cstdint>
@@ -52,37 +52,6 @@ class MachineHealth {
   std::optional<Ticks> last_;
   std::optional<double> machine_percent_;
   std::optional<double> daemon_percent_;
-};
-
-// Detects full or broken disks on other capture nodes, from their health messages. The trigger's
-// node then ends the train.
-
-/// Name of a health value: 1 from the time a node ended its part of the take because its disk is
-/// full or frames could not be written, until the next take.
-inline constexpr char kDiskFull[] = "disk_full_flag";
-
-/// True if `health` has kDiskFull set.
-bool reports_full_disk(const wire::HealthMessage& health);
-
-/// Subscribes to the health of other nodes. Health is sent every second, so a lost message only
-/// delays the result. One thread.
-class DiskMonitor {
- public:
-  /// `bus` outlives the monitor.
-  DiskMonitor(bus::Bus& bus, const std::vector<std::string>& nodes);
-
-  /// Discards the messages received so far.
-  void reset();
-  /// Reads the messages that have arrived. Returns the name of a node whose disk is full, or an
-  /// empty string. Never waits.
-  std::string full_node();
-
- private:
-  struct Node {
-    std::string name;
-    std::unique_ptr<bus::Subscription<wire::HealthMessage>> health;
-  };
-  std::vector<Node> nodes_;
 };
 
 // Duplicate name detection: finds another process that sends health under this node's name.

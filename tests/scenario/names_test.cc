@@ -10,38 +10,12 @@ namespace v3d {
 namespace {
 
 using test::becomes_true;
-using test::ChildProcess;
 using test::Studio4;
 using test::within;
 
 class DuplicateNodeName : public Studio4 {
  protected:
-  void start_duplicate() {
-    duplicate_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
-                                                folder_ / "studio.toml", "--node", "cap01"},
-                       folder_ / "duplicate.log");
-  }
-  /// Waits up to 60 s for the alarm in the health of cap01. False at timeout.
-  bool raises_alarm() {
-    return becomes_true(
-        [&] {
-          const auto health = client_->health(within(5));
-          const auto cap01 = health.find("cap01");
-          return cap01 != health.end() &&
-                 cap01->second.text.find("another process sends as node cap01") !=
-                     std::string::npos;
-        },
-        within(60));
-  }
-  bool duplicate_knows() const {
-    return becomes_true(
-        [&] {
-          return duplicate_->output().find("another process sends as node cap01") !=
-                 std::string::npos;
-        },
-        within(60));
-  }
-  std::optional<ChildProcess> duplicate_;
+  explicit DuplicateNodeName(const test::Studio4Options& options = {}) : Studio4(options) {}
 };
 
 TEST_F(DuplicateNodeName, rejects_arming_until_one_process_has_ended) {
@@ -88,6 +62,27 @@ TEST_F(DuplicateNodeName, is_stopped_by_the_process_that_records) {
   EXPECT_THAT(stopped.replies.at("cap01").detail, testing::HasSubstr("\"complete\":true"));
   const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
+}
+
+class DuplicateNodeOfTheTrigger : public DuplicateNodeName {
+ protected:
+  DuplicateNodeOfTheTrigger() : DuplicateNodeName({.two_nodes = true}) {}
+};
+
+TEST_F(DuplicateNodeOfTheTrigger, ends_no_running_take_of_another_node) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap02", "frames_written", 20)) << log();
+  start_duplicate();
+  ASSERT_TRUE(raises_alarm()) << log() << duplicate_->output();
+  ASSERT_TRUE(duplicate_knows()) << duplicate_->output();
+  const double written = value("cap02", "frames_written");
+  EXPECT_TRUE(reaches("cap02", "frames_written", written + 100)) << log();
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log() << duplicate_->output();
+  for (const take::TakePaths& part : {take(), take_of_cap02()}) {
+    const take::Verification verified = verify_take(part);
+    EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
+  }
 }
 
 }  // namespace

@@ -183,6 +183,30 @@ class Studio4 : public testing::Test {
                                  "--node", "cap02"},
         folder_ / "v3d-captured-2.log");
   }
+  /// Starts a second process with the name of cap01.
+  void start_duplicate() {
+    duplicate_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
+                                                folder_ / "studio.toml", "--node", "cap01"},
+                       folder_ / "duplicate.log");
+  }
+  static constexpr char kDuplicateAlarm[] = "another process sends as node cap01";
+  /// Waits up to 60 s for the alarm in the health of cap01. False at timeout.
+  bool raises_alarm() {
+    return becomes_true(
+        [&] {
+          const auto health = client_->health(within(5));
+          const auto cap01 = health.find("cap01");
+          return cap01 != health.end() &&
+                 cap01->second.text.find(kDuplicateAlarm) != std::string::npos;
+        },
+        within(60));
+  }
+  /// Waits up to 60 s until the second process has logged the alarm. False at timeout.
+  bool duplicate_knows() const {
+    return becomes_true(
+        [&] { return duplicate_->output().find(kDuplicateAlarm) != std::string::npos; },
+        within(60));
+  }
   void start_recond() {
     recond_.emplace(
         std::vector<std::string>{bin("v3d-recond"), "--studio", folder_ / "studio.toml"},
@@ -237,6 +261,8 @@ class Studio4 : public testing::Test {
   }
 
   take::TakePaths take() const { return {studio_.storage.takes / take_name_}; }
+  /// With `two_nodes`.
+  take::TakePaths take_of_cap02() const { return {folder_ / "cap02" / take_name_}; }
 
   const TemporaryFolder folder_;
   const wire::SigningKey authority_ = wire::SigningKey::make();
@@ -247,6 +273,7 @@ class Studio4 : public testing::Test {
   Studio studio_;
   std::optional<ChildProcess> captured_;
   std::optional<ChildProcess> second_captured_;
+  std::optional<ChildProcess> duplicate_;  ///< a second process with the name of cap01
   std::optional<ChildProcess> recond_;
   std::optional<control::OperatorClient> client_;
 };

@@ -5,6 +5,7 @@
 #include "base/core/error.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/node_health.h"
+#include "daemon/node/peer_health.h"
 #include "daemon/node/take_folder.h"
 
 namespace v3d::simulation {
@@ -111,7 +112,7 @@ void SimulatedCapture::open_take() {
 void SimulatedCapture::start() {
   was_started_ = true;
   restart_train();
-  full_elsewhere_.clear();
+  for (auto& [node, disk] : other_disks_) disk.reset(now());
   learn_by_ =
       now() + from_seconds(static_cast<double>(order_.pulses + 2) / world_.rate_hz) + kPlatesWithin;
   if (host_.trigger == nullptr) return;
@@ -184,7 +185,9 @@ std::optional<control::NodeReport> SimulatedCapture::poll_learning() {
 
 std::optional<control::NodeReport> SimulatedCapture::poll_recording() {
   disk_is_full_ = records() && (write_errors_ > 0 || host_.disk.is_full);
-  ended_by_disk_ = disk_is_full_ || !full_elsewhere_.empty();
+  ended_by_disk_ = disk_is_full_ || std::ranges::any_of(other_disks_, [](const auto& disk) {
+                     return disk.second.is_full();
+                   });
   if (ended_by_disk_) {
     return control::NodeReport{
         .event = control::Input::kTrainEnded, .text = "a disk is full", .detail = {}};
@@ -267,8 +270,14 @@ void SimulatedCapture::report_health(wire::HealthMessage& health) {
   health.values[node::kDiskFull] = disk_is_full_ ? 1 : 0;
 }
 
-void SimulatedCapture::on_other_health(const wire::HealthMessage& health) {
-  if (host_.trigger != nullptr && node::reports_full_disk(health)) full_elsewhere_ = health.node;
+void SimulatedCapture::on_other_health(const node::ReceivedHealth& message) {
+  if (host_.trigger == nullptr) return;
+  node::FullDiskState& disk = other_disks_[message.health.node];
+  if (was_started_) {
+    disk.on_health(message, order_.take);
+  } else {
+    disk.note(message);
+  }
 }
 
 void SimulatedCapture::on_pulse_message(const wire::PulseMessage& pulse) {

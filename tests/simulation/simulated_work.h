@@ -11,6 +11,7 @@
 
 #include "daemon/captured/pulse_log.h"
 #include "daemon/control/node_protocol.h"
+#include "daemon/node/peer_health.h"
 #include "daemon/node/persisted_command.h"
 #include "simulation/node_setting.h"
 
@@ -23,10 +24,8 @@ class SimulatedWork : public control::NodeDelegate {
       : world_(world), host_(host), rejoin_(host.disk.persisted_commands()) {}
 
   /// Called with accepted health of the trigger's node; on_other_health(): of any node.
-  void on_trigger_health(const wire::HealthMessage& health, uint32_t session) {
-    trigger_health_.push_back({.health = health, .session = session, .received = now()});
-  }
-  virtual void on_other_health(const wire::HealthMessage&) {}
+  void on_trigger_health(const node::ReceivedHealth& health) { trigger_health_.push_back(health); }
+  virtual void on_other_health(const node::ReceivedHealth&) {}
   virtual void on_pulse_message(const wire::PulseMessage&) {}
   /// Called when a camera of this node has delivered the frame of a pulse.
   virtual void on_frame(const std::string&, int64_t) {}
@@ -72,7 +71,7 @@ class SimulatedCapture : public SimulatedWork {
   std::optional<control::NodeReport> poll(control::Phase phase) override;
   void report_health(wire::HealthMessage& health) override;
 
-  void on_other_health(const wire::HealthMessage& health) override;
+  void on_other_health(const node::ReceivedHealth& health) override;
   void on_pulse_message(const wire::PulseMessage& pulse) override;
   void on_frame(const std::string& camera, int64_t pulse) override;
   void on_sensed(int64_t pulse) override;
@@ -106,8 +105,8 @@ class SimulatedCapture : public SimulatedWork {
   std::map<std::string, take::CameraAccount> accounts_;
   std::map<std::string, int64_t> received_;
   int64_t write_errors_ = 0;
-  bool disk_is_full_ = false;   ///< a full disk here ended the last take
-  std::string full_elsewhere_;  ///< node with a full disk, on the trigger's node only
+  bool disk_is_full_ = false;  ///< a full disk here ended the last take
+  std::map<std::string, node::FullDiskState> other_disks_;  ///< by node; on the trigger's node only
   bool ended_by_disk_ = false;
 };
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "daemon/node/persisted_command.h"
+#include "daemon/node/peer_health.h"
 
 namespace v3d::node {
 namespace {
@@ -27,8 +27,9 @@ class TrainStateTest : public testing::Test {
     message.received = now_;
     train_.on_health(message, kTake);
   }
-  /// The trigger's node restarts: new session, new sequence numbers.
+  /// The trigger's node restarts: silence, new session, new sequence numbers.
   void restart_sender() {
+    now_ += HealthOrder::kSilence;
     ++session_;
     seq_ = 0;
   }
@@ -56,7 +57,7 @@ TEST_F(TrainStateTest, does_not_end_by_late_messages_from_before_a_clock_step) {
 
 TEST_F(TrainStateTest, does_not_end_by_several_late_messages_from_before_it_was_armed) {
   receive(next(wire::NodeState::kIdle, 100));
-  now_ += TrainState::kMaxAge;
+  now_ += kMaxHealthAge;
   receive(next(wire::NodeState::kIdle, 101));
   EXPECT_FALSE(train_.ended());
 }
@@ -72,13 +73,13 @@ TEST_F(TrainStateTest, ignores_what_is_older_than_messages_before_the_start) {
   const ReceivedHealth draining = next(wire::NodeState::kDraining);
   train_.note(next(wire::NodeState::kArmed));
   train_.reset(now_);
-  now_ += TrainState::kMaxAge + 1s;
+  now_ += kMaxHealthAge + 1s;
   receive(draining);
   EXPECT_FALSE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ends_without_pulses_when_the_message_cannot_be_from_before_the_start) {
-  now_ += TrainState::kMaxAge + 1ms;
+  now_ += kMaxHealthAge + 1ms;
   receive(next(wire::NodeState::kIdle));
   EXPECT_TRUE(train_.ended());
 }
@@ -100,6 +101,32 @@ TEST_F(TrainStateTest, ignores_late_messages_of_a_process_that_has_ended) {
   receive(next(wire::NodeState::kRecording));
   receive(idle);
   EXPECT_FALSE(train_.ended());
+}
+
+TEST_F(TrainStateTest, does_not_end_by_a_second_process_with_the_name_of_the_triggers_node) {
+  ReceivedHealth second = next(wire::NodeState::kIdle);
+  second.session = session_ + 1;
+  receive(next(wire::NodeState::kRecording));
+  for (int second_of_take = 0; second_of_take < 20; ++second_of_take) {
+    ++second.health.seq;
+    receive(second);
+    now_ += 1s;
+    receive(next(wire::NodeState::kRecording));
+    ASSERT_FALSE(train_.ended()) << second_of_take;
+  }
+  receive(next(wire::NodeState::kDraining));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, ends_when_the_triggers_node_is_silent_and_another_process_has_its_name) {
+  receive(next(wire::NodeState::kRecording));
+  restart_sender();
+  now_ -= 1ms;
+  receive(next(wire::NodeState::kIdle));
+  EXPECT_FALSE(train_.ended());
+  now_ += 1ms;
+  receive(next(wire::NodeState::kIdle));
+  EXPECT_TRUE(train_.ended());
 }
 
 TEST_F(TrainStateTest, ends_at_once_after_it_was_rejoined) {
