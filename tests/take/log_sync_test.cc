@@ -72,6 +72,15 @@ TEST_F(LogSync, fails_at_the_close_after_an_error_of_a_running_sync) {
   EXPECT_FALSE(log_.sync()) << "the kernel reports the error to one sync only";
 }
 
+TEST_F(LogSync, fails_when_only_the_last_sync_fails) {
+  EXPECT_TRUE(write());
+  ASSERT_TRUE(hook_.wait_for(1)) << "the periodic sync succeeds";
+  hook_.fail_next(EIO);
+  const io::Status synced = log_.sync();
+  ASSERT_FALSE(synced);
+  EXPECT_EQ(synced.error().code, EIO);
+}
+
 TEST_F(LogSync, succeeds_where_the_file_system_does_not_support_it) {
   for (const int error : {EINVAL, ENOSYS, EOPNOTSUPP}) {
     EXPECT_TRUE(write());

@@ -5,8 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cerrno>
+
 #include "daemon/node/take_folder.h"
 #include "support/child_process.h"
+#include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
 #include "trigger/cable_server.h"
 #include "wire/messages.h"
@@ -130,6 +133,17 @@ TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed)
               testing::AllOf(testing::HasSubstr("take kendo-07 is not signed: cannot sign"),
                              testing::HasSubstr("studio.toml")));
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
+}
+
+TEST_F(TakeOfTheTriggersNode, stays_open_when_the_last_sync_of_its_pulses_fails) {
+  const auto take = started(wire::CommandVerb::kArm);
+  run_train(*take);
+  test::FsyncHook hook;
+  hook.fail_next(EIO);
+  const TakeResult result = drain(*take);
+  EXPECT_THAT(result.close_report.error,
+              testing::StartsWith("kendo-07 stays open: cannot write the last pulses"));
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording);
 }
 
 TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {

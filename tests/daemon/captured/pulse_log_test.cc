@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cerrno>
+
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
 
@@ -20,6 +22,18 @@ TEST(PulseLogSync, includes_the_last_pulses_before_a_pause) {
   ASSERT_TRUE(hook.wait_for(2)) << "no later pulse follows";
   log.close();
   EXPECT_EQ(take::read_pulses(folder / "pulses.lcmlog").size(), 2U);
+}
+
+TEST(PulseLogSync, fails_when_only_the_sync_of_its_close_fails) {
+  const test::TemporaryFolder folder;
+  test::FsyncHook hook;
+  PulseLog log(folder / "pulses.lcmlog", take::LogOpening::kNew);
+  log.write(wire::PulseMessage());
+  ASSERT_TRUE(hook.wait_for(1));
+  hook.fail_next(EIO);
+  log.close();
+  ASSERT_FALSE(log.synced());
+  EXPECT_EQ(log.synced().error().code, EIO);
 }
 
 }  // namespace
