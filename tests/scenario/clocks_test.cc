@@ -2,11 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 
+#include "set_clock.h"
 #include "studio4.h"
-#include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
 
 namespace v3d {
@@ -17,27 +16,8 @@ using test::Studio4;
 using test::within;
 using testing::HasSubstr;
 
-/// Sets the environment that preloads v3d_set_clock into daemons started during its lifetime.
-struct SetClockPreloaded {
-  SetClockPreloaded() {
-    setenv("LD_PRELOAD", V3D_SET_CLOCK_LIBRARY, 1);
-    setenv("V3D_SET_CLOCK", control().c_str(), 1);
-    setenv("V3D_SET_CLOCK_OF", "v3d-captured", 1);
-  }
-  ~SetClockPreloaded() {
-    for (const char* name : {"LD_PRELOAD", "V3D_SET_CLOCK", "V3D_SET_CLOCK_OF"}) unsetenv(name);
-  }
-  std::filesystem::path control() const { return folder_ / "seconds"; }
-
- private:
-  const test::TemporaryFolder folder_;
-};
-
-class ClockStudio4 : private SetClockPreloaded, public Studio4 {
+class ClockStudio4 : protected test::SetClockPreloaded, public Studio4 {
  protected:
-  /// Sets the wall clock of cap01 to `seconds` after the right time.
-  void set_clock(int seconds) { test::write_text(control(), std::to_string(seconds)); }
-
   void expect_complete_take_with_live_meshes() {
     const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();

@@ -79,12 +79,8 @@ inline int served_port(const ChildProcess& viewd) {
 class ViewedStudio : public Studio4 {
  protected:
   /// `more`: lines appended to the section [viewer] of the studio file.
-  /// `network`: lines added to the section [network].
-  explicit ViewedStudio(const std::string& more = "", bool has_members = false,
-                        const std::string& network = "")
-      : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more,
-                 .network = network,
-                 .has_members = has_members}) {
+  explicit ViewedStudio(const std::string& more = "", const Studio4Options& options = {})
+      : Studio4(with_viewer(more, options)) {
     write_text(folder_ / "operator.token", std::string(kOperatorToken) + "\n");
     chmod((folder_ / "operator.token").c_str(), 0600);
     std::filesystem::create_directories(folder_ / "page");
@@ -92,6 +88,11 @@ class ViewedStudio : public Studio4 {
     viewd_.emplace(std::vector<std::string>{bin("v3d-viewd"), "--studio", folder_ / "studio.toml"},
                    folder_ / "v3d-viewd.log");
     port_ = served_port(*viewd_);
+  }
+
+  static Studio4Options with_viewer(const std::string& more, Studio4Options options) {
+    options.more += "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more;
+    return options;
   }
 
   std::unique_ptr<Connection> get(const std::string& target) const {
