@@ -76,6 +76,9 @@ function(v3d_layer layer)
     target_link_libraries(v3d_${layer} PUBLIC v3d_${used})
   endforeach()
   target_link_libraries(v3d_${layer} PUBLIC ${ARG_LINK} PRIVATE ${ARG_PRIVATE})
+  if(ARG_USES)  # the layers that use no other are small and include little
+    v3d_use_precompiled_headers(v3d_${layer} v3d_common_headers)
+  endif()
 endfunction()
 
 function(v3d_check_layers)
@@ -138,6 +141,7 @@ function(v3d_test name)
   target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  v3d_use_precompiled_headers(${name} v3d_test_headers)
   set(sanitizer)
   if(V3D_SANITIZE STREQUAL thread AND ARG_LINK MATCHES opencv)
     # OpenCV's own loops synchronise threads in a way that ThreadSanitizer does not see.

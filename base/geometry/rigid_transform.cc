@@ -25,6 +25,18 @@ Eigen::Vector3d RigidTransform::rodrigues() const {
   return angle_axis.angle() * angle_axis.axis();
 }
 
+Eigen::Vector3d RigidTransform::operator*(const Eigen::Vector3d& p) const {
+  return rotation * p + translation;
+}
+
+RigidTransform RigidTransform::operator*(const RigidTransform& inner) const {
+  return {rotation * inner.rotation, rotation * inner.translation + translation};
+}
+
+RigidTransform RigidTransform::inverse() const {
+  return {rotation.transpose(), -(rotation.transpose() * translation)};
+}
+
 RigidTransform look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   const Eigen::Vector3d forward = (target - eye).normalized();
   Eigen::Vector3d right = forward.cross(Eigen::Vector3d::UnitZ());

@@ -21,13 +21,9 @@ struct RigidTransform {
                                        const Eigen::Vector3d& translation);
   Eigen::Vector3d rodrigues() const;
 
-  Eigen::Vector3d operator*(const Eigen::Vector3d& p) const { return rotation * p + translation; }
-  RigidTransform operator*(const RigidTransform& inner) const {
-    return {rotation * inner.rotation, rotation * inner.translation + translation};
-  }
-  RigidTransform inverse() const {
-    return {rotation.transpose(), -(rotation.transpose() * translation)};
-  }
+  Eigen::Vector3d operator*(const Eigen::Vector3d& p) const;
+  RigidTransform operator*(const RigidTransform& inner) const;
+  RigidTransform inverse() const;
 };
 
 /// cam_from_world of a camera at `eye` (world, metres) that looks at `target`, with the image

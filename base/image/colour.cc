@@ -1,5 +1,6 @@
 #include "base/image/colour.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,6 +9,18 @@
 #include "base/core/error.h"
 
 namespace v3d {
+
+bool ColourResponse::is_identity() const { return black.isZero(0) && matrix.isIdentity(0); }
+
+Eigen::Vector3d ColourResponse::corrected(const Eigen::Vector3d& grey) const {
+  return matrix * (grey - black);
+}
+
+ColourResponse ColourResponse::inverse() const { return {-(matrix * black), matrix.inverse()}; }
+
+bool operator==(const ColourResponse& a, const ColourResponse& b) {
+  return a.black == b.black && a.matrix == b.matrix;
+}
 
 void correct(Image& image, const ColourResponse& response) {
   V3D_CHECK(image.format == PixelFormat::kRGB8);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 
 #include "base/image/image.h"
 
@@ -18,12 +17,12 @@ struct ColourResponse {
   Eigen::Vector3d black = Eigen::Vector3d::Zero();       ///< grey values of R, G, B without light
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();  ///< camera R, G, B to common R, G, B
 
-  bool is_identity() const { return black.isZero(0) && matrix.isIdentity(0); }
+  bool is_identity() const;
   /// Camera colour to common colour; the result can lie outside 0 to 255.
-  Eigen::Vector3d corrected(const Eigen::Vector3d& grey) const { return matrix * (grey - black); }
+  Eigen::Vector3d corrected(const Eigen::Vector3d& grey) const;
   /// Converts the common response to that of the camera. Requires an invertible matrix.
-  ColourResponse inverse() const { return {-(matrix * black), matrix.inverse()}; }
-  friend bool operator==(const ColourResponse&, const ColourResponse&) = default;
+  ColourResponse inverse() const;
+  friend bool operator==(const ColourResponse& a, const ColourResponse& b);
 };
 
 /// Corrects every pixel in place; rounds and clamps to 0 to 255. Requires RGB8.
