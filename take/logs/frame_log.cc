@@ -86,7 +86,9 @@ class EventLogWriter::Impl {
         sync_(file_, sync_period) {
     if (hashing == LogHashing::kTree) tree_.emplace();
   }
-  ~Impl() { static_cast<void>(sync()); }  // close() reports
+  ~Impl() {
+    if (is_unsynced_) static_cast<void>(sync());
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
@@ -103,6 +105,7 @@ class EventLogWriter::Impl {
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
     sync_.mark_dirty();
+    is_unsynced_ = true;
     count({head, first, rest});
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
@@ -120,6 +123,7 @@ class EventLogWriter::Impl {
   }
 
   io::Status sync() {
+    is_unsynced_ = false;
     keep_first_error(sync_.sync());
     return disk_error_;
   }
@@ -161,6 +165,7 @@ class EventLogWriter::Impl {
   int64_t events_ = 0;
   io::File file_;
   PeriodicSync sync_;
+  bool is_unsynced_ = false;  ///< written to since the last sync()
   int64_t bytes_ = 0;
   RunningChecksum checksum_;  ///< of the `bytes_` bytes
   std::optional<wire::HashTree> tree_;

@@ -57,6 +57,11 @@ bool FsyncHook::is_stuck() {
   return is_stuck_;
 }
 
+int FsyncHook::syncs() {
+  const std::lock_guard lock(mutex_);
+  return syncs_;
+}
+
 std::thread::id FsyncHook::thread() {
   const std::lock_guard lock(mutex_);
   return thread_;

@@ -21,6 +21,8 @@ class FsyncHook {
 
   /// Waits for the given number of calls. False when there were fewer within ten seconds.
   bool wait_for(int syncs);
+  /// Number of calls until now.
+  int syncs();
   void hold(bool holds);
   void fail_next(int error);
   /// True when a call was blocked for ten seconds.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <optional>
 #include <thread>
 
 #include "base/core/time.h"
@@ -79,6 +80,24 @@ TEST_F(LogSync, fails_when_only_the_last_sync_fails) {
   const io::Status synced = log_.sync();
   ASSERT_FALSE(synced);
   EXPECT_EQ(synced.error().code, EIO);
+}
+
+TEST_F(LogSync, is_not_repeated_without_a_report_when_the_log_is_destroyed) {
+  std::optional<EventLogWriter> log(std::in_place, folder_ / "cam08.lcmlog", LogOpening::kNew,
+                                    LogHashing::kChecksum, std::chrono::hours(1));
+  EXPECT_TRUE(log->write(test::recorded_frame("cam08", 0, {64, 48})));
+  EXPECT_TRUE(log->sync());
+  const int syncs = hook_.syncs();
+  log.reset();
+  EXPECT_EQ(hook_.syncs(), syncs) << "nobody would know of an error";
+}
+
+TEST_F(LogSync, syncs_unsynced_events_when_the_log_is_destroyed) {
+  std::optional<EventLogWriter> log(std::in_place, folder_ / "cam08.lcmlog", LogOpening::kNew,
+                                    LogHashing::kChecksum, std::chrono::hours(1));
+  EXPECT_TRUE(log->write(test::recorded_frame("cam08", 0, {64, 48})));
+  log.reset();
+  EXPECT_EQ(hook_.syncs(), 1);
 }
 
 TEST_F(LogSync, succeeds_where_the_file_system_does_not_support_it) {
