@@ -13,6 +13,8 @@ namespace {
 
 constexpr Duration kDrainTimeout = std::chrono::seconds(15);
 constexpr Duration kMaxIdleTime = std::chrono::seconds(1);
+/// The trigger's node reports the end of the train at once, and again a second later.
+constexpr Duration kEndReportedWithin = std::chrono::milliseconds(1500);
 /// Longest time from the end of a pulse until it is read from the sense line.
 constexpr Duration kMaxSenseDelay = std::chrono::milliseconds(100);
 /// Time to collect the plates of the background, in addition to the duration of their train.
@@ -154,12 +156,12 @@ void ActiveTake::train_ended() {
 /// arrived recently.
 bool ActiveTake::pulses_are_complete(bool is_idle) const {
   const NodeTrigger& trigger = context_.trigger;
-  // On other nodes the messages of the last pulses may still be in flight.
-  if (!trigger.is_here()) return is_idle;
+  const Duration since = Monotonic::now() - train_ended_at_;
+  // On other nodes the messages of the last pulses and of the end may still be in flight.
+  if (!trigger.is_here()) return is_idle && (trigger.end_is_known() || since > kEndReportedWithin);
   if (pulses_->sensed() < commanded() && !is_idle) return false;
   // The sense line reports a pulse at its end, which may be after the generator was turned off.
-  return !trigger.sensor_count_is_better() ||
-         Monotonic::now() - train_ended_at_ >= plan_.train.width + kMaxSenseDelay;
+  return !trigger.sensor_count_is_better() || since >= plan_.train.width + kMaxSenseDelay;
 }
 
 bool ActiveTake::is_drained() const {

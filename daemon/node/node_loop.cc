@@ -67,9 +67,11 @@ void NodeLoop::run() {
 
 void NodeLoop::run_once() {
   if (const auto admitted = commands_.wait(next_deadline())) on_command(*admitted);
+  // Before poll() may change the phase again: other nodes learn from kDraining that pulses ended.
+  publish_due_health();
   // Without a key no command is accepted, and no message of other nodes is authentic.
   protocol_.poll(Monotonic::now(), files_.is_ready());
-  if (protocol_.is_health_due(Monotonic::now())) publish_health();
+  publish_due_health();
   feed_watchdog();
 }
 
@@ -111,6 +113,10 @@ void NodeLoop::publish(wire::ReplyMessage reply) {
   reply.nonce = filter_.nonce(now);
   reply.sent = Realtime::now();
   bus_.publish_reply(filter_.credentials().authenticate(encode(reply), now));
+}
+
+void NodeLoop::publish_due_health() {
+  if (protocol_.is_health_due(Monotonic::now())) publish_health();
 }
 
 void NodeLoop::publish_health() {

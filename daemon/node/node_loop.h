@@ -52,6 +52,7 @@ class NodeLoop {
   void check_name(wire::HealthMessage& health);
   MonotonicInstant next_deadline() const;
   void publish(wire::ReplyMessage reply);
+  void publish_due_health();
   void publish_health();
   void check_clock(wire::HealthMessage& health);
   /// Counters of commands, messages and datagrams.

@@ -89,10 +89,24 @@ class HostileNetwork : public ViewedStudio {
     if (second_captured_) parts.push_back(take_of_cap02());
     for (const take::TakePaths& part : parts) {
       const take::Verification found = verify_take(part);
-      EXPECT_TRUE(found.whole()) << part.folder << ": " << found.ledger.verdict() << log();
+      EXPECT_TRUE(found.whole()) << part.folder << ": " << found.ledger.verdict() << "\n"
+                                 << rejections("cap02") << log();
     }
     return cost;
   }
+  /// The counts of rejected datagrams and messages of a node, a line each.
+  std::string rejections(const std::string& node) {
+    std::string text;
+    const auto health = client_->health(within(5));
+    if (!health.contains(node)) return text;
+    for (const auto& [name, count] : health.at(node).values) {
+      if (name.starts_with("datagrams_") || name.starts_with("messages_")) {
+        text += node + " " + name + " " + std::to_string(static_cast<int64_t>(count)) + "\n";
+      }
+    }
+    return text;
+  }
+
   /// Records a take without and one with attacks.
   void expect_no_harm();
   void expect_rejected(const std::string& cause) {

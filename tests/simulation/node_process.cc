@@ -268,6 +268,7 @@ void NodeProcess::turn() {
       publish(filter_->nonce_reply(command, now));
     }
   }
+  if (protocol_->is_health_due(now)) publish_health();
   run_observed(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
   if (protocol_->is_health_due(now)) publish_health();
   if (is_ending_ && protocol_->may_shut_down(now)) {

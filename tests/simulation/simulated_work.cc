@@ -15,6 +15,7 @@ namespace {
 constexpr Duration kReadyWithin = std::chrono::seconds(15);
 constexpr Duration kDrainWithin = std::chrono::seconds(15);
 constexpr Duration kMaxQuiet = std::chrono::seconds(1);
+constexpr Duration kEndReportedWithin = std::chrono::milliseconds(1500);
 constexpr Duration kPlatesWithin = std::chrono::seconds(15);
 constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 
@@ -207,8 +208,9 @@ bool SimulatedCapture::is_drained() const {
   if (since >= kDrainWithin) return true;
   const Duration quiet = std::min<Duration>(kMaxQuiet, 10 * period_of(world_.rate_hz));
   const bool silent = since > quiet;
-  const bool pulses_known =
-      host_.trigger != nullptr ? silent || pulses_.count() >= commanded() : silent;
+  const bool pulses_known = host_.trigger != nullptr
+                                ? silent || pulses_.count() >= commanded()
+                                : silent && (train_.ended() || since > kEndReportedWithin);
   return pulses_known && has_all(commanded(), silent, quiet);
 }
 

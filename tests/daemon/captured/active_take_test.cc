@@ -256,6 +256,33 @@ TEST_F(TakeOfAnotherNode, has_all_pulses_when_the_triggers_node_has_stopped_or_n
   }
 }
 
+TEST_F(TakeOfAnotherNode, waits_for_a_late_report_of_the_end_of_the_train) {
+  constexpr Duration kLate = std::chrono::milliseconds(1100);     // idle since 100 ms
+  constexpr Duration kTooLate = std::chrono::milliseconds(1400);  // this machine is too busy
+  bool is_minimum = true;
+  for (int round = 0; round < 10; ++round) {
+    std::filesystem::remove_all(paths().folder);
+    const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
+    trigger_.start();
+    publish_commanded(kPulses - 1);
+    ASSERT_TRUE(receives(*take, kPulses - 1, 0));
+    const MonotonicInstant ended = Monotonic::now();
+    take->train_ended();
+    ASSERT_TRUE(becomes_true(
+        [&] {
+          trigger_.poll(kTake);
+          if (take->is_drained()) return true;
+          const bool is_late = Monotonic::now() - ended > kLate;
+          if (is_late) publish_commanded(kPulses - 1, wire::NodeState::kDraining);
+          return false;
+        },
+        within(30)));
+    is_minimum = take->close().ledger.commanded_is_minimum;
+    if (!is_minimum || Monotonic::now() - ended < kTooLate) break;
+  }
+  EXPECT_FALSE(is_minimum);
+}
+
 TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
   {
     const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));

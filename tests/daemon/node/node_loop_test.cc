@@ -21,7 +21,7 @@ namespace {
 using test::becomes_true;
 using test::within;
 
-/// A node that only keeps the signing keys that it gets.
+/// A node that only keeps the signing keys that it gets. It needs no time to arm or to drain.
 class IdleDelegate : public control::NodeDelegate {
  public:
   /// The public keys, oldest first. Any thread.
@@ -39,7 +39,15 @@ class IdleDelegate : public control::NodeDelegate {
   void start() override {}
   void drain() override {}
   void disarm() override {}
-  std::optional<control::NodeReport> poll(control::Phase) override { return std::nullopt; }
+  std::optional<control::NodeReport> poll(control::Phase phase) override {
+    if (phase == control::Phase::kArming) {
+      return control::NodeReport{.event = control::Input::kReady, .text = "ready", .detail = {}};
+    }
+    if (phase == control::Phase::kDraining) {
+      return control::NodeReport{.event = control::Input::kDrained, .text = "done", .detail = {}};
+    }
+    return std::nullopt;
+  }
   void report_health(wire::HealthMessage&) override {}
   bool progressed_since(MonotonicInstant) const override { return true; }
 
@@ -132,6 +140,29 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
     EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
     EXPECT_EQ(health.values.at("commands_forged"), 0) << node;
   }
+}
+
+TEST_F(NodeLoops, report_that_they_drain_even_if_this_takes_no_time) {
+  start();
+  control::OperatorClient client(studio_);
+  bus::Bus bus(studio_.network.lcm_url, {}, bus::ChannelList(studio_));
+  bus.authenticator().set_key(key_);
+  bus::Subscription<wire::HealthMessage> healths(bus, wire::health_channel("cap01"), 64);
+  ASSERT_TRUE(accepts_command_of(client));
+  const auto obeys = [&](wire::CommandVerb verb) {
+    wire::CommandMessage command;
+    command.verb = verb;
+    command.take = "kendo-07";
+    return client.command(command, within(60)).done();
+  };
+  ASSERT_TRUE(obeys(wire::CommandVerb::kArm));
+  ASSERT_TRUE(obeys(wire::CommandVerb::kStart));
+  ASSERT_TRUE(obeys(wire::CommandVerb::kStop));
+  const auto drains = [&] {
+    const auto health = healths.wait(Monotonic::now());
+    return health && health->state == wire::NodeState::kDraining;
+  };
+  EXPECT_TRUE(becomes_true(drains, within(10)));
 }
 
 TEST_F(NodeLoops, pass_a_signing_key_that_is_made_or_replaced_to_the_capture_node) {
