@@ -9,6 +9,7 @@
 
 #include "base/core/error.h"
 #include "codec/byte_stream.h"
+#include "support/address_sanitizer.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -25,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kMebibyte = 1 << 20;
-#ifdef __SANITIZE_ADDRESS__
+#ifdef V3D_ADDRESS_SANITIZER
 constexpr int64_t kMaxMebibytes = 400;  // AddressSanitizer keeps up to 256 MiB of freed memory
 #else
 constexpr int64_t kMaxMebibytes = 32;

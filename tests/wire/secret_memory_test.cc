@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <memory>
 #include <span>
@@ -105,12 +106,16 @@ class MemorySearch {
       std::ranges::fill(part_, uint8_t{0});
     }
   }
-  void search_part(std::span<const uint8_t> part, std::span<const uint8_t> wanted) {
-    const auto is_same = [](uint8_t plain, uint8_t masked) { return (plain ^ kMask) == masked; };
-    const auto find = [&](auto from) {
-      return std::search(from, part.end(), wanted.begin(), wanted.end(), is_same);
-    };
-    for (auto at = find(part.begin()); at != part.end(); at = find(at + 1)) ++count_;
+  /// Masks the bytes of the part and counts the wanted ones. memmem(), because a loop here takes a
+  /// minute with a sanitizer.
+  void search_part(std::span<uint8_t> part, std::span<const uint8_t> wanted) {
+    for (uint8_t& byte : part) byte ^= kMask;
+    const uint8_t* const end = part.data() + part.size();
+    for (const uint8_t* at = part.data(); at < end; ++at, ++count_) {
+      at = static_cast<const uint8_t*>(
+          memmem(at, static_cast<size_t>(end - at), wanted.data(), wanted.size()));
+      if (at == nullptr) return;
+    }
   }
 
   const int memory_ = open("/proc/self/mem", O_RDONLY | O_CLOEXEC);

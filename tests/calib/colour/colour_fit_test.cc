@@ -2,9 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/lsan_interface.h>
-#endif
 
 #include <opencv2/imgproc.hpp>
 
@@ -12,7 +9,11 @@
 #include "calib/boards/detectors.h"
 #include "calib/rig/reports.h"
 #include "sim/rendering/noise.h"
+#include "support/address_sanitizer.h"
 #include "support/message_of.h"
+#ifdef V3D_ADDRESS_SANITIZER
+#include <sanitizer/lsan_interface.h>
+#endif
 
 namespace v3d::calib {
 namespace {
@@ -178,7 +179,7 @@ Image chart_image(int patch_px) {
 class ChartDetector : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-#ifdef __SANITIZE_ADDRESS__
+#ifdef V3D_ADDRESS_SANITIZER
     const __lsan::ScopedDisabler disabled;
 #endif
     cv::Mat lab;
