@@ -260,9 +260,10 @@ void NodeProcess::plan_turn(MonotonicInstant at) {
 void NodeProcess::turn() {
   const MonotonicInstant now = world_.time.now();
   if (!commands_.empty()) {
-    const auto [command, is_current] = std::move(commands_.front());
+    const control::CommandReplayFilter::Admitted admitted = std::move(commands_.front());
+    const wire::CommandMessage& command = admitted.command;
     commands_.pop_front();
-    if (is_current) {
+    if (admitted.is_current) {
       run_observed(cause_of(command), command, [&] { protocol_->on_command(command); });
     } else {
       publish(filter_->nonce_reply(command, now));

@@ -54,7 +54,7 @@ class Receiver : public testing::Test {
       ChannelList(studio()),
       authenticator_,
       [this](std::string_view channel) { return channel != unwanted_; },
-      {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
+      {.newest_of_own = [](uint32_t session) -> std::optional<uint32_t> {
          if (session != kOwnSession) return std::nullopt;
          return 41;
        },
