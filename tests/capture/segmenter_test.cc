@@ -7,8 +7,8 @@
 
 #include "base/core/error.h"
 #include "capture/segmentation/image_measures.h"
-#include "count_allocations.h"
 #include "studio_wall.h"
+#include "support/allocation_count.h"
 
 namespace v3d::capture {
 namespace {

@@ -14,6 +14,11 @@ void* operator new(size_t size) {
   if (bytes == nullptr) throw std::bad_alloc();
   return bytes;
 }
+void* operator new(size_t size, const std::nothrow_t&) noexcept {
+  ++count;
+  return std::malloc(size > 0 ? size : 1);
+}
+void operator delete(void* bytes, const std::nothrow_t&) noexcept { std::free(bytes); }
 void operator delete(void* bytes) noexcept { std::free(bytes); }
 void operator delete(void* bytes, size_t) noexcept { std::free(bytes); }
 

@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "base/core/error.h"
-#include "tests/recon/allocations.h"
+#include "support/allocation_count.h"
 #include "tests/recon/random_rig.h"
 
 namespace v3d::recon {
@@ -132,10 +132,10 @@ TEST(Intersector, allocates_nothing_after_the_first_frames) {
   tbb::task_arena single(1);
   const auto frame = [&] { single.execute([&] { intersector.intersect(masks, volume); }); };
   frame();
-  const int64_t before = allocations();
+  const int64_t before = test::allocations();
   frame();
   frame();
-  EXPECT_EQ(allocations(), before);
+  EXPECT_EQ(test::allocations(), before);
   EXPECT_GT(volume.count(), 0);
 }
 
