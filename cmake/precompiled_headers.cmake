@@ -1,5 +1,6 @@
 # Precompiled headers. Most sources include the same parts of the C++ library, of Eigen and of GoogleTest; without this the
-# compiler spends half of its time on them. Every source still includes what it uses: tools/tidy compiles it without them.
+# compiler spends half of its time on them. Every source still includes what it uses. tools/tidy checks this
+# for sources outside tests: it compiles them without precompiled headers.
 option(V3D_PRECOMPILED_HEADERS "Compile headers that most sources include only once" ON)
 
 # v3d_precompiled_headers(<name> HEADERS <header>... LINK <target>... OPTIONS <compiler option>...)

@@ -89,7 +89,7 @@ TEST_F(LogSync, is_not_repeated_without_a_report_when_the_log_is_destroyed) {
   EXPECT_TRUE(log->sync());
   const int syncs = hook_.syncs();
   log.reset();
-  EXPECT_EQ(hook_.syncs(), syncs) << "nobody would know of an error";
+  EXPECT_EQ(hook_.syncs(), syncs) << "no caller receives an error of this sync";
 }
 
 TEST_F(LogSync, syncs_unsynced_events_when_the_log_is_destroyed) {
