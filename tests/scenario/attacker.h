@@ -1,15 +1,10 @@
 // A thread that sends all known attacks to a studio, in turn and at a stated rate.
 #pragma once
 
-#include <arpa/inet.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdlib>
-#include <memory>
 #include <span>
 #include <string>
 #include <thread>
@@ -17,6 +12,8 @@
 #include <vector>
 
 #include "base/core/time.h"
+#include "base/io/unique_fd.h"
+#include "support/loopback_connection.h"
 #include "support/raw_datagrams.h"
 #include "wire/codec.h"
 #include "wire/datagram_mac.h"
@@ -85,26 +82,6 @@ class Attacker {
     const char* const rate = std::getenv("V3D_ATTACK_RATE");
     return (rate != nullptr ? std::atoi(rate) : 2'000) / 100;
   }
-
-  /// A connection that sends `begin` and nothing more.
-  class HalfOpen {
-   public:
-    HalfOpen(int port, const std::string& begin)
-        : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-      sockaddr_in address{};
-      address.sin_family = AF_INET;
-      address.sin_port = htons(static_cast<uint16_t>(port));
-      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-      if (connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return;
-      send(fd_, begin.data(), begin.size(), MSG_NOSIGNAL);
-    }
-    ~HalfOpen() { close(fd_); }
-    HalfOpen(const HalfOpen&) = delete;
-    HalfOpen& operator=(const HalfOpen&) = delete;
-
-   private:
-    const int fd_;
-  };
 
   void run() {
     MonotonicInstant next = Monotonic::now();
@@ -228,11 +205,11 @@ class Attacker {
     if (ports_.metrics == 0) return;
     replace_oldest(half_open_metrics_, kHalfOpenMetrics, ports_.metrics, "GET /metrics HTTP/1.0");
   }
-  void replace_oldest(std::vector<std::unique_ptr<HalfOpen>>& open, size_t most, int port,
+  void replace_oldest(std::vector<io::UniqueFd>& open, size_t most, int port,
                       const std::string& begin) {
     if (open.size() < most) open.emplace_back();
     auto& oldest = open[static_cast<size_t>(connections_++) % open.size()];
-    oldest = std::make_unique<HalfOpen>(port, begin);
+    oldest = connect_to_loopback(port, begin);
   }
   /// A request that never ends, one with two hosts, and an order with a wrong token.
   static std::string request(int64_t number) {
@@ -249,7 +226,7 @@ class Attacker {
   std::array<RawDatagram, 256> recorded_;
   size_t recordings_ = 0;
   RealtimeInstant newest_{};
-  std::vector<std::unique_ptr<HalfOpen>> half_open_, half_open_metrics_;
+  std::vector<io::UniqueFd> half_open_, half_open_metrics_;
   std::array<std::atomic<int64_t>, kAttackNames.size()> sent_{};
   std::atomic<int64_t> total_ = 0, connections_ = 0;
   std::atomic<bool> stopping_ = false;

@@ -1,16 +1,16 @@
 // Test fixture: Studio4 with v3d-viewd, and an HTTP client for it.
 #pragma once
 
-#include <arpa/inet.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <memory>
 #include <regex>
 
+#include "base/io/unique_fd.h"
 #include "studio4.h"
+#include "support/loopback_connection.h"
 
 namespace v3d::test {
 
@@ -20,27 +20,16 @@ class Connection {
  public:
   Connection(int port, const std::string& target, const std::string& more_fields,
              const std::string& method = "GET", const std::string& content = "")
-      : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    if (connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return;
-    const std::string request = method + " " + target +
-                                " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\n" +
-                                more_fields + "\r\n" + content;
-    send(fd_, request.data(), request.size(), MSG_NOSIGNAL);
-  }
-  ~Connection() { close(fd_); }
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
+      : fd_(connect_to_loopback(port, method + " " + target +
+                                          " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
+                                          "\r\n" + more_fields + "\r\n" + content)) {}
 
   /// All bytes received until now. Does not wait.
   const std::string& text() {
-    pollfd ready{fd_, POLLIN, 0};
+    pollfd ready{fd_.get(), POLLIN, 0};
     char part[65536];
     while (poll(&ready, 1, 0) > 0) {
-      const ssize_t got = recv(fd_, part, sizeof part, 0);
+      const ssize_t got = recv(fd_.get(), part, sizeof part, 0);
       if (got <= 0) break;
       text_.append(part, static_cast<size_t>(got));
     }
@@ -52,7 +41,7 @@ class Connection {
   }
 
  private:
-  const int fd_;
+  const io::UniqueFd fd_;
   std::string text_;
 };
 

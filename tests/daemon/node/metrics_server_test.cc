@@ -1,16 +1,15 @@
 #include "daemon/node/metrics_server.h"
 
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <memory>
 #include <vector>
 
 #include "base/core/error.h"
 #include "base/io/unique_fd.h"
+#include "support/loopback_connection.h"
 
 namespace v3d::node {
 namespace {
@@ -21,16 +20,9 @@ using testing::Not;
 /// A TCP connection to that port that has sent `bytes`; closed with the object.
 class Client {
  public:
-  Client(int port, const std::string& bytes) : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  Client(int port, const std::string& bytes) : fd_(connect_to_loopback(port, bytes)) {
     const timeval patience{.tv_sec = 30, .tv_usec = 0};
     setsockopt(fd_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    sockaddr_in there{};
-    there.sin_family = AF_INET;
-    there.sin_port = htons(static_cast<uint16_t>(port));
-    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    if (connect(fd_.get(), reinterpret_cast<const sockaddr*>(&there), sizeof there) == 0) {
-      send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
-    }
   }
   /// All bytes until the server ends the connection, or sends none for 30 s.
   std::string read_all() const {
