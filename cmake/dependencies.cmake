@@ -8,6 +8,16 @@ find_package(spdlog REQUIRED)
 find_package(tl-expected REQUIRED)
 find_package(TBB REQUIRED)
 find_package(hwy 1.0 REQUIRED)
+# Sources with vector instructions are compiled once for each instruction set that Highway knows, but not for
+#   - SVE and RVV: their registers have no fixed length and cannot be members of a struct;
+#   - SSSE3: processors without SSE4 are older than 2008;
+#   - SSE4 and AVX-512 with a sanitizer: some of these sources then take minutes to compile.
+set(disabled HWY_SVE HWY_SVE2 HWY_SVE_256 HWY_SVE2_128 HWY_RVV HWY_SSSE3)
+if(V3D_SANITIZE)
+  list(APPEND disabled HWY_SSE4 HWY_AVX3)
+endif()
+list(JOIN disabled "|" disabled)
+target_compile_definitions(hwy::hwy INTERFACE "HWY_DISABLED_TARGETS=(${disabled})")
 find_package(Boost 1.74 REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)

@@ -1,7 +1,6 @@
 #include "capture/segmentation/segmenter.h"
 
 // Vectors of unknown length cannot be kept in arrays.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "capture/segmentation/quad_difference.cc"
 #include <hwy/foreach_target.h>  // compiles this file once per instruction set

@@ -1,7 +1,5 @@
 #include "recon/hull/intersect.h"
 
-// Vector registers of unknown length cannot be members of a struct.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/hull/intersect.cc"
 #include <hwy/foreach_target.h>  // compiles this file once per instruction set

@@ -1,7 +1,6 @@
 #include "capture/segmentation/background_adaptation.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <utility>
@@ -9,6 +8,7 @@
 #include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::capture {
 namespace {
@@ -191,14 +191,12 @@ TEST_P(BackgroundAdaptationTest, is_the_same_on_every_instruction_set) {
   segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
                                                     expected);
   EXPECT_NE(expected.mean, plates.mean);
-  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
-    hwy::SetSupportedTargetsForTest(targets & -targets);
+  on_every_instruction_set([&] {
     segmentation::BackgroundTable table = plates;
     segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
                                                       table);
-    hwy::SetSupportedTargetsForTest(0);
-    EXPECT_EQ(table.mean, expected.mean) << hwy::TargetName(targets & -targets);
-  }
+    EXPECT_EQ(table.mean, expected.mean);
+  });
 }
 
 TEST(Segmenter, learns_from_every_32nd_pulse_in_rising_order) {

@@ -1,7 +1,6 @@
 #include "capture/segmentation/segmenter.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <functional>
 
@@ -9,6 +8,7 @@
 #include "capture/segmentation/image_measures.h"
 #include "studio_wall.h"
 #include "support/allocation_count.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::capture {
 namespace {
@@ -132,12 +132,10 @@ TEST_P(SegmenterTest, gives_the_same_mask_on_every_instruction_set) {
   const Image image = photograph(kSize, GetParam(), half_shaded, 3, 4.0);
   const Mask mask = segmenter_.segment(image.view());
   EXPECT_GT(mask.count(), 1000);
-  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
-    hwy::SetSupportedTargetsForTest(targets & -targets);
+  on_every_instruction_set([&] {
     const Mask again = segmenter_.segment(image.view());
-    hwy::SetSupportedTargetsForTest(0);
-    EXPECT_EQ(again, mask) << hwy::TargetName(targets & -targets);
-  }
+    EXPECT_EQ(again, mask);
+  });
 }
 
 TEST_P(SegmenterTest, allocates_nothing_but_the_mask) {

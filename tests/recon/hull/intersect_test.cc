@@ -1,7 +1,6 @@
 #include "recon/hull/intersect.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
@@ -10,6 +9,7 @@
 
 #include "base/core/error.h"
 #include "support/allocation_count.h"
+#include "support/instruction_sets.h"
 #include "tests/recon/random_rig.h"
 
 namespace v3d::recon {
@@ -115,12 +115,10 @@ RC_GTEST_PROP(Intersector, gives_the_same_bytes_with_every_instruction_set_of_th
   const VoxelGrid grid = random_grid();
   const Scene scene = random_scene(grid, 3);
   const SparseVolume best = intersect(grid, scene, 1);
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
+  on_every_instruction_set([&] {
     const SparseVolume found = intersect(grid, scene, 1);
-    hwy::SetSupportedTargetsForTest(0);
     RC_ASSERT(found == best);
-  }
+  });
 }
 
 TEST(Intersector, allocates_nothing_after_the_first_frames) {

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 
 #include "recon/hull/intersect.h"
+#include "support/instruction_sets.h"
 #include "tests/recon/random_rig.h"
 
 namespace v3d::recon {
@@ -56,16 +56,14 @@ RC_GTEST_PROP(IntersectionOctree, knows_of_a_cube_only_what_is_true_of_each_of_i
   std::vector<MaskPyramid> masks(1, MaskPyramid(model.size()));
   const IntersectionScene scene{kGrid, cameras, masks, 1};
   const OctreeNode node = random_node();
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
+  on_every_instruction_set([&] {
     const auto views = child_footprints(scene, node, 0);
-    hwy::SetSupportedTargetsForTest(0);
     for (int child = 0; child < 8; ++child) {
       for_some_voxels(node, child, [&](int i, int j, int k) {
         require_true_of_every_voxel(views[child], project_voxel(cameras[0], i, j, k));
       });
     }
-  }
+  });
 }
 
 RC_GTEST_PROP(IntersectionOctree, knows_nothing_where_numbers_may_overflow, ()) {

@@ -1,12 +1,12 @@
 #include "recon/mesh/box_tree.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <random>
 
 #include "base/geometry/rigid_transform.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -67,11 +67,7 @@ TEST(BoxTree, finds_every_pair_that_touches_once_on_every_instruction_set) {
     const std::vector<bool> all(count, true);
     const Pairs expected = by_trying_all(boxes, all);
     EXPECT_TRUE(count < 300 || expected.size() > count / 10);
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-      hwy::SetSupportedTargetsForTest(rest & -rest);
-      EXPECT_EQ(by_tree(tree, all), expected) << count << " boxes";
-      hwy::SetSupportedTargetsForTest(0);
-    }
+    on_every_instruction_set([&] { EXPECT_EQ(by_tree(tree, all), expected) << count << " boxes"; });
   }
 }
 

@@ -3,10 +3,10 @@
 
 #include <cstring>
 
-#include "recon/instruction_sets.h"
 #include "recon/random_rig.h"
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {

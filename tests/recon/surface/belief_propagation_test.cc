@@ -1,11 +1,12 @@
 #include "recon/surface/belief_propagation.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <random>
+
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -124,11 +125,7 @@ TEST(BeliefPropagation, is_the_same_on_every_instruction_set_and_any_number_of_t
   const Graph graph = random_graph();
   const std::vector<uint8_t> expected = graph.solve();
   EXPECT_LT(price_of(graph, expected), 0.8 * price_of(graph, Graph{graph.costs, {}}.solve()));
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
-    EXPECT_EQ(graph.solve(), expected);
-    hwy::SetSupportedTargetsForTest(0);
-  }
+  on_every_instruction_set([&] { EXPECT_EQ(graph.solve(), expected); });
   EXPECT_EQ(tbb::task_arena(1).execute([&] { return graph.solve(); }), expected);
 }
 

@@ -1,10 +1,10 @@
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cmath>
 #include <random>
 
 #include "recon/surface/template_windows.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -175,13 +175,11 @@ TEST(Correlation, is_the_same_to_the_bit_on_every_instruction_set) {
     }
     const DepthProfile expected = profile_of(views);
     const PairAgreement pairs = pairs_of(views);
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-      hwy::SetSupportedTargetsForTest(rest & -rest);
+    on_every_instruction_set([&] {
       EXPECT_EQ(profile_of(views), expected);
       EXPECT_EQ(pairs_of(views).score, pairs.score);
       EXPECT_EQ(pairs_of(views).agreeing, pairs.agreeing);
-      hwy::SetSupportedTargetsForTest(0);
-    }
+    });
   }
 }
 

@@ -1,12 +1,12 @@
 #include "recon/surface/displacement_field.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <random>
 
 #include "recon/shapes.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -117,11 +117,7 @@ TEST(DisplacementField, equals_a_scalar_loop_bit_for_bit_on_every_instruction_se
     const DisplacementFieldOptions options{
         .step_m = 0.002F, .smoothness = smoothness, .coupling = 0.02F};
     const PlainField plain(observations, options);
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-      hwy::SetSupportedTargetsForTest(rest & -rest);
-      EXPECT_EQ(observations.solve(options), plain.field());
-      hwy::SetSupportedTargetsForTest(0);
-    }
+    on_every_instruction_set([&] { EXPECT_EQ(observations.solve(options), plain.field()); });
   }
 }
 

@@ -1,7 +1,6 @@
 #include "recon/texture/accumulate_colours.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cmath>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
 #include "recon/texture/texture.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -129,15 +129,13 @@ TEST(AccumulateVertexColours, returns_the_same_sums_on_every_instruction_set) {
     camera.depth = PointDepthBuffer(PointArrays(plate.vertices), {0, 0, 0}, 0.1, model, camera.lens,
                                     frame.roi);
     const auto best = see(camera);
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-      hwy::SetSupportedTargetsForTest(rest & -rest);
+    on_every_instruction_set([&] {
       const auto found = see(camera);
-      hwy::SetSupportedTargetsForTest(0);
       for (size_t b = 0; b < best.size(); ++b) {
-        EXPECT_EQ(found[b].inner, best[b].inner) << hwy::TargetName(rest & -rest);
-        EXPECT_EQ(found[b].rim, best[b].rim) << hwy::TargetName(rest & -rest);
+        EXPECT_EQ(found[b].inner, best[b].inner);
+        EXPECT_EQ(found[b].rim, best[b].rim);
       }
-    }
+    });
   }
 }
 

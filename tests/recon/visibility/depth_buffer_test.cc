@@ -1,7 +1,6 @@
 #include "recon/visibility/depth_buffer.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 #include <tbb/global_control.h>
 
@@ -10,6 +9,7 @@
 #include "recon/render/rasteriser.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -191,13 +191,11 @@ TEST(DepthBufferTest, returns_the_same_bits_on_every_instruction_set_and_for_eve
     shapes::append(mesh, shapes::sphere({0, 0.5F, 0}, 0.4F, 40));
     const CameraModel eye = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, lens);
     const DepthBuffer best = draw_depth(mesh, eye);
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+    on_every_instruction_set([&] {
       std::reverse(mesh.triangles.begin(), mesh.triangles.end());
-      hwy::SetSupportedTargetsForTest(rest & -rest);
       const DepthBuffer found = draw_depth(mesh, eye);
-      hwy::SetSupportedTargetsForTest(0);
-      EXPECT_EQ(found.z, best.z) << hwy::TargetName(rest & -rest);
-    }
+      EXPECT_EQ(found.z, best.z);
+    });
   }
 }
 

@@ -2,10 +2,10 @@
 
 #include <random>
 
-#include "recon/instruction_sets.h"
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
 #include "recon/visibility/point_depth_buffer.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {

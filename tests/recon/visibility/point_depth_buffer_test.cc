@@ -1,7 +1,6 @@
 #include "recon/visibility/point_depth_buffer.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include "recon/shapes.h"
 #include "recon/visibility/depth_buffer.h"
 #include "recon/volumes.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
@@ -153,12 +153,10 @@ TEST(PointDepthBuffer, are_the_same_on_every_instruction_set) {
       return std::vector<float>(cells.nearest(), cells.nearest() + cells.grid().count());
     };
     const std::vector<float> best = draw();
-    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-      hwy::SetSupportedTargetsForTest(rest & -rest);
+    on_every_instruction_set([&] {
       const std::vector<float> found = draw();
-      hwy::SetSupportedTargetsForTest(0);
-      EXPECT_EQ(found, best) << hwy::TargetName(rest & -rest);
-    }
+      EXPECT_EQ(found, best);
+    });
   }
 }
 

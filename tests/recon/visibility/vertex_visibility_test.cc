@@ -5,9 +5,9 @@
 #include <cmath>
 #include <random>
 
-#include "recon/instruction_sets.h"
 #include "recon/shapes.h"
 #include "recon/surface/template_windows.h"
+#include "support/instruction_sets.h"
 
 namespace v3d::recon {
 namespace {
