@@ -2,7 +2,7 @@
 #   - the headers of a layer are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a target links a layer that its rule does not name.
-set(V3D_LAYERS core io image geometry config base codec wire take trigger segmentation capture recon calib sim
+set(V3D_LAYERS core io image geometry config base cli codec wire take trigger segmentation capture recon calib sim
   bus control web node captured recond recorded viewd)
 # v3d_may_use(<target> <layer>...): sets the rule of a target. The name of a layer means the target v3d_<layer>.
 macro(v3d_may_use target)
@@ -15,6 +15,7 @@ v3d_may_use(v3d_image core io)
 v3d_may_use(v3d_geometry core image)
 v3d_may_use(v3d_config core io image geometry)
 v3d_may_use(v3d_base core io image geometry config)
+v3d_may_use(v3d_cli core)
 v3d_may_use(v3d_codec)
 v3d_may_use(v3ddecoder codec)
 v3d_may_use(v3d_wire base)
@@ -28,7 +29,7 @@ v3d_may_use(v3d_sim base)
 v3d_may_use(v3d_bus base wire)
 v3d_may_use(v3d_control base wire take bus)
 v3d_may_use(v3d_web base)
-v3d_may_use(v3d_node base wire take bus control web)
+v3d_may_use(v3d_node base cli wire take bus control web)
 v3d_may_use(v3d_captured base wire take trigger segmentation capture bus control node)
 v3d_may_use(v3d_recond base codec wire take recon bus control node)
 v3d_may_use(v3d_recorded base codec take recon segmentation)
@@ -36,11 +37,11 @@ v3d_may_use(v3d_viewd base codec wire take recon bus control web node recorded)
 v3d_may_use(v3d-captured captured)
 v3d_may_use(v3d-recond recond)
 v3d_may_use(v3d-viewd viewd)
-v3d_may_use(v3d_tools_common base)
+v3d_may_use(v3d_tools_common base cli)
 v3d_may_use(v3dctl_media base)
 # v3dctl contains no code of daemons, cameras or triggers.
-v3d_may_use(v3dctl_parts base codec wire take segmentation recon bus control recorded)
-v3d_may_use(v3d_sim_tool base take segmentation sim)
+v3d_may_use(v3dctl_parts base cli codec wire take segmentation recon bus control recorded)
+v3d_may_use(v3d_sim_tool base cli take segmentation sim)
 v3d_may_use(v3d_calibrate_parts calib)
 
 # v3d_include_as(<target> <path> [<folder>]): the headers in the folder (default: that of the target) are included

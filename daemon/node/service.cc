@@ -9,15 +9,16 @@
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <climits>
 #include <csignal>
 #include <cstdlib>
+#include <optional>
 
 #include "base/core/error.h"
+#include "cli/command.h"
 
 namespace v3d::node {
 namespace {
@@ -101,25 +102,23 @@ void keep_freed_memory() {
 }  // namespace
 
 int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonFunction& run) {
-  CLI::App app{program.purpose, program.name};
+  cli::Program app{program.purpose, program.name};
   std::filesystem::path studio;
   std::string node;
   std::string log_level = "info";
-  app.set_version_flag("--version", V3D_VERSION);
-  app.add_option("--studio", studio, "the studio file")->required()->type_name("studio.toml");
+  app.add_version(V3D_VERSION);
+  app.add_option("--studio", studio, "the studio file").required().type_name("studio.toml");
   if (program.is_a_node) {
     app.add_option("--node", node, "the [[node]] of the studio file that this process is")
-        ->required(program.node_is_required)
-        ->type_name("NAME");
+        .required(program.node_is_required)
+        .type_name("NAME");
   }
   app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
-      ->capture_default_str();
+      .show_default();
   bool one_shot = false;
   if (program.one_shot) app.add_flag(program.one_shot->flag, one_shot, program.one_shot->purpose);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitDone : kExitBadInput;
+  if (const std::optional<int> status = app.parse_or_report(argc, argv)) {
+    return *status == 0 ? kExitDone : kExitBadInput;
   }
   keep_freed_memory();
   try {

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
-#include "common/option_checks.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
@@ -14,15 +13,6 @@ using testing::ElementsAre;
 
 TEST(FrameRange, contains_all_frames_by_default) {
   EXPECT_EQ(parse_frame_range(""), take::FrameRange{});
-}
-
-TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
-  const CLI::Validator seconds = number_in(0.5, 3600);
-  for (const char* good : {"0.5", "12", "3600", "1e3"}) EXPECT_EQ(seconds(std::string(good)), "");
-  for (const char* bad : {"nan", "-nan", "inf", "-inf", "0.4", "3601", "1e999", "", "ten", "5s"}) {
-    EXPECT_EQ(seconds(std::string(bad)),
-              std::string("expected a number from 0.5 to 3600, found '") + bad + "'");
-  }
 }
 
 TEST(FrameRange, ends_before_its_second_number) {

@@ -8,38 +8,38 @@
 #include "base/image/image.h"
 #include "calib/rig/rig_fit.h"
 #include "calibrate/calibrate_commands.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {
 
-CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::string& description,
-                    const std::vector<std::string>& examples) {
-  CLI::App* command = calibrate->add_subcommand(name, description);
-  command->fallthrough();
+cli::Command add_under(cli::Command calibrate, const std::string& name,
+                       const std::string& description, const std::vector<std::string>& examples) {
+  cli::Command command = calibrate.add_subcommand(name, description);
+  command.accept_parent_options();
   std::string footer = examples.size() > 1 ? "Examples:" : "Example:";
   for (const std::string& example : examples) footer += "\n  $ " + example;
-  command->footer(footer);
+  command.footer(footer);
   return command;
 }
 
-void add_board_option(CLI::App* command, std::string& board) {
+void add_board_option(cli::Command command, std::string& board) {
   command
-      ->add_option("--board", board,
-                   "chess:9x6:25mm (inner corners), or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
-                   "(squares); append :inverted for a white-on-black print")
-      ->type_name("BOARD")
-      ->required();
+      .add_option("--board", board,
+                  "chess:9x6:25mm (inner corners), or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
+                  "(squares); append :inverted for a white-on-black print")
+      .type_name("BOARD")
+      .required();
 }
 
 void add_calibrate(ctl::CommandLine& line) {
-  CLI::App* command = line.add(
+  cli::Command command = line.add(
       "calibrate", "Calibrate lenses, poses and colours of the cameras, and report weaknesses",
       {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
        "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
        "    --take boards-01 --out calib.toml"});
-  command->require_subcommand(1);
+  command.require_subcommand();
   add_guess(line, command);
   add_intrinsics(line, command);
   add_rig(line, command);
@@ -87,23 +87,23 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 }  // namespace
 
-void add_guess(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command = add_under(
+void add_guess(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command = add_under(
       calibrate, "guess", "Write an initial calib.toml for a new studio, to record boards with",
       {"v3dctl calibrate guess --size 1024x768 --out /etc/v3d/calib.toml"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("--size", arguments->size, "Size of the images of all cameras")
-      ->type_name("WxH")
-      ->required();
+  command.add_option("--size", arguments->size, "Size of the images of all cameras")
+      .type_name("WxH")
+      .required();
   command
-      ->add_option("--across", arguments->horizontal_fov_deg,
-                   "Horizontal field of view of the cameras, degrees")
-      ->type_name("DEG")
-      ->check(number_in(5, 150))
-      ->capture_default_str();
-  command->add_option("--out", arguments->out, "The file to write; must not exist")
-      ->type_name("FILE")
-      ->required();
+      .add_option("--across", arguments->horizontal_fov_deg,
+                  "Horizontal field of view of the cameras, degrees")
+      .type_name("DEG")
+      .check(cli::number_in(5, 150))
+      .show_default();
+  command.add_option("--out", arguments->out, "The file to write; must not exist")
+      .type_name("FILE")
+      .required();
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

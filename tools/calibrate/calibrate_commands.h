@@ -13,16 +13,16 @@ namespace v3d::calibrate {
 void add_calibrate(ctl::CommandLine& line);
 
 /// Adds a subcommand. `examples` are printed below its help, each after "  $ ".
-CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::string& description,
-                    const std::vector<std::string>& examples);
-void add_board_option(CLI::App* command, std::string& board);
+cli::Command add_under(cli::Command calibrate, const std::string& name,
+                       const std::string& description, const std::vector<std::string>& examples);
+void add_board_option(cli::Command command, std::string& board);
 
-void add_guess(ctl::CommandLine& line, CLI::App* calibrate);
-void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate);
-void add_rig(ctl::CommandLine& line, CLI::App* calibrate);
-void add_floor(ctl::CommandLine& line, CLI::App* calibrate);
-void add_refine(ctl::CommandLine& line, CLI::App* calibrate);
-void add_colour(ctl::CommandLine& line, CLI::App* calibrate);
-void add_convert(ctl::CommandLine& line, CLI::App* calibrate);
+void add_guess(ctl::CommandLine& line, cli::Command calibrate);
+void add_intrinsics(ctl::CommandLine& line, cli::Command calibrate);
+void add_rig(ctl::CommandLine& line, cli::Command calibrate);
+void add_floor(ctl::CommandLine& line, cli::Command calibrate);
+void add_refine(ctl::CommandLine& line, cli::Command calibrate);
+void add_colour(ctl::CommandLine& line, cli::Command calibrate);
+void add_convert(ctl::CommandLine& line, cli::Command calibrate);
 
 }  // namespace v3d::calibrate

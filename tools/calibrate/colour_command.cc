@@ -170,34 +170,33 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 }  // namespace
 
-void add_colour(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command = add_under(
+void add_colour(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command = add_under(
       calibrate, "colour", "Give all cameras the same colour response",
       {"v3dctl calibrate colour --calib calib.toml --take kendo-07 --out calib.toml",
        "v3dctl calibrate colour --calib calib.toml --with chart --take chart-01 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("--calib", arguments->calib, "The calibrated rig")
-      ->type_name("FILE")
-      ->required();
+  command.add_option("--calib", arguments->calib, "The calibrated rig")
+      .type_name("FILE")
+      .required();
   command
-      ->add_option(
-          "--with", arguments->with,
-          "What to compare: a chart with 24 patches, a grey card in the middle of the "
-          "images, the reconstructed surface of a take, the floor in its background plates")
-      ->type_name("chart|grey|surface,floor")
-      ->capture_default_str();
+      .add_option("--with", arguments->with,
+                  "What to compare: a chart with 24 patches, a grey card in the middle of the "
+                  "images, the reconstructed surface of a take, the floor in its background plates")
+      .type_name("chart|grey|surface,floor")
+      .show_default();
   arguments->sources.add_to(command);
   command
-      ->add_option("--dark", arguments->dark,
-                   "Images with the lens covered, for the black level; repeat for each camera")
-      ->type_name("CAM=GLOB");
-  command->add_option("--out", arguments->out, "The rig with colour responses")
-      ->type_name("FILE")
-      ->required();
+      .add_option("--dark", arguments->dark,
+                  "Images with the lens covered, for the black level; repeat for each camera")
+      .type_name("CAM=GLOB");
+  command.add_option("--out", arguments->out, "The rig with colour responses")
+      .type_name("FILE")
+      .required();
   command
-      ->add_option("--report", arguments->report,
-                   "Also write an HTML report: colours before and after")
-      ->type_name("FILE.html");
+      .add_option("--report", arguments->report,
+                  "Also write an HTML report: colours before and after")
+      .type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

@@ -134,8 +134,8 @@ constexpr char kFormats[] = "toml, opencv, opencv-xml, colmap or middlebury";
 
 }  // namespace
 
-void add_convert(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command = add_under(
+void add_convert(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command = add_under(
       calibrate, "convert", "Convert calibrations from and to the formats of other programs",
       {"v3dctl calibrate convert sparse/0 calib.toml --unit 1.37m --up -y",
        "v3dctl calibrate convert 'cam*/config.xml' calib.toml --size 644x486 --unit 1mm",
@@ -143,25 +143,25 @@ void add_convert(ctl::CommandLine& line, CLI::App* calibrate) {
        "v3dctl calibrate convert calib.toml colmap --to colmap"});
   auto arguments = std::make_shared<Arguments>();
   command
-      ->add_option("IN", arguments->in,
-                   "calib.toml of aniposelib or Pose2Sim, OpenCV's .yml or .xml of one camera (a "
-                   "folder or a quoted pattern for several), COLMAP's folder with cameras.txt and "
-                   "images.txt, Middlebury's _par.txt")
-      ->required();
-  command->add_option("OUT", arguments->out, "The file to write; a folder for opencv and colmap")
-      ->required();
-  command->add_option("--from", arguments->from, std::string("Format of IN: ") + kFormats)
-      ->type_name("FORMAT");
-  command->add_option("--to", arguments->to, std::string("Format of OUT: ") + kFormats)
-      ->type_name("FORMAT");
-  command->add_option("--size", arguments->size, "Size of the images, where IN does not contain it")
-      ->type_name("WxH");
-  command->add_option("--unit", arguments->unit, "Length of one unit of IN, such as 1mm")
-      ->type_name("LEN")
-      ->capture_default_str();
-  command->add_option("--up", arguments->up, "The upward axis of IN's world: x, -x, y, -y, z, -z")
-      ->type_name("AXIS")
-      ->capture_default_str();
+      .add_option("IN", arguments->in,
+                  "calib.toml of aniposelib or Pose2Sim, OpenCV's .yml or .xml of one camera (a "
+                  "folder or a quoted pattern for several), COLMAP's folder with cameras.txt and "
+                  "images.txt, Middlebury's _par.txt")
+      .required();
+  command.add_option("OUT", arguments->out, "The file to write; a folder for opencv and colmap")
+      .required();
+  command.add_option("--from", arguments->from, std::string("Format of IN: ") + kFormats)
+      .type_name("FORMAT");
+  command.add_option("--to", arguments->to, std::string("Format of OUT: ") + kFormats)
+      .type_name("FORMAT");
+  command.add_option("--size", arguments->size, "Size of the images, where IN does not contain it")
+      .type_name("WxH");
+  command.add_option("--unit", arguments->unit, "Length of one unit of IN, such as 1mm")
+      .type_name("LEN")
+      .show_default();
+  command.add_option("--up", arguments->up, "The upward axis of IN's world: x, -x, y, -y, z, -z")
+      .type_name("AXIS")
+      .show_default();
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

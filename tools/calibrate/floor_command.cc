@@ -62,20 +62,20 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 }  // namespace
 
-void add_floor(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command =
+void add_floor(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command =
       add_under(calibrate, "floor", "Set origin, upward axis and scale by a board on the floor",
                 {"v3dctl calibrate floor --calib calib.toml --board chess:8x6:115mm \\",
                  "    --take floor-01 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
   add_board_option(command, arguments->board);
-  command->add_option("--calib", arguments->calib, "The calibrated rig")
-      ->type_name("FILE")
-      ->required();
+  command.add_option("--calib", arguments->calib, "The calibrated rig")
+      .type_name("FILE")
+      .required();
   arguments->sources.add_to(command);
-  command->add_option("--out", arguments->out, "The rig in the world frame of the floor")
-      ->type_name("FILE")
-      ->required();
+  command.add_option("--out", arguments->out, "The rig in the world frame of the floor")
+      .type_name("FILE")
+      .required();
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

@@ -125,33 +125,33 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 }  // namespace
 
-void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command =
+void add_intrinsics(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command =
       add_under(calibrate, "intrinsics", "Calibrate the lens of one camera",
                 {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
                  "v3dctl calibrate intrinsics --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
                  "    --video cam01.mp4 --camera cam01 --out cam01.toml"});
   auto arguments = std::make_shared<Arguments>();
   add_board_option(command, arguments->board);
-  command->add_option("--images", arguments->images, "Images of the board; quote the pattern")
-      ->type_name("GLOB");
-  command->add_option("--video", arguments->video, "A video of the board")->type_name("FILE");
-  command->add_option("--take", arguments->take, "A take of the board, of the camera --camera")
-      ->type_name("TAKE");
+  command.add_option("--images", arguments->images, "Images of the board; quote the pattern")
+      .type_name("GLOB");
+  command.add_option("--video", arguments->video, "A video of the board").type_name("FILE");
+  command.add_option("--take", arguments->take, "A take of the board, of the camera --camera")
+      .type_name("TAKE");
   add_live_option(command, arguments->live_s);
-  command->add_option("--camera", arguments->camera, "Name of the camera (default: cam)")
-      ->type_name("NAME");
+  command.add_option("--camera", arguments->camera, "Name of the camera (default: cam)")
+      .type_name("NAME");
   command
-      ->add_option("--every", arguments->sampling.every,
-                   "Use every Nth frame (default: about 300 frames)")
-      ->type_name("N")
-      ->check(CLI::PositiveNumber);
+      .add_option("--every", arguments->sampling.every,
+                  "Use every Nth frame (default: about 300 frames)")
+      .type_name("N")
+      .check(cli::positive_number());
   command
-      ->add_option("--coefficients", arguments->lens.coefficients,
-                   "Number of distortion coefficients: 4, 5 or 8 (default: by cross-validation)")
-      ->check(CLI::IsMember({4, 5, 8}));
-  command->add_option("--out", arguments->out, "Write the lens as a calib.toml of one camera")
-      ->type_name("FILE");
+      .add_option("--coefficients", arguments->lens.coefficients,
+                  "Number of distortion coefficients: 4, 5 or 8 (default: by cross-validation)")
+      .check(cli::one_of({4, 5, 8}));
+  command.add_option("--out", arguments->out, "Write the lens as a calib.toml of one camera")
+      .type_name("FILE");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

@@ -129,29 +129,29 @@ int run(const Arguments& arguments) {
 
 }  // namespace
 
-void add_refine(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command =
+void add_refine(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command =
       add_under(calibrate, "refine", "Refine the camera poses by the silhouettes of a take",
                 {"v3dctl calibrate refine --take kendo-07 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
   command
-      ->add_option("--take", arguments->take,
-                   "A take in which a person moves and all cameras see the person")
-      ->type_name("TAKE")
-      ->required();
-  command->add_option("--calib", arguments->calib, "The calibrated rig (default: that of the take)")
-      ->type_name("FILE");
+      .add_option("--take", arguments->take,
+                  "A take in which a person moves and all cameras see the person")
+      .type_name("TAKE")
+      .required();
+  command.add_option("--calib", arguments->calib, "The calibrated rig (default: that of the take)")
+      .type_name("FILE");
   command
-      ->add_option("--out", arguments->out,
-                   "The file to write: the refined rig, or the unchanged one where the error does "
-                   "not fall clearly")
-      ->type_name("FILE")
-      ->required();
-  command->add_option("--instants", arguments->instants, "Number of frames to use")
-      ->type_name("N")
-      ->check(CLI::Range(6, 1000))
-      ->capture_default_str();
-  command->add_flag("--focal", arguments->focal, "Also refine the focal lengths");
+      .add_option("--out", arguments->out,
+                  "The file to write: the refined rig, or the unchanged one where the error does "
+                  "not fall clearly")
+      .type_name("FILE")
+      .required();
+  command.add_option("--instants", arguments->instants, "Number of frames to use")
+      .type_name("N")
+      .check(cli::integer_in(6, 1000))
+      .show_default();
+  command.add_flag("--focal", arguments->focal, "Also refine the focal lengths");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

@@ -6,8 +6,8 @@
 #include "calib/formats/text_fields.h"
 #include "calib/rig/rig_alignment.h"
 #include "calibrate/calibration_images.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "take/take.h"
 
 namespace v3d::calibrate {
@@ -40,26 +40,26 @@ calib::CameraObservations by_time_stamp(const calib::CameraObservations& by_fram
 
 }  // namespace
 
-void RigArguments::add_to(CLI::App* command) {
-  command->add_option("--video", videos, "The video of a camera; repeat for each camera")
-      ->type_name("CAM=FILE");
+void RigArguments::add_to(cli::Command command) {
+  command.add_option("--video", videos, "The video of a camera; repeat for each camera")
+      .type_name("CAM=FILE");
   command
-      ->add_option("--images", images,
-                   "The images of a camera (quote the pattern); the n-th images of all cameras "
-                   "show one instant")
-      ->type_name("CAM=GLOB");
-  command->add_option("--take", given.take, "A take of the board; all its cameras are used")
-      ->type_name("TAKE");
+      .add_option("--images", images,
+                  "The images of a camera (quote the pattern); the n-th images of all cameras "
+                  "show one instant")
+      .type_name("CAM=GLOB");
+  command.add_option("--take", given.take, "A take of the board; all its cameras are used")
+      .type_name("TAKE");
   add_live_option(command, live_s);
   command
-      ->add_option("--timestamps", given.time_stamps,
-                   "Assigns frames of the videos to instants: sync_index,cam_id,frame_index")
-      ->type_name("CSV");
+      .add_option("--timestamps", given.time_stamps,
+                  "Assigns frames of the videos to instants: sync_index,cam_id,frame_index")
+      .type_name("CSV");
   command
-      ->add_option("--every", given.sampling.every,
-                   "Use every Nth frame (default: about 300 frames)")
-      ->type_name("N")
-      ->check(CLI::PositiveNumber);
+      .add_option("--every", given.sampling.every,
+                  "Use every Nth frame (default: about 300 frames)")
+      .type_name("N")
+      .check(cli::positive_number());
 }
 
 RigSources RigArguments::sources(const ctl::CommandLine& line) const {
@@ -75,12 +75,12 @@ RigSources RigArguments::sources(const ctl::CommandLine& line) const {
   return result;
 }
 
-void add_live_option(CLI::App* command, double& seconds) {
+void add_live_option(cli::Command command, double& seconds) {
   command
-      ->add_option("--live", seconds,
-                   "Record a take of this length now, with the cameras of the studio")
-      ->type_name("SECONDS")
-      ->check(number_in(0.2, 3600));
+      .add_option("--live", seconds,
+                  "Record a take of this length now, with the cameras of the studio")
+      .type_name("SECONDS")
+      .check(cli::number_in(0.2, 3600));
 }
 
 std::vector<NamedSource> open_sources(const RigSources& sources) {

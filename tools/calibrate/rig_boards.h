@@ -28,14 +28,14 @@ struct RigArguments {
   double live_s = 0;
   RigSources given;
 
-  void add_to(CLI::App* command);
+  void add_to(cli::Command command);
   /// Records a take first where --live is given. Throws InputError for a malformed or repeated
   /// CAM=FILE; also throws like record_live_take().
   RigSources sources(const ctl::CommandLine& line) const;
 };
 
 /// Adds the option --live SECONDS.
-void add_live_option(CLI::App* command, double& seconds);
+void add_live_option(cli::Command command, double& seconds);
 
 struct NamedSource {
   std::string camera;

@@ -120,8 +120,8 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 }  // namespace
 
-void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command = add_under(
+void add_rig(ctl::CommandLine& line, cli::Command calibrate) {
+  cli::Command command = add_under(
       calibrate, "rig", "Calibrate all cameras together, from a board carried through the studio",
       {"v3dctl calibrate rig --board chess:9x6:80mm --take boards-01 --out calib.toml",
        "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 --out calib.toml \\",
@@ -131,18 +131,18 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
   add_board_option(command, arguments->board);
   arguments->sources.add_to(command);
   command
-      ->add_option(
+      .add_option(
           "--before", arguments->before,
           "The previous calibration: its lenses are used; swapped cameras and another board "
           "size are reported")
-      ->type_name("FILE");
-  command->add_option("--out", arguments->out, "The calibration to write")
-      ->type_name("FILE")
-      ->required();
+      .type_name("FILE");
+  command.add_option("--out", arguments->out, "The calibration to write")
+      .type_name("FILE")
+      .required();
   command
-      ->add_option("--report", arguments->report,
-                   "Also write an HTML report: residuals, coverage, shared views, weaknesses")
-      ->type_name("FILE.html");
+      .add_option("--report", arguments->report,
+                  "Also write an HTML report: residuals, coverage, shared views, weaknesses")
+      .type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

@@ -10,17 +10,16 @@
 
 namespace v3d::sim {
 
-void add_studio_options(CLI::App& command, StudioOptions& options) {
+void add_studio_options(cli::Command command, StudioOptions& options) {
   command.add_option("--cameras", options.cameras, "Number of cameras")
-      ->check(CLI::Range(1, 200))
-      ->capture_default_str();
-  command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT")
-      ->capture_default_str();
+      .check(cli::integer_in(1, 200))
+      .show_default();
+  command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT").show_default();
   command.add_option("--seed", options.seed, "Random seed; equal seeds give equal bytes")
-      ->capture_default_str();
+      .show_default();
   command.add_option("--rate", options.rate_hz, "Pulses per second")
-      ->check(check_pulse_rate)
-      ->capture_default_str();
+      .check(pulse_rate())
+      .show_default();
 }
 
 Rig rig_of(const StudioOptions& options) {

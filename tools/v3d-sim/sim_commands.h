@@ -1,7 +1,6 @@
 // Commands of v3d-sim, their common options, studio file and check.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -9,6 +8,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/geometry/camera_model.h"
+#include "cli/command.h"
 #include "sim/cameras/exposure_record.h"
 
 namespace v3d::sim {
@@ -16,9 +16,9 @@ namespace v3d::sim {
 // The commands of v3d-sim. Each function adds a command, which writes its exit status to `status`
 // when it is run.
 
-void add_take_command(CLI::App& app, int& status);
-void add_studio_command(CLI::App& app, int& status);
-void add_check_command(CLI::App& app, int& status);
+void add_take_command(cli::Command app, int& status);
+void add_studio_command(cli::Command app, int& status);
+void add_check_command(cli::Command app, int& status);
 
 // Command line options that several commands of v3d-sim share.
 
@@ -31,7 +31,7 @@ struct StudioOptions {
 };
 
 /// Adds --cameras, --size, --seed and --rate.
-void add_studio_options(CLI::App& command, StudioOptions& options);
+void add_studio_options(cli::Command command, StudioOptions& options);
 
 /// The rig of the studio. Throws InputError for an invalid image size.
 Rig rig_of(const StudioOptions& options);

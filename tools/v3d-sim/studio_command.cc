@@ -165,27 +165,27 @@ int run(Arguments arguments) {
 
 }  // namespace
 
-void add_studio_command(CLI::App& app, int& status) {
-  CLI::App& command = *app.add_subcommand(
+void add_studio_command(cli::Command app, int& status) {
+  cli::Command command = app.add_subcommand(
       "studio", "Serve a simulated studio: cameras on the network and a trigger cable");
   auto arguments = std::make_shared<Arguments>();
   command
       .add_option("DIR", arguments->folder,
                   "Folder for studio.toml, calib.toml, trigger.sock and exposures.csv")
-      ->required();
+      .required();
   add_studio_options(command, arguments->studio);
   command
       .add_option("--loop-frames", arguments->loop_frames,
                   "Images of the performer per camera, rendered in advance and sent in a loop; "
                   "default: 4 s of action, one period")
-      ->check(CLI::Range(int64_t{1}, int64_t{100'000}));
+      .check(cli::integer_in(1, 100'000));
   command
       .add_option("--empty-pulses", arguments->empty_pulses,
                   "Number of first pulses that show the empty studio")
-      ->check(CLI::Range(int64_t{0}, int64_t{1'000'000}))
-      ->capture_default_str();
+      .check(cli::integer_in(0, 1'000'000))
+      .show_default();
   command.add_option("--voxel", arguments->voxel, "Voxel size for studio.toml, with a unit")
-      ->capture_default_str();
+      .show_default();
   command.add_option("--faults", arguments->faults,
                      "TOML file of faults: [[fault]] camera, pulse (from the first "
                      "after --empty-pulses), kind = drop|missed|duplicate|delay|freeze|unplug|"
@@ -199,7 +199,7 @@ void add_studio_command(CLI::App& app, int& status) {
       "    ip route add 224.0.0.0/4 dev lo\n"
       "    for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done\n"
       "    v3d-sim studio /tmp/studio --empty-pulses 20'");
-  command.callback([arguments, &status] { status = run(*arguments); });
+  command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 
 }  // namespace v3d::sim

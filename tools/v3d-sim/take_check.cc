@@ -135,20 +135,20 @@ int run(const Arguments& arguments) {
 
 }  // namespace
 
-void add_check_command(CLI::App& app, int& status) {
-  CLI::App& command = *app.add_subcommand(
+void add_check_command(cli::Command app, int& status) {
+  cli::Command command = app.add_subcommand(
       "check",
       "Compare a recorded take with the simulator's record of the edge that each image shows");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("TAKE", arguments->take, "Folder of the take")->required();
+  command.add_option("TAKE", arguments->take, "Folder of the take").required();
   command.add_option("--exposures", arguments->exposures, "exposures.csv of the simulated studio")
-      ->required();
+      .required();
   command.add_flag("--json", arguments->json, "One JSON object on stdout");
   command.footer(
       "Exit status 3 when a frame is missing or mislabelled.\n"
       "Example:\n"
       "  v3d-sim check studio/kendo-01 --exposures studio/exposures.csv --json");
-  command.callback([arguments, &status] { status = run(*arguments); });
+  command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 
 }  // namespace v3d::sim

@@ -1,8 +1,8 @@
 #include <memory>
 
 #include "base/core/error.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "sim/rendering/scene.h"
 #include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
@@ -44,23 +44,23 @@ int run(const Arguments& arguments) {
 
 }  // namespace
 
-void add_take_command(CLI::App& app, int& status) {
-  CLI::App& command =
-      *app.add_subcommand("take", "Write a take like a recording of the studio, without daemons");
+void add_take_command(cli::Command app, int& status) {
+  cli::Command command =
+      app.add_subcommand("take", "Write a take like a recording of the studio, without daemons");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("OUT_TAKE", arguments->folder, "Folder of the take, new or empty")->required();
+  command.add_option("OUT_TAKE", arguments->folder, "Folder of the take, new or empty").required();
   command.add_option("--frames", arguments->frames, "Number of pulses")
-      ->required()
-      ->check(CLI::Range(int64_t{1}, int64_t{10'000'000}));
+      .required()
+      .check(cli::integer_in(1, 10'000'000));
   add_studio_options(command, arguments->studio);
   command.add_option("--begin", arguments->begin_s, "Start time within the action")
-      ->type_name("SECONDS")
-      ->check(number_in(0, 1e6));
+      .type_name("SECONDS")
+      .check(cli::number_in(0, 1e6));
   command
       .add_option("--outline-noise", arguments->outline_noise_px,
                   "Write masks with outline noise of this standard deviation")
-      ->type_name("PIXELS")
-      ->check(number_in(0, 20));
+      .type_name("PIXELS")
+      .check(cli::number_in(0, 20));
   command.add_option(
       "--faults", arguments->faults,
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
@@ -71,13 +71,13 @@ void add_take_command(CLI::App& app, int& status) {
   command
       .add_option("--colour-spread", arguments->colour_spread,
                   "Colour difference between the cameras: 1 is 15 %, as of unmatched cameras")
-      ->check(number_in(0, 4));
+      .check(cli::number_in(0, 4));
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"
       "  v3d-sim take takes/small --frames 3 --cameras 6 --size 320x240 --truth takes/small-truth\n"
       "  v3d-sim take takes/broken --frames 20 --faults faults.toml");
-  command.callback([arguments, &status] { status = run(*arguments); });
+  command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 
 }  // namespace v3d::sim

@@ -1,25 +1,24 @@
 // v3d-sim: the simulated studio.
-#include <CLI/CLI.hpp>
 #include <exception>
 #include <iostream>
 
 #include "base/core/error.h"
+#include "cli/command.h"
 #include "v3d-sim/sim_commands.h"
 
 int main(int argc, char** argv) {
   int status = v3d::kExitDone;
-  CLI::App app("The simulated studio: a performer with known surface, and cameras that record it.",
-               "v3d-sim");
-  app.require_subcommand(1);
-  app.set_version_flag("--version", V3D_VERSION);
+  v3d::cli::Program app(
+      "The simulated studio: a performer with known surface, and cameras that record it.",
+      "v3d-sim");
+  app.require_subcommand();
+  app.add_version(V3D_VERSION);
   v3d::sim::add_take_command(app, status);
   v3d::sim::add_studio_command(app, status);
   v3d::sim::add_check_command(app, status);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& wanted) {
-    return app.exit(wanted);
-  } catch (const CLI::ParseError& error) {
+    if (!app.parse(argc, argv)) return v3d::kExitDone;
+  } catch (const v3d::cli::UsageError& error) {
     std::cerr << "v3d-sim: " << error.what() << "; see v3d-sim --help\n";
     return v3d::kExitBadInput;
   } catch (const v3d::InputError& error) {

@@ -13,29 +13,27 @@
 
 namespace v3d::ctl {
 
-CommandLine::CommandLine(CLI::App& app, std::vector<std::string> words)
-    : app_(app), words_(std::move(words)) {
-  app_.require_subcommand(1);
-  app_.add_option("--studio", studio_option_,
+CommandLine::CommandLine(cli::Command program, std::vector<std::string> words)
+    : program_(program), words_(std::move(words)) {
+  program_.require_subcommand();
+  program_
+      .add_option("--studio", studio_option_,
                   "The studio file (else $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
-      ->type_name("FILE");
+      .type_name("FILE");
 }
 
-CLI::App* CommandLine::add(const std::string& name, const std::string& description,
-                           const std::vector<std::string>& examples) {
-  CLI::App* command = app_.add_subcommand(name, description);
-  command->fallthrough();
+cli::Command CommandLine::add(const std::string& name, const std::string& description,
+                              const std::vector<std::string>& examples) {
+  cli::Command command = program_.add_subcommand(name, description);
+  command.accept_parent_options();
   std::string footer = examples.size() > 1 ? "Examples:" : "Example:";
   for (const std::string& example : examples) footer += "\n  $ " + example;
-  command->footer(footer);
+  command.footer(footer);
   return command;
 }
 
-void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
-  // CLI11 calls the callback of a command also when one of its subcommands was parsed.
-  command->callback([this, command, run = std::move(run)] {
-    if (command->get_subcommands().empty()) run_ = run;
-  });
+void CommandLine::on_run(cli::Command command, std::function<int()> run) {
+  command.on_parsed([this, run = std::move(run)] { run_ = run; });
 }
 
 /// Returns an empty path when there is none.
@@ -86,15 +84,14 @@ int run_external(const std::string& name, const std::vector<std::string>& words)
 }
 
 int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
-  CLI::App app("Record people as 3D video: operate the studio and process its takes.", "v3dctl");
-  app.set_version_flag("--version", "v3dctl " V3D_VERSION);
-  CommandLine line(app, {argv, argv + argc});
+  cli::Program program("Record people as 3D video: operate the studio and process its takes.",
+                       "v3dctl");
+  program.add_version("v3dctl " V3D_VERSION);
+  CommandLine line(program, {argv, argv + argc});
   add_commands(line);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& help_or_version) {
-    return app.exit(help_or_version);
-  } catch (const CLI::ParseError& error) {
+    if (!program.parse(argc, argv)) return kExitDone;
+  } catch (const cli::UsageError& error) {
     throw InputError(std::string(error.what()) + " (see v3dctl --help)");
   }
   return line.run();
@@ -103,9 +100,8 @@ int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
 }  // namespace
 
 void add_external(CommandLine& line, const std::string& name, const std::string& description) {
-  CLI::App* command = line.app().add_subcommand(name, description);
-  command->set_help_flag();  // the other program prints the help
-  command->prefix_command();
+  cli::Command command = line.program().add_subcommand(name, description);
+  command.parse_no_further();  // the other program prints the help
   line.on_run(command, [&line, name] { return run_external(name, line.words()); });
 }
 

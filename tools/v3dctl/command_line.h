@@ -1,9 +1,6 @@
 // Command line of v3dctl: global options, subcommands, exit status.
 #pragma once
 
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -12,23 +9,24 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "cli/command.h"
 
 namespace v3d::ctl {
 
-/// Parser and its global options. The chosen command runs after parsing, outside of CLI11, so that
-/// CLI11 does not handle its exceptions. One thread.
+/// The commands of v3dctl and their global options. The command that was parsed runs after the
+/// parse. One thread.
 class CommandLine {
  public:
-  /// `app` is borrowed. `words`: argv, the program's name first.
-  CommandLine(CLI::App& app, std::vector<std::string> words);
+  /// `program` must exist as long as this object. `words`: argv, the program's name first.
+  CommandLine(cli::Command program, std::vector<std::string> words);
 
-  CLI::App& app() { return app_; }
+  cli::Command program() const { return program_; }
   /// Adds a command. Its help lists the `examples`, each after "  $ ".
-  CLI::App* add(const std::string& name, const std::string& description,
-                const std::vector<std::string>& examples);
+  cli::Command add(const std::string& name, const std::string& description,
+                   const std::vector<std::string>& examples);
   /// Sets the function of `command`. It returns the exit status and throws InputError for bad
   /// input.
-  void on_run(CLI::App* command, std::function<int()> run);
+  void on_run(cli::Command command, std::function<int()> run);
   /// Runs the command that was parsed. Requires a successful parse.
   int run() const { return run_(); }
   const std::vector<std::string>& words() const { return words_; }
@@ -45,7 +43,7 @@ class CommandLine {
  private:
   std::filesystem::path find_studio() const;
 
-  CLI::App& app_;
+  cli::Command program_;
   std::string studio_option_;
   std::function<int()> run_;
   std::vector<std::string> words_;
@@ -63,7 +61,7 @@ void add_health(CommandLine& line);
 void add_watch(CommandLine& line);
 void add_key(CommandLine& line);
 /// key authority, operator, enroll, revoke, members.
-void add_member_commands(CommandLine& line, CLI::App* key);
+void add_member_commands(CommandLine& line, cli::Command key);
 void add_doctor(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_verify(CommandLine& line);

@@ -89,16 +89,15 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take) 
   return kExitIncomplete;
 }
 
-void add_frames_option(CLI::App* command, std::string& value) {
+void add_frames_option(cli::Command command, std::string& value) {
   command
-      ->add_option(
-          "--frames", value,
-          "Only these frames: A:B is A to B-1, A: is A and later, :B before B, A one frame")
-      ->type_name("A:B");
+      .add_option("--frames", value,
+                  "Only these frames: A:B is A to B-1, A: is A and later, :B before B, A one frame")
+      .type_name("A:B");
 }
 
-void add_json_flag(CLI::App* command, bool& value) {
-  command->add_flag("--json", value, "Print one JSON object on stdout and nothing else");
+void add_json_flag(cli::Command command, bool& value) {
+  command.add_flag("--json", value, "Print one JSON object on stdout and nothing else");
 }
 
 }  // namespace v3d::ctl

@@ -1,7 +1,6 @@
 // Option values and messages that several commands share.
 #pragma once
 
-#include <CLI/App.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "base/core/text.h"
+#include "cli/command.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -34,7 +34,7 @@ std::string count_of(int64_t n, const std::string& singular);
 /// its frame cannot be read. Returns kExitDone where there are none, otherwise kExitIncomplete.
 int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 
-void add_frames_option(CLI::App* command, std::string& value);
-void add_json_flag(CLI::App* command, bool& value);
+void add_frames_option(cli::Command command, std::string& value);
+void add_json_flag(cli::Command command, bool& value);
 
 }  // namespace v3d::ctl

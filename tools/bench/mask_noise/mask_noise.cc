@@ -1,6 +1,5 @@
 // v3d-mask-noise: measures the part of a real recording's hull that remains after artificial damage
 // to its silhouettes, and the effect of clean-up and silhouette repair.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,6 +14,7 @@
 #include "base/image/mask_operations.h"
 #include "capture/segmentation/background.h"
 #include "capture/segmentation/mask_cleanup.h"
+#include "cli/command.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/hull/voxel_grid.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
@@ -303,17 +303,17 @@ void try_all(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   v3d::bench::Arguments arguments;
-  CLI::App app{
+  v3d::cli::Program app{
       "Damages the silhouettes of one pulse of a take and prints how much of the hull remains: "
       "without repair, after the segmenter's clean-up, and after v3dctl reconstruct --repair."};
-  app.add_option("TAKE", arguments.take)->required();
-  app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->required();
-  app.add_option("--voxel", arguments.voxel, "Edge of a voxel, such as 8mm")->required();
+  app.add_option("TAKE", arguments.take).required();
+  app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres").required();
+  app.add_option("--voxel", arguments.voxel, "Edge of a voxel, such as 8mm").required();
   app.add_option("--leave-out", arguments.leave_out, "CAM,...");
-  app.add_option("--pulse", arguments.pulse)->capture_default_str();
-  app.add_option("--first-seed", arguments.first_seed)->capture_default_str();
-  app.add_option("--seeds", arguments.seeds)->capture_default_str()->check(CLI::PositiveNumber);
-  CLI11_PARSE(app, argc, argv);
+  app.add_option("--pulse", arguments.pulse).show_default();
+  app.add_option("--first-seed", arguments.first_seed).show_default();
+  app.add_option("--seeds", arguments.seeds).show_default().check(v3d::cli::positive_number());
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
   try {
     v3d::bench::try_all(arguments);
   } catch (const v3d::InputError& error) {

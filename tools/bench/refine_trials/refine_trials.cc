@@ -1,6 +1,5 @@
 // v3d-refine-trials: tests `v3dctl calibrate refine` on simulated rigs with known calibration
 // errors.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <vector>
@@ -8,6 +7,7 @@
 #include "base/image/mask_operations.h"
 #include "calib/rig/silhouette_refinement.h"
 #include "capture/segmentation/segmenter.h"
+#include "cli/command.h"
 #include "sim/rendering/camera_images.h"
 #include "sim/rendering/parallel.h"
 #include "sim/rendering/scene.h"
@@ -136,13 +136,13 @@ std::vector<RefineScore> try_refining(const RefineTrials& trials) {
 int main(int argc, char** argv) {
   using namespace v3d::bench;
   RefineTrials trials;
-  CLI::App app{
+  v3d::cli::Program app{
       "Disturbs the cameras of simulated studios by 0 to 4 pixels, refines them by the performer's "
       "silhouettes, and compares the result with the truth."};
   app.add_option("--studios", trials.studios, "Studios for every line of the table (6)");
   app.add_option("--instants", trials.instants, "Instants in each (30)");
   app.add_option("--cameras", trials.cameras, "Cameras in each (15)");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
   std::printf("%-12s %9s %10s %10s %10s %8s %16s\n", "silhouettes", "off by", "before", "after",
               "worst", "changed", "planes disagree");
   for (const RefineScore& s : try_refining(trials)) {

@@ -1,6 +1,5 @@
 // v3d-segment-quality: compares the segmentation quality of our segmenter with OpenCV's MOG2 and
 // KNN at their best settings, on composite images with known silhouettes.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -11,6 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/image/image_files.h"
+#include "cli/command.h"
 #include "segment_quality/segment_trials.h"
 
 namespace v3d::bench {
@@ -190,17 +190,17 @@ void run(const Request& request) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Segmentation quality against OpenCV's MOG2 and KNN");
+  cli::Program app("Segmentation quality against OpenCV's MOG2 and KNN");
   Request request;
   request.data = default_data();
-  app.add_option("--data", request.data, "Folder with room4/ and studio20/")->capture_default_str();
+  app.add_option("--data", request.data, "Folder with room4/ and studio20/").show_default();
   app.add_option("--pictures", request.pictures,
                  "Write composites, true masks and our masks to this folder");
   app.add_flag("--ours", request.ours_alone,
                "Our segmenter only; takes seconds instead of minutes");
   app.add_flag("--json", request.as_json, "Print one JSON object on stdout");
   app.footer("Example:\n  v3d-segment-quality --pictures /tmp/composites");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
   try {
     run(request);
   } catch (const InputError& e) {

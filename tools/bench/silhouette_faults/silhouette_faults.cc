@@ -1,11 +1,11 @@
 // v3d-silhouette-faults: measures the detection of faulty silhouettes and displaced cameras, and
 // the effect of silhouette repair, in simulated studios.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <string>
 
+#include "cli/command.h"
 #include "recon/silhouettes/displaced_camera.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 #include "silhouette_faults/fault_trials.h"
@@ -162,20 +162,20 @@ int main(int argc, char** argv) {
   FaultTrialOptions faults;
   DriftTrialOptions drift;
   uint64_t first_seed = 1;
-  CLI::App app{
+  v3d::cli::Program app{
       "Adds faults to the silhouettes of the simulated performer, displaces cameras, and counts "
       "detected and repaired faults."};
   app.add_option("--first-seed", first_seed, "Seed of the first studio; others follow (1)");
   app.add_option("--studios", faults.studios, "Studios with faults in the silhouettes (1)")
-      ->check(CLI::Range(0, 10'000));
+      .check(v3d::cli::integer_in(0, 10'000));
   app.add_option("--pulses", faults.pulses, "Instants in each of these studios (8)")
-      ->check(CLI::Range(1, 10'000));
+      .check(v3d::cli::integer_in(1, 10'000));
   app.add_option("--displaced", drift.displaced, "Studios with a displaced camera (24)")
-      ->check(CLI::Range(0, 10'000));
+      .check(v3d::cli::integer_in(0, 10'000));
   app.add_option("--clean", drift.clean, "Studios without a displaced camera (24)")
-      ->check(CLI::Range(0, 10'000));
+      .check(v3d::cli::integer_in(0, 10'000));
   app.add_flag("--list", faults.list, "Print every trial");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
   faults.first_seed = drift.first_seed = first_seed;
   drift.list = faults.list;
   if (faults.studios > 0) print(try_faults(faults));

@@ -2,7 +2,6 @@
 // live quality, on one thread. tools/bench/scaling fits a model to it.
 #include <tbb/global_control.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -22,6 +21,7 @@
 #include "base/core/text.h"
 #include "base/geometry/rigid_transform.h"
 #include "capture/segmentation/segmenter.h"
+#include "cli/command.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"
@@ -282,20 +282,20 @@ json measure_all(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   v3d::bench::Arguments arguments;
-  CLI::App app{
+  v3d::cli::Program app{
       "Measures the processor time of every stage from the raw frames of a take to compact frames, "
       "in live quality, on one thread. Prints JSON: for every voxel size the sizes of the surface, "
       "and milliseconds a pulse."};
-  app.add_option("TAKE", arguments.take, "Take with raw frames and background models")->required();
-  app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->capture_default_str();
+  app.add_option("TAKE", arguments.take, "Take with raw frames and background models").required();
+  app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres").show_default();
   app.add_option("--voxel", arguments.voxels, "Edges of voxels, such as 8mm,10mm")
-      ->delimiter(',')
-      ->capture_default_str();
+      .delimiter(',')
+      .show_default();
   app.add_option("--rounds", arguments.rounds,
                  "Rounds through all pulses; the lower quartile is used")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
-  CLI11_PARSE(app, argc, argv);
+      .show_default()
+      .check(v3d::cli::integer_in(1, 1000));
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
   try {
     std::printf("%s\n", v3d::bench::measure_all(arguments).dump(1).c_str());
   } catch (const v3d::InputError& error) {

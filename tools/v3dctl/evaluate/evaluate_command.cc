@@ -198,37 +198,37 @@ int run(const Arguments& arguments) {
 }  // namespace
 
 void add_evaluate(CommandLine& line) {
-  CLI::App* command = line.add(
+  cli::Command command = line.add(
       "evaluate", "Measure the meshes of a take against the truth or held-out cameras",
       {"v3dctl evaluate sim-01 --truth truth --json",
        "v3dctl reconstruct dancer --leave-out cam03 && v3dctl evaluate dancer --held-out cam03",
        "v3dctl evaluate sim-01 --truth truth --beside sim-01/hull.v3d --report sim-01.html"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
+  command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   command
-      ->add_option("--truth", arguments->truth,
-                   "The true surface of frame 12 is DIR/000012.ply, and so on")
-      ->type_name("DIR");
+      .add_option("--truth", arguments->truth,
+                  "The true surface of frame 12 is DIR/000012.ply, and so on")
+      .type_name("DIR");
   command
-      ->add_option(
+      .add_option(
           "--held-out", arguments->held_out,
           "Held-out cameras (reconstruct --leave-out): the mesh is rendered in their view and "
           "compared with their images")
-      ->type_name("CAM,...");
-  command->add_flag("--view-dependent", arguments->view_dependent,
-                    "Render with the colours for the viewpoint of the held-out camera");
+      .type_name("CAM,...");
+  command.add_flag("--view-dependent", arguments->view_dependent,
+                   "Render with the colours for the viewpoint of the held-out camera");
   command
-      ->add_option(
+      .add_option(
           "--beside", arguments->beside,
           "Another mesh file of the same take to measure and show for comparison, such as a "
           "copy of an earlier mesh.v3d")
-      ->type_name("FILE");
+      .type_name("FILE");
   command
-      ->add_option(
+      .add_option(
           "--report", arguments->report,
           "Write a page with the measurements, the error as colours of the mesh, photographs "
           "and renderings")
-      ->type_name("FILE.html");
+      .type_name("FILE.html");
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

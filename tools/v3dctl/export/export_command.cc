@@ -77,31 +77,31 @@ int run(const Arguments& arguments) {
 }  // namespace
 
 void add_export(CommandLine& line) {
-  CLI::App* command = line.add(
+  cli::Command command = line.add(
       "export", "Write meshes for other programs, one file for each frame",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
        "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
        "v3dctl export dancer --format glb --compress draco --view-dependent meshes/"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
+  command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   command
-      ->add_option("OUT", arguments->out,
-                   "A folder for FRAME.ply and so on, or a file for one frame")
-      ->required();
+      .add_option("OUT", arguments->out,
+                  "A folder for FRAME.ply and so on, or a file for one frame")
+      .required();
   command
-      ->add_option("--format", arguments->format,
-                   "The file format; all have colours, metres, z up (glb: y up)")
-      ->type_name("ply|obj|glb")
-      ->required();
+      .add_option("--format", arguments->format,
+                  "The file format; all have colours, metres, z up (glb: y up)")
+      .type_name("ply|obj|glb")
+      .required();
   command
-      ->add_option("--compress", arguments->compression,
-                   "glb only: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
-                   "positions are exact")
-      ->type_name("none|draco|meshopt")
-      ->capture_default_str();
-  command->add_flag("--view-dependent", arguments->view_dependent,
-                    "ply, glb: also the colour of every vertex in each camera, from the take's raw "
-                    "frames, as attributes (docs/export.md)");
+      .add_option("--compress", arguments->compression,
+                  "glb only: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
+                  "positions are exact")
+      .type_name("none|draco|meshopt")
+      .show_default();
+  command.add_flag("--view-dependent", arguments->view_dependent,
+                   "ply, glb: also the colour of every vertex in each camera, from the take's raw "
+                   "frames, as attributes (docs/export.md)");
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

@@ -2,8 +2,8 @@
 #include <cstdio>
 
 #include "base/core/error.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/import/import.h"
 
@@ -18,47 +18,47 @@ struct Arguments {
   std::string frames;
 };
 
-void add_options(CLI::App* command, Arguments& arguments) {
+void add_options(cli::Command command, Arguments& arguments) {
   ImportOptions& options = arguments.options;
   command
-      ->add_option("OUT_TAKE", options.take,
-                   "The folder to create; its name is the name of the take")
-      ->required();
+      .add_option("OUT_TAKE", options.take,
+                  "The folder to create; its name is the name of the take")
+      .required();
   command
-      ->add_option("--calib", options.calib,
-                   "The calibrated cameras: calib.toml of aniposelib, Pose2Sim or caliscope")
-      ->type_name("FILE")
-      ->required();
-  command->add_option("--images", options.images, "Images: DIR/CAM.png, or DIR/CAM/FRAME.png")
-      ->type_name("DIR");
+      .add_option("--calib", options.calib,
+                  "The calibrated cameras: calib.toml of aniposelib, Pose2Sim or caliscope")
+      .type_name("FILE")
+      .required();
+  command.add_option("--images", options.images, "Images: DIR/CAM.png, or DIR/CAM/FRAME.png")
+      .type_name("DIR");
   command
-      ->add_option("--masks", options.masks,
-                   "Masks of the images under the same names, white on black")
-      ->type_name("DIR");
+      .add_option("--masks", options.masks,
+                  "Masks of the images under the same names, white on black")
+      .type_name("DIR");
   command
-      ->add_option("--video", arguments.videos,
-                   "The video of a camera; once for each camera, all of one length")
-      ->type_name("CAM=FILE");
+      .add_option("--video", arguments.videos,
+                  "The video of a camera; once for each camera, all of one length")
+      .type_name("CAM=FILE");
   command
-      ->add_option(
+      .add_option(
           "--background", arguments.backgrounds,
           "The empty studio in the view of a camera: a video, a folder of images or an image")
-      ->type_name("CAM=FILE");
+      .type_name("CAM=FILE");
   command
-      ->add_option(
+      .add_option(
           "--background-black", arguments.black,
           "For a subject before black: foreground is brighter than LEVEL (0 to 1), dilated and "
           "then eroded by these radii in pixels")
-      ->type_name("LEVEL[:GROW:SHRINK]");
+      .type_name("LEVEL[:GROW:SHRINK]");
   command
-      ->add_option("--frames", arguments.frames,
-                   "Only these images of each camera: A to B-1; they become pulses 0, 1, ...")
-      ->type_name("A:B");
+      .add_option("--frames", arguments.frames,
+                  "Only these images of each camera: A to B-1; they become pulses 0, 1, ...")
+      .type_name("A:B");
   command
-      ->add_option("--rate", options.rate_hz,
-                   "Images per second (otherwise the rate of the videos, otherwise 25)")
-      ->type_name("HZ")
-      ->check(number_in(0.01, 100'000));
+      .add_option("--rate", options.rate_hz,
+                  "Images per second (otherwise the rate of the videos, otherwise 25)")
+      .type_name("HZ")
+      .check(cli::number_in(0.01, 100'000));
 }
 
 int run(Arguments arguments) {
@@ -76,7 +76,7 @@ int run(Arguments arguments) {
 }
 
 void add_import(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("import", "Make a take from recordings of other sources",
                {"v3dctl import dancer --calib calib.toml --images images --masks masks",
                 "v3dctl import room --calib calib.toml --video cam1=1.avi cam2=2.avi \\",

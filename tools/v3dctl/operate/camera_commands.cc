@@ -134,33 +134,33 @@ int run_preview(const CommandLine& line, const PreviewOptions& options) {
 }  // namespace
 
 void add_check(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("check",
                "Make pulses without recording, and report for every camera whether it "
                "is ready for a take",
                {"v3dctl check", "v3dctl check --pulses 500 --json"});
   auto options = std::make_shared<CheckOptions>();
   add_json_flag(command, options->json);
-  command->add_option("--pulses", options->train.pulses, "The number of pulses")
-      ->type_name("N")
-      ->capture_default_str()
-      ->check(CLI::Range(2, 100'000));
+  command.add_option("--pulses", options->train.pulses, "The number of pulses")
+      .type_name("N")
+      .show_default()
+      .check(cli::integer_in(2, 100'000));
   command
-      ->add_option("--rate", options->train.rate_hz,
-                   "Pulses per second (otherwise as in the studio file)")
-      ->type_name("HZ")
-      ->check(check_pulse_rate);
+      .add_option("--rate", options->train.rate_hz,
+                  "Pulses per second (otherwise as in the studio file)")
+      .type_name("HZ")
+      .check(pulse_rate());
   line.on_run(command, [&line, options] { return run_check(line, *options); });
 }
 
 void add_preview(CommandLine& line) {
-  CLI::App* command = line.add("preview", "Write the images of all cameras to one picture",
-                               {"v3dctl preview", "v3dctl preview --mask --out contact.png"});
+  cli::Command command = line.add("preview", "Write the images of all cameras to one picture",
+                                  {"v3dctl preview", "v3dctl preview --mask --out contact.png"});
   auto options = std::make_shared<PreviewOptions>();
-  command->add_flag("--mask", options->mask, "Draw the outlines of the silhouettes");
-  command->add_option("--out", options->out, "The picture: .jpg or .png")
-      ->type_name("FILE")
-      ->capture_default_str();
+  command.add_flag("--mask", options->mask, "Draw the outlines of the silhouettes");
+  command.add_option("--out", options->out, "The picture: .jpg or .png")
+      .type_name("FILE")
+      .show_default();
   line.on_run(command, [&line, options] { return run_preview(line, *options); });
 }
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "base/core/error.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"
@@ -143,16 +143,17 @@ void print_until_interrupted(StudioMonitor& monitor) {
 }  // namespace
 
 void add_health(CommandLine& line) {
-  CLI::App* command = line.add("health", "Print all counters of all nodes",
-                               {"v3dctl health", "v3dctl health --json", "v3dctl health --watch"});
+  cli::Command command =
+      line.add("health", "Print all counters of all nodes",
+               {"v3dctl health", "v3dctl health --json", "v3dctl health --watch"});
   auto options = std::make_shared<HealthOptions>();
   add_json_flag(command, options->json);
-  command->add_flag("--watch", options->watch,
-                    "Repeat every second until Ctrl-C (with --json: one object a line)");
-  command->add_option("--timeout", options->timeout_s, "Give up after this many seconds")
-      ->type_name("S")
-      ->capture_default_str()
-      ->check(number_in(0.1, 3600));
+  command.add_flag("--watch", options->watch,
+                   "Repeat every second until Ctrl-C (with --json: one object a line)");
+  command.add_option("--timeout", options->timeout_s, "Give up after this many seconds")
+      .type_name("S")
+      .show_default()
+      .check(cli::number_in(0.1, 3600));
   line.on_run(command, [&line, options] {
     const Studio studio = line.studio();
     return options->watch ? show_health_until_interrupted(studio, *options)
@@ -161,7 +162,7 @@ void add_health(CommandLine& line) {
 }
 
 void add_watch(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("watch", "Show the studio and its alarms until Ctrl-C", {"v3dctl watch"});
   line.on_run(command, [&line] {
     StudioMonitor monitor(line.studio());

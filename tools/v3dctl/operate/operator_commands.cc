@@ -262,67 +262,67 @@ int run_status(const CommandLine& line, const Options& options) {
   return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
 }
 
-std::shared_ptr<Options> options_of(CLI::App* command, wire::CommandVerb verb, double timeout_s) {
+std::shared_ptr<Options> options_of(cli::Command command, wire::CommandVerb verb,
+                                    double timeout_s) {
   auto options = std::make_shared<Options>();
   options->message.verb = verb;
   options->timeout_s = timeout_s;
   add_json_flag(command, options->json);
-  command->add_option("--timeout", options->timeout_s, "Give up after this many seconds")
-      ->type_name("S")
-      ->capture_default_str()
-      ->check(number_in(0.1, 3600));
+  command.add_option("--timeout", options->timeout_s, "Give up after this many seconds")
+      .type_name("S")
+      .show_default()
+      .check(cli::number_in(0.1, 3600));
   return options;
 }
 
 void add_arm(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("arm", "Prepare a take: cameras stream and wait for pulses",
                {"v3dctl arm kendo-07", "v3dctl arm kendo-08 --pulses 500 --allow-missing cam07"});
   auto options = options_of(command, wire::CommandVerb::kArm, 30);
-  command->add_option("NAME", options->message.take, "The name of the take")->required();
+  command.add_option("NAME", options->message.take, "The name of the take").required();
   command
-      ->add_option("--rate", options->message.rate_hz,
-                   "Pulses per second (otherwise as in the studio file)")
-      ->type_name("HZ")
-      ->check(check_pulse_rate);
-  command->add_option("--pulses", options->message.pulses, "End after N pulses (otherwise at stop)")
-      ->type_name("N")
-      ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--allow-missing", options->allow_missing, "Record also without these cameras")
-      ->type_name("CAM,...");
+      .add_option("--rate", options->message.rate_hz,
+                  "Pulses per second (otherwise as in the studio file)")
+      .type_name("HZ")
+      .check(pulse_rate());
+  command.add_option("--pulses", options->message.pulses, "End after N pulses (otherwise at stop)")
+      .type_name("N")
+      .check(cli::positive_number());
+  command.add_option("--allow-missing", options->allow_missing, "Record also without these cameras")
+      .type_name("CAM,...");
   line.on_run(command, [&line, options] { return run_arm(line, *options); });
 }
 
 }  // namespace
 
 void add_operator_commands(CommandLine& line) {
-  CLI::App* status = line.add("status", "Print the state of every node", {"v3dctl status"});
+  cli::Command status = line.add("status", "Print the state of every node", {"v3dctl status"});
   auto status_options = options_of(status, wire::CommandVerb::kArm, kHealthSeconds);
   line.on_run(status, [&line, status_options] { return run_status(line, *status_options); });
 
   add_arm(line);
 
-  CLI::App* start = line.add("start", "Start the pulses and record the armed take",
-                             {"v3dctl start", "v3dctl start --wait"});
+  cli::Command start = line.add("start", "Start the pulses and record the armed take",
+                                {"v3dctl start", "v3dctl start --wait"});
   auto start_options = options_of(start, wire::CommandVerb::kStart, 10);
-  start->add_flag("--wait", start_options->wait,
-                  "Show the progress until the take has ended (v3dctl arm --pulses)");
+  start.add_flag("--wait", start_options->wait,
+                 "Show the progress until the take has ended (v3dctl arm --pulses)");
   line.on_run(start, [&line, start_options] { return run_start(line, *start_options); });
 
-  CLI::App* stop = line.add("stop", "End the take and reconcile its ledger",
-                            {"v3dctl stop", "v3dctl stop --json"});
+  cli::Command stop = line.add("stop", "End the take and reconcile its ledger",
+                               {"v3dctl stop", "v3dctl stop --json"});
   auto stop_options = options_of(stop, wire::CommandVerb::kStop, 60);
   line.on_run(stop, [&line, stop_options] { return run_stop(line, *stop_options); });
 
-  CLI::App* abort =
+  cli::Command abort =
       line.add("abort", "End arming or recording at once; files on disk stay", {"v3dctl abort"});
   auto abort_options = options_of(abort, wire::CommandVerb::kAbort, 10);
   line.on_run(abort,
               [&line, abort_options] { return run_simple(line, *abort_options, "aborted"); });
 
-  CLI::App* background = line.add("background", "Learn the background model of the empty studio",
-                                  {"v3dctl background"});
+  cli::Command background = line.add("background", "Learn the background model of the empty studio",
+                                     {"v3dctl background"});
   auto background_options = options_of(background, wire::CommandVerb::kBackground, 60);
   line.on_run(background, [&line, background_options] {
     return run_simple(line, *background_options, "background learned");

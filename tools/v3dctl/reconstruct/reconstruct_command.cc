@@ -216,20 +216,20 @@ int run_shards(const ShardArguments& arguments) {
 }
 
 void add_reconstruct_shards(CommandLine& line) {
-  CLI::App* command = line.add("reconstruct-shards", "A task of v3dctl reconstruct", {});
-  command->group("");  // not in the help
+  cli::Command command = line.add("reconstruct-shards", "A task of v3dctl reconstruct", {});
+  command.hide();  // not in the help
   auto arguments = std::make_shared<ShardArguments>();
-  command->add_option("FOLDER", arguments->folder, "The folder of shards")->required();
-  command->add_option("A:B", arguments->shards, "Indices of shards in the take")->required();
-  command->add_option("--threads", arguments->threads, "Worker threads");
-  command->add_option("--parent", arguments->parent, "End when this process ends");
+  command.add_option("FOLDER", arguments->folder, "The folder of shards").required();
+  command.add_option("A:B", arguments->shards, "Indices of shards in the take").required();
+  command.add_option("--threads", arguments->threads, "Worker threads");
+  command.add_option("--parent", arguments->parent, "End when this process ends");
   line.on_run(command, [arguments] { return run_shards(*arguments); });
 }
 
 }  // namespace
 
 void add_reconstruct(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("reconstruct", "Make the meshes of a take (mesh.v3d)",
                {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
                 "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json",

@@ -60,70 +60,69 @@ Quality parse_quality(const std::string& text) {
 
 }  // namespace
 
-void add_reconstruct_options(CLI::App* command, ReconstructArguments& arguments) {
-  command->add_option("TAKE", arguments.request.take, "The folder of the take")->required();
+void add_reconstruct_options(cli::Command command, ReconstructArguments& arguments) {
+  command.add_option("TAKE", arguments.request.take, "The folder of the take").required();
   command
-      ->add_option("--voxel", arguments.voxel,
-                   "Edge of a voxel with its unit (otherwise the studio's, otherwise 10mm)")
-      ->type_name("LEN");
+      .add_option("--voxel", arguments.voxel,
+                  "Edge of a voxel with its unit (otherwise the studio's, otherwise 10mm)")
+      .type_name("LEN");
   command
-      ->add_option(
+      .add_option(
           "--bounds", arguments.bounds,
           "The space to reconstruct, metres (otherwise the studio's, otherwise the space that "
           "half the cameras see)")
-      ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+      .type_name("X0,Y0,Z0,X1,Y1,Z1");
   command
-      ->add_option(
+      .add_option(
           "--min-views", arguments.min_views,
           "Space that fewer cameras see is empty (otherwise the studio's, otherwise 4; with few "
           "cameras all but one)")
-      ->type_name("K")
-      ->check(CLI::Range(1, 1000));
+      .type_name("K")
+      .check(cli::integer_in(1, 1000));
   command
-      ->add_option("--quality", arguments.quality,
-                   "live: as while recording; high: slower and finer")
-      ->type_name("live|high");
+      .add_option("--quality", arguments.quality,
+                  "live: as while recording; high: slower and finer")
+      .type_name("live|high");
   command
-      ->add_option(
+      .add_option(
           "--deform", arguments.deform,
           "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
           "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a vertex, "
           "carving=1 to carve concavities first")
-      ->type_name("NAME=VALUE,...");
-  command->add_flag("--no-smoothing", arguments.no_smoothing,
-                    "With high quality: reconstruct every frame alone, without temporal smoothing");
-  command->add_flag(
-      "--repair", arguments.request.repair,
-      "First repair silhouettes by comparing all cameras: fill missing pieces, remove "
-      "phantom pieces, leave out cameras that are mostly wrong");
+      .type_name("NAME=VALUE,...");
+  command.add_flag("--no-smoothing", arguments.no_smoothing,
+                   "With high quality: reconstruct every frame alone, without temporal smoothing");
+  command.add_flag("--repair", arguments.request.repair,
+                   "First repair silhouettes by comparing all cameras: fill missing pieces, remove "
+                   "phantom pieces, leave out cameras that are mostly wrong");
   // Former names, not in the help.
-  command->add_flag("--no-steady", arguments.no_smoothing)->group("");
-  command->add_flag("--mend", arguments.request.repair)->group("");
+  command.add_flag("--no-steady", arguments.no_smoothing).hide();
+  command.add_flag("--mend", arguments.request.repair).hide();
   add_frames_option(command, arguments.frames);
   command
-      ->add_option("--threads", arguments.request.threads,
-                   "Worker threads (otherwise one per core); the result is the same")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
-  CLI::Option* processes =
+      .add_option("--threads", arguments.request.threads,
+                  "Worker threads (otherwise one per core); the result is the same")
+      .type_name("N")
+      .check(cli::integer_in(1, 1024));
+  cli::Option processes =
       command
-          ->add_option(
+          .add_option(
               "--processes", arguments.processes,
               "Divide the take among this many processes; the result is the same, and a repeated "
               "command continues an interrupted run")
-          ->type_name("N")
-          ->check(CLI::Range(1, 1024));
-  CLI::Option* slurm = command->add_flag(
+          .type_name("N")
+          .check(cli::integer_in(1, 1024));
+  cli::Option slurm = command.add_flag(
       "--slurm", arguments.slurm,
       "Divide the take among the nodes of a Slurm cluster; without Slurm, one process per core");
-  slurm->excludes(processes);
-  command->add_option("--partition", arguments.partition, "The partition of the cluster")
-      ->type_name("NAME")
-      ->needs(slurm);
+  slurm.excludes(processes);
+  command.add_option("--partition", arguments.partition, "The partition of the cluster")
+      .type_name("NAME")
+      .needs(slurm);
   command
-      ->add_option("--leave-out", arguments.leave_out,
-                   "Cameras to leave out, for a comparison by evaluate --held-out")
-      ->type_name("CAM,...");
+      .add_option("--leave-out", arguments.leave_out,
+                  "Cameras to leave out, for a comparison by evaluate --held-out")
+      .type_name("CAM,...");
   add_json_flag(command, arguments.json);
 }
 

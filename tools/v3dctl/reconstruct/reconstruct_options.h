@@ -21,7 +21,7 @@ struct ReconstructArguments {
   bool json = false;
 };
 
-void add_reconstruct_options(CLI::App* command, ReconstructArguments& arguments);
+void add_reconstruct_options(cli::Command command, ReconstructArguments& arguments);
 
 /// The request of parsed arguments. Throws InputError for bad values.
 ReconstructRequest request_of(const CommandLine& line, const ReconstructArguments& arguments);

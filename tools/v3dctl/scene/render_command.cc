@@ -7,8 +7,8 @@
 #include "base/geometry/rigid_transform.h"
 #include "base/image/image.h"
 #include "base/image/image_files.h"
+#include "cli/command.h"
 #include "common/console.h"
-#include "common/option_checks.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/render/renderer.h"
@@ -183,41 +183,40 @@ int run(Arguments arguments) {
 }  // namespace
 
 void add_render(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("render", "Draw a reconstructed frame, or a scene, as pictures or a video",
                {"v3dctl render dancer --frame 12 --camera cam03 cam03.png",
                 "v3dctl render dancer --frame 12 --turntable 8 round.png",
                 "v3dctl render --scene duel/scene.json --at 2.5 duel.png",
                 "v3dctl render --scene duel/scene.json --size 1920x1080 duel.mp4"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("TAKE", arguments->take,
-                      "The folder of a reconstructed take; omitted with --scene");
-  command->add_option("OUT", arguments->out,
-                      "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
-                      "ffmpeg) or a folder for 000000.png ...");
+  command.add_option("TAKE", arguments->take,
+                     "The folder of a reconstructed take; omitted with --scene");
+  command.add_option("OUT", arguments->out,
+                     "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
+                     "ffmpeg) or a folder for 000000.png ...");
   command
-      ->add_option("--scene", arguments->scene,
-                   "A scene file: takes, models and a camera path (docs/scene.md)")
-      ->type_name("SCENE.json");
-  command->add_option("--at", arguments->at_s, "One picture, at this time of the scene")
-      ->type_name("SECONDS")
-      ->check(number_in(0, 36'000));
-  command->add_option("--size", arguments->size, "Size of the pictures of a scene, in pixels")
-      ->type_name("WIDTHxHEIGHT")
-      ->capture_default_str();
+      .add_option("--scene", arguments->scene,
+                  "A scene file: takes, models and a camera path (docs/scene.md)")
+      .type_name("SCENE.json");
+  command.add_option("--at", arguments->at_s, "One picture, at this time of the scene")
+      .type_name("SECONDS")
+      .check(cli::number_in(0, 36'000));
+  command.add_option("--size", arguments->size, "Size of the pictures of a scene, in pixels")
+      .type_name("WIDTHxHEIGHT")
+      .show_default();
   add_frames_option(command, arguments->frames);
+  command.add_option("--frame", arguments->frame, "Pulse number of the frame (otherwise the first)")
+      .type_name("N")
+      .check(cli::non_negative_number());
+  command.add_option("--camera", arguments->camera, "The view of this camera of the take")
+      .type_name("CAM");
   command
-      ->add_option("--frame", arguments->frame, "Pulse number of the frame (otherwise the first)")
-      ->type_name("N")
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--camera", arguments->camera, "The view of this camera of the take")
-      ->type_name("CAM");
-  command
-      ->add_option("--turntable", arguments->turntable,
-                   "Views from K sides in one picture, with a floor")
-      ->type_name("K")
-      ->check(CLI::Range(1, 64));
-  command->add_flag(
+      .add_option("--turntable", arguments->turntable,
+                  "Views from K sides in one picture, with a floor")
+      .type_name("K")
+      .check(cli::integer_in(1, 64));
+  command.add_flag(
       "--view-dependent", arguments->view_dependent,
       "View-dependent colours: images of cameras with a similar direction have the most "
       "weight");

@@ -61,14 +61,14 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
 }  // namespace
 
 void add_doctor(CommandLine& line) {
-  CLI::App* command = line.add("doctor", "Check the requirements of this PC and print remedies",
-                               {"v3dctl doctor", "v3dctl doctor cap07"});
+  cli::Command command = line.add("doctor", "Check the requirements of this PC and print remedies",
+                                  {"v3dctl doctor", "v3dctl doctor cap07"});
   struct Arguments {
     std::string node;
     bool json = false;
   };
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("NODE", arguments->node, "Check only the cameras of this node");
+  command.add_option("NODE", arguments->node, "Check only the cameras of this node");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments]() -> int {
     const Studio studio = line.studio();

@@ -50,26 +50,26 @@ int run_node(const CommandLine& line, const std::string& out) {
 }
 
 /// The option --out of a command that makes a key.
-std::shared_ptr<std::string> add_out(CLI::App* command, const std::string& otherwise) {
-  command->fallthrough();
+std::shared_ptr<std::string> add_out(cli::Command command, const std::string& otherwise) {
+  command.accept_parent_options();
   auto out = std::make_shared<std::string>();
-  command->add_option("--out", *out, "Where to write it (" + otherwise + ")")->type_name("FILE");
+  command.add_option("--out", *out, "Where to write it (" + otherwise + ")").type_name("FILE");
   return out;
 }
 
 }  // namespace
 
 void add_key(CommandLine& line) {
-  CLI::App* key = line.add(
+  cli::Command key = line.add(
       "key", "Make the keys of a studio, and the list of its members",
       {"v3dctl key new", "v3dctl key node", "v3dctl key members",
        "v3dctl key enroll cap01 --role capture --public-key HEX", "v3dctl key revoke ada"});
-  key->require_subcommand(1);
-  CLI::App* make = key->add_subcommand(
+  key.require_subcommand();
+  cli::Command make = key.add_subcommand(
       "new", "Make the studio key, once for all PCs; its holders may command the studio");
   const auto out = add_out(make, "else as the studio file says, else /etc/v3d/studio.key");
   line.on_run(make, [&line, out] { return run_new(line, *out); });
-  CLI::App* node = key->add_subcommand(
+  cli::Command node = key.add_subcommand(
       "node", "Make the signing key of this PC, if it has none, and print its public key");
   const auto node_out = add_out(node, "else [storage] signing_key of the studio file");
   line.on_run(node, [&line, node_out] { return run_node(line, *node_out); });
@@ -191,64 +191,63 @@ int run_operator(const CommandLine& line, const Options& options) {
   return kExitDone;
 }
 
-void add_authority_option(CLI::App* command, Options& options, const std::string& what) {
-  command->add_option("--authority", options.authority, what)
-      ->type_name("FILE")
-      ->capture_default_str();
+void add_authority_option(cli::Command command, Options& options, const std::string& what) {
+  command.add_option("--authority", options.authority, what).type_name("FILE").show_default();
 }
 
 /// A command on one member.
-CLI::App* add_for_member(CLI::App* key, Options& options, const std::string& verb,
-                         const std::string& purpose) {
-  CLI::App* command = key->add_subcommand(verb, purpose);
-  command->fallthrough();
-  command->add_option("name", options.name, "The member: a node of the studio file, or a person")
-      ->required()
-      ->type_name("NAME");
+cli::Command add_for_member(cli::Command key, Options& options, const std::string& verb,
+                            const std::string& purpose) {
+  cli::Command command = key.add_subcommand(verb, purpose);
+  command.accept_parent_options();
+  command.add_option("name", options.name, "The member: a node of the studio file, or a person")
+      .required()
+      .type_name("NAME");
   add_authority_option(command, options, "The file of the authority's key");
   return command;
 }
 
-CLI::App* add_plain(CLI::App* key, const std::string& verb, const std::string& purpose) {
-  CLI::App* command = key->add_subcommand(verb, purpose);
-  command->fallthrough();
+cli::Command add_plain(cli::Command key, const std::string& verb, const std::string& purpose) {
+  cli::Command command = key.add_subcommand(verb, purpose);
+  command.accept_parent_options();
   return command;
 }
 
 }  // namespace
 
-void add_member_commands(CommandLine& line, CLI::App* key) {
+void add_member_commands(CommandLine& line, cli::Command key) {
   auto options = std::make_shared<Options>();
-  CLI::App* operators =
+  cli::Command operators =
       add_plain(key, "operator",
                 "Make the key of this PC's operator, if there is none, and print its public key");
   operators
-      ->add_option("--out", options->out,
-                   "Where to write it (else [network] operator_key of the studio file)")
-      ->type_name("FILE");
+      .add_option("--out", options->out,
+                  "Where to write it (else [network] operator_key of the studio file)")
+      .type_name("FILE");
   line.on_run(operators, [&line, options] { return run_operator(line, *options); });
 
-  CLI::App* authority =
+  cli::Command authority =
       add_plain(key, "authority", "Make the key that signs the member list, once for a studio");
   add_authority_option(authority, *options, "Where to write it");
   line.on_run(authority, [options] { return run_authority(*options); });
 
-  CLI::App* enroll = add_for_member(key, *options, "enroll", "Add a member, or a key of a member");
-  enroll->add_option("--role", options->role, "What the member may do")
-      ->required()
-      ->type_name("ROLE")
-      ->check(CLI::IsMember({"operator", "capture", "reconstruction", "viewer"}));
-  enroll->add_option("--public-key", options->public_key, "As key node or key operator prints it")
-      ->required()
-      ->type_name("HEX");
+  cli::Command enroll =
+      add_for_member(key, *options, "enroll", "Add a member, or a key of a member");
+  enroll.add_option("--role", options->role, "What the member may do")
+      .required()
+      .type_name("ROLE")
+      .check(cli::one_of({"operator", "capture", "reconstruction", "viewer"}));
+  enroll.add_option("--public-key", options->public_key, "As key node or key operator prints it")
+      .required()
+      .type_name("HEX");
   line.on_run(enroll, [&line, options] { return run_enroll(line, *options); });
 
-  CLI::App* revoke = add_for_member(key, *options, "revoke", "Remove a member");
-  revoke->add_option("--public-key", options->public_key, "Only this key of the member")
-      ->type_name("HEX");
+  cli::Command revoke = add_for_member(key, *options, "revoke", "Remove a member");
+  revoke.add_option("--public-key", options->public_key, "Only this key of the member")
+      .type_name("HEX");
   line.on_run(revoke, [&line, options] { return run_revoke(line, *options); });
 
-  CLI::App* members = add_plain(key, "members", "Verify the member list, and show it");
+  cli::Command members = add_plain(key, "members", "Verify the member list, and show it");
   add_json_flag(members, options->json);
   line.on_run(members, [&line, options] { return run_members(line, *options); });
 }

@@ -89,16 +89,16 @@ std::string interrupted_text(const std::vector<take::InterruptedDeletion>& delet
          (names.size() == 1 ? " take" : " takes") + " was interrupted: " + join_names(names);
 }
 
-CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,
-                               const std::string& description, const std::string& example) {
-  CLI::App* command = takes->add_subcommand(name, description);
-  command->fallthrough();
-  command->footer("Example:\n  $ " + example);
+cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
+                                  const std::string& description, const std::string& example) {
+  cli::Command command = takes.add_subcommand(name, description);
+  command.accept_parent_options();
+  command.footer("Example:\n  $ " + example);
   return command;
 }
 
-void add_names_option(CLI::App* command, const SharedTakesArguments& arguments) {
-  command->add_option("NAME", arguments->names, "Takes")->required();
+void add_names_option(cli::Command command, const SharedTakesArguments& arguments) {
+  command.add_option("NAME", arguments->names, "Takes").required();
 }
 
 }  // namespace v3d::ctl

@@ -33,12 +33,13 @@ void print_listing(const std::vector<take::TakeListing>& takes, bool json);
 std::string interrupted_text(const std::vector<take::InterruptedDeletion>& deletions);
 
 /// Adds a subcommand with one example to `takes`.
-CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,
-                               const std::string& description, const std::string& example);
-void add_names_option(CLI::App* command, const SharedTakesArguments& arguments);
+cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
+                                  const std::string& description, const std::string& example);
+void add_names_option(cli::Command command, const SharedTakesArguments& arguments);
 
 // Subcommands, each in the file of its name.
-void add_takes_collect(CommandLine& line, CLI::App* takes, const SharedTakesArguments& arguments);
-void add_takes_delete(CommandLine& line, CLI::App* takes, const SharedTakesArguments& arguments);
+void add_takes_collect(CommandLine& line, cli::Command takes,
+                       const SharedTakesArguments& arguments);
+void add_takes_delete(CommandLine& line, cli::Command takes, const SharedTakesArguments& arguments);
 
 }  // namespace v3d::ctl

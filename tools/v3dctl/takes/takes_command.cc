@@ -56,31 +56,31 @@ std::string check_slate_text(const std::string& text) {
   return "expected at most 4,096 bytes of UTF-8 in one line, without control characters";
 }
 
-void add_slate(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
-  CLI::App* command =
+void add_slate(CommandLine& line, cli::Command takes, const SharedTakesArguments& shared) {
+  cli::Command command =
       add_takes_subcommand(takes, "slate", "Write scene, take number and note on a take",
                            "v3dctl takes slate kendo-07 --scene 12 --take 3 --note \"slips\"");
   add_names_option(command, shared);
   auto arguments = std::make_shared<SlateArguments>();
-  CLI::Option* const scene =
-      command->add_option("--scene", arguments->scene, "Scene")->type_name("TEXT");
-  CLI::Option* const take =
-      command->add_option("--take", arguments->take, "Number of the take")->type_name("TEXT");
-  CLI::Option* const note =
-      command->add_option("--note", arguments->note, "Other text")->type_name("TEXT");
-  for (CLI::Option* option : {scene, take, note}) option->check(check_slate_text, "");
+  const cli::Option scene =
+      command.add_option("--scene", arguments->scene, "Scene").type_name("TEXT");
+  const cli::Option take =
+      command.add_option("--take", arguments->take, "Number of the take").type_name("TEXT");
+  const cli::Option note =
+      command.add_option("--note", arguments->note, "Other text").type_name("TEXT");
+  for (cli::Option option : {scene, take, note}) option.check({check_slate_text, ""});
   line.on_run(command, [&line, shared, arguments, scene, take, note] {
     return change_slates(line, *shared, [&](take::Slate& slate) {
-      if (scene->count() > 0) slate.scene = arguments->scene;
-      if (take->count() > 0) slate.take = arguments->take;
-      if (note->count() > 0) slate.note = arguments->note;
+      if (scene.is_given()) slate.scene = arguments->scene;
+      if (take.is_given()) slate.take = arguments->take;
+      if (note.is_given()) slate.note = arguments->note;
     });
   });
 }
 
-void add_mark(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared,
+void add_mark(CommandLine& line, cli::Command takes, const SharedTakesArguments& shared,
               const std::string& name, take::Mark mark, const std::string& description) {
-  CLI::App* command =
+  cli::Command command =
       add_takes_subcommand(takes, name, description, "v3dctl takes " + name + " kendo-07");
   add_names_option(command, shared);
   line.on_run(command, [&line, shared, mark] {
@@ -116,32 +116,30 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
   return kExitDone;
 }
 
-void add_sign(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
-  CLI::App* command = add_takes_subcommand(
+void add_sign(CommandLine& line, cli::Command takes, const SharedTakesArguments& shared) {
+  cli::Command command = add_takes_subcommand(
       takes, "sign", "Sign takes that a restart left unsigned, on the PC that recorded them",
       "v3dctl takes sign kendo-07 --node cap01");
   auto arguments = std::make_shared<SignArguments>();
   arguments->takes = shared;
   add_names_option(command, shared);
-  command->add_option("--node", arguments->node, "The node of this PC")
-      ->type_name("NODE")
-      ->required();
+  command.add_option("--node", arguments->node, "The node of this PC").type_name("NODE").required();
   command
-      ->add_option("--key", arguments->key,
-                   "Its signing key (otherwise [storage] signing_key of the studio file)")
-      ->type_name("FILE");
+      .add_option("--key", arguments->key,
+                  "Its signing key (otherwise [storage] signing_key of the studio file)")
+      .type_name("FILE");
   line.on_run(command, [&line, arguments] { return run_sign(line, *arguments); });
 }
 
 }  // namespace
 
 void add_takes(CommandLine& line) {
-  CLI::App* command = line.add(
+  cli::Command command = line.add(
       "takes", "List the takes in a folder, oldest first; mark, collect, delete",
       {"v3dctl takes", "v3dctl takes /srv/v3d/takes --json", "v3dctl takes circle kendo-07"});
   auto arguments = std::make_shared<TakesArguments>();
-  command->add_option("--dir,DIR", arguments->folder,
-                      "The folder of takes (otherwise that of the studio)");
+  command.add_option("--dir,DIR", arguments->folder,
+                     "The folder of takes (otherwise that of the studio)");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run_list(line, *arguments); });
   add_slate(line, command, arguments);
@@ -260,21 +258,20 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
 
 }  // namespace
 
-void add_takes_delete(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
-  CLI::App* command =
+void add_takes_delete(CommandLine& line, cli::Command takes, const SharedTakesArguments& shared) {
+  cli::Command command =
       add_takes_subcommand(takes, "delete", "Delete takes that are verified and not circled",
                            "v3dctl takes delete kendo-06 --copy /mnt/archive --yes");
   auto arguments = std::make_shared<DeleteArguments>();
   arguments->takes = shared;
-  command->add_option("NAME", shared->names,
-                      "Takes (none: finish deletions that were interrupted)");
+  command.add_option("NAME", shared->names, "Takes (none: finish deletions that were interrupted)");
   command
-      ->add_option("--copy", arguments->copy,
-                   "Folder of takes with the copies; each is read back from its disk and compared")
-      ->type_name("DIR");
-  command->add_flag("--no-copy", arguments->no_copy, "Delete takes without a copy");
-  command->add_flag("--yes", arguments->yes,
-                    "Delete; otherwise the command only lists what it would delete");
+      .add_option("--copy", arguments->copy,
+                  "Folder of takes with the copies; each is read back from its disk and compared")
+      .type_name("DIR");
+  command.add_flag("--no-copy", arguments->no_copy, "Delete takes without a copy");
+  command.add_flag("--yes", arguments->yes,
+                   "Delete; otherwise the command only lists what it would delete");
   line.on_run(command, [&line, arguments] { return run_delete(line, *arguments); });
 }
 
@@ -353,25 +350,22 @@ int run_collect(const CommandLine& line, const CollectArguments& arguments) {
 
 }  // namespace
 
-void add_takes_collect(CommandLine& line, CLI::App* takes, const SharedTakesArguments& shared) {
-  CLI::App* command = add_takes_subcommand(
+void add_takes_collect(CommandLine& line, cli::Command takes, const SharedTakesArguments& shared) {
+  cli::Command command = add_takes_subcommand(
       takes, "collect", "Copy takes from all nodes into one folder and verify the copies",
       "v3dctl takes collect --to /mnt/archive kendo-07");
   auto arguments = std::make_shared<CollectArguments>();
   arguments->takes = shared;
-  command->add_option("NAME", shared->names, "Takes (otherwise all that are not there yet)");
-  command->add_option("--to", arguments->to, "The folder of the copies")
-      ->type_name("DIR")
-      ->required();
+  command.add_option("NAME", shared->names, "Takes (otherwise all that are not there yet)");
+  command.add_option("--to", arguments->to, "The folder of the copies").type_name("DIR").required();
   command
-      ->add_option("--from", arguments->from,
-                   "A node and its takes: a folder, or HOST:FOLDER (otherwise the nodes of the "
-                   "studio file)")
-      ->type_name("NODE=PLACE")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("--rsh", arguments->rsh, "Remote shell of rsync (otherwise ssh)")
-      ->type_name("COMMAND");
+      .add_option("--from", arguments->from,
+                  "A node and its takes: a folder, or HOST:FOLDER (otherwise the nodes of the "
+                  "studio file)")
+      .type_name("NODE=PLACE")
+      .show_one_value();
+  command.add_option("--rsh", arguments->rsh, "Remote shell of rsync (otherwise ssh)")
+      .type_name("COMMAND");
   line.on_run(command, [&line, arguments] { return run_collect(line, *arguments); });
 }
 

@@ -217,20 +217,20 @@ int run(const CommandLine& line, const Arguments& arguments) {
 }  // namespace
 
 void add_verify(CommandLine& line) {
-  CLI::App* command =
+  cli::Command command =
       line.add("verify", "Check a take against its ledger, file by file",
                {"v3dctl verify kendo-07", "v3dctl verify kendo-07 --images --json"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("TAKE", arguments->take, "The folder of the take")->required();
-  command->add_flag("--recover", arguments->recover,
-                    "Close a take after a power cut or crash: write the ledger of its files");
-  command->add_flag(
+  command.add_option("TAKE", arguments->take, "The folder of the take").required();
+  command.add_flag("--recover", arguments->recover,
+                   "Close a take after a power cut or crash: write the ledger of its files");
+  command.add_flag(
       "--images", arguments->images,
       "Also compare the silhouettes of each camera with the hull of the others: report "
       "cameras with a frame lag or displaced since the calibration");
-  command->add_flag("--signed", arguments->is_signed,
-                    "Fail unless every capture node of the take, and every file, has a signature "
-                    "with a key of the studio file");
+  command.add_flag("--signed", arguments->is_signed,
+                   "Fail unless every capture node of the take, and every file, has a signature "
+                   "with a key of the studio file");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
