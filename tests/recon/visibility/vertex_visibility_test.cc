@@ -82,8 +82,8 @@ TEST(VertexVisibility, finds_facing_and_unoccluded_vertices_bit_for_bit) {
   for (const Distortion& lens : kLenses) {
     const Scene scene(lens);
     const std::vector<Eigen::Vector3f> normals = vertex_normals(scene.mesh);
-    size_t seen = 0, hidden = 0;
     on_every_instruction_set([&] {
+      size_t seen = 0, hidden = 0;
       for (size_t first = 0; first < normals.size(); first += VertexVisibility::kCapacity) {
         PointBlock places, directions;
         places.count = std::min(VertexVisibility::kCapacity, normals.size() - first);
@@ -106,9 +106,9 @@ TEST(VertexVisibility, finds_facing_and_unoccluded_vertices_bit_for_bit) {
           (expected ? seen : hidden) += facing >= kOptions.min_facing;
         }
       }
+      EXPECT_GT(seen, 100);
+      EXPECT_GT(hidden, 100);
     });
-    EXPECT_GT(seen, 500);
-    EXPECT_GT(hidden, 500);
   }
 }
 
