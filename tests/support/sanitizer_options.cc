@@ -1,4 +1,5 @@
-// Options of AddressSanitizer and UndefinedBehaviorSanitizer for all test programs. The sanitizers call these functions.
+// Options of AddressSanitizer and UndefinedBehaviorSanitizer for all test programs, which call
+// these functions.
 extern "C" {
 
 const char* __asan_default_options();
