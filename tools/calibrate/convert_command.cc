@@ -113,6 +113,10 @@ Json to_json(const Rig& rig, RigFormat from, RigFormat to,
 int run(const Arguments& arguments) {
   const RigFormat from = format_of(arguments.from, "--from", arguments.in);
   const RigFormat to = format_of(arguments.to, "--to", arguments.out);
+  const bool opencv = to == RigFormat::kOpencv || to == RigFormat::kOpencvXml;
+  if (opencv && std::filesystem::path(arguments.out).extension() == ".json") {
+    throw InputError(arguments.out + ": OpenCV files are written as .yml, .yaml or .xml");
+  }
   const Rig rig = calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
                                     parse_length(arguments.unit), arguments.up);
   const auto written = save_rig(arguments.out, to, rig);
