@@ -18,7 +18,7 @@ CommandLine::CommandLine(cli::Command program, std::vector<std::string> words)
   program_.require_subcommand();
   program_
       .add_option("--studio", studio_option_,
-                  "The studio file (else $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
+                  "The studio file (otherwise $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
       .type_name("FILE");
 }
 

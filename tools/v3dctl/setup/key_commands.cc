@@ -53,7 +53,7 @@ int run_node(const CommandLine& line, const std::string& out) {
 std::shared_ptr<std::string> add_out(cli::Command command, const std::string& otherwise) {
   command.accept_parent_options();
   auto out = std::make_shared<std::string>();
-  command.add_option("--out", *out, "Where to write it (" + otherwise + ")").type_name("FILE");
+  command.add_option("--out", *out, "The file to write (" + otherwise + ")").type_name("FILE");
   return out;
 }
 
@@ -222,13 +222,13 @@ void add_member_commands(CommandLine& line, cli::Command key) {
                 "Make the key of this PC's operator, if there is none, and print its public key");
   operators
       .add_option("--out", options->out,
-                  "Where to write it (else [network] operator_key of the studio file)")
+                  "The file to write (otherwise [network] operator_key of the studio file)")
       .type_name("FILE");
   line.on_run(operators, [&line, options] { return run_operator(line, *options); });
 
   cli::Command authority =
       add_plain(key, "authority", "Make the key that signs the member list, once for a studio");
-  add_authority_option(authority, *options, "Where to write it");
+  add_authority_option(authority, *options, "The file to write");
   line.on_run(authority, [options] { return run_authority(*options); });
 
   cli::Command enroll =
