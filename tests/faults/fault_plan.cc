@@ -25,6 +25,14 @@ int open_raw(const char* path, int flags) {
   return static_cast<int>(syscall(SYS_openat, AT_FDCWD, path, flags, 0644));
 }
 
+/// Appends to a file without the intercepted calls. Aborts the process on failure.
+void append_raw(const char* path, const std::string& text) {
+  const int fd = open_raw(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC);
+  const long written = syscall(SYS_write, fd, text.data(), text.size());
+  if (written != static_cast<long>(text.size())) std::abort();
+  close(fd);
+}
+
 /// Moves `fd` to a number from 900: some programs close all descriptors below a limit.
 int move_to_high_number(int fd) {
   constexpr int kHigh = 900;
@@ -108,6 +116,7 @@ FaultKind FaultPlan::next(std::string_view call, const std::string& a, const std
   std::strncpy(report_->fired_on.data(), a.c_str(), report_->fired_on.size() - 1);
   ++report_->fired;
   if (kind_ == FaultKind::kPowerCut) {
+    append_raw(marks_.c_str(), std::string(kPowerCutMark) + "\n");
     if (!shut_down(prefix_.c_str())) std::abort();
     kill(getpid(), SIGKILL);
   }

@@ -11,7 +11,7 @@
 //   V3D_FAULT_TRACE    file outside the prefix: every change below the prefix is appended
 //                      (fault_trace.h)
 //   V3D_FAULT_MARKS    file outside the prefix: text written to it is recorded as marks in the
-//   trace
+//                      trace; before a POWER_CUT the line kPowerCutMark is appended to it
 #pragma once
 
 #include <string>

@@ -39,6 +39,12 @@ inline constexpr std::array<std::string_view, 25> kFaultCalls = {"open",
                                                                  "flock",
                                                                  "lseek"};
 
+/// The mark that the injector writes before it cuts the power. Other threads of the program still
+/// run until it is killed, and a sync that the cut interrupts can return success (Linux 6.18: the
+/// journal drops the transaction, and jbd2_complete_transaction() finds none to wait for). No
+/// program reports anything after a power cut, so marks behind this one do not count.
+inline constexpr std::string_view kPowerCutMark = "power cut";
+
 /// Index of the family in kFaultCalls; kFaultCalls.size() when there is none.
 constexpr size_t fault_call(std::string_view name) {
   return static_cast<size_t>(std::find(kFaultCalls.begin(), kFaultCalls.end(), name) -

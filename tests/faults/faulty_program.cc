@@ -135,7 +135,9 @@ std::vector<std::string> FaultyWorkplace::marked() const {
   std::vector<std::string> marks;
   if (!fs::exists(this->marks())) return marks;
   std::istringstream lines(read_file(this->marks()));
-  for (std::string line; std::getline(lines, line);) marks.push_back(line);
+  for (std::string line; std::getline(lines, line) && line != kPowerCutMark;) {
+    marks.push_back(line);
+  }
   return marks;
 }
 
@@ -145,14 +147,14 @@ ProgramResult FaultyWorkplace::run(const std::vector<std::string>& command,
 }
 
 ProgramResult FaultyWorkplace::run_traced(const std::vector<std::string>& command) const {
-  return run_with(command,
-                  {"V3D_FAULT_TRACE=" + trace().string(), "V3D_FAULT_MARKS=" + marks().string()});
+  return run_with(command, {"V3D_FAULT_TRACE=" + trace().string()});
 }
 
 ProgramResult FaultyWorkplace::run_with(const std::vector<std::string>& command,
                                         std::vector<std::string> environment) const {
   const MappedReport report(root_ / "report");
   std::ranges::move(injector_variables(disk(), root_ / "report"), std::back_inserter(environment));
+  environment.push_back("V3D_FAULT_MARKS=" + marks().string());
   for (char** variable = environ; *variable != nullptr; ++variable) {
     environment.emplace_back(*variable);
   }

@@ -53,7 +53,7 @@ class FaultyWorkplace {
   std::filesystem::path trace() const { return root_ / "trace"; }
   /// Empties disk, marks and trace.
   void clear() const;
-  /// The lines of the file marks().
+  /// The lines of the file marks(), up to a power cut.
   std::vector<std::string> marked() const;
 
   ProgramResult run(const std::vector<std::string>& command, const Fault& fault) const;
