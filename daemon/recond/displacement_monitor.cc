@@ -10,15 +10,9 @@
 
 #include "base/geometry/rigid_transform.h"
 #include "base/image/mask_operations.h"
-#include "recon/hull/voxel_grid.h"
 
 namespace v3d::recond {
 namespace {
-
-/// Voxels along the longest edge of the space: about one pixel of an XGA camera outside the space.
-constexpr double kVoxels = 256;
-
-double voxel_for(const Box& bounds) { return (bounds.max - bounds.min).maxCoeff() / kVoxels; }
 
 /// Sets the scheduling policy of a thread. False when the process may not.
 ///
@@ -35,7 +29,8 @@ DisplacementMonitor::DisplacementMonitor(const Rig& rig, const recon::Reconstruc
                                          Duration starved_after)
     : rig_(rig),
       starved_after_(starved_after),
-      hulls_(rig, options.bounds, voxel_for(options.bounds), options.min_views),
+      hulls_(rig, options.bounds, recon::voxel_for_silhouettes(rig, options.bounds),
+             options.min_views),
       meter_(rig) {
   if (rig_.size() < kMinCameras) return;
   for (const RigCamera& camera : rig_)

@@ -1,9 +1,19 @@
 #include "recon/silhouettes/leave_one_out_hull.h"
 
+#include <algorithm>
+
 #include "recon/hull/voxel_grid.h"
 #include "recon/render/renderer.h"
 
 namespace v3d::recon {
+
+double voxel_for_silhouettes(const Rig& rig, const Box& bounds) {
+  int pixels = 0;
+  for (const RigCamera& camera : rig) {
+    pixels = std::max({pixels, camera.model.size().width, camera.model.size().height});
+  }
+  return (bounds.max - bounds.min).maxCoeff() / std::clamp(pixels / 4, 1, 256);
+}
 
 LeaveOneOutHull::LeaveOneOutHull(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
     : models_(models_of(rig)),

@@ -13,6 +13,12 @@
 
 namespace v3d::recon {
 
+/// Edge of the voxels, in metres, to compare silhouettes with leave-one-out hulls in `bounds`.
+/// There are as many voxels along the longest edge as a quarter of the pixels along the rig's
+/// longest image edge, 256 at most. So a voxel is about four pixels wide in a camera that sees the
+/// bounds as a whole, and a rig of small images takes less time.
+double voxel_for_silhouettes(const Rig& rig, const Box& bounds);
+
 /// Keeps its working memory. References that it returns are valid until the next call. One caller
 /// at a time; works in the caller's TBB arena. Deterministic.
 class LeaveOneOutHull {

@@ -35,7 +35,7 @@ class Studio12 : public test::Studio4 {
   }
 
   /// Waits until the monitor has measured a displacement of cam03, in pixels. It uses only spare
-  /// processor time, so this takes more than a minute on a busy machine. False at timeout.
+  /// processor time, which a busy machine has little of. False at timeout.
   bool measures(double wanted_px) {
     return becomes_true([&] { return value("recon01", "cam03.drift_px") >= wanted_px; },
                         within(110));

@@ -38,6 +38,12 @@ class LeaveOneOut : public testing::Test {
   std::vector<const Mask*> views_;
 };
 
+TEST_F(LeaveOneOut, has_a_voxel_for_four_pixels_and_at_most_256_along_the_longest_edge) {
+  EXPECT_DOUBLE_EQ(voxel_for_silhouettes(rig_, kSpace), 1.2 / 40);
+  rig_.push_back({"wide", shapes::camera({3, 0, 0}, {0, 0, 0}, {2048, 1536}, 2000)});
+  EXPECT_DOUBLE_EQ(voxel_for_silhouettes(rig_, kSpace), 1.2 / 256);
+}
+
 TEST_F(LeaveOneOut, has_the_volume_of_all_masks_but_one) {
   LeaveOneOutHull hull = this->hull();
   EXPECT_EQ(hull.volume(views_), reference(views_, hull.grid()));

@@ -237,9 +237,6 @@ void add_verify(CommandLine& line) {
 
 namespace {
 
-/// Voxels along the longest edge of the bounds: about the resolution of an XGA camera.
-constexpr double kVoxels = 256;
-
 /// Masks of all cameras at one pulse, limited to the view of the bounds.
 struct Silhouettes {
   int64_t pulse = 0;
@@ -251,7 +248,7 @@ class ImageCheck {
   explicit ImageCheck(const ImageCheckRequest& request)
       : take_(request.take, {}),
         bounds_(bounds_of(request)),
-        hulls_(take_.rig(), bounds_, longest_edge() / kVoxels,
+        hulls_(take_.rig(), bounds_, recon::voxel_for_silhouettes(take_.rig(), bounds_),
                default_min_views(static_cast<int>(take_.rig().size()))),
         frame_lags_(take_.rig()),
         displacements_(take_.rig()),
@@ -288,7 +285,6 @@ class ImageCheck {
     }
     return default_bounds(take_.rig(), default_min_views(static_cast<int>(take_.rig().size())));
   }
-  double longest_edge() const { return (bounds_.max - bounds_.min).maxCoeff(); }
 
   /// Pulses to compare; each has kMaxPulsesOff neighbours on both sides.
   static std::vector<int64_t> evenly_spread(const std::vector<int64_t>& all,
