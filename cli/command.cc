@@ -73,8 +73,9 @@ Option Option::hide() {
   return *this;
 }
 
-Option Option::show_one_value() {
-  option_->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+Option Option::take_one_word() {
+  option_->expected(1)->allow_extra_args(false);
+  option_->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   return *this;
 }
 

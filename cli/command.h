@@ -67,9 +67,9 @@ class Option {
   Option show_default();
   /// Omits the option from the help.
   Option hide();
-  /// For lists: the help shows one value, without "...". The option still takes all words that
-  /// follow.
-  Option show_one_value();
+  /// For lists: the option takes one word each time it is given, and no further words. The help
+  /// shows one value, without "...".
+  Option take_one_word();
   /// For lists: `separator` divides a word into several values.
   Option delimiter(char separator);
   /// This option can be given only together with `other`.

@@ -174,13 +174,18 @@ TEST(Options, can_need_or_exclude_another) {
   EXPECT_EQ(usage_error(program, {"--partition", "night", "--slurm"}), "");
 }
 
-TEST(Options, of_lists_take_all_words_that_follow_or_the_parts_of_a_word) {
+TEST(Options, of_lists_take_all_words_that_follow_or_one_word_or_the_parts_of_a_word) {
   Program program("A test");
-  std::vector<std::string> from, voxels;
-  program.add_option("--from", from).show_one_value();
+  std::vector<std::string> names, from, cameras, voxels;
+  program.add_option("NAMES", names);
+  program.add_option("--camera", cameras);
+  program.add_option("--from", from).take_one_word();
   program.add_option("--voxel", voxels).delimiter(',');
-  ASSERT_TRUE(parse(program, {"--from", "a=1", "c=3", "--from", "b=2", "--voxel", "8mm,10mm"}));
-  EXPECT_THAT(from, ElementsAre("a=1", "c=3", "b=2"));
+  ASSERT_TRUE(parse(program, {"--from", "a=1", "kendo-07", "--from", "b=2", "--voxel", "8mm,10mm",
+                              "--camera", "cam01", "cam02"}));
+  EXPECT_THAT(from, ElementsAre("a=1", "b=2"));
+  EXPECT_THAT(names, ElementsAre("kendo-07"));
+  EXPECT_THAT(cameras, ElementsAre("cam01", "cam02"));
   EXPECT_THAT(voxels, ElementsAre("8mm", "10mm"));
 }
 
@@ -191,7 +196,7 @@ TEST(Help, shows_types_defaults_limits_and_the_footer_but_no_hidden_option) {
   bool old = false;
   std::vector<std::string> names, from;
   program.add_option("NAMES", names);
-  program.add_option("--from", from).show_one_value();
+  program.add_option("--from", from).take_one_word();
   program.add_option("--size", size, "Size of images").type_name("WxH").show_default();
   program.add_option("--count", count, "Number").check(integer_in(1, 9));
   program.add_flag("--former", old).hide();

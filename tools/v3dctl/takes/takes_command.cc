@@ -363,7 +363,7 @@ void add_takes_collect(CommandLine& line, cli::Command takes, const SharedTakesA
                   "A node and its takes: a folder, or HOST:FOLDER (otherwise the nodes of the "
                   "studio file)")
       .type_name("NODE=PLACE")
-      .show_one_value();
+      .take_one_word();
   command.add_option("--rsh", arguments->rsh, "Remote shell of rsync (otherwise ssh)")
       .type_name("COMMAND");
   line.on_run(command, [&line, arguments] { return run_collect(line, *arguments); });
