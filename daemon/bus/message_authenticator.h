@@ -53,7 +53,8 @@ class MemberSignatures {
   void set_signing_key(const wire::SigningKey& key);
 
   /// The key that signs a message on `channel`. Empty when messages of the channel are unsigned, or
-  /// before set_signing_key(); receivers reject messages that are sent then.
+  /// before set_signing_key(); receivers reject messages that are sent then. Empty without
+  /// require(): the key of a node then signs its takes only.
   std::optional<wire::SigningKey> key_for(std::string_view channel) const;
 
   /// The list in force; null before set_members().

@@ -47,5 +47,18 @@ TEST(MessageAuthenticator, is_required_with_a_key_or_on_request) {
   EXPECT_NE(authenticator.mac(), nullptr);
 }
 
+TEST(MemberSignatures, are_made_for_signed_channels_only_and_where_members_are_required) {
+  const auto key = wire::SigningKey::make();
+  MemberSignatures without_members, members;
+  without_members.set_signing_key(key);
+  EXPECT_FALSE(without_members.key_for(wire::kEventChannel));
+  members.require();
+  EXPECT_FALSE(members.key_for(wire::kEventChannel)) << "no key yet";
+  members.set_signing_key(key);
+  ASSERT_TRUE(members.key_for(wire::kEventChannel));
+  EXPECT_EQ(members.key_for(wire::kEventChannel)->public_key(), key.public_key());
+  EXPECT_FALSE(members.key_for(wire::kCommandChannel)) << "commands hold a signature of their own";
+}
+
 }  // namespace
 }  // namespace v3d::bus
