@@ -30,6 +30,9 @@ struct ReceivedMessage {
   /// The sending socket, of accepted messages: its session, or its address where no authentication
   /// is required. A process that restarts has another one.
   uint64_t session = 0;
+  /// The least possible time since an accepted message was sent (SessionReplayFilter::age()). A
+  /// process that was stopped reads old messages when it continues.
+  Duration age{};
 };
 
 /// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete

@@ -102,6 +102,13 @@ bool SessionReplayFilter::is_recent_for_any(const SessionStamp& stamp,
          });
 }
 
+Duration SessionReplayFilter::age(const SessionStamp& stamp, const ReceiverTime& now,
+                                  const wire::Signer& signer) const {
+  const Session* const known = find(stamp.session, signer);
+  return known == nullptr ? Duration{}
+                          : std::max(Duration{}, known->age(stamp.sent, now.monotonic));
+}
+
 bool SessionReplayFilter::has_answered(uint32_t session, const wire::Signer& signer) const {
   const Session* const known = find(session, signer);
   return known != nullptr && known->has_answered;

@@ -76,6 +76,10 @@ class SessionReplayFilter {
                  const wire::Signer& signer = {}) const;
   /// Whether the message is recent for any signer. For fragments, whose signer is not known yet.
   bool is_recent_for_any(const SessionStamp& stamp, const ReceiverTime& now) const;
+  /// The least possible time since an authentic message was sent, at least 0; 0 for an unknown
+  /// session.
+  Duration age(const SessionStamp& stamp, const ReceiverTime& now,
+               const wire::Signer& signer = {}) const;
   /// Whether accept() was called for the session and the signer.
   bool has_answered(uint32_t session, const wire::Signer& signer = {}) const;
   /// Records an authentic, recent message as received. With a signer: its signature was verified.

@@ -22,8 +22,9 @@ std::optional<ReceivedHealth> open_health(const bus::ReceivedMessage& in) {
   if (!in.is_accepted) return std::nullopt;
   auto health = wire::decode<wire::HealthMessage>(in.bytes);
   if (!health || in.channel != wire::health_channel(health->node)) return std::nullopt;
+  const MonotonicInstant now = Monotonic::now();
   return ReceivedHealth{
-      .health = *std::move(health), .session = in.session, .received = Monotonic::now()};
+      .health = *std::move(health), .session = in.session, .received = now, .sent = now - in.age};
 }
 
 }  // namespace
@@ -33,13 +34,13 @@ bool HealthOrder::is_newest(const ReceivedHealth& message) {
   if (session_ == message.session) {
     if (message.health.seq <= seq_) return false;
   } else if (session_) {
-    if (message.received - received_ < kSilence) return false;
+    if (message.sent - sent_ < kSilence) return false;
     if (former_.size() == kMaxFormer) former_.pop_front();
     former_.push_back(*session_);
   }
   session_ = message.session;
   seq_ = message.health.seq;
-  received_ = message.received;
+  sent_ = message.sent;
   return true;
 }
 

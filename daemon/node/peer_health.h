@@ -20,6 +20,7 @@ struct ReceivedHealth {
   wire::HealthMessage health;
   uint64_t session = 0;  ///< ReceivedMessage::session
   MonotonicInstant received;
+  MonotonicInstant sent;  ///< latest possible time, on the clock of this PC
 };
 
 /// Detects which health messages of a node were sent last: by session and sequence number, because
@@ -29,8 +30,8 @@ struct ReceivedHealth {
 /// too: its messages are ignored while those of the first process arrive.
 class HealthOrder {
  public:
-  /// A session ends when none of its messages has arrived for this long. Health is sent every
-  /// second.
+  /// A session ends when it has sent no message for this long. Health is sent every second. The
+  /// times of sending count: a process that was stopped reads the messages of two sessions at once.
   static constexpr Duration kSilence = std::chrono::seconds(3);
 
   /// True if the message was sent after all earlier arguments, by the same process or by one that
@@ -43,7 +44,7 @@ class HealthOrder {
 
   std::optional<uint64_t> session_;  ///< empty before the first message
   int64_t seq_ = 0;                  ///< of the newest message
-  MonotonicInstant received_;        ///< of the newest message
+  MonotonicInstant sent_;            ///< of the newest message
   std::deque<uint64_t> former_;      ///< ended sessions, oldest first
 };
 

@@ -208,9 +208,11 @@ void NodeProcess::process(Channel channel, size_t from, const wire::Bytes& bytes
     if (channel == Channel::kPulse)
       work_->on_pulse_message(*wire::decode<wire::PulseMessage>(message));
     if (channel != Channel::kHealth) return;
-    const node::ReceivedHealth health = {.health = *wire::decode<wire::HealthMessage>(message),
-                                         .session = stamp.session,
-                                         .received = world_.time.now()};
+    const node::ReceivedHealth health = {
+        .health = *wire::decode<wire::HealthMessage>(message),
+        .session = stamp.session,
+        .received = world_.time.now(),
+        .sent = world_.time.now() - sessions_.age(stamp, receiver_time())};
     if (from == trigger_place_) work_->on_trigger_health(health);
     work_->on_other_health(health);
   }

@@ -113,6 +113,15 @@ TEST(SessionReplayFilter, needs_no_wall_clock_for_a_known_session) {
   }
 }
 
+TEST(SessionReplayFilter, gives_the_age_of_a_message_of_a_known_session) {
+  SessionReplayFilter filter;
+  EXPECT_EQ(filter.age(stamp(7, 1, -3s), kNow), 0s) << "unknown";
+  filter.note(stamp(7, 1), kNow);
+  const ReceiverTime now{kNow.monotonic + 10s, kNow.realtime - 1h};  // this PC's clock was set
+  EXPECT_NEAR(to_seconds(filter.age(stamp(7, 2, 7s), now)), 3, 0.02);
+  EXPECT_EQ(filter.age(stamp(7, 3, 11s), now), 0s) << "a clock that runs ahead";
+}
+
 TEST(SessionReplayFilter, accepts_a_clock_that_drifts_for_a_day) {
   SessionReplayFilter filter;
   constexpr double kRate = 1 - 150e-6;  // two crystals, each at its limit

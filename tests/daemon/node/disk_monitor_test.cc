@@ -31,10 +31,11 @@ class FullDiskStateTest : public testing::Test {
  protected:
   /// A message of the node, which is not received yet.
   ReceivedHealth next(const std::string& take, double full) {
-    return {.health = health_of("cap02", seq_++, take, full), .session = 1, .received = {}};
+    return {
+        .health = health_of("cap02", seq_++, take, full), .session = 1, .received = {}, .sent = {}};
   }
   void receive(ReceivedHealth message) {
-    message.received = now_;
+    message.received = message.sent = now_;
     disk_.on_health(message, kTake);
   }
 

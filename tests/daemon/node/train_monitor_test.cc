@@ -21,10 +21,12 @@ class TrainStateTest : public testing::Test {
     health.node = "cap01";
     health.state = state;
     health.take = state == wire::NodeState::kIdle ? "" : kTake;
-    return {.health = health, .session = session_, .received = {}};
+    return {.health = health, .session = session_, .received = {}, .sent = {}};
   }
-  void receive(ReceivedHealth message) {
+  /// `age`: time since the message was sent.
+  void receive(ReceivedHealth message, Duration age = {}) {
     message.received = now_;
+    message.sent = now_ - age;
     train_.on_health(message, kTake);
   }
   /// The trigger's node restarts: silence, new session, new sequence numbers.
@@ -126,6 +128,16 @@ TEST_F(TrainStateTest, ends_when_the_triggers_node_is_silent_and_another_process
   EXPECT_FALSE(train_.ended());
   now_ += 1ms;
   receive(next(wire::NodeState::kIdle));
+  EXPECT_TRUE(train_.ended());
+}
+
+TEST_F(TrainStateTest, follows_a_restarted_node_although_its_former_messages_were_read_late) {
+  receive(next(wire::NodeState::kIdle));
+  const ReceivedHealth former = next(wire::NodeState::kIdle);
+  restart_sender();
+  receive(former, HealthOrder::kSilence);
+  receive(next(wire::NodeState::kRecording));
+  receive(next(wire::NodeState::kDraining));
   EXPECT_TRUE(train_.ended());
 }
 
