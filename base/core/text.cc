@@ -1,12 +1,13 @@
 #include "base/core/text.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 
 #include "base/core/error.h"
 
@@ -148,9 +149,7 @@ std::string data_url(const std::vector<uint8_t>& jpeg) {
 namespace {
 
 std::string with_unit(double value, const char* unit) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3g %s", value, unit);
-  return text.data();
+  return fmt::format("{:.3g} {}", value, unit);
 }
 
 }  // namespace

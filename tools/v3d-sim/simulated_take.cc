@@ -1,7 +1,8 @@
 #include "v3d-sim/simulated_take.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <deque>
 #include <stdexcept>
 
@@ -146,8 +147,7 @@ class CameraLog {
 
 void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
                  uint64_t seed) {
-  char name[32];
-  std::snprintf(name, sizeof name, "%06lld.ply", static_cast<long long>(pulse));
+  const std::string name = fmt::format("{:06}.ply", pulse);
   write_ply(folder / name, outer_surface(performer_parts(seconds, seed), seed));
   write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
 }

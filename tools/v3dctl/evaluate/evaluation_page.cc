@@ -1,8 +1,9 @@
 #include "v3dctl/evaluate/evaluation_page.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "base/core/text.h"
 #include "base/image/image_files.h"
@@ -22,9 +23,7 @@ constexpr ImageSize kRenderingSize{300, 460};
 constexpr double kHeadLight = 0.55;  // shows the shape
 
 std::string number(double value, int digits, const char* unit = "") {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f%s", digits, value, unit);
-  return text;
+  return fmt::format("{:.{}f}{}", value, digits, unit);
 }
 
 /// A row of the table; `text_of` is the text of one column.
