@@ -7,6 +7,7 @@
 
 #include "base/core/text.h"
 #include "base/image/image_files.h"
+#include "common/data_url.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
