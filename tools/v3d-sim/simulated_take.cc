@@ -1,6 +1,7 @@
 #include "v3d-sim/simulated_take.h"
 
 #include <fmt/core.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <deque>
@@ -15,7 +16,6 @@
 #include "sim/performer/performer.h"
 #include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
-#include "sim/rendering/parallel.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
@@ -53,7 +53,7 @@ std::vector<segmentation::BackgroundModel> write_backgrounds(const take::TakePat
     plates.push_back(renderer.render_all({}, i));
   }
   std::vector<segmentation::BackgroundModel> models(rig.size());
-  for_each_index(rig.size(), [&](size_t c) {
+  tbb::parallel_for(size_t{0}, rig.size(), [&](size_t c) {
     std::vector<ImageView> views;
     for (const auto& plate : plates) {
       views.push_back(plate[c].view());
