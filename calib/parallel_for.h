@@ -1,35 +1,13 @@
-// A parallel loop that rethrows exceptions.
+// A parallel loop that rethrows exceptions. The adapter of oneTBB.
 #pragma once
 
-#include <atomic>
-#include <exception>
-#include <future>
-#include <vector>
+#include <functional>
 
 namespace v3d::calib {
 
-/// Calls work(0) ... work(count - 1), each once, on `threads` threads, and waits for all of them.
-/// Rethrows the exception of the lowest index that threw one.
-template <class Work>
-void parallel_for(int threads, int count, const Work& work) {
-  std::vector<std::exception_ptr> errors(static_cast<size_t>(count));
-  std::atomic<int> next = 0;
-  std::vector<std::future<void>> workers;
-  for (int t = 0; t < threads; ++t) {
-    workers.push_back(std::async(std::launch::async, [&] {
-      for (int i = next++; i < count; i = next++) {
-        try {
-          work(i);
-        } catch (...) {
-          errors[static_cast<size_t>(i)] = std::current_exception();
-        }
-      }
-    }));
-  }
-  for (std::future<void>& worker : workers) worker.get();
-  for (const std::exception_ptr& error : errors) {
-    if (error) std::rethrow_exception(error);
-  }
-}
+/// Calls work(0) ... work(count - 1), each once, on at most `threads` threads (1 or more), and
+/// waits for all calls. Rethrows the exception of the lowest index that threw one, so that the
+/// result does not depend on the order of the calls.
+void parallel_for(int threads, int count, const std::function<void(int)>& work);
 
 }  // namespace v3d::calib

@@ -100,19 +100,16 @@ TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& pat
 }
 
 std::string take_info_text(const TakeInfo& info) {
-  std::string cameras;
-  for (const std::string& camera : info.cameras) {
-    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
-  }
-  return "name = " + toml_string(info.name) +            //
-         "\nstudio = " + toml_string(info.studio) +      //
-         "\nrate_hz = " + toml_number(info.rate_hz) +    //
-         "\npulses = " + std::to_string(info.pulses) +   //
-         "\nstate = " + toml_string(name(info.state)) +  //
-         "\nsoftware_version = " + toml_string(info.software_version) +
-         "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
-         "  # since 1970, CLOCK_REALTIME" +  //
-         "\ncameras = [" + cameras + "]\n";
+  TomlWriter file;
+  file.text("name", info.name)
+      .text("studio", info.studio)
+      .number("rate_hz", info.rate_hz)
+      .integer("pulses", info.pulses)
+      .text("state", name(info.state))
+      .text("software_version", info.software_version)
+      .integer("started_ns", to_ns(info.started), "since 1970, CLOCK_REALTIME")
+      .texts("cameras", info.cameras);
+  return file.written();
 }
 
 io::Status save_take_info(const TakePaths& paths, const TakeInfo& info) {
@@ -135,13 +132,8 @@ std::vector<TakeNode> capture_nodes(const TakePaths& paths) {
   return nodes;
 }
 
-std::string toml_of(std::string_view key, const TakeNode& node) {
-  std::string cameras;
-  for (const std::string& camera : node.cameras) {
-    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
-  }
-  return "\n[[" + std::string(key) + "]]\nname = " + toml_string(node.name) + "\ncameras = [" +
-         cameras + "]\n";
+void write_node(std::string_view key, const TakeNode& node, TomlWriter& file) {
+  file.element(key).text("name", node.name).texts("cameras", node.cameras);
 }
 
 std::vector<TakeNode> read_nodes(const TomlTable& table, std::string_view key) {

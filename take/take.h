@@ -99,8 +99,8 @@ struct TakeNode {
 /// cannot be read.
 std::vector<TakeNode> capture_nodes(const TakePaths& paths);
 
-/// The node as a table `[[key]]` of TOML, and the nodes of all such tables.
-std::string toml_of(std::string_view key, const TakeNode& node);
+/// Writes the node as a table `[[key]]`, and reads the nodes of all such tables.
+void write_node(std::string_view key, const TakeNode& node, TomlWriter& file);
 std::vector<TakeNode> read_nodes(const TomlTable& table, std::string_view key);
 
 /// "cap02 (cam03, cam04), cap03".

@@ -159,7 +159,7 @@ constexpr std::string_view kKey = "xxh3";
 
 std::string checksum_line(std::string_view content) {
   const std::span bytes(reinterpret_cast<const uint8_t*>(content.data()), content.size());
-  return std::string(kKey) + " = " + toml_string(checksum_text(checksum({bytes}))) + "\n";
+  return TomlWriter().text(kKey, checksum_text(checksum({bytes}))).written();
 }
 
 /// Throws InputError when the text has a checksum line that is wrong. Returns whether it has one.

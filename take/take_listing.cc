@@ -145,10 +145,12 @@ Slate parse_slate(std::string_view text, const std::filesystem::path& path) {
 }
 
 io::Status save_slate(const std::filesystem::path& path, const Slate& slate) {
-  return io::replace_file(path, "scene = " + toml_string(slate.scene) +      //
-                                    "\ntake = " + toml_string(slate.take) +  //
-                                    "\nnote = " + toml_string(slate.note) +  //
-                                    "\nmark = " + toml_string(name(slate.mark)) + "\n");
+  TomlWriter file;
+  file.text("scene", slate.scene)
+      .text("take", slate.take)
+      .text("note", slate.note)
+      .text("mark", name(slate.mark));
+  return io::replace_file(path, file.written());
 }
 
 }  // namespace v3d::take

@@ -78,14 +78,15 @@ std::vector<const Member*> MemberList::signers_of(SignedMessage message,
 }
 
 std::string sign_member_list(const MemberList& list, const SigningKey& authority) {
-  std::string text = "kind = " + toml_string(kKind) + "\nstudio = " + toml_string(list.studio) +
-                     "\nserial = " + std::to_string(list.serial) + "\n";
+  TomlWriter text;
+  text.text("kind", kKind).text("studio", list.studio).integer("serial", list.serial);
   for (const Member& member : list.members) {
-    text += "\n[[member]]\nname = " + toml_string(member.name) +
-            "\nrole = " + toml_string(name(member.role)) +
-            "\npublic_key = " + toml_string(member.key.text()) + "\n";
+    text.element("member")
+        .text("name", member.name)
+        .text("role", name(member.role))
+        .text("public_key", member.key.text());
   }
-  return sign_text(text, authority);
+  return sign_text(text.written(), authority);
 }
 
 MemberList parse_member_list(std::string_view text, const std::filesystem::path& path,

@@ -1,14 +1,13 @@
 #include "wire/secret_keys.h"
 
+#include <fmt/core.h>
 #include <grp.h>
 #include <sodium.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
-#include <cstdio>
 #include <span>
 #include <utility>
 
@@ -78,10 +77,9 @@ void check_file_mode(const io::File& file, const KeyKind& kind) {
   struct stat state {};
   if (fstat(file.fd(), &state) != 0) throw InputError(errno_message(file.path().string()));
   if ((state.st_mode & (S_IRWXO | S_IWGRP | S_IXGRP)) == 0) return;
-  std::array<char, 8> mode{};
-  std::snprintf(mode.data(), mode.size(), "%04o", state.st_mode & 07777U);
+  const std::string mode = fmt::format("{:04o}", state.st_mode & 07777U);
   const std::string path = file.path().string();
-  throw InputError(path + ": mode " + mode.data() + " gives other users access to the " +
+  throw InputError(path + ": mode " + mode + " gives other users access to the " +
                    std::string(kind.name) + "; run: chmod 640 " + path);
 }
 

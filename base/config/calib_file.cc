@@ -3,9 +3,11 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
@@ -139,41 +141,29 @@ void read_camera_array(const TomlTable& cameras, Rig& rig) {
   }
 }
 
-template <class Range>
-std::string number_list(const Range& values) {
-  std::string text = "[";
-  for (const double v : values) {
-    text += (text.size() > 1 ? ", " : "") + toml_number(v);
-  }
-  return text + "]";
+std::vector<std::vector<double>> rows_of(const Eigen::Matrix3d& matrix) {
+  std::vector<std::vector<double>> rows;
+  for (const auto& row : matrix.rowwise()) rows.emplace_back(row.begin(), row.end());
+  return rows;
 }
 
-std::string matrix_text(const Eigen::Matrix3d& matrix) {
-  std::string text;
-  for (int i = 0; i < 3; ++i) {
-    const Eigen::RowVector3d row = matrix.row(i);
-    text += (i > 0 ? ", " : "[") + number_list(row);
-  }
-  return text + "]";
-}
+std::span<const double> span_of(const Eigen::Vector3d& v) { return {v.data(), 3}; }
 
-std::string colour_text(const ColourResponse& colour) {
-  if (colour.is_identity()) return {};
-  return "colour_black = " + number_list(colour.black) +
-         "\ncolour_matrix = " + matrix_text(colour.matrix) + "\n";
-}
-
-std::string camera_text(const RigCamera& camera) {
+void write_camera(const RigCamera& camera, TomlWriter& file) {
   const CameraModel& m = camera.model;
+  const std::array<int64_t, 2> size{m.size().width, m.size().height};
   // Other programs read the first five.
   const int used = std::max(5, used_distortions(m.distortion()));
-  const Eigen::Vector3d rotation = m.cam_from_world().rodrigues();
-  const Eigen::Vector3d& translation = m.cam_from_world().translation;
-  return "name = " + toml_string(camera.name) + "\nsize = [" + std::to_string(m.size().width) +
-         ", " + std::to_string(m.size().height) + "]\nmatrix = " + matrix_text(m.matrix()) +
-         "\ndistortions = " + number_list(std::span(m.distortion()).first(used)) +
-         "\nrotation = " + number_list(rotation) + "\ntranslation = " + number_list(translation) +
-         "\nfisheye = false\n" + colour_text(camera.colour);
+  file.text("name", camera.name)
+      .integers("size", size)
+      .rows("matrix", rows_of(m.matrix()))
+      .numbers("distortions", std::span(m.distortion()).first(used))
+      .numbers("rotation", span_of(m.cam_from_world().rodrigues()))
+      .numbers("translation", span_of(m.cam_from_world().translation))
+      .boolean("fisheye", false);
+  if (camera.colour.is_identity()) return;
+  file.numbers("colour_black", span_of(camera.colour.black))
+      .rows("colour_matrix", rows_of(camera.colour.matrix));
 }
 
 }  // namespace
@@ -202,11 +192,12 @@ Rig load_calib(const std::filesystem::path& path) {
 }
 
 void save_calib(const std::filesystem::path& path, const Rig& rig) {
-  std::string text = "# metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R\n";
+  TomlWriter file;
+  file.comment("metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R");
   for (size_t i = 0; i < rig.size(); ++i) {
-    text += "\n[cam_" + std::to_string(i) + "]\n" + camera_text(rig[i]);
+    write_camera(rig[i], file.table("cam_" + std::to_string(i)));
   }
-  replace_file(path, text);
+  replace_file(path, file.written());
 }
 
 }  // namespace v3d

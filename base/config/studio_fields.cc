@@ -1,16 +1,13 @@
 #include "base/config/studio_fields.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 
 #include "base/core/text.h"
 
 namespace v3d {
-std::string format_plain(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.10g", value);
-  return text.data();
-}
+std::string format_plain(double value) { return fmt::format("{:.10g}", value); }
 
 double ranged(const TomlTable& table, std::string_view key, double fallback, double low,
               double high) {

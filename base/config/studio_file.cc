@@ -1,9 +1,10 @@
 #include "base/config/studio_file.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 
@@ -410,9 +411,8 @@ void read_viewer(const TomlTable& file, Studio& studio) {
 
 std::string StudioInstrument::text() const {
   if (!device.empty()) return "serial:" + device.string();
-  std::array<char, 16> numbers{};
-  std::snprintf(numbers.data(), numbers.size(), "usb:%04x:%04x", vendor, product);
-  return numbers.data() + (serial.empty() ? "" : ":" + serial);
+  const std::string numbers = fmt::format("usb:{:04x}:{:04x}", vendor, product);
+  return numbers + (serial.empty() ? "" : ":" + serial);
 }
 
 std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {

@@ -1,11 +1,11 @@
 #include "base/config/studio_values.h"
 
 #include <arpa/inet.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cstdio>
 #include <string_view>
 
 namespace v3d {
@@ -80,11 +80,8 @@ std::optional<LcmOptions> lcm_options(const std::string& url) {
 }
 
 std::string pulse_rate_error(double hz) {
-  std::array<char, 128> text{};
-  std::snprintf(text.data(), text.size(),
-                "a pulse rate of %g Hz is not possible; expected %g to %g Hz", hz, kMinPulseRateHz,
-                kMaxPulseRateHz);
-  return text.data();
+  return fmt::format("a pulse rate of {:g} Hz is not possible; expected {:g} to {:g} Hz", hz,
+                     kMinPulseRateHz, kMaxPulseRateHz);
 }
 
 }  // namespace v3d

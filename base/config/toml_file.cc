@@ -256,18 +256,86 @@ void TomlTable::reject_unknown_fields() const {
   }
 }
 
+namespace {
+
+/// The string in quotes, and escaped where that is necessary.
+std::string quoted(const std::string& text) {
+  std::ostringstream out;
+  out << toml::value<std::string>(text);
+  return out.str();
+}
+
+template <class Values, class Format>
+std::string array_text(const Values& values, const Format& format) {
+  std::string text;
+  for (const auto& value : values) text += (text.empty() ? "" : ", ") + format(value);
+  return "[" + text + "]";
+}
+
+}  // namespace
+
+TomlWriter& TomlWriter::comment(std::string_view text) {
+  written_.append("# ").append(text).append("\n");
+  return *this;
+}
+
+TomlWriter& TomlWriter::table(std::string_view name) {
+  written_.append(written_.empty() ? "[" : "\n[").append(name).append("]\n");
+  return *this;
+}
+
+TomlWriter& TomlWriter::element(std::string_view name) {
+  return table("[" + std::string(name) + "]");
+}
+
+TomlWriter& TomlWriter::text(std::string_view key, std::string_view value, std::string_view note) {
+  return field(key, quoted(std::string(value)), note);
+}
+
+TomlWriter& TomlWriter::number(std::string_view key, double value) {
+  return field(key, toml_number(value));
+}
+
+TomlWriter& TomlWriter::integer(std::string_view key, int64_t value, std::string_view note) {
+  return field(key, std::to_string(value), note);
+}
+
+TomlWriter& TomlWriter::boolean(std::string_view key, bool value) {
+  return field(key, value ? "true" : "false");
+}
+
+TomlWriter& TomlWriter::numbers(std::string_view key, std::span<const double> values) {
+  return field(key, array_text(values, toml_number));
+}
+
+TomlWriter& TomlWriter::integers(std::string_view key, std::span<const int64_t> values) {
+  return field(key, array_text(values, [](int64_t value) { return std::to_string(value); }));
+}
+
+TomlWriter& TomlWriter::texts(std::string_view key, std::span<const std::string> values) {
+  return field(key, array_text(values, quoted));
+}
+
+TomlWriter& TomlWriter::rows(std::string_view key, std::span<const std::vector<double>> rows) {
+  return field(key, array_text(rows, [](const std::vector<double>& row) {
+                 return array_text(row, toml_number);
+               }));
+}
+
+TomlWriter& TomlWriter::field(std::string_view key, std::string_view value, std::string_view note) {
+  written_.append(key).append(" = ").append(value);
+  if (!note.empty()) written_.append("  # ").append(note);
+  written_ += '\n';
+  return *this;
+}
+
 std::string toml_number(double value) {
+  // toml++ would write 17 digits: Debian builds it without std::to_chars for numbers.
   std::array<char, 40> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
   std::string number(text.data(), end);
   // TOML distinguishes integers and floats by their spelling.
   return number.find_first_of(".en") == std::string::npos ? number + ".0" : number;
-}
-
-std::string toml_string(std::string_view text) {
-  std::ostringstream out;
-  out << toml::value<std::string>(text);
-  return out.str();
 }
 
 }  // namespace v3d

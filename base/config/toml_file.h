@@ -1,8 +1,11 @@
-// TOML reader whose error messages contain file, line and field. The adapter of toml++.
+// TOML: a reader whose error messages contain file, line and field, and a writer. The adapter of
+// toml++.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -59,9 +62,38 @@ class TomlTable {
   std::shared_ptr<Node> node_;
 };
 
+/// Writes TOML in the order of the calls, one line for each field. Strings are escaped; numbers
+/// read back to the same bits. Keys and names of tables are bare: letters, digits, '_' and '-'. Use
+/// from one thread.
+class TomlWriter {
+ public:
+  /// A line "# text".
+  TomlWriter& comment(std::string_view text);
+  /// Starts the table [name], after an empty line.
+  TomlWriter& table(std::string_view name);
+  /// Starts the next table of the array [[name]], after an empty line.
+  TomlWriter& element(std::string_view name);
+
+  // Fields. `note` becomes a comment at the end of the line.
+  TomlWriter& text(std::string_view key, std::string_view value, std::string_view note = {});
+  TomlWriter& number(std::string_view key, double value);
+  TomlWriter& integer(std::string_view key, int64_t value, std::string_view note = {});
+  TomlWriter& boolean(std::string_view key, bool value);
+  TomlWriter& numbers(std::string_view key, std::span<const double> values);
+  TomlWriter& integers(std::string_view key, std::span<const int64_t> values);
+  TomlWriter& texts(std::string_view key, std::span<const std::string> values);
+  /// An array of arrays of numbers.
+  TomlWriter& rows(std::string_view key, std::span<const std::vector<double>> rows);
+
+  /// The text so far.
+  const std::string& written() const { return written_; }
+
+ private:
+  TomlWriter& field(std::string_view key, std::string_view value, std::string_view note = {});
+  std::string written_;
+};
+
 /// The shortest text that reads back to the same bits ("0.1", "1e-09", "3.0").
 std::string toml_number(double value);
-/// A quoted and escaped TOML string.
-std::string toml_string(std::string_view text);
 
 }  // namespace v3d

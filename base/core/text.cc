@@ -1,12 +1,13 @@
 #include "base/core/text.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 
 #include "base/core/error.h"
 
@@ -132,25 +133,10 @@ std::string html_head(std::string_view title) {
          html_escaped(title) + "</title>\n" + kStyle + "</head><body>\n";
 }
 
-std::string data_url(const std::vector<uint8_t>& jpeg) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string url = "data:image/jpeg;base64,";
-  for (size_t i = 0; i < jpeg.size(); i += 3) {
-    uint32_t bits = 0;
-    for (size_t k = 0; k < 3; ++k) bits = bits << 8 | (i + k < jpeg.size() ? jpeg[i + k] : 0U);
-    for (size_t k = 0; k < 4; ++k) {
-      url += i + k <= jpeg.size() ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
-    }
-  }
-  return url;
-}
-
 namespace {
 
 std::string with_unit(double value, const char* unit) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3g %s", value, unit);
-  return text.data();
+  return fmt::format("{:.3g} {}", value, unit);
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ std::string join_names(const std::vector<std::string>& names);
 /// cursor or end a line.
 std::string printable(std::string_view text);
 
-// Parts of the HTML reports: one self-contained file with embedded images.
+// Parts of the HTML reports: one self-contained file.
 
 /// The page up to and including <body>, with the common style of all reports. `title` is plain
 /// text.
@@ -42,9 +42,6 @@ std::string html_head(std::string_view title);
 
 /// Plain text escaped for HTML.
 std::string html_escaped(std::string_view text);
-
-/// A JPEG image as a data URL: "data:image/jpeg;base64,...".
-std::string data_url(const std::vector<uint8_t>& jpeg);
 
 // Parses and formats lengths, boxes, byte counts and numbers for command lines and reports.
 

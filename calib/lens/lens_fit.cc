@@ -1,9 +1,10 @@
 #include "calib/lens/lens_fit.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
@@ -117,12 +118,10 @@ class LensFitter {
 };
 
 std::string describe_outlier(double rms, double median) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "its RMS residual is %.2f px, the median of all images %.2f px: blurred, partly "
-                "hidden or misdetected",
-                rms, median);
-  return text;
+  return fmt::format(
+      "its RMS residual is {:.2f} px, the median of all images {:.2f} px: blurred, partly "
+      "hidden or misdetected",
+      rms, median);
 }
 
 /// Removes views that fit much worse than the median view. Returns whether there were any.

@@ -1,14 +1,14 @@
 #include "calib/rig/reports.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "calib/boards/board.h"
-#include "calib/formatted.h"
 
 namespace v3d::calib {
 namespace {
@@ -85,9 +85,8 @@ void check_coverage(const RigFit& fit, std::vector<std::string>& weaknesses) {
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& camera = fit.cameras[i];
     if (camera.coefficients == 0 || camera.coverage >= kMinCoverage) continue;
-    char text[80];
-    std::snprintf(text, sizeof text, ": boards covered %.0f %% of its image",
-                  100 * camera.coverage);
+    const std::string text =
+        fmt::format(": boards covered {:.0f} % of its image", 100 * camera.coverage);
     const std::string part = uncovered_part(camera, fit.rig[i].model.size());
     weaknesses.push_back(
         fit.rig[i].name + text +
@@ -103,10 +102,8 @@ void check_errors(const RigFit& fit, std::vector<std::string>& weaknesses) {
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& camera = fit.cameras[i];
     if (camera.rms_px > kMaxRmsRatio * median) {
-      char text[120];
-      std::snprintf(
-          text, sizeof text,
-          " has an RMS residual of %.2f px, the median camera %.2f px: check focus, mounting "
+      const std::string text = fmt::format(
+          " has an RMS residual of {:.2f} px, the median camera {:.2f} px: check focus, mounting "
           "and trigger",
           camera.rms_px, median);
       weaknesses.push_back(fit.rig[i].name + text);
@@ -116,9 +113,9 @@ void check_errors(const RigFit& fit, std::vector<std::string>& weaknesses) {
                            " images were rejected: move the board more slowly, or use more light");
     }
     if (std::abs(camera.time_offset) > 0.02) {
-      char text[120];
-      std::snprintf(text, sizeof text, " is %.2f images %s: check its trigger",
-                    std::abs(camera.time_offset), camera.time_offset > 0 ? "late" : "early");
+      const std::string text =
+          fmt::format(" is {:.2f} images {}: check its trigger", std::abs(camera.time_offset),
+                      camera.time_offset > 0 ? "late" : "early");
       weaknesses.push_back(fit.rig[i].name + text);
     }
   }
@@ -135,10 +132,10 @@ std::string pose_table(const RigFit& fit) {
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& c = fit.cameras[i];
     html += "<tr><td>" + html_escaped(fit.rig[i].name) +
-            formatted("</td><td>%.2f</td><td>%d</td><td>%d</td><td>%.0f %%</td><td>%s</td>",
-                      c.rms_px, c.views, c.rejected, 100 * c.coverage,
-                      c.coefficients ? std::to_string(c.coefficients).c_str() : "known") +
-            formatted("<td>%.2f</td></tr>\n", c.time_offset);
+            fmt::format("</td><td>{:.2f}</td><td>{}</td><td>{}</td><td>{:.0f} %</td><td>{}</td>",
+                        c.rms_px, c.views, c.rejected, 100 * c.coverage,
+                        c.coefficients ? std::to_string(c.coefficients) : "known") +
+            fmt::format("<td>{:.2f}</td></tr>\n", c.time_offset);
   }
   return html + "</table>\n";
 }
@@ -183,26 +180,28 @@ bool in_tree(const RigTree& tree, const PairPose& pair) {
 
 std::string shared_views(const RigFit& fit) {
   const Map map(fit.rig);
-  std::string svg = formatted("<svg width=\"%.0f\" height=\"%.0f\">\n", Map::kSide, Map::kSide);
+  std::string svg =
+      fmt::format("<svg width=\"{:.0f}\" height=\"{:.0f}\">\n", Map::kSide, Map::kSide);
   int largest = 1;
   for (const PairPose& pair : fit.pairs) largest = std::max(largest, pair.inliers);
   for (const PairPose& pair : fit.pairs) {
     if (pair.inliers == 0) continue;
     const Eigen::Vector2d a = map(fit.rig[pair.a].model.center());
     const Eigen::Vector2d b = map(fit.rig[pair.b].model.center());
-    svg += formatted(
-               "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" "
-               "stroke-width=\"%.1f\"><title>",
+    svg += fmt::format(
+               "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" "
+               "stroke-width=\"{:.1f}\"><title>",
                a.x(), a.y(), b.x(), b.y(), in_tree(fit.tree, pair) ? "#d2691e" : "#9ab",
                0.5 + 6.0 * pair.inliers / largest) +
            html_escaped(fit.rig[pair.a].name) + " and " + html_escaped(fit.rig[pair.b].name) +
-           formatted(": %d shared views, %d inliers</title></line>\n", pair.shared, pair.inliers);
+           fmt::format(": {} shared views, {} inliers</title></line>\n", pair.shared, pair.inliers);
   }
   for (const RigCamera& camera : fit.rig) {
     const Eigen::Vector2d at = map(camera.model.center());
-    svg += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\"/><text x=\"%.1f\" y=\"%.1f\">",
-                     at.x(), at.y(), at.x() + 8, at.y() - 6) +
-           html_escaped(camera.name) + "</text>\n";
+    svg +=
+        fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"5\"/><text x=\"{:.1f}\" y=\"{:.1f}\">",
+                    at.x(), at.y(), at.x() + 8, at.y() - 6) +
+        html_escaped(camera.name) + "</text>\n";
   }
   return svg +
          "</svg>\n<p>View from above. The width of a line is the number of views that two cameras "
@@ -221,9 +220,9 @@ std::string coverage_cells(const CameraFit& camera, ImageSize size) {
   for (size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] == 0) continue;
     const size_t column = i % kCoverageColumns, row = i / kCoverageColumns;
-    svg += formatted(
-        "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"#2a7\" "
-        "fill-opacity=\"%.2f\"/>\n",
+    svg += fmt::format(
+        "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#2a7\" "
+        "fill-opacity=\"{:.2f}\"/>\n",
         w * static_cast<double>(column), h * static_cast<double>(row), w, h,
         0.15 + 0.4 * counts[i] / largest);
   }
@@ -240,10 +239,10 @@ std::string arrows(const CameraFit& camera, double enlarged, double stroke) {
   const size_t step = 1 + camera.residuals.size() / kMaxArrows;
   for (size_t i = 0; i < camera.residuals.size(); i += step) {
     const CornerResidual& r = camera.residuals[i];
-    path += formatted("M%.1f %.1fl%.1f %.1f", r.pixel.x(), r.pixel.y(), enlarged * r.residual.x(),
-                      enlarged * r.residual.y());
+    path += fmt::format("M{:.1f} {:.1f}l{:.1f} {:.1f}", r.pixel.x(), r.pixel.y(),
+                        enlarged * r.residual.x(), enlarged * r.residual.y());
   }
-  return formatted("<path fill=\"none\" stroke=\"#c22\" stroke-width=\"%.1f\" d=\"", stroke) +
+  return fmt::format("<path fill=\"none\" stroke=\"#c22\" stroke-width=\"{:.1f}\" d=\"", stroke) +
          path + "\"/>\n";
 }
 
@@ -252,17 +251,18 @@ std::string camera_figure(const RigFit& fit, size_t index, const std::string& im
   const ImageSize size = fit.rig[index].model.size();
   const double enlarged = enlargement(camera, size);
   std::string html =
-      formatted("<figure><svg width=\"440\" height=\"%.0f\" viewBox=\"0 0 %d %d\">\n",
-                440.0 * size.height / size.width, size.width, size.height);
+      fmt::format("<figure><svg width=\"440\" height=\"{:.0f}\" viewBox=\"0 0 {} {}\">\n",
+                  440.0 * size.height / size.width, size.width, size.height);
   if (!image.empty()) {
-    html += formatted("<image width=\"%d\" height=\"%d\" opacity=\"0.6\" href=\"", size.width,
-                      size.height) +
+    html += fmt::format("<image width=\"{}\" height=\"{}\" opacity=\"0.6\" href=\"", size.width,
+                        size.height) +
             image + "\"/>\n";
   }
   html += coverage_cells(camera, size) + arrows(camera, enlarged, size.width / 600.0) + "</svg>\n";
   return html + "<figcaption><b>" + html_escaped(fit.rig[index].name) + "</b>: " +
-         formatted("%.2f px RMS, %d views; residuals enlarged %.0f times</figcaption></figure>\n",
-                   camera.rms_px, camera.views, enlarged);
+         fmt::format(
+             "{:.2f} px RMS, {} views; residuals enlarged {:.0f} times</figcaption></figure>\n",
+             camera.rms_px, camera.views, enlarged);
 }
 
 std::string rejected(const RigFit& fit) {
@@ -270,8 +270,7 @@ std::string rejected(const RigFit& fit) {
   std::string html = "<h2>Rejected images</h2>\n<ul>\n";
   for (const RejectedObservation& r : fit.rejected) {
     html += "<li>" + html_escaped(fit.rig[r.camera].name) +
-            formatted(", instant %lld: ", static_cast<long long>(r.instant)) +
-            html_escaped(r.reason) + "</li>\n";
+            fmt::format(", instant {}: ", r.instant) + html_escaped(r.reason) + "</li>\n";
   }
   return html + "</ul>\n";
 }
@@ -289,10 +288,10 @@ std::vector<std::string> find_weaknesses(const RigFit& fit) {
 std::string rig_report_html(const Board& board, const RigFit& fit,
                             const std::vector<std::string>& images) {
   std::string html = html_head("Calibration");
-  html +=
-      formatted("<h1>Calibration of %zu cameras</h1>\n<p>%.2f px RMS over %zu poses of the board ",
-                fit.rig.size(), fit.rms_px, fit.world_from_board.size()) +
-      html_escaped(board.text()) + ".</p>\n";
+  html += fmt::format(
+              "<h1>Calibration of {} cameras</h1>\n<p>{:.2f} px RMS over {} poses of the board ",
+              fit.rig.size(), fit.rms_px, fit.world_from_board.size()) +
+          html_escaped(board.text()) + ".</p>\n";
   html += pose_table(fit) + "<h2>Weaknesses</h2>\n" + weakness_list(fit) +
           "<h2>Shared views</h2>\n" + shared_views(fit) + "<h2>Images</h2>\n<div class=\"row\">\n";
   for (size_t i = 0; i < fit.rig.size(); ++i) {
@@ -312,11 +311,12 @@ std::string colour_table(const std::vector<std::string>& cameras, const ColourFi
   for (size_t i = 0; i < cameras.size(); ++i) {
     const ColourDifference& d = fit.differences[i];
     const ColourResponse& r = fit.responses[i];
-    html += "<tr><td>" + html_escaped(cameras[i]) +
-            formatted("</td><td>%.2f</td><td>%.2f</td><td>%d</td><td>%.1f %.1f %.1f</td>", d.before,
-                      d.after, d.places, r.black[0], r.black[1], r.black[2]) +
-            formatted("<td>%.3f</td><td>%.3f</td><td>%.3f</td></tr>\n", r.matrix.row(0).sum(),
-                      r.matrix.row(1).sum(), r.matrix.row(2).sum());
+    html +=
+        "<tr><td>" + html_escaped(cameras[i]) +
+        fmt::format("</td><td>{:.2f}</td><td>{:.2f}</td><td>{}</td><td>{:.1f} {:.1f} {:.1f}</td>",
+                    d.before, d.after, d.places, r.black[0], r.black[1], r.black[2]) +
+        fmt::format("<td>{:.3f}</td><td>{:.3f}</td><td>{:.3f}</td></tr>\n", r.matrix.row(0).sum(),
+                    r.matrix.row(1).sum(), r.matrix.row(2).sum());
   }
   return html + "</table>\n";
 }
@@ -329,8 +329,8 @@ int srgb_of(double grey) {
 }
 
 std::string square(double x, double y, const Eigen::Vector3d& grey) {
-  return formatted(
-      "<rect x=\"%.0f\" y=\"%.0f\" width=\"22\" height=\"22\" fill=\"rgb(%d,%d,%d)\"/>\n", x, y,
+  return fmt::format(
+      "<rect x=\"{:.0f}\" y=\"{:.0f}\" width=\"22\" height=\"22\" fill=\"rgb({},{},{})\"/>\n", x, y,
       srgb_of(grey[0]), srgb_of(grey[1]), srgb_of(grey[2]));
 }
 
@@ -346,7 +346,7 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
   std::map<int, int> column;
   for (const auto& [count, place] : order) column.emplace(place, static_cast<int>(column.size()));
   const auto rows = static_cast<double>(cameras.size());
-  std::string svg = formatted("<svg width=\"680\" height=\"%.0f\">\n", 24 * rows);
+  std::string svg = fmt::format("<svg width=\"680\" height=\"{:.0f}\">\n", 24 * rows);
   for (const ColourSample& sample : samples) {
     const auto place = column.find(sample.place);
     if (place == column.end()) continue;
@@ -355,7 +355,7 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
     svg += square(90 + 24.0 * place->second, 24.0 * sample.camera, grey);
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
-    svg += formatted("<text x=\"2\" y=\"%.0f\">", 24.0 * static_cast<double>(i) + 16) +
+    svg += fmt::format("<text x=\"2\" y=\"{:.0f}\">", 24.0 * static_cast<double>(i) + 16) +
            html_escaped(cameras[i]) + "</text>\n";
   }
   return svg + "</svg>\n";
@@ -365,11 +365,11 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
 
 std::string colour_report_html(const std::vector<std::string>& cameras, const ColourFit& fit,
                                std::span<const ColourSample> samples) {
-  return html_head("Colours") + formatted("<h1>Colours of %zu cameras</h1>\n<p>", cameras.size()) +
-         formatted(
+  return html_head("Colours") + fmt::format("<h1>Colours of {} cameras</h1>\n<p>", cameras.size()) +
+         fmt::format(
              "Difference between each camera's colours and those of the others at the same places: "
-             "&Delta;E (CIE 2000) %.2f before, %.2f after (median); 90th percentile %.2f, "
-             "%.2f.</p>\n",
+             "&Delta;E (CIE 2000) {:.2f} before, {:.2f} after (median); 90th percentile {:.2f}, "
+             "{:.2f}.</p>\n",
              fit.overall.before, fit.overall.after, fit.ninety_percent.before,
              fit.ninety_percent.after) +
          colour_table(cameras, fit) + "<h2>Before</h2>\n" + squares(cameras, fit, samples, false) +

@@ -21,7 +21,7 @@ std::vector<std::string> find_weaknesses(const RigFit& fit);
 /// One self-contained HTML page: a table of the cameras, the weaknesses, a map of the rig with
 /// shared views, and for each camera the coverage and the enlarged residuals.
 ///
-/// `images`: by camera the data_url() of a background image, or empty. Deterministic.
+/// `images`: by camera the data URL of a background image, or empty. Deterministic.
 std::string rig_report_html(const Board& board, const RigFit& fit,
                             const std::vector<std::string>& images);
 

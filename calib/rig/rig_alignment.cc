@@ -1,9 +1,10 @@
 #include "calib/rig/rig_alignment.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -299,12 +300,10 @@ double disagreement_deg(const Rig& rig, const Board& board, const std::vector<Bo
 
 void require_plausible(const FloorFit& fit) {
   if (!(fit.rms_px < kMaxRmsPx)) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "the board does not fit the calibration (RMS residual %.1f px): was a camera "
-                  "moved or swapped, or is the board incomplete or not flat?",
-                  fit.rms_px);
-    throw InputError(text);
+    throw InputError(
+        fmt::format("the board does not fit the calibration (RMS residual {:.1f} px): was a camera "
+                    "moved or swapped, or is the board incomplete or not flat?",
+                    fit.rms_px));
   }
   for (const int camera : fit.cameras) {
     if (fit.rig[camera].model.center().z() > 0) continue;

@@ -1,9 +1,10 @@
 #include "calib/rig/rig_fit.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <set>
 
@@ -211,11 +212,10 @@ class RigFitter {
   }
 
   void record_rejected(int camera, int64_t instant, double rms, double median) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "its RMS residual is %.2f px, the camera's median %.2f px: blurred, misdetected "
-                  "or of another instant",
-                  rms, median);
+    const std::string text = fmt::format(
+        "its RMS residual is {:.2f} px, the camera's median {:.2f} px: blurred, misdetected "
+        "or of another instant",
+        rms, median);
     result_.rejected.push_back({camera, instant, text});
   }
 
@@ -329,13 +329,10 @@ class RigFitter {
                             "each is at the position of");
     }
     if (std::abs(difference.scale - 1) > kScaleTolerance) {
-      char text[200];
-      std::snprintf(
-          text, sizeof text,
-          "wrong board size: the distances between the cameras would be %.3f times those of "
-          "the previous calibration: are the squares %.1f mm instead of %.1f?",
-          difference.scale, 1000 * board_.square_m / difference.scale, 1000 * board_.square_m);
-      throw InputError(text);
+      throw InputError(fmt::format(
+          "wrong board size: the distances between the cameras would be {:.3f} times those of "
+          "the previous calibration: are the squares {:.1f} mm instead of {:.1f}?",
+          difference.scale, 1000 * board_.square_m / difference.scale, 1000 * board_.square_m));
     }
   }
 
@@ -358,9 +355,8 @@ std::string time_offset_text(const std::vector<CameraObservations>& cameras,
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (std::abs(offsets[i]) < kMinReportedOffset) continue;
     const double by = std::round(100 * std::abs(offsets[i])) / 100;
-    char size[64];
-    std::snprintf(size, sizeof size, " is %g %s %s", by, by == 1 ? "image" : "images",
-                  offsets[i] > 0 ? "late" : "early");
+    const std::string size = fmt::format(" is {:g} {} {}", by, by == 1 ? "image" : "images",
+                                         offsets[i] > 0 ? "late" : "early");
     text += (text.empty() ? "cameras out of sync: " : ", ") + cameras[i].name + size;
   }
   return text.empty() ? text : text + " relative to the others";

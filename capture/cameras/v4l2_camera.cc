@@ -1,6 +1,7 @@
 #include "capture/cameras/v4l2_camera.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <linux/videodev2.h>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -8,10 +9,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <string>
 #include <utility>
@@ -36,17 +35,9 @@ std::string text_of(uint32_t fourcc) {
   return text;
 }
 
-std::string hexadecimal(uint32_t id) {
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "0x%08x", id);
-  return text.data();
-}
+std::string hexadecimal(uint32_t id) { return fmt::format("0x{:08x}", id); }
 
-std::string number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.6g", value);
-  return text.data();
-}
+std::string number(double value) { return fmt::format("{:.6g}", value); }
 
 /// Writes settings to the camera and reads them back.
 class Setup {

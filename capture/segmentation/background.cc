@@ -160,11 +160,10 @@ void save_background(const fs::path& folder, const std::string& camera,
   fs::create_directories(folder, error);
   save_values(paths.mean, model.format, model.size, model.mean);
   save_values(paths.spread, model.format, model.size, model.spread);
-  std::string info = "pixel_format = " + toml_string(name(model.format)) + "\n";
-  if (model.key != ChromaKey::kNone) {
-    info += "chroma_key = " + toml_string(name(model.key)) + "\n";
-  }
-  replace_file(paths.info, info);
+  TomlWriter info;
+  info.text("pixel_format", name(model.format));
+  if (model.key != ChromaKey::kNone) info.text("chroma_key", name(model.key));
+  replace_file(paths.info, info.written());
 }
 
 BackgroundModel load_background(const fs::path& folder, const std::string& camera) {

@@ -243,12 +243,14 @@ int64_t AcceptedSerial::load() const {
 
 io::Status AcceptedSerial::save(int64_t serial) const {
   if (path_.empty()) return {};
-  return io::replace_file(path_,
-                          "# The newest member list that this node has accepted. It rejects lists "
-                          "with a lower serial.\n"
-                          "studio = " +
-                              toml_string(studio_) + "\nauthority = " + toml_string(authority_) +
-                              "\nserial = " + std::to_string(serial) + "\n");
+  TomlWriter file;
+  file.comment(
+          "The newest member list that this node has accepted. It rejects lists with a lower "
+          "serial.")
+      .text("studio", studio_)
+      .text("authority", authority_)
+      .integer("serial", serial);
+  return io::replace_file(path_, file.written());
 }
 
 }  // namespace v3d::bus

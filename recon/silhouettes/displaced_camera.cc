@@ -1,11 +1,11 @@
 #include "recon/silhouettes/displaced_camera.h"
 
+#include <fmt/core.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <functional>
 #include <numeric>
@@ -222,13 +222,10 @@ std::vector<CameraDisplacement> DisplacementMeter::result(LeaveOneOutHull& hulls
 }
 
 std::string text_of(const CameraDisplacement& camera) {
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "displaced since its calibration: its silhouettes are shifted by %.1f pixels (%+.1f "
-      "right, %+.1f down)",
+  return fmt::format(
+      "displaced since its calibration: its silhouettes are shifted by {:.1f} pixels ({:+.1f} "
+      "right, {:+.1f} down)",
       camera.shift.norm(), camera.shift.x(), camera.shift.y());
-  return text;
 }
 
 }  // namespace v3d::recon

@@ -1,5 +1,7 @@
 #include "sim/rendering/camera_images.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,7 +9,6 @@
 
 #include "sim/performer/motion.h"
 #include "sim/rendering/noise.h"
-#include "sim/rendering/parallel.h"
 
 namespace v3d::sim {
 namespace {
@@ -294,7 +295,7 @@ Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed) {
 
 BatchRenderer::BatchRenderer(const Rig& rig, const RenderOptions& options)
     : options_(options), cameras_(rig.size()) {
-  for_each_index(rig.size(), [&](size_t i) {
+  tbb::parallel_for(size_t{0}, rig.size(), [&](size_t i) {
     cameras_[i] = std::make_unique<CameraRenderer>(rig[i], options);
   });
 }
@@ -306,7 +307,7 @@ std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
     shot = expose_performer(*seconds, options_.seed, options_.exposure_s);
   }
   std::vector<Image> images(cameras_.size());
-  for_each_index(cameras_.size(), [&](size_t i) {
+  tbb::parallel_for(size_t{0}, cameras_.size(), [&](size_t i) {
     images[i] = cameras_[i]->render(shot ? &*shot : nullptr, exposure_number);
   });
   return images;

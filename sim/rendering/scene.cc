@@ -1,9 +1,10 @@
 #include "sim/rendering/scene.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "base/core/error.h"
@@ -52,8 +53,7 @@ RigCamera make_camera(int index, int count, ImageSize size, uint64_t studio_seed
   k(1, 1) = focal * uniform(seed, 6, 0.999, 1.001);
   k(0, 2) = 0.5 * (size.width - 1) + scale * uniform(seed, 7, -9, 9);
   k(1, 2) = 0.5 * (size.height - 1) + scale * uniform(seed, 8, -9, 9);
-  char name[16];
-  std::snprintf(name, sizeof name, "cam%02d", index + 1);
+  const std::string name = fmt::format("cam{:02}", index + 1);
   return {name, CameraModel(size, k, lens(seed, close_up), look_at(eye, target))};
 }
 

@@ -14,12 +14,6 @@
 namespace v3d::take {
 namespace {
 
-std::string number_list(const std::vector<int64_t>& numbers) {
-  std::string text;
-  for (const int64_t n : numbers) text += (text.empty() ? "" : ", ") + std::to_string(n);
-  return "[" + text + "]";
-}
-
 int64_t read_count(const TomlTable& table, std::string_view key) {
   const int64_t n = table.integer(key);
   if (n < 0 || n > kMaxPulses) {
@@ -67,11 +61,21 @@ TakeFile read_file_entry(const TomlTable& table) {
   return file;
 }
 
-std::string text_of(const TakeFile& file) {
-  std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
-                     "\nbytes = " + std::to_string(file.bytes) + "\n";
-  if (file.checksum) text += "xxh3 = " + toml_string(checksum_text(*file.checksum)) + "\n";
-  return text;
+void write_file_entry(const TakeFile& file, TomlWriter& ledger) {
+  ledger.element("file").text("name", file.name).integer("bytes", file.bytes);
+  if (file.checksum) ledger.text("xxh3", checksum_text(*file.checksum));
+}
+
+void write_camera(const CameraLedger& camera, TomlWriter& ledger) {
+  ledger.element("camera")
+      .text("name", camera.name)
+      .integer("exposed", camera.exposed)
+      .integer("received", camera.received)
+      .integer("written", camera.written)
+      .integer("published", camera.published)
+      .integers("missing", camera.missing)
+      .integers("duplicate", camera.duplicate)
+      .integers("suspect", camera.suspect);
 }
 
 }  // namespace
@@ -244,27 +248,20 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
 }
 
 io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
-  std::string text = "take = " + toml_string(ledger.take) +
-                     "\ncommanded = " + std::to_string(ledger.commanded) +
-                     (ledger.commanded_is_minimum ? "\ncommanded_is_minimum = true" : "") +
-                     "\nsense_line = " + (ledger.sensed ? "true" : "false") + "\n";
+  TomlWriter file;
+  file.text("take", ledger.take).integer("commanded", ledger.commanded);
+  if (ledger.commanded_is_minimum) file.boolean("commanded_is_minimum", true);
+  file.boolean("sense_line", ledger.sensed.has_value());
   if (ledger.sensed) {
-    text += "sensed = " + std::to_string(*ledger.sensed) +
-            "\nunsensed = " + number_list(ledger.unsensed) +
-            "\nextra = " + std::to_string(ledger.extra) + "\nrunt = " + number_list(ledger.runt) +
-            "\n";
+    file.integer("sensed", *ledger.sensed)
+        .integers("unsensed", ledger.unsensed)
+        .integer("extra", ledger.extra)
+        .integers("runt", ledger.runt);
   }
-  for (const CameraLedger& c : ledger.cameras) {
-    text +=
-        "\n[[camera]]\nname = " + toml_string(c.name) + "\nexposed = " + std::to_string(c.exposed) +
-        "\nreceived = " + std::to_string(c.received) + "\nwritten = " + std::to_string(c.written) +
-        "\npublished = " + std::to_string(c.published) + "\nmissing = " + number_list(c.missing) +
-        "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
-        "\n";
-  }
-  for (const TakeNode& node : ledger.absent_nodes) text += toml_of("absent_node", node);
-  for (const TakeFile& file : ledger.files) text += text_of(file);
-  return io::replace_file(path, with_checksum(text));
+  for (const CameraLedger& camera : ledger.cameras) write_camera(camera, file);
+  for (const TakeNode& node : ledger.absent_nodes) write_node("absent_node", node, file);
+  for (const TakeFile& entry : ledger.files) write_file_entry(entry, file);
+  return io::replace_file(path, with_checksum(file.written()));
 }
 
 namespace {

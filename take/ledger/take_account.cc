@@ -144,18 +144,19 @@ TakeFile read_entry(const TomlTable& table) {
 }  // namespace
 
 io::Status save_verified(const TakePaths& paths, const Verification& verification) {
-  std::string text = "verdict = " + toml_string(verification.ledger.verdict()) +
-                     "\nwhole = " + (verification.whole() ? "true" : "false") +
-                     "\nagrees = " + (verification.disagreements.empty() ? "true" : "false") +
-                     "\nat_ns = " + std::to_string(to_ns(Realtime::now())) +
-                     "  # since 1970, CLOCK_REALTIME\n";
+  TomlWriter record;
+  record.text("verdict", verification.ledger.verdict())
+      .boolean("whole", verification.whole())
+      .boolean("agrees", verification.disagreements.empty())
+      .integer("at_ns", to_ns(Realtime::now()), "since 1970, CLOCK_REALTIME");
   for (const TakeFile& file : verification.files) {
-    text += "\n[[file]]\nname = " + toml_string(file.name) +
-            "\nbytes = " + std::to_string(file.bytes) +
-            "\nchanged_ns = " + std::to_string(file.changed_ns) +
-            "\nxxh3 = " + toml_string(checksum_text(file.checksum.value())) + "\n";
+    record.element("file")
+        .text("name", file.name)
+        .integer("bytes", file.bytes)
+        .integer("changed_ns", file.changed_ns)
+        .text("xxh3", checksum_text(file.checksum.value()));
   }
-  return io::replace_file(paths.verified(), text);
+  return io::replace_file(paths.verified(), record.written());
 }
 
 std::optional<Verified> load_verified(const TakePaths& paths) {

@@ -21,40 +21,39 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kFormat = TakeSignature::kOccasionFormat;
 
-std::string text_of(const TakeFile& file) {
-  std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
-                     "\nbytes = " + std::to_string(file.bytes) + "\n";
-  if (file.root) text += "root = " + toml_string(wire::hash_text(*file.root)) + "\n";
-  return text;
+void write_entry(const TakeFile& file, TomlWriter& text) {
+  text.element("file").text("name", file.name).integer("bytes", file.bytes);
+  if (file.root) text.text("root", wire::hash_text(*file.root));
 }
 
-std::string text_of(const SignedCamera& camera) {
-  return "\n[[camera]]\nname = " + toml_string(camera.name) +
-         "\nexposed = " + std::to_string(camera.exposed) +
-         "\nreceived = " + std::to_string(camera.received) +
-         "\nwritten = " + std::to_string(camera.written) +
-         "\npublished = " + std::to_string(camera.published) + "\n";
-}
-
-std::string text_of_occasion(const TakeSignature& signature) {
-  if (signature.format < TakeSignature::kOccasionFormat) return "";
-  return "\noccasion = " + toml_string(std::string(name(signature.occasion)));
+void write_camera(const SignedCamera& camera, TomlWriter& text) {
+  text.element("camera")
+      .text("name", camera.name)
+      .integer("exposed", camera.exposed)
+      .integer("received", camera.received)
+      .integer("written", camera.written)
+      .integer("published", camera.published);
 }
 
 std::string text_of(const TakeSignature& signature) {
-  std::string text =
-      "format = " + std::to_string(signature.format) + "\ntake = " + toml_string(signature.take) +
-      "\nstudio = " + toml_string(signature.studio) + "\nnode = " + toml_string(signature.node) +
-      "\npublic_key = " + toml_string(signature.key.text()) +
-      "\nstarted_ns = " + std::to_string(to_ns(signature.started)) +
-      "  # since 1970, CLOCK_REALTIME\nsigned_ns = " + std::to_string(to_ns(signature.signed_at)) +
-      text_of_occasion(signature) + "\nrate_hz = " + toml_number(signature.rate_hz) +
-      "\npulses = " + std::to_string(signature.pulses) +
-      "\nstate = " + toml_string(std::string(name(signature.state))) + "\n";
-  for (const TakeNode& node : signature.nodes) text += toml_of("capture_node", node);
-  for (const SignedCamera& camera : signature.cameras) text += text_of(camera);
-  for (const TakeFile& file : signature.files) text += text_of(file);
-  return text;
+  TomlWriter text;
+  text.integer("format", signature.format)
+      .text("take", signature.take)
+      .text("studio", signature.studio)
+      .text("node", signature.node)
+      .text("public_key", signature.key.text())
+      .integer("started_ns", to_ns(signature.started), "since 1970, CLOCK_REALTIME")
+      .integer("signed_ns", to_ns(signature.signed_at));
+  if (signature.format >= TakeSignature::kOccasionFormat) {
+    text.text("occasion", name(signature.occasion));
+  }
+  text.number("rate_hz", signature.rate_hz)
+      .integer("pulses", signature.pulses)
+      .text("state", name(signature.state));
+  for (const TakeNode& node : signature.nodes) write_node("capture_node", node, text);
+  for (const SignedCamera& camera : signature.cameras) write_camera(camera, text);
+  for (const TakeFile& file : signature.files) write_entry(file, text);
+  return text.written();
 }
 
 TakeFile read_entry(const TomlTable& table) {

@@ -106,12 +106,12 @@ io::Result<std::optional<SegmentIndex>> load_segment_index(const fs::path& segme
 }
 
 io::Status save_segment_index(const fs::path& segment, const SegmentIndex& index) {
-  return io::replace_file(
-      segment_index_path(segment),
-      with_checksum("bytes = " + std::to_string(index.bytes) +
-                    "\nwhole_bytes = " + std::to_string(index.whole_bytes) +
-                    "\nevents = " + std::to_string(index.events) +
-                    "\ndamaged_places = " + std::to_string(index.damaged_places) + "\n"));
+  TomlWriter file;
+  file.integer("bytes", index.bytes)
+      .integer("whole_bytes", index.whole_bytes)
+      .integer("events", index.events)
+      .integer("damaged_places", index.damaged_places);
+  return io::replace_file(segment_index_path(segment), with_checksum(file.written()));
 }
 
 namespace {

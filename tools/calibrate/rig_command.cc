@@ -13,6 +13,7 @@
 #include "calibrate/calibrate_commands.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
+#include "common/data_url.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -1,5 +1,6 @@
 #include "common/console.h"
 
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -83,8 +84,7 @@ std::string progress_bar(int64_t done, int64_t total, int width) {
   std::string bar(static_cast<size_t>(filled), '=');
   if (filled < width) bar += '>';
   bar.resize(static_cast<size_t>(width), ' ');
-  char percent[16];
-  std::snprintf(percent, sizeof percent, "] %3.0f %%", 100 * part);
+  const std::string percent = fmt::format("] {:3.0f} %", 100 * part);
   return "[" + bar + percent;
 }
 

@@ -40,12 +40,14 @@ std::string studio_text(const Rig& rig, const StudioText& options) {
       "trigger_line = \"Line1\"\n"
       "packet_size = 60000\n"
       "buffers = 16\n\n";
+  TomlWriter cameras;
   for (size_t i = 0; i < rig.size(); ++i) {
-    text += "[[camera]]\nname = " + toml_string(rig[i].name) +
-            "\naddress = " + toml_string(gige_address(static_cast<int>(i))) + "  # " +
-            gige_serial(static_cast<int>(i)) + "\n\n";
+    const auto index = static_cast<int>(i);
+    cameras.element("camera").text("name", rig[i].name);
+    cameras.text("address", gige_address(index), gige_serial(index));
   }
-  text += "[trigger]\nnode = \"cap01\"\nkind = \"simulated\"\nrate_hz = " +
+  text += cameras.written();
+  text += "\n[trigger]\nnode = \"cap01\"\nkind = \"simulated\"\nrate_hz = " +
           toml_number(options.rate_hz) +
           "\npulse_width_us = " + toml_number(std::min(1000.0, 0.5e6 / options.rate_hz)) +
           "\nwire = \"trigger.sock\"\n\n"

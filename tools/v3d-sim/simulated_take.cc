@@ -1,7 +1,9 @@
 #include "v3d-sim/simulated_take.h"
 
+#include <fmt/core.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <deque>
 #include <stdexcept>
 
@@ -14,7 +16,6 @@
 #include "sim/performer/performer.h"
 #include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
-#include "sim/rendering/parallel.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
@@ -52,7 +53,7 @@ std::vector<segmentation::BackgroundModel> write_backgrounds(const take::TakePat
     plates.push_back(renderer.render_all({}, i));
   }
   std::vector<segmentation::BackgroundModel> models(rig.size());
-  for_each_index(rig.size(), [&](size_t c) {
+  tbb::parallel_for(size_t{0}, rig.size(), [&](size_t c) {
     std::vector<ImageView> views;
     for (const auto& plate : plates) {
       views.push_back(plate[c].view());
@@ -146,8 +147,7 @@ class CameraLog {
 
 void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
                  uint64_t seed) {
-  char name[32];
-  std::snprintf(name, sizeof name, "%06lld.ply", static_cast<long long>(pulse));
+  const std::string name = fmt::format("{:06}.ply", pulse);
   write_ply(folder / name, outer_surface(performer_parts(seconds, seed), seed));
   write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
 }

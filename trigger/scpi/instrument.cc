@@ -1,15 +1,16 @@
 #include "trigger/scpi/instrument.h"
 
 #include <fcntl.h>
-#include <poll.h>
 #include <sys/ioctl.h>
 #include <termios.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <array>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/read_until.hpp>
+#include <boost/asio/serial_port.hpp>
+#include <boost/asio/write.hpp>
 #include <cerrno>
-#include <utility>
+#include <chrono>
 
 #include "trigger/scpi/usb_port.h"
 #include "trigger/scpi/usbtmc.h"
@@ -28,101 +29,87 @@ std::string in_quotes(const std::string& answer) {
   return text + (answer.size() > kMaxCharacters ? "...'" : "'");
 }
 
+namespace asio = boost::asio;
+using boost::system::error_code;
+
 namespace {
 
-constexpr Duration kTimeout = std::chrono::seconds(1);
+constexpr std::chrono::seconds kTimeout{1};
 constexpr size_t kMaxAnswerBytes = 4096;
-
-/// The termios constant of a speed.
-speed_t speed_of(int baud) {
-  static constexpr std::array<std::pair<int, speed_t>, 8> kSpeeds = {{{4800, B4800},
-                                                                      {9600, B9600},
-                                                                      {19'200, B19200},
-                                                                      {38'400, B38400},
-                                                                      {57'600, B57600},
-                                                                      {115'200, B115200},
-                                                                      {230'400, B230400},
-                                                                      {460'800, B460800}}};
-  for (const auto& [value, speed] : kSpeeds) {
-    if (value == baud) return speed;
-  }
-  throw InputError(
-      std::to_string(baud) +
-      " baud is not supported; right would be 4800, 9600, 19200, 38400, 57600, 115200, "
-      "230400 or 460800");
-}
 
 }  // namespace
 
-SerialPort::SerialPort(const std::filesystem::path& device, int baud) {
-  fd_ = open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-  if (fd_ < 0) {
-    const bool may_come = errno == ENOENT || errno == ENXIO || errno == ENODEV || errno == EIO;
-    const std::string cause = errno_message(device.string());
-    if (may_come) throw InstrumentAbsent(cause);
+struct SerialPort::Connection {
+  /// Runs the operation that was started, at most kTimeout. Throws InstrumentError(`late`) when it
+  /// does not end in that time.
+  void run(const char* late) {
+    context.restart();
+    context.run_for(kTimeout);
+    if (context.stopped()) return;
+    port.cancel();
+    context.run();
+    throw InstrumentError(late);
+  }
+
+  asio::io_context context{1};
+  asio::serial_port port{context};
+};
+
+SerialPort::SerialPort(const std::filesystem::path& device, int baud)
+    : connection_(std::make_unique<Connection>()) {
+  asio::serial_port& port = connection_->port;
+  error_code error;
+  port.open(device, error);
+  const int code = error.value();
+  if (code == ENOTTY) throw InputError("is not a serial port");
+  if (error) {
+    const std::string cause = device.string() + ": " + error.message();
+    if (code == ENOENT || code == ENXIO || code == ENODEV || code == EIO) {
+      throw InstrumentAbsent(cause);
+    }
     throw InputError(cause + "; is the user in the group dialout?");
   }
+  fcntl(port.native_handle(), F_SETFD, FD_CLOEXEC);
+  ioctl(port.native_handle(), TIOCEXCL);
+  // A port opened by Asio has 8 data bits and no parity.
   try {
-    set_up(baud);
-  } catch (...) {
-    close(fd_);
-    throw;
-  }
-}
-
-SerialPort::~SerialPort() { close(fd_); }
-
-void SerialPort::set_up(int baud) {
-  termios settings{};
-  if (tcgetattr(fd_, &settings) != 0) throw InputError("is not a serial port");
-  cfmakeraw(&settings);
-  settings.c_cflag &= ~static_cast<tcflag_t>(CSTOPB | CRTSCTS);
-  settings.c_cflag |= CLOCAL | CREAD;
-  cfsetispeed(&settings, speed_of(baud));
-  cfsetospeed(&settings, speed_of(baud));
-  if (tcsetattr(fd_, TCSANOW, &settings) != 0) {
+    port.set_option(asio::serial_port::baud_rate(static_cast<unsigned>(baud)));
+    port.set_option(asio::serial_port::stop_bits(asio::serial_port::stop_bits::one));
+    port.set_option(asio::serial_port::flow_control(asio::serial_port::flow_control::none));
+  } catch (const boost::system::system_error&) {
     throw InputError("cannot be set to " + std::to_string(baud) + " baud, 8N1");
   }
-  ioctl(fd_, TIOCEXCL);
 }
 
-bool SerialPort::wait_for(short events, MonotonicInstant deadline) const {
-  const auto remaining_ms = (deadline - Monotonic::now()) / std::chrono::milliseconds(1);
-  pollfd ready{fd_, events, 0};
-  poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, remaining_ms)));
-  if ((ready.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) {
-    throw InstrumentAbsent("was unplugged");
-  }
-  return (ready.revents & events) != 0;
-}
+SerialPort::~SerialPort() = default;
 
 void SerialPort::write(const std::string& line) {
-  tcflush(fd_, TCIFLUSH);  // discards late answers to earlier commands
+  // Discards late answers to earlier commands.
+  tcflush(connection_->port.native_handle(), TCIFLUSH);
   const std::string text = line + "\r\n";
-  const MonotonicInstant deadline = Monotonic::now() + kTimeout;
-  for (size_t sent = 0; sent < text.size();) {
-    if (!wait_for(POLLOUT, deadline)) throw InstrumentError("does not accept commands");
-    const ssize_t n = ::write(fd_, text.data() + sent, text.size() - sent);
-    if (n < 0 && errno != EAGAIN && errno != EINTR) throw InstrumentAbsent("was unplugged");
-    sent += static_cast<size_t>(std::max<ssize_t>(0, n));
-  }
+  error_code error;
+  asio::async_write(connection_->port, asio::buffer(text),
+                    [&](error_code result, size_t) { error = result; });
+  connection_->run("does not accept commands");
+  if (error) throw InstrumentAbsent("was unplugged");
 }
 
 std::string SerialPort::query(const std::string& line) {
   write(line);
-  const MonotonicInstant deadline = Monotonic::now() + kTimeout;
   std::string answer;
-  while (answer.empty() || answer.back() != '\n') {
-    if (!wait_for(POLLIN, deadline)) throw InstrumentError("does not answer");
-    char c = 0;
-    const ssize_t n = read(fd_, &c, 1);
-    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR)) {
-      throw InstrumentAbsent("was unplugged");
-    }
-    if (n == 1) answer += c;
-    if (answer.size() > kMaxAnswerBytes)
-      throw InstrumentError("sends an answer without a line end");
+  error_code error;
+  size_t size = 0;
+  asio::async_read_until(connection_->port, asio::dynamic_buffer(answer, kMaxAnswerBytes), '\n',
+                         [&](error_code result, size_t bytes) {
+                           error = result;
+                           size = bytes;
+                         });
+  connection_->run("does not answer");
+  if (error == asio::error::not_found) {
+    throw InstrumentError("sends an answer without a line end");
   }
+  if (error) throw InstrumentAbsent("was unplugged");
+  answer.resize(size);
   while (!answer.empty() && (answer.back() == '\n' || answer.back() == '\r')) answer.pop_back();
   return answer;
 }

@@ -62,11 +62,8 @@ class SerialPort : public Instrument {
   std::string query(const std::string& line) override;
 
  private:
-  void set_up(int baud);
-  /// Returns false when `deadline` passes first. Throws InstrumentAbsent.
-  bool wait_for(short events, MonotonicInstant deadline) const;
-
-  int fd_ = -1;
+  struct Connection;
+  std::unique_ptr<Connection> connection_;
 };
 
 }  // namespace v3d::trigger

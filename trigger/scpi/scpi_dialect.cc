@@ -1,11 +1,12 @@
 #include "trigger/scpi/scpi_dialect.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 namespace v3d::trigger {
@@ -146,11 +147,7 @@ const ScpiDialect kBnc = {
     .on = {{":PULSE{channel}:STATE ON", ":PULSE{channel}:STATE?", "", "ON"}},
     .start = ":PULSE0:STATE ON"};
 
-std::string number_text(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.10g", value);
-  return text.data();
-}
+std::string number_text(double value) { return fmt::format("{:.10g}", value); }
 
 std::string upper(std::string_view text) {
   std::string result;

@@ -2,6 +2,8 @@
 // Draco and meshoptimizer, on the meshes of encode/10mm. Writes OUT/points.json and, for a general
 // compressor to follow, what meshoptimizer made as OUT/meshopt-N. tools/bench/rate_distortion draws
 // them.
+#include <fmt/core.h>
+
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -88,11 +90,7 @@ class Points {
   const json& all() const { return points_; }
 
  private:
-  static std::string text_of(double mm) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%g mm", mm);
-    return text;
-  }
+  static std::string text_of(double mm) { return fmt::format("{:g} mm", mm); }
 
   void keep(json point, double step_mm) {
     point["surface"] = surface_;

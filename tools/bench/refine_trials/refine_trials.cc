@@ -1,5 +1,7 @@
 // v3d-refine-trials: tests `v3dctl calibrate refine` on simulated rigs with known calibration
 // errors.
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <vector>
@@ -9,7 +11,6 @@
 #include "capture/segmentation/segmenter.h"
 #include "cli/command.h"
 #include "sim/rendering/camera_images.h"
-#include "sim/rendering/parallel.h"
 #include "sim/rendering/scene.h"
 #include "support/displaced_rig.h"
 
@@ -46,7 +47,7 @@ constexpr double kSecondsApart = 0.37;
 
 Masks true_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
   Masks masks(trials.instants, std::vector<Mask>(rig.size()));
-  sim::for_each_index(rig.size(), [&](size_t c) {
+  tbb::parallel_for(size_t{0}, rig.size(), [&](size_t c) {
     for (int i = 0; i < trials.instants; ++i) {
       masks[i][c] = sim::true_silhouette(rig[c], kSecondsApart * i, seed);
     }

@@ -1,5 +1,7 @@
 // v3d-segment-quality: compares the segmentation quality of our segmenter with OpenCV's MOG2 and
 // KNN at their best settings, on composite images with known silhouettes.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -49,10 +51,7 @@ std::vector<Trial> pooled(const std::vector<std::vector<Trial>>& trials) {
 }
 
 std::string cell(const Score& score) {
-  char text[80];
-  std::snprintf(text, sizeof text, " %.4f (%.3f, %.3f) |", score.f(), score.precision(),
-                score.recall());
-  return text;
+  return fmt::format(" {:.4f} ({:.3f}, {:.3f}) |", score.f(), score.precision(), score.recall());
 }
 
 nlohmann::ordered_json to_json(const Trial& trial) {

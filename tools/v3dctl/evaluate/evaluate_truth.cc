@@ -1,5 +1,6 @@
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
@@ -15,9 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 fs::path truth_path(const fs::path& folder, int64_t frame) {
-  char name[32];
-  std::snprintf(name, sizeof name, "%06lld.ply", static_cast<long long>(frame));
-  return folder / name;
+  return folder / fmt::format("{:06}.ply", frame);
 }
 
 /// Median of each value.

@@ -1,11 +1,13 @@
 #include "v3dctl/evaluate/evaluation_page.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "base/core/text.h"
 #include "base/image/image_files.h"
+#include "common/data_url.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
@@ -22,9 +24,7 @@ constexpr ImageSize kRenderingSize{300, 460};
 constexpr double kHeadLight = 0.55;  // shows the shape
 
 std::string number(double value, int digits, const char* unit = "") {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f%s", digits, value, unit);
-  return text;
+  return fmt::format("{:.{}f}{}", value, digits, unit);
 }
 
 /// A row of the table; `text_of` is the text of one column.

@@ -1,5 +1,6 @@
 // export: writes the meshes of a take as files for other programs.
-#include <cstdio>
+#include <fmt/core.h>
+
 #include <optional>
 
 #include "base/core/error.h"
@@ -25,9 +26,7 @@ struct Arguments {
 };
 
 std::string file_name(int64_t frame, MeshFormat format) {
-  char name[32];
-  std::snprintf(name, sizeof name, "%06lld", static_cast<long long>(frame));
-  return name + std::string(extension(format));
+  return fmt::format("{:06}{}", frame, extension(format));
 }
 
 // A path with the extension of the format is a file of one frame; any other is a folder.

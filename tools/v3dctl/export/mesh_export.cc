@@ -1,7 +1,8 @@
 #include "v3dctl/export/mesh_export.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <map>
 #include <string>
 #include <vector>
@@ -65,10 +66,9 @@ std::vector<PlyColours> ply_colours(std::span<const ExportedCamera> cameras) {
   std::vector<PlyColours> colours;
   for (const ExportedCamera& camera : cameras) {
     const std::string name = attribute_name(camera.colours.camera);
-    char pose[160];
-    std::snprintf(pose, sizeof pose, " stands at %.6g %.6g %.6g and looks along %.6g %.6g %.6g",
-                  camera.centre.x(), camera.centre.y(), camera.centre.z(), camera.axis.x(),
-                  camera.axis.y(), camera.axis.z());
+    const std::string pose = fmt::format(
+        " stands at {:.6g} {:.6g} {:.6g} and looks along {:.6g} {:.6g} {:.6g}", camera.centre.x(),
+        camera.centre.y(), camera.centre.z(), camera.axis.x(), camera.axis.y(), camera.axis.z());
     colours.push_back(
         {.comment = name + pose,
          .properties = {name + "_red", name + "_green", name + "_blue", name + "_sight"},
@@ -93,21 +93,17 @@ void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh
 
 void write_obj(const std::filesystem::path& path, const Mesh& mesh) {
   std::string text = "# metres, z up\n";
-  char line[128];
   for (size_t i = 0; i < mesh.vertices.size(); ++i) {
     const Eigen::Vector3f& p = mesh.vertices[i];
-    std::snprintf(line, sizeof line, "v %.9g %.9g %.9g", p.x(), p.y(), p.z());
-    text += line;
+    text += fmt::format("v {:.9g} {:.9g} {:.9g}", p.x(), p.y(), p.z());
     if (!mesh.colours.empty()) {
       const Rgb8 c = mesh.colours[i];
-      std::snprintf(line, sizeof line, " %.6g %.6g %.6g", c.r / 255.0, c.g / 255.0, c.b / 255.0);
-      text += line;
+      text += fmt::format(" {:.6g} {:.6g} {:.6g}", c.r / 255.0, c.g / 255.0, c.b / 255.0);
     }
     text += '\n';
   }
   for (const std::array<uint32_t, 3>& t : mesh.triangles) {
-    std::snprintf(line, sizeof line, "f %u %u %u\n", t[0] + 1, t[1] + 1, t[2] + 1);
-    text += line;
+    text += fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
   }
   replace_file(path, text);
 }

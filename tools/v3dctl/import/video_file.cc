@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include "v3dctl/import/media.h"
 
 extern "C" {
@@ -8,7 +10,6 @@ extern "C" {
 
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <new>
 #include <string>
@@ -80,10 +81,8 @@ struct VideoFile::Impl {
   [[noreturn]] void refuse_damage(int error) const {
     std::array<char, AV_ERROR_MAX_STRING_SIZE> cause{};
     av_strerror(error, cause.data(), cause.size());
-    std::array<char, 80> place{};
-    std::snprintf(place.data(), place.size(), "near frame %lld, %.3f s",
-                  static_cast<long long>(count), next_s);
-    throw InputError(path.string() + ": cannot be decoded " + place.data() + ": " + cause.data() +
+    const std::string place = fmt::format("near frame {}, {:.3f} s", count, next_s);
+    throw InputError(path.string() + ": cannot be decoded " + place + ": " + cause.data() +
                      "; expected a video without damage");
   }
 

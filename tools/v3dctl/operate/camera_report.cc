@@ -1,10 +1,11 @@
 #include "v3dctl/operate/camera_report.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -24,9 +25,7 @@ constexpr double kLookFocus = 0.7, kBadFocus = 0.4;  // of the focus of the back
 constexpr double kLookForeground = 0.005, kBadForeground = 0.40;
 
 std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof text, share < 0.0995 ? "%.1f %%" : "%.0f %%", 100 * share);
-  return text;
+  return fmt::format("{:.{}f} %", 100 * share, share < 0.0995 ? 1 : 0);
 }
 
 const char* grade_name(Grade grade) {
@@ -185,10 +184,7 @@ std::vector<std::string> check_lines(const std::vector<CameraMeasurement>& camer
   std::vector<std::string> lines;
   for (const CameraMeasurement& camera : cameras) {
     const CameraVerdict verdict = judge(camera);
-    char head[96];
-    std::snprintf(head, sizeof head, "%-5s %-10s ", grade_name(verdict.grade),
-                  camera.camera.c_str());
-    std::string line = head;
+    std::string line = fmt::format("{:<5} {:<10} ", grade_name(verdict.grade), camera.camera);
     if (camera.ready) {
       line += format_count(camera.received) + "/" + format_count(camera.pulses) + " frames   ";
     }

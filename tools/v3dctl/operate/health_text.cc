@@ -1,20 +1,15 @@
 #include "v3dctl/operate/health_text.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "base/core/text.h"
 
 namespace v3d::ctl {
 namespace {
-
-std::string formatted(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 /// Values of one camera by name; "cam03.frames" of the node is "frames".
 using CameraValues = std::map<std::string, double>;
@@ -73,24 +68,25 @@ double max_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
 
 std::string duration_text(double seconds) {
   constexpr double kMinute = 60, kHour = 3600, kDay = 86400;
-  if (seconds < 2 * kMinute) return formatted("%.0f s", seconds);
-  if (seconds < 2 * kHour) return formatted("%.0f min", seconds / kMinute);
-  if (seconds < 2 * kDay) return formatted("%.1f h", seconds / kHour);
-  return formatted("%.0f d", seconds / kDay);
+  if (seconds < 2 * kMinute) return fmt::format("{:.0f} s", seconds);
+  if (seconds < 2 * kHour) return fmt::format("{:.0f} min", seconds / kMinute);
+  if (seconds < 2 * kDay) return fmt::format("{:.1f} h", seconds / kHour);
+  return fmt::format("{:.0f} d", seconds / kDay);
 }
 
 std::string value_text(const std::string& name, double value) {
   if (name.ends_with("_bytes")) return format_bytes(value);
   if (name.ends_with("_seconds_left")) return duration_text(value);
   if (name.ends_with("_flag")) return value != 0 ? "yes" : "no";
-  if (name.ends_with("_percent")) return formatted("%.0f %%", value);
-  if (name.ends_with("_celsius")) return formatted("%.0f C", value);
-  if (name.ends_with("_per_second") || name.ends_with("_fps")) return formatted("%.1f/s", value);
-  if (name.ends_with("_ms")) return formatted("%.1f ms", value);
-  if (name.ends_with("offset_us")) return formatted("%+.0f us", value);
-  if (name.ends_with("_us")) return formatted("%.0f us", value);
+  if (name.ends_with("_percent")) return fmt::format("{:.0f} %", value);
+  if (name.ends_with("_celsius")) return fmt::format("{:.0f} C", value);
+  if (name.ends_with("_per_second") || name.ends_with("_fps"))
+    return fmt::format("{:.1f}/s", value);
+  if (name.ends_with("_ms")) return fmt::format("{:.1f} ms", value);
+  if (name.ends_with("offset_us")) return fmt::format("{:+.0f} us", value);
+  if (name.ends_with("_us")) return fmt::format("{:.0f} us", value);
   const bool is_count = std::abs(value) < 1e15 && value == std::floor(value);
-  return is_count ? format_count(static_cast<int64_t>(value)) : formatted("%.6g", value);
+  return is_count ? format_count(static_cast<int64_t>(value)) : fmt::format("{:.6g}", value);
 }
 
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
@@ -201,10 +197,8 @@ std::string recording_line(const std::map<std::string, wire::HealthMessage>& hea
   if (const auto missing = sum_over_nodes(health, "frames_missing"))
     add(count(*missing) + " missing");
   if (sum_over_nodes(health, "live_fps")) {  // several nodes report the rate of the common stream
-    char text[64];
-    std::snprintf(text, sizeof text, "live %.1f/s, %.0f ms", max_over_nodes(health, "live_fps"),
-                  max_over_nodes(health, "latency_p50_ms"));
-    add(text);
+    add(fmt::format("live {:.1f}/s, {:.0f} ms", max_over_nodes(health, "live_fps"),
+                    max_over_nodes(health, "latency_p50_ms")));
     if (sum_over_nodes(health, "silhouette_iou_percent")) {
       add(value_text("_percent", max_over_nodes(health, "silhouette_iou_percent")) + " explained");
     }

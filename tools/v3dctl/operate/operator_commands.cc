@@ -1,5 +1,6 @@
 // status, arm, start, stop, abort and background: the operator's control of the studio.
-#include <array>
+#include <fmt/core.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -158,10 +159,8 @@ int run_arm(const CommandLine& line, Options options) {
   }
   const double rate =
       options.message.rate_hz > 0 ? options.message.rate_hz : studio.trigger.rate_hz;
-  std::array<char, 32> hertz{};
-  std::snprintf(hertz.data(), hertz.size(), "%g Hz", rate);
-  report.add("armed " + options.message.take + ": trigger " + studio.trigger.node + ", " +
-             hertz.data());
+  report.add(fmt::format("armed {}: trigger {}, {:g} Hz", options.message.take, studio.trigger.node,
+                         rate));
   report.print(answer_json(answer));
   return kExitDone;
 }

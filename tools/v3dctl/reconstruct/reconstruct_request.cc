@@ -1,9 +1,10 @@
 #include "v3dctl/reconstruct/reconstruct_request.h"
 
+#include <fmt/core.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -20,11 +21,10 @@ using Json = nlohmann::ordered_json;
 
 Box reported_default_bounds(const Rig& rig, int min_views) {
   const Box box = default_bounds(rig, min_views);
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "bounds seen by at least half the cameras: --bounds %.3f,%.3f,%.3f,%.3f,%.3f,%.3f",
-                box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z());
-  note(text);
+  note(
+      fmt::format("bounds seen by at least half the cameras: --bounds "
+                  "{:.3f},{:.3f},{:.3f},{:.3f},{:.3f},{:.3f}",
+                  box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()));
   return box;
 }
 

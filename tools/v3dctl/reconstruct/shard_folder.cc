@@ -1,12 +1,12 @@
 #include "v3dctl/reconstruct/shard_folder.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <span>
 
@@ -32,11 +32,7 @@ std::span<const uint8_t> bytes_of(const std::string& text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
 }
 
-std::string hex(uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
+std::string hex(uint64_t value) { return fmt::format("{:016x}", value); }
 
 std::string checksum_of(std::initializer_list<std::span<const uint8_t>> parts) {
   return hex(checksum(parts));
@@ -79,9 +75,7 @@ Json inputs_of(const recorded::TakeFrames& take) {
 }
 
 std::string name_of(const Shard& shard, const char* end) {
-  char text[40];
-  std::snprintf(text, sizeof text, "shard-%06lld%s", static_cast<long long>(shard.number), end);
-  return text;
+  return fmt::format("shard-{:06}{}", shard.number, end);
 }
 
 std::vector<fs::path> entries_of(const fs::path& folder, const std::string& prefix) {

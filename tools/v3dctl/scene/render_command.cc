@@ -1,5 +1,6 @@
 // render: draws a frame of a take, or a scene.
-#include <cstdio>
+#include <fmt/core.h>
+
 #include <optional>
 
 #include "base/core/error.h"
@@ -120,8 +121,7 @@ void draw_folder(SceneRenderer& renderer, const Arguments& arguments, take::Fram
   Progress progress("render", range.end - range.begin);
   for (int64_t frame = range.begin; frame < range.end; ++frame) {
     stop_if_interrupted();
-    char name[32];
-    std::snprintf(name, sizeof name, "%06lld.png", static_cast<long long>(frame));
+    const std::string name = fmt::format("{:06}.png", frame);
     write_png(arguments.out / name, renderer.draw(frame).view());
     progress.advance();
   }

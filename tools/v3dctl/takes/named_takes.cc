@@ -1,5 +1,7 @@
 #include "v3dctl/takes/named_takes.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -14,15 +16,8 @@ namespace {
 /// Minutes and seconds, with hours from one hour on: "0:50", "1:02:03".
 std::string length_text(double seconds) {
   const auto whole = static_cast<int64_t>(seconds + 0.5);
-  char text[32];
-  if (whole < 3600) {
-    std::snprintf(text, sizeof text, "%d:%02d", static_cast<int>(whole / 60),
-                  static_cast<int>(whole % 60));
-  } else {
-    std::snprintf(text, sizeof text, "%d:%02d:%02d", static_cast<int>(whole / 3600),
-                  static_cast<int>(whole / 60 % 60), static_cast<int>(whole % 60));
-  }
-  return text;
+  if (whole < 3600) return fmt::format("{}:{:02}", whole / 60, whole % 60);
+  return fmt::format("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
 }
 
 std::string mesh_count_text(const take::TakeListing& take) {
@@ -30,14 +25,12 @@ std::string mesh_count_text(const take::TakeListing& take) {
 }
 
 std::string listing_line(const take::TakeListing& take, size_t name_width) {
-  char text[512];
-  std::snprintf(
-      text, sizeof text, "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s",
-      static_cast<int>(name_width), take.info.name.c_str(),
-      local_time(take.info.started, "%Y-%m-%d %H:%M").c_str(), take.verdict().data(),
-      take.verified ? "verified" : "unverified", length_text(take.seconds()).c_str(),
-      format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),
-      format_count(take.info.pulses).c_str(), take.info.rate_hz, mesh_count_text(take).c_str());
+  const std::string text = fmt::format(
+      "{:<{}}  {}  {:<10} {:<10}  {:>7}  {:>8}  {:3} cameras x {:>7} pulses, {:g} Hz, {}",
+      take.info.name, name_width, local_time(take.info.started, "%Y-%m-%d %H:%M"), take.verdict(),
+      take.verified ? "verified" : "unverified", length_text(take.seconds()),
+      format_bytes(static_cast<double>(take.bytes)), take.info.cameras.size(),
+      format_count(take.info.pulses), take.info.rate_hz, mesh_count_text(take));
   const std::string slate = take.slate.text();
   return text + (take.absent_nodes.empty() ? "" : ", without " + text_of(take.absent_nodes)) +
          (slate.empty() ? "" : "  " + slate);

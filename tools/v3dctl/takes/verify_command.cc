@@ -1,4 +1,5 @@
 // verify: checks a take against its ledger, signatures and, on request, its images.
+#include <fmt/core.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -347,13 +348,12 @@ class ImageCheck {
 std::string frame_lag_text(const recon::CameraSync& camera) {
   const int late = camera.pulses_late();
   const int best = recon::kMaxPulsesOff + late;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "frame lag, %s %s: its silhouettes differ from the hull of the other cameras by "
-                "%.1f %% of their pixels, and by %.1f %% with the lag corrected",
-                count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
-                100 * camera.disagreement[recon::kMaxPulsesOff],
-                100 * camera.disagreement[static_cast<size_t>(best)]);
+  const std::string text = fmt::format(
+      "frame lag, {} {}: its silhouettes differ from the hull of the other cameras by "
+      "{:.1f} % of their pixels, and by {:.1f} % with the lag corrected",
+      count_of(std::abs(late), "pulse"), late > 0 ? "late" : "early",
+      100 * camera.disagreement[recon::kMaxPulsesOff],
+      100 * camera.disagreement[static_cast<size_t>(best)]);
   return camera.camera + ": " + text;
 }
 
