@@ -379,8 +379,8 @@ std::vector<std::string> read_reconstruction_nodes(const TomlTable& table, const
 }
 
 void read_reconstruction(const TomlTable& file, Studio& studio) {
-  static constexpr std::array<std::pair<std::string_view, Quality>, 2> kQualities = {
-      {{"live", Quality::kLive}, {"high", Quality::kHigh}}};
+  static constexpr std::array<std::pair<std::string_view, Quality>, 3> kQualities = {
+      {{"live", Quality::kLive}, {"medium", Quality::kMedium}, {"high", Quality::kHigh}}};
   const TomlTable table = file.table("reconstruction");
   StudioReconstruction& r = studio.reconstruction;
   r.nodes = read_reconstruction_nodes(table, studio);

@@ -133,7 +133,12 @@ struct StudioStorage {
   std::filesystem::path signing_key = {};
 };
 
-enum class Quality { kLive, kHigh };
+/// Take requests store the numbers.
+enum class Quality {
+  kLive = 0,    ///< the visual hull
+  kHigh = 1,    ///< carved and deformed; about a second a frame
+  kMedium = 2,  ///< deformed within the live budget
+};
 
 /// [reconstruction]
 struct StudioReconstruction {

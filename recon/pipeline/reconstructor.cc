@@ -1,6 +1,9 @@
 #include "recon/pipeline/reconstructor.h"
 
+#include <string>
 #include <utility>
+
+#include "base/core/error.h"
 
 namespace v3d::recon {
 namespace {
@@ -15,6 +18,23 @@ std::optional<DeformStage> deform_stage_of(const Rig& rig, const VoxelGrid& grid
   return std::optional<DeformStage>(std::in_place, rig, grid, options.deform);
 }
 
+std::optional<LiveDeformStage> live_deform_stage_of(const Rig& rig, const VoxelGrid& grid,
+                                                    const ReconstructOptions& options) {
+  if (options.quality != Quality::kMedium) return std::nullopt;
+  if (options.live_passes < 0 || options.live_passes > kLivePasses) {
+    throw InputError("live passes: expected 0 to " + std::to_string(kLivePasses) + ", found " +
+                     std::to_string(options.live_passes));
+  }
+  return std::optional<LiveDeformStage>(std::in_place, rig, grid);
+}
+
+std::optional<VertexLattice> lattice_of(const std::optional<DeformStage>& high,
+                                        const std::optional<LiveDeformStage>& medium) {
+  if (high) return high->lattice();
+  if (medium) return medium->lattice();
+  return std::nullopt;
+}
+
 int arena_size(int threads) { return threads > 0 ? threads : tbb::task_arena::automatic; }
 
 }  // namespace
@@ -23,9 +43,11 @@ Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)
     : rig_(rig),
       arena_(arena_size(options.threads)),
       hull_(rig, options.bounds, options.voxel_m, options.min_views),
+      live_passes_(options.live_passes),
       deform_(deform_stage_of(rig, hull_.grid(), options)),
+      live_deform_(live_deform_stage_of(rig, hull_.grid(), options)),
       quality_(arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
-      encode_(hull_.grid(), deform_ ? std::optional(deform_->lattice()) : std::nullopt) {}
+      encode_(hull_.grid(), lattice_of(deform_, live_deform_)) {}
 
 Reconstruction Reconstructor::reconstruct(FrameSet set) {
   FrameSetJob work(std::move(set));
@@ -60,9 +82,14 @@ void Reconstructor::make_hull(FrameSetJob& work) {
 
 void Reconstructor::make_surface(FrameSetJob& work) {
   make_hull(work);
-  if (!deform_) return;
+  if (!deform_ && !live_deform_) return;
   const MonotonicInstant deforming = Monotonic::now();
-  deform_->deform(work.frames, work.volume, work.result.mesh);
+  if (deform_) {
+    deform_->deform(work.frames, work.volume, work.result.mesh);
+  } else {
+    work.result.live_passes = work.live_passes.value_or(live_passes_);
+    live_deform_->deform(work.frames, *work.result.live_passes, work.result.mesh);
+  }
   work.result.times.deform = milliseconds_since(deforming);
 }
 

@@ -23,7 +23,9 @@ struct ReconstructOptions {
   int min_views = 4;
   Quality quality = Quality::kLive;
   DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m and lattice are set
-  int threads = 0;            ///< 0: one per core. The result does not depend on it.
+  /// For Quality::kMedium: of a FrameSetJob that does not choose its own.
+  int live_passes = kDefaultLivePasses;
+  int threads = 0;  ///< 0: one per core. The result does not depend on it.
 };
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
@@ -44,6 +46,7 @@ struct Reconstruction {
   std::vector<std::string> cameras;  ///< cameras that took part
   std::vector<uint8_t> compact;
   FrameQuality quality;
+  std::optional<int> live_passes;  ///< of the LiveDeformer; empty unless Quality::kMedium
   StageTimes times;
 };
 
@@ -56,6 +59,8 @@ struct FrameSetJob {
   FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
+  /// For Quality::kMedium: passes of the LiveDeformer; empty: ReconstructOptions::live_passes.
+  std::optional<int> live_passes;
   RigFrames frames;     ///< of `set`
   SparseVolume volume;  ///< the mesh is its surface
   Reconstruction result;
@@ -93,7 +98,9 @@ class Reconstructor {
   const Rig rig_;
   tbb::task_arena arena_;  ///< for reconstruct()
   HullStage hull_;
-  std::optional<DeformStage> deform_;  ///< for Quality::kHigh
+  const int live_passes_;
+  std::optional<DeformStage> deform_;           ///< for Quality::kHigh
+  std::optional<LiveDeformStage> live_deform_;  ///< for Quality::kMedium
   const QualityMeter quality_;
   EncodeStage encode_;
 };

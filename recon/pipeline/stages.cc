@@ -23,6 +23,8 @@ constexpr double kTriangleRadiusVoxels = 0.71;
 /// Deformed surfaces are quantised to a fiftieth of a voxel, which is less than their flicker.
 /// docs/deformation.md compares other steps.
 constexpr int kStepsInHalfVoxel = 25;
+/// Live surfaces are less accurate, and coarser steps make encoding faster.
+constexpr int kLiveStepsInHalfVoxel = 10;
 
 VoxelGrid affordable_grid(const Box& bounds, double voxel_m) {
   const VoxelGrid grid = VoxelGrid::covering(bounds, voxel_m);
@@ -33,11 +35,24 @@ VoxelGrid affordable_grid(const Box& bounds, double voxel_m) {
 /// Discrete marching cubes have half-voxel steps.
 VertexLattice half_voxel_lattice(const VoxelGrid& grid) { return {grid.origin, grid.voxel_m / 2}; }
 
+VertexLattice finer_lattice(const VoxelGrid& grid, int steps_in_half_voxel) {
+  return {grid.origin, half_voxel_lattice(grid).step / steps_in_half_voxel};
+}
+
 DeformOptions checked(DeformOptions options, const VoxelGrid& grid) {
   options.voxel_m = grid.voxel_m;
-  options.lattice = VertexLattice{grid.origin, half_voxel_lattice(grid).step / kStepsInHalfVoxel};
+  options.lattice = finer_lattice(grid, kStepsInHalfVoxel);
   check(options);
   return options;
+}
+
+SurfaceCameras surface_cameras(const std::vector<CameraModel>& models, const RigFrames& frames,
+                               const Mesh& surface, double voxel_m) {
+  std::vector<DeformCamera> cameras;
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (frames[c] != nullptr) cameras.push_back({&models[c], frames[c]});
+  }
+  return {cameras, surface, voxel_m};
 }
 
 bool carves(const DeformOptions& options) {
@@ -90,11 +105,7 @@ DeformStage::DeformStage(const Rig& rig, const VoxelGrid& grid, DeformOptions op
 }
 
 void DeformStage::deform(const RigFrames& frames, SparseVolume& volume, Mesh& surface) {
-  std::vector<DeformCamera> cameras;
-  for (size_t c = 0; c < frames.size(); ++c) {
-    if (frames[c] != nullptr) cameras.push_back({&models_[c], frames[c]});
-  }
-  const SurfaceCameras seen(cameras, surface, voxel_m_);
+  const SurfaceCameras seen = surface_cameras(models_, frames, surface, voxel_m_);
   if (carver_) carve(seen, carver_->find_samples(seen, surface, volume), {}, volume, surface);
   deformer_.run(seen, surface);
 }
@@ -129,6 +140,17 @@ void DeformStage::carve(const SurfaceCameras& cameras, const StereoSamples& samp
                         Mesh& surface) {
   volume = carver_->carve(cameras, volume, samples, adjacent);
   marching_cubes_.run(volume, surface);
+}
+
+LiveDeformStage::LiveDeformStage(const Rig& rig, const VoxelGrid& grid)
+    : models_(models_of(rig)),
+      voxel_m_(grid.voxel_m),
+      lattice_(finer_lattice(grid, kLiveStepsInHalfVoxel)),
+      deformer_({.voxel_m = voxel_m_, .lattice = lattice_}) {}
+
+void LiveDeformStage::deform(const RigFrames& frames, int passes, Mesh& surface) {
+  if (passes == 0) return;
+  deformer_.run(surface_cameras(models_, frames, surface, voxel_m_), passes, surface);
 }
 
 // --- colours

@@ -26,6 +26,7 @@
 #include "recon/pipeline/frame_set.h"
 #include "recon/surface/concavity_carving.h"
 #include "recon/surface/deform.h"
+#include "recon/surface/live_deform.h"
 #include "recon/surface/temporal_smoothing.h"
 
 namespace v3d::recon {
@@ -89,6 +90,24 @@ class DeformStage {
   Deformer deformer_;
   std::optional<ConcavityCarver> carver_;
   MarchingCubes marching_cubes_;
+};
+
+/// Moves the surface of a hull to where the images agree, within the live budget (LiveDeformer).
+class LiveDeformStage {
+ public:
+  /// `grid` is that of the HullStage.
+  LiveDeformStage(const Rig& rig, const VoxelGrid& grid);
+
+  /// Lattice of the resulting vertices.
+  const VertexLattice& lattice() const { return lattice_; }
+  /// Deforms `surface` by the first `passes` passes: see LiveDeformer::run().
+  void deform(const RigFrames& frames, int passes, Mesh& surface);
+
+ private:
+  std::vector<CameraModel> models_;
+  double voxel_m_;
+  VertexLattice lattice_;
+  LiveDeformer deformer_;
 };
 
 enum class ColourDetail {

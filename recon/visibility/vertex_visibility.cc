@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "recon/render/rasteriser.h"
+#include "recon/visibility/cell_visibility.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::recon::HWY_NAMESPACE {
@@ -111,6 +112,14 @@ HWY_INLINE LaneMask has(const Mask& mask, hn::Vec<Ints> x, hn::Vec<Ints> y) {
   return hn::RebindMask(Floats(), hn::TestBit(hn::Shr(bits, place), hn::Set(Words(), 1)));
 }
 
+/// Width of a depth sample in metres at a distance of 1 m.
+HWY_INLINE float sample_m_per_m(const SurfaceCamera& camera, const DepthBuffer&) {
+  return camera.pixel_m_per_m();
+}
+HWY_INLINE float sample_m_per_m(const SurfaceCamera& camera, const PointDepthBuffer& depth) {
+  return camera.pixel_m_per_m() * depth.grid().cell_width();
+}
+
 /// SurfaceCamera::sees() in the lanes `wanted`.
 HWY_INLINE LaneMask sees(const SurfaceCamera& camera, const DepthBuffer& depth, const Pixels& p,
                          Lanes tolerance, LaneMask wanted) {
@@ -121,6 +130,23 @@ HWY_INLINE LaneMask sees(const SurfaceCamera& camera, const DepthBuffer& depth, 
   const Lanes nearest(hn::GatherIndex(Floats(), depth.z.data(), index));
   const auto before = hn::Le(p.z.v, (nearest + tolerance).v);
   return hn::And(wanted, hn::And(has(camera.silhouette(), x, y), before));
+}
+
+/// The same with a point depth buffer. Its outer ring of cells is not valid.
+HWY_INLINE LaneMask sees(const SurfaceCamera& camera, const PointDepthBuffer& depth,
+                         const Pixels& p, Lanes tolerance, LaneMask wanted) {
+  const CellGrid& grid = depth.grid();
+  const Lanes column = (p.u - grid.first_u) * grid.cells_per_pixel,
+              row = (p.v - grid.first_v) * grid.cells_per_pixel;
+  wanted = in_image(p.u, p.v, camera.silhouette().size(), wanted);
+  wanted = in_image(column - 1.0F, row - 1.0F, {grid.columns - 2, grid.rows - 2}, wanted);
+  if (bits_of(wanted) == 0) return wanted;
+  const auto cells_above = hn::Mul(whole(row, wanted), hn::Set(Ints(), grid.columns));
+  const auto cell = hn::Add(cells_above, whole(column, wanted));
+  const Lanes nearest(hn::GatherIndex(Floats(), depth.nearest(), cell));
+  const auto before = hn::Le(p.z.v, (nearest + tolerance).v);
+  const auto foreground = has(camera.silhouette(), whole(p.u, wanted), whole(p.v, wanted));
+  return hn::And(wanted, hn::And(foreground, before));
 }
 
 void grazing_any(const Mask& pixels, const VertexVisibility& visibility, size_t count,
@@ -138,8 +164,8 @@ void grazing_any(const Mask& pixels, const VertexVisibility& visibility, size_t 
   }
 }
 
-template <Lens kLens>
-void test_with(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
+template <Lens kLens, class Depth>
+void test_with(const SurfaceCamera& camera, const Depth& depth, const PointBlock& places,
                const PointBlock& normals, const VisibilityOptions& options,
                VertexVisibility& visibility) {
   const Floats floats;
@@ -153,8 +179,8 @@ void test_with(const SurfaceCamera& camera, const DepthBuffer& depth, const Poin
     const auto faces = hn::Ge(facing.v, hn::Set(floats, options.min_facing));
     const Lanes sine2(hn::Max((Lanes(1.0F) - facing * facing).v, hn::Zero(floats)));
     const Lanes slope = Lanes(hn::Sqrt(sine2.v)) / facing;
-    const Lanes slant =
-        Lanes(camera.pixel_m_per_m()) * p.z * Lanes(hn::Min(slope.v, hn::Set(floats, kMaxSlant)));
+    const Lanes slant = Lanes(sample_m_per_m(camera, depth)) * p.z *
+                        Lanes(hn::Min(slope.v, hn::Set(floats, kMaxSlant)));
     const auto seen =
         sees(camera, depth, p, Lanes(options.tolerance_m) + slant, hn::And(p.exist, faces));
     put(p.u, visibility.u, i);
@@ -165,9 +191,10 @@ void test_with(const SurfaceCamera& camera, const DepthBuffer& depth, const Poin
   }
 }
 
-void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
-              const PointBlock& normals, const VisibilityOptions& options,
-              VertexVisibility& visibility) {
+template <class Depth>
+HWY_INLINE void test_all(const SurfaceCamera& camera, const Depth& depth, const PointBlock& places,
+                         const PointBlock& normals, const VisibilityOptions& options,
+                         VertexVisibility& visibility) {
   switch (camera.lens().lens) {
     case Lens::kPinhole:
       return test_with<Lens::kPinhole>(camera, depth, places, normals, options, visibility);
@@ -176,6 +203,18 @@ void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const Point
     default:
       return test_with<Lens::kFull>(camera, depth, places, normals, options, visibility);
   }
+}
+
+void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
+              const PointBlock& normals, const VisibilityOptions& options,
+              VertexVisibility& visibility) {
+  test_all(camera, depth, places, normals, options, visibility);
+}
+
+void test_cells_any(const SurfaceCamera& camera, const PointDepthBuffer& depth,
+                    const PointBlock& places, const PointBlock& normals,
+                    const VisibilityOptions& options, VertexVisibility& visibility) {
+  test_all(camera, depth, places, normals, options, visibility);
 }
 
 }  // namespace
@@ -187,6 +226,7 @@ namespace v3d::recon {
 
 HWY_EXPORT(project_any);
 HWY_EXPORT(test_any);
+HWY_EXPORT(test_cells_any);
 HWY_EXPORT(grazing_any);
 
 void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelBlock& pixels) {
@@ -197,6 +237,12 @@ void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
                      const PointBlock& places, const PointBlock& normals,
                      const VisibilityOptions& options, VertexVisibility& visibility) {
   HWY_DYNAMIC_DISPATCH(test_any)(camera, depth, places, normals, options, visibility);
+}
+
+void test_cell_visibility(const SurfaceCamera& camera, const PointDepthBuffer& depth,
+                          const PointBlock& places, const PointBlock& normals,
+                          const VisibilityOptions& options, VertexVisibility& visibility) {
+  HWY_DYNAMIC_DISPATCH(test_cells_any)(camera, depth, places, normals, options, visibility);
 }
 
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,

@@ -27,9 +27,9 @@ struct Pulse {
 /// The live pipeline, fed with the same frames without a pause.
 class Chain {
  public:
-  explicit Chain(int threads)
+  Chain(const recon::ReconstructOptions& chosen, int threads)
       : segmenters_(make_segmenters()),
-        reconstructor_(rig(), options(0.01, threads)),
+        reconstructor_(rig(), chosen),
         pipeline_(
             threads, [this] { return next(); },
             {[this](Pulse& pulse) { make_mesh(pulse); }, [this](Pulse& pulse) { encode(pulse); }}) {
@@ -86,8 +86,11 @@ class Chain {
 
 /// Maximum throughput of the pipeline, and its latency at this rate. Both stages are always busy,
 /// and there is no queue before the first.
-void live(benchmark::State& state) {
-  Chain chain(static_cast<int>(state.range(0)));
+void live(benchmark::State& state, Quality quality, double voxel_m) {
+  const int threads = static_cast<int>(state.range(0));
+  recon::ReconstructOptions chosen = options(voxel_m, threads);
+  chosen.quality = quality;
+  Chain chain(chosen, threads);
   const double bytes = static_cast<double>(kSize.pixels()) * kCameras;
   measure(state, 1, bytes, [&] { chain.wait_for_one(); });
   std::vector<double> latencies = chain.latencies_ms();
@@ -95,7 +98,22 @@ void live(benchmark::State& state) {
   state.counters["p99_ms"] = percentile(latencies, 0.99);
 }
 
-BENCHMARK(live)->Name("live/10mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(live, hull, Quality::kLive, 0.01)
+    ->Name("live/10mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
+BENCHMARK_CAPTURE(live, medium, Quality::kMedium, 0.01)
+    ->Name("live_medium/10mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
+BENCHMARK_CAPTURE(live, medium, Quality::kMedium, 0.008)
+    ->Name("live_medium/8mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2)
+    ->Arg(4);
 
 }  // namespace
 

@@ -116,6 +116,11 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
     deform.deform(frames, hull.volume, mesh);
     lattice = deform.lattice();
   }
+  if (quality == Quality::kMedium) {
+    LiveDeformStage deform(rig, hulls.grid());
+    deform.deform(frames, kDefaultLivePasses, mesh);
+    lattice = deform.lattice();
+  }
   colour_surface(rig, frames, given.voxel_m,
                  quality == Quality::kHigh ? ColourDetail::kFull : ColourDetail::kLive, mesh);
   const QualityMeter meter(rig, given.bounds, given.voxel_m);
@@ -129,7 +134,7 @@ TEST(Stages, one_after_the_other_make_the_compact_frame_of_the_reconstructor) {
   const Rig rig = ring(8);
   FrameSet set = photograph(two_coloured_ball(), rig);
   set.frames.pop_back();  // one camera did not deliver
-  for (const Quality quality : {Quality::kLive, Quality::kHigh}) {
+  for (const Quality quality : {Quality::kLive, Quality::kMedium, Quality::kHigh}) {
     ReconstructOptions chosen = options();
     chosen.quality = quality;
     Reconstructor reconstructor(rig, chosen);
@@ -209,6 +214,38 @@ TEST(Reconstructor, of_high_quality_returns_the_same_bytes_for_any_threads) {
   }
 }
 
+Reconstruction medium_with(int passes, int threads, const FrameSet& set) {
+  ReconstructOptions opts = options();
+  opts.quality = Quality::kMedium;
+  opts.live_passes = passes;
+  opts.threads = threads;
+  return Reconstructor(ring(9), opts).reconstruct(set);
+}
+
+TEST(Reconstructor, of_medium_quality_returns_the_same_bytes_for_the_same_passes) {
+  const FrameSet set = photograph(two_coloured_ball(), ring(9));
+  for (int passes = 0; passes <= kLivePasses; ++passes) {
+    const Reconstruction expected = medium_with(passes, 1, set);
+    EXPECT_EQ(expected.live_passes, passes);
+    EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
+    EXPECT_EQ(medium_with(passes, 4, set).compact, expected.compact) << passes << " passes";
+  }
+  EXPECT_NE(medium_with(0, 1, set).compact, medium_with(1, 1, set).compact);
+}
+
+TEST(Reconstructor, of_medium_quality_takes_the_passes_of_a_job_before_its_own) {
+  const Rig rig = ring(9);
+  const FrameSet set = photograph(two_coloured_ball(), rig);
+  ReconstructOptions opts = options();
+  opts.quality = Quality::kMedium;
+  Reconstructor reconstructor(rig, opts);
+  FrameSetJob work(set);
+  work.live_passes = 1;
+  reconstructor.make_mesh(work);
+  reconstructor.encode(work);
+  EXPECT_EQ(work.result.compact, medium_with(1, 0, set).compact);
+}
+
 TEST(Reconstructor, is_independent_of_the_previous_set) {
   const Rig rig = ring(9);
   const FrameSet ball = photograph(two_coloured_ball(), rig);
@@ -263,6 +300,10 @@ TEST(Reconstructor, rejects_impossible_options) {
   even.quality = Quality::kHigh;
   even.deform.window = 4;
   EXPECT_EQ(refusal(ring(4), even), "deform: window: want an odd number of samples from 3 to 11");
+  ReconstructOptions many = options();
+  many.quality = Quality::kMedium;
+  many.live_passes = kLivePasses + 1;
+  EXPECT_EQ(refusal(ring(4), many), "live passes: expected 0 to 3, found 4");
   tiny.voxel_m = 1e-5;
   EXPECT_THAT(refusal(ring(4), tiny), testing::HasSubstr("voxels"));
 }

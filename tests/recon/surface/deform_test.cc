@@ -11,6 +11,8 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/surface/live_deform.h"
+#include "recon/visibility/cell_visibility.h"
 
 namespace v3d::recon {
 namespace {
@@ -278,6 +280,129 @@ TEST(Deformer, names_the_option_that_is_out_of_range) {
   EXPECT_EQ(refusal({.window = 4}), "deform: window: want an odd number of samples from 3 to 11");
   EXPECT_EQ(refusal({.views = 1}), "deform: views: want 2 to 8 cameras");
   EXPECT_EQ(refusal({.internal = -1}), "deform: internal: want a weight from 0 to 1");
+}
+
+// --- within the live budget
+
+const VertexLattice kLiveLattice{Eigen::Vector3d::Zero(), kEdge / 20};
+
+Mesh hull_on_lattice() {
+  Mesh mesh = hull();
+  for (Eigen::Vector3f& v : mesh.vertices) v = rounded_to(kLiveLattice, v);
+  return mesh;
+}
+
+Mesh live_deformed(int passes, const Mesh& start = hull_on_lattice()) {
+  Mesh mesh = start;
+  LiveDeformer({.voxel_m = kEdge, .lattice = kLiveLattice})
+      .run(studio().before(mesh), passes, mesh);
+  return mesh;
+}
+
+TEST(LiveDeformer, finds_a_concavity_that_no_silhouette_shows_better_with_each_search) {
+  const double before = error_in_concavity(hull_on_lattice());
+  const double coarse = error_in_concavity(live_deformed(1));
+  const double fine = error_in_concavity(live_deformed(2));
+  EXPECT_LT(coarse, 0.5 * before);
+  EXPECT_LT(fine, 0.25 * before);
+  EXPECT_LT(fine, coarse);
+}
+
+TEST(LiveDeformer, without_passes_leaves_the_hull_as_it_is) {
+  EXPECT_EQ(live_deformed(0).vertices, hull_on_lattice().vertices);
+}
+
+TEST(LiveDeformer, keeps_the_silhouettes) {
+  EXPECT_GT(min_iou(live_deformed(kLivePasses)), min_iou(hull_on_lattice()) - 0.02);
+}
+
+TEST(LiveDeformer, removes_all_self_intersections_in_its_last_pass) {
+  EXPECT_TRUE(self_intersections(live_deformed(kLivePasses)).empty());
+}
+
+TEST(LiveDeformer, returns_vertices_on_the_lattice_after_any_number_of_passes) {
+  for (int passes = 0; passes <= kLivePasses; ++passes) {
+    for (const Eigen::Vector3f& v : live_deformed(passes).vertices) {
+      ASSERT_EQ(v, rounded_to(kLiveLattice, v)) << passes << " passes";
+    }
+  }
+}
+
+TEST(LiveDeformer, returns_the_same_bits_for_any_threads_and_after_any_other_mesh) {
+  const Mesh expected = live_deformed(kLivePasses);
+  for (const int threads : {1, 3}) {
+    LiveDeformer deformer({.voxel_m = kEdge, .lattice = kLiveLattice});
+    tbb::task_arena(threads).execute([&] {
+      Mesh other = rod(), mesh = hull_on_lattice();
+      deformer.run(studio().before(other), 1, other);
+      deformer.run(studio().before(mesh), kLivePasses, mesh);
+      EXPECT_EQ(mesh.vertices, expected.vertices) << threads << " threads";
+    });
+  }
+}
+
+TEST(LiveDeformer, holds_the_hull_where_fewer_than_two_cameras_see_it) {
+  Mesh mesh = hull_on_lattice();
+  LiveDeformer({.voxel_m = kEdge, .lattice = kLiveLattice})
+      .run(studio().before(mesh, 1), kLivePasses, mesh);
+  const Mesh start = hull_on_lattice();
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    ASSERT_LT((mesh.vertices[v] - start.vertices[v]).norm(), 0.5 * kEdge);
+  }
+}
+
+/// The vertices of a mesh that camera 0 of the studio sees, one entry each.
+std::vector<uint8_t> seen_vertices(const Mesh& mesh, bool by_cells) {
+  const SurfaceCameras before = studio().before(mesh, 1);
+  const SurfaceCamera& camera = before.cameras[0];
+  const double radius_m = 0.71 * kEdge;
+  const DepthBuffer pixels = draw_depth(mesh, studio().models[0]);
+  const PointDepthBuffer cells(PointArrays(occluding_points(mesh, radius_m)), vertex_centroid(mesh),
+                               radius_m, studio().models[0], camera.lens(),
+                               camera.silhouette().bounding_box());
+  const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
+  std::vector<uint8_t> seen;
+  for (size_t first = 0; first < mesh.vertices.size(); first += VertexVisibility::kCapacity) {
+    const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
+    PointBlock places, directions;
+    places.count = count;
+    for (size_t i = 0; i < count; ++i) {
+      places.set(i, mesh.vertices[first + i]);
+      directions.set(i, normals[first + i]);
+    }
+    VertexVisibility visibility;
+    const VisibilityOptions options{.tolerance_m = 1.5F * static_cast<float>(kEdge)};
+    by_cells ? test_cell_visibility(camera, cells, places, directions, options, visibility)
+             : test_visibility(camera, pixels, places, directions, options, visibility);
+    for (size_t i = 0; i < count; ++i) seen.push_back(visibility.seen[i] > 0 ? 1 : 0);
+  }
+  return seen;
+}
+
+TEST(CellVisibility, agrees_with_the_depth_buffer_at_nearly_all_vertices) {
+  Mesh mesh = concavity_die();
+  // Hides part of the body from camera 0, which is at (2, 0, 0.5).
+  shapes::append(mesh, shapes::sphere({0.7F, 0, 0.85F}, 0.08F, 40));
+  const auto by_pixels = seen_vertices(mesh, false), by_cells = seen_vertices(mesh, true);
+  size_t seen = 0, different = 0;
+  for (size_t v = 0; v < by_pixels.size(); ++v) {
+    seen += by_pixels[v];
+    different += by_pixels[v] != by_cells[v];
+  }
+  EXPECT_GT(seen, by_pixels.size() / 10);
+  EXPECT_LT(static_cast<double>(different), 0.05 * static_cast<double>(seen));
+}
+
+TEST(CellVisibility, sees_nothing_through_an_empty_buffer) {
+  const Mesh mesh = hull();
+  const SurfaceCameras before = studio().before(mesh, 1);
+  PointBlock place, normal;
+  place.count = 1;
+  place.set(0, {kHalfEdge, 0, 1});
+  normal.set(0, {1, 0, 0});
+  VertexVisibility visibility;
+  test_cell_visibility(before.cameras[0], PointDepthBuffer(), place, normal, {}, visibility);
+  EXPECT_LT(visibility.seen[0], 0);
 }
 
 }  // namespace

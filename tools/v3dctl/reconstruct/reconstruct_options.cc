@@ -54,8 +54,9 @@ void set_value(recon::DeformOptions& options, const std::string& part) {
 
 Quality parse_quality(const std::string& text) {
   if (text == "live") return Quality::kLive;
+  if (text == "medium") return Quality::kMedium;
   if (text == "high") return Quality::kHigh;
-  throw InputError("--quality " + text + ": expected live or high");
+  throw InputError("--quality " + text + ": expected live, medium or high");
 }
 
 }  // namespace
@@ -81,8 +82,9 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
       .check(cli::integer_in(1, 1000));
   command
       .add_option("--quality", arguments.quality,
-                  "live: as while recording; high: slower and finer")
-      .type_name("live|high");
+                  "live: the visual hull; medium: deformed within the live budget; high: slower "
+                  "and finer")
+      .type_name("live|medium|high");
   command
       .add_option(
           "--deform", arguments.deform,

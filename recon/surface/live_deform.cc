@@ -1,0 +1,182 @@
+#include "recon/surface/live_deform.h"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/core/error.h"
+#include "recon/mesh/mesh_neighbours.h"
+#include "recon/mesh/self_intersection.h"
+#include "recon/surface/displacement_field.h"
+#include "recon/surface/template_windows.h"
+#include "recon/visibility/cell_visibility.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3f;
+
+/// Resolution and range of a depth search. Lengths in voxels.
+struct Search {
+  int level;      ///< of the images
+  float spacing;  ///< between samples of the template window
+  float step;     ///< between depths
+  float first;    ///< steps; negative is inwards, where the surface must lie
+};
+constexpr Search kCoarse{1, 1.5F, 0.6F, -11}, kFine{0, 1.0F, 0.3F, -8};
+
+// The cost of a search is proportional to windows times samples times cameras.
+constexpr size_t kEvery = 4;  ///< every n-th vertex has a template window
+constexpr int kSide = 3;      ///< of the window, samples
+constexpr int kMaxViews = 6;  ///< cameras that take part in a correlation
+
+constexpr float kNoiseVariance = 2;  ///< squared grey values
+constexpr int kSweeps = 4;           ///< of the displacement field
+constexpr int kSmoothingBefore = 2, kSmoothingAfter = 1, kNormalSmoothing = 2;
+
+/// Weight of the pull to the place before the search; a clear depth has about 0.3. Without it, the
+/// field would carry vertices without a window inwards, off their silhouettes.
+constexpr float kHold = 0.005F;
+
+/// Depth tolerance of the visibility test, voxels, without the slant.
+constexpr float kHiddenBehind = 1.5F;
+/// Half of the longest edge of a marching cubes triangle, voxels.
+constexpr double kTriangleRadius = 0.71;
+
+/// A block of windows; one object per thread.
+struct Block {
+  std::array<Vector3f, VertexVisibility::kCapacity> places, normals;
+  PointBlock place_block, normal_block;
+  std::vector<VertexVisibility> by_camera;
+  WindowBlock windows;
+};
+
+}  // namespace
+
+class LiveDeformer::Impl {
+ public:
+  explicit Impl(const LiveDeformOptions& options)
+      : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
+
+  void run(const SurfaceCameras& cameras, int passes, Mesh& mesh) {
+    V3D_CHECK(passes >= 0 && passes <= kLivePasses);
+    const auto runs = [&](LivePass pass) { return passes > static_cast<int>(pass); };
+    if (passes == 0 || cameras.cameras.empty() || mesh.vertices.empty()) return;
+    neighbours_ = Neighbours(mesh);
+    rows_ = NeighbourRows(neighbours_);
+    start_ = mesh.vertices;
+    smooth_surface(neighbours_, kSmoothingBefore, mesh.vertices, work_);
+    search(kCoarse, cameras, mesh);
+    if (runs(LivePass::kFine)) search(kFine, cameras, mesh);
+    if (runs(LivePass::kCrossings)) {
+      remove_self_intersections(neighbours_, start_, options_.lattice, mesh);
+    } else {
+      for_each_vertex(mesh.vertices.size(), [&](size_t v) {
+        mesh.vertices[v] = rounded_to(options_.lattice, mesh.vertices[v]);
+      });
+    }
+  }
+
+ private:
+  void search(const Search& search, const SurfaceCameras& cameras, Mesh& mesh) {
+    observe(search, cameras, mesh);
+    const std::span<const float> way =
+        field_.solve(rows_, profiles_, known_, pulls_,
+                     {.first = search.first, .step_m = search.step * voxel_, .sweeps = kSweeps});
+    for_each_vertex(way.size(), [&](size_t v) { mesh.vertices[v] += way[v] * normals_[v]; });
+    smooth_surface(neighbours_, kSmoothingAfter, mesh.vertices, work_);
+  }
+
+  /// Correlates the windows of every kEvery-th vertex.
+  void observe(const Search& search, const SurfaceCameras& cameras, const Mesh& mesh) {
+    const size_t count = mesh.vertices.size();
+    tbb::parallel_invoke(
+        [&] {
+          normals_ = vertex_normals(mesh);
+          smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+        },
+        [&] { draw_depths(cameras, mesh); });
+    profiles_.resize(count);
+    known_.assign(count, 0);
+    pulls_.assign(count, {.weight = kHold, .sum_m = 0});
+    tbb::enumerable_thread_specific<Block> of_threads;
+    for_each_block<VertexVisibility::kCapacity>(
+        (count + kEvery - 1) / kEvery, [&](size_t begin, size_t end) {
+          correlate_block(search, cameras.cameras, mesh, begin, end, of_threads.local());
+        });
+  }
+
+  void draw_depths(const SurfaceCameras& cameras, const Mesh& mesh) {
+    const double radius_m = kTriangleRadius * options_.voxel_m;
+    const PointArrays points(occluding_points(mesh, radius_m));
+    const Vector3f middle = vertex_centroid(mesh);
+    depths_.resize(cameras.cameras.size());
+    tbb::parallel_for(size_t{0}, depths_.size(), [&](size_t c) {
+      const SurfaceCamera& camera = cameras.cameras[c];
+      const Rect box = camera.silhouette().bounding_box();
+      depths_[c] = box.empty() ? PointDepthBuffer()
+                               : PointDepthBuffer(points, middle, radius_m, cameras.models[c],
+                                                  camera.lens(), box);
+    });
+  }
+
+  /// Windows `begin` to `end` - 1.
+  void correlate_block(const Search& search, std::span<const SurfaceCamera> cameras,
+                       const Mesh& mesh, size_t begin, size_t end, Block& block) {
+    const size_t count = end - begin;
+    block.place_block.count = count;
+    for (size_t i = 0; i < count; ++i) {
+      block.places[i] = mesh.vertices[kEvery * (begin + i)];
+      block.normals[i] = normals_[kEvery * (begin + i)];
+      block.place_block.set(i, block.places[i]);
+      block.normal_block.set(i, block.normals[i]);
+    }
+    block.by_camera.resize(cameras.size());
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      test_cell_visibility(cameras[c], depths_[c], block.place_block, block.normal_block,
+                           {.tolerance_m = kHiddenBehind * voxel_}, block.by_camera[c]);
+    }
+    const CorrelationOptions correlation{
+        .side = kSide, .first = search.first, .noise = kNoiseVariance};
+    block.windows.find(std::span(block.places).first(count), std::span(block.normals).first(count),
+                       cameras, block.by_camera,
+                       {.level = search.level,
+                        .max_views = kMaxViews,
+                        .spacing_m = search.spacing * voxel_,
+                        .step_m = search.step * voxel_},
+                       correlation);
+    for (size_t i = 0; i < count; ++i) {
+      const WindowViews& views = block.windows.views(i);
+      if (views.count < 2) continue;
+      const size_t vertex = kEvery * (begin + i);
+      correlate(views, correlation, profiles_[vertex]);
+      known_[vertex] = 1;
+    }
+  }
+
+  const LiveDeformOptions options_;
+  const float voxel_;
+  std::vector<PointDepthBuffer> depths_;  ///< by camera
+  Neighbours neighbours_;
+  NeighbourRows rows_;  ///< the same for field_
+  std::vector<Vector3f> start_, normals_, work_;
+  std::vector<DepthProfile> profiles_;
+  std::vector<uint8_t> known_;  ///< 1 where a vertex has a profile
+  std::vector<OutlinePull> pulls_;
+  DisplacementField field_;
+};
+
+LiveDeformer::LiveDeformer(const LiveDeformOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {}
+LiveDeformer::~LiveDeformer() = default;
+void LiveDeformer::run(const SurfaceCameras& cameras, int passes, Mesh& mesh) {
+  impl_->run(cameras, passes, mesh);
+}
+
+}  // namespace v3d::recon
