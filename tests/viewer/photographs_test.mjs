@@ -37,14 +37,23 @@ async function picture(part = null) {
 }
 const alike = (a, b) => ssim(a.pixels, b.pixels, a.width, a.height);
 
-/** Whole pixels of the screen inside the image frame of the camera at whose position the viewer is. */
-const imageBox = () => page.evaluate(() => {
-  const canvas = document.getElementById('canvas').getBoundingClientRect();
-  const { left, top, width, height } = document.getElementById('image-frame').style;
-  const [l, t, w, h] = [left, top, width, height].map(parseFloat);
-  const x = Math.ceil(canvas.left + l), y = Math.ceil(canvas.top + t);
-  return { x, y, width: Math.floor(w) - 1, height: Math.floor(h) - 1, left: canvas.left + l, top: canvas.top + t, scale: w };
-});
+/**
+ * Whole pixels of the screen inside the image frame of the camera at whose position the viewer is. Waits until the page has
+ * drawn the frame.
+ */
+async function imageBox() {
+  await page.waitForFunction(() => {
+    const frame = document.getElementById('image-frame');
+    return !frame.hidden && parseFloat(frame.style.width) > 0;
+  }, null, { timeout: TIMEOUT_MS });
+  return page.evaluate(() => {
+    const canvas = document.getElementById('canvas').getBoundingClientRect();
+    const { left, top, width, height } = document.getElementById('image-frame').style;
+    const [l, t, w, h] = [left, top, width, height].map(parseFloat);
+    const x = Math.ceil(canvas.left + l), y = Math.ceil(canvas.top + t);
+    return { x, y, width: Math.floor(w) - 1, height: Math.floor(h) - 1, left: canvas.left + l, top: canvas.top + t, scale: w };
+  });
+}
 
 /** The photograph without lens distortion at the pixels of `box`, by bilinear interpolation. */
 async function undistortedPhotograph(take, pulse, camera, box) {
