@@ -22,10 +22,9 @@ struct ReconstructOptions {
   double voxel_m = 0.01;
   int min_views = 4;
   Quality quality = Quality::kLive;
-  DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m and lattice are set
-  /// For Quality::kMedium: of a FrameSetJob that does not choose its own.
-  int live_passes = kDefaultLivePasses;
-  int threads = 0;  ///< 0: one per core. The result does not depend on it.
+  DeformOptions deform = {};             ///< for Quality::kHigh; its voxel_m and lattice are set
+  int live_passes = kDefaultLivePasses;  ///< for Quality::kMedium: LiveDeformer::run()
+  int threads = 0;                       ///< 0: one per core. The result does not depend on it.
 };
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
@@ -46,7 +45,6 @@ struct Reconstruction {
   std::vector<std::string> cameras;  ///< cameras that took part
   std::vector<uint8_t> compact;
   FrameQuality quality;
-  std::optional<int> live_passes;  ///< of the LiveDeformer; empty unless Quality::kMedium
   StageTimes times;
 };
 
@@ -59,8 +57,6 @@ struct FrameSetJob {
   FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
-  /// For Quality::kMedium: passes of the LiveDeformer; empty: ReconstructOptions::live_passes.
-  std::optional<int> live_passes;
   RigFrames frames;     ///< of `set`
   SparseVolume volume;  ///< the mesh is its surface
   Reconstruction result;

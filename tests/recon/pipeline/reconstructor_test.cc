@@ -226,24 +226,10 @@ TEST(Reconstructor, of_medium_quality_returns_the_same_bytes_for_the_same_passes
   const FrameSet set = photograph(two_coloured_ball(), ring(9));
   for (int passes = 0; passes <= kLivePasses; ++passes) {
     const Reconstruction expected = medium_with(passes, 1, set);
-    EXPECT_EQ(expected.live_passes, passes);
     EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
     EXPECT_EQ(medium_with(passes, 4, set).compact, expected.compact) << passes << " passes";
   }
   EXPECT_NE(medium_with(0, 1, set).compact, medium_with(1, 1, set).compact);
-}
-
-TEST(Reconstructor, of_medium_quality_takes_the_passes_of_a_job_before_its_own) {
-  const Rig rig = ring(9);
-  const FrameSet set = photograph(two_coloured_ball(), rig);
-  ReconstructOptions opts = options();
-  opts.quality = Quality::kMedium;
-  Reconstructor reconstructor(rig, opts);
-  FrameSetJob work(set);
-  work.live_passes = 1;
-  reconstructor.make_mesh(work);
-  reconstructor.encode(work);
-  EXPECT_EQ(work.result.compact, medium_with(1, 0, set).compact);
 }
 
 TEST(Reconstructor, is_independent_of_the_previous_set) {

@@ -86,6 +86,12 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
                   "and finer")
       .type_name("live|medium|high");
   command
+      .add_option("--passes", arguments.request.live_passes,
+                  "With medium quality: 1 coarse depth search; 2 also a fine one; 3 also removes "
+                  "self-intersections; 0 the visual hull (otherwise 2)")
+      .type_name("N")
+      .check(cli::integer_in(0, recon::kLivePasses));
+  command
       .add_option(
           "--deform", arguments.deform,
           "With high quality: mode=search|paper, the weights of the forces internal=0.3, "

@@ -102,6 +102,7 @@ recon::ReconstructOptions options_of(const ReconstructRequest& complete, int thr
   options.voxel_m = *complete.voxel_m;
   options.min_views = *complete.min_views;
   options.quality = *complete.quality;
+  options.live_passes = complete.live_passes;
   options.deform = complete.deform;
   options.threads = threads;
   return options;
@@ -114,6 +115,7 @@ Json request_to_json(const ReconstructRequest& complete) {
       {"voxel_m", *complete.voxel_m},
       {"min_views", *complete.min_views},
       {"quality", static_cast<int>(*complete.quality)},
+      {"live_passes", complete.live_passes},
       {"deform", deform_to_json(complete.deform)},
       {"smooth", complete.smooth},
       {"repair", complete.repair},
@@ -128,6 +130,7 @@ ReconstructRequest request_from_json(const Json& json) {
   request.voxel_m = json.at("voxel_m").get<double>();
   request.min_views = json.at("min_views").get<int>();
   request.quality = static_cast<Quality>(json.at("quality").get<int>());
+  request.live_passes = json.at("live_passes").get<int>();
   request.deform = deform_from_json(json.at("deform"));
   request.smooth = json.at("smooth");
   request.repair = json.at("repair");

@@ -26,9 +26,11 @@ struct ReconstructRequest {
   std::optional<double> voxel_m;   ///< otherwise the studio's, otherwise 10 mm
   std::optional<int> min_views;    ///< otherwise the studio's, otherwise default_min_views()
   std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
-  recon::DeformOptions deform;     ///< with high quality
-  bool smooth = true;              ///< temporal smoothing, with high quality
-  bool repair = false;             ///< silhouette repair before the reconstruction
+  /// With medium quality: ReconstructOptions::live_passes.
+  int live_passes = recon::kDefaultLivePasses;
+  recon::DeformOptions deform;  ///< with high quality
+  bool smooth = true;           ///< temporal smoothing, with high quality
+  bool repair = false;          ///< silhouette repair before the reconstruction
   take::FrameRange frames;
   int threads = 0;                     ///< 0: one per core
   std::vector<std::string> leave_out;  ///< cameras

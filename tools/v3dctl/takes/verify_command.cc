@@ -75,7 +75,7 @@ Json images_json(const ImageCheckResult& result) {
                     {"pulses_late", lag.pulses_late()},
                     {"frames", lag.frames},
                     {"disagreement", lag.disagreement},
-                    {"knocked", displacement.displaced},
+                    {"displaced", displacement.displaced},
                     {"shift_px", {displacement.shift.x(), displacement.shift.y()}}});
   }
   return list;
