@@ -82,8 +82,10 @@ class Collector {
   }
 
   void list(const TakeSource& source) {
+    // The first pattern has no slash at its end: rsync omits without a message what it cannot
+    // examine and what is excluded as a file.
     const ProcessResult listed =
-        rsync_.run({"--list-only", "--include=/*/", "--include=/*/take.toml",
+        rsync_.run({"--list-only", "--include=/*", "--include=/*/take.toml",
                     "--include=/*/mesh.v3d", "--exclude=*"},
                    source.place, "", Output::kCapture);
     if (listed.status != 0) {
