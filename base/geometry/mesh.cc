@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
 
 #include "base/core/union_find.h"
 
@@ -123,6 +124,23 @@ int connected_components(const Mesh& mesh) {
     components -= sets.unite(t[1], t[2]) ? 1 : 0;
   }
   return components;
+}
+
+Mesh largest_component(const Mesh& mesh) {
+  UnionFind sets;
+  sets.reset(mesh.vertices.size());
+  for (const auto& t : mesh.triangles) {
+    sets.unite(t[0], t[1]);
+    sets.unite(t[1], t[2]);
+  }
+  std::vector<size_t> triangles(mesh.vertices.size(), 0);
+  for (const auto& t : mesh.triangles) ++triangles[sets.find(t[0])];
+  const auto largest =
+      static_cast<uint32_t>(std::ranges::max_element(triangles) - triangles.begin());
+  Mesh component{mesh.vertices, {}, mesh.colours};
+  std::ranges::copy_if(mesh.triangles, std::back_inserter(component.triangles),
+                       [&](const auto& t) { return sets.find(t[0]) == largest; });
+  return component;
 }
 
 }  // namespace v3d

@@ -38,6 +38,10 @@ bool is_manifold(const Mesh& mesh);
 /// The number of connected components (triangles that share vertices).
 int connected_components(const Mesh& mesh);
 
+/// The triangles of the connected component with the most triangles; the first of several. Keeps
+/// all vertices and colours.
+Mesh largest_component(const Mesh& mesh);
+
 // The lattice to which vertices of a compact frame are quantised.
 
 /// Positions float(origin + h * step) per axis, with an integer h.

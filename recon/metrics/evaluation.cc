@@ -103,7 +103,8 @@ SurfaceDistance without_surface(bool both) {
             .f_score_10mm = 1,
             .covered_2mm = 1,
             .covered_5mm = 1,
-            .covered_10mm = 1};
+            .covered_10mm = 1,
+            .covered_10mm_by_largest = 1};
   }
   constexpr double kFar = std::numeric_limits<double>::infinity();
   return {.accuracy_p50_mm = kFar,
@@ -133,6 +134,10 @@ SurfaceDistance compare_surfaces(const Mesh& reconstructed, const Mesh& truth,
   d.covered_2mm = part_within(completeness.distance_m, 0.002);
   d.covered_5mm = part_within(completeness.distance_m, 0.005);
   d.covered_10mm = part_within(completeness.distance_m, 0.010);
+  const Mesh largest = largest_component(reconstructed);
+  d.covered_10mm_by_largest = largest.triangles.size() == reconstructed.triangles.size()
+                                  ? d.covered_10mm
+                                  : part_within(compare(from_truth, largest).distance_m, 0.010);
   d.accuracy_p50_mm = 1000 * percentile(accuracy.distance_m, 0.5);
   d.accuracy_p90_mm = 1000 * percentile(accuracy.distance_m, 0.9);
   d.completeness_p50_mm = 1000 * percentile(completeness.distance_m, 0.5);

@@ -23,6 +23,9 @@ struct SurfaceDistance {
   double f_score_2mm = 0, f_score_5mm = 0, f_score_10mm = 0;
   /// Parts of the true surface within the distance of the reconstruction.
   double covered_2mm = 0, covered_5mm = 0, covered_10mm = 0;
+  /// The part within 10 mm of the largest connected component of the reconstruction. For the true
+  /// surface of a slender part it shows whether the part is whole and joined to the rest.
+  double covered_10mm_by_largest = 0;
   /// Mean angle between the normals of the reconstruction and of the nearest true points.
   double normal_error_deg = 0;
 };

@@ -69,6 +69,19 @@ TEST(Mesh, of_two_cubes_with_a_shared_vertex_is_watertight_but_not_manifold) {
   EXPECT_EQ(connected_components(mesh), 1);
 }
 
+TEST(Mesh, keeps_the_triangles_of_its_largest_component) {
+  Mesh mesh = cube({0, 0, 0});
+  mesh.triangles.pop_back();
+  const size_t smaller = mesh.triangles.size();
+  append(mesh, cube({3, 0, 0}));
+  const Mesh largest = largest_component(mesh);
+  EXPECT_EQ(largest.vertices.size(), mesh.vertices.size());
+  EXPECT_TRUE(std::equal(largest.triangles.begin(), largest.triangles.end(),
+                         mesh.triangles.begin() + static_cast<std::ptrdiff_t>(smaller),
+                         mesh.triangles.end()));
+  EXPECT_TRUE(largest_component({}).triangles.empty());
+}
+
 TEST(Mesh, does_not_count_unused_vertices_as_components) {
   Mesh mesh = cube({0, 0, 0});
   mesh.vertices.emplace_back(9, 9, 9);

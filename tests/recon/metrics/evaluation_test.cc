@@ -53,6 +53,16 @@ TEST(SurfaceDistance, reports_the_covered_part_of_the_truth) {
   EXPECT_EQ(compare_surfaces(both, one).covered_2mm, 1);
 }
 
+TEST(SurfaceDistance, reports_what_the_largest_component_covers_alone) {
+  const Mesh large = shapes::sphere({0, 0, 0}, 0.2F, 32);
+  Mesh both = large;
+  shapes::append(both, shapes::sphere({1, 0, 0}, 0.2F, 24));
+  const SurfaceDistance d = compare_surfaces(both, both);
+  EXPECT_EQ(d.covered_10mm, 1);
+  EXPECT_NEAR(d.covered_10mm_by_largest, 0.5, 0.01);
+  EXPECT_EQ(compare_surfaces(large, large).covered_10mm_by_largest, 1);
+}
+
 TEST(SurfaceChange, is_flicker_of_still_parts_and_error_of_moving_parts) {
   // One ball is still and 3 mm larger in the second surface. One moves in the truth only.
   const Mesh still = shapes::sphere({0, 0, 0}, 0.200F, 64);

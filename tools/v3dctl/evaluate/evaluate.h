@@ -28,12 +28,18 @@ recorded::MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
 /// it.
 inline constexpr double kVisibilityLimitM = 0.005;
 
+/// A true surface is in one component when other components than the largest cover at most this
+/// part of it.
+inline constexpr double kMaxApart = 0.03;
+
 /// Medians over the frames that have a true surface.
 struct TruthReport {
   int64_t frames = 0;
   int64_t without_truth = 0;  ///< frames without a PLY file
   recon::SurfaceDistance distance;
   double min_covered_10mm = 0;         ///< minimum over the frames
+  double mean_covered_10mm = 0;        ///< mean over the frames
+  int64_t joined_frames = 0;           ///< with the true surface in one component (kMaxApart)
   double self_intersections = 0;       ///< pairs of triangles
   recon::VisibilityReport visibility;  ///< by the number of used cameras, kVisibilityLimitM; means
   int64_t consecutive = 0;             ///< frames whose previous pulse has a true surface, too

@@ -50,7 +50,10 @@ void put_truth(Json& json, const TruthReport& report) {
   json["covered"] = {{"2mm", d.covered_2mm},
                      {"5mm", d.covered_5mm},
                      {"10mm", d.covered_10mm},
-                     {"10mm_least", report.min_covered_10mm}};
+                     {"10mm_least", report.min_covered_10mm},
+                     {"10mm_mean", report.mean_covered_10mm},
+                     {"10mm_by_largest_component", d.covered_10mm_by_largest},
+                     {"frames_in_one_component", report.joined_frames}};
   json["normal_error_deg"] = d.normal_error_deg;
   json["self_intersections"] = report.self_intersections;
   json["seen_by"] = to_json(report.visibility);
@@ -105,6 +108,8 @@ void print_truth(const TruthReport& report) {
               d.f_score_5mm, d.f_score_10mm);
   std::printf("covered       %.3f of the truth within 10 mm, %.3f in the worst frame\n",
               d.covered_10mm, report.min_covered_10mm);
+  std::printf("              in one component in %lld frames\n",
+              static_cast<long long>(report.joined_frames));
   const auto& seen = report.visibility.seen_by;
   std::printf(
       "visibility    %.3f of the truth seen by no camera, %.3f by one; f-score at 5 mm if all seen "

@@ -32,11 +32,17 @@ Figures medians(const std::vector<Figures>& frames, double Figures::*const (&fig
 }
 
 constexpr double recon::SurfaceDistance::*kDistances[] = {
-    &recon::SurfaceDistance::accuracy_p50_mm,     &recon::SurfaceDistance::accuracy_p90_mm,
-    &recon::SurfaceDistance::completeness_p50_mm, &recon::SurfaceDistance::completeness_p90_mm,
-    &recon::SurfaceDistance::f_score_2mm,         &recon::SurfaceDistance::f_score_5mm,
-    &recon::SurfaceDistance::f_score_10mm,        &recon::SurfaceDistance::covered_2mm,
-    &recon::SurfaceDistance::covered_5mm,         &recon::SurfaceDistance::covered_10mm,
+    &recon::SurfaceDistance::accuracy_p50_mm,
+    &recon::SurfaceDistance::accuracy_p90_mm,
+    &recon::SurfaceDistance::completeness_p50_mm,
+    &recon::SurfaceDistance::completeness_p90_mm,
+    &recon::SurfaceDistance::f_score_2mm,
+    &recon::SurfaceDistance::f_score_5mm,
+    &recon::SurfaceDistance::f_score_10mm,
+    &recon::SurfaceDistance::covered_2mm,
+    &recon::SurfaceDistance::covered_5mm,
+    &recon::SurfaceDistance::covered_10mm,
+    &recon::SurfaceDistance::covered_10mm_by_largest,
     &recon::SurfaceDistance::normal_error_deg};
 constexpr double recon::VisibilityFigures::*kVisibilityValues[] = {
     &recon::VisibilityFigures::truth, &recon::VisibilityFigures::truth_within,
@@ -86,6 +92,9 @@ class TruthMeter {
     report.min_covered_10mm = 1;
     for (const recon::SurfaceDistance& frame : distances_) {
       report.min_covered_10mm = std::min(report.min_covered_10mm, frame.covered_10mm);
+      report.mean_covered_10mm += frame.covered_10mm / static_cast<double>(distances_.size());
+      const double apart = frame.covered_10mm - frame.covered_10mm_by_largest;
+      report.joined_frames += apart <= kMaxApart ? 1 : 0;
     }
     report.self_intersections = median(intersections_);
     report.visibility = mean_of(visibilities_);
