@@ -1,5 +1,7 @@
 #include "recon/pipeline/stages.h"
 
+#include <tbb/parallel_for.h>
+
 #include <utility>
 
 #include "base/core/error.h"
@@ -73,15 +75,21 @@ codec::EncoderOptions encoder_options(const VertexLattice& lattice) {
 HullStage::HullStage(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
     : grid_(affordable_grid(bounds, voxel_m)),
       intersector_(grid_, models_of(rig), min_views),
-      ghosts_(grid_, models_of(rig)) {}
+      ghosts_(grid_, models_of(rig)) {
+  for (const RigCamera& camera : rig) {
+    slender_.emplace_back(camera.model.size(),
+                          SlenderSizes::for_camera(camera.model, bounds, voxel_m));
+  }
+}
 
 Hull HullStage::intersect(const RigFrames& frames) {
-  std::vector<const Mask*> masks;
-  std::vector<uint8_t> takes_part;
-  for (const Frame* frame : frames) {
-    masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
-    takes_part.push_back(frame != nullptr ? 1 : 0);
-  }
+  std::vector<const Mask*> masks(frames.size(), nullptr);
+  std::vector<uint8_t> takes_part(frames.size(), 0);
+  tbb::parallel_for(size_t{0}, frames.size(), [&](size_t c) {
+    if (frames[c] == nullptr) return;
+    masks[c] = &slender_[c].widen(*frames[c]->mask);
+    takes_part[c] = 1;
+  });
   Hull hull;
   intersector_.intersect(masks, hull.volume);
   hull.ghosts = ghosts_.remove(hull.volume, takes_part);

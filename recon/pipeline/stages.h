@@ -22,6 +22,7 @@
 #include "codec/frame_codec.h"
 #include "recon/hull/ghost_removal.h"
 #include "recon/hull/intersect.h"
+#include "recon/hull/slender_silhouettes.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/pipeline/frame_set.h"
 #include "recon/surface/concavity_carving.h"
@@ -45,13 +46,15 @@ class HullStage {
   HullStage(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
   const VoxelGrid& grid() const { return grid_; }
-  /// Intersects the masks of `frames` and removes ghosts.
+  /// Intersects the masks of `frames`, with their slender parts widened (SlenderSilhouettes), and
+  /// removes ghosts.
   Hull intersect(const RigFrames& frames);
   /// The closed surface of a volume of this grid, without colours (MarchingCubes).
   Mesh surface(const SparseVolume& volume);
 
  private:
   VoxelGrid grid_;
+  std::vector<SlenderSilhouettes> slender_;
   Intersector intersector_;
   GhostRemoval ghosts_;
   MarchingCubes marching_cubes_;

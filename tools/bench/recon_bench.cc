@@ -4,6 +4,7 @@
 #include "pulses.h"
 #include "rates.h"
 #include "recon/hull/ghost_removal.h"
+#include "recon/hull/slender_silhouettes.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/surface/deform.h"
@@ -22,6 +23,24 @@ void intersect(benchmark::State& state, double voxel_m) {
   measure(state, 1, 0, [&] {
     arena.execute([&] { hull.intersect(pointers, volume); });
     benchmark::DoNotOptimize(volume);
+  });
+}
+
+/// The silhouettes of one instant, with a sword.
+void widen_slender(benchmark::State& state, double voxel_m) {
+  std::vector<recon::SlenderSilhouettes> slender;
+  for (const RigCamera& camera : rig()) {
+    const auto sizes = recon::SlenderSizes::for_camera(camera.model, space(), voxel_m);
+    slender.emplace_back(camera.model.size(), sizes);
+  }
+  const std::vector<const Mask*> pointers = pointers_to(masks());
+  tbb::task_arena arena(static_cast<int>(state.range(0)));
+  measure(state, 1, 0, [&] {
+    arena.execute([&] {
+      tbb::parallel_for(size_t{0}, pointers.size(), [&](size_t c) {
+        benchmark::DoNotOptimize(&slender[c].widen(*pointers[c]));
+      });
+    });
   });
 }
 
@@ -55,6 +74,11 @@ BENCHMARK_CAPTURE(intersect, 4mm, 0.004)->Name("intersect/4mm")->ArgName("thread
 BENCHMARK_CAPTURE(intersect, 8mm, 0.008)->Name("intersect/8mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 5mm, 0.005)->Name("intersect/5mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 2mm, 0.002)->Name("intersect/2mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(widen_slender, 8mm, 0.008)
+    ->Name("widen_slender/8mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
 BENCHMARK_CAPTURE(remove_ghosts, 10mm, 0.01)->Name("remove_ghosts/10mm");
 BENCHMARK_CAPTURE(remove_ghosts, 5mm, 0.005)->Name("remove_ghosts/5mm");
 BENCHMARK_CAPTURE(mesh, 8mm, 0.008)->Name("mesh/8mm");
