@@ -11,23 +11,9 @@
 #include "sim/rendering/noise.h"
 
 namespace v3d::sim {
-namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3f;
-
-constexpr int kNoiseSteps = 4096;  // indexed by 12 bits of a hash
-
-void append(DrawList& list, const Part& part) {
-  const auto first = static_cast<uint32_t>(list.vertices.size());
-  std::ranges::copy(part.mesh.vertices, std::back_inserter(list.vertices));
-  std::ranges::copy(vertex_normals(part.mesh), std::back_inserter(list.normals));
-  std::ranges::copy(part.paint, std::back_inserter(list.paint));
-  for (const Triangle& t : part.mesh.triangles) {
-    list.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    list.materials.push_back(part.material);
-  }
-}
 
 /// Light of a ceiling with fluorescent tubes: strong from above, four soft directions, weak from
 /// below.
@@ -40,6 +26,21 @@ float light_on(const Vector3f& normal) {
     light += 0.15F * std::max(0.0F, normal.dot(from));
   }
   return light;
+}
+
+namespace {
+
+constexpr int kNoiseSteps = 4096;  // indexed by 12 bits of a hash
+
+void append(DrawList& list, const Part& part) {
+  const auto first = static_cast<uint32_t>(list.vertices.size());
+  std::ranges::copy(part.mesh.vertices, std::back_inserter(list.vertices));
+  std::ranges::copy(vertex_normals(part.mesh), std::back_inserter(list.normals));
+  std::ranges::copy(part.paint, std::back_inserter(list.paint));
+  for (const Triangle& t : part.mesh.triangles) {
+    list.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    list.materials.push_back(part.material);
+  }
 }
 
 /// The colour of a surface at a pixel inside one of its triangles.

@@ -77,6 +77,10 @@ Eigen::Vector3f weights_at(const ScreenPoint& a, const ScreenPoint& b, const Scr
 // Software renderer of the simulated cameras: full lens model, textures per pixel, ceiling light,
 // floor shadow, motion blur of the blade, Bayer mosaic and noise.
 
+/// The light of the studio on a surface with this normal (unit vector): the factor between its
+/// texture and the colour that a camera sees.
+float light_on(const Eigen::Vector3f& normal);
+
 /// The triangles of one instant, shared by all cameras.
 struct DrawList {
   std::vector<Eigen::Vector3f> vertices;

@@ -1,0 +1,293 @@
+// v3d-room-colours: measures which part of a performer's surface has a wrong colour when loose
+// silhouettes contain pixels of the room. Simulated studios, against the true colours.
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/core/error.h"
+#include "base/image/image_files.h"
+#include "base/image/mask_operations.h"
+#include "base/io/file.h"
+#include "calib/colour/colour_fit.h"
+#include "capture/segmentation/segmenter.h"
+#include "cli/command.h"
+#include "recon/metrics/nearest_triangle.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/render/renderer.h"
+#include "sim/performer/performer.h"
+#include "sim/rendering/camera_images.h"
+#include "sim/rendering/scene.h"
+#include "workload.h"
+
+namespace v3d::bench {
+namespace {
+
+constexpr double kWrongDeltaE = 20;    ///< CIEDE2000 from which a colour is wrong
+constexpr double kFirstInstant = 0.3;  ///< seconds of the action
+constexpr double kInstantStep = 0.9;
+
+struct Arguments {
+  uint64_t seed = 1;
+  int cameras = 7;
+  int instants = 4;
+  int dilate_px = 3;
+  double voxel_mm = 10;
+  std::string quality = "live";
+  std::filesystem::path picture;
+};
+
+// True colours.
+
+/// The performer at one instant: the surface, and its colours in the light of the studio.
+class TruePerformer {
+ public:
+  TruePerformer(double seconds, uint64_t seed)
+      : seed_(seed),
+        parts_(sim::performer_parts(seconds, seed)),
+        outside_(sim::outer_surface(parts_, seed)) {
+    for (const sim::Part& part : parts_) append(part);
+    nearest_outside_.emplace(outside_);
+    nearest_part_.emplace(all_);
+  }
+  TruePerformer(const TruePerformer&) = delete;  // the queries refer to the meshes
+  TruePerformer& operator=(const TruePerformer&) = delete;
+
+  /// L*a*b* of the place of the visible surface nearest to `place` (world, metres), averaged over
+  /// about two pixels of a camera.
+  Eigen::Vector3d lab_near(const Eigen::Vector3f& place) const {
+    const recon::SurfacePoint on = nearest_outside_->find(place.cast<double>()).value();
+    const Eigen::Vector3d foot =
+        recon::interpolated(outside_, outside_.vertices, on.triangle, on.weights);
+    const recon::SurfacePoint at = nearest_part_->find(foot).value();
+    const auto value = [&](const std::vector<Eigen::Vector3f>& values) -> Eigen::Vector3f {
+      return recon::interpolated(all_, values, at.triangle, at.weights).cast<float>();
+    };
+    const float light = sim::light_on(value(normals_).normalized());
+    const Eigen::Vector3f colour = light * mean_paint(materials_[at.triangle], value(paint_));
+    return calib::lab_of(colour.cwiseMin(1.0F).cast<double>());
+  }
+
+ private:
+  static constexpr float kStepM = 0.004F;  ///< about a pixel of the simulated cameras
+
+  void append(const sim::Part& part) {
+    const auto first = static_cast<uint32_t>(all_.vertices.size());
+    const auto extend = [](auto& all, const auto& more) {
+      all.insert(all.end(), more.begin(), more.end());
+    };
+    extend(all_.vertices, part.mesh.vertices);
+    extend(normals_, vertex_normals(part.mesh));
+    extend(paint_, part.paint);
+    for (const auto& t : part.mesh.triangles) {
+      all_.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+      materials_.push_back(part.material);
+    }
+  }
+
+  /// Mean of the texture over a cube of 3 x 3 x 3 places.
+  Eigen::Vector3f mean_paint(sim::Material material, const Eigen::Vector3f& texture) const {
+    Eigen::Vector3f sum(0, 0, 0);
+    for (int i = 0; i < 27; ++i) {
+      const Eigen::Vector3i step(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+      sum += sim::paint(material, texture + kStepM * step.cast<float>(), seed_);
+    }
+    return sum / 27;
+  }
+
+  uint64_t seed_;
+  std::vector<sim::Part> parts_;
+  Mesh outside_, all_;
+  std::vector<Eigen::Vector3f> normals_, paint_;  ///< by vertex of all_
+  std::vector<sim::Material> materials_;          ///< by triangle of all_
+  std::optional<recon::NearestTriangle> nearest_outside_, nearest_part_;
+};
+
+/// By vertex of `mesh`: whether its colour is wrong.
+std::vector<uint8_t> wrong_vertices(const Mesh& mesh, const std::vector<Eigen::Vector3d>& truth) {
+  std::vector<uint8_t> wrong(mesh.vertices.size());
+  for (size_t v = 0; v < wrong.size(); ++v) {
+    const Rgb8 c = mesh.colours[v];
+    const Eigen::Vector3d lab = calib::lab_of(Eigen::Vector3d(c.r, c.g, c.b) / 255);
+    wrong[v] = calib::delta_e_2000(lab, truth[v]) > kWrongDeltaE;
+  }
+  return wrong;
+}
+
+// Trials.
+
+/// Images of one instant with silhouettes of each kind.
+struct Shots {
+  recon::FrameSet loose;   ///< dilated silhouettes
+  recon::FrameSet plates;  ///< the same, without pixels that equal the background plates
+  recon::FrameSet exact;   ///< true silhouettes
+};
+
+/// The kinds of colours that one mesh gets.
+struct Counts {
+  int64_t vertices = 0;
+  int64_t loose = 0;   ///< wrong
+  int64_t room = 0;    ///< wrong, and right with the true silhouettes
+  int64_t plates = 0;  ///< wrong with plates
+  int64_t exact = 0;   ///< wrong with the true silhouettes
+};
+
+class Trials {
+ public:
+  explicit Trials(const Arguments& arguments)
+      : arguments_(arguments),
+        voxel_m_(arguments.voxel_mm / 1000),
+        rig_(sim::make_rig(arguments.cameras, kSize, arguments.seed)),
+        film_(rig_, {.seed = arguments.seed}),
+        reconstructor_(rig_, options_of(arguments)) {
+    learn_plates();
+  }
+
+  Counts run() {
+    Counts counts;
+    for (int i = 0; i < arguments_.instants; ++i) add(kFirstInstant + i * kInstantStep, i, counts);
+    if (!arguments_.picture.empty()) write_picture();
+    return counts;
+  }
+
+ private:
+  static recon::ReconstructOptions options_of(const Arguments& arguments) {
+    recon::ReconstructOptions chosen = options(arguments.voxel_mm / 1000, 0);
+    chosen.quality = arguments.quality == "high"     ? Quality::kHigh
+                     : arguments.quality == "medium" ? Quality::kMedium
+                                                     : Quality::kLive;
+    return chosen;
+  }
+
+  void learn_plates() {
+    std::vector<std::vector<Image>> plates;
+    for (int i = 0; i < kPlates; ++i) {
+      plates.push_back(film_.render_all(std::nullopt, static_cast<uint64_t>(i)));
+    }
+    for (size_t c = 0; c < rig_.size(); ++c) {
+      std::vector<ImageView> views;
+      for (const auto& shot : plates) views.push_back(shot[c].view());
+      segmenters_.emplace_back(segmentation::learn_background(views),
+                               segmentation::SegmentOptions{});
+    }
+  }
+
+  Shots shoot(double seconds, int number) {
+    const std::vector<Image> images =
+        film_.render_all(seconds, kPlates + static_cast<uint64_t>(number));
+    Shots shots;
+    for (size_t c = 0; c < rig_.size(); ++c) {
+      const auto add = [&](recon::FrameSet& set, const Mask& mask) {
+        set.frames.push_back(observe(rig_[c].name, {}, images[c].view(), mask));
+      };
+      const Mask exact = sim::true_silhouette(rig_[c], seconds, arguments_.seed);
+      const Mask loose = dilate(exact, arguments_.dilate_px);
+      add(shots.exact, exact);
+      add(shots.loose, loose);
+      add(shots.plates, intersection_of(loose, segmenters_[c].segment(images[c].view())));
+    }
+    return shots;
+  }
+
+  void colour(const recon::FrameSet& set, Mesh& mesh) const {
+    const bool full = arguments_.quality == "high";
+    colour_surface(rig_, usable_frames(rig_, set), voxel_m_,
+                   full ? recon::ColourDetail::kFull : recon::ColourDetail::kLive, mesh);
+  }
+
+  /// The mesh is always that of the loose silhouettes.
+  void add(double seconds, int number, Counts& counts) {
+    const Shots shots = shoot(seconds, number);
+    recon::FrameSetJob job(shots.loose);
+    reconstructor_.make_surface(job);
+    Mesh& mesh = job.result.mesh;
+    const TruePerformer performer(seconds, arguments_.seed);
+    std::vector<Eigen::Vector3d> truth(mesh.vertices.size());
+    tbb::parallel_for(size_t{0}, truth.size(),
+                      [&](size_t v) { truth[v] = performer.lab_near(mesh.vertices[v]); });
+    const auto wrong_with = [&](const recon::FrameSet& set) {
+      colour(set, mesh);
+      return wrong_vertices(mesh, truth);
+    };
+    const auto exact = wrong_with(shots.exact), plates = wrong_with(shots.plates);
+    const auto loose = wrong_with(shots.loose);
+    counts.vertices += std::ssize(loose);
+    for (size_t v = 0; v < loose.size(); ++v) {
+      counts.loose += loose[v], counts.plates += plates[v], counts.exact += exact[v];
+      counts.room += loose[v] && !exact[v];
+    }
+    meshes_.push_back(mesh);
+  }
+
+  /// The meshes with loose silhouettes, each from two opposite sides.
+  void write_picture() const {
+    std::vector<Image> views;
+    for (const Mesh& mesh : meshes_) {
+      for (const CameraModel& camera :
+           recon::turntable_cameras(recon::bounds_of(mesh), 2, {320, 400})) {
+        views.push_back(recon::draw_mesh(mesh, camera));
+      }
+    }
+    const Image sheet = recon::contact_sheet(views, static_cast<int>(views.size()));
+    const std::vector<uint8_t> jpeg = encode_jpeg(sheet.view(), 85);
+    io::throw_if_failed(io::replace_file(
+        arguments_.picture, {reinterpret_cast<const char*>(jpeg.data()), jpeg.size()}));
+  }
+
+  Arguments arguments_;
+  double voxel_m_;
+  Rig rig_;
+  sim::BatchRenderer film_;
+  recon::Reconstructor reconstructor_;
+  std::vector<segmentation::Segmenter> segmenters_;
+  std::vector<Mesh> meshes_;
+};
+
+void print(const Arguments& arguments, const Counts& counts) {
+  const auto percent = [&](int64_t part) {
+    return 100.0 * static_cast<double>(part) / static_cast<double>(counts.vertices);
+  };
+  std::printf(
+      "seed %llu, %d cameras, silhouettes dilated by %d pixels, %s, %.3g mm: %lld vertices\n",
+      static_cast<unsigned long long>(arguments.seed), arguments.cameras, arguments.dilate_px,
+      arguments.quality.c_str(), arguments.voxel_mm, static_cast<long long>(counts.vertices));
+  std::printf("wrong colour                   %6.2f %%\n", percent(counts.loose));
+  std::printf("  and right with true silhouettes %.2f %%\n", percent(counts.room));
+  std::printf("wrong with background plates   %6.2f %%\n", percent(counts.plates));
+  std::printf("wrong with true silhouettes    %6.2f %%\n", percent(counts.exact));
+}
+
+}  // namespace
+}  // namespace v3d::bench
+
+int main(int argc, char** argv) {
+  using v3d::cli::integer_in;
+  v3d::bench::Arguments arguments;
+  v3d::cli::Program app{
+      "Reconstructs the simulated performer from dilated true silhouettes and prints the part of "
+      "the vertices with a wrong colour: more than a CIEDE2000 of 20 from the nearest true place."};
+  app.add_option("--seed", arguments.seed, "Studio and performer").show_default();
+  app.add_option("--cameras", arguments.cameras).show_default().check(integer_in(4, 60));
+  app.add_option("--instants", arguments.instants).show_default().check(integer_in(1, 100));
+  app.add_option("--dilate", arguments.dilate_px, "Pixels").show_default().check(integer_in(0, 20));
+  app.add_option("--voxel", arguments.voxel_mm, "Millimetres")
+      .show_default()
+      .check(v3d::cli::number_in(2, 50));
+  app.add_option("--quality", arguments.quality)
+      .show_default()
+      .check(v3d::cli::one_of({"live", "medium", "high"}));
+  app.add_option("--picture", arguments.picture, "Writes the meshes as a JPEG");
+  if (const auto status = app.parse_or_report(argc, argv)) return *status;
+  try {
+    print(arguments, v3d::bench::Trials(arguments).run());
+  } catch (const v3d::InputError& error) {
+    std::fprintf(stderr, "v3d-room-colours: %s\n", error.what());
+    return 2;
+  }
+  return 0;
+}
