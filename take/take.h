@@ -19,7 +19,7 @@ namespace v3d::take {
 
 // A take on disk: the files of its folder and its description, take.toml (docs/takes.md).
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
-//   mesh.v3d  slate.toml  verified.toml
+//   mesh.v3d  repaired.<node>.txt  slate.toml  verified.toml
 //   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
 
 /// Limit of pulse counts and pulse numbers: four days at 25 Hz. A larger value comes from a damaged

@@ -15,6 +15,7 @@
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "take/logs/log_files.h"
+#include "take/logs/repaired_pulses.h"
 
 namespace v3d::take {
 namespace {
@@ -122,7 +123,7 @@ bool is_signature(std::string_view name) {
 
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
-  return name.ends_with(".lcmlog.index") || is_signature(name) ||
+  return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
          std::ranges::any_of(
              std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
              [&](const fs::path& path) { return path == name; });

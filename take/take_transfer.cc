@@ -13,6 +13,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
+#include "take/logs/repaired_pulses.h"
 #include "take/take_listing.h"
 #include "take/take_removal.h"
 
@@ -82,13 +83,14 @@ void reject_other_take(const Part& first, const Part& other) {
 }
 
 /// Links the files that are not specific to a camera: calibration, studio file, slate, signatures,
-/// plates.
+/// lists of repaired pulses, plates.
 void link_shared_files(const TakePaths& part, const TakePaths& into) {
   link_if_present(part.calib(), into.calib());
   link_if_present(part.studio(), into.studio());
   link_if_present(part.slate(), into.slate());
   for (const std::string& name : io::value_or_throw(take_file_names(part))) {
-    if (is_signature(name)) link_if_present(part.folder / name, into.folder / name);
+    if (!is_signature(name) && !is_repaired_pulses(name)) continue;
+    link_if_present(part.folder / name, into.folder / name);
   }
   reject_link(part.background());
   if (!file_exists(part.background())) return;

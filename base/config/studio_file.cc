@@ -390,6 +390,7 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   r.quality = choice(table, "quality", "live", kQualities);
   r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
   r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
+  r.repair = table.boolean_or("repair", r.repair);
   table.reject_unknown_fields();
 }
 

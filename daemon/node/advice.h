@@ -62,6 +62,9 @@ inline constexpr char kMeshesMissing[] =
 inline constexpr char kCameraDisplaced[] =
     "Check its mount, calibrate it again, and omit it from this take: v3dctl reconstruct TAKE "
     "--leave-out CAMERA";
+inline constexpr char kSilhouette[] =
+    "Check its lens, light and background, and learn the background again; v3dctl reconstruct TAKE "
+    "--repair repairs every pulse";
 inline constexpr char kNoMesh[] = "v3dctl reconstruct TAKE tries again with other bounds or voxels";
 
 }  // namespace v3d::node::advice

@@ -18,9 +18,10 @@ namespace v3d::recond {
 /// A bounded queue with a drop policy for live display:
 ///   - Values are taken in order, oldest first, as long as the queue becomes empty now and then. So
 ///     a short pause of the reader loses nothing.
-///   - When values have waited without a break for `backlog_timeout`, or more than `limit` wait,
-///     the reader is behind. From then on take() returns the newest value; older ones are dropped
-///     and counted. This spreads the loss evenly, and the queue adds no latency.
+///   - When values have waited without a break for `backlog_timeout` and their number has not
+///     fallen meanwhile, or more than `limit` wait, the reader is behind. From then on take()
+///     returns the newest value; older ones are dropped and counted. This spreads the loss evenly,
+///     and the queue adds no latency.
 ///   - After `recovery_time` without a drop the reader is no longer behind.
 ///
 /// Thread-safe. The times that are passed must not decrease.
@@ -55,8 +56,9 @@ class LiveQueue {
     queue_.pop_front();
     if (queue_.empty()) {
       backlog_since_.reset();
-    } else if (!backlog_since_) {
+    } else if (!backlog_since_ || queue_.size() < backlog_) {
       backlog_since_ = now;
+      backlog_ = queue_.size();
     }
     return value;
   }
@@ -106,7 +108,9 @@ class LiveQueue {
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable filled_;
   std::deque<T> queue_;
+  /// Since then values wait, at least `backlog_` of them; empty: none waited after the last take().
   std::optional<MonotonicInstant> backlog_since_;
+  size_t backlog_ = 0;
   std::optional<MonotonicInstant> last_drop_;
   int64_t dropped_ = 0;
 };

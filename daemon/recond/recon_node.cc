@@ -23,6 +23,9 @@ namespace {
 constexpr Duration kDrainIdle = std::chrono::milliseconds(1200);
 constexpr Duration kDrainWithin = std::chrono::seconds(20);
 
+/// Repaired pulses of a camera before the first event about it.
+constexpr int64_t kMinRepairedPulses = 3;
+
 /// A displacement that differs by this from the reported one is reported again.
 constexpr double kNewDisplacementPx = 1;
 
@@ -54,6 +57,28 @@ std::string share_text(const ReconCounts& counts) {
          (without.empty() ? "" : "; no mesh of " + pulse_list(without));
 }
 
+std::map<std::string, double> values_of(const RepairCounts& c) {
+  std::map<std::string, double> values = {
+      {"repair_checked", static_cast<double>(c.checked)},
+      {"repair_repaired", static_cast<double>(c.repaired)},
+      {"repair_unchecked", static_cast<double>(c.unchecked)},
+      {"repair_stopped", static_cast<double>(c.stopped)},
+      {"repair_write_errors", static_cast<double>(c.write_errors)}};
+  for (const auto& [camera, repairs] : c.cameras) {
+    values[camera + ".repaired_pulses"] = static_cast<double>(repairs.pulses);
+    values[camera + ".repaired_pixels"] = static_cast<double>(repairs.pixels);
+    values[camera + ".repair_left_out"] = static_cast<double>(repairs.left_out);
+  }
+  return values;
+}
+
+/// The repaired pulses of a take, for the operator.
+std::string repair_text(const ReconCounts& counts) {
+  if (!counts.repair) return "";
+  return ", silhouettes of " + format_count(counts.repair->repaired) + " of " +
+         format_count(counts.repair->checked) + " checked pulses repaired";
+}
+
 std::map<std::string, double> values_of(const ReconCounts& c) {
   std::map<std::string, double> values = {
       {"meshes", static_cast<double>(c.meshes)},
@@ -76,6 +101,7 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
     values["coverage_percent"] = 100 * c.quality.coverage;
   }
   if (c.shard) values.merge(values_of(*c.shard));
+  if (c.repair) values.merge(values_of(*c.repair));
   for (const auto& [camera, frames] : c.cameras) {
     values[camera + ".live_received"] = static_cast<double>(frames.received);
     values[camera + ".live_lost"] = static_cast<double>(frames.lost);
@@ -165,6 +191,7 @@ void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t>
   auto reconstructor = std::make_shared<recon::Reconstructor>(rig, options);
   displacement_monitor_ = std::make_unique<DisplacementMonitor>(rig, options);
   reported_displacement_ = {};
+  repair_events_.clear();
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{
           .take = command.take,
@@ -174,10 +201,25 @@ void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t>
           .sets = sets,
           .warm_up = resume_at ? std::nullopt
                                : std::optional(recon::warm_up_frame_set(rig, studio_.space.bounds)),
+          .repair = repair_setup(rig, options),
           .on_finished_set = [this](recon::FrameSet& set) { displacement_monitor_->offer(set); },
           .resume_at = resume_at,
           .shard = shard_setup(command, resume_at.has_value())},
       bus_);
+}
+
+std::optional<LiveRepair::Setup> ReconNode::repair_setup(
+    const Rig& rig, const recon::ReconstructOptions& options) const {
+  if (!studio_.reconstruction.repair) return std::nullopt;
+  std::vector<std::string> cameras;
+  for (const RigCamera& camera : rig) cameras.push_back(camera.name);
+  auto repair = std::make_shared<recon::FrameSetRepair>(rig, options);
+  return LiveRepair::Setup{
+      .cameras = cameras,
+      .list = take::repaired_pulses_path(node::take_paths(studio_, command_.take), node_),
+      .repair = [repair](recon::FrameSet& set, const recon::StopRequest& should_stop) {
+        return repair->repair(set, should_stop);
+      }};
 }
 
 std::optional<Shard::Setup> ReconNode::shard_setup(const wire::CommandMessage& command,
@@ -275,12 +317,13 @@ std::optional<control::NodeReport> ReconNode::poll_draining() {
                                .text = closed.error().message,
                                .detail = detail_of(counts)};
   }
-  return control::NodeReport{
-      .event = control::Input::kDrained,
-      .text = format_count(counts.meshes) + " meshes, " + format_count(counts.dropped) +
-              " dropped, " + format_count(counts.failed) + " failed, " +
-              format_count(counts.incomplete_sets) + " of incomplete sets" + share_text(counts),
-      .detail = detail_of(counts)};
+  return control::NodeReport{.event = control::Input::kDrained,
+                             .text = format_count(counts.meshes) + " meshes, " +
+                                     format_count(counts.dropped) + " dropped, " +
+                                     format_count(counts.failed) + " failed, " +
+                                     format_count(counts.incomplete_sets) + " of incomplete sets" +
+                                     share_text(counts) + repair_text(counts),
+                             .detail = detail_of(counts)};
 }
 
 void ReconNode::report_health(wire::HealthMessage& health) {
@@ -294,6 +337,7 @@ void ReconNode::report_health(wire::HealthMessage& health) {
                                      " meshes could not be written: the disk is full or broken",
                            node::advice::kMeshDisk);
   report_displacement(health);
+  report_repairs(counts);
   if (!counts.without_mesh.empty()) health.text = "no mesh of " + pulse_list(counts.without_mesh);
   const int64_t lost = counts.shard ? counts.shard->lost : 0;
   events_.report_condition(wire::Severity::kWarning, "share",
@@ -329,6 +373,21 @@ void ReconNode::report_displacement(wire::HealthMessage& health) {
     reported_displacement_ = camera;
     events_.send(wire::Severity::kAlarm, camera.camera, text_of(camera),
                  node::advice::kCameraDisplaced);
+  }
+}
+
+/// Sends an event for each camera with silhouettes that were repaired again and again;
+/// EventThrottle limits the events of a camera. One pulse alone may be a false alarm.
+void ReconNode::report_repairs(const ReconCounts& counts) {
+  if (!pipeline_ || !counts.repair) return;
+  for (const auto& [camera, repairs] : counts.repair->cameras) {
+    if (repairs.pulses < kMinRepairedPulses) continue;
+    if (!repair_events_[camera].is_report_due(repairs.pulses, Monotonic::now())) continue;
+    events_.send(wire::Severity::kWarning, camera,
+                 "silhouette repaired in " + format_count(repairs.pulses) + " of " +
+                     format_count(counts.repair->checked) + " checked pulses, last in pulse " +
+                     format_count(repairs.last_pulse) + ": " + text_of_last_fault(repairs),
+                 node::advice::kSilhouette);
   }
 }
 

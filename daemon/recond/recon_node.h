@@ -2,6 +2,7 @@
 // and reports its counts as health and events.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,6 +36,9 @@ class ReconNode : public control::NodeDelegate {
  private:
   /// `resume_at`: see ReconPipeline::Setup.
   void open(const wire::CommandMessage& command, std::optional<int64_t> resume_at);
+  /// Empty where the studio does not repair silhouettes.
+  std::optional<LiveRepair::Setup> repair_setup(const Rig& rig,
+                                                const recon::ReconstructOptions& options) const;
   /// Empty where this is the only reconstruction node.
   std::optional<Shard::Setup> shard_setup(const wire::CommandMessage& command,
                                           bool joins_late) const;
@@ -42,6 +46,7 @@ class ReconNode : public control::NodeDelegate {
   std::optional<control::NodeReport> poll_recording();
   std::optional<control::NodeReport> poll_draining();
   void report_displacement(wire::HealthMessage& health);
+  void report_repairs(const ReconCounts& counts);
   void stop_displacement_monitor();
 
   const Studio& studio_;
@@ -58,7 +63,8 @@ class ReconNode : public control::NodeDelegate {
   std::unique_ptr<ReconPipeline> pipeline_;  ///< passes its sets to displacement_monitor_
   recon::CameraDisplacement
       reported_displacement_;  ///< last one of this take; without a name: none
-  ReconCounts last_;           ///< of the last take
+  std::map<std::string, bus::EventThrottle> repair_events_;  ///< of this take, by camera
+  ReconCounts last_;                                         ///< of the last take
 };
 
 }  // namespace v3d::recond

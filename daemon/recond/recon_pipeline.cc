@@ -59,10 +59,10 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       warm_up_(std::move(setup.warm_up)),
       newest_pulse_(setup.resume_at.value_or(0)),
       sequences_(!setup.resume_at),
+      repair_(make_repair(std::move(setup.repair))),
       shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
-                {[this](Job& job) { run_stage(stages_.make_mesh, job); },
-                 [this](Job& job) { finish(job); }}) {
+                {[this](Job& job) { make_mesh(job); }, [this](Job& job) { finish(job); }}) {
   assembling_thread_ = std::thread([this] { assemble(); });
 }
 
@@ -73,6 +73,14 @@ std::unique_ptr<SharedTake> ReconPipeline::make_shared_take(
   const auto ordered = [this](const wire::MeshMessage& mesh) { store(mesh); };
   const auto receive = [this](const bus::FrameGroupSet& groups) { receive_groups(groups); };
   return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, receive});
+}
+
+std::unique_ptr<LiveRepair> ReconPipeline::make_repair(std::optional<LiveRepair::Setup> setup) {
+  if (!setup) return nullptr;
+  return std::make_unique<LiveRepair>(*std::move(setup), [this] {
+    reconstructing_.beat();
+    return ready_.behind(Monotonic::now()) ? RepairLoadControl::kMaxWaiting : ready_.size();
+  });
 }
 
 ReconPipeline::~ReconPipeline() {
@@ -201,6 +209,21 @@ void ReconPipeline::run_stage(const std::function<void(recon::FrameSetJob&)>& st
   reconstructing_.beat();
 }
 
+void ReconPipeline::repair(Job& job) {
+  if (!repair_) return;
+  if (job.is_warm_up) return repair_->warm_up(job.work.set);
+  job.replaced = repair_->run(job.work.set);
+}
+
+void ReconPipeline::make_mesh(Job& job) {
+  run_stage(
+      [&](recon::FrameSetJob& work) {
+        repair(job);
+        stages_.make_mesh(work);
+      },
+      job);
+}
+
 void ReconPipeline::finish(Job& job) {
   job.work.set.exposure = edge_of(job.work.set.pulse);
   if (shared_) stages_.begin_sequence();
@@ -215,6 +238,10 @@ void ReconPipeline::finish(Job& job) {
     mesh.seq = seq_++;
     bus_.publish_authenticated(wire::kMeshChannel, encode(mesh));
     if (!store(mesh)) stages_.begin_sequence();
+  }
+  if (!job.replaced.empty()) {
+    repair_->record(job.work.set.pulse);
+    restore_masks(std::move(job.replaced), job.work.set);
   }
   if (on_finished_set_) on_finished_set_(job.work.set);
 }
@@ -298,6 +325,7 @@ ReconCounts ReconPipeline::counts() const {
                      .ghosts = ghosts_,
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
+  if (repair_) counts.repair = repair_->counts();
   if (shared_) {
     counts.shard = shared_->counts();
     counts.without_mesh = shared_->without_mesh();

@@ -14,6 +14,7 @@
 #include "daemon/bus/bus.h"
 #include "daemon/node/service.h"
 #include "daemon/recond/live_queue.h"
+#include "daemon/recond/live_repair.h"
 #include "daemon/recond/shared_take.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/pipeline/frame_set.h"
@@ -40,8 +41,9 @@ struct ReconCounts {
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
   double latency_p99_ms = 0;
-  double live_fps = 0;            ///< meshes per second over the take so far
-  recon::FrameQuality quality{};  ///< of the last mesh
+  double live_fps = 0;                   ///< meshes per second over the take so far
+  recon::FrameQuality quality{};         ///< of the last mesh
+  std::optional<RepairCounts> repair{};  ///< set where silhouettes are repaired
   /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
   std::optional<ShardCounts> shard{};
   std::vector<int64_t> without_mesh{};  ///< pulses of a shared take
@@ -77,7 +79,9 @@ class ReconPipeline {
     int threads = 0;  ///< 0: one per core
     recon::FrameSetOptions sets;
     std::optional<recon::FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
-    /// Receives every set whose mesh was published, and may modify it. Called by the last stage.
+    std::optional<LiveRepair::Setup> repair{};  ///< of silhouettes, in the first stage
+    /// Receives every set whose mesh was published, with its silhouettes before the repair, and may
+    /// modify it. Called by the last stage.
     std::function<void(recon::FrameSet&)> on_finished_set{};
     /// Set for a take that is resumed after a restart: its pulses so far. Meshes are appended to
     /// the file.
@@ -112,9 +116,11 @@ class ReconPipeline {
     std::vector<std::string> missing;
     std::string failure;  ///< why it has no mesh; empty: no failure so far
     bool is_warm_up = false;
+    std::vector<recon::ReplacedMask> replaced{};  ///< by the silhouette repair
   };
 
   std::unique_ptr<SharedTake> make_shared_take(const std::optional<Shard::Setup>& setup);
+  std::unique_ptr<LiveRepair> make_repair(std::optional<LiveRepair::Setup> setup);
   void assemble();
   void receive_groups(const bus::FrameGroupSet& groups);
   std::string series_of(const std::string& camera, size_t group) const;
@@ -123,6 +129,8 @@ class ReconPipeline {
   void record_pulses();
   std::optional<Job> next_job();
   void run_stage(const std::function<void(recon::FrameSetJob&)>& stage, Job& job);
+  void repair(Job& job);
+  void make_mesh(Job& job);
   void finish(Job& job);
   void record_failure(const Job& job);
   wire::MeshMessage message_of(const Job& job);
@@ -171,6 +179,7 @@ class ReconPipeline {
   std::string failure_;
   recon::FrameQuality quality_;
 
+  std::unique_ptr<LiveRepair> repair_;  ///< null where silhouettes are not repaired
   std::unique_ptr<SharedTake> shared_;  ///< null where one node makes all meshes
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;

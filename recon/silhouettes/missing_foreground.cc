@@ -235,9 +235,11 @@ class VoxelTest {
   const int64_t max_missing_;  ///< the count stops here
 };
 
-std::vector<Votes> find_lost(const VoxelGrid& grid, const VoxelTest& test) {
+std::vector<Votes> find_lost(const VoxelGrid& grid, const VoxelTest& test,
+                             const StopRequest& should_stop) {
   std::vector<std::vector<Votes>> slices(static_cast<size_t>(grid.counts[2]));
   tbb::parallel_for(size_t{0}, slices.size(), [&](size_t k) {
+    if (should_stop && should_stop()) return;
     Votes votes;
     for (int j = 0; j < grid.counts[1]; ++j) {
       for (int i = 0; i < grid.counts[0]; ++i) {
@@ -292,7 +294,8 @@ std::vector<Mask> joint_missing_foreground(const VoxelGrid& grid,
                                            std::span<const Mask* const> masks,
                                            std::span<const Mask> unexplained,
                                            const JointMissingOptions& options) {
-  const std::vector<Votes> lost = find_lost(grid, VoxelTest(lenses, masks, unexplained, options));
+  const std::vector<Votes> lost =
+      find_lost(grid, VoxelTest(lenses, masks, unexplained, options), options.should_stop);
   FewestWrong fewest(unexplained, lost);
   std::vector<Mask> missing(masks.size());
   for (const Votes& votes : lost) {

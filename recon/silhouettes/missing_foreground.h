@@ -1,6 +1,7 @@
 // Evidence for missing foreground: colour consistency, several cameras at once.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -49,6 +50,10 @@ class ColourConsistency {
 // leave-one-out hull shows them, because each of the cameras removes the piece from the hulls of
 // the others.
 
+/// Asked by long computations whether they should end without a result. Called from several threads
+/// at once. Empty: never.
+using StopRequest = std::function<bool()>;
+
 struct JointMissingOptions {
   int min_views = 4;  ///< cameras that must show a voxel as foreground, as for the hull
   /// A voxel needs at least this many supporting cameras, whose foreground nothing else explains,
@@ -57,6 +62,7 @@ struct JointMissingOptions {
   int supporting_per_missing = 2;
   /// Largest part of the cameras seeing a voxel that may show background.
   double max_missing_part = 0.3;
+  StopRequest should_stop{};  ///< the result is then incomplete
 };
 
 /// By camera, the pixels of missing foreground; of size 0 x 0 where there are none.

@@ -8,7 +8,6 @@
 #include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
 #include "recon/silhouettes/frame_lag.h"
-#include "recon/silhouettes/missing_foreground.h"
 
 namespace v3d::recon {
 namespace {
@@ -30,6 +29,8 @@ constexpr double kMostlyWrong = 0.5;
 constexpr int kRounds = 8;
 /// Largest number of repairs of joint missing foreground.
 constexpr int kJointRounds = 3;
+/// Limit of voxels along the longest edge of the bounds.
+constexpr double kMaxVoxels = 220;
 
 /// Width of a voxel in pixels at the centre of the bounds.
 double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
@@ -91,12 +92,31 @@ std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
 
 }  // namespace
 
+std::string_view name(SilhouetteFaultKind kind) {
+  switch (kind) {
+    case SilhouetteFaultKind::kMissingPiece:
+      return "missing piece";
+    case SilhouetteFaultKind::kPhantomPiece:
+      return "phantom piece";
+    case SilhouetteFaultKind::kWholeCamera:
+      return "whole camera";
+    case SilhouetteFaultKind::kPulseLate:
+      return "pulse late";
+  }
+  return "";
+}
+
 /// The silhouettes of one pulse during repair.
 class SilhouetteRepair::Trial {
  public:
   Trial(SilhouetteRepair& owner, std::span<const Mask* const> masks,
-        std::span<const Frame* const> frames, const NeighbourMasks& neighbours)
-      : owner_(owner), given_(masks), frames_(frames), neighbours_(neighbours) {
+        std::span<const Frame* const> frames, const NeighbourMasks& neighbours,
+        StopRequest should_stop = {})
+      : owner_(owner),
+        given_(masks),
+        frames_(frames),
+        neighbours_(neighbours),
+        should_stop_(std::move(should_stop)) {
     for (const Mask* mask : masks) masks_.push_back(mask ? std::optional(*mask) : std::nullopt);
     expected_.resize(masks.size());
   }
@@ -120,7 +140,15 @@ class SilhouetteRepair::Trial {
     return {std::move(masks_), std::move(masks_alone), std::move(shown_later_), std::move(faults_)};
   }
 
+  /// Was the repair stopped? Then the result of run() is incomplete.
+  bool is_stopped() const { return stopped_; }
+
  private:
+  bool must_stop() {
+    stopped_ = stopped_ || (should_stop_ && should_stop_());
+    return stopped_;
+  }
+
   std::vector<const Mask*> all() const {
     std::vector<const Mask*> masks;
     for (const auto& mask : masks_) masks.push_back(mask ? &*mask : nullptr);
@@ -209,6 +237,7 @@ class SilhouetteRepair::Trial {
     const SparseVolume hull = owner_.hulls_.volume(all());
     MissingPieces largest;
     for (size_t c = 0; c < masks_.size(); ++c) {
+      if (must_stop()) return false;
       if (!masks_[c]) continue;
       MissingPieces missing = missing_pieces(c, hull);
       if (missing.pixels > largest.pixels) largest = std::move(missing);
@@ -232,13 +261,15 @@ class SilhouetteRepair::Trial {
 
   /// Fills joint missing foreground. False when there was nothing to fill.
   bool fill_jointly_missing_pieces() {
+    if (must_stop()) return false;
     find_unexplained();
-    const JointMissingOptions options{.min_views = owner_.min_views_};
+    const JointMissingOptions options{.min_views = owner_.min_views_, .should_stop = should_stop_};
     int cameras = 0;
     for (size_t c = 0; c < masks_.size(); ++c) cameras += has_unexplained(c);
     if (cameras < options.min_supporting) return false;
     const std::vector<Mask> missing = joint_missing_foreground(owner_.hulls_.grid(), owner_.lenses_,
                                                                all(), unexplained_, options);
+    if (must_stop()) return false;
     bool filled = false;
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (missing[c].size().width > 0) filled |= fill_wide_pieces(c, missing[c]);
@@ -372,8 +403,9 @@ class SilhouetteRepair::Trial {
   }
 
   void remove_phantom_pieces() {
+    if (must_stop()) return;
     find_unexplained();
-    for (size_t c = 0; c < masks_.size(); ++c) {
+    for (size_t c = 0; c < masks_.size() && !must_stop(); ++c) {
       if (masks_[c] && has_unexplained(c)) remove_phantoms(c);
     }
   }
@@ -382,7 +414,7 @@ class SilhouetteRepair::Trial {
   /// wrong.
   bool is_disputed(size_t camera, const Mask& piece) {
     std::vector<const Mask*> masks = all();
-    for (size_t other = 0; other < masks.size(); ++other) {
+    for (size_t other = 0; other < masks.size() && !must_stop(); ++other) {
       if (other == camera || masks[other] == nullptr) continue;
       const Mask* const other_mask = std::exchange(masks[other], nullptr);
       const Mask expected = owner_.hulls_.silhouette(masks, camera);
@@ -415,12 +447,18 @@ class SilhouetteRepair::Trial {
   std::span<const Mask* const> given_;
   std::span<const Frame* const> frames_;
   const NeighbourMasks& neighbours_;
+  const StopRequest should_stop_;
+  bool stopped_ = false;
   std::vector<std::optional<Mask>> masks_;
   std::vector<Mask> expected_;  ///< of size 0 x 0 where not computed
   std::vector<size_t> shown_later_;
   std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
   std::vector<SilhouetteFault> faults_;
 };
+
+double voxel_for_repair(const Box& bounds, double voxel_m) {
+  return std::max(voxel_m, bounds.size().maxCoeff() / kMaxVoxels);
+}
 
 SilhouetteRepair::SilhouetteRepair(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
     : rig_(rig),
@@ -438,6 +476,16 @@ RepairedSilhouettes SilhouetteRepair::repair(std::span<const Mask* const> masks,
                                              std::span<const Frame* const> frames,
                                              const NeighbourMasks& neighbours) {
   return Trial(*this, masks, frames, neighbours).run();
+}
+
+std::optional<RepairedSilhouettes> SilhouetteRepair::repair_unless(
+    const StopRequest& should_stop, std::span<const Mask* const> masks,
+    std::span<const Frame* const> frames) {
+  const NeighbourMasks no_neighbours;
+  Trial trial(*this, masks, frames, no_neighbours, should_stop);
+  RepairedSilhouettes repaired = trial.run();
+  if (trial.is_stopped()) return std::nullopt;
+  return repaired;
 }
 
 }  // namespace v3d::recon

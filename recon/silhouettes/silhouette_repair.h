@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "base/geometry/camera_model.h"
@@ -28,6 +29,7 @@
 #include "base/image/mask.h"
 #include "recon/hull/voxel_grid.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
+#include "recon/silhouettes/missing_foreground.h"
 
 namespace v3d::recon {
 
@@ -37,6 +39,9 @@ enum class SilhouetteFaultKind {
   kWholeCamera,   ///< most of the silhouette is wrong
   kPulseLate,     ///< the silhouette shows the previous pulse
 };
+
+/// "missing piece", "phantom piece", "whole camera", "pulse late".
+std::string_view name(SilhouetteFaultKind kind);
 
 struct SilhouetteFault {
   size_t camera = 0;  ///< of the rig
@@ -63,6 +68,10 @@ struct RepairedSilhouettes {
   std::vector<SilhouetteFault> faults;  ///< by camera, then from top to bottom
 };
 
+/// Edge of the voxels, in metres, with which the silhouettes of a reconstruction are repaired: that
+/// of the reconstruction, or larger where the bounds would have more than 220 voxels along an edge.
+double voxel_for_repair(const Box& bounds, double voxel_m);
+
 /// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic.
 class SilhouetteRepair {
  public:
@@ -77,6 +86,12 @@ class SilhouetteRepair {
   RepairedSilhouettes repair(std::span<const Mask* const> masks,
                              std::span<const Frame* const> frames,
                              const NeighbourMasks& neighbours = {});
+
+  /// repair() without neighbours, which ends early and without a result when `should_stop` returns
+  /// true. It is asked at least once for each leave-one-out hull.
+  std::optional<RepairedSilhouettes> repair_unless(const StopRequest& should_stop,
+                                                   std::span<const Mask* const> masks,
+                                                   std::span<const Frame* const> frames);
 
  private:
   class Trial;

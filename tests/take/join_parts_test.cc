@@ -14,6 +14,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
+#include "take/logs/repaired_pulses.h"
 #include "take/take_listing.h"
 #include "take/take_transfer.h"
 
@@ -159,6 +160,13 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   EXPECT_EQ(part_with_most_meshes({part("cap01")}).part, nullptr);
   const std::vector<TakePaths> unreadable = {part("recon01")};
   EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
+}
+
+TEST_F(JoinParts, has_the_lists_of_repaired_pulses_of_all_nodes) {
+  test::write_text(part("recon01").folder / "repaired.recon01.txt", "1\n");
+  test::write_text(part("cap02").folder / "repaired.recon02.txt", "2\n");
+  join();
+  EXPECT_THAT(read_repaired_pulses(whole_), ElementsAre(1, 2));
 }
 
 /// A studio of three capture nodes, of which cap00 has the trigger and no camera.

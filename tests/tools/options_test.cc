@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "support/temporary_folder.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
@@ -69,6 +70,20 @@ TEST(Deform, accepts_its_numbers_in_any_order) {
   EXPECT_TRUE(parse_deform("carving=1").carve_concavities);
   EXPECT_FALSE(parse_deform("hollows=0").carve_concavities) << "the former name";
   EXPECT_EQ(parse_deform("").mode, recon::DeformMode::kSearch);
+}
+
+TEST(RepairPulses, are_frames_and_ranges_in_any_order) {
+  EXPECT_THAT(parse_repair_pulses("7:10,3,8:9", {}), ElementsAre(3, 7, 8, 9));
+  for (const char* text : {"5:", "x", "3,,4", "7:3", "alive"}) {
+    EXPECT_THROW(parse_repair_pulses(text, {}), InputError) << text;
+  }
+}
+
+TEST(RepairPulses, are_read_from_the_take) {
+  const test::TemporaryFolder take;
+  EXPECT_THAT(parse_repair_pulses("live", {take.path()}), testing::IsEmpty());
+  test::write_text(take / "repaired.recon01.txt", "4\n6\n");
+  EXPECT_THAT(parse_repair_pulses("live", {take.path()}), ElementsAre(4, 6));
 }
 
 TEST(Deform, rejects_unknown_names) {

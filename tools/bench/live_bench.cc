@@ -1,4 +1,5 @@
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
@@ -12,6 +13,7 @@
 #include "rates.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/pipeline/frame_pipeline.h"
+#include "recon/pipeline/frame_set_repair.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -98,6 +100,59 @@ void live(benchmark::State& state, Quality quality, double voxel_m) {
   state.counters["p99_ms"] = percentile(latencies, 0.99);
 }
 
+/// The faults that the repair of one pulse has to find.
+enum class Silhouettes { kTrue, kWithHole };
+
+/// frame_set(); with a fault, one camera has lost a band of its silhouette.
+recon::FrameSet silhouettes(Silhouettes kind) {
+  constexpr size_t kFaulty = 2;
+  recon::FrameSet set = frame_set();
+  if (kind == Silhouettes::kTrue) return set;
+  Mask& mask = *set.frames[kFaulty].mask;
+  const Rect box = mask.bounding_box();
+  for (int y = box.y0 + box.height / 3; y < box.y0 + box.height / 2; ++y) {
+    for (int x = box.x0; x < box.x0 + box.width; ++x) mask.set(x, y, false);
+  }
+  return set;
+}
+
+/// The live silhouette repair of a pulse. `steps`: the number of its leave-one-out hulls and slices
+/// of voxels, which no load of the machine changes. `live_pulses`: its time, divided by that of the
+/// reconstruction of the same pulse at live quality, in turn with it.
+void repair(benchmark::State& state, Silhouettes kind) {
+  const int threads = static_cast<int>(state.range(0));
+  const recon::ReconstructOptions chosen = options(0.01, threads);
+  tbb::task_arena arena(threads);
+  recon::FrameSetRepair repair(rig(), chosen);
+  recon::Reconstructor reconstructor(rig(), chosen);
+  const recon::FrameSet given = silhouettes(kind);
+  std::atomic<int64_t> steps = 0;
+  std::vector<double> repairs_ms, pulses_ms;
+  measure(state, 1, 0, [&] {
+    recon::FrameSet set = given;
+    steps = 0;
+    const MonotonicInstant begin = Monotonic::now();
+    arena.execute([&] { repair.repair(set, [&] { return ++steps < 0; }); });
+    repairs_ms.push_back(recon::milliseconds_since(begin));
+    const MonotonicInstant repaired = Monotonic::now();
+    benchmark::DoNotOptimize(reconstructor.reconstruct(std::move(set)));
+    pulses_ms.push_back(recon::milliseconds_since(repaired));
+  });
+  state.counters["steps"] = static_cast<double>(steps);
+  state.counters["p50_ms"] = percentile(repairs_ms, 0.50);
+  state.counters["live_pulses"] = percentile(repairs_ms, 0.50) / percentile(pulses_ms, 0.50);
+}
+
+BENCHMARK_CAPTURE(repair, true, Silhouettes::kTrue)
+    ->Name("repair/10mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
+BENCHMARK_CAPTURE(repair, hole, Silhouettes::kWithHole)
+    ->Name("repair_hole/10mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
 BENCHMARK_CAPTURE(live, hull, Quality::kLive, 0.01)
     ->Name("live/10mm")
     ->ArgName("threads")

@@ -183,6 +183,15 @@ TEST(StudioFile, reports_an_unknown_field_and_the_known_ones) {
   EXPECT_NE(message.find("packet_size"), std::string::npos);
 }
 
+TEST(StudioFile, repairs_live_silhouettes_on_request) {
+  const auto repairs = [](std::string_view line) {
+    return parse_studio(with("min_views = 2", line), "/etc/v3d/studio.toml").reconstruction.repair;
+  };
+  EXPECT_FALSE(repairs(""));
+  EXPECT_FALSE(repairs("repair = false"));
+  EXPECT_TRUE(repairs("repair = true"));
+}
+
 TEST(StudioFile, rejects_values_out_of_range_and_reports_the_range) {
   EXPECT_EQ(message_for(with("exposure_us = 800", "exposure_us = -1")),
             "/etc/v3d/studio.toml:9: camera_defaults.exposure_us: expected a number from 1 to "

@@ -55,6 +55,18 @@ TEST(LiveQueue, drops_no_value_in_a_short_pause_of_the_reader) {
   for (size_t i = 0; i < run.taken.size(); ++i) ASSERT_EQ(run.taken[i], i);
 }
 
+TEST(LiveQueue, drops_no_value_while_the_backlog_of_a_pause_falls_slowly) {
+  // The reader works for 39 of 40 ms, so a backlog of eight values takes 13 s.
+  SimulatedReader run;
+  run.until(seconds(2), milliseconds(39));
+  run.free_at += 8 * kPeriod;
+  run.until(seconds(10), milliseconds(39));
+  EXPECT_GE(run.queue.size(), 1U);
+  run.until(seconds(30), milliseconds(39));
+  EXPECT_EQ(run.queue.size(), 0U);
+  EXPECT_EQ(run.queue.dropped(), 0);
+}
+
 TEST(LiveQueue, returns_the_newest_value_to_a_slow_reader_and_spreads_the_drops) {
   SimulatedReader run;
   run.until(seconds(20), milliseconds(60));

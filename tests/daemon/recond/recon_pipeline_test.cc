@@ -104,6 +104,87 @@ TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   EXPECT_EQ(take::MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
 }
 
+/// A pipeline that repairs silhouettes by the function of the test.
+class RepairingPipeline : public ReconPipelineOnBus {
+ protected:
+  void begin_repairing(decltype(LiveRepair::Setup::repair) repair) {
+    pipeline_.emplace(
+        ReconPipeline::Setup{
+            .take = "kendo-07",
+            .mesh_file = folder_ / "mesh.v3d",
+            .stages = {.make_mesh =
+                           [this](recon::FrameSetJob& work) {
+                             reconstructed_.push_back(foreground(work.set));
+                             name_pulse(work);
+                           },
+                       .encode = write_pulse},
+            .threads = 2,
+            .sets = {.cameras = {"cam01"}},
+            .repair = LiveRepair::Setup{.cameras = {"cam01"},
+                                        .list = folder_ / "repaired.recon01.txt",
+                                        .repair = std::move(repair)},
+            .on_finished_set =
+                [this](recon::FrameSet& set) { finished_.push_back(foreground(set)); }},
+        bus_);
+  }
+  static int64_t foreground(const recon::FrameSet& set) { return set.frames[0].mask->count(); }
+  bool makes(int64_t meshes) {
+    return becomes_true([&] { return pipeline_->counts().meshes == meshes; }, within(30));
+  }
+  std::vector<int64_t> reconstructed_, finished_;  ///< foreground pixels, by pulse
+};
+
+TEST_F(RepairingPipeline, reconstructs_repaired_silhouettes_and_passes_on_those_before) {
+  begin_repairing([](recon::FrameSet& set, const recon::StopRequest&) {
+    if (set.pulse == 1) return std::optional(recon::RepairedFrameSet());
+    recon::RepairedFrameSet repaired;
+    repaired.faults = {{0, recon::SilhouetteFaultKind::kMissingPiece, {0, 0, 16, 1}, 16}};
+    repaired.replaced = {{"cam01", *set.frames[0].mask}};
+    set.frames[0].mask->fill_row(0, 0, 16);
+    return std::optional(std::move(repaired));
+  });
+  for (int64_t pulse = 0; pulse < 3; ++pulse) {
+    send(pulse);
+    ASSERT_TRUE(makes(pulse + 1));
+  }
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(reconstructed_, (std::vector<int64_t>{16, 0, 16}));
+  EXPECT_EQ(finished_, (std::vector<int64_t>{0, 0, 0}));
+  EXPECT_EQ(pipeline_->counts().repair->checked, 3);
+  EXPECT_EQ(pipeline_->counts().repair->repaired, 2);
+  EXPECT_EQ(read_file(folder_ / "repaired.recon01.txt"), "0\n2\n");
+}
+
+TEST_F(RepairingPipeline, stops_a_repair_when_sets_wait_and_drops_no_pulse) {
+  constexpr int64_t kPulses = RepairLoadControl::kMaxWaiting + 1;
+  std::atomic<bool> has_begun = false;
+  begin_repairing([&](recon::FrameSet&, const recon::StopRequest& should_stop) {
+    has_begun = true;
+    becomes_true(should_stop, within(30));
+    return std::optional<recon::RepairedFrameSet>();
+  });
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return has_begun.load(); }, within(30)));
+  for (int64_t pulse = 1; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(makes(kPulses)) << "the first repair ended";
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(pipeline_->counts().dropped, 0);
+  EXPECT_EQ(pipeline_->counts().repair->stopped, 1);
+  EXPECT_EQ(pipeline_->counts().repair->unchecked, kPulses);
+  EXPECT_EQ(pipeline_->counts().repair->checked, 0);
+}
+
+TEST_F(RepairingPipeline, counts_a_pulse_whose_repair_throws_as_failed) {
+  begin_repairing([](recon::FrameSet& set, const recon::StopRequest&) {
+    if (set.pulse == 0) throw InputError("no memory");
+    return std::optional(recon::RepairedFrameSet());
+  });
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().failed == 1; }, within(30)));
+  send(1);
+  ASSERT_TRUE(makes(1));
+}
+
 TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_them) {
   constexpr int64_t kPulses = 60;
   std::counting_semaphore<> go(0);

@@ -1,11 +1,13 @@
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
+#include <algorithm>
 #include <charconv>
 #include <string>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/geometry/rigid_transform.h"
+#include "take/logs/repaired_pulses.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -61,6 +63,23 @@ Quality parse_quality(const std::string& text) {
 
 }  // namespace
 
+namespace {
+
+void add_repair_options(cli::Command& command, ReconstructArguments& arguments) {
+  cli::Option repair = command.add_flag(
+      "--repair", arguments.request.repair,
+      "First repair silhouettes by comparing all cameras: fill missing pieces, remove "
+      "phantom pieces, leave out cameras that are mostly wrong");
+  command
+      .add_option("--repair-pulses", arguments.repair_pulses,
+                  "Repair the silhouettes of these frames alone, to the same bytes as v3d-recond; "
+                  "live: those that it repaired in this take")
+      .type_name("live|N,A:B,...")
+      .excludes(repair);
+}
+
+}  // namespace
+
 void add_reconstruct_options(cli::Command command, ReconstructArguments& arguments) {
   command.add_option("TAKE", arguments.request.take, "The folder of the take").required();
   command
@@ -100,9 +119,7 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
       .type_name("NAME=VALUE,...");
   command.add_flag("--no-smoothing", arguments.no_smoothing,
                    "With high quality: reconstruct every frame alone, without temporal smoothing");
-  command.add_flag("--repair", arguments.request.repair,
-                   "First repair silhouettes by comparing all cameras: fill missing pieces, remove "
-                   "phantom pieces, leave out cameras that are mostly wrong");
+  add_repair_options(command, arguments);
   // Former names, not in the help.
   command.add_flag("--no-steady", arguments.no_smoothing).hide();
   command.add_flag("--mend", arguments.request.repair).hide();
@@ -143,9 +160,29 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.smooth = !arguments.no_smoothing;
   request.frames = parse_frame_range(arguments.frames);
+  if (!arguments.repair_pulses.empty()) {
+    request.repair_pulses = parse_repair_pulses(arguments.repair_pulses, {request.take});
+  }
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");
   request.studio = line.studio_of_take(request.take);
   return request;
+}
+
+std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::TakePaths& take) {
+  if (text == "live") return take::read_repaired_pulses(take);
+  std::vector<int64_t> pulses;
+  for (const std::string& part : parse_names(text, "--repair-pulses")) {
+    const take::FrameRange range = parse_frame_range(part);
+    if (range.end > take::kMaxPulses) {
+      throw InputError("--repair-pulses " + part + ": expected frames below " +
+                       std::to_string(take::kMaxPulses));
+    }
+    for (int64_t pulse = range.begin; pulse < range.end; ++pulse) pulses.push_back(pulse);
+  }
+  std::ranges::sort(pulses);
+  const auto repeated = std::ranges::unique(pulses);
+  pulses.erase(repeated.begin(), repeated.end());
+  return pulses;
 }
 
 recon::DeformOptions parse_deform(std::string_view text) {

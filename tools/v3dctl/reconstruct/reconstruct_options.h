@@ -13,7 +13,7 @@ namespace v3d::ctl {
 struct ReconstructArguments {
   ReconstructRequest request;
   std::string voxel, bounds, quality, deform, frames, leave_out;
-  std::string partition;
+  std::string partition, repair_pulses;
   int min_views = 0;
   int processes = 0;
   bool slurm = false;
@@ -25,6 +25,11 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
 
 /// The request of parsed arguments. Throws InputError for bad values.
 ReconstructRequest request_of(const CommandLine& line, const ReconstructArguments& arguments);
+
+/// The pulses of --repair-pulses, ascending: "live" for those of the take (read_repaired_pulses()),
+/// or frames and ranges A:B such as "3,7:12". Throws InputError for other text, and as
+/// read_repaired_pulses() does.
+std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::TakePaths& take);
 
 /// Parses "mode=paper,internal=0.3,photometric=0.4,silhouette=0.3,window=7,views=6,carving=1": any
 /// of these in any order; missing ones have their defaults. Throws InputError for other text and

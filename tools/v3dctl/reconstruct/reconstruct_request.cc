@@ -119,6 +119,7 @@ Json request_to_json(const ReconstructRequest& complete) {
       {"deform", deform_to_json(complete.deform)},
       {"smooth", complete.smooth},
       {"repair", complete.repair},
+      {"repair_pulses", complete.repair_pulses ? Json(*complete.repair_pulses) : Json(nullptr)},
       {"frames", {complete.frames.begin, complete.frames.end}},
       {"leave_out", complete.leave_out}};
 }
@@ -134,6 +135,9 @@ ReconstructRequest request_from_json(const Json& json) {
   request.deform = deform_from_json(json.at("deform"));
   request.smooth = json.at("smooth");
   request.repair = json.at("repair");
+  if (const Json& pulses = json.at("repair_pulses"); !pulses.is_null()) {
+    request.repair_pulses = pulses.get<std::vector<int64_t>>();
+  }
   request.frames.begin = json.at("frames").at(0);
   request.frames.end = json.at("frames").at(1);
   request.leave_out = json.at("leave_out").get<std::vector<std::string>>();

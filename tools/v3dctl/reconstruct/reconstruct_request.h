@@ -31,6 +31,8 @@ struct ReconstructRequest {
   recon::DeformOptions deform;  ///< with high quality
   bool smooth = true;           ///< temporal smoothing, with high quality
   bool repair = false;          ///< silhouette repair before the reconstruction
+  /// Silhouette repair of these pulses as v3d-recond did it; ascending. Not with `repair`.
+  std::optional<std::vector<int64_t>> repair_pulses;
   take::FrameRange frames;
   int threads = 0;                     ///< 0: one per core
   std::vector<std::string> leave_out;  ///< cameras

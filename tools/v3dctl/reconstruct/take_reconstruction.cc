@@ -106,12 +106,17 @@ class TakeReconstruction::Impl {
         repair_(complete.repair
                     ? std::optional<TakeSilhouetteRepair>(std::in_place, take_.rig(), options_)
                     : std::nullopt),
+        live_repair_(complete.repair_pulses
+                         ? std::optional<LivePulseRepair>(std::in_place, take_.rig(), options_,
+                                                          *complete.repair_pulses)
+                         : std::nullopt),
         surfaces_(take_, reconstructor_, repair_ ? &*repair_ : nullptr,
+                  live_repair_ ? &*live_repair_ : nullptr,
                   complete.smooth && options_.quality == Quality::kHigh) {}
 
   ReconstructReport make(std::span<const int64_t> pulses, PendingMeshFile& file,
                          const std::function<void()>& on_frame) {
-    ReconstructReport report = empty_report(take_.rig(), options_, repair_.has_value());
+    ReconstructReport report = empty_report(take_.rig(), options_, repair_ || live_repair_);
     auto next = pulses.begin();
     reconstructor_.begin_sequence();
     recon::FramePipeline<Job>(
@@ -128,6 +133,7 @@ class TakeReconstruction::Impl {
          }})
         .wait();
     if (repair_) report.silhouette_faults = faults_among(pulses, repair_->faults());
+    if (live_repair_) report.silhouette_faults = faults_among(pulses, live_repair_->faults());
     report.read_errors = take_.read_errors();
     report.peak_rss_mb = peak_rss_mb();
     return report;
@@ -162,6 +168,7 @@ class TakeReconstruction::Impl {
   recon::Reconstructor reconstructor_;
   const SilhouetteMeter silhouettes_;
   std::optional<TakeSilhouetteRepair> repair_;
+  std::optional<LivePulseRepair> live_repair_;
   TakeSurfaces surfaces_;
 };
 
@@ -218,10 +225,11 @@ void PendingMeshFile::finish() {
 }
 
 TakeSurfaces::TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
-                           TakeSilhouetteRepair* repair, bool smooth)
+                           TakeSilhouetteRepair* repair, LivePulseRepair* live_repair, bool smooth)
     : take_(take),
       reconstructor_(reconstructor),
       repair_(repair),
+      live_repair_(live_repair),
       smooth_(smooth),
       pulses_(take.pulses()) {}
 
@@ -252,6 +260,7 @@ TakeSurface TakeSurfaces::read(int64_t pulse) {
   made.frames = pulse == next_pulse_ ? std::move(next_) : take_.read(pulse);
   if (repair_ != nullptr) repair(pulse, made.frames);
   made.work = recon::FrameSetJob(observe_all(pulse, made.frames));
+  if (live_repair_ != nullptr) live_repair_->repair(made.work.set, made.frames);
   made.work.set.exposure = take_.edge_of(pulse);
   made.segment_ms = recon::milliseconds_since(begin);
   return made;

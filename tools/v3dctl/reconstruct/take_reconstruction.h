@@ -87,10 +87,10 @@ struct TakeSurface {
 /// arena.
 class TakeSurfaces {
  public:
-  /// All references are borrowed. `repair`: null for none. Without `smooth`, each pulse is
-  /// reconstructed alone.
+  /// All references are borrowed. `repair` and `live_repair`: null for none. Without `smooth`, each
+  /// pulse is reconstructed alone.
   TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
-               TakeSilhouetteRepair* repair, bool smooth);
+               TakeSilhouetteRepair* repair, LivePulseRepair* live_repair, bool smooth);
 
   /// Requires increasing pulses that the take has. Throws as TakeFrames::read().
   TakeSurface make(int64_t pulse);
@@ -112,6 +112,7 @@ class TakeSurfaces {
   recorded::TakeFrames& take_;
   recon::Reconstructor& reconstructor_;
   TakeSilhouetteRepair* repair_;
+  LivePulseRepair* live_repair_;
   const bool smooth_;
   const std::vector<int64_t> pulses_;  ///< of the take, increasing
   std::map<int64_t, WindowEntry> window_;

@@ -12,35 +12,10 @@
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
-namespace {
-
-/// Limit of voxels along the longest edge of the bounds: the resolution of the comparison.
-constexpr double kVoxels = 220;
-
-double comparison_voxel_m(const recon::ReconstructOptions& options) {
-  const Box& box = options.bounds;
-  return std::max(options.voxel_m, (box.max - box.min).maxCoeff() / kVoxels);
-}
-
-}  // namespace
-
-std::string name(recon::SilhouetteFaultKind kind) {
-  switch (kind) {
-    case recon::SilhouetteFaultKind::kMissingPiece:
-      return "missing piece";
-    case recon::SilhouetteFaultKind::kPhantomPiece:
-      return "phantom piece";
-    case recon::SilhouetteFaultKind::kWholeCamera:
-      return "whole camera";
-    case recon::SilhouetteFaultKind::kPulseLate:
-      return "pulse late";
-  }
-  return "";
-}
-
 TakeSilhouetteRepair::TakeSilhouetteRepair(const Rig& rig, const recon::ReconstructOptions& options)
     : rig_(rig),
-      repair_(rig, options.bounds, comparison_voxel_m(options), options.min_views),
+      repair_(rig, options.bounds, recon::voxel_for_repair(options.bounds, options.voxel_m),
+              options.min_views),
       views_(rig.size()) {
   tbb::parallel_for(size_t{0}, rig.size(), [&](size_t i) {
     views_[i] = recon::bounds_mask(options.bounds, rig_[i].model);
@@ -93,6 +68,27 @@ void TakeSilhouetteRepair::repair(int64_t pulse, SegmentedFrames& frames, Segmen
   previous_pulse_ = pulse;
   for (const recon::SilhouetteFault& fault : repaired.faults) {
     faults_.push_back({pulse, rig_[fault.camera].name, fault});
+  }
+}
+
+LivePulseRepair::LivePulseRepair(const Rig& rig, const recon::ReconstructOptions& options,
+                                 std::vector<int64_t> pulses)
+    : rig_(rig), repair_(rig, options), pulses_(std::move(pulses)) {}
+
+void LivePulseRepair::repair(recon::FrameSet& set, SegmentedFrames& frames) {
+  if (!std::ranges::binary_search(pulses_, set.pulse)) return;
+  const auto repaired = repair_.repair(set);
+  for (const recon::ReplacedMask& replaced : repaired->replaced) {
+    auto& frame = frames[static_cast<size_t>(find_camera(rig_, replaced.camera))];
+    const auto kept = std::ranges::find(set.frames, replaced.camera, &Frame::camera);
+    if (kept != set.frames.end()) {
+      frame->mask = *kept->mask;
+    } else {
+      frame.reset();
+    }
+  }
+  for (const recon::SilhouetteFault& fault : repaired->faults) {
+    faults_.push_back({set.pulse, rig_[fault.camera].name, fault});
   }
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
+#include "recon/pipeline/frame_set_repair.h"
 #include "recon/pipeline/reconstructor.h"
 #include "recon/silhouettes/silhouette_repair.h"
 
@@ -21,9 +22,6 @@ struct PulseFault {
 
 /// Frames of one pulse, one for each camera of the rig; empty where a camera has none.
 using SegmentedFrames = std::vector<std::optional<recorded::SegmentedFrame>>;
-
-/// "missing piece", "phantom piece", "whole camera", "pulse late".
-std::string name(recon::SilhouetteFaultKind kind);
 
 /// Repairs the masks of consecutive pulses. The result for a pulse depends on this pulse and its
 /// two neighbours only, so shards of a take have the same result as the whole. One caller at a
@@ -58,6 +56,27 @@ class TakeSilhouetteRepair {
   std::vector<Mask> views_;  ///< of the bounds, by camera
   int64_t previous_pulse_ = -2;
   std::vector<std::optional<Mask>> previous_;  ///< masks of that pulse, repaired without neighbours
+  std::vector<PulseFault> faults_;
+};
+
+/// Repeats the silhouette repair of v3d-recond for given pulses, each by itself. One caller at a
+/// time.
+class LivePulseRepair {
+ public:
+  /// Requires ascending pulses. Throws InputError for options that the reconstruction rejects.
+  LivePulseRepair(const Rig& rig, const recon::ReconstructOptions& options,
+                  std::vector<int64_t> pulses);
+
+  /// Repairs `set`, the observe_all() of `frames`, if its pulse is one of the given ones. `frames`
+  /// gets the same masks, and loses the cameras that are left out.
+  void repair(recon::FrameSet& set, SegmentedFrames& frames);
+
+  const std::vector<PulseFault>& faults() const { return faults_; }
+
+ private:
+  const Rig rig_;
+  recon::FrameSetRepair repair_;
+  const std::vector<int64_t> pulses_;
   std::vector<PulseFault> faults_;
 };
 
