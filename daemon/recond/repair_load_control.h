@@ -9,9 +9,8 @@ namespace v3d::recond {
 
 /// Decides by the length of the queue of frame sets (LiveQueue), and by no clock:
 ///   - A repair starts when no set waits behind the pulse.
-///   - It is stopped when kMaxWaiting sets wait. The pulse then keeps its silhouettes. The queue
-///   has
-///     room for three times as many sets, so no pulse is dropped.
+///   - It is stopped when kMaxWaiting sets wait. The pulse then keeps its silhouettes. There is
+///     room for three times as many sets.
 ///   - After a stopped repair, the next kFirstPause pulses are not repaired. The pause doubles with
 ///     each further stop, up to kLongestPause, and begins anew after a repair that ends by itself.
 ///     So a PC that is too slow for the repair loses little time with attempts.
