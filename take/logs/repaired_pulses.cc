@@ -17,8 +17,10 @@ constexpr std::string_view kSuffix = ".txt";
 constexpr uint64_t kMaxBytes = 9 * kMaxPulses;
 
 io::Result<io::File> open_to_append(const std::filesystem::path& path) {
-  const auto mode = file_exists(path) ? io::OpenMode::kWriteExisting : io::OpenMode::kCreate;
-  return io::File::open(path, mode);
+  const auto type = io::type_of(path);
+  if (!type) return tl::make_unexpected(type.error());
+  const bool exists = *type != std::filesystem::file_type::not_found;
+  return io::File::open(path, exists ? io::OpenMode::kWriteExisting : io::OpenMode::kCreate);
 }
 
 int64_t parse_pulse(std::string_view line, const std::filesystem::path& path, int64_t number) {

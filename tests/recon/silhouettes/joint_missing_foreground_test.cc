@@ -19,7 +19,7 @@ const Box kSpace{{-0.4, -0.4, 0.5}, {0.4, 0.4, 1.6}};
 constexpr double kVoxelM = 0.02;
 /// Size of the head. No voxel of it is on a rim, so all cameras that have the head show all of it.
 const Box kInsideHead{{-0.06, -0.06, 1.22}, {0.06, 0.06, 1.38}};
-constexpr JointMissingOptions kOptions{};
+const JointMissingOptions kOptions{};
 
 Mesh body() { return shapes::box({-0.2F, -0.15F, 0.7F}, {0.2F, 0.15F, 1.2F}); }
 Mesh head() { return shapes::box({-0.08F, -0.08F, 1.2F}, {0.08F, 0.08F, 1.4F}); }
