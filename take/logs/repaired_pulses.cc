@@ -96,8 +96,7 @@ std::vector<int64_t> read_repaired_pulses(const TakePaths& paths) {
     if (is_repaired_pulses(name)) add_pulses(paths.folder / name, pulses);
   }
   std::ranges::sort(pulses);
-  const auto repeated = std::ranges::unique(pulses);
-  pulses.erase(repeated.begin(), repeated.end());
+  pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
   return pulses;
 }
 

@@ -180,8 +180,7 @@ std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::Take
     for (int64_t pulse = range.begin; pulse < range.end; ++pulse) pulses.push_back(pulse);
   }
   std::ranges::sort(pulses);
-  const auto repeated = std::ranges::unique(pulses);
-  pulses.erase(repeated.begin(), repeated.end());
+  pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
   return pulses;
 }
 
