@@ -3,7 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cstdint>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -179,7 +179,7 @@ class Trials {
 
   Shots shoot(double seconds, int number) {
     const std::vector<Image> images =
-        film_.render_all(seconds, kPlates + static_cast<uint64_t>(number));
+        film_.render_all(seconds, static_cast<uint64_t>(kPlates + number));
     Shots shots;
     for (size_t c = 0; c < rig_.size(); ++c) {
       const auto add = [&](recon::FrameSet& set, const Mask& mask) {
