@@ -89,12 +89,11 @@ HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
   return hn::Le(view.z.v, max_z.v);
 }
 
-/// The two bits of the PixelDepth of each lane.
-struct DepthBits {
-  LaneMask low, high;
+struct MaskBits {
+  LaneMask foreground, inner;
 };
 
-HWY_INLINE DepthBits read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
+HWY_INLINE MaskBits read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
   const Floats floats;
   const Ints ints;
   const Words words;
@@ -228,16 +227,15 @@ HWY_INLINE Colour corrected(const SampleCorrection& correction, const Colour& co
 }
 
 /// Adds colour and weight of every lane in `lanes` to the sums of its vertex.
-HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, DepthBits depth,
+HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, LaneMask inner,
                     const int32_t* number, ColourSums& sums) {
   alignas(64) float products[4 * kLanes];
   hn::StoreInterleaved4((weight * colour.channel[0]).v, (weight * colour.channel[1]).v,
                         (weight * colour.channel[2]).v, weight.v, Floats(), products);
-  const uint64_t low = bits_of(depth.low), high = bits_of(depth.high);
+  const uint64_t inner_bits = bits_of(inner);
   for (uint64_t bits = bits_of(lanes); bits != 0; bits &= bits - 1) {
     const int lane = std::countr_zero(bits);
-    const uint64_t of_lane = (low >> lane & 1) + 2 * (high >> lane & 1);
-    auto& sum = sums.by_depth[of_lane - 1][number[lane]];
+    auto& sum = (inner_bits >> lane & 1 ? sums.inner : sums.rim)[number[lane]];
     for (int k = 0; k < 4; ++k) sum[k] += products[4 * lane + k];
   }
 }
@@ -255,12 +253,13 @@ HWY_INLINE void sample_seen(const VertexCamera& camera, const SeenVertices& foun
       const auto whole = hn::Sub(hn::ConvertTo(ints, where.v), hn::Set(ints, origin));
       return hn::IfThenElseZero(hn::RebindMask(ints, there), whole);
     };
-    const DepthBits depth = read_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
-    LaneMask seen = hn::And(there, hn::Or(depth.low, depth.high));
+    const MaskBits mask = read_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
+    LaneMask seen = hn::And(there, mask.foreground);
     if (bits_of(seen) == 0) continue;
     Colour colour = sample(camera, u, v, seen);
     if (camera.colour) colour = corrected(*camera.colour, colour);
-    add(colour, Lanes(hn::Load(floats, found.weight + i)), seen, depth, found.number + i, sums);
+    add(colour, Lanes(hn::Load(floats, found.weight + i)), seen, mask.inner, found.number + i,
+        sums);
   }
 }
 

@@ -45,12 +45,11 @@ struct VertexCamera {
 };
 
 /// Weighted sums of equation (8) over cameras for a block of vertices: red, green and blue times
-/// weight, and the weight. One for each PixelDepth of the samples.
+/// weight, and the weight.
 struct ColourSums {
   using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
-  alignas(64) std::array<Sums, 3> by_depth{};
-
-  const Sums& of(PixelDepth depth) const { return by_depth[static_cast<size_t>(depth) - 1]; }
+  alignas(64) Sums inner{};  ///< samples of foreground pixels alone
+  alignas(64) Sums rim{};    ///< samples that may contain background
 };
 
 /// Adds the colours of vertices `first` to `first` + kBlock that `camera` sees: the normal faces

@@ -2,85 +2,43 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 
 #include "recon/texture/texture.h"
 
 namespace v3d::recon {
 namespace {
 
-constexpr int kSampleReach = 2;  ///< pixels: as far as a Bayer sample reaches
-/// Pixels that silhouettes are loose, and the reach of a sample (v3d-room-colours: 3 and 2).
-constexpr int kLooseReach = 5;
-constexpr int kLooseDiagonal = 4;  ///< the same along a diagonal, in pixels of each axis
+constexpr int kReach = 2;  ///< pixels: as far as a Bayer sample reaches
 
 /// A row of a mask; pixels beyond its ends have the value of the first or last pixel.
 class EndlessRow {
  public:
-  static constexpr int kMargin = 8;  ///< pixels before those asked for
-  static_assert(kLooseReach <= kMargin);
-
   EndlessRow(const Mask& mask, int y)
       : words_(mask.row(std::clamp(y, 0, mask.size().height - 1))), width_(mask.size().width) {}
 
-  /// Pixels x - kMargin to x + 31 + kMargin; the first is the lowest bit.
-  uint64_t bits(int x) const {
-    static_assert(std::endian::native == std::endian::little);
-    const int begin = x - kMargin;
-    if (begin < 0 || begin + 63 >= width_) return bits_at_border(begin);
-    uint64_t bits = 0;
-    const auto* bytes = reinterpret_cast<const uint8_t*>(words_.data());
-    std::memcpy(&bits, bytes + begin / 8, sizeof bits);
-    return bits >> begin % 8;
+  /// Pixels x to x + 31; the first is the lowest bit.
+  uint32_t bits(int x) const {
+    if (x < 0 || x + 31 >= width_) {
+      return bits_at_border(x);
+    }
+    const uint64_t low = words_[x / 64] >> (x % 64);
+    const bool straddles = x % 64 > 32;
+    return static_cast<uint32_t>(straddles ? low | words_[x / 64 + 1] << (64 - x % 64) : low);
   }
 
  private:
-  uint64_t bits_at_border(int begin) const {
-    uint64_t bits = 0;
-    for (int i = 0; i < 32 + 2 * kMargin; ++i) {
-      const int at = std::clamp(begin + i, 0, width_ - 1);
-      bits |= (words_[at / 64] >> (at % 64) & 1) << i;
+  uint32_t bits_at_border(int x) const {
+    uint32_t bits = 0;
+    for (int i = 0; i < 32; ++i) {
+      const int at = std::clamp(x + i, 0, width_ - 1);
+      bits |= static_cast<uint32_t>(words_[at / 64] >> (at % 64) & 1) << i;
     }
     return bits;
   }
 
   std::span<const uint64_t> words_;
   int width_;
-};
-
-/// A row of a mask and the rows around it that decide about its pixels.
-class RowNeighbourhood {
- public:
-  RowNeighbourhood(const Mask& mask, int y)
-      : row_(mask, y),
-        sample_{{mask, y - kSampleReach}, {mask, y + kSampleReach}},
-        loose_{{mask, y - kLooseReach}, {mask, y + kLooseReach}},
-        diagonal_{{mask, y - kLooseDiagonal}, {mask, y + kLooseDiagonal}} {}
-
-  /// Pixels x to x + 31, bits of one class each.
-  struct Classes {
-    uint32_t foreground, inner, deep;
-  };
-  Classes at(int x) const {
-    const uint64_t row = row_.bits(x);
-    const uint32_t foreground = moved(row, 0);
-    const uint32_t inner = foreground & both_sides(row, kSampleReach) &
-                           moved(sample_[0].bits(x) & sample_[1].bits(x), 0);
-    const uint32_t deep = inner & both_sides(row, kLooseReach) &
-                          moved(loose_[0].bits(x) & loose_[1].bits(x), 0) &
-                          both_sides(diagonal_[0].bits(x) & diagonal_[1].bits(x), kLooseDiagonal);
-    return {foreground, inner, deep};
-  }
-
- private:
-  static uint32_t moved(uint64_t bits, int by) {
-    return static_cast<uint32_t>(bits >> (EndlessRow::kMargin + by));
-  }
-  static uint32_t both_sides(uint64_t bits, int by) { return moved(bits, by) & moved(bits, -by); }
-
-  EndlessRow row_, sample_[2], loose_[2], diagonal_[2];
 };
 
 }  // namespace
@@ -94,12 +52,14 @@ ColourMask::ColourMask(const Frame& frame)
   }
   uint32_t* out = words_.data();
   for (int y = roi_.y0; y < roi_.y0 + roi_.height; ++y) {
-    const RowNeighbourhood rows(*frame.mask, y);
+    const EndlessRow above(*frame.mask, y - kReach), row(*frame.mask, y);
+    const EndlessRow below(*frame.mask, y + kReach);
     for (int x = roi_.x0; x < roi_.x0 + roi_.width; x += 32) {
-      const auto [foreground, inner, deep] = rows.at(x);
-      const uint32_t low = deep | (foreground & ~inner), high = inner;
-      *out++ = (low & 0xFFFF) | high << 16;
-      *out++ = low >> 16 | (high & 0xFFFF0000);
+      const uint32_t foreground = row.bits(x);
+      const uint32_t inner =
+          foreground & above.bits(x) & below.bits(x) & row.bits(x - kReach) & row.bits(x + kReach);
+      *out++ = (foreground & 0xFFFF) | inner << 16;
+      *out++ = foreground >> 16 | (inner & 0xFFFF0000);
     }
   }
 }

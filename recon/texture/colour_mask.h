@@ -1,5 +1,5 @@
-// Colour mask: how far the pixels of a frame are inside its silhouette, and so how surely a colour
-// there is the performer's.
+// Colour mask: which pixels of a frame are foreground, and where an interpolated colour may contain
+// background.
 #pragma once
 
 #include <cstdint>
@@ -9,21 +9,11 @@
 
 namespace v3d::recon {
 
-/// Place of a pixel in its silhouette.
-enum class PixelDepth : uint8_t {
-  kOutside = 0,  ///< background
-  kRim = 1,      ///< an interpolated colour here reads background pixels
-  kInner = 2,    ///< it reads foreground only, but a loose silhouette has room there
-  kDeep = 3      ///< farther inside than silhouettes are loose
-};
-
-/// The PixelDepth of every pixel of the roi of a frame, in two bits. Row y - roi.y0 has
-/// words_per_row() words of 16 pixels each; pixel x is in word (x - roi.x0) / 16. Its low bit is
-/// bit (x - roi.x0) % 16, its high bit the one 16 above.
-///
-/// A pixel is kInner when the four pixels two steps left, right, above and below are foreground as
-/// well, and kDeep when those five steps away and four steps diagonally are, too. At the border,
-/// the border pixel counts. Without a mask all pixels are kDeep.
+/// Two bits for every pixel of the roi of a frame. Row y - roi.y0 has words_per_row() words of 16
+/// pixels each; pixel x is in word (x - roi.x0) / 16. Bit (x - roi.x0) % 16 is set for foreground.
+/// The bit 16 above is set when the four pixels two steps left, right, above and below are
+/// foreground as well (at the border, the border pixel counts), so that a sample contains
+/// foreground only. Without a mask all bits are 1.
 ///
 /// Immutable; any thread.
 class ColourMask {
@@ -35,16 +25,16 @@ class ColourMask {
   const uint32_t* words() const { return words_.data(); }
 
   /// (x, y) in the whole image. Requires that the roi contains it.
-  PixelDepth depth(int x, int y) const {
-    const int column = x - roi_.x0;
-    const size_t word = static_cast<size_t>(y - roi_.y0) * words_per_row_ + column / 16;
-    const uint32_t bits = words_[word] >> column % 16;
-    return static_cast<PixelDepth>((bits & 1) | (bits >> 15 & 2));
-  }
-  bool foreground(int x, int y) const { return depth(x, y) != PixelDepth::kOutside; }
-  bool inner(int x, int y) const { return depth(x, y) >= PixelDepth::kInner; }
+  bool foreground(int x, int y) const { return bit(x, y, 0); }
+  bool inner(int x, int y) const { return bit(x, y, 16); }
 
  private:
+  bool bit(int x, int y, int shift) const {
+    const int column = x - roi_.x0;
+    const size_t word = static_cast<size_t>(y - roi_.y0) * words_per_row_ + column / 16;
+    return words_[word] >> (column % 16 + shift) & 1;
+  }
+
   Rect roi_;
   int words_per_row_ = 0;
   std::vector<uint32_t> words_;

@@ -75,11 +75,9 @@ struct Texture {
 /// ColourResponse. Weights are -V_c . N_v, or by_resolution, or for a viewpoint (V_eye . V_c + 2)^m
 /// for all vertices.
 ///
-/// Three additions to the paper. A sample outside ColourMask::inner() counts only where no other
+/// Two additions to the paper: a sample outside ColourMask::inner() counts only where no other
 /// camera sees the vertex, because the background shines through at the rim of a silhouette.
-/// Samples near an outline count only while they agree with those deep in a silhouette, or with the
-/// neighbours on the mesh (recon/texture/colour_consensus.h), because loose silhouettes contain the
-/// room. Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
+/// Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
 ///
 /// Deterministic: independent of thread count and of the order of `cameras`, which are sorted by
 /// name. Names must differ.

@@ -10,8 +10,6 @@
 #include <random>
 
 #include "base/image/colour.h"
-#include "base/image/mask_operations.h"
-#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d::recon {
@@ -270,34 +268,6 @@ TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_without_a_better_ca
   const Texture rim = colour_vertices(plane, borrow(shots), {});
   EXPECT_EQ(std::count(rim.colours.begin(), rim.colours.end(), Rgb8{250, 0, 0}), 25);
   EXPECT_EQ(rim.unseen, 0);
-}
-
-/// A ball of one colour in a room of another, from seven sides. The masks are three pixels too
-/// large.
-std::vector<Shot> loose_shots(const Mesh& ball, Rgb8 skin, Rgb8 room) {
-  std::vector<Shot> shots;
-  for (int i = 0; i < 7; ++i) {
-    shots.push_back(shot("cam" + std::to_string(i),
-                         {3 * std::cos(i * 0.9), 3 * std::sin(i * 0.9), 0.4 * i - 1}, {}));
-    const Mask exact = draw_silhouette(ball, shots.back().model);
-    shots.back().frame.image = picture({160, 120}, PixelFormat::kRGB8, [&](int c, int x, int y) {
-      const Rgb8 colour = exact.get(x, y) ? skin : room;
-      return c == 0 ? colour.r : (c == 1 ? colour.g : colour.b);
-    });
-    shots.back().frame.mask = dilate(exact, 3);
-  }
-  return shots;
-}
-
-TEST(Texture, takes_no_colour_of_the_room_from_loose_masks) {
-  const Rgb8 skin{200, 150, 120}, room{80, 130, 100};
-  const auto shots = loose_shots(shapes::sphere({0, 0, 0}, 0.5F, 24), skin, room);
-  const Mesh hull = shapes::sphere({0, 0, 0}, 0.56F, 24);  // three pixels larger
-  for (const bool full : {false, true}) {
-    const TextureOptions options{.demosaic = full, .by_resolution = full};
-    const auto colours = colour_vertices(hull, borrow(shots), options).colours;
-    for (const Rgb8 c : colours) EXPECT_NEAR(c.r, skin.r, 30);
-  }
 }
 
 TEST(Texture, spreads_colour_to_vertices_that_no_camera_sees_for_a_bounded_way) {
