@@ -99,7 +99,7 @@ SlenderSizes SlenderSizes::for_camera(const CameraModel& camera, const Box& spac
   const auto rounded_up = [&](double voxels, int limit) {
     return static_cast<int>(std::min(std::ceil(voxels * voxel_px), double(limit)));
   };
-  const double reach = std::min(std::round(0.5 * voxel_px), double(kMax.reach));
+  const double reach = std::min(std::floor(0.65 * voxel_px), double(kMax.reach));
   return {.side = std::max(1, rounded_up(2, kMax.side)),
           .gap = rounded_up(6, kMax.gap),
           .reach = static_cast<int>(reach)};

@@ -16,8 +16,8 @@ struct SlenderSizes {
   int reach = 0;  ///< slender parts are widened by this much to all sides; 0: no change at all
 
   /// For voxels of `voxel_m` metres in the middle of `space` (world, metres). Parts thinner than
-  /// two voxels are slender, gaps of less than six voxels are closed, and parts are widened by half
-  /// a voxel. Where a voxel appears smaller than a pixel, the silhouette is left as it is.
+  /// two voxels are slender, gaps of less than six voxels are closed, and parts are widened by at
+  /// most 0.65 voxels, in whole pixels. Where this is less than a pixel, nothing is changed.
   static SlenderSizes for_camera(const CameraModel& camera, const Box& space, double voxel_m);
 
   friend bool operator==(const SlenderSizes&, const SlenderSizes&) = default;
