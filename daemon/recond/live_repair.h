@@ -29,7 +29,7 @@ struct CameraRepairs {
 };
 
 struct RepairCounts {
-  int64_t checked = 0;                           ///< pulses whose repair ended by itself
+  int64_t checked = 0;                           ///< pulses whose repair was not stopped
   int64_t repaired = 0;                          ///< of these, pulses with a changed silhouette
   int64_t unchecked = 0;                         ///< pulses left out for lack of time
   int64_t stopped = 0;                           ///< of these, pulses whose repair was stopped

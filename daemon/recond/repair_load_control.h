@@ -11,8 +11,9 @@ namespace v3d::recond {
 ///   - A repair starts when no set waits behind the pulse.
 ///   - It is stopped when kMaxWaiting sets wait. The pulse then keeps its silhouettes. There is
 ///     room for three times as many sets.
-///   - After a stopped repair, the next kFirstPause pulses are not repaired. The pause doubles with
-///     each further stop, up to kLongestPause, and begins anew after a repair that ends by itself.
+///   - After a stopped repair, the next kFirstPause pulses are not repaired. Each further stop
+///     doubles the pause, up to kLongestPause. A repair that is not stopped sets it back to
+///     kFirstPause.
 ///     So a PC that is too slow for the repair loses little time with attempts.
 ///
 /// One thread.

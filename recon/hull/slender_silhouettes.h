@@ -71,9 +71,12 @@ class SlenderSilhouettes {
   void close_gaps(const Region& region);
   void widen_slender(const Region& region);
   void store(const Mask& mask, const Region& region);
-  /// Replaces bits_ by the result of a step that writes it to next_.
-  template <class Step>
-  void apply(const Step& step);
+  /// Combine each pixel with the one `step` pixels, or `distance` words, away.
+  using PixelStep = void (*)(const uint64_t* in, size_t words, int step, uint64_t* out);
+  using RowStep = void (*)(const uint64_t* in, size_t words, int64_t distance, uint64_t* out);
+  /// Replaces each pixel of bits_ by the combination of a square of count x count pixels that
+  /// begins at it, in steps that double. `row_words`: words to the next row of the square.
+  void combine(int count, PixelStep pixels, RowStep rows, int64_t row_words, const Region& region);
 
   SlenderSizes sizes_;
   Plane foreground_, bits_, next_;

@@ -28,10 +28,6 @@ float light_on(const Vector3f& normal) {
   return light;
 }
 
-namespace {
-
-constexpr int kNoiseSteps = 4096;  // indexed by 12 bits of a hash
-
 void append(DrawList& list, const Part& part) {
   const auto first = static_cast<uint32_t>(list.vertices.size());
   std::ranges::copy(part.mesh.vertices, std::back_inserter(list.vertices));
@@ -42,6 +38,10 @@ void append(DrawList& list, const Part& part) {
     list.materials.push_back(part.material);
   }
 }
+
+namespace {
+
+constexpr int kNoiseSteps = 4096;  // indexed by 12 bits of a hash
 
 /// The colour of a surface at a pixel inside one of its triangles.
 Vector3f shade(const DrawList& list, std::span<const ScreenPoint> screen, uint32_t triangle, int x,

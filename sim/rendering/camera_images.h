@@ -90,6 +90,9 @@ struct DrawList {
   std::vector<Material> materials;  ///< one per triangle
 };
 
+/// Adds a part of the performer.
+void append(DrawList& list, const Part& part);
+
 /// The performer during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and the
 /// hands less than 1 px, so only the blade is drawn at three instants of the exposure.
 struct PerformerExposure {

@@ -259,6 +259,7 @@ FaultOperation verify_operation(const fs::path& programs) {
 FaultOperation slate_operation(const fs::path& programs) {
   FaultOperation operation = of_simulated_take(
       "slate", programs, {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
+  operation.lists_take = true;
   expect_after_success(operation, [](const take::TakePaths& take) {
     return take::load_slate(take.slate()).scene == "12" ? "" : "the new scene is lost";
   });

@@ -21,6 +21,9 @@ struct FaultOperation {
   int done = 0;
   /// Standard output is the same in every run that succeeds.
   bool has_reproducible_output = true;
+  /// Standard output is a listing of the take: after a fault that standard error names, it shows
+  /// what could be read.
+  bool lists_take = false;
   /// With exit status `done`, the operation may have done less, if that loses no data.
   bool may_do_less = false;
   /// The content of its files differs in every run.

@@ -47,11 +47,11 @@ struct Arguments {
 /// The performer at one instant: the surface, and its colours in the light of the studio.
 class TruePerformer {
  public:
-  TruePerformer(double seconds, uint64_t seed)
-      : seed_(seed),
-        parts_(sim::performer_parts(seconds, seed)),
-        outside_(sim::outer_surface(parts_, seed)) {
-    for (const sim::Part& part : parts_) append(part);
+  TruePerformer(double seconds, uint64_t seed) : seed_(seed) {
+    const std::vector<sim::Part> parts = sim::performer_parts(seconds, seed);
+    outside_ = sim::outer_surface(parts, seed);
+    for (const sim::Part& part : parts) append(drawn_, part);
+    all_ = {drawn_.vertices, drawn_.triangles, {}};
     nearest_outside_.emplace(outside_);
     nearest_part_.emplace(all_);
   }
@@ -68,27 +68,14 @@ class TruePerformer {
     const auto value = [&](const std::vector<Eigen::Vector3f>& values) -> Eigen::Vector3f {
       return recon::interpolated(all_, values, at.triangle, at.weights).cast<float>();
     };
-    const float light = sim::light_on(value(normals_).normalized());
-    const Eigen::Vector3f colour = light * mean_paint(materials_[at.triangle], value(paint_));
+    const float light = sim::light_on(value(drawn_.normals).normalized());
+    const Eigen::Vector3f colour =
+        light * mean_paint(drawn_.materials[at.triangle], value(drawn_.paint));
     return calib::lab_of(colour.cwiseMin(1.0F).cast<double>());
   }
 
  private:
   static constexpr float kStepM = 0.004F;  ///< about a pixel of the simulated cameras
-
-  void append(const sim::Part& part) {
-    const auto first = static_cast<uint32_t>(all_.vertices.size());
-    const auto extend = [](auto& all, const auto& more) {
-      all.insert(all.end(), more.begin(), more.end());
-    };
-    extend(all_.vertices, part.mesh.vertices);
-    extend(normals_, vertex_normals(part.mesh));
-    extend(paint_, part.paint);
-    for (const auto& t : part.mesh.triangles) {
-      all_.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-      materials_.push_back(part.material);
-    }
-  }
 
   /// Mean of the texture over a cube of 3 x 3 x 3 places.
   Eigen::Vector3f mean_paint(sim::Material material, const Eigen::Vector3f& texture) const {
@@ -101,10 +88,9 @@ class TruePerformer {
   }
 
   uint64_t seed_;
-  std::vector<sim::Part> parts_;
-  Mesh outside_, all_;
-  std::vector<Eigen::Vector3f> normals_, paint_;  ///< by vertex of all_
-  std::vector<sim::Material> materials_;          ///< by triangle of all_
+  Mesh outside_;
+  sim::DrawList drawn_;  ///< all parts
+  Mesh all_;             ///< its surface
   std::optional<recon::NearestTriangle> nearest_outside_, nearest_part_;
 };
 
@@ -179,7 +165,7 @@ class Trials {
 
   Shots shoot(double seconds, int number) {
     const std::vector<Image> images =
-        film_.render_all(seconds, static_cast<uint64_t>(kPlates + number));
+        film_.render_all(seconds, uint64_t{kPlates} + static_cast<uint64_t>(number));
     Shots shots;
     for (size_t c = 0; c < rig_.size(); ++c) {
       const auto add = [&](recon::FrameSet& set, const Mask& mask) {
