@@ -121,6 +121,7 @@ void make_mesh(const FrameState& state, DecodedFrame& out) {
   state.numbers.empty() ? place_on_lattice(state, out.positions)
                         : place_by_number(state, out.positions);
   out.colours = colours_of(state.surface.colours);
+  out.labels = state.labels;
 }
 
 }  // namespace v3d::codec

@@ -59,6 +59,7 @@ struct FrameState {
   /// [vertex]: position in lattice steps from the origin. Empty: vertices lie where the volume has
   /// them.
   std::vector<VertexValues> numbers;
+  std::vector<uint8_t> labels;  ///< [vertex]: performer; empty: none
 };
 
 inline constexpr int kMaxDisplacement = 32767;

@@ -32,6 +32,7 @@ struct FrameContent {
   /// encoder need not compute them.
   std::span<const VertexTriangle> triangles;
   std::span<const VertexColour> colours;  ///< one for each vertex, or empty
+  std::span<const uint8_t> labels;        ///< performer of each vertex, 0: unknown; or empty
 };
 
 struct EncoderOptions {
@@ -52,6 +53,7 @@ struct DecodedFrame {
   std::vector<VertexPosition> positions;
   std::vector<VertexTriangle> triangles;
   std::vector<VertexColour> colours;  ///< one per vertex, or none
+  std::vector<uint8_t> labels;        ///< performer of each vertex, 0: unknown; or none
 };
 
 /// Numbers of bytes of the parts of a frame.

@@ -2,6 +2,7 @@
 
 #include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
+#include "codec/vertex_labels.h"
 #include "codec/vertex_values.h"
 
 namespace v3d::codec {
@@ -18,7 +19,7 @@ class FrameDecoder::Impl {
     FrameState& now = states_[1 - last_];
     now.header = *std::move(header);
     if (!decode_shape(bytes, now) || !decode_displacements(bytes, now) ||
-        !decode_colours(bytes, now)) {
+        !decode_colours(bytes, now) || !decode_labels(bytes, now)) {
       return DecodeStatus::kMalformed;
     }
     make_mesh(now, frame_);
@@ -57,7 +58,9 @@ class FrameDecoder::Impl {
     }
     now.surface.make_places();
     now.surface.make_triangles();
-    if (h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kColours)) now.surface.make_known();
+    constexpr uint16_t kPredicted =
+        FrameHeader::kDisplaced | FrameHeader::kColours | FrameHeader::kLabelled;
+    if (h.is(kPredicted)) now.surface.make_known();
     return true;
   }
 
@@ -86,6 +89,15 @@ class FrameDecoder::Impl {
                                    now.header.is(FrameHeader::kInter) ? &previous : nullptr);
     if (!values) return false;
     now.surface.colours = *std::move(values);
+    return true;
+  }
+
+  static bool decode_labels(std::span<const uint8_t> bytes, FrameState& now) {
+    now.labels.clear();
+    if (!now.header.is(FrameHeader::kLabelled)) return true;
+    auto labels = v3d::codec::decode_labels(section(bytes, now.header, kLabels), now.surface.known);
+    if (!labels) return false;
+    now.labels = *std::move(labels);
     return true;
   }
 

@@ -5,6 +5,7 @@
 #include "codec/check.h"
 #include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
+#include "codec/vertex_labels.h"
 #include "codec/vertex_values.h"
 
 namespace v3d::codec {
@@ -15,7 +16,8 @@ bool facts_fit(const FrameMetadata& facts) {
     return !name.empty() && name.size() <= FrameLimits::kNameBytes;
   };
   return facts.pulse >= 0 && facts.cameras.size() <= FrameLimits::kCameras && facts.missing >= 0 &&
-         facts.missing <= FrameLimits::kCameras && std::isfinite(facts.step) && facts.step > 0 &&
+         facts.missing <= FrameLimits::kCameras && facts.live_passes >= 0 &&
+         facts.live_passes <= FrameLimits::kPasses && std::isfinite(facts.step) && facts.step > 0 &&
          std::all_of(facts.cameras.begin(), facts.cameras.end(), fits) &&
          std::is_sorted(facts.cameras.begin(), facts.cameras.end(), std::less_equal<>());
 }
@@ -61,7 +63,8 @@ class FrameEncoder::Impl {
     Sections sections;
     if (!begin(content, now) || !encode_shape(content, now, sections[kShape]) ||
         !encode_positions(content, now, sections[kDisplacements]) ||
-        !encode_colours(content, now, sections[kColours])) {
+        !encode_colours(content, now, sections[kColours]) ||
+        !encode_labels(content, now, sections[kLabels])) {
       restart();
       return std::nullopt;
     }
@@ -83,6 +86,7 @@ class FrameEncoder::Impl {
     now.header.key_pulse = content.facts.pulse;
     now.numbers.clear();
     now.surface.colours.clear();
+    now.labels.clear();
     return facts_fit(content.facts);
   }
 
@@ -112,7 +116,9 @@ class FrameEncoder::Impl {
       if (content.triangles.size() != h.triangles) return false;
       surface.triangles.assign(content.triangles.begin(), content.triangles.end());
     }
-    if (!content.positions.empty() || !content.colours.empty()) surface.make_known();
+    if (!content.positions.empty() || !content.colours.empty() || !content.labels.empty()) {
+      surface.make_known();
+    }
     bytes = encode_occupancy(surface.volume);
     return true;
   }
@@ -198,6 +204,16 @@ class FrameEncoder::Impl {
                                                     follows ? &previous : nullptr);
     bytes = std::move(coded.bytes);
     now.surface.colours = std::move(coded.decoded);
+    return true;
+  }
+
+  static bool encode_labels(const FrameContent& content, FrameState& now,
+                            std::vector<uint8_t>& bytes) {
+    if (content.labels.empty()) return true;
+    if (content.labels.size() != now.header.vertices) return false;
+    now.header.flags |= FrameHeader::kLabelled;
+    now.labels.assign(content.labels.begin(), content.labels.end());
+    bytes = v3d::codec::encode_labels(content.labels, now.surface.known);
     return true;
   }
 

@@ -11,7 +11,9 @@ namespace v3d::codec {
 namespace {
 
 constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
-constexpr uint16_t kVersion = 2;
+/// The first version that states FrameMetadata::live_passes, and that has labels.
+constexpr uint16_t kWithPasses = 3;
+constexpr uint16_t kOldest = 2, kNewest = kWithPasses;
 constexpr size_t kChecked = 16;  // the checksum covers everything from here
 
 template <class Array>
@@ -37,7 +39,7 @@ void write_checked_fields(ByteWriter& out, const FrameHeader& h) {
   write_all(out, h.facts.origin);
   out.number(h.facts.step);
   write_all(out, h.colour_steps);
-  out.number(uint8_t{0});
+  out.number(static_cast<uint8_t>(h.facts.live_passes));
   out.number(h.vertices);
   out.number(h.triangles);
   write_all(out, h.first_brick);
@@ -45,8 +47,8 @@ void write_checked_fields(ByteWriter& out, const FrameHeader& h) {
   write_all(out, h.section_bytes);
 }
 
-/// Reads the fields from kChecked on. False when the reserved byte is not 0.
-bool read_checked_fields(ByteReader& in, FrameHeader& h) {
+/// Reads the fields from kChecked on.
+void read_checked_fields(ByteReader& in, FrameHeader& h) {
   h.flags = in.number<uint16_t>();
   h.cameras = in.number<uint16_t>();
   h.facts.missing = in.number<uint16_t>();
@@ -59,18 +61,17 @@ bool read_checked_fields(ByteReader& in, FrameHeader& h) {
   read_all(in, h.facts.origin);
   h.facts.step = in.number<double>();
   read_all(in, h.colour_steps);
-  const bool zero = in.number<uint8_t>() == 0;
+  h.facts.live_passes = in.number<uint8_t>();
   h.vertices = in.number<uint32_t>();
   h.triangles = in.number<uint32_t>();
   read_all(in, h.first_brick);
   read_all(in, h.bricks);
   read_all(in, h.section_bytes);
-  return zero;
 }
 
 bool flags_are_valid(const FrameHeader& h) {
   constexpr unsigned kKnown = FrameHeader::kColours | FrameHeader::kDisplaced |
-                              FrameHeader::kInter | FrameHeader::kExplicit;
+                              FrameHeader::kInter | FrameHeader::kExplicit | FrameHeader::kLabelled;
   // Without a volume, vertices have no lattice edges that identify them in the previous frame.
   const bool explicit_key = !h.is(FrameHeader::kExplicit) ||
                             (!h.is(FrameHeader::kDisplaced) && !h.is(FrameHeader::kInter));
@@ -105,7 +106,8 @@ bool sections_are_valid(const FrameHeader& h, size_t bytes) {
   uint64_t sum = FrameHeader::kBytes;
   for (const uint32_t section : h.section_bytes) sum += section;
   const bool has_displacements = h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kExplicit);
-  return sum == bytes && (h.section_bytes[kDisplacements] > 0) == has_displacements &&
+  return (h.is(FrameHeader::kLabelled) ? sum < bytes : sum == bytes) &&
+         (h.section_bytes[kDisplacements] > 0) == has_displacements &&
          (h.section_bytes[kColours] > 0) == h.is(FrameHeader::kColours);
 }
 
@@ -119,11 +121,20 @@ bool is_valid(const FrameHeader& h, size_t bytes) {
          h.vertices <= FrameLimits::kVertices && h.triangles <= FrameLimits::kTriangles;
 }
 
+/// The lowest version that has all fields of `h`, so that older readers read what they can.
+uint16_t version_of(const FrameHeader& h) {
+  return h.facts.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
+}
+
+bool version_is_valid(const FrameHeader& h, uint16_t version) {
+  return version_of(h) == version && h.facts.live_passes <= FrameLimits::kPasses;
+}
+
 }  // namespace
 
 std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections) {
   ByteWriter body;
-  for (size_t n = 0; n < sections.size(); ++n) {
+  for (size_t n = 0; n < header.section_bytes.size(); ++n) {
     header.section_bytes[n] = static_cast<uint32_t>(sections[n].size());
   }
   write_checked_fields(body, header);
@@ -132,7 +143,7 @@ std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections) 
   header.checksum = crc32(checked);
   ByteWriter out;
   out.bytes(kMagic);
-  out.number(kVersion);
+  out.number(version_of(header));
   out.number(static_cast<uint16_t>(FrameHeader::kBytes));
   out.number(header.checksum);
   out.bytes(checked);
@@ -146,11 +157,13 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
   }
   ByteReader in(bytes.subspan(kMagic.size()));
   FrameHeader h;
-  if (in.number<uint16_t>() != kVersion || in.number<uint16_t>() != FrameHeader::kBytes) {
+  const auto version = in.number<uint16_t>();
+  if (version < kOldest || version > kNewest || in.number<uint16_t>() != FrameHeader::kBytes) {
     return std::nullopt;
   }
   h.checksum = in.number<uint32_t>();
-  if (!read_checked_fields(in, h) || !is_valid(h, bytes.size()) ||
+  read_checked_fields(in, h);
+  if (!version_is_valid(h, version) || !is_valid(h, bytes.size()) ||
       crc32(bytes.subspan(kChecked)) != h.checksum) {
     return std::nullopt;
   }
@@ -161,7 +174,8 @@ std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHead
                                  Section section) {
   size_t begin = FrameHeader::kBytes;
   for (int n = 0; n < section; ++n) begin += header.section_bytes[n];
-  return bytes.subspan(begin, header.section_bytes[section]);
+  return section == kLabels ? bytes.subspan(begin)
+                            : bytes.subspan(begin, header.section_bytes[section]);
 }
 
 std::vector<uint8_t> encode_names(const std::vector<std::string>& names) {

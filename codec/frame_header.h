@@ -1,4 +1,4 @@
-// Header of a compact frame of version 2 (docs/compact-frame.md).
+// Header of a compact frame of version 2 or 3 (docs/compact-frame.md).
 #pragma once
 
 #include <array>
@@ -17,6 +17,7 @@ struct FrameLimits {
   static constexpr int kCameras = 256;
   static constexpr int kNameBytes = 64;
   static constexpr int kSubdivision = 64;
+  static constexpr int kPasses = 3;
 };
 
 /// Metadata of a frame.
@@ -30,11 +31,13 @@ struct FrameMetadata {
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   std::array<double, 3> origin{};               ///< origin of the lattice, world frame, metres
   double step = 0;                              ///< step of the lattice, metres
+  /// Passes of the deformation within the live budget; 0: none, or another deformation.
+  int live_passes = 0;
 };
 
 struct FrameHeader {
   static constexpr size_t kBytes = 128;
-  static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8;
+  static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8, kLabelled = 16;
 
   FrameMetadata facts;  ///< without the names of the cameras
   uint16_t cameras = 0;
@@ -48,14 +51,14 @@ struct FrameHeader {
   uint32_t triangles = 0;
   std::array<uint16_t, 3> first_brick{};
   std::array<uint16_t, 3> bricks{};
-  /// Sizes of the sections, bytes: names, shape, displacements, colours.
+  /// Sizes of the first four sections, bytes. The labels are the rest of the frame.
   std::array<uint32_t, 4> section_bytes{};
 
   bool is(uint16_t flag) const { return (flags & flag) != 0; }
 };
 
-enum Section { kNames, kShape, kDisplacements, kColours };
-using Sections = std::array<std::vector<uint8_t>, 4>;
+enum Section { kNames, kShape, kDisplacements, kColours, kLabels };
+using Sections = std::array<std::vector<uint8_t>, 5>;
 
 /// Returns the whole compact frame with its checksum. Sets header.checksum and
 /// header.section_bytes.

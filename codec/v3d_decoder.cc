@@ -34,6 +34,8 @@ void fill_frame(v3d_decoder& decoder) {
   to.colours = from.colours.empty() ? nullptr : from.colours.front().data();
   to.triangles = from.triangles.size();
   to.indices = from.triangles.empty() ? nullptr : from.triangles.front().data();
+  to.live_passes = static_cast<size_t>(from.facts.live_passes);
+  to.labels = from.labels.empty() ? nullptr : from.labels.data();
   decoder.has_frame = true;
 }
 
@@ -68,7 +70,8 @@ Result with_memory(const Call& call, Result otherwise) {
 // codec/v3d_decoder.mjs reads the frame at these offsets.
 static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) == 32 &&
               offsetof(v3d_frame, origin_m) == 40 && offsetof(v3d_frame, cameras) == 64 &&
-              offsetof(v3d_frame, vertices) == 76 && offsetof(v3d_frame, indices) == 92);
+              offsetof(v3d_frame, vertices) == 76 && offsetof(v3d_frame, indices) == 92 &&
+              offsetof(v3d_frame, live_passes) == 96 && offsetof(v3d_frame, labels) == 100);
 #endif
 
 }  // namespace

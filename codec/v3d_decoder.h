@@ -21,7 +21,7 @@ typedef struct v3d_decoder v3d_decoder;
 
 typedef enum v3d_status {
   V3D_OK = 0,
-  V3D_MALFORMED = 1, /* no compact frame of version 2, or damaged */
+  V3D_MALFORMED = 1, /* no compact frame of version 2 or 3, or damaged */
   V3D_NEEDS_REFERENCE =
       2, /* its reference is not the last decoded frame; continue at a key frame */
   V3D_OUT_OF_MEMORY = 3
@@ -42,6 +42,8 @@ typedef struct v3d_frame {
   const uint8_t* colours; /* r, g, b of each vertex (sRGB); NULL: the mesh has none */
   size_t triangles;
   const uint32_t* indices; /* three for each triangle, counter-clockwise seen from outside */
+  size_t live_passes;      /* passes of the deformation within the live budget, 0 to 3 */
+  const uint8_t* labels;   /* performer of each vertex, 0: unknown; NULL: the mesh has none */
 } v3d_frame;
 
 /* Makes a decoder; NULL when memory is exhausted. Release it with v3d_decoder_free(). */

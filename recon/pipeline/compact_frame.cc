@@ -28,6 +28,17 @@ std::vector<codec::VertexPosition> vertex_positions(std::span<const Eigen::Vecto
   return positions;
 }
 
+std::vector<std::array<uint32_t, 3>> triangles_of_performer(const Mesh& mesh,
+                                                            std::span<const uint8_t> performers,
+                                                            int performer) {
+  std::vector<std::array<uint32_t, 3>> kept;
+  if (performers.empty()) return kept;
+  std::ranges::copy_if(mesh.triangles, std::back_inserter(kept), [&](const auto& triangle) {
+    return std::ranges::all_of(triangle, [&](uint32_t v) { return performers[v] == performer; });
+  });
+  return kept;
+}
+
 CompactFrame CompactDecoder::frame() const {
   const codec::DecodedFrame& decoded = decoder_.frame();
   const codec::FrameMetadata& facts = decoded.facts;
@@ -36,6 +47,8 @@ CompactFrame CompactDecoder::frame() const {
                      .cameras = facts.cameras,
                      .missing = facts.missing,
                      .quality = facts.quality,
+                     .live_passes = facts.live_passes,
+                     .performers = decoded.labels,
                      .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
                      .mesh = {}};
   for (const codec::VertexPosition& p : decoded.positions) {

@@ -22,6 +22,8 @@ struct CompactFrame {
   int missing = 0;                   ///< number of cameras of the rig that did not take part
   float quality =
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
+  int live_passes = 0;  ///< of LivePass, the first so many; 0: none, or another deformation
+  std::vector<uint8_t> performers;  ///< of each vertex, 0: unknown; empty: not stated
   VertexLattice lattice;
   Mesh mesh;
 };
@@ -39,6 +41,12 @@ class CompactDecoder {
 
 /// Decodes one key frame; empty for any other bytes.
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes);
+
+/// The triangles whose three vertices belong to `performer`; `performers`: that of each vertex, or
+/// empty.
+std::vector<std::array<uint32_t, 3>> triangles_of_performer(const Mesh& mesh,
+                                                            std::span<const uint8_t> performers,
+                                                            int performer);
 
 /// Conversions between the types of meshes and of the codec.
 std::vector<codec::VertexColour> vertex_colours(std::span<const Rgb8> colours);

@@ -87,7 +87,8 @@ void Reconstructor::make_surface(FrameSetJob& work) {
   if (deform_) {
     deform_->deform(work.frames, work.volume, work.result.mesh);
   } else {
-    live_deform_->deform(work.frames, live_passes_, work.result.mesh);
+    work.result.live_passes = work.live_passes.value_or(live_passes_);
+    live_deform_->deform(work.frames, work.result.live_passes, work.result.mesh);
   }
   work.result.times.deform = milliseconds_since(deforming);
 }
@@ -110,7 +111,9 @@ void Reconstructor::encode(FrameSetJob& work) {
                          .exposure = work.set.exposure,
                          .cameras = result.cameras,
                          .missing = static_cast<int>(rig_.size() - result.cameras.size()),
-                         .quality = result.quality.silhouette_iou};
+                         .quality = result.quality.silhouette_iou,
+                         .live_passes = result.live_passes,
+                         .performers = result.performers};
   result.compact = encode_.encode(facts, work.volume, result.mesh);
   result.times.encode = milliseconds_since(encoding);
 }

@@ -22,9 +22,10 @@ struct ReconstructOptions {
   double voxel_m = 0.01;
   int min_views = 4;
   Quality quality = Quality::kLive;
-  DeformOptions deform = {};             ///< for Quality::kHigh; its voxel_m and lattice are set
-  int live_passes = kDefaultLivePasses;  ///< for Quality::kMedium: LiveDeformer::run()
-  int threads = 0;                       ///< 0: one per core. The result does not depend on it.
+  DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m and lattice are set
+  /// For Quality::kMedium: LiveDeformer::run(), unless FrameSetJob::live_passes says otherwise.
+  int live_passes = kDefaultLivePasses;
+  int threads = 0;  ///< 0: one per core. The result does not depend on it.
 };
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
@@ -42,7 +43,9 @@ struct Reconstruction {
   Mesh mesh;
   double volume_m3 = 0;              ///< occupied voxels times voxel volume
   int ghosts = 0;                    ///< number of components that GhostRemoval removed
+  int live_passes = 0;               ///< passes of the LiveDeformer that ran
   std::vector<std::string> cameras;  ///< cameras that took part
+  std::vector<uint8_t> performers;   ///< of each vertex, 0: unknown; empty: not stated
   std::vector<uint8_t> compact;
   FrameQuality quality;
   StageTimes times;
@@ -57,6 +60,8 @@ struct FrameSetJob {
   FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
+  /// With Quality::kMedium; empty: ReconstructOptions::live_passes. 0 to kLivePasses.
+  std::optional<int> live_passes;
   RigFrames frames;     ///< of `set`
   SparseVolume volume;  ///< the mesh is its surface
   Reconstruction result;

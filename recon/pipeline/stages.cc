@@ -198,11 +198,13 @@ std::vector<uint8_t> EncodeStage::encode(const PulseFacts& facts, const SparseVo
                    .missing = facts.missing,
                    .quality = static_cast<float>(facts.quality),
                    .origin = {origin_.x(), origin_.y(), origin_.z()},
-                   .step = voxel_m_ / 2};
+                   .step = voxel_m_ / 2,
+                   .live_passes = facts.live_passes};
   content.volume = &bricks;
   content.positions = moved;
   content.triangles = surface.triangles;
   content.colours = colours;
+  content.labels = facts.performers;
   auto compact = encoder_.encode(content);
   if (!compact) {
     throw InputError("pulse " + std::to_string(facts.pulse) + ": a surface of " +

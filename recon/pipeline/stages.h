@@ -130,6 +130,9 @@ struct PulseFacts {
   std::vector<std::string> cameras;  ///< that took part, ascending
   int missing = 0;                   ///< number of cameras that did not
   double quality = 0;                ///< FrameQuality::silhouette_iou
+  int live_passes = 0;               ///< passes of LiveDeformStage
+  /// The performer of each vertex, 0: unknown; empty: not stated.
+  std::span<const uint8_t> performers{};
 };
 
 /// Coloured surface to compact frame. The frames form a sequence: a frame may need those since the

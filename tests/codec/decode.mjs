@@ -1,5 +1,5 @@
 // Usage: node decode.mjs MODULE FRAMES. Decodes the frames of file FRAMES in order; each is its length (u32) and its bytes.
-// For each, it writes to the standard output the status (u8) and the arrays of the last decoded frame.
+// For each, it writes to the standard output the status, the passes (u8 each) and the arrays of the last decoded frame.
 import { readFileSync, writeSync } from 'node:fs';
 import { Decoder } from '../../codec/v3d_decoder.mjs';
 
@@ -15,5 +15,6 @@ for (let at = 0; at < bytes.length; ) {
   write(new Uint8Array([decoder.decode(bytes.subarray(at + 4, end))]));
   at = end;
   const frame = decoder.frame();
-  if (frame) for (const array of [frame.positions, frame.indices, frame.colours]) if (array) write(array);
+  write(new Uint8Array([frame?.livePasses ?? 0]));
+  if (frame) for (const array of [frame.positions, frame.indices, frame.colours, frame.labels]) if (array) write(array);
 }

@@ -9,6 +9,7 @@
 
 #include "codec/byte_stream.h"
 #include "codec/frame_header.h"
+#include "codec/frame_labeller.h"
 #include "codec/occupancy.h"
 #include "tests/codec/coded_scene.h"
 
@@ -258,6 +259,105 @@ std::vector<uint8_t> with_valid_checksum(std::vector<uint8_t> frame) {
   return frame;
 }
 
+TEST(FrameCodec, states_the_passes_of_a_live_deformation_in_version_3_alone) {
+  const Scene scene(ball(5));
+  for (const int passes : {0, 1, FrameLimits::kPasses}) {
+    FrameContent content = scene.content(0);
+    content.facts.live_passes = passes;
+    const auto frame = FrameEncoder({}).encode(content).value();
+    EXPECT_EQ(frame[8], passes == 0 ? 2 : 3);
+    FrameDecoder decoder;
+    ASSERT_EQ(decoder.decode(frame), DecodeStatus::kOk);
+    EXPECT_EQ(decoder.frame().facts.live_passes, passes);
+  }
+  FrameContent content = scene.content(0);
+  content.facts.live_passes = FrameLimits::kPasses + 1;
+  EXPECT_FALSE(FrameEncoder({}).encode(content));
+}
+
+RC_GTEST_PROP(FrameCodec, keeps_a_label_of_each_vertex, ()) {
+  Scene scene(dust(recon::small_grid(12, 12, 12), *rc::gen::arbitrary<uint32_t>(), 300));
+  const auto seed = *rc::gen::arbitrary<uint32_t>();
+  const auto kinds = *rc::gen::inRange<uint32_t>(1, 257);
+  std::vector<uint8_t> labels(scene.mesh.vertices.size());
+  for (size_t v = 0; v < labels.size(); ++v) {
+    labels[v] = static_cast<uint8_t>(hash(static_cast<uint32_t>(v / 16), seed) % kinds);
+  }
+  if (*rc::gen::arbitrary<bool>()) scene.paint(seed);
+  FrameContent content = scene.content(0);
+  content.labels = labels;
+  const auto frame = FrameEncoder({}).encode(content).value();
+  FrameDecoder decoder;
+  RC_ASSERT(decoder.decode(frame) == DecodeStatus::kOk);
+  RC_ASSERT(decoder.frame().labels == labels);
+  RC_ASSERT(decoder.frame().colours.size() == content.colours.size());
+}
+
+std::vector<uint8_t> alternating_labels(size_t vertices, size_t period) {
+  std::vector<uint8_t> labels(vertices);
+  for (size_t v = 0; v < vertices; ++v) labels[v] = static_cast<uint8_t>(1 + v / period % 2);
+  return labels;
+}
+
+TEST(FrameLabeller, adds_labels_to_a_sequence_and_keeps_the_rest) {
+  const auto given = moving_ball(6);
+  FrameLabeller labeller, again;
+  FrameDecoder before, after;
+  for (const auto& frame : given) {
+    ASSERT_EQ(labeller.decode(frame), DecodeStatus::kOk);
+    const auto labels = alternating_labels(labeller.frame().positions.size(), 100);
+    const auto labelled = labeller.labelled(labels);
+    ASSERT_EQ(before.decode(frame), DecodeStatus::kOk);
+    ASSERT_EQ(after.decode(labelled), DecodeStatus::kOk);
+    EXPECT_TRUE(same(after.frame(), before.frame()));
+    EXPECT_EQ(after.frame().labels, labels);
+    ASSERT_EQ(again.decode(labelled), DecodeStatus::kOk);
+    EXPECT_EQ(again.labelled({}), frame) << "labels can be removed";
+  }
+}
+
+TEST(FrameLabeller, replaces_labels) {
+  FrameLabeller labeller;
+  ASSERT_EQ(labeller.decode(moving_ball(1)[0]), DecodeStatus::kOk);
+  const size_t vertices = labeller.frame().positions.size();
+  const auto first = labeller.labelled(alternating_labels(vertices, 10));
+  ASSERT_EQ(labeller.decode(first), DecodeStatus::kOk);
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(labeller.labelled(alternating_labels(vertices, 7))), DecodeStatus::kOk);
+  EXPECT_EQ(decoder.frame().labels, alternating_labels(vertices, 7));
+}
+
+TEST(FrameCodec, labels_of_two_parts_cost_few_bytes) {
+  Scene scene(ball(15));
+  scene.paint(1);
+  std::vector<uint8_t> labels;
+  for (const auto& at : scene.mesh.vertices) {
+    labels.push_back(at.x() < scene.mesh.vertices[0].x() ? 1 : 2);
+  }
+  FrameContent content = scene.content(0);
+  const size_t without = FrameEncoder({}).encode(content).value().size();
+  content.labels = labels;
+  const size_t with = FrameEncoder({}).encode(content).value().size();
+  EXPECT_LT(with - without, labels.size() / 50) << labels.size() << " vertices";
+}
+
+TEST(FrameCodec, rejects_labels_that_are_no_byte_or_too_few) {
+  const Scene scene(ball(5));
+  std::vector<uint8_t> labels(scene.mesh.vertices.size() - 1, 1);
+  FrameContent content = scene.content(0);
+  content.labels = labels;
+  EXPECT_FALSE(FrameEncoder({}).encode(content));
+  labels.push_back(1);
+  content.labels = labels;
+  auto frame = FrameEncoder({}).encode(content).value();
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(frame), DecodeStatus::kOk);
+  const auto header = read_header(frame).value();
+  const size_t bytes = section(frame, header, kLabels).size();
+  std::fill(frame.end() - static_cast<std::ptrdiff_t>(bytes), frame.end(), uint8_t{0xFF});
+  EXPECT_EQ(decoder.decode(with_valid_checksum(frame)), DecodeStatus::kMalformed);
+}
+
 RC_GTEST_PROP(FrameCodec, rejects_hostile_bytes_or_decodes_a_valid_mesh, ()) {
   static const auto kFrames = moving_ball(2);
   FrameDecoder decoder;
@@ -286,7 +386,9 @@ TEST(FrameCodec, rejects_headers_that_exceed_a_limit) {
   EXPECT_FALSE(accepts(40, {1}));              // a key frame that references another one
   EXPECT_FALSE(accepts(52, {0, 0, 0, 0x40}));  // quality 2
   EXPECT_FALSE(accepts(88, {0}));              // step of luma
-  EXPECT_FALSE(accepts(91, {1}));              // reserved
+  EXPECT_FALSE(accepts(91, {1}));              // passes, of which version 2 has none
+  EXPECT_FALSE(accepts(8, {3}));               // version 3 without passes
+  EXPECT_FALSE(accepts(8, {4}));               // an unknown version
   EXPECT_FALSE(accepts(92, {1, 0, 64, 0}));    // vertices: 2^22 + 1
   EXPECT_FALSE(accepts(96, {1, 0, 128, 0}));   // triangles: 2^23 + 1
   EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1}));   // 256^3 bricks

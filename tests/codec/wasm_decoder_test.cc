@@ -9,8 +9,14 @@
 namespace v3d::codec {
 namespace {
 
-/// A sequence with a lost frame, a damaged frame, displaced vertices and a frame whose reference is
-/// missing.
+std::vector<uint8_t> labels_of(const Scene& scene) {
+  std::vector<uint8_t> labels(scene.mesh.vertices.size());
+  for (size_t v = 0; v < labels.size(); ++v) labels[v] = static_cast<uint8_t>(v / 100 % 3);
+  return labels;
+}
+
+/// A sequence with a lost frame, a damaged frame, labelled vertices displaced in two passes, and a
+/// frame whose reference is missing.
 std::vector<std::vector<uint8_t>> frames() {
   std::vector<std::vector<uint8_t>> all = moving_ball(9);
   all.erase(all.begin() + 5);
@@ -18,7 +24,11 @@ std::vector<std::vector<uint8_t>> frames() {
   Scene scene(ball(15));
   scene.paint(1);
   scene.move(0.02);
-  all.push_back(FrameEncoder({}).encode(scene.content(0)).value());
+  FrameContent deformed = scene.content(0);
+  deformed.facts.live_passes = 2;
+  const std::vector<uint8_t> labels = labels_of(scene);
+  deformed.labels = labels;
+  all.push_back(FrameEncoder({}).encode(deformed).value());
   return all;
 }
 
@@ -33,9 +43,11 @@ std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   std::string text;
   for (const auto& frame : frames) {
     text.push_back(static_cast<char>(decoder.decode(frame)));
+    text.push_back(static_cast<char>(decoder.frame().facts.live_passes));
     append(text, decoder.frame().positions);
     append(text, decoder.frame().triangles);
     append(text, decoder.frame().colours);
+    append(text, decoder.frame().labels);
   }
   return text;
 }

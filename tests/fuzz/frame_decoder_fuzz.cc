@@ -1,4 +1,4 @@
-// Fuzz target: compact frames of version 2, a key frame and one that references it. Each is
+// Fuzz target: compact frames, a key frame and one that references it. Each is
 // rejected or gives a valid mesh. The target corrects the checksums, as an attacker would.
 #include <cstring>
 #include <vector>
@@ -27,6 +27,7 @@ void check(const v3d::codec::DecodedFrame& frame) {
   for (const auto& triangle : frame.triangles) {
     for (const uint32_t vertex : triangle) v3d::test::must(vertex < frame.positions.size());
   }
+  v3d::test::must(frame.labels.empty() || frame.labels.size() == frame.positions.size());
   v3d::test::must(frame.colours.empty() || frame.colours.size() == frame.positions.size());
 }
 

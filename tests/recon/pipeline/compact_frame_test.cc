@@ -43,6 +43,17 @@ TEST(CompactFrame, decodes_to_the_encoded_content) {
   EXPECT_EQ(frame->mesh.colours, triangle.colours);
 }
 
+TEST(CompactFrame, has_the_triangles_of_a_performer_whose_vertices_are_all_his) {
+  Mesh mesh;
+  mesh.vertices.resize(5);
+  mesh.triangles = {{0, 1, 2}, {1, 3, 2}, {2, 3, 4}};
+  const std::vector<uint8_t> performers = {1, 1, 1, 2, 2};
+  EXPECT_EQ(triangles_of_performer(mesh, performers, 1),
+            (std::vector<std::array<uint32_t, 3>>{{0, 1, 2}}));
+  EXPECT_TRUE(triangles_of_performer(mesh, performers, 2).empty());
+  EXPECT_TRUE(triangles_of_performer(mesh, {}, 1).empty());
+}
+
 TEST(CompactFrame, is_empty_for_other_bytes) {
   std::vector<uint8_t> bytes = Triangle().encoded();
   bytes.back() ^= 1;

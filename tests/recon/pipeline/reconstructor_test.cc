@@ -228,6 +228,7 @@ TEST(Reconstructor, of_medium_quality_returns_the_same_bytes_for_the_same_passes
     const Reconstruction expected = medium_with(passes, 1, set);
     EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
     EXPECT_EQ(medium_with(passes, 4, set).compact, expected.compact) << passes << " passes";
+    EXPECT_EQ(decode_compact(expected.compact)->live_passes, passes);
   }
   EXPECT_NE(medium_with(0, 1, set).compact, medium_with(1, 1, set).compact);
 }

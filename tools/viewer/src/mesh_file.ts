@@ -129,9 +129,9 @@ async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> 
 
 /** Pulse of the key frame at which decoding of a compact frame must start. */
 export function keyPulseOf(frame: Uint8Array): number {
-  if (frame.length < 128 || magic(frame, 0) !== 'V3DF' || view(frame).getUint16(8, true) !== 2) {
-    throw new Error('These meshes are of an older version; run v3dctl reconstruct again.');
-  }
+  const version = frame.length < 128 || magic(frame, 0) !== 'V3DF' ? 0 : view(frame).getUint16(8, true);
+  if (version < 2) throw new Error('These meshes are of an older version; run v3dctl reconstruct again.');
+  if (version > 3) throw new Error('These meshes are of a newer version than this page; update V3D.');
   return number64(view(frame), 40);
 }
 

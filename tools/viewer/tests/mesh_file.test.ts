@@ -134,6 +134,15 @@ describe('frames and pulses', () => {
   });
 
   it('of another version are rejected with a remedy', () => {
+    const ofVersion = (version: number) => {
+      const compact = join(text('V3DF\r\n\x1a\n'), fields(version), new Uint8Array(116));
+      new DataView(compact.buffer).setBigInt64(40, 25n, true);
+      return compact;
+    };
     expect(() => keyPulseOf(frame(0, 200))).toThrow('v3dctl reconstruct');
+    expect(() => keyPulseOf(ofVersion(1))).toThrow('v3dctl reconstruct');
+    expect(keyPulseOf(ofVersion(2))).toBe(25);
+    expect(keyPulseOf(ofVersion(3))).toBe(25);
+    expect(() => keyPulseOf(ofVersion(4))).toThrow('update V3D');
   });
 });
