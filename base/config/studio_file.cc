@@ -387,7 +387,7 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   r.voxel_m = ranged(table, "voxel_m", r.voxel_m, 1e-4, 1);
   const int cameras = static_cast<int>(studio.cameras.size());
   r.min_views = ranged_int(table, "min_views", std::min(r.min_views, cameras), 1, cameras);
-  r.quality = choice(table, "quality", "live", kQualities);
+  r.quality = choice(table, "quality", "medium", kQualities);
   r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
   r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
   r.repair = table.boolean_or("repair", r.repair);

@@ -146,7 +146,7 @@ struct StudioReconstruction {
   std::vector<std::string> nodes;
   double voxel_m = 0.01;
   int min_views = 4;  ///< a voxel that fewer cameras see is empty
-  Quality quality = Quality::kLive;
+  Quality quality = Quality::kMedium;
   int threads = 0;           ///< 0: one per core
   double deadline_ms = 200;  ///< longest wait for the frames of a set, from its first frame
   bool repair = false;       ///< silhouette repair of the pulses for which there is time

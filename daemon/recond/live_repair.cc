@@ -15,19 +15,19 @@ std::optional<recon::RepairedFrameSet> LiveRepair::repair(recon::FrameSet& set) 
   return setup_.repair(set, [this] { return RepairLoadControl::must_stop(waiting_()); });
 }
 
-std::vector<recon::ReplacedMask> LiveRepair::run(recon::FrameSet& set) {
+LiveRepair::Result LiveRepair::run(recon::FrameSet& set) {
   const bool starts = load_.may_start(waiting_());
   auto repaired = starts ? repair(set) : std::nullopt;
   if (repaired) {
     load_.on_finished();
     count(set.pulse, repaired->faults);
-    return std::move(repaired->replaced);
+    return {.started = true, .replaced = std::move(repaired->replaced)};
   }
   if (starts) load_.on_stopped();
   const std::lock_guard lock(mutex_);
   ++counts_.unchecked;
   counts_.stopped += starts ? 1 : 0;
-  return {};
+  return {.started = starts};
 }
 
 void LiveRepair::warm_up(recon::FrameSet& set) { repair(set); }

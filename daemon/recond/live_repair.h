@@ -53,8 +53,12 @@ class LiveRepair {
   /// `waiting`: returns the number of sets that wait behind the current one. Thread-safe.
   LiveRepair(Setup setup, std::function<size_t()> waiting);
 
-  /// Repairs the masks of `set` if there is time. Returns the masks that it replaced. One thread.
-  std::vector<recon::ReplacedMask> run(recon::FrameSet& set);
+  struct Result {
+    bool started = false;  ///< it took time
+    std::vector<recon::ReplacedMask> replaced{};
+  };
+  /// Repairs the masks of `set` if there is time. One thread.
+  Result run(recon::FrameSet& set);
   /// Repairs a set that has no mesh, to allocate memory. The same thread.
   void warm_up(recon::FrameSet& set);
   /// Adds a pulse to the list: its mesh, with repaired silhouettes, was published. One thread.

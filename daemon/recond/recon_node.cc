@@ -79,6 +79,19 @@ std::string repair_text(const ReconCounts& counts) {
          format_count(counts.repair->checked) + " checked pulses repaired";
 }
 
+/// The deformation of the live meshes, for the operator.
+std::string passes_text(const ReconCounts& counts) {
+  std::string text;
+  for (size_t passes = counts.by_passes.size(); passes-- > 0;) {
+    const int64_t meshes = counts.by_passes[passes];
+    if (meshes == 0) continue;
+    text += text.empty() ? ", deformed: " : ", ";
+    text += format_count(meshes) + " by " + (passes == 0 ? "none" : std::to_string(passes)) +
+            (passes == 1 ? " pass" : " passes");
+  }
+  return text;
+}
+
 std::map<std::string, double> values_of(const ReconCounts& c) {
   std::map<std::string, double> values = {
       {"meshes", static_cast<double>(c.meshes)},
@@ -102,6 +115,10 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
   }
   if (c.shard) values.merge(values_of(*c.shard));
   if (c.repair) values.merge(values_of(*c.repair));
+  for (size_t passes = 0; passes < c.by_passes.size(); ++passes) {
+    values["meshes_of_" + std::to_string(passes) + "_passes"] =
+        static_cast<double>(c.by_passes[passes]);
+  }
   for (const auto& [camera, frames] : c.cameras) {
     values[camera + ".live_received"] = static_cast<double>(frames.received);
     values[camera + ".live_lost"] = static_cast<double>(frames.lost);
@@ -202,6 +219,7 @@ void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t>
           .warm_up = resume_at ? std::nullopt
                                : std::optional(recon::warm_up_frame_set(rig, studio_.space.bounds)),
           .repair = repair_setup(rig, options),
+          .live_passes = recon.quality == Quality::kMedium ? options.live_passes : 0,
           .on_finished_set = [this](recon::FrameSet& set) { displacement_monitor_->offer(set); },
           .resume_at = resume_at,
           .shard = shard_setup(command, resume_at.has_value())},
@@ -322,7 +340,7 @@ std::optional<control::NodeReport> ReconNode::poll_draining() {
                                      format_count(counts.dropped) + " dropped, " +
                                      format_count(counts.failed) + " failed, " +
                                      format_count(counts.incomplete_sets) + " of incomplete sets" +
-                                     share_text(counts) + repair_text(counts),
+                                     share_text(counts) + passes_text(counts) + repair_text(counts),
                              .detail = detail_of(counts)};
 }
 

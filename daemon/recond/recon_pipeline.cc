@@ -59,6 +59,9 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       warm_up_(std::move(setup.warm_up)),
       newest_pulse_(setup.resume_at.value_or(0)),
       sequences_(!setup.resume_at),
+      most_passes_(setup.live_passes),
+      passes_(setup.live_passes),
+      by_passes_(static_cast<size_t>(setup.live_passes) + 1),
       repair_(make_repair(std::move(setup.repair))),
       shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
@@ -212,13 +215,22 @@ void ReconPipeline::run_stage(const std::function<void(recon::FrameSetJob&)>& st
 void ReconPipeline::repair(Job& job) {
   if (!repair_) return;
   if (job.is_warm_up) return repair_->warm_up(job.work.set);
-  job.replaced = repair_->run(job.work.set);
+  LiveRepair::Result result = repair_->run(job.work.set);
+  job.replaced = std::move(result.replaced);
+  if (result.started) passes_.ignore_waiting();
+}
+
+/// The warm-up gets all passes, to allocate memory for them.
+void ReconPipeline::choose_passes(Job& job) {
+  job.work.live_passes =
+      job.is_warm_up ? most_passes_ : passes_.next(ready_.size(), ready_.behind(Monotonic::now()));
 }
 
 void ReconPipeline::make_mesh(Job& job) {
   run_stage(
       [&](recon::FrameSetJob& work) {
         repair(job);
+        choose_passes(job);
         stages_.make_mesh(work);
       },
       job);
@@ -231,6 +243,7 @@ void ReconPipeline::finish(Job& job) {
   if (job.is_warm_up) return stages_.begin_sequence();
   if (!job.failure.empty()) return record_failure(job);
   ghosts_ += job.work.result.ghosts;
+  ++by_passes_[static_cast<size_t>(job.work.live_passes.value_or(0))];
   wire::MeshMessage mesh = message_of(job);
   if (shared_) {
     shared_->add_mesh(std::move(mesh));
@@ -326,6 +339,7 @@ ReconCounts ReconPipeline::counts() const {
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
   if (repair_) counts.repair = repair_->counts();
+  if (most_passes_ > 0) counts.by_passes.assign(by_passes_.begin(), by_passes_.end());
   if (shared_) {
     counts.shard = shared_->counts();
     counts.without_mesh = shared_->without_mesh();

@@ -15,6 +15,7 @@
 #include "daemon/node/service.h"
 #include "daemon/recond/live_queue.h"
 #include "daemon/recond/live_repair.h"
+#include "daemon/recond/pass_load_control.h"
 #include "daemon/recond/shared_take.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/pipeline/frame_set.h"
@@ -44,6 +45,8 @@ struct ReconCounts {
   double live_fps = 0;                   ///< meshes per second over the take so far
   recon::FrameQuality quality{};         ///< of the last mesh
   std::optional<RepairCounts> repair{};  ///< set where silhouettes are repaired
+  /// Meshes of this node by passes of the live deformation; empty where it has none.
+  std::vector<int64_t> by_passes{};
   /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
   std::optional<ShardCounts> shard{};
   std::vector<int64_t> without_mesh{};  ///< pulses of a shared take
@@ -80,6 +83,7 @@ class ReconPipeline {
     recon::FrameSetOptions sets;
     std::optional<recon::FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
     std::optional<LiveRepair::Setup> repair{};  ///< of silhouettes, in the first stage
+    int live_passes = 0;  ///< of the live deformation, for a pulse with enough time
     /// Receives every set whose mesh was published, with its silhouettes before the repair, and may
     /// modify it. Called by the last stage.
     std::function<void(recon::FrameSet&)> on_finished_set{};
@@ -130,6 +134,7 @@ class ReconPipeline {
   std::optional<Job> next_job();
   void run_stage(const std::function<void(recon::FrameSetJob&)>& stage, Job& job);
   void repair(Job& job);
+  void choose_passes(Job& job);
   void make_mesh(Job& job);
   void finish(Job& job);
   void record_failure(const Job& job);
@@ -179,8 +184,11 @@ class ReconPipeline {
   std::string failure_;
   recon::FrameQuality quality_;
 
-  std::unique_ptr<LiveRepair> repair_;  ///< null where silhouettes are not repaired
-  std::unique_ptr<SharedTake> shared_;  ///< null where one node makes all meshes
+  const int most_passes_;
+  PassLoadControl passes_;                       ///< used by the first stage
+  std::vector<std::atomic<int64_t>> by_passes_;  ///< meshes; without passes one number
+  std::unique_ptr<LiveRepair> repair_;           ///< null where silhouettes are not repaired
+  std::unique_ptr<SharedTake> shared_;           ///< null where one node makes all meshes
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
   recon::FramePipeline<Job> pipeline_;  ///< last: it uses all of the above

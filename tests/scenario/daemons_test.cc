@@ -80,13 +80,12 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
 }
 
 /// Reconstructs a copy of the take in `folder` without the studio; the take holds all inputs.
-/// Returns the path of its mesh file.
+/// Returns the path of its mesh file, which contains the live meshes before.
 std::filesystem::path reconstruct_copy(const std::string& v3dctl, const take::TakePaths& take,
                                        const std::filesystem::path& folder,
                                        const std::vector<std::string>& options = {}) {
   const take::TakePaths copy{folder / "copy"};
   std::filesystem::copy(take.folder, copy.folder, std::filesystem::copy_options::recursive);
-  std::filesystem::remove(copy.mesh());
   std::vector<std::string> command = {v3dctl, "reconstruct", copy.folder};
   command.insert(command.end(), options.begin(), options.end());
   ChildProcess offline(command, folder / "v3dctl.log");
@@ -102,7 +101,8 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   take::MeshFileReader live(take().mesh());
-  take::MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path()));
+  take::MeshFileReader recorded(
+      reconstruct_copy(bin("v3dctl"), take(), folder_.path(), {"--passes", "live"}));
   ASSERT_GE(live.pulses().size(), 1U) << log();
   EXPECT_EQ(recorded.pulses().size(), kPulses);
   // A compact frame depends on the frames before it. After a pulse that was dropped live, frames
@@ -155,9 +155,18 @@ TEST_P(DeformingStudio4, reconstructs_the_pulses_it_has_time_for_to_the_bytes_of
   ASSERT_TRUE(compact);
   EXPECT_LT(recon::decode_compact(*compact).value().lattice.step, 0.005)
       << "the surface was deformed";
-  take::MeshFileReader recorded(reconstruct_copy(
-      bin("v3dctl"), take(), folder_.path(),
-      {"--no-smoothing", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
+  std::vector<std::string> options = {"--no-smoothing", "--frames",
+                                      std::to_string(first) + ":" + std::to_string(first + 1)};
+  if (studio_.reconstruction.quality == Quality::kMedium) {
+    options.insert(options.end(), {"--passes", "live"});
+    EXPECT_GT(recon::decode_compact(*compact).value().live_passes, 0);
+    EXPECT_EQ(recon["meshes_of_0_passes"].get<int>() + recon["meshes_of_1_passes"].get<int>() +
+                  recon["meshes_of_2_passes"].get<int>(),
+              recon["meshes"].get<int>())
+        << recon;
+  }
+  take::MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path(), options));
+  EXPECT_EQ(recorded.pulses(), std::vector<int64_t>{first});
   EXPECT_EQ(recorded.read(first).value(), compact);
 }
 

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "base/io/file.h"
 #include "support/temporary_folder.h"
 
@@ -31,12 +33,15 @@ class LiveRepairOfTwoCameras : public testing::Test {
   size_t run(int64_t pulse, size_t waiting = 0) {
     waiting_ = waiting;
     recon::FrameSet set{.pulse = pulse, .frames = {}};
-    return live_.run(set).size();
+    const LiveRepair::Result result = live_.run(set);
+    started_ = result.started;
+    return result.replaced.size();
   }
 
   const test::TemporaryFolder folder_;
   size_t waiting_ = 0;
   size_t waiting_during_repair_ = 0;
+  bool started_ = false;  ///< the last repair
   std::vector<int64_t> began_;
   std::vector<recon::SilhouetteFault> faults_ = {
       {1, SilhouetteFaultKind::kMissingPiece, {4, 2, 5, 3}, 12},
@@ -70,6 +75,7 @@ TEST_F(LiveRepairOfTwoCameras, counts_checked_and_repaired_pulses_and_pixels_by_
 
 TEST_F(LiveRepairOfTwoCameras, leaves_out_a_pulse_behind_which_sets_wait) {
   EXPECT_EQ(run(0, 1), 0U);
+  EXPECT_FALSE(started_);
   EXPECT_THAT(began_, IsEmpty());
   EXPECT_EQ(live_.counts().unchecked, 1);
   EXPECT_EQ(live_.counts().stopped, 0);
@@ -79,6 +85,7 @@ TEST_F(LiveRepairOfTwoCameras, stops_a_repair_when_too_many_sets_wait_and_then_p
   waiting_during_repair_ = RepairLoadControl::kMaxWaiting;
   for (int64_t pulse = 0; pulse <= RepairLoadControl::kFirstPause + 1; ++pulse) {
     EXPECT_EQ(run(pulse), 0U);
+    EXPECT_EQ(started_, std::ranges::count(began_, pulse) == 1) << "a stopped repair took time";
   }
   EXPECT_EQ(began_, (std::vector<int64_t>{0, RepairLoadControl::kFirstPause + 1}));
   const RepairCounts counts = live_.counts();

@@ -185,6 +185,37 @@ TEST_F(RepairingPipeline, counts_a_pulse_whose_repair_throws_as_failed) {
   ASSERT_TRUE(makes(1));
 }
 
+TEST_F(ReconPipelineOnBus, leaves_out_passes_of_the_deformation_while_sets_wait) {
+  std::counting_semaphore<> begun(0), go(0);
+  std::vector<int> passes;
+  pipeline_.emplace(
+      ReconPipeline::Setup{.take = "kendo-07",
+                           .mesh_file = folder_ / "mesh.v3d",
+                           .stages = {.make_mesh =
+                                          [&](recon::FrameSetJob& work) {
+                                            passes.push_back(work.live_passes.value());
+                                            begun.release();
+                                            go.acquire();
+                                            name_pulse(work);
+                                          },
+                                      .encode = write_pulse},
+                           .threads = 2,
+                           .sets = {.cameras = {"cam01"}},
+                           .live_passes = 2},
+      bus_);
+  constexpr int64_t kPulses = 6;
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return begun.try_acquire(); }, within(30)));
+  for (int64_t pulse = 1; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
+  go.release(kPulses);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == kPulses; }, within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(passes, (std::vector<int>{2, 1, 1, 1, 1, 1}));
+  EXPECT_EQ(pipeline_->counts().by_passes, (std::vector<int64_t>{0, 5, 1}));
+  EXPECT_EQ(pipeline_->counts().dropped, 0);
+}
+
 TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_them) {
   constexpr int64_t kPulses = 60;
   std::counting_semaphore<> go(0);

@@ -7,6 +7,8 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/geometry/rigid_transform.h"
+#include "codec/frame_header.h"
+#include "take/logs/mesh_file.h"
 #include "take/logs/repaired_pulses.h"
 #include "v3dctl/options.h"
 
@@ -105,11 +107,11 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
                   "and finer")
       .type_name("live|medium|high");
   command
-      .add_option("--passes", arguments.request.live_passes,
+      .add_option("--passes", arguments.passes,
                   "With medium quality: 1 coarse depth search; 2 also a fine one; 3 also removes "
-                  "self-intersections; 0 the visual hull (otherwise 2)")
-      .type_name("N")
-      .check(cli::integer_in(0, recon::kLivePasses));
+                  "self-intersections; 0 the visual hull; live: as many as v3d-recond had time for "
+                  "(otherwise 2)")
+      .type_name("N|live");
   command
       .add_option(
           "--deform", arguments.deform,
@@ -157,6 +159,7 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
   if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
   if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
   request.deform = parse_deform(arguments.deform);
+  if (!arguments.passes.empty()) parse_passes(arguments.passes, {request.take}, request);
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.smooth = !arguments.no_smoothing;
   request.frames = parse_frame_range(arguments.frames);
@@ -182,6 +185,42 @@ std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::Take
   std::ranges::sort(pulses);
   pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
   return pulses;
+}
+
+namespace {
+
+std::map<int64_t, int> passes_of_meshes(const std::filesystem::path& path) {
+  take::MeshFileReader meshes(path);
+  std::map<int64_t, int> passes;
+  bool is_deformed = false;
+  for (const int64_t pulse : meshes.pulses()) {
+    const auto compact = io::value_or_throw(meshes.read(pulse));
+    const auto header = compact ? codec::read_header(*compact) : std::nullopt;
+    if (!header) continue;
+    passes[pulse] = header->facts.live_passes;
+    is_deformed = is_deformed || header->facts.live_passes > 0;
+  }
+  if (!is_deformed) {
+    throw InputError("--passes live: " + path.string() +
+                     " has no mesh of medium quality; expected a number of passes, 0 to " +
+                     std::to_string(recon::kLivePasses));
+  }
+  return passes;
+}
+
+}  // namespace
+
+void parse_passes(std::string_view text, const take::TakePaths& take, ReconstructRequest& request) {
+  if (text == "live") {
+    request.pulse_passes = passes_of_meshes(take.mesh());
+    return;
+  }
+  const bool is_number = text.size() == 1 && text[0] >= '0' && text[0] <= '0' + recon::kLivePasses;
+  if (!is_number) {
+    throw InputError("--passes " + std::string(text) + ": expected live or 0 to " +
+                     std::to_string(recon::kLivePasses));
+  }
+  request.live_passes = text[0] - '0';
 }
 
 recon::DeformOptions parse_deform(std::string_view text) {

@@ -13,7 +13,7 @@ namespace v3d::ctl {
 struct ReconstructArguments {
   ReconstructRequest request;
   std::string voxel, bounds, quality, deform, frames, leave_out;
-  std::string partition, repair_pulses;
+  std::string partition, repair_pulses, passes;
   int min_views = 0;
   int processes = 0;
   bool slurm = false;
@@ -30,6 +30,10 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
 /// or frames and ranges A:B such as "3,7:12". Throws InputError for other text, and as
 /// read_repaired_pulses() does.
 std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::TakePaths& take);
+
+/// The passes of --passes: of all pulses, or with "live" those of the meshes in mesh.v3d, where
+/// v3d-recond stated them. Throws InputError for other text, and where no mesh states passes.
+void parse_passes(std::string_view text, const take::TakePaths& take, ReconstructRequest& request);
 
 /// Parses "mode=paper,internal=0.3,photometric=0.4,silhouette=0.3,window=7,views=6,carving=1": any
 /// of these in any order; missing ones have their defaults. Throws InputError for other text and

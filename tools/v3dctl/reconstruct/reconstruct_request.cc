@@ -116,6 +116,7 @@ Json request_to_json(const ReconstructRequest& complete) {
       {"min_views", *complete.min_views},
       {"quality", static_cast<int>(*complete.quality)},
       {"live_passes", complete.live_passes},
+      {"pulse_passes", complete.pulse_passes},
       {"deform", deform_to_json(complete.deform)},
       {"smooth", complete.smooth},
       {"repair", complete.repair},
@@ -132,6 +133,7 @@ ReconstructRequest request_from_json(const Json& json) {
   request.min_views = json.at("min_views").get<int>();
   request.quality = static_cast<Quality>(json.at("quality").get<int>());
   request.live_passes = json.at("live_passes").get<int>();
+  request.pulse_passes = json.at("pulse_passes").get<std::map<int64_t, int>>();
   request.deform = deform_from_json(json.at("deform"));
   request.smooth = json.at("smooth");
   request.repair = json.at("repair");

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -28,9 +29,10 @@ struct ReconstructRequest {
   std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
   /// With medium quality: ReconstructOptions::live_passes.
   int live_passes = recon::kDefaultLivePasses;
-  recon::DeformOptions deform;  ///< with high quality
-  bool smooth = true;           ///< temporal smoothing, with high quality
-  bool repair = false;          ///< silhouette repair before the reconstruction
+  std::map<int64_t, int> pulse_passes;  ///< instead of live_passes, of single pulses
+  recon::DeformOptions deform;          ///< with high quality
+  bool smooth = true;                   ///< temporal smoothing, with high quality
+  bool repair = false;                  ///< silhouette repair before the reconstruction
   /// Silhouette repair of these pulses as v3d-recond did it; ascending. Not with `repair`.
   std::optional<std::vector<int64_t>> repair_pulses;
   take::FrameRange frames;

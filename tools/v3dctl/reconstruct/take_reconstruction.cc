@@ -110,7 +110,8 @@ class TakeReconstruction::Impl {
                          ? std::optional<LivePulseRepair>(std::in_place, take_.rig(), options_,
                                                           *complete.repair_pulses)
                          : std::nullopt),
-        surfaces_(take_, reconstructor_, repair_ ? &*repair_ : nullptr,
+        passes_(complete.pulse_passes),
+        surfaces_(take_, reconstructor_, passes_, repair_ ? &*repair_ : nullptr,
                   live_repair_ ? &*live_repair_ : nullptr,
                   complete.smooth && options_.quality == Quality::kHigh) {}
 
@@ -169,6 +170,7 @@ class TakeReconstruction::Impl {
   const SilhouetteMeter silhouettes_;
   std::optional<TakeSilhouetteRepair> repair_;
   std::optional<LivePulseRepair> live_repair_;
+  const std::map<int64_t, int> passes_;
   TakeSurfaces surfaces_;
 };
 
@@ -225,9 +227,11 @@ void PendingMeshFile::finish() {
 }
 
 TakeSurfaces::TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
-                           TakeSilhouetteRepair* repair, LivePulseRepair* live_repair, bool smooth)
+                           const std::map<int64_t, int>& passes, TakeSilhouetteRepair* repair,
+                           LivePulseRepair* live_repair, bool smooth)
     : take_(take),
       reconstructor_(reconstructor),
+      passes_(passes),
       repair_(repair),
       live_repair_(live_repair),
       smooth_(smooth),
@@ -262,6 +266,9 @@ TakeSurface TakeSurfaces::read(int64_t pulse) {
   made.work = recon::FrameSetJob(observe_all(pulse, made.frames));
   if (live_repair_ != nullptr) live_repair_->repair(made.work.set, made.frames);
   made.work.set.exposure = take_.edge_of(pulse);
+  if (const auto found = passes_.find(pulse); found != passes_.end()) {
+    made.work.live_passes = found->second;
+  }
   made.segment_ms = recon::milliseconds_since(begin);
   return made;
 }

@@ -87,10 +87,11 @@ struct TakeSurface {
 /// arena.
 class TakeSurfaces {
  public:
-  /// All references are borrowed. `repair` and `live_repair`: null for none. Without `smooth`, each
-  /// pulse is reconstructed alone.
+  /// All references are borrowed. `passes`: FrameSetJob::live_passes by pulse. `repair` and
+  /// `live_repair`: null for none. Without `smooth`, each pulse is reconstructed alone.
   TakeSurfaces(recorded::TakeFrames& take, recon::Reconstructor& reconstructor,
-               TakeSilhouetteRepair* repair, LivePulseRepair* live_repair, bool smooth);
+               const std::map<int64_t, int>& passes, TakeSilhouetteRepair* repair,
+               LivePulseRepair* live_repair, bool smooth);
 
   /// Requires increasing pulses that the take has. Throws as TakeFrames::read().
   TakeSurface make(int64_t pulse);
@@ -111,6 +112,7 @@ class TakeSurfaces {
 
   recorded::TakeFrames& take_;
   recon::Reconstructor& reconstructor_;
+  const std::map<int64_t, int>& passes_;
   TakeSilhouetteRepair* repair_;
   LivePulseRepair* live_repair_;
   const bool smooth_;

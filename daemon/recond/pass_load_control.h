@@ -1,0 +1,73 @@
+// Load control of the live deformation in v3d-recond: decides how many passes a pulse gets.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+namespace v3d::recond {
+
+/// Decides by the length of the queue of frame sets (LiveQueue), and by no clock. A take begins
+/// with all passes.
+///   - When kGrowth more sets wait than before, or when the queue has not become shorter for
+///     kPatience pulses, the next pulses get one pass less. Without passes, a pulse costs what the
+///     visual hull costs. So no pulse is dropped for a pass.
+///   - After at least `pause` pulses, and when no set waits, they get one pass more. The pause is
+///     kFirstPause at first. It doubles, up to kLongestPause, when the pass has to be given up
+///     again. So a PC that is too slow for a pass changes the surface seldom.
+///
+/// One thread.
+class PassLoadControl {
+ public:
+  static constexpr size_t kGrowth = 3;
+  static constexpr int64_t kPatience = 8;
+  static constexpr int64_t kFirstPause = 25;
+  static constexpr int64_t kLongestPause = 1600;
+
+  /// `most`: passes with enough time.
+  explicit PassLoadControl(int most) : most_(most), passes_(most) {}
+
+  /// The passes of the next pulse, while `waiting` sets wait. Call it once for each pulse.
+  /// `behind`: LiveQueue::behind(), sets were dropped.
+  int next(size_t waiting, bool behind) {
+    ++since_change_;
+    if (waiting == 0 || waiting < least_ || std::exchange(is_other_load_, false)) {
+      least_ = waiting;
+      since_least_ = 0;
+    } else {
+      ++since_least_;
+    }
+    const bool is_slow = waiting >= least_ + kGrowth || since_least_ >= kPatience;
+    if (passes_ > 0 && (behind || is_slow)) {
+      next_pause_ = since_change_ < kLongestPause && was_raised_
+                        ? std::min(2 * next_pause_, kLongestPause)
+                        : kFirstPause;
+      change_to(behind ? 0 : passes_ - 1, waiting);
+    } else if (passes_ < most_ && waiting == 0 && !behind && since_change_ >= next_pause_) {
+      change_to(passes_ + 1, waiting);
+    }
+    return passes_;
+  }
+
+  /// Sets that wait at the next pulse do not count: something else than the passes took the time.
+  void ignore_waiting() { is_other_load_ = true; }
+
+ private:
+  void change_to(int passes, size_t waiting) {
+    was_raised_ = passes > passes_;
+    passes_ = passes;
+    since_change_ = since_least_ = 0;
+    least_ = waiting;
+  }
+
+  const int most_;
+  int passes_;
+  bool was_raised_ = false;                     ///< by the last change
+  int64_t since_change_ = 0, since_least_ = 0;  ///< pulses
+  size_t least_ = 0;  ///< sets that waited at least, since the last change
+  bool is_other_load_ = false;
+  int64_t next_pause_ = kFirstPause;
+};
+
+}  // namespace v3d::recond
