@@ -1,13 +1,14 @@
-// A simulated studio of four small cameras with the real daemons, and v3d-viewd that accepts orders, for browser tests.
+// A simulated studio with the real daemons, and v3d-viewd that accepts orders, for browser tests and tools/bench/latency.
 import { execFile, spawn } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { basename, join } from 'node:path';
 import { promisify } from 'node:util';
 import { freePort } from './served_studio.mjs';
 
 export const OPERATOR_TOKEN = 'operators-0123456789';
 const EMPTY_PULSES = '16'; // as many as v3dctl background learns from
+const FOUR_SMALL_CAMERAS = ['--cameras', '4', '--size', '320x240', '--rate', '20', '--loop-frames', '10', '--voxel', '40mm'];
 
 /** Starts a program. Resolves when its output holds `ready`. */
 function begin(program, words, ready) {
@@ -27,16 +28,23 @@ function begin(program, words, ready) {
 export class LiveStudio {
   folder = mkdtempSync(join(tmpdir(), 'v3d-live-'));
   #build;
+  #simulated;
   #children = [];
   #viewd = null;
   #port = 0;
 
-  constructor(build) {
+  /** `simulated`: options of `v3d-sim studio`. */
+  constructor(build, simulated = FOUR_SMALL_CAMERAS) {
     this.#build = build;
+    this.#simulated = simulated;
   }
 
   get address() {
     return `http://127.0.0.1:${this.#port}/`;
+  }
+  /** Process numbers of the running programs, by name. */
+  get processes() {
+    return Object.fromEntries([...this.#children, this.#viewd].map((child) => [basename(child.spawnfile), child.pid]));
   }
   #bin(program) {
     return join(this.#build, 'bin', program);
@@ -62,8 +70,8 @@ export class LiveStudio {
 
   /** Starts all programs. Resolves when the background is learnt and v3d-viewd serves. */
   async start() {
-    const cameras = ['--cameras', '4', '--size', '320x240', '--rate', '20', '--loop-frames', '10', '--voxel', '40mm'];
-    const simulator = await begin(this.#bin('v3d-sim'), ['studio', this.folder, ...cameras, '--empty-pulses', EMPTY_PULSES], 'ready\n');
+    const words = ['studio', this.folder, ...this.#simulated, '--empty-pulses', EMPTY_PULSES];
+    const simulator = await begin(this.#bin('v3d-sim'), words, 'ready\n');
     this.#children.push(simulator);
     this.#port = await freePort();
     mkdirSync(join(this.folder, 'takes'));
