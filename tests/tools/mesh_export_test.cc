@@ -145,6 +145,20 @@ TEST_F(MeshExport, glb_has_the_colours_and_the_position_of_each_camera) {
   EXPECT_EQ(camera["axis"], json({0.0, 1.0, 0.0}));
 }
 
+TEST_F(MeshExport, removes_vertices_that_no_triangle_uses_in_every_camera) {
+  Mesh mesh = tetrahedron();
+  mesh.triangles = {{3, 1, 2}, {2, 1, 3}};
+  std::vector<ExportedCamera> cameras(1);
+  cameras[0].colours.vertices = {{1, 0, 0, 255}, {2, 0, 0, 255}, {3, 0, 0, 255}, {4, 0, 0, 255}};
+  remove_unused_vertices(mesh, cameras);
+  const Mesh whole = tetrahedron();
+  EXPECT_EQ(mesh.vertices, std::vector(whole.vertices.begin() + 1, whole.vertices.end()));
+  EXPECT_EQ(mesh.colours, std::vector(whole.colours.begin() + 1, whole.colours.end()));
+  EXPECT_EQ(mesh.triangles, (std::vector<std::array<uint32_t, 3>>{{2, 0, 1}, {1, 0, 2}}));
+  EXPECT_EQ(cameras[0].colours.vertices.front()[0], 2);
+  EXPECT_EQ(cameras[0].colours.vertices.size(), 3U);
+}
+
 TEST_F(MeshExport, rejects_content_that_a_format_cannot_store) {
   EXPECT_THAT(test::message_of<InputError>(
                   [] { check_options(MeshFormat::kPly, Compression::kDraco, false); }),

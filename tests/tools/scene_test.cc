@@ -41,6 +41,8 @@ TEST(SceneFile, contains_the_position_of_every_object) {
   ASSERT_EQ(scene.takes.size(), 2U);
   EXPECT_EQ(scene.takes[0].take, "takes/a");
   EXPECT_EQ(scene.takes[1].outside, Outside::kHold);
+  EXPECT_EQ(scene.takes[0].performer, 2);
+  EXPECT_EQ(scene.takes[1].performer, std::nullopt);
   ASSERT_EQ(scene.models.size(), 1U);
   const Eigen::Vector3d corner = scene.models[0].place.world_from_own() * Eigen::Vector3d(1, 0, 2);
   EXPECT_LT((corner - Eigen::Vector3d(std::sqrt(0.5), std::sqrt(0.5), 2)).norm(), 1e-9);

@@ -63,6 +63,31 @@ test('lists the takes and reports a take without meshes', async () => {
   await shows('trouble', 'no meshes yet');
 });
 
+test('hides a performer, shows one alone, and saves what is visible', async () => {
+  await open('take=pair');
+  await page.waitForSelector('#performers:not([hidden])');
+  assert.equal(await page.locator('[data-performer]').count(), 2);
+  await probe.settled();
+  const above = () => colourAt(0.5, 0.35), below = () => colourAt(0.5, 0.65);
+  await becomes(isNear(BLUE), 'the upper half', above);
+  await becomes(isNear(GREEN), 'the lower half', below);
+  await page.click('[data-performer="2"] [aria-pressed=true]');
+  await becomes((colour) => !isNear(BLUE)(colour), 'the hidden half is gone', above);
+  assert.ok(isNear(GREEN)(await below()), 'the other half stays');
+  await page.click('[data-performer="2"] button:not([aria-pressed])');
+  await becomes(isNear(BLUE), 'the upper half alone', above);
+  await becomes((colour) => !isNear(GREEN)(colour), 'without the lower half', below);
+  const [download] = await Promise.all([page.waitForEvent('download'), page.click('#save-mesh')]);
+  assert.equal(download.suggestedFilename(), 'pulse-0.glb');
+  const file = readFileSync(await download.path());
+  assert.equal(file.toString('latin1', 0, 4), 'glTF');
+  const { accessors, meshes } = JSON.parse(file.toString('utf8', 20, 20 + file.readUInt32LE(12)));
+  const { min, max } = accessors[meshes[0].primitives[0].attributes.POSITION];
+  assert.ok(max[0] - min[0] > 0.35 && max[1] - min[1] < 0.25 && min[1] > 0.95, `the upper half, y up: ${min}, ${max}`);
+  await page.click('[data-performer="1"] [aria-pressed=false]');
+  await becomes(isNear(GREEN), 'both halves', below);
+});
+
 test('shows the pulse of the address in the colours of the mesh', async () => {
   await open('take=ball&pulse=12');
   await showsPulse(12);

@@ -1,6 +1,8 @@
 // usage: viewer_takes DIR: writes takes for the browser tests.
 // DIR/takes/ball has 60 pulses; 30 to 32 have no mesh. It shows a ball of 40 cm diameter, one metre
-// above the floor, green for 30 pulses and then blue. DIR/takes/empty has no meshes.
+// above the floor, green for 30 pulses and then blue. In DIR/takes/pair the same ball consists of
+// two performers: 1 is its lower half, green, and 2 the upper half, blue. DIR/takes/empty has no
+// meshes.
 #include "base/config/calib_file.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
@@ -13,6 +15,7 @@ namespace {
 constexpr int64_t kPulses = 60;
 constexpr int64_t kFirstMissing = 30;
 constexpr int64_t kFirstBlue = 33;
+constexpr codec::VertexColour kGreen{40, 200, 40}, kBlue{40, 40, 200};
 
 Rig one_camera() {
   Eigen::Matrix3d matrix;
@@ -46,10 +49,26 @@ void save_meshes(const std::filesystem::path& path) {
   take::MeshFileWriter file(path);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
     if (pulse >= kFirstMissing && pulse < kFirstBlue) continue;
-    const codec::VertexColour colour =
-        pulse < kFirstMissing ? codec::VertexColour{40, 200, 40} : codec::VertexColour{40, 40, 200};
+    const codec::VertexColour colour = pulse < kFirstMissing ? kGreen : kBlue;
     io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
+  io::throw_if_failed(file.close());
+}
+
+void save_pair(const std::filesystem::path& path) {
+  codec::Scene scene(codec::ball(20));
+  codec::FrameContent content = ball_frame(scene, 0, kGreen);
+  const recon::VoxelGrid& grid = scene.volume.grid();
+  const double middle = grid.origin.z() + 25 * grid.voxel_m;
+  std::vector<uint8_t> performers(scene.colours.size(), 1);
+  for (size_t v = 0; v < performers.size(); ++v) {
+    if (scene.mesh.vertices[v].z() < middle) continue;
+    performers[v] = 2;
+    scene.colours[v] = kBlue;
+  }
+  content.labels = performers;
+  take::MeshFileWriter file(path);
+  io::throw_if_failed(file.append(0, *codec::FrameEncoder({}).encode(content)));
   io::throw_if_failed(file.close());
 }
 
@@ -60,6 +79,8 @@ int main(int /*argc*/, char** argv) {
   const std::filesystem::path takes = std::filesystem::path(argv[1]) / "takes";
   v3d::save_take(takes / "ball", v3d::kPulses);
   v3d::save_meshes(takes / "ball/mesh.v3d");
+  v3d::save_take(takes / "pair", 1);
+  v3d::save_pair(takes / "pair/mesh.v3d");
   v3d::save_take(takes / "empty", 0);
   return 0;
 }

@@ -23,6 +23,7 @@ struct Arguments {
   std::string compression = "none";
   bool view_dependent = false;
   std::string frames;
+  int performer = 0;  ///< 0: all
 };
 
 std::string file_name(int64_t frame, MeshFormat format) {
@@ -37,6 +38,19 @@ bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
                      std::to_string(frames) + "; expected --frames N, or a folder");
   }
   return true;
+}
+
+/// Removes all but one performer, from `cameras` too.
+void keep_performer(const Arguments& arguments, recon::CompactFrame& frame,
+                    std::vector<ExportedCamera>& cameras) {
+  if (frame.performers.empty()) {
+    throw InputError("--performer: frame " + std::to_string(frame.pulse) +
+                     " does not state performers; expected a take after v3dctl performers " +
+                     arguments.take.string());
+  }
+  frame.mesh.triangles =
+      recon::triangles_of_performer(frame.mesh, frame.performers, arguments.performer);
+  remove_unused_vertices(frame.mesh, cameras);
 }
 
 int run(const Arguments& arguments) {
@@ -58,9 +72,10 @@ int run(const Arguments& arguments) {
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
-    const recon::CompactFrame content = meshes.read(frame);
+    recon::CompactFrame content = meshes.read(frame);
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
+    if (arguments.performer > 0) keep_performer(arguments, content, cameras);
     write_mesh(file, format, content.mesh,
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
@@ -101,6 +116,11 @@ void add_export(CommandLine& line) {
   command.add_flag("--view-dependent", arguments->view_dependent,
                    "ply, glb: also the colour of every vertex in each camera, from the take's raw "
                    "frames, as attributes (docs/export.md)");
+  command
+      .add_option("--performer", arguments->performer,
+                  "One performer alone, of a take after v3dctl performers")
+      .type_name("N")
+      .check(cli::integer_in(1, 255));
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

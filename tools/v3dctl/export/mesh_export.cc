@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -78,6 +79,28 @@ std::vector<PlyColours> ply_colours(std::span<const ExportedCamera> cameras) {
 }
 
 }  // namespace
+
+void remove_unused_vertices(Mesh& mesh, std::vector<ExportedCamera>& cameras) {
+  std::vector<uint8_t> is_used(mesh.vertices.size(), 0);
+  for (const auto& triangle : mesh.triangles) {
+    for (const uint32_t v : triangle) is_used[v] = 1;
+  }
+  const auto keep_used = [&](auto& values) {
+    size_t kept = 0;
+    for (size_t v = 0; v < values.size(); ++v) {
+      if (is_used[v] != 0) values[kept++] = values[v];
+    }
+    values.resize(kept);
+  };
+  keep_used(mesh.vertices);
+  keep_used(mesh.colours);
+  for (ExportedCamera& camera : cameras) keep_used(camera.colours.vertices);
+  std::vector<uint32_t> numbers(is_used.size());
+  std::exclusive_scan(is_used.begin(), is_used.end(), numbers.begin(), uint32_t{0});
+  for (auto& triangle : mesh.triangles) {
+    for (uint32_t& v : triangle) v = numbers[v];
+  }
+}
 
 void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh& mesh,
                 const MeshFileOptions& options) {

@@ -44,6 +44,9 @@ std::string attribute_name(std::string_view camera);
 /// than GLB, and colours of cameras in OBJ.
 void check_options(MeshFormat format, Compression compression, bool by_camera);
 
+/// Removes the vertices that no triangle uses, with their colours, also those in `cameras`.
+void remove_unused_vertices(Mesh& mesh, std::vector<ExportedCamera>& cameras);
+
 /// Writes metres, z up, sRGB colours; a mesh without colours is written without. Replaces the file
 /// atomically. Throws std::runtime_error for errors of the disk.
 void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh& mesh,

@@ -70,6 +70,11 @@ class Field {
     if (n >= 0 && n < kMaxPulses) return n;
     refuse("expected the number of a pulse");
   }
+  int performer() const {
+    const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : 0;
+    if (n >= 1 && n <= 255) return static_cast<int>(n);
+    refuse("expected the number of a performer, 1 to 255");
+  }
   bool flag() const {
     if (value_->is_boolean()) return value_->get<bool>();
     refuse("expected true or false");
@@ -131,7 +136,7 @@ Outside read_outside(const Field& field) {
 
 SceneTake read_take(const Field& field) {
   field.expect_object({"take", "move", "turn_deg", "scale", "start_s", "speed", "in_pulse",
-                       "out_pulse", "outside"});
+                       "out_pulse", "outside", "performer"});
   SceneTake take{.take = field.at("take").path(), .place = read_place(field)};
   if (const auto f = field.find("start_s")) take.start_s = f->number(-kMaxSeconds, kMaxSeconds);
   if (const auto f = field.find("speed")) take.speed = f->positive();
@@ -141,6 +146,7 @@ SceneTake read_take(const Field& field) {
     field.at("out_pulse").refuse("expected no pulse before in_pulse");
   }
   if (const auto f = field.find("outside")) take.outside = read_outside(*f);
+  if (const auto f = field.find("performer")) take.performer = f->performer();
   return take;
 }
 

@@ -39,6 +39,7 @@ struct SceneTake {
   std::optional<int64_t> in_pulse = std::nullopt;
   std::optional<int64_t> out_pulse = std::nullopt;  ///< inclusive
   Outside outside = Outside::kHold;
+  std::optional<int> performer = std::nullopt;  ///< the only one that is shown
 };
 
 struct SceneModel {

@@ -91,6 +91,9 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double sec
     mesh = recorded::FrameColours(actor.take.take, frame)
                .coloured_for(camera_in_take(camera, actor.take.place), std::move(mesh));
   }
+  if (actor.take.performer) {
+    mesh.triangles = recon::triangles_of_performer(mesh, frame.performers, *actor.take.performer);
+  }
   const Eigen::Affine3f place = actor.take.place.world_from_own().cast<float>();
   for (Eigen::Vector3f& vertex : mesh.vertices) vertex = place * vertex;
   append(all, mesh);

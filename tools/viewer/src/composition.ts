@@ -8,7 +8,8 @@ import { cameraAt, pulseAt } from './scene_clock';
 import type { SceneFile, SceneModel, SceneTake } from './scene_file';
 import { wantsViews } from './shading';
 import type { Stage } from './stage';
-import type { FromWorker, ToWorker } from './worker_messages';
+import { indicesOf } from './surface';
+import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
 class Actor {
@@ -19,7 +20,7 @@ class Actor {
   private wanted = -1;
   private seconds = 0;
   private playing = false;
-  shown = -1;
+  private frame: ShownFrame | null = null;
 
   constructor(
     private readonly stage: Stage,
@@ -36,13 +37,34 @@ class Actor {
       if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
       else if (message.kind === 'trouble') trouble(`${take.take}: ${message.text}`);
       else if (message.kind === 'frame') {
-        this.shown = message.frame.number;
-        stage.show(message.frame, this.performer);
-        this.views.show(message.frame.pulse, this.next());
+        this.frame = message.frame;
+        this.show();
       }
       changed();
     };
     this.send({ kind: 'take', take: 0, url });
+  }
+
+  /** Number of the shown frame; -1: none. */
+  get shown(): number {
+    return this.frame?.number ?? -1;
+  }
+
+  /** Shows the last frame; to call when another performer is wanted. */
+  show(): void {
+    if (!this.frame) return;
+    const { performer } = this.take;
+    const indices = performer === null ? this.frame.indices : indicesOf(this.frame, (one) => one === performer);
+    this.shownPerformer = performer;
+    this.stage.show({ ...this.frame, indices }, this.performer);
+    this.views.show(this.frame.pulse, this.next());
+  }
+  private shownPerformer: number | null = null;
+
+  /** To call after a change of the scene. */
+  apply(): void {
+    place(this.performer.mesh, this.take);
+    if (this.shownPerformer !== this.take.performer) this.show();
   }
 
   private send(message: ToWorker): void {
@@ -153,8 +175,7 @@ export class Composition {
     }
     for (const take of scene.takes) {
       if (!this.actors.has(take)) this.begin(take);
-      const actor = this.actors.get(take);
-      if (actor) place(actor.performer.mesh, take);
+      this.actors.get(take)?.apply();
     }
     stage.floorShown = scene.floor;
     stage.backdrop.set(scene.background, (file) => this.url(file));

@@ -1,6 +1,7 @@
 // The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
 import { bindKeys } from './keys';
+import { glbOf, PerformerList } from './performer_list';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
@@ -14,6 +15,14 @@ import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
 
 const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
 const press = (button: Element, on: boolean) => button.setAttribute('aria-pressed', String(on));
+
+function download(file: Blob, name: string): void {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(file);
+  link.download = name;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
 
 const TAKES_EVERY_MS = 5000;
 
@@ -32,6 +41,11 @@ class Viewer {
   private opened = 0;
   private wanted = -1;
   private shown: ShownFrame | null = null;
+  private readonly performers = new PerformerList(find('performers'), () => {
+    if (!this.shown) return;
+    this.stage.show(this.performers.visible(this.shown));
+    this.pictures.show(this.shown.pulse);
+  });
   private shownTimes: number[] = [];
   private shownCount = 0;
   private latency: number | null = null;
@@ -73,6 +87,7 @@ class Viewer {
       live: () => this.openLive(),
       flying: () => this.stage.flying,
     });
+    find('save-mesh').addEventListener('click', () => void this.saveMesh());
     this.setLook('colour');
     addEventListener('hashchange', () => this.followAddress());
   }
@@ -164,7 +179,7 @@ class Viewer {
     const scene: SceneFile = {
       rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
       takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
-        in_pulse: null, out_pulse: null, outside: 'hold' }] : [],
+        in_pulse: null, out_pulse: null, outside: 'hold', performer: null }] : [],
       camera: { keys: [this.stage.eyeAsKey(0)] },
     };
     this.openAs({ take: null, scene: '' }, '', null);
@@ -236,12 +251,14 @@ class Viewer {
   }
 
   private saveScene(): void {
-    const file = new Blob([writeScene(this.composition!.scene)], { type: 'application/json' });
-    const link = document.createElement('a');
-    link.href = URL.createObjectURL(file);
-    link.download = 'scene.json';
-    link.click();
-    URL.revokeObjectURL(link.href);
+    download(new Blob([writeScene(this.composition!.scene)], { type: 'application/json' }), 'scene.json');
+  }
+
+  /** What is visible of the shown pulse. */
+  private async saveMesh(): Promise<void> {
+    if (!this.shown) return;
+    const { pulse } = this.shown;
+    download(await glbOf(this.performers.visible(this.shown)), `pulse-${pulse}.glb`);
   }
 
   private openAs(what: { take: Take | null; scene: string | null }, address: string, rigUrl: string | null): void {
@@ -254,6 +271,7 @@ class Viewer {
     if (location.hash.slice(1).split('&')[0] !== address) history.replaceState(null, '', `#${address}`);
     this.playback = null;
     this.shown = null;
+    this.performers.clear();
     this.latency = null;
     this.wanted = -1;
     this.transport.set(null);
@@ -321,13 +339,19 @@ class Viewer {
     this.shown = frame;
     find('canvas').dataset.shown = String(++this.shownCount);
     this.trouble('');
-    this.stage.show(frame);
+    this.performers.add(frame);
+    this.stage.show(this.performers.visible(frame));
     this.pictures.show(frame.pulse);
     this.shownTimes.push(performance.now());
     if (frame.live?.edgeMs != null) {
-      // The latency ends when the pulse is visible, at the next refresh of the screen.
-      requestAnimationFrame(() => (this.latency = performance.timeOrigin + performance.now() - frame.live!.edgeMs!));
+      // The next refresh of the screen draws the mesh; it is visible from the one after that.
+      requestAnimationFrame(() => requestAnimationFrame(() => this.setLatency(frame.pulse, frame.live!.edgeMs!)));
     }
+  }
+
+  private setLatency(pulse: number, edgeMs: number): void {
+    this.latency = performance.timeOrigin + performance.now() - edgeMs;
+    find('canvas').dataset.latency = `${pulse} ${this.latency}`; // for tools/bench/latency
   }
 
   private setRig(rig: RigCamera[]): void {

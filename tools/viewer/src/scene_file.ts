@@ -21,6 +21,8 @@ export interface SceneTake extends Placement {
   in_pulse: number | null;
   out_pulse: number | null;
   outside: Outside;
+  /** The only performer that is shown; null: all. */
+  performer: number | null;
 }
 
 export interface SceneModel extends Placement {
@@ -94,6 +96,11 @@ class Field {
     if (Number.isSafeInteger(this.value) && (this.value as number) >= 0) return this.value as number;
     return this.reject('expected the number of a pulse');
   }
+  performer(): number {
+    const number = this.value as number;
+    if (Number.isSafeInteger(number) && number >= 1 && number <= 255) return number;
+    return this.reject('expected the number of a performer, 1 to 255');
+  }
   flag(): boolean {
     return typeof this.value === 'boolean' ? this.value : this.reject('expected true or false');
   }
@@ -132,8 +139,9 @@ function readOutside(field: Field): Outside {
 }
 
 function readTake(field: Field): SceneTake {
-  field.expectObject(['take', 'move', 'turn_deg', 'scale', 'start_s', 'speed', 'in_pulse', 'out_pulse', 'outside']);
+  field.expectObject(['take', 'move', 'turn_deg', 'scale', 'start_s', 'speed', 'in_pulse', 'out_pulse', 'outside', 'performer']);
   const outside = field.find('outside');
+  const performer = field.find('performer');
   const take: SceneTake = {
     take: field.at('take').path(),
     ...readPlace(field),
@@ -142,6 +150,7 @@ function readTake(field: Field): SceneTake {
     in_pulse: field.find('in_pulse')?.pulse() ?? null,
     out_pulse: field.find('out_pulse')?.pulse() ?? null,
     outside: outside ? readOutside(outside) : 'hold',
+    performer: performer ? performer.performer() : null,
   };
   if (take.in_pulse !== null && take.out_pulse !== null && take.out_pulse < take.in_pulse) {
     field.at('out_pulse').reject('expected no pulse before in_pulse');
@@ -252,6 +261,7 @@ export function writeScene(scene: SceneFile): string {
       ...(take.in_pulse !== null && { in_pulse: take.in_pulse }),
       ...(take.out_pulse !== null && { out_pulse: take.out_pulse }),
       ...(take.outside !== 'hold' && { outside: take.outside }),
+      ...(take.performer !== null && { performer: take.performer }),
     })),
     models: scene.models.map((model) => ({ model: model.model, ...place(model) })),
     camera: {

@@ -29,6 +29,8 @@ interface Limits {
   max?: number;
 }
 
+const MAX_PULSE = 1e9;
+
 /** A number field. An input outside the limits is reset to the last value. */
 function number(name: string, value: number, limits: Limits, set: (value: number) => void): HTMLInputElement {
   const input = part('input');
@@ -44,12 +46,13 @@ function number(name: string, value: number, limits: Limits, set: (value: number
   return input;
 }
 
-/** A field for a pulse number; null when it is empty. */
-function pulse(name: string, value: number | null, set: (value: number | null) => void): HTMLInputElement {
+/** A field for a whole number; null when it is empty. */
+function wholeNumber(name: string, value: number | null, min: number, max: number, set: (value: number | null) => void): HTMLInputElement {
   const input = part('input');
-  Object.assign(input, { type: 'number', step: 1, min: 0, value: value ?? '', placeholder: 'all' });
+  Object.assign(input, { type: 'number', step: 1, min, max, value: value ?? '', placeholder: 'all' });
   input.dataset.edit = name;
-  input.addEventListener('change', () => set(input.value === '' ? null : Math.max(0, Math.round(input.valueAsNumber))));
+  input.addEventListener('change', () =>
+    set(input.value === '' ? null : Math.min(max, Math.max(min, Math.round(input.valueAsNumber)))));
   return input;
 }
 
@@ -92,17 +95,21 @@ function takeFields(take: SceneTake, change: Change): HTMLElement[] {
       change();
     })),
     labelled('Pulses',
-      pulse('in', take.in_pulse, (n) => {
+      wholeNumber('in', take.in_pulse, 0, MAX_PULSE, (n) => {
         take.in_pulse = n;
         if (n !== null && take.out_pulse !== null) take.out_pulse = Math.max(n, take.out_pulse);
         change();
       }),
-      pulse('out', take.out_pulse, (n) => {
+      wholeNumber('out', take.out_pulse, 0, MAX_PULSE, (n) => {
         take.out_pulse = n === null ? null : Math.max(n, take.in_pulse ?? 0);
         change();
       })),
     labelled('Outside', choice('outside', OUTSIDES.map((o) => [o, o] as const), take.outside, (o) => {
       take.outside = o as Outside;
+      change();
+    })),
+    labelled('Performer', wholeNumber('performer', take.performer, 1, 255, (n) => {
+      take.performer = n;
       change();
     })),
   ];
@@ -165,7 +172,7 @@ export class ScenePanel {
     box.append(
       choice('add-take', [['', 'Add a take …'], ...takes], '', (name) => {
         const take = this.actions.pathOf(name);
-        scene.takes.push({ take, ...fresh(), start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold' });
+        scene.takes.push({ take, ...fresh(), start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold', performer: null });
         this.again(scene);
       }),
       button('Add a model …', 'add-model', () => {

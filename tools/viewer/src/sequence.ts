@@ -84,5 +84,6 @@ export function shownFrame(
     normals: vertexNormals(frame.positions, frame.indices),
     colours: frame.colours?.slice() ?? null,
     indices: frame.indices.slice(),
+    performers: frame.labels?.slice() ?? null,
   };
 }

@@ -4,6 +4,27 @@ export interface Surface {
   normals: Float32Array;
   colours: Uint8Array | null;
   indices: Uint32Array;
+  /** Performer of each vertex, 0: unknown; null: not stated. */
+  performers: Uint8Array | null;
+}
+
+/** The performers of a surface, ascending. */
+export function performersOf(surface: Surface): number[] {
+  return [...new Set(surface.performers ?? [])].filter((performer) => performer > 0).sort((a, b) => a - b);
+}
+
+/** Indices of the triangles whose three vertices belong to shown performers. */
+export function indicesOf(surface: Surface, isShown: (performer: number) => boolean): Uint32Array {
+  const { indices, performers } = surface;
+  if (!performers) return indices;
+  const shown = Array.from({ length: 256 }, (_, performer) => isShown(performer));
+  const kept = new Uint32Array(indices.length);
+  let count = 0;
+  for (let t = 0; t < indices.length; t += 3) {
+    if (!shown[performers[indices[t]]] || !shown[performers[indices[t + 1]]] || !shown[performers[indices[t + 2]]]) continue;
+    for (let corner = 0; corner < 3; ++corner) kept[count++] = indices[t + corner];
+  }
+  return kept.slice(0, count);
 }
 
 /** Vertex normals: area-weighted means of the triangle normals; (0, 0, 1) without a triangle. */

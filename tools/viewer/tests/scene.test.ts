@@ -18,8 +18,8 @@ const scene = () => parseScene(JSON.stringify(cases.scene));
 test('a scene contains the position of every object', () => {
   expect(pictureCount(scene())).toBe(cases.pictures);
   expect(scene().background).toMatchObject({ colour: '#0a1b2c', sphere: 'sky.jpg', turn_deg: 90 });
-  expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop' });
-  expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold' });
+  expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop', performer: 2 });
+  expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold', performer: null });
 });
 
 test('a scene that is written reads back the same', () => {
