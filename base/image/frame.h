@@ -32,6 +32,10 @@ struct Frame {
   std::optional<Mask> mask;  ///< size() == sensor_size
   Rect roi;                  ///< position of `image` in the whole image; x0 and y0 are even
   Image image;               ///< the pixels inside roi
+  /// Pixels that differ from the background plates, size() == sensor_size. They restrict colours,
+  /// not silhouettes. Only a recorded frame has it whose mask was stored, where there are plates;
+  /// no message contains it.
+  std::optional<Mask> background_difference{};
 };
 
 /// Reduces a raw frame to what the reconstruction needs: the mask, and the pixels of its bounding

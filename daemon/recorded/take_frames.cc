@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
@@ -98,6 +99,7 @@ recon::FrameSet observe_all(int64_t pulse,
     if (!frame) continue;
     set.frames.push_back(
         observe(frame->raw.camera, frame->raw.label, frame->raw.image.view(), frame->mask));
+    set.frames.back().background_difference = frame->background_difference;
   }
   return set;
 }
@@ -132,14 +134,12 @@ std::optional<ImageSize> SegmentedLog::frame_size() {
 std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
   std::optional<Frame> raw = log_.read(pulse);
   if (!raw) return std::nullopt;
-  if (raw->mask) {
-    Mask mask = *std::move(raw->mask);
-    raw->mask.reset();
-    return SegmentedFrame{*std::move(raw), std::move(mask)};
-  }
+  std::optional<Mask> stored = std::exchange(raw->mask, std::nullopt);
+  if (stored && !can_segment(*raw)) return SegmentedFrame{*std::move(raw), *std::move(stored)};
   learn_before(index_of_.at(pulse));
-  Mask mask = segment(*raw);
-  return SegmentedFrame{*std::move(raw), std::move(mask)};
+  Mask segmented = segment(*raw);
+  if (!stored) return SegmentedFrame{*std::move(raw), std::move(segmented)};
+  return SegmentedFrame{*std::move(raw), *std::move(stored), std::move(segmented)};
 }
 
 void SegmentedLog::learn_before(size_t index) {
@@ -156,8 +156,13 @@ void SegmentedLog::learn_before(size_t index) {
 
 void SegmentedLog::learn(int64_t pulse) {
   const std::optional<Frame> raw = log_.read(pulse);
-  if (!raw || raw->mask) return;
+  if (!raw || (raw->mask && !can_segment(*raw))) return;
   segmenter_->learn(pulse, raw->image.view(), segment(*raw));
+}
+
+bool SegmentedLog::can_segment(const Frame& raw) const {
+  return segmenter_ && segmenter_->size() == raw.image.size &&
+         segmenter_->format() == raw.image.format;
 }
 
 Mask SegmentedLog::segment(const Frame& raw) {
@@ -166,7 +171,7 @@ Mask SegmentedLog::segment(const Frame& raw) {
         paths_.frames(raw.camera).string() + ": frames without masks, and no background model in " +
         paths_.background().string() + ": import with --masks, --background or --background-black");
   }
-  if (segmenter_->size() != raw.image.size || segmenter_->format() != raw.image.format) {
+  if (!can_segment(raw)) {
     throw InputError(paths_.background().string() + ": the background model of " + raw.camera +
                      " has another image size or format than the frames: learn it again");
   }

@@ -24,6 +24,9 @@ namespace v3d::recorded {
 struct SegmentedFrame {
   Frame raw;
   Mask mask;
+  /// Of a stored mask: the segmentation by the take's background model, see
+  /// Frame::background_difference.
+  std::optional<Mask> background_difference{};
 };
 
 /// The background model of `camera`; empty if the take has none. Throws InputError like
@@ -44,17 +47,19 @@ class SegmentedLog {
   /// The sensor size in the first frame of the log; empty if the log has no frame.
   std::optional<ImageSize> frame_size();
 
-  /// The frame of a pulse and its silhouette; empty if there is no frame, or it is incomplete. A
-  /// stored mask is used as it is. Otherwise the frame is segmented by the take's background model,
-  /// adapted to the light up to this frame as in live operation, so that the result does not depend
-  /// on previous reads. Fast in the order of the log. Throws InputError for a frame with neither
-  /// mask nor model.
+  /// The frame of a pulse and its silhouette; empty if there is no frame, or it is incomplete. The
+  /// frame is segmented by the take's background model, adapted to the light up to this frame as in
+  /// live operation, so that the result does not depend on previous reads. A stored mask is used as
+  /// it is; the segmentation is then the background difference, if there is a model of the frame's
+  /// size and format. Fast in the order of the log. Throws InputError for a frame with neither mask
+  /// nor model.
   std::optional<SegmentedFrame> read(int64_t pulse);
 
  private:
   /// Adapts the segmenter to the frames before `index`, as in live operation.
   void learn_before(size_t index);
   void learn(int64_t pulse);
+  bool can_segment(const Frame& raw) const;
   Mask segment(const Frame& raw);
 
   take::TakePaths paths_;
@@ -102,7 +107,8 @@ class TakeFrames {
   std::string edges_error_;  ///< empty: pulses.lcmlog was read, or is absent
 };
 
-/// The frame set of all present frames, by observe(). Copies the masks.
+/// The frame set of all present frames, by observe(), with their background differences. Copies the
+/// masks.
 recon::FrameSet observe_all(int64_t pulse,
                             const std::vector<std::optional<SegmentedFrame>>& frames);
 

@@ -89,11 +89,12 @@ HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
   return hn::Le(view.z.v, max_z.v);
 }
 
-struct MaskBits {
-  LaneMask foreground, inner;
+/// Classes of ColourMask. A pixel of none of them is outside the mask.
+struct PixelClasses {
+  LaneMask inner, rim, room;
 };
 
-HWY_INLINE MaskBits read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
+HWY_INLINE PixelClasses read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
   const Floats floats;
   const Ints ints;
   const Words words;
@@ -106,7 +107,8 @@ HWY_INLINE MaskBits read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::V
   const auto has = [&](uint32_t bit) {
     return hn::RebindMask(floats, hn::TestBit(pixel, hn::Set(words, bit)));
   };
-  return {has(1), has(1U << 16)};
+  const LaneMask low = has(1), high = has(1U << 16);
+  return {hn::And(low, high), hn::AndNot(high, low), hn::AndNot(low, high)};
 }
 
 /// sample_colour() at (x, y), pixels of the image, for every lane in `wanted`. On return, `wanted`
@@ -227,15 +229,16 @@ HWY_INLINE Colour corrected(const SampleCorrection& correction, const Colour& co
 }
 
 /// Adds colour and weight of every lane in `lanes` to the sums of its vertex.
-HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, LaneMask inner,
+HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, const PixelClasses& classes,
                     const int32_t* number, ColourSums& sums) {
   alignas(64) float products[4 * kLanes];
   hn::StoreInterleaved4((weight * colour.channel[0]).v, (weight * colour.channel[1]).v,
                         (weight * colour.channel[2]).v, weight.v, Floats(), products);
-  const uint64_t inner_bits = bits_of(inner);
+  const uint64_t inner = bits_of(classes.inner), room = bits_of(classes.room);
   for (uint64_t bits = bits_of(lanes); bits != 0; bits &= bits - 1) {
     const int lane = std::countr_zero(bits);
-    auto& sum = (inner_bits >> lane & 1 ? sums.inner : sums.rim)[number[lane]];
+    auto& of_class = inner >> lane & 1 ? sums.inner : room >> lane & 1 ? sums.room : sums.rim;
+    auto& sum = of_class[number[lane]];
     for (int k = 0; k < 4; ++k) sum[k] += products[4 * lane + k];
   }
 }
@@ -253,13 +256,13 @@ HWY_INLINE void sample_seen(const VertexCamera& camera, const SeenVertices& foun
       const auto whole = hn::Sub(hn::ConvertTo(ints, where.v), hn::Set(ints, origin));
       return hn::IfThenElseZero(hn::RebindMask(ints, there), whole);
     };
-    const MaskBits mask = read_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
-    LaneMask seen = hn::And(there, mask.foreground);
+    const PixelClasses classes = read_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
+    const LaneMask in_mask = hn::Or(hn::Or(classes.inner, classes.rim), classes.room);
+    LaneMask seen = hn::And(there, in_mask);
     if (bits_of(seen) == 0) continue;
     Colour colour = sample(camera, u, v, seen);
     if (camera.colour) colour = corrected(*camera.colour, colour);
-    add(colour, Lanes(hn::Load(floats, found.weight + i)), seen, mask.inner, found.number + i,
-        sums);
+    add(colour, Lanes(hn::Load(floats, found.weight + i)), seen, classes, found.number + i, sums);
   }
 }
 

@@ -50,6 +50,7 @@ struct ColourSums {
   using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
   alignas(64) Sums inner{};  ///< samples of foreground pixels alone
   alignas(64) Sums rim{};    ///< samples that may contain background
+  alignas(64) Sums room{};   ///< samples of ColourMask::room(): probably background
 };
 
 /// Adds the colours of vertices `first` to `first` + kBlock that `camera` sees: the normal faces

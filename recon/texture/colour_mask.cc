@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/image/mask_operations.h"
 #include "recon/texture/texture.h"
 
 namespace v3d::recon {
@@ -50,16 +51,23 @@ ColourMask::ColourMask(const Frame& frame)
   if (!frame.mask) {
     return;
   }
+  Mask differing, within;
+  const Mask *sure = &*frame.mask, *foreground = &*frame.mask;
+  if (frame.background_difference) {
+    differing = intersection_of(*frame.mask, *frame.background_difference);
+    within = union_of(differing, erode(*frame.mask, kLooseReach));
+    sure = &differing, foreground = &within;
+  }
   uint32_t* out = words_.data();
   for (int y = roi_.y0; y < roi_.y0 + roi_.height; ++y) {
-    const EndlessRow above(*frame.mask, y - kReach), row(*frame.mask, y);
-    const EndlessRow below(*frame.mask, y + kReach);
+    const EndlessRow mask(*frame.mask, y), kept(*foreground, y), row(*sure, y);
+    const EndlessRow above(*sure, y - kReach), below(*sure, y + kReach);
     for (int x = roi_.x0; x < roi_.x0 + roi_.width; x += 32) {
-      const uint32_t foreground = row.bits(x);
       const uint32_t inner =
-          foreground & above.bits(x) & below.bits(x) & row.bits(x - kReach) & row.bits(x + kReach);
-      *out++ = (foreground & 0xFFFF) | inner << 16;
-      *out++ = foreground >> 16 | (inner & 0xFFFF0000);
+          row.bits(x) & above.bits(x) & below.bits(x) & row.bits(x - kReach) & row.bits(x + kReach);
+      const uint32_t low = kept.bits(x), room = mask.bits(x) & ~low, high = inner | room;
+      *out++ = (low & 0xFFFF) | high << 16;
+      *out++ = low >> 16 | (high & 0xFFFF0000);
     }
   }
 }

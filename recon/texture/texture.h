@@ -56,7 +56,7 @@ struct TextureOptions {
   /// Weight cameras by the square of their resolution on the surface, -V_c . N_v times focal length
   /// over depth. (In the paper distance has no influence.)
   bool by_resolution = false;
-  int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
+  int fill_passes = 64;  ///< how far colour spreads to vertices without one, in edges
   /// Colours for this viewpoint: cameras with a similar viewing direction have larger weights.
   std::optional<ViewDependence> view = std::nullopt;
 };
@@ -66,7 +66,7 @@ inline constexpr Rgb8 kUnseenColour{128, 128, 128};
 
 struct Texture {
   std::vector<Rgb8> colours;  ///< one per vertex
-  int64_t unseen = 0;         ///< vertices that no camera sees
+  int64_t unseen = 0;         ///< vertices that no camera sees, or only as ColourMask::room()
 };
 
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
@@ -75,9 +75,10 @@ struct Texture {
 /// ColourResponse. Weights are -V_c . N_v, or by_resolution, or for a viewpoint (V_eye . V_c + 2)^m
 /// for all vertices.
 ///
-/// Two additions to the paper: a sample outside ColourMask::inner() counts only where no other
-/// camera sees the vertex, because the background shines through at the rim of a silhouette.
-/// Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
+/// Additions to the paper: a sample outside ColourMask::inner() counts only where no other camera
+/// sees the vertex, because the background shines through at the rim of a silhouette. Vertices that
+/// no camera sees, or only as ColourMask::room(), take the mean colour of their neighbours, pass by
+/// pass. A sample of the room counts only where this reaches no vertex.
 ///
 /// Deterministic: independent of thread count and of the order of `cameras`, which are sorted by
 /// name. Names must differ.

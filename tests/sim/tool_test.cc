@@ -7,6 +7,7 @@
 #include "base/config/calib_file.h"
 #include "base/config/studio_file.h"
 #include "base/core/error.h"
+#include "base/image/mask_operations.h"
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/ply_file.h"
@@ -289,6 +290,18 @@ TEST(SimulatedTake, has_masks_with_outline_noise_on_request) {
   const double iou = intersection_over_union(*frame->mask, clean);
   EXPECT_GT(iou, 0.5);
   EXPECT_LT(iou, 0.95);
+}
+
+TEST(SimulatedTake, has_dilated_masks_on_request) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut");
+  take.frames = 1;
+  take.mask_dilation_px = 3;
+  write(take);
+  const auto frame = take::FrameLogReader(take::TakePaths{take.folder}.frames("cam01")).read(0);
+  ASSERT_TRUE(frame && frame->mask);
+  const Mask loose = dilate(true_silhouette(take.rig[0], 0, take.seed), 3);
+  EXPECT_GT(intersection_over_union(*frame->mask, loose), 0.95);
 }
 
 TEST(SimulatedTake, rejects_a_used_folder_and_an_invalid_name) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/image/colour.h"
+#include "base/image/mask_operations.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "v3dctl/evaluate/evaluate.h"
@@ -74,6 +75,15 @@ TEST_F(HeldOutViews, have_pixels_inside_that_show_foreground_only) {
       EXPECT_EQ(view.inside().get(x, y), in_middle && !hole) << x << " " << y;
     }
   }
+}
+
+TEST_F(HeldOutViews, have_no_pixels_inside_that_equal_the_plates) {
+  recorded::SegmentedFrame frame = photograph(drawing_);
+  frame.background_difference = difference_of(frame.mask, frame.mask);
+  EXPECT_EQ(HeldOutView(camera_, frame).inside().count(), 0);
+  frame.background_difference = frame.mask;
+  EXPECT_EQ(HeldOutView(camera_, frame).inside(),
+            HeldOutView(camera_, photograph(drawing_)).inside());
 }
 
 }  // namespace

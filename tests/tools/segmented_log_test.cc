@@ -44,8 +44,8 @@ class SegmentedLogTest : public testing::Test {
   }
 
   /// Writes a log as a capture daemon does that sends every third pulse live. Keeps the masks of
-  /// these pulses.
-  void record(const std::vector<int64_t>& pulses) {
+  /// these pulses. `stored`: mask of every frame in the log.
+  void record(const std::vector<int64_t>& pulses, const std::optional<Mask>& stored = {}) {
     segmentation::Segmenter segmenter(model_, {});
     take::EventLogWriter log(take_.frames(kCamera));
     for (const int64_t pulse : pulses) {
@@ -55,6 +55,7 @@ class SegmentedLogTest : public testing::Test {
       message.frame.sensor_size = kSize;
       message.frame.roi = {0, 0, kSize.width, kSize.height};
       message.frame.image = picture(pulse);
+      message.frame.mask = stored;
       ASSERT_TRUE(log.write(message));
       const bool learn = segmenter.learns_from(pulse);
       const bool live = pulse % 3 == 1;
@@ -117,6 +118,54 @@ TEST_F(SegmentedLogTest, returns_the_live_masks_when_pulse_numbers_are_out_of_or
   record({0, 1, 64, 64, 4, 32, 34, 65, 64, 70, 160, 128, 130, 133, 100, 192, 193});
   recorded::SegmentedLog log(take_, kCamera);
   for (const int64_t pulse : {1, 4, 34, 70, 100, 130, 133, 193}) expect_as_live(log, pulse);
+}
+
+Mask some_mask() {
+  Mask mask(kSize);
+  for (int y = 5; y < 60; ++y) mask.fill_row(y, 3, 90);
+  return mask;
+}
+
+TEST_F(SegmentedLogTest, returns_a_stored_mask_with_the_live_one_as_background_difference) {
+  record(pulses(0, 300), some_mask());
+  recorded::SegmentedLog log(take_, kCamera);
+  for (const auto& [pulse, live] : live_) {
+    const auto frame = log.read(pulse);
+    ASSERT_TRUE(frame) << pulse;
+    EXPECT_EQ(frame->mask, some_mask()) << pulse;
+    EXPECT_EQ(frame->background_difference, live) << pulse;
+  }
+}
+
+TEST_F(SegmentedLogTest, returns_a_segmented_mask_without_background_difference) {
+  record({0});
+  EXPECT_FALSE(recorded::SegmentedLog(take_, kCamera).read(0)->background_difference);
+}
+
+TEST_F(SegmentedLogTest, returns_a_stored_mask_alone_without_a_background_model_of_its_size) {
+  record({0, 1, 32, 64}, some_mask());
+  const auto expect_mask_alone = [&] {
+    const auto frame = recorded::SegmentedLog(take_, kCamera).read(64);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->mask, some_mask());
+    EXPECT_FALSE(frame->background_difference);
+  };
+  segmentation::BackgroundModel wider{{98, 64}, PixelFormat::kMono8, {}, {}};
+  wider.mean.assign(wider.size.pixels(), 100);
+  wider.spread.assign(wider.size.pixels(), 1.5);
+  save_background(take_.background(), kCamera, wider);
+  expect_mask_alone();
+  std::filesystem::remove_all(take_.background());
+  expect_mask_alone();
+}
+
+TEST_F(SegmentedLogTest, passes_the_background_difference_to_the_reconstruction) {
+  record({1}, some_mask());
+  const recon::FrameSet set =
+      recorded::observe_all(1, {recorded::SegmentedLog(take_, kCamera).read(1)});
+  ASSERT_EQ(set.frames.size(), 1U);
+  EXPECT_EQ(set.frames[0].mask, some_mask());
+  EXPECT_EQ(set.frames[0].background_difference, live_.at(1));
 }
 
 TEST_F(SegmentedLogTest, does_not_follow_a_background_folder_that_is_a_link) {

@@ -10,6 +10,7 @@
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/image/mask_operations.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/ply_file.h"
 #include "sim/cameras/device_clock.h"
@@ -152,13 +153,13 @@ void write_truth(const std::filesystem::path& folder, int64_t pulse, double seco
   write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
 }
 
-/// Segments like the capture daemon and adds noise to the outlines.
+/// Segments like the capture daemon, dilates the masks and adds noise to the outlines.
 class NoisySegmenter {
  public:
   NoisySegmenter(const SimulatedTake& take,
                  const std::vector<segmentation::BackgroundModel>& models)
-      : noise_px_(take.outline_noise_px), seed_(take.seed) {
-    if (noise_px_ <= 0) return;
+      : noise_px_(take.outline_noise_px), dilation_px_(take.mask_dilation_px), seed_(take.seed) {
+    if (noise_px_ <= 0 && dilation_px_ <= 0) return;
     for (const segmentation::BackgroundModel& model : models)
       segmenters_.emplace_back(model, segmentation::SegmentOptions{});
   }
@@ -166,12 +167,13 @@ class NoisySegmenter {
   std::optional<Mask> segment(size_t camera, int64_t pulse, const Image& image) {
     if (segmenters_.empty()) return std::nullopt;
     const auto number = static_cast<uint64_t>(pulse) * segmenters_.size() + camera;
-    return with_outline_noise(segmenters_[camera].segment(image.view()), noise_px_,
-                              mix(seed_) ^ number);
+    return with_outline_noise(dilate(segmenters_[camera].segment(image.view()), dilation_px_),
+                              noise_px_, mix(seed_) ^ number);
   }
 
  private:
   const double noise_px_;
+  const int dilation_px_;
   const uint64_t seed_;
   std::vector<segmentation::Segmenter> segmenters_;
 };

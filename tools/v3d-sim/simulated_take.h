@@ -47,8 +47,9 @@ struct SimulatedTake {
   uint64_t seed = 1;
   double colour_spread = 0;  ///< RenderOptions::colour_spread
   std::vector<Fault> faults;
-  /// Masks of the frames have outline noise of this standard deviation, pixels; 0: no masks.
-  double outline_noise_px = 0;
+  // The frames have masks if one of these is not 0.
+  double outline_noise_px = 0;  ///< standard deviation of the noise of outlines
+  int mask_dilation_px = 0;     ///< pixels of the room on every side of a mask
   /// Folder for 000012.ply, one per pulse, and sword/000012.ply, the blade alone.
   std::optional<std::filesystem::path> truth;
 };

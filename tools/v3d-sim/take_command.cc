@@ -1,6 +1,7 @@
 #include <memory>
 
 #include "base/core/error.h"
+#include "base/image/mask_operations.h"
 #include "cli/command.h"
 #include "common/console.h"
 #include "sim/rendering/scene.h"
@@ -16,6 +17,7 @@ struct Arguments {
   StudioOptions studio;
   double begin_s = 0;
   double outline_noise_px = 0;
+  int mask_dilation_px = 0;
   std::string faults;
   std::string truth;
   double colour_spread = 0;
@@ -30,6 +32,7 @@ int run(const Arguments& arguments) {
   take.seed = arguments.studio.seed;
   take.begin_s = arguments.begin_s;
   take.outline_noise_px = arguments.outline_noise_px;
+  take.mask_dilation_px = arguments.mask_dilation_px;
   take.colour_spread = arguments.colour_spread;
   if (!arguments.faults.empty()) {
     take.faults = load_faults(arguments.faults, take.rig, take.frames);
@@ -61,6 +64,11 @@ void add_take_command(cli::Command app, int& status) {
                   "Write masks with outline noise of this standard deviation")
       .type_name("PIXELS")
       .check(cli::number_in(0, 20));
+  command
+      .add_option("--dilate-masks", arguments->mask_dilation_px,
+                  "Write masks with this many pixels of the room on every side")
+      .type_name("PIXELS")
+      .check(cli::integer_in(0, kMaxRadius));
   command.add_option(
       "--faults", arguments->faults,
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <random>
 
+#include "base/image/mask_operations.h"
+
 namespace v3d::recon {
 namespace {
 
@@ -21,7 +23,8 @@ Mask random_mask(ImageSize size, uint32_t seed) {
   return mask;
 }
 
-RC_GTEST_PROP(ColourMask, tells_foreground_and_what_is_two_steps_inside_it, ()) {
+/// A frame with a random mask and a random roi.
+Frame random_frame() {
   const ImageSize size{*rc::gen::inRange(1, 200), *rc::gen::inRange(1, 12)};
   Frame frame;
   frame.sensor_size = size;
@@ -29,16 +32,52 @@ RC_GTEST_PROP(ColourMask, tells_foreground_and_what_is_two_steps_inside_it, ()) 
   const int x0 = *rc::gen::inRange(0, size.width), y0 = *rc::gen::inRange(0, size.height);
   frame.roi = {x0, y0, *rc::gen::inRange(1, size.width - x0 + 1),
                *rc::gen::inRange(1, size.height - y0 + 1)};
+  return frame;
+}
+
+/// `differing`: the pixels of the mask that differ from the background.
+void check(const Frame& frame, const Mask& differing) {
   const ColourMask found(frame);
+  const Mask deep = erode(*frame.mask, ColourMask::kLooseReach);
+  const Rect roi = frame.roi;
   const auto at = [&](int x, int y) {
-    return frame.mask->get(std::clamp(x, 0, size.width - 1), std::clamp(y, 0, size.height - 1));
+    const ImageSize size = differing.size();
+    return differing.get(std::clamp(x, 0, size.width - 1), std::clamp(y, 0, size.height - 1));
   };
-  for (int y = y0; y < y0 + frame.roi.height; ++y) {
-    for (int x = x0; x < x0 + frame.roi.width; ++x) {
-      RC_ASSERT(found.foreground(x, y) == at(x, y));
+  for (int y = roi.y0; y < roi.y0 + roi.height; ++y) {
+    for (int x = roi.x0; x < roi.x0 + roi.width; ++x) {
+      const bool foreground = at(x, y) || deep.get(x, y);
+      RC_ASSERT(found.foreground(x, y) == foreground);
+      RC_ASSERT(found.room(x, y) == (frame.mask->get(x, y) && !foreground));
       RC_ASSERT(found.inner(x, y) ==
                 (at(x, y) && at(x - 2, y) && at(x + 2, y) && at(x, y - 2) && at(x, y + 2)));
     }
+  }
+}
+
+RC_GTEST_PROP(ColourMask, tells_foreground_and_what_is_two_steps_inside_it, ()) {
+  const Frame frame = random_frame();
+  check(frame, *frame.mask);
+}
+
+RC_GTEST_PROP(ColourMask, has_inside_only_pixels_that_differ_from_the_background, ()) {
+  Frame frame = random_frame();
+  frame.background_difference = random_mask(frame.sensor_size, *rc::gen::arbitrary<uint32_t>());
+  check(frame, intersection_of(*frame.mask, *frame.background_difference));
+}
+
+TEST(ColourMask, takes_pixels_for_the_room_only_near_the_outline) {
+  Frame frame;
+  frame.sensor_size = {100, 60};
+  frame.roi = {0, 0, 100, 60};
+  frame.mask = Mask(frame.sensor_size);
+  frame.background_difference = Mask(frame.sensor_size);
+  for (int y = 0; y < 60; ++y) frame.mask->fill_row(y, 0, 50);
+  const ColourMask mask(frame);
+  for (int x = 0; x < 100; ++x) {
+    EXPECT_EQ(mask.room(x, 30), x >= 50 - ColourMask::kLooseReach && x < 50) << x;
+    EXPECT_EQ(mask.foreground(x, 30), x < 50 - ColourMask::kLooseReach) << x;
+    EXPECT_FALSE(mask.inner(x, 30)) << x;
   }
 }
 

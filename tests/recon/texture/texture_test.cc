@@ -270,6 +270,62 @@ TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_without_a_better_ca
   EXPECT_EQ(rim.unseen, 0);
 }
 
+TEST(Texture,
+     a_pixel_equal_to_the_plate_gives_its_colour_only_where_no_other_camera_sees_the_vertex) {
+  std::vector<Shot> shots{shot("room", {0, 0, 3}, {250, 0, 0}),
+                          shot("other", {0.5, 0, 3}, {0, 250, 0})};
+  Mask all({160, 120});
+  for (int y = 0; y < 120; ++y) all.fill_row(y, 0, 160);
+  for (Shot& s : shots) s.frame.mask = all;
+  shots[0].frame.background_difference = Mask({160, 120});
+  shots[1].frame.background_difference = all;
+  const Mesh plane = shapes::patch(0.02F, 0, 4);
+  const auto count = [](const Texture& texture, Rgb8 colour) {
+    return std::count(texture.colours.begin(), texture.colours.end(), colour);
+  };
+  EXPECT_EQ(count(colour_vertices(plane, borrow(shots), {}), {0, 250, 0}), 25);
+  shots.pop_back();
+  const Texture alone = colour_vertices(plane, borrow(shots), {});
+  EXPECT_EQ(count(alone, {250, 0, 0}), 25);
+  EXPECT_EQ(alone.unseen, 0);
+}
+
+/// The mask is columns `begin` to `end`. The last `loose` of them equal the plates and are red, the
+/// others are yellow.
+Shot loose_shot(int begin, int end, int loose) {
+  Shot s = shot("loose", {0, 0, 3}, {250, 0, 0});
+  s.frame.mask = Mask({160, 120});
+  s.frame.background_difference = Mask({160, 120});
+  for (int y = 0; y < 120; ++y) {
+    s.frame.mask->fill_row(y, begin, end);
+    s.frame.background_difference->fill_row(y, begin, end - loose);
+    for (int x = begin; x < end - loose; ++x) s.frame.image.row(y)[3 * x + 1] = 250;
+  }
+  return s;
+}
+
+TEST(Texture, a_vertex_seen_only_as_the_room_gets_the_colour_of_its_neighbours) {
+  const std::vector<Shot> shots{loose_shot(0, 80, 6)};
+  const Mesh plane = shapes::patch(0.5F, 0, 40);
+  const Texture texture = colour_vertices(plane, borrow(shots), {});
+  int room = 0;
+  for (size_t v = 0; v < plane.vertices.size(); ++v) {
+    const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
+    if (x > 79.4) continue;
+    EXPECT_GT(texture.colours[v].g, 100) << x;  // the yellow next to the room contains red
+    room += x > 74.5;
+  }
+  EXPECT_GT(room, 100);
+}
+
+TEST(Texture, a_vertex_seen_only_as_the_room_has_its_colour_where_no_vertex_has_a_better_one) {
+  const std::vector<Shot> shots{loose_shot(74, 80, 6)};
+  const Mesh plane = shapes::patch(0.5F, 0, 40);
+  const Texture texture = colour_vertices(plane, borrow(shots), {});
+  EXPECT_EQ(texture.unseen, std::ssize(plane.vertices));
+  EXPECT_GT(std::count(texture.colours.begin(), texture.colours.end(), Rgb8{250, 0, 0}), 100);
+}
+
 TEST(Texture, spreads_colour_to_vertices_that_no_camera_sees_for_a_bounded_way) {
   const std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 60, 10})};
   const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
@@ -413,6 +469,16 @@ TEST(CameraColours, distinguish_the_rim_of_a_silhouette_from_its_inside) {
   }
   for (const Visibility each : {Visibility::kNone, Visibility::kRim, Visibility::kFull}) {
     EXPECT_GT(count[static_cast<size_t>(each)], 0);
+  }
+}
+
+TEST(CameraColours, leave_out_what_a_camera_sees_only_as_the_room) {
+  const std::vector<Shot> shots{loose_shot(0, 80, 6)};
+  const Mesh plane = shapes::patch(0.5F, 0, 40);
+  const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
+  for (size_t v = 0; v < plane.vertices.size(); ++v) {
+    const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
+    EXPECT_EQ(visibility(colours, v) == Visibility::kNone, x >= 73.4) << x;
   }
 }
 

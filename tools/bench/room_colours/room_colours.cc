@@ -110,18 +110,30 @@ std::vector<uint8_t> wrong_vertices(const Mesh& mesh, const std::vector<Eigen::V
 /// Images of one instant with silhouettes of each kind.
 struct Shots {
   recon::FrameSet loose;   ///< dilated silhouettes
-  recon::FrameSet plates;  ///< the same, without pixels that equal the background plates
+  recon::FrameSet plates;  ///< the same, with background differences
   recon::FrameSet exact;   ///< true silhouettes
+};
+
+/// Vertices with a wrong colour.
+struct WrongColours {
+  int64_t all = 0;
+  int64_t by_the_room = 0;  ///< right with the true silhouettes
 };
 
 /// The kinds of colours that one mesh gets.
 struct Counts {
   int64_t vertices = 0;
-  int64_t loose = 0;   ///< wrong
-  int64_t room = 0;    ///< wrong, and right with the true silhouettes
-  int64_t plates = 0;  ///< wrong with plates
-  int64_t exact = 0;   ///< wrong with the true silhouettes
+  WrongColours loose, plates;
+  int64_t exact = 0;  ///< wrong with the true silhouettes
 };
+
+void add(const std::vector<uint8_t>& wrong, const std::vector<uint8_t>& exact,
+         WrongColours& counts) {
+  for (size_t v = 0; v < wrong.size(); ++v) {
+    counts.all += wrong[v];
+    counts.by_the_room += wrong[v] && !exact[v];
+  }
+}
 
 class Trials {
  public:
@@ -175,7 +187,8 @@ class Trials {
       const Mask loose = dilate(exact, arguments_.dilate_px);
       add(shots.exact, exact);
       add(shots.loose, loose);
-      add(shots.plates, intersection_of(loose, segmenters_[c].segment(images[c].view())));
+      add(shots.plates, loose);
+      shots.plates.frames.back().background_difference = segmenters_[c].segment(images[c].view());
     }
     return shots;
   }
@@ -200,17 +213,16 @@ class Trials {
       colour(set, mesh);
       return wrong_vertices(mesh, truth);
     };
-    const auto exact = wrong_with(shots.exact), plates = wrong_with(shots.plates);
-    const auto loose = wrong_with(shots.loose);
-    counts.vertices += std::ssize(loose);
-    for (size_t v = 0; v < loose.size(); ++v) {
-      counts.loose += loose[v], counts.plates += plates[v], counts.exact += exact[v];
-      counts.room += loose[v] && !exact[v];
-    }
+    const auto exact = wrong_with(shots.exact);
+    counts.vertices += std::ssize(exact);
+    counts.exact += std::ranges::count(exact, 1);
+    bench::add(wrong_with(shots.loose), exact, counts.loose);
+    meshes_.push_back(mesh);
+    bench::add(wrong_with(shots.plates), exact, counts.plates);
     meshes_.push_back(mesh);
   }
 
-  /// The meshes with loose silhouettes, each from two opposite sides.
+  /// The meshes with loose silhouettes, each without and with plates, from two opposite sides.
   void write_picture() const {
     std::vector<Image> views;
     for (const Mesh& mesh : meshes_) {
@@ -242,10 +254,13 @@ void print(const Arguments& arguments, const Counts& counts) {
       "seed %llu, %d cameras, silhouettes dilated by %d pixels, %s, %.3g mm: %lld vertices\n",
       static_cast<unsigned long long>(arguments.seed), arguments.cameras, arguments.dilate_px,
       arguments.quality.c_str(), arguments.voxel_mm, static_cast<long long>(counts.vertices));
-  std::printf("wrong colour                   %6.2f %%\n", percent(counts.loose));
-  std::printf("  and right with true silhouettes %.2f %%\n", percent(counts.room));
-  std::printf("wrong with background plates   %6.2f %%\n", percent(counts.plates));
-  std::printf("wrong with true silhouettes    %6.2f %%\n", percent(counts.exact));
+  const auto print_wrong = [&](const char* with, const WrongColours& wrong) {
+    std::printf("wrong colours %-22s %6.2f %%, right with true silhouettes %.2f %%\n", with,
+                percent(wrong.all), percent(wrong.by_the_room));
+  };
+  print_wrong("without plates", counts.loose);
+  print_wrong("with background plates", counts.plates);
+  print_wrong("with true silhouettes", {.all = counts.exact});
 }
 
 }  // namespace

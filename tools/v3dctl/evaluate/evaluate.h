@@ -95,6 +95,7 @@ class HeldOutView {
   const Image& photograph() const { return photograph_; }
   const Mask& mask() const { return mask_; }
   /// Pixels whose neighbours up to two pixels away, the reach of demosaicing, are foreground, too.
+  /// All differ from the background where the frame has a background difference.
   const Mask& inside() const { return inside_; }
   /// Rendering of `mesh` with the colours of its vertices, comparable with photograph().
   Image render(const Mesh& mesh) const;

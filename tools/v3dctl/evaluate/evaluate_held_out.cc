@@ -118,11 +118,13 @@ namespace {
 constexpr int kMarginPx = 12;  // around the foreground
 constexpr int kMaxGreyDifference = 64;
 
-Mask inside_of(const Mask& mask) {
+Mask inside_of(const recorded::SegmentedFrame& segmented) {
+  const Mask& mask = segmented.mask;
   Frame frame;
   frame.sensor_size = mask.size();
   frame.roi = {0, 0, mask.size().width, mask.size().height};
   frame.mask = mask;
+  frame.background_difference = segmented.background_difference;
   const recon::ColourMask colours(frame);
   Mask inside(mask.size());
   for (int y = 0; y < mask.size().height; ++y) {
@@ -150,7 +152,7 @@ HeldOutView::HeldOutView(const RigCamera& camera, const recorded::SegmentedFrame
     : camera_(camera),
       format_(frame.raw.image.format),
       mask_(frame.mask),
-      inside_(inside_of(frame.mask)),
+      inside_(inside_of(frame)),
       photograph_(corrected(to_rgb(frame.raw.image.view()), camera.colour)) {}
 
 Image HeldOutView::render(const Mesh& mesh) const {

@@ -55,7 +55,10 @@ void TakeSilhouetteRepair::repair(int64_t pulse, SegmentedFrames& frames, Segmen
     for (const auto& mask : previous_) before.push_back(mask ? &*mask : nullptr);
   }
   recon::RepairedSilhouettes repaired = compare(frames, masks, {.before = before, .after = after});
-  for (const size_t c : repaired.shown_later) frames[c]->raw.image = next[c]->raw.image;
+  for (const size_t c : repaired.shown_later) {
+    frames[c]->raw.image = next[c]->raw.image;
+    frames[c]->background_difference = next[c]->background_difference;
+  }
   for (size_t c = 0; c < frames.size(); ++c) {
     if (masks[c] == nullptr) continue;
     if (repaired.masks[c]) {
