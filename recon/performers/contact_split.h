@@ -30,7 +30,7 @@ struct PreviousPulse {
 ///    18 neighbours that share a face or an edge. It may pass through empty voxels beside occupied
 ///    ones, because hulls have narrow gaps within one body. So a part that moved far from its seeds
 ///    follows what it hangs on. A brick near seeds of one performer only, at least half of them
-///    seeds, becomes his without growth.
+///    seeds, gets that label without growth.
 /// 4. Twice, each voxel takes the most frequent label among the 27 voxels in and around it.
 ///
 /// Keeps its working memory between calls. One thread. Deterministic.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <functional>
 #include <utility>
 
 #include "base/core/error.h"
@@ -83,6 +84,9 @@ const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
       divide(volume, c, homes);
     }
   }
+  for (const size_t c : objects) give(c, 0);
+  std::ranges::stable_sort(objects, std::greater{},
+                           [&](size_t c) { return components_.voxels(c); });
   for (const size_t c : objects) label_object(volume, c, objects_.emplace_back());
   std::erase_if(performers_, [](const auto& performer) { return !has_voxels(performer); });
   previous_ = volume;
@@ -90,7 +94,7 @@ const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
   return performers_;
 }
 
-/// Gives each performer the voxels that he had in the previous volume and that are occupied.
+/// Gives each performer its voxels of the previous volume that are still occupied.
 void PerformerTracker::carry(const SparseVolume& volume) {
   performers_.clear();
   for (const PerformerVoxels& before : before_) {
@@ -202,14 +206,15 @@ const PerformerTracker::Object* PerformerTracker::same_object(const Object& obje
   return best;
 }
 
-/// The performer of a component of which he had less than half. `before`: the same object in the
-/// previous volume, or null. 0: nobody.
+/// The performer of a component of which nobody had half. `before`: the same object in the previous
+/// volume, or null. 0: nobody.
 uint8_t PerformerTracker::owner(const SparseVolume& volume, size_t component,
                                 const Object* before) const {
-  if (before != nullptr && before->pulses > 1) return before->identity;
+  const uint8_t former = before == nullptr ? 0 : before->identity;
+  if (former != 0 && before->pulses > 1) return former;
   const uint8_t touching = nearest_performer(volume, component, options_.touch_distance_m);
   if (touching != 0) return touching;
-  if (before != nullptr) return before->identity;
+  if (former != 0) return former;
   return nearest_performer(volume, component, options_.max_object_distance_m);
 }
 
@@ -227,9 +232,9 @@ uint8_t PerformerTracker::nearest_performer(const SparseVolume& volume, size_t c
   reach.max().array() += limit;
   int least = limit * limit;
   uint8_t nearest = 0;
-  for (size_t p = 0; p < home_.size(); ++p) {
-    for (size_t b = 0; home_[p] >= 0 && b < volume.bricks().size(); ++b) {
-      const codec::Brick& voxels = performers_[p].voxels[b];
+  for (const PerformerVoxels& performer : performers_) {
+    for (size_t b = 0; b < volume.bricks().size(); ++b) {
+      const codec::Brick& voxels = performer.voxels[b];
       if (is_empty(voxels)) continue;
       const Eigen::AlignedBox3i box = box_of(volume.coords()[b], voxels);
       if (!reach.intersects(box)) continue;
@@ -237,7 +242,7 @@ uint8_t PerformerTracker::nearest_performer(const SparseVolume& volume, size_t c
         const int gap = own.squaredExteriorDistance(box);
         if (gap >= least) continue;
         least = gap;
-        nearest = performers_[p].identity;
+        nearest = performer.identity;
       }
     }
   }

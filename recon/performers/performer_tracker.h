@@ -21,8 +21,8 @@ struct PerformerOptions {
   /// A large component that parted from a performer gets an identity of its own after this number
   /// of pulses.
   int pulses_to_part = 5;
-  /// Largest distance from an object to the performer to whom it belongs, and the distance at which
-  /// he almost touches it, metres.
+  /// Largest distance from an object to its nearest performer, and the distance at which they
+  /// almost touch, metres.
   double max_object_distance_m = 0.6, touch_distance_m = 0.05;
   /// Fastest object without and with known velocity: distance from the expected place, metres per
   /// pulse. 0.8 m at 25 pulses/s is 20 m/s.
@@ -33,20 +33,20 @@ struct PerformerOptions {
 /// Tracks the performers of a sequence of visual hulls by the overlap of their voxels from pulse to
 /// pulse. Causal: the result for a pulse depends on this and earlier volumes alone.
 ///
-/// - The *home* of a performer is the component with most of the voxels that he had in the previous
-///   volume, at least a tenth of them. A component that is the home of one performer is his.
+/// - The *home* of a performer is the component with most of its voxels of the previous volume, at
+///   least a tenth of them. A component that is the home of one performer belongs to it.
 /// - A component that is the home of several performers is divided by ContactSplit.
 /// - Another component is an *object*, such as a thrown ball or a piece of a blade. It belongs to
 ///   the performer who had half of its voxels; else to that of the same object in the previous
 ///   volume, which has a similar size and lies near the expected place; else to the nearest
-///   performer, if he is near enough. A performer who almost touches it comes before an object with
-///   unknown velocity.
+///   performer within reach. A performer who almost touches it comes before an object with unknown
+///   velocity.
 /// - A large object that belongs to nobody is a new performer, and so is one that has been apart
 /// for
 ///   some pulses. So performers who are in contact in the first volume are one until they part.
 ///
-/// Identities count from 1. A performer without a home has left; if he returns, he gets a new
-/// identity. Pulses may be missing; a volume without voxels changes nothing.
+/// Identities count from 1. A performer without a home has left, and gets a new identity if seen
+/// again. Pulses may be missing; a volume without voxels changes nothing.
 /// Keeps its working memory between pulses. One thread. Deterministic.
 class PerformerTracker {
  public:

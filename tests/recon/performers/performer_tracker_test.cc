@@ -115,6 +115,23 @@ TEST(PerformerTracker, lets_the_pieces_of_a_broken_blade_follow_their_performer)
   }
 }
 
+TEST(PerformerTracker, gives_objects_of_the_first_pulse_to_the_nearest_performer) {
+  Tracked tracked;
+  for (int pulse = 0; pulse < 3; ++pulse) {
+    tracked.add({rod(-0.2, 0.1), body_at(-0.5), body_at(0.8), rod(1.44, 1.5)});
+    EXPECT_EQ(tracked.at(0, 0, 1.2), 1);
+    EXPECT_EQ(tracked.at(1.45, 0, 1.2), 2);
+  }
+}
+
+TEST(PerformerTracker, leaves_an_object_without_label_that_nobody_is_near) {
+  Tracked tracked;
+  for (int pulse = 0; pulse < 3; ++pulse) {
+    tracked.add({body_at(-1.2), rod(0.2, 0.5)});
+    EXPECT_EQ(tracked.at(0.3, 0, 1.2), 0);
+  }
+}
+
 TEST(PerformerTracker, gives_a_third_performer_who_enters_a_new_identity) {
   Tracked tracked;
   for (int pulse = 0; pulse < 16; ++pulse) {
