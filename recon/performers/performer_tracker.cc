@@ -41,7 +41,8 @@ Eigen::Vector3d centre_of(const SparseVolume& volume, std::span<const ComponentP
     for (int z = 0; z < codec::kBrickEdge; ++z) {
       for (uint64_t left = part.bits[z]; left != 0; left &= left - 1, ++voxels) {
         const int bit = std::countr_zero(left);
-        sum += lowest + Eigen::Vector3d(bit % 8 + 0.5, bit / 8 + 0.5, z + 0.5);
+        const int x = bit % 8, y = bit / 8;
+        sum += lowest + Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
       }
     }
   }

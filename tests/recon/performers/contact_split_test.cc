@@ -70,10 +70,11 @@ TEST(ContactSplit, gives_a_blade_that_moved_far_to_the_hand_that_holds_it) {
 }
 
 TEST(ContactSplit, crosses_a_gap_of_one_voxel_within_a_body) {
-  // A new piece hangs on the second performer by a long rod, and is a voxel away from the first.
-  const SparseVolume before = volume_of({body_at(-0.6), body_at(0.8)});
-  const SparseVolume now = volume_of(
-      {body_at(-0.6), rod(-0.43, -0.2), rod(-0.22, 0.7), rod(-0.5, 0.7, 0.1, 0.3), body_at(0.8)});
+  // A new piece hangs on the second performer by a long rod, and is a voxel away from the first,
+  // in another brick.
+  const SparseVolume before = volume_of({body_at(-0.53), body_at(0.8)});
+  const SparseVolume now =
+      volume_of({body_at(-0.53), rod(-0.36, 0.7), rod(-0.5, 0.7, 0.1, 0.3), body_at(0.8)});
   const auto labels = split(before, by_component(before), now);
   EXPECT_EQ(identity_at(now, labels, {-0.3, 0, 1.2}), 1);
 }
