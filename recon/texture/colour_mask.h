@@ -9,14 +9,11 @@
 namespace v3d::recon {
 
 /// Classes of the pixels in the roi of a frame, two bits for each:
-///
-/// | bits | class |
-/// | --- | --- |
-/// | 0 | outside the mask |
-/// | 1 | rim: foreground, but an interpolated colour may contain background |
-/// | 2 | room: in the mask at most kLooseReach pixels from its outline, and equal to the background
-/// | | 3 | inner: this pixel and the four pixels two steps left, right, above and below are in the
-///       mask and differ from the background (at the border, the border pixel counts) |
+///   0  outside the mask
+///   1  rim: foreground, but an interpolated colour may contain background
+///   2  room: equal to the background, in the mask at most kLooseReach pixels from its outline
+///   3  inner: this pixel and the four pixels two steps left, right, above and below are in the
+///      mask and differ from the background (at the border, the border pixel counts)
 ///
 /// A pixel equals the background where the frame's background difference is 0; without a difference
 /// none does. Farther from the outline such a pixel is rim: the performer may wear the colour.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "sim/rendering/scene.h"
 
@@ -55,7 +56,7 @@ struct Key {
 };
 
 // clang-format off
-constexpr std::array<Key, 11> kKeys = {{
+constexpr std::array<Key, 11> kCutKeys = {{
   //       root x  y  yaw   height lean twist nod   hand x  y     z     pitch swing  left x  y    lift  right x  y    lift
   {0.00, {-0.30, 0.0,   0, 0.870,  3,  8,   0,     0.38,  0.00, 1.00,   35,  0,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.00}},
   {0.40, {-0.32, 0.0,   0, 0.875,  2,  5,  -3,     0.36,  0.00, 1.12,   52,  0,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.00}},
@@ -69,62 +70,124 @@ constexpr std::array<Key, 11> kKeys = {{
   {3.30, {-0.26, 0.0, 265, 0.875,  3, 14,   0,     0.32, -0.03, 1.10,   58,  6,    -0.14, 0.14, 0.00,  0.16, -0.13, 0.06}},
   {3.70, {-0.29, 0.0, 355, 0.870,  3,  9,   0,     0.37,  0.00, 1.02,   38,  1,    -0.19, 0.13, 0.02,  0.20, -0.11, 0.00}},
 }};
+
+// A fight of two, who begin 1.6 m apart and face each other: a cut and its block, a bind hilt to
+// hilt, a push, and the same with exchanged roles.
+constexpr std::array<Key, 11> kAttackKeys = {{
+  //       root x  y  yaw   height lean twist nod   hand x  y     z     pitch swing  left x  y    lift  right x  y    lift
+  {0.00, { 0.00, 0.00,  0, 0.870,  3,  8,   0,     0.38,  0.02, 1.00,   40,  4,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {0.40, {-0.02, 0.00,  0, 0.880, -4,  0,  -4,     0.18,  0.00, 1.72,  138,  0,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.02}},
+  {0.62, { 0.02, 0.00,  0, 0.880, -4,  0,  -4,     0.18,  0.00, 1.75,  146,  0,    -0.22, 0.13, 0.00,  0.24, -0.11, 0.06}},
+  {0.88, { 0.20, 0.02,  0, 0.820, 11,  0,   3,     0.48,  0.02, 1.22,   46,  2,    -0.40, 0.13, 0.00,  0.36, -0.11, 0.00}},
+  {1.20, { 0.44, 0.03,  0, 0.860,  5,  4,   0,     0.34,  0.02, 1.12,   78,  2,    -0.20, 0.13, 0.02,  0.20, -0.11, 0.00}},
+  {1.50, { 0.50, 0.03,  0, 0.850, 10,  0,   0,     0.44,  0.02, 1.15,   80,  2,    -0.24, 0.13, 0.00,  0.22, -0.11, 0.03}},
+  {1.75, { 0.62, 0.02,  0, 0.840, 14,  0,   2,     0.49,  0.02, 1.16,   80,  2,    -0.34, 0.13, 0.00,  0.28, -0.11, 0.00}},
+  {2.10, { 0.34, 0.00,  0, 0.865,  4,  6,   0,     0.38,  0.02, 1.02,   42,  4,    -0.20, 0.13, 0.03,  0.20, -0.11, 0.00}},
+  {2.72, { 0.12, 0.00,  0, 0.860, -2,  0,   0,     0.36,  0.00, 1.28,   62,  8,    -0.22, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {3.05, { 0.36, 0.00,  0, 0.865,  2,  0,   0,     0.30,  0.02, 1.10,   80,  2,    -0.18, 0.13, 0.00,  0.18, -0.11, 0.00}},
+  {3.50, { 0.14, 0.00,  0, 0.860, -6,  0,   0,     0.25,  0.02, 1.12,   82,  2,    -0.24, 0.13, 0.03,  0.18, -0.11, 0.00}},
+}};
+constexpr std::array<Key, 11> kDefenceKeys = {{
+  //       root x  y  yaw   height lean twist nod   hand x  y     z     pitch swing  left x  y    lift  right x  y    lift
+  {0.00, { 0.00, 0.00,  0, 0.860,  3,  8,   0,     0.37,  0.02, 1.02,   42,  4,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {0.60, { 0.00, 0.00,  0, 0.865,  2,  5,  -2,     0.37,  0.01, 1.12,   52,  4,    -0.20, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {0.88, { 0.04, 0.00,  0, 0.855, -2,  0,   0,     0.36,  0.00, 1.28,   62,  8,    -0.22, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {1.20, { 0.40, 0.00,  0, 0.865,  2,  0,   0,     0.32,  0.02, 1.12,   78,  2,    -0.18, 0.13, 0.00,  0.18, -0.11, 0.00}},
+  {1.50, { 0.34, 0.00,  0, 0.860, -2,  0,   0,     0.26,  0.02, 1.12,   82,  2,    -0.20, 0.13, 0.02,  0.18, -0.11, 0.00}},
+  {1.75, { 0.20, 0.00,  0, 0.850, -6,  0,   0,     0.25,  0.02, 1.12,   82,  2,    -0.28, 0.13, 0.00,  0.18, -0.11, 0.03}},
+  {2.10, {-0.06, 0.02,  0, 0.870,  2,  6,   0,     0.36,  0.02, 1.05,   46,  4,    -0.22, 0.13, 0.00,  0.20, -0.11, 0.00}},
+  {2.45, { 0.04, 0.02,  0, 0.880, -4,  0,  -4,     0.18,  0.00, 1.75,  144,  0,    -0.20, 0.13, 0.00,  0.22, -0.11, 0.05}},
+  {2.72, { 0.18, 0.02,  0, 0.820, 11,  0,   3,     0.48,  0.02, 1.20,   44,  2,    -0.40, 0.13, 0.00,  0.36, -0.11, 0.00}},
+  {3.05, { 0.46, 0.02,  0, 0.855,  8,  0,   0,     0.40,  0.02, 1.14,   78,  2,    -0.22, 0.13, 0.02,  0.22, -0.11, 0.00}},
+  {3.50, { 0.64, 0.01,  0, 0.840, 13,  0,   2,     0.49,  0.02, 1.16,   80,  2,    -0.34, 0.13, 0.00,  0.28, -0.11, 0.02}},
+}};
 // clang-format on
-constexpr double kTurnPerPeriod = 360;  // yaw, degrees
+
+/// The key poses of an action.
+struct Keys {
+  std::span<const Key> keys;
+  double turn_per_period = 0;  ///< yaw, degrees
+};
+
+Keys keys_of(Action action) {
+  switch (action) {
+    case Action::kCut:
+      return {kCutKeys, 360};
+    case Action::kAttack:
+      return {kAttackKeys};
+    case Action::kDefence:
+      return {kDefenceKeys};
+  }
+  return {};
+}
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 /// Keys before the first and after the last repeat with the period.
-double key_time(int i) {
-  const int n = static_cast<int>(kKeys.size());
-  const int lap = (i < 0) ? -1 : i / n;
-  return kKeys[static_cast<size_t>(i - lap * n)].time + lap * kActionPeriodSeconds;
-}
-double key_value(int i, int channel) {
-  const int n = static_cast<int>(kKeys.size());
-  const int lap = (i < 0) ? -1 : i / n;
-  return kKeys[static_cast<size_t>(i - lap * n)].value[static_cast<size_t>(channel)] +
-         (channel == kYaw ? lap * kTurnPerPeriod : 0);
-}
+class RepeatedKeys {
+ public:
+  explicit RepeatedKeys(const Keys& keys) : keys_(keys), n_(static_cast<int>(keys.keys.size())) {}
 
-/// Slope at a key, without overshoot: the weighted harmonic mean of the neighbouring slopes, 0 at a
-/// turning point (Fritsch and Butland, "A method for constructing local monotone piecewise cubic
-/// interpolants", 1984).
-double key_slope(int i, int channel) {
-  const double h0 = key_time(i) - key_time(i - 1);
-  const double h1 = key_time(i + 1) - key_time(i);
-  const double d0 = (key_value(i, channel) - key_value(i - 1, channel)) / h0;
-  const double d1 = (key_value(i + 1, channel) - key_value(i, channel)) / h1;
-  if (d0 * d1 <= 0) {
-    return 0;
+  double time(int i) const { return key(i).time + lap(i) * kActionPeriodSeconds; }
+  double value(int i, int channel) const {
+    return key(i).value[static_cast<size_t>(channel)] +
+           (channel == kYaw ? lap(i) * keys_.turn_per_period : 0);
   }
-  const double w0 = 2 * h1 + h0;
-  const double w1 = h1 + 2 * h0;
-  return (w0 + w1) / (w0 / d0 + w1 / d1);
-}
 
-double interpolate(double time, int key, int channel) {
-  const double h = key_time(key + 1) - key_time(key);
-  const double s = (time - key_time(key)) / h;
-  const double a = key_value(key, channel);
-  const double b = key_value(key + 1, channel);
-  const double ta = key_slope(key, channel) * h;
-  const double tb = key_slope(key + 1, channel) * h;
-  const double s2 = s * s;
-  const double s3 = s2 * s;
-  return (2 * s3 - 3 * s2 + 1) * a + (s3 - 2 * s2 + s) * ta + (3 * s2 - 2 * s3) * b +
-         (s3 - s2) * tb;
-}
+  /// Slope at a key, without overshoot: the weighted harmonic mean of the neighbouring slopes, 0 at
+  /// a turning point (Fritsch and Butland, "A method for constructing local monotone piecewise
+  /// cubic interpolants", 1984).
+  double slope(int i, int channel) const {
+    const double h0 = time(i) - time(i - 1);
+    const double h1 = time(i + 1) - time(i);
+    const double d0 = (value(i, channel) - value(i - 1, channel)) / h0;
+    const double d1 = (value(i + 1, channel) - value(i, channel)) / h1;
+    if (d0 * d1 <= 0) {
+      return 0;
+    }
+    const double w0 = 2 * h1 + h0;
+    const double w1 = h1 + 2 * h0;
+    return (w0 + w1) / (w0 / d0 + w1 / d1);
+  }
 
-std::array<double, kChannels> channels_at(double seconds) {
+  /// The value at a time between a key and the next one.
+  double interpolate(double seconds, int i, int channel) const {
+    const double h = time(i + 1) - time(i);
+    const double s = (seconds - time(i)) / h;
+    const double a = value(i, channel);
+    const double b = value(i + 1, channel);
+    const double ta = slope(i, channel) * h;
+    const double tb = slope(i + 1, channel) * h;
+    const double s2 = s * s;
+    const double s3 = s2 * s;
+    return (2 * s3 - 3 * s2 + 1) * a + (s3 - 2 * s2 + s) * ta + (3 * s2 - 2 * s3) * b +
+           (s3 - s2) * tb;
+  }
+
+  /// The last key that is not after a time within the period.
+  int before(double seconds) const {
+    int i = n_ - 1;
+    while (i > 0 && time(i) > seconds) {
+      --i;
+    }
+    return i;
+  }
+
+ private:
+  int lap(int i) const { return (i < 0) ? -1 : i / n_; }
+  const Key& key(int i) const { return keys_.keys[static_cast<size_t>(i - lap(i) * n_)]; }
+
+  Keys keys_;
+  int n_;
+};
+
+std::array<double, kChannels> channels_at(double seconds, Action action) {
   const double time = seconds - std::floor(seconds / kActionPeriodSeconds) * kActionPeriodSeconds;
-  int key = static_cast<int>(kKeys.size()) - 1;
-  while (key > 0 && kKeys[static_cast<size_t>(key)].time > time) {
-    --key;
-  }
+  const RepeatedKeys keys(keys_of(action));
+  const int key = keys.before(time);
   std::array<double, kChannels> value{};
   for (int c = 0; c < kChannels; ++c) {
-    value[static_cast<size_t>(c)] = interpolate(time, key, c);
+    value[static_cast<size_t>(c)] = keys.interpolate(time, key, c);
   }
   return value;
 }
@@ -173,10 +236,11 @@ Limb leg_of(const Pose& pose, const Matrix3d& heading, Side side, const Vector3d
 
 double grip_of(Side side) { return side == kLeft ? -0.17 : -0.05; }
 
-Pose pose_at(double seconds) {
-  const auto v = channels_at(seconds);
-  const Matrix3d heading = turn_z(v[kYaw]);
-  const Vector3d ground(v[kRootX], v[kRootY], 0);
+Pose pose_at(double seconds, const Motion& motion) {
+  const auto v = channels_at(seconds, motion.action);
+  const Matrix3d heading = turn_z(motion.yaw_deg + v[kYaw]);
+  const Vector3d ground = Vector3d(motion.position.x(), motion.position.y(), 0) +
+                          turn_z(motion.yaw_deg) * Vector3d(v[kRootX], v[kRootY], 0);
   const auto in_world = [&](double x, double y, double z) -> Vector3d {
     return ground + heading * Vector3d(x, y, z);
   };

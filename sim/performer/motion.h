@@ -1,8 +1,9 @@
-// The performer's motion: a sword cut, interpolated between key poses (stance, raise, cut, recover,
-// turn) with the period kActionPeriodSeconds. World frame, metres; the performer first faces +x.
+// The motion of performers with a sword, interpolated between key poses with the period
+// kActionPeriodSeconds. World frame, metres.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 
 #include "base/geometry/rigid_transform.h"
 
@@ -26,6 +27,19 @@ struct Pose {
   RigidTransform world_from_sword;  ///< origin at the guard; z along the blade, x to its edge
 };
 
+enum class Action : uint8_t {
+  kCut,     ///< alone: stance, raise, cut, recover, turn
+  kAttack,  ///< first in a fight: cuts, pushes, then blocks and is pushed
+  kDefence  ///< second in a fight: blocks and is pushed, then cuts and pushes
+};
+
+/// An action at a place.
+struct Motion {
+  Action action = Action::kCut;
+  Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< origin of the key poses, metres
+  double yaw_deg = 0;  ///< direction in which the action begins, from +x to +y
+};
+
 inline constexpr double kBladeLength = 0.75;
 inline constexpr double kHandleLength = 0.24;
 
@@ -33,7 +47,7 @@ inline constexpr double kHandleLength = 0.24;
 double grip_of(Side side);
 
 /// The pose at any time; pose_at(t + kActionPeriodSeconds) equals pose_at(t).
-Pose pose_at(double seconds);
+Pose pose_at(double seconds, const Motion& motion = {});
 
 /// The tip of the blade, world frame, metres.
 Eigen::Vector3d sword_tip(const Pose& pose);

@@ -117,7 +117,7 @@ void append_visible(Mesh& out, const Part& part, const std::vector<bool>& hidden
       if (at == kNone) {
         at = static_cast<uint32_t>(out.vertices.size());
         out.vertices.push_back(part.mesh.vertices[t[k]]);
-        const Vector3f colour = paint(part.material, part.paint[t[k]], seed);
+        const Vector3f colour = paint(part.material, part.paint[t[k]], seed, part.palette);
         out.colours.push_back({to_byte(colour.x()), to_byte(colour.y()), to_byte(colour.z())});
       }
       kept[k] = at;

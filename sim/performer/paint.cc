@@ -25,6 +25,21 @@ float grain(const Vector3f& p, float cells_per_metre, float depth, uint32_t seed
   return 1 + depth * (1.3F * coarse + 0.7F * fine - 1.0F);
 }
 
+/// Colours of what differs between performers.
+struct Clothes {
+  Vector3f hair, jacket, diamond, trousers, stripe, belt, belt_wave;
+};
+
+const Clothes& clothes_of(Palette palette) {
+  static const Clothes kIndigo = {
+      {0.10F, 0.085F, 0.08F}, {0.88F, 0.85F, 0.79F}, {0.72F, 0.20F, 0.18F}, {0.16F, 0.18F, 0.42F},
+      {0.50F, 0.52F, 0.72F},  {0.62F, 0.12F, 0.12F}, {0.85F, 0.62F, 0.20F}};
+  static const Clothes kPlum = {{0.24F, 0.13F, 0.07F}, {0.44F, 0.13F, 0.33F}, {0.92F, 0.80F, 0.50F},
+                                {0.56F, 0.26F, 0.13F}, {0.88F, 0.68F, 0.50F}, {0.14F, 0.17F, 0.52F},
+                                {0.86F, 0.84F, 0.90F}};
+  return palette == Palette::kIndigo ? kIndigo : kPlum;
+}
+
 Vector3f skin(const Vector3f& p, uint32_t seed) {
   return Vector3f(0.82F, 0.58F, 0.44F) * grain(p, 90, 0.14F, seed);
 }
@@ -46,38 +61,35 @@ Vector3f face(const Vector3f& p, uint32_t seed) {
   return blend(Vector3f(0.60F, 0.25F, 0.22F), colour, step(0.8F, 1.1F, mouth));
 }
 
-Vector3f hair(const Vector3f& p, uint32_t seed) {
+Vector3f hair(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
   const float strands = value_noise({p.x() * 60, p.y() * 420, p.z() * 120}, seed);
-  return Vector3f(0.10F, 0.085F, 0.08F) * (0.55F + 0.9F * strands);
+  return clothes.hair * (0.55F + 0.9F * strands);
 }
 
-/// Off-white cotton with a weave and rows of small crimson diamonds.
-Vector3f jacket(const Vector3f& p, uint32_t seed) {
+/// Cotton with a weave and rows of small diamonds.
+Vector3f jacket(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
   const float angle = std::atan2(p.y(), p.x());
   const float row = p.z() / 0.045F;
   const float column = angle * 16 / (2 * std::numbers::pi_v<float>)+0.5F * std::floor(row);
   const float diamond =
       std::abs(row - std::floor(row) - 0.5F) * 1.4F + std::abs(column - std::floor(column) - 0.5F);
   const float weave = 0.03F * std::sin(p.z() * 1400) * std::sin(angle * 220);
-  const Vector3f cloth = Vector3f(0.88F, 0.85F, 0.79F) * (grain(p, 55, 0.16F, seed) + weave);
-  return blend(Vector3f(0.72F, 0.20F, 0.18F), cloth, step(0.20F, 0.27F, diamond));
+  const Vector3f cloth = clothes.jacket * (grain(p, 55, 0.16F, seed) + weave);
+  return blend(clothes.diamond, cloth, step(0.20F, 0.27F, diamond));
 }
 
-/// Indigo with pale pinstripes down the leg.
-Vector3f trousers(const Vector3f& p, uint32_t seed) {
+/// Pale pinstripes down the leg.
+Vector3f trousers(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
   const float angle = std::atan2(p.y(), p.x());
   const float stripe = angle * 36 / (2 * std::numbers::pi_v<float>);
   const float off = std::abs(stripe - std::floor(stripe) - 0.5F);
-  const Vector3f cloth = Vector3f(0.16F, 0.18F, 0.42F) * grain(p, 50, 0.45F, seed);
-  return blend(Vector3f(0.50F, 0.52F, 0.72F) * grain(p, 80, 0.25F, seed), cloth,
-               step(0.07F, 0.11F, off));
+  const Vector3f cloth = clothes.trousers * grain(p, 50, 0.45F, seed);
+  return blend(clothes.stripe * grain(p, 80, 0.25F, seed), cloth, step(0.07F, 0.11F, off));
 }
 
-Vector3f belt(const Vector3f& p, uint32_t seed) {
+Vector3f belt(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
   const float wave = std::sin(p.z() * 500 + 3 * std::sin(8 * std::atan2(p.y(), p.x())));
-  return blend(Vector3f(0.62F, 0.12F, 0.12F), Vector3f(0.85F, 0.62F, 0.20F),
-               step(0.3F, 0.6F, wave)) *
-         grain(p, 90, 0.2F, seed);
+  return blend(clothes.belt, clothes.belt_wave, step(0.3F, 0.6F, wave)) * grain(p, 90, 0.2F, seed);
 }
 
 Vector3f blade(const Vector3f& p, uint32_t seed) {
@@ -101,7 +113,8 @@ Vector3f handle(const Vector3f& p, uint32_t seed) {
 
 }  // namespace
 
-Vector3f paint(Material material, const Vector3f& place, uint64_t seed) {
+Vector3f paint(Material material, const Vector3f& place, uint64_t seed, Palette palette) {
+  const Clothes& clothes = clothes_of(palette);
   const auto s = static_cast<uint32_t>(mix(seed + static_cast<uint64_t>(material)));
   switch (material) {
     case Material::kSkin:
@@ -109,13 +122,13 @@ Vector3f paint(Material material, const Vector3f& place, uint64_t seed) {
     case Material::kFace:
       return face(place, s);
     case Material::kHair:
-      return hair(place, s);
+      return hair(place, s, clothes);
     case Material::kJacket:
-      return jacket(place, s);
+      return jacket(place, s, clothes);
     case Material::kTrousers:
-      return trousers(place, s);
+      return trousers(place, s, clothes);
     case Material::kBelt:
-      return belt(place, s);
+      return belt(place, s, clothes);
     case Material::kSock:
       return Vector3f(0.90F, 0.89F, 0.86F) * grain(place, 120, 0.18F, s);
     case Material::kBlade:

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <numbers>
 
+#include "base/core/error.h"
 #include "sim/performer/motion.h"
 #include "sim/rendering/noise.h"
 #include "sim/rendering/scene.h"
@@ -150,7 +151,8 @@ void add_arm(std::vector<Part>& parts, const Pose& pose, Side side) {
 
 /// A wide sleeve, which hangs below the arm. Its hem lags behind the motion; its opening is a
 /// shallow concavity.
-void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t seed) {
+void add_sleeve(std::vector<Part>& parts, const Motion& motion, double seconds, Side side,
+                uint64_t seed) {
   constexpr int kRings = 30;
   constexpr int kInner = 5;  // rings inside the opening
   constexpr double kLag = 0.022;
@@ -162,7 +164,7 @@ void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t se
     const bool inside = i > kRings;
     const double s = inside ? 1 - 0.05 * (i - kRings) : static_cast<double>(i) / kRings;
     const double narrower = inside ? 1 - 0.07 - 0.10 * (i - kRings) : 1;
-    const Pose pose = pose_at(seconds - kLag * s * s);
+    const Pose pose = pose_at(seconds - kLag * s * s, motion);
     const Limb& arm = pose.arm[side];
     const Vector3d elbow = arm.joint;
     const Vector3d start =
@@ -193,7 +195,8 @@ void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t se
 
 /// One leg of the loose trousers, with pleats that widen towards the hem and waves that move down.
 /// The hem lags behind the leg.
-void add_trouser_leg(std::vector<Part>& parts, double seconds, Side side, uint64_t seed) {
+void add_trouser_leg(std::vector<Part>& parts, const Motion& motion, double seconds, Side side,
+                     uint64_t seed) {
   constexpr int kRings = 48;
   constexpr int kInner = 4;
   constexpr double kLag = 0.05;
@@ -206,7 +209,7 @@ void add_trouser_leg(std::vector<Part>& parts, double seconds, Side side, uint64
     const bool inside = i > kRings;
     const double s = inside ? 1 - 0.012 * (i - kRings) : static_cast<double>(i) / kRings;
     const double narrower = inside ? 1 - 0.06 - 0.14 * (i - kRings) : 1;
-    const Pose pose = pose_at(seconds - kLag * s * s);
+    const Pose pose = pose_at(seconds - kLag * s * s, motion);
     const Limb& leg = pose.leg[side];
     const Matrix3d& pelvis = pose.world_from_pelvis.rotation;
     const Vector3d forward = Vector3d(pelvis(0, 0), pelvis(1, 0), 0).normalized();
@@ -278,23 +281,37 @@ void add_sword(std::vector<Part>& parts, const Pose& pose) {
 
 }  // namespace
 
-std::vector<Part> performer_parts(double seconds, uint64_t seed) {
-  const Pose pose = pose_at(seconds);
+std::vector<Performer> cast_of(int performers) {
+  V3D_CHECK(performers == 1 || performers == 2);
+  if (performers == 1) return {Performer{}};
+  constexpr double kHalfDistance = 0.80;
+  return {{{Action::kAttack, {-kHalfDistance, 0}, 0}, Palette::kIndigo},
+          {{Action::kDefence, {kHalfDistance, 0}, 180}, Palette::kPlum}};
+}
+
+std::vector<Part> performer_parts(double seconds, uint64_t seed, const Performer& performer) {
+  const Motion& motion = performer.motion;
+  const Pose pose = pose_at(seconds, motion);
   std::vector<Part> parts;
   add_head(parts, pose);
   add_torso(parts, pose, seconds, seed);
   for (const Side side : {kLeft, kRight}) {
     add_arm(parts, pose, side);
-    add_sleeve(parts, seconds, side, seed);
+    add_sleeve(parts, motion, seconds, side, seed);
     add_leg(parts, pose, side);
-    add_trouser_leg(parts, seconds, side, seed);
+    add_trouser_leg(parts, motion, seconds, side, seed);
   }
   add_sword(parts, pose);
   parts.push_back(blade_of(pose));
+  for (Part& part : parts) part.palette = performer.palette;
   return parts;
 }
 
-Part sword_blade(double seconds) { return blade_of(pose_at(seconds)); }
+Part sword_blade(double seconds, const Performer& performer) {
+  Part blade = blade_of(pose_at(seconds, performer.motion));
+  blade.palette = performer.palette;
+  return blade;
+}
 
 Mesh performer_at(double seconds, uint64_t seed) {
   Mesh all;

@@ -8,10 +8,11 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
+#include "sim/performer/motion.h"
 
 namespace v3d::sim {
 
-// The performer as closed parts with procedural textures.
+// Performers as closed parts with procedural textures.
 
 enum class Material : uint8_t {
   kSkin,
@@ -26,6 +27,19 @@ enum class Material : uint8_t {
   kGuard
 };
 
+/// The colours of clothes and hair.
+enum class Palette : uint8_t { kIndigo, kPlum };
+
+struct Performer {
+  Motion motion;
+  Palette palette = Palette::kIndigo;
+};
+
+/// The performers of the simulated studio. 1: the one who cuts alone. 2: two who fight; their
+/// blades cross, and their hands and arms are in contact in four of ten pulses.
+/// Requires a count of 1 or 2.
+std::vector<Performer> cast_of(int performers);
+
 /// A closed, outward-oriented surface (world frame, metres). `paint`: by vertex the texture
 /// coordinates in the rest frame of the part (metres), so that the texture moves with the part.
 /// mesh.colours is empty.
@@ -33,18 +47,20 @@ struct Part {
   Mesh mesh;
   std::vector<Eigen::Vector3f> paint;
   Material material = Material::kSkin;
+  Palette palette = Palette::kIndigo;
 };
 
 /// Body, clothes and sword; parts overlap. `seed` determines folds and patterns, but not the
 /// motion.
-std::vector<Part> performer_parts(double seconds, uint64_t seed);
+std::vector<Part> performer_parts(double seconds, uint64_t seed, const Performer& performer = {});
 
 /// The blade only, which moves fast enough for motion blur.
-Part sword_blade(double seconds);
+Part sword_blade(double seconds, const Performer& performer = {});
 
 /// The procedural texture: linear diffuse R, G, B (0 to 1) at texture coordinates `place`. It has
 /// more detail than the cameras resolve.
-Eigen::Vector3f paint(Material material, const Eigen::Vector3f& place, uint64_t seed);
+Eigen::Vector3f paint(Material material, const Eigen::Vector3f& place, uint64_t seed,
+                      Palette palette = Palette::kIndigo);
 
 // The outer surface of the performer, which is the ground truth for reconstructions. performer_at()
 // also has surfaces inside other parts.

@@ -36,6 +36,7 @@ void append(DrawList& list, const Part& part) {
   for (const Triangle& t : part.mesh.triangles) {
     list.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
     list.materials.push_back(part.material);
+    list.palettes.push_back(part.palette);
   }
 }
 
@@ -52,7 +53,7 @@ Vector3f shade(const DrawList& list, std::span<const ScreenPoint> screen, uint32
     return w[0] * values[t[0]] + w[1] * values[t[1]] + w[2] * values[t[2]];
   };
   return light_on(at(list.normals).normalized()) *
-         paint(list.materials[triangle], at(list.paint), seed);
+         paint(list.materials[triangle], at(list.paint), seed, list.palettes[triangle]);
 }
 
 /// The fraction of the light that reaches a point of the floor.
@@ -109,20 +110,23 @@ uint16_t to_sample(float value) {
 
 }  // namespace
 
-PerformerExposure expose_performer(double seconds, uint64_t seed, double exposure_s) {
-  PerformerExposure shot;
-  shot.seed = seed;
-  for (const Part& part : performer_parts(seconds, seed)) {
-    if (part.material != Material::kBlade) {
-      append(shot.body, part);
+PerformersExposure expose_performers(double seconds, const RenderOptions& options) {
+  PerformersExposure shot;
+  shot.seed = options.seed;
+  for (const Performer& performer : cast_of(options.performers)) {
+    for (const Part& part : performer_parts(seconds, options.seed, performer)) {
+      if (part.material != Material::kBlade) {
+        append(shot.body, part);
+      }
     }
+    for (int i = 0; i < 3; ++i) {
+      append(shot.blade[static_cast<size_t>(i)],
+             sword_blade(seconds + (i - 1) * options.exposure_s / 3, performer));
+    }
+    const Pose pose = pose_at(seconds, performer.motion);
+    shot.feet.push_back({pose.leg[kLeft].tip.head<2>(), pose.leg[kRight].tip.head<2>(),
+                         pose.world_from_pelvis.translation.head<2>()});
   }
-  for (int i = 0; i < 3; ++i) {
-    append(shot.blade[static_cast<size_t>(i)], sword_blade(seconds + (i - 1) * exposure_s / 3));
-  }
-  const Pose pose = pose_at(seconds);
-  shot.feet = {pose.leg[kLeft].tip.head<2>(), pose.leg[kRight].tip.head<2>(),
-               pose.world_from_pelvis.translation.head<2>()};
   return shot;
 }
 
@@ -157,10 +161,10 @@ void CameraRenderer::put(int x, int y, const Vector3f& light) {
   }
 }
 
-void CameraRenderer::draw_shadow(const PerformerExposure& shot) {
+void CameraRenderer::draw_shadow(const std::array<Vector2d, 3>& feet) {
   std::vector<Vector3f> vertices;
   std::vector<Triangle> triangles;
-  floor_patch(shot.feet[2], 1.2, vertices, triangles);
+  floor_patch(feet[2], 1.2, vertices, triangles);
   const auto screen = to_screen(camera_.model, vertices);
   depth_.clear(screen_bounds(screen, camera_.model.size()));
   depth_.draw(screen, triangles);
@@ -175,7 +179,7 @@ void CameraRenderer::draw_shadow(const PerformerExposure& shot) {
       const Triangle& t = triangles[hit];
       const Vector3f w = weights_at(screen[t[0]], screen[t[1]], screen[t[2]], x, y);
       const Vector3f floor = w[0] * vertices[t[0]] + w[1] * vertices[t[1]] + w[2] * vertices[t[2]];
-      const float light = unshadowed(floor.head<2>().cast<double>(), shot.feet);
+      const float light = unshadowed(floor.head<2>().cast<double>(), feet);
       const size_t pixel = static_cast<size_t>(y) * camera_.model.size().width + x;
       for (int c = 0; c < channels; ++c) {
         uint16_t& sample = samples_[pixel * channels + c];
@@ -185,7 +189,7 @@ void CameraRenderer::draw_shadow(const PerformerExposure& shot) {
   }
 }
 
-void CameraRenderer::draw_body(const PerformerExposure& shot) {
+void CameraRenderer::draw_body(const PerformersExposure& shot) {
   const auto screen = to_screen(camera_.model, shot.body.vertices);
   depth_.clear(screen_bounds(screen, camera_.model.size()));
   depth_.draw(screen, shot.body.triangles);
@@ -200,7 +204,7 @@ void CameraRenderer::draw_body(const PerformerExposure& shot) {
   }
 }
 
-void CameraRenderer::draw_blade(const PerformerExposure& shot) {
+void CameraRenderer::draw_blade(const PerformersExposure& shot) {
   // Each instant of the exposure adds a third of the light of the blade and removes a third of the
   // background.
   const ImageSize size = camera_.model.size();
@@ -250,10 +254,10 @@ void CameraRenderer::expose(uint64_t exposure_number, Image& image) const {
   }
 }
 
-Image CameraRenderer::render(const PerformerExposure* shot, uint64_t exposure_number) {
+Image CameraRenderer::render(const PerformersExposure* shot, uint64_t exposure_number) {
   samples_ = plate_;
   if (shot != nullptr) {
-    draw_shadow(*shot);
+    for (const auto& feet : shot->feet) draw_shadow(feet);
     draw_body(*shot);
     draw_blade(*shot);
   }
@@ -268,14 +272,14 @@ Image render(const RigCamera& camera, double seconds, bool with_performer, uint6
   if (!with_performer) {
     return renderer.render(nullptr, exposure_number);
   }
-  const PerformerExposure shot = expose_performer(seconds, options.seed, options.exposure_s);
+  const PerformersExposure shot = expose_performers(seconds, options);
   return renderer.render(&shot, exposure_number);
 }
 
-Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed) {
+Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed, int performers) {
   DrawList list;
-  for (const Part& part : performer_parts(seconds, seed)) {
-    append(list, part);
+  for (const Performer& performer : cast_of(performers)) {
+    for (const Part& part : performer_parts(seconds, seed, performer)) append(list, part);
   }
   const ImageSize size = camera.model.size();
   const auto screen = to_screen(camera.model, list.vertices);
@@ -303,9 +307,9 @@ BatchRenderer::BatchRenderer(const Rig& rig, const RenderOptions& options)
 
 std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
                                              uint64_t exposure_number) {
-  std::optional<PerformerExposure> shot;
+  std::optional<PerformersExposure> shot;
   if (seconds) {
-    shot = expose_performer(*seconds, options_.seed, options_.exposure_s);
+    shot = expose_performers(*seconds, options_);
   }
   std::vector<Image> images(cameras_.size());
   tbb::parallel_for(size_t{0}, cameras_.size(), [&](size_t i) {

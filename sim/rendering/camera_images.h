@@ -88,35 +88,37 @@ struct DrawList {
   std::vector<Eigen::Vector3f> paint;
   std::vector<Triangle> triangles;
   std::vector<Material> materials;  ///< one per triangle
+  std::vector<Palette> palettes;    ///< one per triangle
 };
 
-/// Adds a part of the performer.
+/// Adds a part of a performer.
 void append(DrawList& list, const Part& part);
 
-/// The performer during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and the
-/// hands less than 1 px, so only the blade is drawn at three instants of the exposure.
-struct PerformerExposure {
-  DrawList body;                        ///< all parts except the blade
-  std::array<DrawList, 3> blade;        ///< early, middle and late in the exposure
-  std::array<Eigen::Vector2d, 3> feet;  ///< shadow casters: ankles and pelvis
+/// All performers during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and
+/// the hands less than 1 px, so only blades are drawn at three instants of the exposure.
+struct PerformersExposure {
+  DrawList body;                  ///< all parts except the blades
+  std::array<DrawList, 3> blade;  ///< early, middle and late in the exposure
+  /// By performer the shadow casters: ankles and pelvis.
+  std::vector<std::array<Eigen::Vector2d, 3>> feet;
   uint64_t seed = 0;
 };
 
 /// `seconds`: time of the middle of the exposure.
-PerformerExposure expose_performer(double seconds, uint64_t seed, double exposure_s);
+PerformersExposure expose_performers(double seconds, const RenderOptions& options);
 
 /// Renders images of one camera; renders the background once. Threads: one caller at a time.
 class CameraRenderer {
  public:
   CameraRenderer(RigCamera camera, RenderOptions options);
   /// `shot` null: the empty studio. Deterministic.
-  Image render(const PerformerExposure* shot, uint64_t exposure_number);
+  Image render(const PerformersExposure* shot, uint64_t exposure_number);
   const RigCamera& camera() const { return camera_; }
 
  private:
-  void draw_shadow(const PerformerExposure& shot);
-  void draw_body(const PerformerExposure& shot);
-  void draw_blade(const PerformerExposure& shot);
+  void draw_shadow(const std::array<Eigen::Vector2d, 3>& feet);
+  void draw_body(const PerformersExposure& shot);
+  void draw_blade(const PerformersExposure& shot);
   void put(int x, int y, const Eigen::Vector3f& light);
   void expose(uint64_t exposure_number, Image& image) const;
 

@@ -33,6 +33,7 @@ struct RenderOptions {
   double noise = 1.5;  ///< standard deviation, grey values
   double exposure_s = 0.001;
   double colour_spread = 0;  ///< colour difference between cameras (noise.h)
+  int performers = 1;        ///< cast_of()
 };
 
 /// One camera image. `seconds`: time of the middle of the exposure. `with_performer` false: a
@@ -42,7 +43,7 @@ struct RenderOptions {
 Image render(const RigCamera& camera, double seconds, bool with_performer, uint64_t exposure_number,
              const RenderOptions& options);
 
-/// The exact silhouette of the performer in `camera`.
-Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed);
+/// The exact silhouette of all performers in `camera`; `performers` as for cast_of().
+Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed, int performers = 1);
 
 }  // namespace v3d::sim

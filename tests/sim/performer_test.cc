@@ -3,6 +3,11 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <set>
+#include <vector>
+
 #include "sim/performer/motion.h"
 #include "sim/rendering/scene.h"
 
@@ -112,18 +117,83 @@ TEST(Performer, has_clothes_that_lag_behind_the_body) {
   EXPECT_GT(moving, standing + 0.005);
 }
 
-TEST(Paint, has_fine_detail_on_every_material) {
-  for (int m = 0; m <= static_cast<int>(Material::kGuard); ++m) {
-    float low = 2, high = -1;
-    for (int i = 0; i < 200; ++i) {
-      // A patch of 2 cm, on the front of a part of 7 cm radius.
-      const Eigen::Vector3f place(0.07F, 0.0001F * static_cast<float>(i % 14 * 14),
-                                  0.0001F * static_cast<float>(i));
-      const float value = paint(static_cast<Material>(m), place, 1).sum();
-      low = std::min(low, value);
-      high = std::max(high, value);
+TEST(Fight, stays_above_the_floor_and_inside_the_studio) {
+  for (const Performer& performer : cast_of(2)) {
+    for (double t = 0; t < kActionPeriodSeconds; t += 0.08) {
+      for (const Part& part : performer_parts(t, 1, performer)) {
+        for (const auto& v : part.mesh.vertices) {
+          ASSERT_TRUE(v.z() >= -0.001F && v.z() <= 2.4F) << "at " << t;
+          ASSERT_LT(v.head<2>().cwiseAbs().maxCoeff(), 1.5F) << "at " << t;
+        }
+      }
     }
-    EXPECT_GT(high - low, 0.02F) << "material " << m;
+  }
+}
+
+TEST(Fight, moves_without_jumps_also_at_the_end_of_the_period) {
+  for (const Performer& performer : cast_of(2)) {
+    for (int i = 0; i < 4000; ++i) {
+      const double t = 1e-3 * i;
+      const auto tip_at = [&](double s) { return sword_tip(pose_at(s, performer.motion)); };
+      ASSERT_LT((tip_at(t + 1e-3) - tip_at(t)).norm(), 0.017) << "at " << t;
+    }
+  }
+}
+
+/// Voxels of 10 mm that contain a vertex of the performer.
+std::set<std::array<int, 3>> cells_of(const Performer& performer, double seconds) {
+  std::set<std::array<int, 3>> cells;
+  for (const Part& part : performer_parts(seconds, 1, performer)) {
+    for (const Eigen::Vector3f& v : part.mesh.vertices) {
+      const Eigen::Vector3i cell = (100 * v.array()).floor().matrix().cast<int>();
+      cells.insert({cell.x(), cell.y(), cell.z()});
+    }
+  }
+  return cells;
+}
+
+TEST(Fight, has_contact_and_parts_again_at_least_twice_in_a_period) {
+  const std::vector<Performer> cast = cast_of(2);
+  int contacts = 0, pulses = 0;
+  bool before = false;
+  for (double t = 0; t < kActionPeriodSeconds; t += 0.04) {
+    const auto first = cells_of(cast[0], t), second = cells_of(cast[1], t);
+    const bool now = std::ranges::any_of(second, [&](const auto& c) { return first.contains(c); });
+    contacts += now && !before;
+    pulses += now;
+    before = now;
+  }
+  EXPECT_GE(contacts, 2);
+  EXPECT_GT(pulses, 15);
+  EXPECT_LT(pulses, 60);
+}
+
+TEST(Fight, is_between_performers_in_different_colours) {
+  const std::vector<Performer> cast = cast_of(2);
+  const Mesh first = outer_surface(performer_parts(0, 1, cast[0]), 1);
+  const Mesh second = outer_surface(performer_parts(0, 1, cast[1]), 1);
+  const auto mean_blue = [](const Mesh& mesh) {
+    double sum = 0;
+    for (const Rgb8& colour : mesh.colours) sum += colour.b;
+    return sum / static_cast<double>(mesh.colours.size());
+  };
+  EXPECT_GT(mean_blue(first), mean_blue(second) + 20);
+}
+
+TEST(Paint, has_fine_detail_on_every_material) {
+  for (const Palette palette : {Palette::kIndigo, Palette::kPlum}) {
+    for (int m = 0; m <= static_cast<int>(Material::kGuard); ++m) {
+      float low = 2, high = -1;
+      for (int i = 0; i < 200; ++i) {
+        // A patch of 2 cm, on the front of a part of 7 cm radius.
+        const Eigen::Vector3f place(0.07F, 0.0001F * static_cast<float>(i % 14 * 14),
+                                    0.0001F * static_cast<float>(i));
+        const float value = paint(static_cast<Material>(m), place, 1, palette).sum();
+        low = std::min(low, value);
+        high = std::max(high, value);
+      }
+      EXPECT_GT(high - low, 0.02F) << "material " << m;
+    }
   }
 }
 

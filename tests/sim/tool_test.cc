@@ -267,6 +267,22 @@ TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
   EXPECT_TRUE(std::filesystem::exists(folder / "truth/sword/000001.ply"));
 }
 
+TEST(SimulatedTake, writes_the_true_surface_of_each_of_two_performers) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "fight");
+  take.frames = 1;
+  take.performers = 2;
+  take.truth = folder / "truth";
+  write(take);
+  const Mesh both = read_ply(folder / "truth/000000.ply");
+  const Mesh first = read_ply(folder / "truth/performer1/000000.ply");
+  const Mesh second = read_ply(folder / "truth/performer2/000000.ply");
+  EXPECT_EQ(both.vertices.size(), first.vertices.size() + second.vertices.size());
+  const auto is_left = [](const Eigen::Vector3f& v) { return v.x() < 0.3F; };
+  EXPECT_TRUE(std::ranges::all_of(first.vertices, is_left));
+  EXPECT_FALSE(std::ranges::all_of(second.vertices, is_left));
+}
+
 TEST(SimulatedTake, starts_at_the_given_time_of_the_action) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut"), later = small_take(folder / "later");

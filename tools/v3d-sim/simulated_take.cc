@@ -146,11 +146,41 @@ class CameraLog {
   std::deque<Image> recent_images_;  ///< of a camera with kLate: the last images
 };
 
-void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
-                 uint64_t seed) {
+std::filesystem::path performer_folder(const std::filesystem::path& truth, size_t index) {
+  return truth / fmt::format("performer{}", index + 1);
+}
+
+void create_truth_folders(const std::filesystem::path& truth, int performers) {
+  std::filesystem::create_directories(truth / "sword");
+  for (size_t i = 0; performers > 1 && i < static_cast<size_t>(performers); ++i) {
+    std::filesystem::create_directory(performer_folder(truth, i));
+  }
+}
+
+void append_surface(Mesh& all, const Mesh& more) {
+  const auto first = static_cast<uint32_t>(all.vertices.size());
+  all.vertices.insert(all.vertices.end(), more.vertices.begin(), more.vertices.end());
+  for (const auto& t : more.triangles) {
+    all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+}
+
+void write_truth(const SimulatedTake& take, int64_t pulse, double seconds) {
+  const std::filesystem::path& folder = *take.truth;
   const std::string name = fmt::format("{:06}.ply", pulse);
-  write_ply(folder / name, outer_surface(performer_parts(seconds, seed), seed));
-  write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
+  const std::vector<Performer> cast = cast_of(take.performers);
+  std::vector<Part> all;
+  Mesh blades;
+  for (size_t i = 0; i < cast.size(); ++i) {
+    const std::vector<Part> parts = performer_parts(seconds, take.seed, cast[i]);
+    if (cast.size() > 1) {
+      write_ply(performer_folder(folder, i) / name, outer_surface(parts, take.seed));
+    }
+    all.insert(all.end(), parts.begin(), parts.end());
+    append_surface(blades, sword_blade(seconds, cast[i]).mesh);
+  }
+  write_ply(folder / name, outer_surface(all, take.seed));
+  write_ply(folder / "sword" / name, blades);
 }
 
 /// Segments like the capture daemon, dilates the masks and adds noise to the outlines.
@@ -197,6 +227,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   RenderOptions options;
   options.seed = take.seed;
   options.colour_spread = take.colour_spread;
+  options.performers = take.performers;
   BatchRenderer renderer(take.rig, options);
   NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, renderer));
   std::vector<CameraLog> logs;
@@ -206,7 +237,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   }
   take::EventLogWriter pulses(paths.pulses());
   if (take.truth) {
-    std::filesystem::create_directories(*take.truth / "sword");
+    create_truth_folders(*take.truth, take.performers);
   }
   for (int64_t pulse = 0; pulse < take.frames; ++pulse) {
     const double seconds = static_cast<double>(pulse) / take.rate_hz;
@@ -223,7 +254,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
       logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));
     }
     if (take.truth) {
-      write_truth(*take.truth, pulse, action_s, take.seed);
+      write_truth(take, pulse, action_s);
     }
     progress(pulse + 1);
   }

@@ -21,6 +21,7 @@ struct Arguments {
   std::string faults;
   std::string truth;
   double colour_spread = 0;
+  int performers = 1;
 };
 
 int run(const Arguments& arguments) {
@@ -34,6 +35,7 @@ int run(const Arguments& arguments) {
   take.outline_noise_px = arguments.outline_noise_px;
   take.mask_dilation_px = arguments.mask_dilation_px;
   take.colour_spread = arguments.colour_spread;
+  take.performers = arguments.performers;
   if (!arguments.faults.empty()) {
     take.faults = load_faults(arguments.faults, take.rig, take.frames);
   }
@@ -75,11 +77,17 @@ void add_take_command(cli::Command app, int& status) {
       "v3d-sim(1)");
   command.add_option("--truth", arguments->truth,
                      "Folder for the true surface of every pulse, 000000.ply ..., and for that "
-                     "of the blade of the sword, sword/000000.ply ...");
+                     "of the blade of the sword, sword/000000.ply ...; of two performers also "
+                     "performer1/000000.ply ... and performer2/000000.ply ...");
   command
       .add_option("--colour-spread", arguments->colour_spread,
                   "Colour difference between the cameras: 1 is 15 %, as of unmatched cameras")
       .check(cli::number_in(0, 4));
+  command
+      .add_option("--performers", arguments->performers,
+                  "1: one who cuts alone; 2: two who fight and touch each other")
+      .check(cli::integer_in(1, 2))
+      .show_default();
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"
