@@ -35,9 +35,9 @@ struct Performer {
   Palette palette = Palette::kIndigo;
 };
 
-/// The performers of the simulated studio. 1: the one who cuts alone. 2: two who fight; their
-/// blades cross, and their hands and arms are in contact in four of ten pulses.
-/// Requires a count of 1 or 2.
+/// The performers of the simulated studio. 1: one who cuts alone. 2: two who fight; their blades
+/// cross, and twice in a period hands and arms touch, so that their hulls are one component in a
+/// third of the pulses. Requires a count of 1 or 2.
 std::vector<Performer> cast_of(int performers);
 
 /// A closed, outward-oriented surface (world frame, metres). `paint`: by vertex the texture

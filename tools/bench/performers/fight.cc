@@ -95,7 +95,7 @@ void Fight::learn_plates() {
 
 recon::FrameSet Fight::frames(double seconds, int number) {
   const std::vector<Image> images =
-      renderer_.render_all(seconds, static_cast<uint64_t>(kPlates + number));
+      renderer_.render_all(seconds, uint64_t{kPlates} + static_cast<uint64_t>(number));
   recon::FrameSet set;
   set.pulse = number;
   set.frames.resize(rig_.size());
