@@ -90,7 +90,7 @@ void ContactSplit::drop_contested_seeds(const SparseVolume& volume,
   }
   for (const Change& change : changes_) {
     for (uint32_t k = 0; k < sets.size(); ++k) {
-      if (k != change.set) remove((*sets[k])[change.brick], change.voxels);
+      if (k != change.set) subtract((*sets[k])[change.brick], change.voxels);
     }
   }
 }
@@ -103,11 +103,11 @@ void ContactSplit::prepare_growth(const SparseVolume& volume,
   for (const ComponentPart& part : component) {
     if (settle(part.bits, part.brick, sets)) continue;
     codec::Brick left = part.bits;
-    for (const VoxelSet* set : sets) remove(left, (*set)[part.brick]);
+    for (const VoxelSet* set : sets) subtract(left, (*set)[part.brick]);
     if (is_empty(left)) continue;
     codec::Brick& room = room_[part.brick];
     room = dilated(bricks_around(volume, part.brick), occupied_of);
-    for (const VoxelSet* set : sets) remove(room, (*set)[part.brick]);
+    for (const VoxelSet* set : sets) subtract(room, (*set)[part.brick]);
     active_.push_back(part.brick);
   }
 }
@@ -131,7 +131,7 @@ void ContactSplit::grow(const SparseVolume& volume, Sets sets) {
     for (const uint32_t brick : active_) grow_brick(volume, sets, step, brick);
     for (const Change& change : changes_) {
       add((*sets[change.set])[change.brick], change.voxels);
-      remove(room_[change.brick], change.voxels);
+      subtract(room_[change.brick], change.voxels);
     }
     next_.clear();
     for (const Change& change : changes_) {
@@ -155,7 +155,7 @@ void ContactSplit::grow_brick(const SparseVolume& volume, Sets sets, size_t step
     const size_t k = step % 2 == 0 ? n : sets.size() - 1 - n;
     const codec::Brick gained = common(dilated(around, layers_of(*sets[k])), left);
     if (is_empty(gained)) continue;
-    remove(left, gained);
+    subtract(left, gained);
     changes_.push_back({brick, static_cast<uint32_t>(k), gained});
   }
 }
@@ -168,7 +168,7 @@ void ContactSplit::smooth(const SparseVolume& volume, std::span<const ComponentP
   }
   for (const Change& change : changes_) {
     for (uint32_t k = 0; k < sets.size(); ++k) {
-      if (k != change.set) remove((*sets[k])[change.brick], change.voxels);
+      if (k != change.set) subtract((*sets[k])[change.brick], change.voxels);
     }
     add((*sets[change.set])[change.brick], change.voxels);
   }
@@ -192,7 +192,7 @@ void ContactSplit::smooth_brick(const SparseVolume& volume, const ComponentPart&
     Change change{part.brick, near[to], {}};
     for (size_t from = 0; from < near.size(); ++from) {
       codec::Brick lost = common(larger(counts[to], counts[from]), (*sets[near[from]])[part.brick]);
-      remove(lost, moved);
+      subtract(lost, moved);
       add(change.voxels, common(lost, part.bits));
     }
     add(moved, change.voxels);

@@ -137,7 +137,8 @@ void PerformerTracker::divide(const SparseVolume& volume, size_t component,
       previous.sets.push_back(&before_[p].voxels);
       sets.push_back(&performers_[p].voxels);
     } else {
-      for (const ComponentPart& part : parts) remove(performers_[p].voxels[part.brick], part.bits);
+      for (const ComponentPart& part : parts)
+        subtract(performers_[p].voxels[part.brick], part.bits);
     }
   }
   contact_.run(volume, parts, previous, sets);
@@ -150,7 +151,7 @@ void PerformerTracker::give(size_t component, uint8_t identity) {
       if (performer.identity == identity) {
         recon::add(performer.voxels[part.brick], part.bits);
       } else {
-        remove(performer.voxels[part.brick], part.bits);
+        subtract(performer.voxels[part.brick], part.bits);
       }
     }
   }

@@ -30,7 +30,7 @@ inline void add(codec::Brick& to, const codec::Brick& more) {
   for (size_t z = 0; z < to.size(); ++z) to[z] |= more[z];
 }
 
-inline void remove(codec::Brick& from, const codec::Brick& less) {
+inline void subtract(codec::Brick& from, const codec::Brick& less) {
   for (size_t z = 0; z < from.size(); ++z) from[z] &= ~less[z];
 }
 

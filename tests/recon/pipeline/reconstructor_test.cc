@@ -111,6 +111,7 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
   Hull hull = hulls.intersect(frames);
   Mesh mesh = hulls.surface(hull.volume);
   std::optional<VertexLattice> lattice;
+  int live_passes = 0;
   if (quality == Quality::kHigh) {
     DeformStage deform(rig, hulls.grid(), given.deform);
     deform.deform(frames, hull.volume, mesh);
@@ -120,6 +121,7 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
     LiveDeformStage deform(rig, hulls.grid());
     deform.deform(frames, kDefaultLivePasses, mesh);
     lattice = deform.lattice();
+    live_passes = kDefaultLivePasses;
   }
   colour_surface(rig, frames, given.voxel_m,
                  quality == Quality::kHigh ? ColourDetail::kFull : ColourDetail::kLive, mesh);
@@ -127,6 +129,7 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
   PulseFacts facts{.pulse = set.pulse, .exposure = set.exposure, .cameras = names_of(rig, frames)};
   facts.missing = static_cast<int>(rig.size() - facts.cameras.size());
   facts.quality = meter.measure(mesh, frames).silhouette_iou;
+  facts.live_passes = live_passes;
   return EncodeStage(hulls.grid(), lattice).encode(facts, hull.volume, mesh);
 }
 
