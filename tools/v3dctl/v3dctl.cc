@@ -18,6 +18,7 @@ void add_all_commands(CommandLine& line) {
   add_external(line, "import", "Make a take from recordings of other sources");
   add_external(line, "calibrate", "Calibrate lenses, poses and colours of the cameras");
   add_reconstruct(line);
+  add_performers(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);

@@ -69,6 +69,7 @@ int run(const Arguments& arguments) {
   if (arguments.view_dependent) colours.emplace(arguments.take);
   catch_interrupts();
   Progress progress("export", std::ssize(frames));
+  bool is_present = arguments.performer == 0;  // the wanted performer, in some frame
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
@@ -76,9 +77,15 @@ int run(const Arguments& arguments) {
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
     if (arguments.performer > 0) keep_performer(arguments, content, cameras);
+    is_present = is_present || !content.mesh.triangles.empty();
     write_mesh(file, format, content.mesh,
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
+  }
+  if (!is_present) {
+    throw InputError("--performer " + std::to_string(arguments.performer) +
+                     ": no exported frame shows this performer; v3dctl performers " +
+                     arguments.take.string() + " lists them");
   }
   const int status =
       colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;

@@ -1,0 +1,134 @@
+#include "v3dctl/reconstruct/take_performers.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "recon/performers/blocks.h"
+#include "recon/pipeline/compact_frame.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+namespace {
+
+using recon::body_at;
+using testing::HasSubstr;
+
+/// Meshes of two bodies who walk towards each other, touch for ten pulses, and part again.
+class TwoBodies : public testing::Test {
+ protected:
+  static constexpr int64_t kPulses = 40;
+
+  static double distance_at(int64_t pulse) {
+    const auto from_contact = static_cast<double>(std::max<int64_t>(0, std::abs(pulse - 20) - 5));
+    return 0.3 + 0.06 * from_contact;
+  }
+  static recon::SparseVolume volume_at(int64_t pulse) {
+    const double half = distance_at(pulse) / 2;
+    return recon::volume_of({body_at(-half), body_at(half)});
+  }
+
+  void append(int64_t pulse, take::MeshFileWriter& file) {
+    const recon::SparseVolume volume = volume_at(pulse);
+    const recon::VoxelGrid& grid = volume.grid();
+    const codec::BrickVolume bricks = volume.view();
+    const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
+                                                   {9, 99, 200});
+    codec::FrameContent content;
+    content.facts.pulse = pulse;
+    content.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+    content.facts.step = grid.voxel_m / 2;
+    content.volume = &bricks;
+    content.colours = colours;
+    io::throw_if_failed(file.append(pulse, encoder_.encode(content).value()));
+  }
+  void make_take() {
+    take::MeshFileWriter file(mesh());
+    for (int64_t pulse = 0; pulse < kPulses; ++pulse) append(pulse, file);
+    io::throw_if_failed(file.close());
+  }
+  PerformersReport label() const {
+    return label_performers(
+        folder_.path(), [](int64_t) {}, [] {});
+  }
+  std::filesystem::path mesh() const { return take::TakePaths{folder_.path()}.mesh(); }
+
+  const test::TemporaryFolder folder_;
+  codec::FrameEncoder encoder_{{.key_every = 10}};
+};
+
+TEST_F(TwoBodies, keep_their_labels_through_contact) {
+  make_take();
+  const PerformersReport report = label();
+  EXPECT_EQ(report.frames, kPulses);
+  EXPECT_EQ(report.undecodable, 0);
+  EXPECT_EQ(report.unlabelled, 0);
+  ASSERT_EQ(report.performers.size(), 2U);
+  for (const PerformerPulses& performer : report.performers) {
+    EXPECT_EQ(performer.pulses, kPulses);
+    EXPECT_EQ(performer.last, kPulses - 1);
+    EXPECT_GT(performer.mean_vertices, 1000);
+  }
+  take::MeshFileReader meshes(mesh());
+  recon::CompactDecoder decoder;
+  std::array<int, 2> of_sides{};
+  for (const int64_t pulse : meshes.pulses()) {
+    ASSERT_EQ(decoder.decode(meshes.read(pulse).value().value()), codec::DecodeStatus::kOk);
+    const recon::CompactFrame frame = decoder.frame();
+    for (size_t v = 0; v < frame.performers.size(); ++v) {
+      const float x = frame.mesh.vertices[v].x();
+      if (std::abs(x) < 0.05) continue;  // beside the border
+      int& side = of_sides[x < 0 ? 0 : 1];
+      if (side == 0) side = frame.performers[v];
+      ASSERT_EQ(frame.performers[v], side) << "pulse " << pulse << " at x " << x;
+    }
+  }
+  EXPECT_EQ(of_sides[0] + of_sides[1], 3) << "1 and 2";
+}
+
+TEST_F(TwoBodies, keep_positions_colours_and_labels_when_they_are_labelled_again) {
+  make_take();
+  take::MeshFileReader before(mesh());
+  label();
+  const std::string once = read_file(mesh());
+  label();
+  EXPECT_EQ(read_file(mesh()), once);
+  take::MeshFileReader after(mesh());
+  ASSERT_EQ(after.pulses(), before.pulses());
+  recon::CompactDecoder old_meshes, new_meshes;
+  for (const int64_t pulse : before.pulses()) {
+    ASSERT_EQ(old_meshes.decode(before.read(pulse).value().value()), codec::DecodeStatus::kOk);
+    ASSERT_EQ(new_meshes.decode(after.read(pulse).value().value()), codec::DecodeStatus::kOk);
+    EXPECT_EQ(new_meshes.frame().mesh.vertices, old_meshes.frame().mesh.vertices);
+    EXPECT_EQ(new_meshes.frame().mesh.colours, old_meshes.frame().mesh.colours);
+  }
+}
+
+TEST_F(TwoBodies, skip_frames_that_cannot_be_decoded) {
+  take::MeshFileWriter file(mesh());
+  append(0, file);
+  io::throw_if_failed(file.append(1, std::vector<uint8_t>(200, 7)));
+  append(2, file);
+  io::throw_if_failed(file.close());
+  const PerformersReport report = label();
+  EXPECT_EQ(report.frames, 3);
+  EXPECT_EQ(report.undecodable, 1);
+  take::MeshFileReader meshes(mesh());
+  EXPECT_EQ(meshes.read(1).value(), std::vector<uint8_t>(200, 7)) << "as it was";
+}
+
+TEST_F(TwoBodies, are_not_labelled_without_meshes_of_volumes) {
+  take::MeshFileWriter file(mesh());
+  io::throw_if_failed(file.append(0, std::vector<uint8_t>(200, 7)));
+  io::throw_if_failed(file.close());
+  const std::string before = read_file(mesh());
+  EXPECT_THAT(test::message_of<InputError>([&] { label(); }), HasSubstr("has no mesh of a volume"));
+  EXPECT_EQ(read_file(mesh()), before);
+}
+
+}  // namespace
+}  // namespace v3d::ctl
