@@ -61,15 +61,6 @@ constexpr float kHiddenBehind = 0.6F;
 /// Variance of image noise, squared grey values.
 constexpr float kNoiseVariance = 2;
 
-template <class Work>
-void for_each_bit(const VertexBits& bits, const Work& work) {
-  for (size_t word = 0; word < bits.size(); ++word) {
-    for (uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
-      work(64 * word + static_cast<size_t>(std::countr_zero(rest)));
-    }
-  }
-}
-
 }  // namespace
 
 void check(const DeformOptions& o) {
@@ -321,36 +312,78 @@ Mask drawn_pixels(const DepthBuffer& depth) {
 
 }  // namespace
 
-Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
-  const int radius = static_cast<int>(std::ceil(kOutlinePixels * camera.coarseness()));
-  const Mask drawn = drawn_pixels(depth);
-  if (radius <= kMaxRadius) return difference_of(dilate(drawn, radius), erode(drawn, radius));
-  Mask anywhere(depth.size);
-  for (int y = 0; y < depth.size.height; ++y) anywhere.fill_row(y, 0, depth.size.width);
+namespace {
+
+/// The pixels at most `pixels` of picture(0) from the outline of `mask`; all where that is too far.
+Mask near_outline_of(const SurfaceCamera& camera, const Mask& mask, float pixels) {
+  const int radius = static_cast<int>(std::ceil(pixels * camera.coarseness()));
+  if (radius <= kMaxRadius) return difference_of(dilate(mask, radius), erode(mask, radius));
+  Mask anywhere(mask.size());
+  for (int y = 0; y < mask.size().height; ++y) anywhere.fill_row(y, 0, mask.size().width);
   return anywhere;
+}
+
+/// A search for outlines along the projected normal.
+struct OutlineSearch {
+  Vector2f direction;     ///< a pixel of picture(0)
+  float metres_of_pixel;  ///< along the normal
+};
+
+std::optional<OutlineSearch> search_along(const SurfaceCamera& camera, ImageSize size,
+                                          const Eigen::Vector3f& place,
+                                          const Eigen::Vector3f& normal,
+                                          const SurfaceCamera::Seen& seen) {
+  const float room = (kSearchPixels + 1) * camera.coarseness();
+  if (!deep_inside(seen.pixel, size, room)) return std::nullopt;
+  const auto beside = camera.project(place + kProbeMetres * normal);
+  if (!beside) return std::nullopt;
+  const Vector2f across = beside->pixel - seen.pixel;
+  const float length = across.norm() / camera.coarseness();
+  if (!(length > 0)) return std::nullopt;
+  return OutlineSearch{across / length, kProbeMetres / length};
+}
+
+std::optional<float> observed_outline(const SurfaceCamera& camera, const Vector2f& from,
+                                      const Vector2f& direction) {
+  return outline_along(from, direction, kSearchPixels,
+                       [&](const Vector2f& p) { return camera.in_silhouette(p); });
+}
+
+}  // namespace
+
+Mask near_silhouette_outline(const SurfaceCamera& camera) {
+  return near_outline_of(camera, camera.silhouette(), kSearchPixels);
+}
+
+Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
+  return near_outline_of(camera, drawn_pixels(depth), kOutlinePixels);
 }
 
 std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
                                              const Eigen::Vector3f& place,
                                              const Eigen::Vector3f& normal,
                                              const SurfaceCamera::Seen& seen) {
-  const float room = (kSearchPixels + 1) * camera.coarseness();
-  if (!deep_inside(seen.pixel, depth.size, room)) return std::nullopt;
-  const auto beside = camera.project(place + kProbeMetres * normal);
-  if (!beside) return std::nullopt;
-  const Vector2f across = beside->pixel - seen.pixel;
-  const float length = across.norm() / camera.coarseness();
-  if (!(length > 0)) return std::nullopt;
-  const Vector2f direction = across / length;
+  const auto search = search_along(camera, depth.size, place, normal, seen);
+  if (!search) return std::nullopt;
   const auto drawn = [&](const Vector2f& p) {
     return std::isfinite(depth.at(static_cast<int>(p.x()), static_cast<int>(p.y())));
   };
-  const auto drawn_at = outline_along(seen.pixel, direction, kOutlinePixels, drawn);
+  const auto drawn_at = outline_along(seen.pixel, search->direction, kOutlinePixels, drawn);
   if (!drawn_at) return std::nullopt;
-  const auto observed = [&](const Vector2f& p) { return camera.in_silhouette(p); };
-  const auto observed_at = outline_along(seen.pixel, direction, kSearchPixels, observed);
+  const auto observed_at = observed_outline(camera, seen.pixel, search->direction);
   if (!observed_at) return std::nullopt;
-  return (*observed_at - *drawn_at) * (kProbeMetres / length);
+  return (*observed_at - *drawn_at) * search->metres_of_pixel;
+}
+
+std::optional<float> displacement_to_silhouette(const SurfaceCamera& camera,
+                                                const Eigen::Vector3f& place,
+                                                const Eigen::Vector3f& normal,
+                                                const SurfaceCamera::Seen& seen) {
+  const auto search = search_along(camera, camera.silhouette().size(), place, normal, seen);
+  if (!search) return std::nullopt;
+  const auto observed_at = observed_outline(camera, seen.pixel, search->direction);
+  if (!observed_at) return std::nullopt;
+  return *observed_at * search->metres_of_pixel;
 }
 
 }  // namespace v3d::recon

@@ -61,6 +61,9 @@ class Deformer {
 // Silhouette force: displacement of outline vertices to the observed outline. Source: equation (6)
 // of the paper (silhouette preserving force).
 
+/// The pixels of `camera` from which displacement_to_silhouette() may find the outline.
+Mask near_silhouette_outline(const SurfaceCamera& camera);
+
 /// The pixels of `camera` near the outline of the mesh. They include all pixels where a vertex may
 /// lie on the outline. `depth` is the depth buffer of the mesh.
 Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
@@ -81,5 +84,12 @@ std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const 
                                              const Eigen::Vector3f& place,
                                              const Eigen::Vector3f& normal,
                                              const SurfaceCamera::Seen& seen);
+
+/// The same for a vertex that lies on the outline of the mesh itself: how far the outline of the
+/// observed silhouette is. Requires a grazing vertex inside near_silhouette_outline().
+std::optional<float> displacement_to_silhouette(const SurfaceCamera& camera,
+                                                const Eigen::Vector3f& place,
+                                                const Eigen::Vector3f& normal,
+                                                const SurfaceCamera::Seen& seen);
 
 }  // namespace v3d::recon

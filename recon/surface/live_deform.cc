@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "base/core/error.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/mesh/self_intersection.h"
+#include "recon/surface/deform.h"
 #include "recon/surface/displacement_field.h"
 #include "recon/surface/template_windows.h"
 #include "recon/visibility/cell_visibility.h"
@@ -28,8 +30,9 @@ struct Search {
   float spacing;  ///< between samples of the template window
   float step;     ///< between depths
   float first;    ///< steps; negative is inwards, where the surface must lie
+  bool outlines;  ///< Silhouettes pull. Not on a hull, most of which lies on outlines.
 };
-constexpr Search kCoarse{1, 1.5F, 0.6F, -11}, kFine{0, 1.0F, 0.3F, -8};
+constexpr Search kCoarse{1, 1.5F, 0.6F, -11, false}, kFine{0, 1.0F, 0.3F, -8, true};
 
 // The cost of a search is proportional to windows times samples times cameras.
 constexpr size_t kEvery = 4;  ///< every n-th vertex has a template window
@@ -43,6 +46,11 @@ constexpr int kSmoothingBefore = 2, kSmoothingAfter = 1, kNormalSmoothing = 2;
 /// Weight of the pull to the place before the search; a clear depth has about 0.3. Without it, the
 /// field would carry vertices without a window inwards, off their silhouettes.
 constexpr float kHold = 0.005F;
+/// Weight of the pull to the observed outline, for each camera in which a vertex lies on the
+/// outline of the mesh.
+constexpr float kOutlinePull = 0.06F;
+/// Free voxels beyond such a vertex. Depth buffers enlarge the mesh by up to 1.5.
+constexpr float kClear = 2.5F;
 
 /// Depth tolerance of the visibility test, voxels, without the slant.
 constexpr float kHiddenBehind = 1.5F;
@@ -85,6 +93,7 @@ class LiveDeformer::Impl {
 
  private:
   void search(const Search& search, const SurfaceCameras& cameras, Mesh& mesh) {
+    if (search.outlines) find_outlines(cameras.cameras);
     observe(search, cameras, mesh);
     const std::span<const float> way =
         field_.solve(rows_, profiles_, known_, pulls_,
@@ -126,6 +135,42 @@ class LiveDeformer::Impl {
     });
   }
 
+  void find_outlines(std::span<const SurfaceCamera> cameras) {
+    near_.resize(cameras.size());
+    tbb::parallel_for(size_t{0}, near_.size(),
+                      [&](size_t c) { near_[c] = near_silhouette_outline(cameras[c]); });
+  }
+
+  /// Whether no surface lies beyond the place in the direction of its normal, seen from the camera:
+  /// the place is on the outline of the mesh.
+  bool is_on_outline(const SurfaceCamera& camera, const PointDepthBuffer& depth,
+                     const Vector3f& place, const Vector3f& normal) const {
+    const auto beyond = camera.project(place + kClear * voxel_ * normal);
+    if (!beyond) return false;
+    const CellGrid& grid = depth.grid();
+    const auto column = static_cast<int>((beyond->pixel.x() - grid.first_u) * grid.cells_per_pixel);
+    const auto row = static_cast<int>((beyond->pixel.y() - grid.first_v) * grid.cells_per_pixel);
+    if (column <= 0 || row <= 0 || column >= grid.columns - 1 || row >= grid.rows - 1) return true;
+    return std::isinf(depth.nearest()[row * grid.columns + column]);
+  }
+
+  /// Pulls the vertices with windows `begin` and following to the outlines on which they lie.
+  void pull_to_outlines(std::span<const SurfaceCamera> cameras, size_t begin, const Block& block) {
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const VertexBits on_outline = grazing_vertices(near_[c], block.by_camera[c],
+                                                     block.place_block.count, kMaxOutlineFacing);
+      for_each_bit(on_outline, [&](size_t i) {
+        if (!is_on_outline(cameras[c], depths_[c], block.places[i], block.normals[i])) return;
+        const auto way = displacement_to_silhouette(cameras[c], block.places[i], block.normals[i],
+                                                    block.by_camera[c].at(i));
+        if (!way) return;
+        OutlinePull& pull = pulls_[kEvery * (begin + i)];
+        pull.weight += kOutlinePull;
+        pull.sum_m += kOutlinePull * *way;
+      });
+    }
+  }
+
   /// Windows `begin` to `end` - 1.
   void correlate_block(const Search& search, std::span<const SurfaceCamera> cameras,
                        const Mesh& mesh, size_t begin, size_t end, Block& block) {
@@ -142,6 +187,7 @@ class LiveDeformer::Impl {
       test_cell_visibility(cameras[c], depths_[c], block.place_block, block.normal_block,
                            {.tolerance_m = kHiddenBehind * voxel_}, block.by_camera[c]);
     }
+    if (search.outlines) pull_to_outlines(cameras, begin, block);
     const CorrelationOptions correlation{
         .side = kSide, .first = search.first, .noise = kNoiseVariance};
     block.windows.find(std::span(block.places).first(count), std::span(block.normals).first(count),
@@ -163,6 +209,7 @@ class LiveDeformer::Impl {
   const LiveDeformOptions options_;
   const float voxel_;
   std::vector<PointDepthBuffer> depths_;  ///< by camera
+  std::vector<Mask> near_;                ///< near_silhouette_outline(), by camera
   Neighbours neighbours_;
   NeighbourRows rows_;  ///< the same for field_
   std::vector<Vector3f> start_, normals_, work_;

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <bit>
 #include <span>
 #include <vector>
 
@@ -55,6 +56,17 @@ void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
 
 /// One bit per vertex of a block.
 using VertexBits = std::array<uint64_t, VertexVisibility::kCapacity / 64>;
+
+/// Calls work(vertex) for each set bit, ascending.
+template <class Work>
+void for_each_bit(const VertexBits& bits, const Work& work) {
+  for (size_t word = 0; word < bits.size(); ++word) {
+    for (uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      work(64 * word + static_cast<size_t>(std::countr_zero(rest)));
+    }
+  }
+}
+
 /// One bit for each of the first `count` vertices: set where the absolute cosine of `facing` is at
 /// most `max_facing`, and the vertex projects to one of `pixels`.
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,

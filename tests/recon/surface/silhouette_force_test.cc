@@ -68,6 +68,25 @@ TEST(SilhouetteDisplacement, is_zero_to_the_bit_for_a_mesh_that_fills_its_silhou
   for (const auto& way : scene.ways()) EXPECT_EQ(way, 0.0F);
 }
 
+TEST(SilhouetteDisplacement, needs_no_depth_buffer_for_a_vertex_on_the_outline) {
+  for (const float more : {-0.02F, 0.0F, 0.015F, 0.03F}) {
+    const Scene scene(kRadius + more);
+    const Mask near = near_silhouette_outline(*scene.camera);
+    int found = 0;
+    for (const Vector3f& v : scene.mesh.vertices) {
+      const Vector3f normal = (v - kMiddle).normalized(), way = scene.camera->center() - v;
+      if (std::abs(normal.dot(way.normalized())) > 0.02F) continue;
+      const auto seen = scene.camera->project(v).value();
+      EXPECT_TRUE(near.get(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y())));
+      const auto displacement = displacement_to_silhouette(*scene.camera, v, normal, seen);
+      ASSERT_TRUE(displacement) << more;
+      EXPECT_NEAR(*displacement, more, 1.5F * kPixelM);
+      ++found;
+    }
+    EXPECT_GT(found, 10);
+  }
+}
+
 TEST(SilhouetteDisplacement, is_zero_without_a_near_observed_outline) {
   const Scene scene(kRadius + 12 * kPixelM);
   for (const auto& way : scene.ways()) EXPECT_FALSE(way);
