@@ -11,17 +11,18 @@ namespace v3d::recond {
 /// Decides by the length of the queue of frame sets (LiveQueue), and by no clock. A take begins
 /// with all passes.
 ///   - When kGrowth more sets wait than before, or when the queue has not become shorter for
-///     kPatience pulses, the next pulses get one pass less. Without passes, a pulse costs what the
-///     visual hull costs. So no pulse is dropped for a pass.
-///   - After at least `pause` pulses, and when no set waits, they get one pass more. The pause is
+///     kPatience pulses (LiveQueue allows 10 s), the next pulses get one pass less. Without passes,
+///     a pulse costs what the visual hull costs. So no pulse is dropped for a pass.
+///   - After a pause of some pulses, and when no set waits, they get one pass more. The pause is
 ///     kFirstPause at first. It doubles, up to kLongestPause, when the pass has to be given up
-///     again. So a PC that is too slow for a pass changes the surface seldom.
+///     again, and is kFirstPause again when the pass was kept for kLongestPause pulses. So a PC
+///     that is too slow for a pass changes the surface seldom.
 ///
 /// One thread.
 class PassLoadControl {
  public:
   static constexpr size_t kGrowth = 3;
-  static constexpr int64_t kPatience = 8;
+  static constexpr int64_t kPatience = 20;
   static constexpr int64_t kFirstPause = 25;
   static constexpr int64_t kLongestPause = 1600;
 
@@ -31,8 +32,8 @@ class PassLoadControl {
   /// The passes of the next pulse, while `waiting` sets wait. Call it once for each pulse.
   /// `behind`: LiveQueue::behind(), sets were dropped.
   int next(size_t waiting, bool behind) {
-    ++since_change_;
-    if (waiting == 0 || waiting < least_ || std::exchange(is_other_load_, false)) {
+    if (++since_change_ == kLongestPause && was_raised_) pause_ = kFirstPause;
+    if (std::exchange(is_other_load_, false) || waiting == 0 || waiting < least_) {
       least_ = waiting;
       since_least_ = 0;
     } else {
@@ -40,11 +41,9 @@ class PassLoadControl {
     }
     const bool is_slow = waiting >= least_ + kGrowth || since_least_ >= kPatience;
     if (passes_ > 0 && (behind || is_slow)) {
-      next_pause_ = since_change_ < kLongestPause && was_raised_
-                        ? std::min(2 * next_pause_, kLongestPause)
-                        : kFirstPause;
+      if (was_raised_) pause_ = std::min(2 * pause_, kLongestPause);
       change_to(behind ? 0 : passes_ - 1, waiting);
-    } else if (passes_ < most_ && waiting == 0 && !behind && since_change_ >= next_pause_) {
+    } else if (passes_ < most_ && waiting == 0 && !behind && since_change_ >= pause_) {
       change_to(passes_ + 1, waiting);
     }
     return passes_;
@@ -67,7 +66,7 @@ class PassLoadControl {
   int64_t since_change_ = 0, since_least_ = 0;  ///< pulses
   size_t least_ = 0;  ///< sets that waited at least, since the last change
   bool is_other_load_ = false;
-  int64_t next_pause_ = kFirstPause;
+  int64_t pause_ = kFirstPause;  ///< pulses
 };
 
 }  // namespace v3d::recond
