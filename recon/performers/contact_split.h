@@ -25,12 +25,11 @@ struct PreviousPulse {
 ///    the labels of the previous pulse moved by block_motion(), one motion for each connected
 ///    group of such bricks.
 /// 2. Seeds beside a seed of another performer are dropped.
-/// 3. Multi-source geodesic growth (a discrete Voronoi diagram in the component): a step goes to
-/// the
-///    18 neighbours that share a face or an edge. It may pass through empty voxels beside occupied
-///    ones, because hulls have narrow gaps within one body. So a part that moved far from its seeds
-///    follows what it hangs on. A brick near seeds of one performer only, at least half of them
-///    seeds, gets that label without growth.
+/// 3. Multi-source geodesic growth (a discrete Voronoi diagram in the component). A step goes to
+///    the 18 neighbours that share a face or an edge. It may pass through empty voxels beside
+///    occupied ones, because hulls have narrow gaps within one body. So a part that moved far from
+///    its seeds follows what it hangs on. A brick near seeds of one performer only, at least half
+///    of them seeds, gets that label without growth.
 /// 4. Twice, each voxel takes the most frequent label among the 27 voxels in and around it.
 ///
 /// Keeps its working memory between calls. One thread. Deterministic.

@@ -61,8 +61,8 @@ PerformerTracker::PerformerTracker(const PerformerOptions& options)
 const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
                                                           const SparseVolume& volume) {
   if (volume.bricks().empty()) {
-    static const std::vector<PerformerVoxels> kNobody;
-    return kNobody;
+    static const std::vector<PerformerVoxels> kNone;
+    return kNone;
   }
   V3D_CHECK(previous_.bricks().empty() || (pulse > pulse_ && previous_.grid() == volume.grid()));
   elapsed_ = pulse - pulse_;
@@ -144,7 +144,7 @@ void PerformerTracker::divide(const SparseVolume& volume, size_t component,
   contact_.run(volume, parts, previous, sets);
 }
 
-/// Gives a component to a performer. `identity` 0: nobody.
+/// Gives a component to a performer. `identity` 0: to none.
 void PerformerTracker::give(size_t component, uint8_t identity) {
   for (PerformerVoxels& performer : performers_) {
     for (const ComponentPart& part : components_.parts(component)) {
@@ -208,8 +208,8 @@ const PerformerTracker::Object* PerformerTracker::same_object(const Object& obje
   return best;
 }
 
-/// The performer of a component of which nobody had half. `before`: the same object in the previous
-/// volume, or null. 0: nobody.
+/// The performer of a component of which no performer had half. `before`: the same object in the
+/// previous volume, or null. 0: none.
 uint8_t PerformerTracker::owner(const SparseVolume& volume, size_t component,
                                 const Object* before) const {
   const uint8_t former = before == nullptr ? 0 : before->identity;
@@ -220,7 +220,7 @@ uint8_t PerformerTracker::owner(const SparseVolume& volume, size_t component,
   return nearest_performer(volume, component, options_.max_object_distance_m);
 }
 
-/// By the distance between the voxels' bounding boxes in each brick. 0: nobody is near.
+/// By the distance between the voxels' bounding boxes in each brick. 0: none is near.
 uint8_t PerformerTracker::nearest_performer(const SparseVolume& volume, size_t component,
                                             double limit_m) const {
   const int limit = static_cast<int>(limit_m / volume.grid().voxel_m);

@@ -41,9 +41,8 @@ struct PerformerOptions {
 ///   volume, which has a similar size and lies near the expected place; else to the nearest
 ///   performer within reach. A performer who almost touches it comes before an object with unknown
 ///   velocity.
-/// - A large object that belongs to nobody is a new performer, and so is one that has been apart
-/// for
-///   some pulses. So performers who are in contact in the first volume are one until they part.
+/// - A large object without a performer is a new performer. So is one that has been apart for some
+///   pulses. So performers who are in contact in the first volume are one until they part.
 ///
 /// Identities count from 1. A performer without a home has left, and gets a new identity if seen
 /// again. Pulses may be missing; a volume without voxels changes nothing.
@@ -55,7 +54,7 @@ class PerformerTracker {
   explicit PerformerTracker(const PerformerOptions& options = {});
 
   /// The performers of the next volume, by ascending identity; each has at least one voxel. Voxels
-  /// of nobody are in no set. Requires ascending pulses and volumes of the same grid.
+  /// without a performer are in no set. Requires ascending pulses and volumes of the same grid.
   const std::vector<PerformerVoxels>& add(int64_t pulse, const SparseVolume& volume);
 
  private:

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "codec/byte_stream.h"
 #include "recon/performers/blocks.h"
 #include "recon/pipeline/compact_frame.h"
 #include "support/message_of.h"
@@ -119,6 +122,22 @@ TEST_F(TwoBodies, skip_frames_that_cannot_be_decoded) {
   EXPECT_EQ(report.undecodable, 1);
   take::MeshFileReader meshes(mesh());
   EXPECT_EQ(meshes.read(1).value(), std::vector<uint8_t>(200, 7)) << "as it was";
+}
+
+TEST_F(TwoBodies, are_not_labelled_when_a_mesh_claims_too_large_a_space) {
+  take::MeshFileWriter file(mesh());
+  const recon::SparseVolume volume = volume_at(0);
+  const codec::BrickVolume bricks = volume.view();
+  codec::FrameContent content;
+  content.facts.step = 0.01;
+  content.volume = &bricks;
+  std::vector<uint8_t> frame = encoder_.encode(content).value();
+  for (const size_t axis : {100, 102, 104}) frame[axis + 1] = 15;  // first brick 3840 or more
+  const uint32_t checksum = codec::crc32(std::span(frame).subspan(16));
+  std::memcpy(&frame[12], &checksum, sizeof checksum);
+  io::throw_if_failed(file.append(0, frame));
+  io::throw_if_failed(file.close());
+  EXPECT_THAT(test::message_of<InputError>([&] { label(); }), HasSubstr("claim too large a space"));
 }
 
 TEST_F(TwoBodies, are_not_labelled_without_meshes_of_volumes) {

@@ -40,6 +40,24 @@ segmentation::BackgroundModel learn(int camera) {
   return segmentation::learn_background(views);
 }
 
+}  // namespace
+
+std::vector<segmentation::Segmenter> learnt_segmenters(sim::BatchRenderer& studio) {
+  std::vector<std::vector<Image>> shots;
+  for (int i = 0; i < kPlates; ++i) {
+    shots.push_back(studio.render_all(std::nullopt, static_cast<uint64_t>(i)));
+  }
+  std::vector<segmentation::Segmenter> segmenters;
+  for (size_t c = 0; c < shots.front().size(); ++c) {
+    std::vector<ImageView> views;
+    for (const auto& shot : shots) views.push_back(shot[c].view());
+    segmenters.emplace_back(segmentation::learn_background(views), segmentation::SegmentOptions{});
+  }
+  return segmenters;
+}
+
+namespace {
+
 template <class Make>
 auto for_each_camera(Make make) {
   std::vector<decltype(make(0))> all;

@@ -11,6 +11,7 @@
 #include "recon/hull/intersect.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/pipeline/reconstructor.h"
+#include "sim/rendering/camera_images.h"
 
 namespace v3d::bench {
 
@@ -34,6 +35,10 @@ const std::vector<Image>& plates(int camera);
 
 /// Background models of all cameras, learnt from plates().
 const std::vector<segmentation::BackgroundModel>& background_models();
+
+/// Segmenters of the cameras of `studio`, in its order, learnt from kPlates images of the empty
+/// studio.
+std::vector<segmentation::Segmenter> learnt_segmenters(sim::BatchRenderer& studio);
 
 /// Segmented silhouettes of raw_frames().
 const std::vector<Mask>& masks();

@@ -186,7 +186,7 @@ TEST_F(RepairingPipeline, counts_a_pulse_whose_repair_throws_as_failed) {
 }
 
 TEST_F(ReconPipelineOnBus, leaves_out_passes_of_the_deformation_while_sets_wait) {
-  std::counting_semaphore<> begun(0), go(0);
+  std::counting_semaphore<> entered(0), go(0);
   std::vector<int> passes;
   pipeline_.emplace(
       ReconPipeline::Setup{.take = "kendo-07",
@@ -194,7 +194,7 @@ TEST_F(ReconPipelineOnBus, leaves_out_passes_of_the_deformation_while_sets_wait)
                            .stages = {.make_mesh =
                                           [&](recon::FrameSetJob& work) {
                                             passes.push_back(work.live_passes.value());
-                                            begun.release();
+                                            entered.release();
                                             go.acquire();
                                             name_pulse(work);
                                           },
@@ -205,7 +205,7 @@ TEST_F(ReconPipelineOnBus, leaves_out_passes_of_the_deformation_while_sets_wait)
       bus_);
   constexpr int64_t kPulses = 6;
   send(0);
-  ASSERT_TRUE(becomes_true([&] { return begun.try_acquire(); }, within(30)));
+  ASSERT_TRUE(becomes_true([&] { return entered.try_acquire(); }, within(30)));
   for (int64_t pulse = 1; pulse < kPulses; ++pulse) send(pulse);
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
   go.release(kPulses);

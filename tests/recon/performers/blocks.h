@@ -60,7 +60,7 @@ inline Block rod(double x0, double x1, double y = 0, double z = 1.2) {
   return {Eigen::Vector3d(x0, y - 0.03, z - 0.03), Eigen::Vector3d(x1, y + 0.03, z + 0.03)};
 }
 
-/// The identity at a place; 0: nobody's, -1: not occupied.
+/// The identity at a place; 0: none, -1: not occupied.
 inline int identity_at(const SparseVolume& volume, const std::vector<PerformerVoxels>& performers,
                        const Eigen::Vector3d& place) {
   const Eigen::Vector3i v =

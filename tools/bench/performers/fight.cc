@@ -78,19 +78,7 @@ Fight::Fight(const FightOptions& options)
       rig_(sim::make_rig(options.cameras, kSize, options.seed)),
       renderer_(rig_, {.seed = options.seed, .performers = kPerformers}),
       reconstructor_(rig_, reconstruct_options(options)) {
-  if (!options.exact) learn_plates();
-}
-
-void Fight::learn_plates() {
-  std::vector<std::vector<Image>> plates;
-  for (int i = 0; i < kPlates; ++i) {
-    plates.push_back(renderer_.render_all(std::nullopt, static_cast<uint64_t>(i)));
-  }
-  for (size_t c = 0; c < rig_.size(); ++c) {
-    std::vector<ImageView> views;
-    for (const auto& shot : plates) views.push_back(shot[c].view());
-    segmenters_.emplace_back(segmentation::learn_background(views), segmentation::SegmentOptions{});
-  }
+  if (!options.exact) segmenters_ = learnt_segmenters(renderer_);
 }
 
 recon::FrameSet Fight::frames(double seconds, int number) {

@@ -36,7 +36,6 @@ class Fight {
   FightPulse pulse(int number);
 
  private:
-  void learn_plates();
   recon::FrameSet frames(double seconds, int number);
 
   FightOptions options_;

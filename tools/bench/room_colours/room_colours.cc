@@ -143,7 +143,7 @@ class Trials {
         rig_(sim::make_rig(arguments.cameras, kSize, arguments.seed)),
         film_(rig_, {.seed = arguments.seed}),
         reconstructor_(rig_, options_of(arguments)) {
-    learn_plates();
+    segmenters_ = learnt_segmenters(film_);
   }
 
   Counts run() {
@@ -160,19 +160,6 @@ class Trials {
                      : arguments.quality == "medium" ? Quality::kMedium
                                                      : Quality::kLive;
     return chosen;
-  }
-
-  void learn_plates() {
-    std::vector<std::vector<Image>> plates;
-    for (int i = 0; i < kPlates; ++i) {
-      plates.push_back(film_.render_all(std::nullopt, static_cast<uint64_t>(i)));
-    }
-    for (size_t c = 0; c < rig_.size(); ++c) {
-      std::vector<ImageView> views;
-      for (const auto& shot : plates) views.push_back(shot[c].view());
-      segmenters_.emplace_back(segmentation::learn_background(views),
-                               segmentation::SegmentOptions{});
-    }
   }
 
   Shots shoot(double seconds, int number) {

@@ -46,7 +46,7 @@ void print_text(const PerformersReport& report) {
                format_count(static_cast<int64_t>(performer.mean_vertices)));
   }
   if (report.unlabelled > 0) {
-    fmt::print("nobody       {:.2f} % of the vertices\n", 100 * report.unlabelled);
+    fmt::print("unlabelled   {:.2f} % of the vertices\n", 100 * report.unlabelled);
   }
   if (report.undecodable > 0) {
     fmt::print("damaged      {} without labels\n", count_of(report.undecodable, "frame"));

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "base/core/error.h"
+#include "base/io/process.h"
 #include "codec/frame_labeller.h"
 #include "common/console.h"
 #include "recon/performers/performer_labels.h"
@@ -44,6 +45,11 @@ recon::VoxelGrid common_grid(take::MeshFileReader& meshes, const std::filesystem
   if (!all) {
     throw InputError(path.string() +
                      ": has no mesh of a volume; expected meshes of v3dctl reconstruct");
+  }
+  try {
+    require_memory(*all, static_cast<double>(available_memory()));
+  } catch (const InputError& error) {
+    throw InputError(path.string() + ": its meshes claim too large a space: " + error.what());
   }
   return *all;
 }
