@@ -8,7 +8,7 @@ import { cameraAt, pulseAt } from './scene_clock';
 import type { SceneFile, SceneModel, SceneTake } from './scene_file';
 import { wantsViews } from './shading';
 import type { Stage } from './stage';
-import { indicesOf } from './surface';
+import { indicesOfOne } from './surface';
 import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
@@ -54,7 +54,7 @@ class Actor {
   show(): void {
     if (!this.frame) return;
     const { performer } = this.take;
-    const indices = performer === null ? this.frame.indices : indicesOf(this.frame, (one) => one === performer);
+    const indices = performer === null ? this.frame.indices : indicesOfOne(this.frame, performer);
     this.shownPerformer = performer;
     this.stage.show({ ...this.frame, indices }, this.performer);
     this.views.show(this.frame.pulse, this.next());

@@ -13,7 +13,12 @@ export function performersOf(surface: Surface): number[] {
   return [...new Set(surface.performers ?? [])].filter((performer) => performer > 0).sort((a, b) => a - b);
 }
 
-/** Indices of the triangles whose three vertices belong to shown performers. */
+/** Indices of the triangles of one performer; none where performers are not stated. */
+export function indicesOfOne(surface: Surface, performer: number): Uint32Array {
+  return surface.performers ? indicesOf(surface, (one) => one === performer) : new Uint32Array();
+}
+
+/** Indices of the triangles whose three vertices belong to shown performers; all where performers are not stated. */
 export function indicesOf(surface: Surface, isShown: (performer: number) => boolean): Uint32Array {
   const { indices, performers } = surface;
   if (!performers) return indices;

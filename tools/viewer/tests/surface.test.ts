@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { indicesOf, performersOf, type Surface } from '../src/surface';
+import { indicesOf, indicesOfOne, performersOf, type Surface } from '../src/surface';
 
 /** Four triangles in a strip over six vertices. The first two belong to performer 3, the last to performer 1. */
 const strip: Surface = {
@@ -13,6 +13,11 @@ const strip: Surface = {
 test('performers of a surface are listed once, without unknown vertices', () => {
   expect(performersOf(strip)).toEqual([1, 3]);
   expect(performersOf({ ...strip, performers: null })).toEqual([]);
+});
+
+test('one performer of a surface without performers has no triangle', () => {
+  expect([...indicesOfOne(strip, 3)]).toEqual([0, 1, 2, 1, 3, 2]);
+  expect(indicesOfOne({ ...strip, performers: null }, 3)).toHaveLength(0);
 });
 
 test('a hidden performer takes along the triangles at his border', () => {
