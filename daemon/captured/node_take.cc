@@ -70,11 +70,17 @@ std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& p
                                            const LoggedPulses& pulses, bool edges_are_reported) {
   const take::TakePaths paths = node::take_paths(context.studio, plan.order.take);
   take::TakeLock lock = node::lock_take(paths, context.name);
+  const bool is_recovered = load_take_info(paths).state != take::TakeState::kRecording;
   // Mark the take as open first: a crash after this line must be recovered with its new frames.
   take::TakeInfo info = node::reopen_take(paths);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
   take->unread_ = pulses.problems;
+  // After a failed sync the kernel can drop what it did not write, and the next sync succeeds. So
+  // only another recovery, which reads the logs, can close the take.
+  if (!is_recovered) {
+    take->unread_.push_back("its recovery has failed; the next start of the daemon tries again");
+  }
   for (const auto& worker : context.cameras) {
     const std::string& camera = worker->camera();
     if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;

@@ -11,6 +11,7 @@
 #include "support/child_process.h"
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/verify.h"
 #include "trigger/cable_server.h"
 #include "wire/messages.h"
 
@@ -290,13 +291,38 @@ TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
     ASSERT_TRUE(receives(*take, 2, 2));
   }
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording) << "as a crash leaves it";
+  recover_take(paths());
   const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 5);
   EXPECT_EQ(take->counts().sensed, 2);
   publish_pulse(6);
   ASSERT_TRUE(receives(*take, 7, 3));
   const TakeResult result = drain(*take);
   EXPECT_EQ(result.ledger.commanded, 7);
+  EXPECT_EQ(result.close_report.error, "");
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
   EXPECT_EQ(logged_pulses(paths()), 3);
+}
+
+TEST_F(TakeOfAnotherNode, stays_open_when_its_recovery_has_failed) {
+  {
+    const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
+    publish_pulse(0);
+    ASSERT_TRUE(receives(*take, 1, 1));
+  }
+  {
+    test::FsyncHook hook;
+    hook.fail_next(ENOSPC);
+    const auto recovered = node::recover_open_takes(studio_, node_, {});
+    ASSERT_EQ(std::ssize(recovered), 1);
+    ASSERT_THAT(recovered[0].line, testing::HasSubstr("No space left on device"));
+  }
+  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 1);
+  publish_pulse(1);
+  ASSERT_TRUE(receives(*take, 2, 2));
+  EXPECT_THAT(drain(*take).close_report.error,
+              testing::HasSubstr("kendo-07 stays open: cannot count what it had before the restart: "
+                                 "its recovery has failed"));
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording);
 }
 
 }  // namespace
