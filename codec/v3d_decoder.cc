@@ -1,10 +1,10 @@
 #include "codec/v3d_decoder.h"
 
 #include <cstddef>
-#include <exception>
 #include <vector>
 
 #include "codec/frame_codec.h"
+#include "codec/with_memory.h"
 
 struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header
   v3d::codec::FrameDecoder decoder;
@@ -50,22 +50,6 @@ v3d_status status_of(v3d::codec::DecodeStatus status) {
   }
 }
 
-/// Returns the result of `call`, or `otherwise` when memory is exhausted. Without exceptions, as in
-/// WebAssembly, the program is aborted instead.
-template <class Call, class Result>
-Result with_memory(const Call& call, Result otherwise) {
-#ifdef __cpp_exceptions
-  try {
-    return call();
-  } catch (const std::exception&) {
-    return otherwise;
-  }
-#else
-  static_cast<void>(otherwise);
-  return call();
-#endif
-}
-
 #ifdef __wasm32__
 // codec/v3d_decoder.mjs reads the frame at these offsets.
 static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) == 32 &&
@@ -77,7 +61,8 @@ static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) 
 }  // namespace
 
 v3d_decoder* v3d_decoder_new() {
-  return with_memory([] { return new v3d_decoder; }, static_cast<v3d_decoder*>(nullptr));
+  return v3d::codec::with_memory([] { return new v3d_decoder; },
+                                 static_cast<v3d_decoder*>(nullptr));
 }
 
 void v3d_decoder_free(v3d_decoder* decoder) { delete decoder; }
@@ -88,7 +73,7 @@ v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t
     if (status == V3D_OK) fill_frame(*decoder);
     return status;
   };
-  return with_memory(decode, V3D_OUT_OF_MEMORY);
+  return v3d::codec::with_memory(decode, V3D_OUT_OF_MEMORY);
 }
 
 const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {

@@ -1,4 +1,5 @@
-/* Decoder of compact frames (docs/compact-frame.md) for C and for languages that call C.
+/* Decoder of compact frames (docs/compact-frame.md) and of motion files (docs/motion-format.md),
+ * for C and for languages that call C.
  *
  * It needs only the C++ runtime library and throws no exception. One thread at a time may use a
  * decoder; different decoders are independent. A decoder owns all data that is reached through it.
@@ -57,6 +58,55 @@ V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes
 
 /* The last decoded frame; NULL before the first. */
 V3D_API const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);
+
+/* Motion files: surfaces of constant triangles whose vertices move. Since version 2.2. */
+
+typedef struct v3d_motion v3d_motion;
+
+/* A run of pulses with the same triangles. */
+typedef struct v3d_motion_segment {
+  size_t pulses;
+  const int64_t* pulse_numbers; /* increasing */
+  size_t key;                   /* index of the pulse whose mesh became the template */
+  size_t vertices;
+  size_t triangles;
+  double step_m; /* positions differ by at most half of it from those that were tracked */
+} v3d_motion_segment;
+
+/* The template of a segment. */
+typedef struct v3d_motion_surface {
+  size_t vertices;
+  const float* positions; /* x, y, z of each vertex at the key pulse, metres, z up */
+  const uint8_t* colours; /* r, g, b of each vertex (sRGB), the same at all pulses; NULL: none */
+  size_t triangles;
+  const uint32_t* indices; /* three for each triangle, counter-clockwise seen from outside */
+} v3d_motion_surface;
+
+/* The vertices of a segment at one pulse. */
+typedef struct v3d_motion_pulse {
+  int64_t pulse;
+  size_t vertices;
+  const float* positions;     /* x, y, z of each vertex, metres, z up */
+  const uint8_t* colours;     /* r, g, b of each vertex (sRGB) at this pulse; NULL: none */
+  const uint8_t* confidences; /* of each vertex, 0: only predicted, to 255; NULL: none */
+} v3d_motion_pulse;
+
+/* Opens a motion file in memory. `bytes` are copied. Memory stays below 2 GB for any bytes beside
+ * the copy. *motion is NULL unless the result is V3D_OK. Release it with v3d_motion_free(). */
+V3D_API v3d_status v3d_motion_open(v3d_motion** motion, const uint8_t* bytes, size_t size);
+/* Releases a motion file and all data that is reached through it. NULL is allowed. */
+V3D_API void v3d_motion_free(v3d_motion* motion);
+
+/* Number of segments, in the order of their pulses, which do not overlap. */
+V3D_API size_t v3d_motion_segments(const v3d_motion* motion);
+/* A segment; NULL beyond the last. Valid until v3d_motion_free(). */
+V3D_API const v3d_motion_segment* v3d_motion_segment_at(const v3d_motion* motion, size_t segment);
+/* Decodes the template of a segment; NULL when it is damaged, and when memory is exhausted. Valid
+ * until a call of this function or of v3d_motion_decode() with another segment. */
+V3D_API const v3d_motion_surface* v3d_motion_surface_of(v3d_motion* motion, size_t segment);
+/* Decodes a pulse by its index in the segment; NULL when it, or one that it needs, is damaged, and
+ * when memory is exhausted. Any order is allowed; forward is fastest. Valid until the next call. */
+V3D_API const v3d_motion_pulse* v3d_motion_decode(v3d_motion* motion, size_t segment, size_t index);
 
 /* NOLINTEND(readability-identifier-naming) */
 

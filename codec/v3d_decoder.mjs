@@ -1,5 +1,5 @@
-// Decoder of compact frames (v3d_decoder.h, docs/compact-frame.md) for JavaScript: a wrapper of v3d_decoder.wasm without
-// other dependencies. It runs in browsers, workers and node.
+// Decoder of compact frames (v3d_decoder.h, docs/compact-frame.md) and of motion files (docs/motion-format.md) for
+// JavaScript: a wrapper of v3d_decoder.wasm without other dependencies. It runs in browsers, workers and node.
 
 export const OK = 0;
 /** No compact frame of version 2 or 3, or damaged. */
@@ -44,13 +44,7 @@ export class Decoder {
 
   /** Makes a new decoder with new memory; also used after memory was exhausted. */
   #reset() {
-    // System calls that the C library imports. The decoder calls none of them; each returns "not supported".
-    const system = {};
-    for (const { module, name } of WebAssembly.Module.imports(this.#module)) {
-      (system[module] ??= {})[name] = () => 52;
-    }
-    this.#c = new WebAssembly.Instance(this.#module, system).exports;
-    this.#c._initialize();
+    this.#c = instance_of(this.#module);
     this.#decoder = this.#c.v3d_decoder_new();
   }
 
@@ -104,6 +98,109 @@ export class Decoder {
       indices: new Uint32Array(memory, word(INDICES), 3 * word(TRIANGLES)),
     };
   }
+}
+
+/**
+ * @typedef {object} MotionSegment
+ * @property {number[]} pulses  increasing
+ * @property {number} key  index of the pulse whose mesh became the template
+ * @property {number} vertices
+ * @property {number} triangles
+ * @property {number} stepM  positions differ by at most half of it from those that were tracked
+ */
+
+/**
+ * @typedef {object} MotionSurface
+ * @property {Float32Array} positions  x, y, z of each vertex at the key pulse: metres, z up
+ * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB), the same at all pulses; null: none
+ * @property {Uint32Array} indices  three for each triangle, counter-clockwise seen from outside
+ */
+
+/**
+ * @typedef {object} MotionPulse
+ * @property {number} pulse
+ * @property {Float32Array} positions  x, y, z of each vertex: metres, z up
+ * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB) at this pulse; null: none
+ * @property {Uint8Array | null} confidences  of each vertex, 0: only predicted, to 255; null: none
+ */
+
+/** A motion file: surfaces of constant triangles whose vertices move. Has its own memory. */
+export class Motion {
+  #c;
+  #motion = 0;
+  /** @type {MotionSegment[]} */
+  segments = [];
+
+  /**
+   * Opens a file. Throws a RangeError for bytes that are no motion file of version 1.
+   * @param {WebAssembly.Module} module of v3d_decoder.wasm
+   * @param {Uint8Array} bytes the whole file; they are copied
+   */
+  constructor(module, bytes) {
+    this.#c = instance_of(module);
+    const at = this.#c.malloc(bytes.length + 4);
+    if (at === 0) throw new RangeError('motion file: out of memory');
+    const copy = at + 4;
+    new Uint8Array(this.#c.memory.buffer, copy, bytes.length).set(bytes);
+    const status = this.#c.v3d_motion_open(at, copy, bytes.length);
+    this.#motion = new DataView(this.#c.memory.buffer).getUint32(at, true);
+    this.#c.free(at);
+    if (status !== OK) throw new RangeError(`not a motion file of version 1, or damaged (status ${status})`);
+    const count = this.#c.v3d_motion_segments(this.#motion);
+    for (let n = 0; n < count; ++n) this.segments.push(this.#segment(n));
+  }
+
+  #segment(number) {
+    const memory = this.#c.memory.buffer;
+    const view = new DataView(memory, this.#c.v3d_motion_segment_at(this.#motion, number));
+    const word = (at) => view.getUint32(at, true);
+    const pulses = Array.from(new BigInt64Array(memory, word(4), word(0)), Number);
+    return { pulses, key: word(8), vertices: word(12), triangles: word(16), stepM: view.getFloat64(24, true) };
+  }
+
+  /**
+   * Decodes the template of a segment. Its arrays are views into the memory of this object and are valid until the next
+   * call of any method: copy what must stay.
+   * @returns {MotionSurface | null} null: damaged
+   */
+  surface(segment) {
+    const at = this.#c.v3d_motion_surface_of(this.#motion, segment);
+    if (at === 0) return null;
+    const memory = this.#c.memory.buffer;
+    const [vertices, positions, colours, triangles, indices] = new Uint32Array(memory, at, 5);
+    return {
+      positions: new Float32Array(memory, positions, 3 * vertices),
+      colours: colours === 0 ? null : new Uint8Array(memory, colours, 3 * vertices),
+      indices: new Uint32Array(memory, indices, 3 * triangles),
+    };
+  }
+
+  /**
+   * Decodes a pulse by its index in the segment; forward is fastest. Its arrays are views as those of surface().
+   * @returns {MotionPulse | null} null: damaged
+   */
+  decode(segment, index) {
+    const at = this.#c.v3d_motion_decode(this.#motion, segment, index);
+    if (at === 0) return null;
+    const memory = this.#c.memory.buffer;
+    const [vertices, positions, colours, confidences] = new Uint32Array(memory, at + 8, 4);
+    return {
+      pulse: Number(new DataView(memory, at).getBigInt64(0, true)),
+      positions: new Float32Array(memory, positions, 3 * vertices),
+      colours: colours === 0 ? null : new Uint8Array(memory, colours, 3 * vertices),
+      confidences: confidences === 0 ? null : new Uint8Array(memory, confidences, vertices),
+    };
+  }
+}
+
+/** Makes an instance of the module with its own memory; returns its exports. */
+function instance_of(module) {
+  // System calls that the C library imports. The decoder calls none of them; each returns "not supported".
+  const system = {};
+  for (const { module: from, name } of WebAssembly.Module.imports(module)) (system[from] ??= {})[name] = () => 52;
+  const exported = new WebAssembly.Instance(module, system).exports;
+  exported._initialize();
+  return exported;
 }
 
 /** Reads a NUL-terminated string. */

@@ -9,9 +9,12 @@ set(link -mexec-model=reactor -Wl,--strip-all,--stack-first,-z,stack-size=104857
 foreach(name new free decode frame)
   list(APPEND link -Wl,--export=v3d_decoder_${name})
 endforeach()
+foreach(name open free segments segment_at surface_of decode)
+  list(APPEND link -Wl,--export=v3d_motion_${name})
+endforeach()
 list(APPEND link -Wl,--export=malloc,--export=free)
 
-foreach(source ${decoder_sources} v3d_decoder.cc)
+foreach(source ${decoder_sources} ${c_sources})
   set(object ${CMAKE_CURRENT_BINARY_DIR}/wasm/${source}.o)
   add_custom_command(OUTPUT ${object} DEPENDS ${source} DEPFILE ${object}.d
     COMMAND ${CMAKE_CXX_COMPILER_LAUNCHER} ${WASM_CXX} ${options} -MD -MF ${object}.d -MT ${object}

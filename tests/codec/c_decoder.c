@@ -10,3 +10,15 @@ size_t vertices_in_c(const uint8_t* bytes, size_t size) {
   v3d_decoder_free(decoder);
   return vertices;
 }
+
+/* Number of vertices of the last pulse of the first segment of a motion file; 0 unless it is valid.
+ */
+size_t motion_vertices_in_c(const uint8_t* bytes, size_t size) {
+  v3d_motion* motion = NULL;
+  if (v3d_motion_open(&motion, bytes, size) != V3D_OK) return 0;
+  const v3d_motion_segment* segment = v3d_motion_segment_at(motion, 0);
+  const v3d_motion_pulse* pulse = v3d_motion_decode(motion, 0, segment->pulses - 1);
+  const size_t vertices = pulse == NULL ? 0 : pulse->vertices;
+  v3d_motion_free(motion);
+  return vertices;
+}

@@ -1,0 +1,167 @@
+// Bytes from outside: each is rejected or decoded within the limits.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+#include "codec/byte_stream.h"
+#include "tests/codec/motion_scene.h"
+
+namespace v3d::codec {
+namespace {
+
+constexpr size_t kSegment = 16, kHead = 96;
+
+/// A small file with all parts.
+std::vector<uint8_t> small_file() {
+  MotionSegment given = moving_tube(4, 4, 5);
+  paint(given, 10);
+  return motion_file({given}, {.step_m = 0.002, .key_every = 2});
+}
+
+/// Number of pulses and of the template that are decoded; checks their sizes.
+size_t decodable(const std::vector<uint8_t>& file) {
+  auto reader = MotionReader::open(file);
+  if (!reader) return 0;
+  size_t parts = 0;
+  for (size_t s = 0; s < reader->segments().size(); ++s) {
+    const MotionSegmentInfo& info = reader->segments()[s];
+    const MotionTemplate* surface = reader->surface(s);
+    if (surface == nullptr) continue;
+    ++parts;
+    EXPECT_EQ(surface->triangles.size(), info.triangles);
+    for (const VertexTriangle& t : surface->triangles) {
+      for (const uint32_t corner : t) EXPECT_LT(corner, info.vertices);
+    }
+    for (size_t p = 0; p < info.pulses.size(); ++p) {
+      const MotionPulse* pulse = reader->decode(s, p);
+      if (pulse == nullptr) continue;
+      ++parts;
+      EXPECT_EQ(pulse->positions.size(), info.vertices);
+      EXPECT_EQ(pulse->colours.size(), info.coloured ? info.vertices : 0);
+      EXPECT_EQ(pulse->confidences.size(), info.has_confidences ? info.vertices : 0);
+    }
+  }
+  return parts;
+}
+
+template <class T>
+void put(std::vector<uint8_t>& file, size_t at, T number) {
+  std::memcpy(&file[at], &number, sizeof number);
+}
+template <class T>
+T get(const std::vector<uint8_t>& file, size_t at) {
+  T number;
+  std::memcpy(&number, &file[at], sizeof number);
+  return number;
+}
+
+/// Corrects all checksums of the first segment, as an attacker would.
+void correct_checksums(std::vector<uint8_t>& file) {
+  const auto pulses = get<uint32_t>(file, kSegment + 16);
+  const size_t head = kHead + 16 * pulses;
+  size_t at = kSegment + head;
+  const auto checksum = [&](size_t bytes) {
+    const uint32_t sum = crc32(std::span(file).subspan(at, bytes));
+    at += bytes;
+    return sum;
+  };
+  size_t sections = 0;
+  for (const size_t field : {48, 52, 56}) sections += get<uint32_t>(file, kSegment + field);
+  put(file, kSegment + 44, checksum(sections));
+  for (size_t p = 0; p < pulses; ++p) {
+    const size_t entry = kSegment + kHead + 16 * p;
+    put(file, entry + 12, checksum(get<uint32_t>(file, entry + 8)));
+  }
+  put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, head - 8)));
+}
+
+TEST(MotionBytes, a_file_that_ends_early_is_rejected) {
+  const auto file = small_file();
+  EXPECT_EQ(decodable(file), 5);
+  for (size_t size = 0; size < file.size(); ++size) {
+    const std::vector<uint8_t> cut(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(size));
+    // The header alone is a file without segments.
+    EXPECT_EQ(MotionReader::open(cut).has_value(), size == kSegment);
+  }
+}
+
+TEST(MotionBytes, a_changed_bit_is_noticed) {
+  auto file = small_file();
+  for (size_t at = 0; at < file.size(); ++at) {
+    file[at] ^= static_cast<uint8_t>(1 << at % 8);
+    EXPECT_LT(decodable(file), 5) << "byte " << at;
+    file[at] ^= static_cast<uint8_t>(1 << at % 8);
+  }
+}
+
+TEST(MotionBytes, changed_bytes_with_right_checksums_are_rejected_or_give_a_whole_surface) {
+  const auto file = small_file();
+  size_t whole = 0;
+  for (size_t at = kSegment + kHead + 16 * 4; at < file.size(); ++at) {
+    for (const uint8_t change : {0x01, 0x80, 0xFF}) {
+      auto changed = file;
+      changed[at] ^= change;
+      correct_checksums(changed);
+      whole += decodable(changed);
+    }
+  }
+  EXPECT_GT(whole, 0) << "the checksums are not corrected";
+}
+
+TEST(MotionBytes, changed_fields_of_the_head_are_rejected_or_give_a_whole_surface) {
+  const auto file = small_file();
+  for (size_t at = kSegment + 8; at < kSegment + kHead + 16 * 4; ++at) {
+    if (at >= kSegment + 16 && at < kSegment + 20) continue;  // pulses; below
+    for (const uint8_t change : {0x01, 0x10, 0xFF}) {
+      auto changed = file;
+      changed[at] ^= change;
+      const size_t head = kHead + 16 * 4;
+      put(changed, kSegment + 4, crc32(std::span(changed).subspan(kSegment + 8, head - 8)));
+      decodable(changed);
+    }
+  }
+}
+
+TEST(MotionBytes, claimed_sizes_without_the_bytes_are_rejected) {
+  struct Claim {
+    size_t at;
+    uint32_t value;
+  };
+  for (const Claim& claim :
+       {Claim{16, 0}, Claim{16, 3}, Claim{16, 65536}, Claim{16, 0xFFFFFFFF}, Claim{20, 4},
+        Claim{24, 0}, Claim{24, 257}, Claim{28, 0}, Claim{28, 1 << 19}, Claim{28, 0xFFFFFFFF},
+        Claim{32, 1 << 20}, Claim{32, 0xFFFFFFFF}, Claim{48, 0xFFFFFFFF}, Claim{52, 0xFFFFFFFF},
+        Claim{56, 0xFFFFFFFF}}) {
+    auto file = small_file();
+    put(file, kSegment + claim.at, claim.value);
+    const size_t head = kHead + 16 * 4;
+    put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, head - 8)));
+    auto reader = MotionReader::open(file);
+    EXPECT_TRUE(!reader || reader->surface(0) == nullptr) << claim.at << " " << claim.value;
+  }
+}
+
+TEST(MotionBytes, a_stored_file_decodes_to_the_same_bits_as_when_it_was_made) {
+  std::ifstream in(V3D_MOTION_CORPUS "/small.motion", std::ios::binary);
+  const std::vector<uint8_t> file(std::istreambuf_iterator<char>(in), {});
+  auto reader = MotionReader::open(file);
+  ASSERT_TRUE(reader);
+  uint32_t sum = 0;
+  for (size_t p = 0; p < reader->segments().at(0).pulses.size(); ++p) {
+    const MotionPulse* pulse = reader->decode(0, p);
+    ASSERT_NE(pulse, nullptr);
+    const auto add = [&](const auto& rows) {
+      sum =
+          crc32({reinterpret_cast<const uint8_t*>(rows.data()), rows.size() * sizeof rows[0]}, sum);
+    };
+    add(pulse->positions);
+    add(pulse->colours);
+    add(pulse->confidences);
+  }
+  EXPECT_EQ(sum, 4276962286U);
+}
+
+}  // namespace
+}  // namespace v3d::codec
