@@ -56,6 +56,7 @@ struct TakePaths {
   }
   std::filesystem::path background() const { return folder / "background"; }
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
+  std::filesystem::path motion() const { return folder / "motion.v3d"; }
   /// The crew's notes. Absent until the first note.
   std::filesystem::path slate() const { return folder / "slate.toml"; }
   /// Reserves disk space for the ledger during the recording.

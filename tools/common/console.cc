@@ -1,6 +1,7 @@
 #include "common/console.h"
 
 #include <fmt/core.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -118,6 +119,12 @@ std::string host_name() {
   char text[256] = {};
   gethostname(text, sizeof text - 1);
   return text;
+}
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
 }
 
 }  // namespace v3d::ctl

@@ -1,4 +1,4 @@
-// Console output, interrupts by the user, local time.
+// Console output, interrupts by the user, local time, memory of the process.
 #pragma once
 
 #include <chrono>
@@ -91,5 +91,8 @@ bool interrupted();
 void stop_if_interrupted();
 
 std::string host_name();
+
+/// Largest resident memory of this process so far, 10^6 bytes.
+double peak_rss_mb();
 
 }  // namespace v3d::ctl

@@ -19,6 +19,7 @@ void add_all_commands(CommandLine& line) {
   add_external(line, "calibrate", "Calibrate lenses, poses and colours of the cameras");
   add_reconstruct(line);
   add_performers(line);
+  add_track(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);

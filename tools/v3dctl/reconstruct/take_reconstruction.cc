@@ -1,6 +1,5 @@
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
-#include <sys/resource.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
@@ -73,12 +72,6 @@ void add_measurements(const recon::Reconstruction& result, ReconstructReport& re
   report.ghosts.push_back(result.ghosts);
   report.bytes.push_back(static_cast<double>(result.compact.size()));
   report.quality.emplace_back(result.pulse, result.quality);
-}
-
-double peak_rss_mb() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
 }
 
 /// Faults of the requested pulses; their neighbours were compared, too.

@@ -1,0 +1,266 @@
+// The normal equations of the deformation graph: six unknowns per node, a rotation vector and a
+// translation.
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "base/core/error.h"
+#include "recon/motion/deformation_graph.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Block = Eigen::Matrix<double, 6, 6>;
+using Part = Eigen::Matrix<double, 6, 1>;
+
+/// Targets are added in this number of fixed shares, so that the sums do not depend on threads.
+constexpr size_t kShares = 8;
+/// Weight of "no motion" for each unknown, so that nodes without targets are determined.
+constexpr double kDamping = 1e-6;
+/// Residual of a step, relative to its right-hand side. The next step corrects it.
+constexpr double kTolerance = 1e-3;
+constexpr int kMaxIterations = 400;
+/// Deviation from a rigid motion from which an edge yields, metres.
+constexpr double kYieldM = 0.002;
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+Vector3d rotation_vector(const Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+Matrix3d rotation_of(const Vector3d& vector) {
+  const double angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
+                   : Matrix3d::Identity();
+}
+
+/// Symmetric matrix of 6 x 6 blocks and right-hand side. Only blocks of a row at or below its
+/// column exist.
+struct Equations {
+  std::vector<Block> blocks;
+  std::vector<Part> right;
+  void clear(size_t count, size_t nodes) {
+    blocks.assign(count, Block::Zero());
+    right.assign(nodes, Part::Zero());
+  }
+};
+
+}  // namespace
+
+class GraphSolver::Impl {
+ public:
+  Impl(const DeformationGraph& graph, const std::vector<Eigen::Vector3f>& rest)
+      : graph_(graph), rest_(rest) {
+    find_blocks();
+    make_pattern();
+  }
+
+  void solve(std::span<const VertexTarget> targets, const GraphSolverOptions& options,
+             std::vector<NodeMotion>& motion) {
+    V3D_CHECK(motion.size() == graph_.nodes());
+    for (int i = 0; i < options.iterations; ++i) {
+      add_targets(targets, motion);
+      add_edges(options, motion);
+      step(motion);
+    }
+  }
+
+ private:
+  /// The blocks of all pairs of nodes that share a vertex: those of the edges, and the diagonal.
+  void find_blocks() {
+    const size_t nodes = graph_.nodes();
+    std::vector<std::vector<uint32_t>> below(nodes);
+    for (const DeformationGraph::Edge& edge : graph_.edges()) below[edge.a].push_back(edge.b);
+    first_.assign(nodes + 1, 0);
+    for (uint32_t a = 0; a < nodes; ++a) {
+      below[a].push_back(a);
+      std::sort(below[a].begin(), below[a].end());
+      first_[a + 1] = first_[a] + static_cast<uint32_t>(below[a].size());
+      rows_.insert(rows_.end(), below[a].begin(), below[a].end());
+    }
+  }
+
+  /// Number of the block of column `a` and row `b`. Requires a <= b.
+  size_t block_of(uint32_t a, uint32_t b) const {
+    const auto begin = rows_.begin() + first_[a], end = rows_.begin() + first_[a + 1];
+    const auto found = std::lower_bound(begin, end, b);
+    V3D_CHECK(found != end && *found == b);
+    return static_cast<size_t>(found - rows_.begin());
+  }
+
+  /// The lower triangle as a sparse matrix; columns keep the order of the blocks.
+  void make_pattern() {
+    std::vector<Eigen::Triplet<double>> entries;
+    for (uint32_t a = 0; a < graph_.nodes(); ++a) {
+      for (uint32_t k = first_[a]; k < first_[a + 1]; ++k) {
+        for (int column = 0; column < 6; ++column) {
+          for (int row = rows_[k] == a ? column : 0; row < 6; ++row) {
+            entries.emplace_back(static_cast<int>(6 * rows_[k]) + row,
+                                 static_cast<int>(6 * a) + column, 1);
+          }
+        }
+      }
+    }
+    const auto size = static_cast<Eigen::Index>(6 * graph_.nodes());
+    matrix_.resize(size, size);
+    matrix_.setFromTriplets(entries.begin(), entries.end());
+    gradients_.setTolerance(kTolerance);
+    gradients_.setMaxIterations(kMaxIterations);
+  }
+
+  void add_targets(std::span<const VertexTarget> targets, const std::vector<NodeMotion>& motion) {
+    tbb::parallel_for(size_t{0}, kShares, [&](size_t share) {
+      Equations& sum = shares_[share];
+      sum.clear(rows_.size(), graph_.nodes());
+      const size_t begin = targets.size() * share / kShares;
+      const size_t end = targets.size() * (share + 1) / kShares;
+      for (size_t i = begin; i < end; ++i) add(targets[i], motion, sum);
+    });
+    Equations& all = shares_[0];
+    for (size_t share = 1; share < kShares; ++share) {
+      for (size_t k = 0; k < all.blocks.size(); ++k) all.blocks[k] += shares_[share].blocks[k];
+      for (size_t n = 0; n < all.right.size(); ++n) all.right[n] += shares_[share].right[n];
+    }
+  }
+
+  void add(const VertexTarget& target, const std::vector<NodeMotion>& motion,
+           Equations& sum) const {
+    const DeformationGraph::Influence& influence = graph_.influences()[target.vertex];
+    const Vector3d direction = target.direction.cast<double>();
+    const Vector3d rest = rest_[target.vertex].cast<double>();
+    std::array<Part, DeformationGraph::kInfluences> jacobian;
+    Vector3d place = Vector3d::Zero();
+    for (size_t k = 0; k < jacobian.size(); ++k) {
+      const uint32_t node = influence.node[k];
+      const double weight = influence.weight[k];
+      const Vector3d arm = motion[node].rotation * (rest - graph_.rest()[node]);
+      place += weight * (arm + motion[node].place);
+      jacobian[k] << weight * arm.cross(direction), weight * direction;
+    }
+    const double residual = direction.dot(target.target.cast<double>() - place);
+    for (size_t i = 0; i < jacobian.size(); ++i) {
+      if (influence.weight[i] == 0) continue;
+      sum.right[influence.node[i]] += double{target.weight} * residual * jacobian[i];
+      for (size_t k = 0; k < jacobian.size(); ++k) {
+        if (influence.weight[k] == 0 || influence.node[k] < influence.node[i]) continue;
+        sum.blocks[block_of(influence.node[i], influence.node[k])].noalias() +=
+            double{target.weight} * jacobian[k] * jacobian[i].transpose();
+      }
+    }
+  }
+
+  void add_edges(const GraphSolverOptions& options, const std::vector<NodeMotion>& motion) {
+    Equations& sum = shares_[0];
+    const double lever = graph_.spacing_m();
+    for (const DeformationGraph::Edge& edge : graph_.edges()) {
+      const NodeMotion& a = motion[edge.a];
+      const NodeMotion& b = motion[edge.b];
+      const Vector3d rest = graph_.rest()[edge.b] - graph_.rest()[edge.a];
+      // Huber's weight: few edges bend much, at joints and folds, and most stay rigid.
+      const double bend = std::max((a.rotation * rest + a.place - b.place).norm(),
+                                   (b.rotation * rest + a.place - b.place).norm());
+      const double yields = bend > kYieldM ? kYieldM / bend : 1;
+      const double rigidity = options.rigidity * edge.stiffness * yields;
+      // Each node predicts the place of the other one.
+      add_prediction(edge.a, edge.b, a.rotation * rest, b.place - a.place, rigidity, sum);
+      add_prediction(edge.b, edge.a, b.rotation * -rest, a.place - b.place, rigidity, sum);
+      const double bending = options.bending * edge.stiffness * yields * lever * lever;
+      add_rotation(edge.a, edge.b, rotation_vector(b.rotation * a.rotation.transpose()), bending,
+                   sum);
+    }
+  }
+
+  /// Node `from` predicts `arm` from itself to node `to`, which is at `found`.
+  void add_prediction(uint32_t from, uint32_t to, const Vector3d& arm, const Vector3d& found,
+                      double weight, Equations& sum) const {
+    // residual = found - arm; change of arm = -[arm]x w_from; change of found = d_to - d_from.
+    Eigen::Matrix<double, 3, 6> of_from, of_to;
+    of_from << cross_matrix(arm), -Matrix3d::Identity();
+    of_to << Matrix3d::Zero(), Matrix3d::Identity();
+    add_pair(from, to, of_from, of_to, arm - found, weight, sum);
+  }
+
+  /// The nodes turn by the same rotation; `between` turns `a` into `b`.
+  void add_rotation(uint32_t a, uint32_t b, const Vector3d& between, double weight,
+                    Equations& sum) const {
+    Eigen::Matrix<double, 3, 6> of_a, of_b;
+    of_a << -Matrix3d::Identity(), Matrix3d::Zero();
+    of_b << Matrix3d::Identity(), Matrix3d::Zero();
+    add_pair(a, b, of_a, of_b, -between, weight, sum);
+  }
+
+  /// Adds weight * |of_a x_a + of_b x_b - wanted|^2.
+  void add_pair(uint32_t a, uint32_t b, const Eigen::Matrix<double, 3, 6>& of_a,
+                const Eigen::Matrix<double, 3, 6>& of_b, const Vector3d& wanted, double weight,
+                Equations& sum) const {
+    sum.blocks[block_of(a, a)] += weight * of_a.transpose() * of_a;
+    sum.blocks[block_of(b, b)] += weight * of_b.transpose() * of_b;
+    if (a < b) {
+      sum.blocks[block_of(a, b)] += weight * of_b.transpose() * of_a;
+    } else {
+      sum.blocks[block_of(b, a)] += weight * of_a.transpose() * of_b;
+    }
+    sum.right[a] += weight * of_a.transpose() * wanted;
+    sum.right[b] += weight * of_b.transpose() * wanted;
+  }
+
+  void step(std::vector<NodeMotion>& motion) {
+    const Equations& sum = shares_[0];
+    double* value = matrix_.valuePtr();
+    for (uint32_t a = 0; a < graph_.nodes(); ++a) {
+      for (int column = 0; column < 6; ++column) {
+        for (uint32_t k = first_[a]; k < first_[a + 1]; ++k) {
+          const bool diagonal = rows_[k] == a;
+          for (int row = diagonal ? column : 0; row < 6; ++row) {
+            *value++ = sum.blocks[k](row, column) + (diagonal && row == column ? kDamping : 0);
+          }
+        }
+      }
+    }
+    Eigen::VectorXd right(static_cast<Eigen::Index>(6 * graph_.nodes()));
+    for (size_t n = 0; n < graph_.nodes(); ++n) {
+      right.segment<6>(static_cast<Eigen::Index>(6 * n)) = sum.right[n];
+    }
+    gradients_.compute(matrix_);
+    const Eigen::VectorXd change = gradients_.solve(right);
+    for (size_t n = 0; n < graph_.nodes(); ++n) {
+      const auto at = static_cast<Eigen::Index>(6 * n);
+      motion[n].rotation = rotation_of(change.segment<3>(at)) * motion[n].rotation;
+      motion[n].place += change.segment<3>(at + 3);
+    }
+  }
+
+  const DeformationGraph& graph_;
+  const std::vector<Eigen::Vector3f>& rest_;
+  std::vector<uint32_t> first_;  ///< of each column, in rows_; and the end
+  std::vector<uint32_t> rows_;   ///< of the blocks, ascending in each column
+  std::array<Equations, kShares> shares_;
+  Eigen::SparseMatrix<double> matrix_;
+  /// A Cholesky factorisation has five times as many entries as the matrix, and takes five times as
+  /// long.
+  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower> gradients_;
+};
+
+GraphSolver::GraphSolver(const DeformationGraph& graph, const std::vector<Eigen::Vector3f>& rest)
+    : impl_(std::make_unique<Impl>(graph, rest)) {}
+GraphSolver::~GraphSolver() = default;
+
+void GraphSolver::solve(std::span<const VertexTarget> targets, const GraphSolverOptions& options,
+                        std::vector<NodeMotion>& motion) {
+  impl_->solve(targets, options, motion);
+}
+
+}  // namespace v3d::recon

@@ -1,0 +1,120 @@
+#include "recon/motion/motion_tracker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "recon/motion/observation.h"
+
+namespace v3d::recon {
+namespace {
+
+/// Square metres that a component or a handle of a template must be worth. A handle at the hands of
+/// a performer costs the tracking of an arm.
+constexpr double kPerComponentM2 = 0.003, kPerHandleM2 = 0.05;
+constexpr size_t kSampleEvery = 16;  ///< every n-th vertex is tested for visibility
+
+double area_of(const Mesh& mesh) {
+  double area = 0;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    area += 0.5 * (mesh.vertices[b] - mesh.vertices[a])
+                      .cross(mesh.vertices[c] - mesh.vertices[a])
+                      .cast<double>()
+                      .norm();
+  }
+  return area;
+}
+
+/// Part of the surface that at least two cameras see.
+double seen_share(const ObservedPulse& observed) {
+  if (observed.cameras.cameras.empty()) return 1;
+  std::vector<DepthBuffer> depths;
+  draw_depths(observed.surface, observed.cameras.models, depths, Faces::kFront);
+  const std::vector<Eigen::Vector3f> normals = vertex_normals(observed.surface);
+  const SurfaceSamples samples = every_nth(observed.surface, normals, kSampleEvery);
+  const std::vector<uint8_t> seen =
+      seen_by(samples.places, samples.normals, observed.cameras, depths);
+  const auto count = std::ranges::count_if(seen, [](uint8_t cameras) { return cameras >= 2; });
+  return static_cast<double>(count) / static_cast<double>(std::max<size_t>(seen.size(), 1));
+}
+
+/// Tracks intervals of pulses and collects the results.
+class TakeTracker {
+ public:
+  TakeTracker(const PulseSource& source, size_t count, const TrackingOptions& options,
+              const OnPulse& on_pulse)
+      : source_(source), options_(options), on_pulse_(on_pulse) {
+    scores_.reserve(count);
+    for (size_t i = 0; i < count; ++i) {
+      on_pulse(i);
+      scores_.push_back(key_quality(*source(i)).score);
+    }
+  }
+
+  TrackedMotion run() {
+    for (size_t i = 0; i < scores_.size();) {
+      size_t end = i;
+      while (end < scores_.size() && scores_[end].has_value() == scores_[i].has_value()) ++end;
+      if (scores_[i]) {
+        track(i, end);
+      } else {
+        motion_.untracked.push_back({i, end - 1, "no surface"});
+      }
+      i = end;
+    }
+    std::ranges::sort(motion_.segments, {}, [](const TrackedSegment& s) { return s.pulses[0]; });
+    return std::move(motion_);
+  }
+
+ private:
+  /// Tracks the pulses `begin` to `end` - 1.
+  void track(size_t begin, size_t end) {
+    std::vector<std::pair<size_t, size_t>> open{{begin, end}};
+    while (!open.empty()) {
+      const auto [first, last] = open.back();
+      open.pop_back();
+      if (first == last) continue;
+      const auto best = std::max_element(scores_.begin() + static_cast<ptrdiff_t>(first),
+                                         scores_.begin() + static_cast<ptrdiff_t>(last));
+      const auto key = static_cast<size_t>(best - scores_.begin());
+      const PulseSource watched = [this](size_t i) {
+        on_pulse_(i);
+        return source_(i);
+      };
+      TrackedSegment segment = track_segment(watched, first, key, last, options_);
+      const size_t from = key - segment.key, to = from + segment.pulses.size();
+      open.push_back({first, from});
+      open.push_back({to, last});
+      motion_.segments.push_back(std::move(segment));
+    }
+  }
+
+  const PulseSource& source_;
+  const TrackingOptions& options_;
+  const OnPulse& on_pulse_;
+  std::vector<std::optional<double>> scores_;  ///< of each pulse
+  TrackedMotion motion_;
+};
+
+}  // namespace
+
+KeyQuality key_quality(const ObservedPulse& observed) {
+  KeyQuality quality;
+  const Mesh& mesh = observed.surface;
+  if (mesh.triangles.empty()) return quality;
+  quality.seen_m2 = area_of(mesh) * seen_share(observed);
+  quality.components = connected_components(mesh);
+  // Euler characteristic of a closed surface: V - E + F = 2 (components - genus), with 2 E = 3 F.
+  const auto characteristic =
+      static_cast<double>(mesh.vertices.size()) - static_cast<double>(mesh.triangles.size()) / 2;
+  quality.handles = std::max(0.0, quality.components - characteristic / 2);
+  quality.score =
+      quality.seen_m2 - kPerComponentM2 * quality.components - kPerHandleM2 * quality.handles;
+  return quality;
+}
+
+TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,
+                           const OnPulse& on_pulse) {
+  return TakeTracker(source, count, options, on_pulse).run();
+}
+
+}  // namespace v3d::recon

@@ -1,0 +1,51 @@
+// Tracking of a whole take: key pulses, and the segments around them.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recon/motion/segment_tracker.h"
+
+namespace v3d::recon {
+
+/// How well the mesh of a pulse serves as a template.
+struct KeyQuality {
+  double seen_m2 = 0;  ///< area that at least two cameras see; all of it without cameras
+  int components = 0;  ///< connected components
+  double handles = 0;  ///< genus: openings between parts that touch, and tunnels of bad surface
+  /// Area, less what each component and handle costs. More is better. Empty for a pulse without a
+  /// surface.
+  std::optional<double> score;
+};
+
+/// Source: Collet et al., High-quality streamable free-viewpoint video, SIGGRAPH 2015, section 5
+/// (choice of key frames by area and genus). Here only seen area counts. Works in the caller's TBB
+/// arena.
+KeyQuality key_quality(const ObservedPulse& observed);
+
+/// Pulses without a tracked surface.
+struct UntrackedPulses {
+  size_t first = 0, last = 0;  ///< indices of the take's pulses
+  std::string reason;
+};
+
+struct TrackedMotion {
+  std::vector<TrackedSegment> segments;    ///< by ascending pulses; no pulse is in two segments
+  std::vector<UntrackedPulses> untracked;  ///< ascending
+};
+
+/// Called before work on a pulse of a take: its index. May throw to end the tracking.
+using OnPulse = std::function<void(size_t index)>;
+
+/// Tracks the pulses 0 to `count` - 1 of `source`. Pulses without a surface separate intervals. In
+/// each, the best key pulse begins a segment (track_segment()); what the segment leaves uncovered
+/// is tracked in the same way. Every pulse with a surface is in a segment, if need be alone.
+///
+/// Works in the caller's TBB arena. Deterministic: independent of thread count.
+TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,
+                           const OnPulse& on_pulse);
+
+}  // namespace v3d::recon

@@ -1,0 +1,77 @@
+// Tracking of a surface through the pulses of a segment: one template of constant topology follows
+// the observed surfaces and images.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "base/geometry/mesh.h"
+#include "recon/pipeline/frame_set.h"
+#include "recon/visibility/surface_camera.h"
+
+namespace v3d::recon {
+
+/// What is known of a pulse: the mesh that was reconstructed from it alone, and its images.
+struct ObservedPulse {
+  int64_t pulse = 0;
+  Mesh surface;  ///< world, metres; empty: an empty studio
+  /// Frames with masks and images; none where only meshes are known. `cameras` refers to them.
+  FrameSet frames;
+  SurfaceCameras cameras;
+};
+
+/// Reads the i-th pulse of a take. Called by one thread at a time, mostly with i one more or one
+/// less than before.
+using PulseSource = std::function<std::shared_ptr<const ObservedPulse>(size_t i)>;
+
+struct TrackingOptions {
+  size_t triangles = 30'000;      ///< of the template
+  double node_spacing_m = 0.045;  ///< of the deformation graph
+  double patch_spacing_m = 0.02;  ///< of SurfacePatches
+  bool photometry = true;         ///< match SurfacePatches
+  bool heterogeneity = true;      ///< learn where the surface is rigid and where it bends
+  bool fusion = true;             ///< improve the template by what other pulses show
+  /// A pulse ends the segment when more than this part of its observed surface, as far as cameras
+  /// see it, is farther than `far_m` from the template, or this part of the template from it.
+  double max_far = 0.05;
+  double far_m = 0.02;
+};
+
+/// How well the template explains a pulse, before the displacements of single vertices.
+struct PulseResidual {
+  /// Distance from the observed surface, where at least two cameras see it, to the template,
+  /// metres.
+  double median_m = 0, p90_m = 0;
+  double far = 0;  ///< part of that observed surface beyond TrackingOptions::far_m
+  /// Part of the seen vertices of the template as far from the observed surface: what is no longer
+  /// there.
+  double surplus = 0;
+  int64_t matched_patches = 0;
+  double correlation = 0;  ///< median of the matched patches
+};
+
+/// One surface over several pulses.
+struct TrackedSegment {
+  std::vector<int64_t> pulses;  ///< increasing
+  size_t key = 0;               ///< index of the pulse whose mesh became the template
+  Mesh surface;                 ///< the template: triangles, colours; vertices at rest
+  std::vector<std::vector<Eigen::Vector3f>> positions;  ///< [pulse][vertex], world, metres
+  /// [pulse][vertex]: 0 predicted by the neighbours alone, up to 255 seen by several cameras.
+  std::vector<std::vector<uint8_t>> confidences;
+  std::vector<PulseResidual> residuals;  ///< by pulse
+};
+
+/// Tracks from pulse `key` of `source` forward to `end` - 1 and backward to `begin`, or until the
+/// template no longer explains a pulse. Requires begin <= key < end and a key pulse with a surface.
+///
+/// Works in the caller's TBB arena. Deterministic: independent of thread count.
+///
+/// Source: Li, Adams, Guibas and Pauly, Robust single-view geometry and motion reconstruction,
+/// SIGGRAPH Asia 2009 (deformation graph, relaxed rigidity, detail after the graph); Takai et al.
+/// section 2.3 and its references 15 and 16 (heterogeneous deformation).
+TrackedSegment track_segment(const PulseSource& source, size_t begin, size_t key, size_t end,
+                             const TrackingOptions& options);
+
+}  // namespace v3d::recon

@@ -1,0 +1,234 @@
+#include "recon/motion/template_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/core/statistics.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3f;
+
+constexpr float kUnseenWeight = 0.03F;  ///< of a target of a vertex that no camera sees
+constexpr float kPatchWeight = 4;       ///< of a match with full precision
+constexpr size_t kReverseEvery = 16;    ///< every n-th vertex of the observed surface
+constexpr int kSolverIterations = 2;
+constexpr double kMaxMisfitM = 0.2;
+
+constexpr float kMinDetailFacing = 0.5F;  ///< cosine of the normals
+constexpr int kFullWeightCameras = 3;
+constexpr int kDetailSweeps = 40;
+constexpr float kDetailSmoothness = 0.1F, kDetailHold = 0.005F;
+
+/// Tukey's weight: 1 at distance 0, 0 from `limit` on.
+float robust_weight(float distance, float limit) {
+  const float share = distance / limit;
+  return share < 1 ? (1 - share * share) * (1 - share * share) : 0;
+}
+
+void append_used(const std::vector<VertexTarget>& from, std::vector<VertexTarget>& to) {
+  for (const VertexTarget& target : from) {
+    if (target.weight > 0) to.push_back(target);
+  }
+}
+
+}  // namespace
+
+TemplateFit::TemplateFit(Mesh rest, const TrackingOptions& options)
+    : rest_(std::move(rest)),
+      moved_(rest_),
+      neighbours_(rest_),
+      graph_(rest_, options.node_spacing_m),
+      solver_(graph_, rest_.vertices),
+      patches_(rest_, options.patch_spacing_m),
+      photometry_(options.photometry) {}
+
+void TemplateFit::move(const std::vector<NodeMotion>& motion) {
+  graph_.move(motion, rest_.vertices, moved_.vertices);
+  normals_ = vertex_normals(moved_);
+}
+
+void TemplateFit::see(const ObservedSurface& now, const std::vector<NodeMotion>& motion) {
+  move(motion);
+  const SurfaceCameras& cameras = now.pulse().cameras;
+  if (cameras.cameras.empty()) {
+    cameras_of_.assign(moved_.vertices.size(), 2);
+    return;
+  }
+  draw_depths(moved_, cameras.models, depths_, Faces::kFront);
+  cameras_of_ = seen_by(moved_.vertices, normals_, cameras, depths_);
+  if (photometry_) turned_ = patches_.rotations(graph_, motion);
+}
+
+void TemplateFit::learn_patches(const ObservedSurface& now) {
+  if (uses_images(now)) patches_.learn(seen(now), turned_);
+}
+
+void TemplateFit::fit(const ObservedSurface& now, std::span<const FitStage> stages,
+                      std::vector<NodeMotion>& motion) {
+  for (const FitStage& stage : stages) run_stage(now, stage, motion);
+  see(now, motion);
+}
+
+void TemplateFit::run_stage(const ObservedSurface& now, const FitStage& stage,
+                            std::vector<NodeMotion>& motion) {
+  see(now, motion);
+  std::vector<VertexTarget> patches;
+  if (uses_images(now) && stage.reach_m >= 0) add_patch_targets(now, stage, patches);
+  for (int repeat = 0; repeat < stage.repeats; ++repeat) {
+    if (repeat > 0) move(motion);
+    std::vector<VertexTarget> targets = patches;
+    add_surface_targets(now, stage, targets);
+    if (stage.reverse) add_reverse_targets(now, stage, targets);
+    solver_.solve(
+        targets,
+        {.rigidity = stage.rigidity, .bending = stage.bending, .iterations = kSolverIterations},
+        motion);
+  }
+}
+
+void TemplateFit::add_surface_targets(const ObservedSurface& now, const FitStage& stage,
+                                      std::vector<VertexTarget>& targets) const {
+  std::vector<VertexTarget> all(moved_.vertices.size());
+  const auto radius = static_cast<float>(stage.radius_m);
+  for_each_vertex(all.size(), [&](size_t v) {
+    const Vector3f& place = moved_.vertices[v];
+    const auto on = now.nearest(place, stage.radius_m);
+    if (!on || on->normal.dot(normals_[v]) < static_cast<float>(stage.min_facing)) return;
+    const float weight = robust_weight((on->place - place).norm(), radius);
+    all[v] = {static_cast<uint32_t>(v), cameras_of_[v] > 0 ? weight : kUnseenWeight * weight,
+              on->normal, on->place};
+  });
+  append_used(all, targets);
+}
+
+/// Observed places that the template does not reach pull its nearest vertex.
+void TemplateFit::add_reverse_targets(const ObservedSurface& now, const FitStage& stage,
+                                      std::vector<VertexTarget>& targets) const {
+  const NearestTriangle tree(moved_);
+  const SurfaceSamples samples = every_nth(now.mesh(), now.normals(), kReverseEvery);
+  const double radius = 2 * stage.radius_m;
+  std::vector<VertexTarget> all(samples.places.size());
+  for_each_vertex(all.size(), [&](size_t i) {
+    const Vector3f& place = samples.places[i];
+    const auto found = tree.find(place.cast<double>());
+    if (!found || found->distance > radius) return;
+    int corner = 0;
+    found->weights.maxCoeff(&corner);
+    const uint32_t vertex = moved_.triangles[found->triangle][static_cast<size_t>(corner)];
+    if (normals_[vertex].dot(samples.normals[i]) < static_cast<float>(stage.min_facing)) return;
+    // The vertex moves as the nearest place of the template should.
+    const Vector3f way =
+        place -
+        interpolated(moved_, moved_.vertices, found->triangle, found->weights).cast<float>();
+    all[i] = {vertex, robust_weight(way.norm(), static_cast<float>(radius)), samples.normals[i],
+              moved_.vertices[vertex] + way};
+  });
+  append_used(all, targets);
+}
+
+void TemplateFit::add_patch_targets(const ObservedSurface& now, const FitStage& stage,
+                                    std::vector<VertexTarget>& targets) {
+  matches_ = patches_.match(seen(now), turned_, stage.reach_m);
+  for (const PatchMatch& match : matches_) {
+    for (size_t k = 0; k < match.directions.size(); ++k) {
+      targets.push_back(
+          {match.vertex, kPatchWeight * match.precision[k], match.directions[k], match.place});
+    }
+  }
+}
+
+VertexDetail TemplateFit::detail(const ObservedSurface& now, float limit_m) const {
+  const size_t count = moved_.vertices.size();
+  VertexDetail detail{std::vector<float>(count, 0), std::vector<float>(count, 0)};
+  for_each_vertex(count, [&](size_t v) {
+    if (cameras_of_[v] == 0) return;
+    const Vector3f& place = moved_.vertices[v];
+    const auto on = now.nearest(place, double{limit_m});
+    if (!on || on->normal.dot(normals_[v]) < kMinDetailFacing) return;
+    const float along = normals_[v].dot(on->place - place);
+    const int cameras = std::min<int>(cameras_of_[v], kFullWeightCameras);
+    detail.target[v] = along;
+    detail.weight[v] =
+        static_cast<float>(cameras) / kFullWeightCameras * robust_weight(std::abs(along), limit_m);
+  });
+  return detail;
+}
+
+std::vector<Vector3f> TemplateFit::detailed(const VertexDetail& detail) const {
+  const size_t count = moved_.vertices.size();
+  std::vector<float> field(count, 0), next(count);
+  for (int sweep = 0; sweep < kDetailSweeps; ++sweep) {
+    for_each_vertex(count, [&](size_t v) {
+      float sum = detail.weight[v] * detail.target[v], weight = detail.weight[v] + kDetailHold;
+      for (const uint32_t n : neighbours_.of(v)) {
+        sum += kDetailSmoothness * field[n];
+        weight += kDetailSmoothness;
+      }
+      next[v] = sum / weight;
+    });
+    std::swap(field, next);
+  }
+  std::vector<Vector3f> vertices(count);
+  for_each_vertex(count,
+                  [&](size_t v) { vertices[v] = moved_.vertices[v] + field[v] * normals_[v]; });
+  return vertices;
+}
+
+PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) const {
+  const SurfaceSamples samples = every_nth(now.mesh(), now.normals(), kReverseEvery);
+  // Where the template misses a part, cameras see this part before the template.
+  std::vector<uint8_t> seen(samples.places.size(), 2);
+  if (!now.pulse().cameras.cameras.empty()) {
+    seen = seen_by(samples.places, samples.normals, now.pulse().cameras, depths_);
+  }
+  const NearestTriangle tree(moved_);
+  std::vector<double> distances(samples.places.size(), -1);
+  for_each_vertex(distances.size(), [&](size_t i) {
+    if (seen[i] < 2) return;
+    const auto found = tree.find(samples.places[i].cast<double>());
+    if (found) distances[i] = found->distance;
+  });
+  std::erase_if(distances, [](double d) { return d < 0; });
+  PulseResidual result;
+  if (distances.empty()) return result;
+  const auto share_far = [&](const std::vector<double>& all) {
+    const auto far = std::ranges::count_if(all, [&](double d) { return d > far_m; });
+    return static_cast<double>(far) / static_cast<double>(std::max<size_t>(all.size(), 1));
+  };
+  result.far = share_far(distances);
+  result.surplus = share_far(seen_distances(now));
+  result.median_m = percentile(distances, 0.5);
+  result.p90_m = percentile(distances, 0.9);
+  if (uses_images(now)) {
+    std::vector<double> correlations;
+    for (const PatchMatch& match : matches_) correlations.push_back(double{match.correlation});
+    result.matched_patches = std::ssize(matches_);
+    result.correlation = correlations.empty() ? 0 : percentile(correlations, 0.5);
+  }
+  return result;
+}
+
+/// Distances from the seen vertices of the template to the observed surface.
+std::vector<double> TemplateFit::seen_distances(const ObservedSurface& now) const {
+  std::vector<double> distances(moved_.vertices.size(), -1);
+  for_each_vertex(distances.size(), [&](size_t v) {
+    if (cameras_of_[v] >= 2) distances[v] = now.distance(moved_.vertices[v].cast<double>());
+  });
+  std::erase_if(distances, [](double d) { return d < 0; });
+  return distances;
+}
+
+double TemplateFit::misfit(const ObservedSurface& now, std::span<const NodeMotion> motion) {
+  std::vector<double> distances(motion.size());
+  for_each_vertex(motion.size(), [&](size_t n) {
+    distances[n] = std::min(now.distance(motion[n].place), kMaxMisfitM);
+  });
+  double sum = 0;
+  for (const double distance : distances) sum += distance;
+  return sum;
+}
+
+}  // namespace v3d::recon

@@ -1,0 +1,98 @@
+// Fit of a template surface to one pulse: the motion of its graph, then a displacement of each
+// vertex.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "recon/mesh/mesh_neighbours.h"
+#include "recon/motion/deformation_graph.h"
+#include "recon/motion/observation.h"
+#include "recon/motion/segment_tracker.h"
+#include "recon/motion/surface_patches.h"
+
+namespace v3d::recon {
+
+/// A step of the fit, from coarse to fine.
+struct FitStage {
+  int repeats;               ///< each with new targets on the observed surface
+  double radius_m;           ///< of the farthest target on the observed surface
+  double min_facing;         ///< cosine of the normals of a vertex and its target
+  double rigidity, bending;  ///< GraphSolverOptions
+  float reach_m;             ///< of the patch search; negative: none
+  bool reverse;              ///< targets also from the observed surface to the template
+};
+
+/// Displacements that a pulse asks for, one per vertex, metres along the normal.
+struct VertexDetail {
+  std::vector<float> target, weight;  ///< measured where the weight is more than 0
+};
+
+/// A template and its motion at one pulse after the other. One caller at a time; works in the
+/// caller's TBB arena. Deterministic: independent of thread count.
+class TemplateFit {
+ public:
+  /// `rest` is the template. Takes `options.node_spacing_m`, `patch_spacing_m` and `photometry`.
+  TemplateFit(Mesh rest, const TrackingOptions& options);
+
+  const Mesh& rest() const { return rest_; }
+  std::vector<Eigen::Vector3f>& rest_vertices() { return rest_.vertices; }
+  DeformationGraph& graph() { return graph_; }
+  const Neighbours& neighbours() const { return neighbours_; }
+
+  /// Improves `motion`, one entry per node, by the stages in turn; then as see().
+  void fit(const ObservedSurface& now, std::span<const FitStage> stages,
+           std::vector<NodeMotion>& motion);
+  /// Places the template. The functions below refer to this pulse and motion.
+  void see(const ObservedSurface& now, const std::vector<NodeMotion>& motion);
+
+  /// Learns the appearance of patches that face a camera for the first time.
+  void learn_patches(const ObservedSurface& now);
+  /// The displacements to the observed surface of the vertices that a camera sees, at most
+  /// `limit_m`.
+  VertexDetail detail(const ObservedSurface& now, float limit_m) const;
+  /// The vertices, moved by `detail`, which is smoothed over the surface.
+  std::vector<Eigen::Vector3f> detailed(const VertexDetail& detail) const;
+  const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
+  /// The number of cameras that see each vertex; 2 for all where only meshes are known.
+  const std::vector<uint8_t>& cameras_of_vertices() const { return cameras_of_; }
+
+  PulseResidual residual(const ObservedSurface& now, double far_m) const;
+
+  /// Sum of the distances of the nodes to the observed surface, each up to 0.2 m.
+  static double misfit(const ObservedSurface& now, std::span<const NodeMotion> motion);
+
+ private:
+  bool uses_images(const ObservedSurface& now) const {
+    return photometry_ && !now.pulse().cameras.cameras.empty();
+  }
+  SeenSurface seen(const ObservedSurface& now) const {
+    return {&now.pulse().cameras, &moved_, &normals_, depths_};
+  }
+  void move(const std::vector<NodeMotion>& motion);
+  std::vector<double> seen_distances(const ObservedSurface& now) const;
+  void run_stage(const ObservedSurface& now, const FitStage& stage,
+                 std::vector<NodeMotion>& motion);
+  void add_surface_targets(const ObservedSurface& now, const FitStage& stage,
+                           std::vector<VertexTarget>& targets) const;
+  void add_reverse_targets(const ObservedSurface& now, const FitStage& stage,
+                           std::vector<VertexTarget>& targets) const;
+  void add_patch_targets(const ObservedSurface& now, const FitStage& stage,
+                         std::vector<VertexTarget>& targets);
+
+  Mesh rest_, moved_;
+  Neighbours neighbours_;
+  DeformationGraph graph_;
+  GraphSolver solver_;
+  SurfacePatches patches_;
+  const bool photometry_;
+
+  std::vector<Eigen::Vector3f> normals_;
+  std::vector<DepthBuffer> depths_;
+  std::vector<uint8_t> cameras_of_;
+  std::vector<Eigen::Matrix3f> turned_;  ///< rotations at the patches
+  std::vector<PatchMatch> matches_;      ///< of the last stage
+};
+
+}  // namespace v3d::recon

@@ -1,0 +1,153 @@
+#include "recon/motion/motion_tracker.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "recon/motion/template_surface.h"
+#include "recon/shapes.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3f;
+
+/// A body of 1 m that bends sideways and moves, at a pulse. The vertices of all pulses correspond.
+Mesh body_at(int pulse, float bend_per_pulse = 0.02F) {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 0.15F, 40);
+  const float bend = bend_per_pulse * static_cast<float>(pulse);
+  for (Vector3f& p : mesh.vertices) {
+    p.z() *= 3.3F;
+    // A flattened and dented body: its shape shows how it turns.
+    p.x() *= 0.6F + 0.3F * std::sin(9 * p.z());
+    const float upper = std::max(0.0F, p.z());
+    p.y() += bend * upper * upper * 4;
+    p += Vector3f(0.01F, 0.004F, 0) * static_cast<float>(pulse);
+  }
+  return mesh;
+}
+
+std::shared_ptr<const ObservedPulse> pulse_with(int pulse, Mesh surface) {
+  auto observed = std::make_shared<ObservedPulse>();
+  observed->pulse = pulse;
+  observed->surface = std::move(surface);
+  return observed;
+}
+
+TrackingOptions small_options() {
+  TrackingOptions options;
+  options.triangles = 3000;
+  options.node_spacing_m = 0.06;
+  return options;
+}
+
+TEST(Simplified, keeps_a_closed_surface_near_the_given_one) {
+  const Mesh mesh = body_at(0);
+  const Mesh small = simplified(mesh, 1500);
+  EXPECT_NEAR(static_cast<double>(small.triangles.size()), 1500, 20);
+  EXPECT_TRUE(is_manifold(small));
+  EXPECT_NEAR(enclosed_volume(small), enclosed_volume(mesh), 0.02 * enclosed_volume(mesh));
+}
+
+TEST(TrackSegment, follows_points_of_a_surface_that_bends_and_moves) {
+  constexpr int kPulses = 8, kKey = 3;
+  const PulseSource source = [](size_t i) {
+    return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
+  };
+  const TrackedSegment segment = track_segment(source, 0, kKey, kPulses, small_options());
+  ASSERT_EQ(segment.pulses.size(), size_t{kPulses});
+  EXPECT_EQ(segment.key, size_t{kKey});
+  // A vertex of the template is a vertex of the body at the key pulse.
+  const Mesh key = body_at(kKey);
+  const Mesh first = body_at(0), last = body_at(kPulses - 1);
+  double sum = 0;
+  size_t count = 0;
+  for (size_t v = 0; v < segment.surface.vertices.size(); v += 7) {
+    size_t same = 0;
+    for (size_t k = 1; k < key.vertices.size(); ++k) {
+      const auto distance = [&](size_t i) {
+        return (key.vertices[i] - segment.positions[kKey][v]).norm();
+      };
+      if (distance(k) < distance(same)) same = k;
+    }
+    sum += (segment.positions[0][v] - first.vertices[same]).norm();
+    sum += (segment.positions[kPulses - 1][v] - last.vertices[same]).norm();
+    count += 2;
+  }
+  const double moved = (first.vertices[0] - last.vertices[0]).norm();
+  EXPECT_GT(moved, 0.15);
+  EXPECT_LT(sum / static_cast<double>(count), 0.006);
+  for (const PulseResidual& residual : segment.residuals) EXPECT_LT(residual.median_m, 0.002);
+}
+
+TEST(TrackSegment, ends_where_the_template_does_not_explain_the_surface) {
+  const PulseSource source = [](size_t i) {
+    Mesh surface = body_at(static_cast<int>(i));
+    if (i >= 4) shapes::append(surface, shapes::sphere({1, 0, 0}, 0.2F, 20));
+    return pulse_with(static_cast<int>(i), std::move(surface));
+  };
+  const TrackedSegment segment = track_segment(source, 0, 1, 7, small_options());
+  EXPECT_EQ(segment.pulses, (std::vector<int64_t>{0, 1, 2, 3}));
+}
+
+TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
+  const PulseSource source = [](size_t i) {
+    return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
+  };
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, 4);
+  std::vector<TrackedSegment> segments;
+  for (const int threads : {1, 3}) {
+    tbb::task_arena arena(threads);
+    arena.execute([&] { segments.push_back(track_segment(source, 0, 1, 3, small_options())); });
+  }
+  EXPECT_EQ(segments[0].positions, segments[1].positions);
+  EXPECT_EQ(segments[0].confidences, segments[1].confidences);
+}
+
+TEST(TrackMotion, reports_pulses_without_a_surface_and_tracks_the_others) {
+  // An empty studio, a performer, nobody again, and another performer.
+  const PulseSource source = [](size_t i) {
+    const int pulse = static_cast<int>(i);
+    const bool is_empty = i < 2 || i == 5;
+    return pulse_with(10 + pulse, is_empty ? Mesh() : body_at(pulse));
+  };
+  int calls = 0;
+  const TrackedMotion motion = track_motion(source, 8, small_options(), [&](size_t) { ++calls; });
+  ASSERT_EQ(motion.segments.size(), 2U);
+  EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{12, 13, 14}));
+  EXPECT_EQ(motion.segments[1].pulses, (std::vector<int64_t>{16, 17}));
+  ASSERT_EQ(motion.untracked.size(), 2U);
+  EXPECT_EQ(motion.untracked[0].first, 0U);
+  EXPECT_EQ(motion.untracked[0].last, 1U);
+  EXPECT_EQ(motion.untracked[1].first, 5U);
+  EXPECT_EQ(motion.untracked[0].reason, "no surface");
+  EXPECT_GE(calls, 8 + 2 * 5);
+}
+
+TEST(TrackMotion, begins_another_segment_where_one_ends) {
+  const PulseSource source = [](size_t i) {
+    Mesh surface = body_at(static_cast<int>(i));
+    if (i >= 3) shapes::append(surface, shapes::sphere({1, 0, 0}, 0.2F, 20));
+    return pulse_with(static_cast<int>(i), std::move(surface));
+  };
+  const TrackedMotion motion = track_motion(source, 6, small_options(), [](size_t) {});
+  ASSERT_EQ(motion.segments.size(), 2U);
+  EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 2}));
+  EXPECT_EQ(motion.segments[1].pulses, (std::vector<int64_t>{3, 4, 5}));
+}
+
+TEST(KeyQuality, prefers_a_surface_without_handles_and_fragments) {
+  const auto score = [](Mesh mesh) { return key_quality(*pulse_with(0, std::move(mesh))).score; };
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.3F, 20);
+  Mesh with_fragment = ball;
+  shapes::append(with_fragment, shapes::sphere({1, 0, 0}, 0.005F, 6));
+  EXPECT_GT(score(ball), score(with_fragment));
+  EXPECT_GT(score(shapes::sphere({0, 0, 0}, 0.31F, 20)), score(ball));
+  EXPECT_FALSE(score(Mesh()));
+}
+
+}  // namespace
+}  // namespace v3d::recon

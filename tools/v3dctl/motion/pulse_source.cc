@@ -1,0 +1,129 @@
+#include "v3dctl/motion/pulse_source.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/core/error.h"
+#include "common/obj_file.h"
+#include "common/ply_file.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/mesh/mesh_neighbours.h"
+#include "recon/render/renderer.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kKeptPulses = 3;
+
+class TakePulses : public ObservedPulses {
+ public:
+  TakePulses(const fs::path& take, take::FrameRange frames)
+      : meshes_(take), images_(take, {}), pulses_(meshes_.frames(frames)) {}
+
+  const std::vector<int64_t>& pulses() const override { return pulses_; }
+
+  std::vector<Rgb8> colours(size_t index, const Mesh& surface) override {
+    const auto pulse = read(index);
+    return recon::colour_vertices(surface, recorded::texture_cameras(images_.rig(), pulse->frames),
+                                  recorded::texture_options(surface))
+        .colours;
+  }
+
+ protected:
+  std::shared_ptr<recon::ObservedPulse> load(size_t index) override {
+    auto pulse = std::make_shared<recon::ObservedPulse>();
+    pulse->pulse = pulses_[index];
+    pulse->surface = meshes_.read(pulse->pulse).mesh;
+    pulse->frames = recorded::observe_all(pulse->pulse, images_.read(pulse->pulse));
+    std::vector<recon::DeformCamera> cameras;
+    const recon::RigFrames usable = recon::usable_frames(images_.rig(), pulse->frames);
+    for (size_t c = 0; c < usable.size(); ++c) {
+      if (usable[c]) cameras.push_back({&images_.rig()[c].model, usable[c]});
+    }
+    pulse->cameras =
+        recon::SurfaceCameras(cameras, pulse->surface, recon::mean_edge(pulse->surface));
+    return pulse;
+  }
+
+ private:
+  recorded::MeshFrames meshes_;
+  recorded::TakeFrames images_;
+  const std::vector<int64_t> pulses_;
+};
+
+Mesh read_mesh(const fs::path& file) {
+  return file.extension() == ".obj" ? read_obj(file) : read_ply(file);
+}
+
+class FolderMeshes : public ObservedPulses {
+ public:
+  FolderMeshes(const fs::path& folder, double height_m, take::FrameRange frames) {
+    std::vector<fs::path> files;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      const fs::path extension = entry.path().extension();
+      if (extension == ".obj" || extension == ".ply") files.push_back(entry.path());
+    }
+    std::ranges::sort(files);
+    for (size_t i = 0; i < files.size(); ++i) {
+      const auto pulse = static_cast<int64_t>(i);
+      if (!frames.contains(pulse)) continue;
+      files_.push_back(files[i]);
+      pulses_.push_back(pulse);
+    }
+    if (files_.empty()) {
+      throw InputError(folder.string() + ": has no mesh to track; expected files .obj or .ply");
+    }
+    const Box box = recon::bounds_of(read_mesh(files_[0]));
+    y_is_up_ = box.size().y() > box.size().z();
+    const double height = y_is_up_ ? box.size().y() : box.size().z();
+    if (height_m > 0 && height > 0) scale_ = height_m / height;
+  }
+
+  const std::vector<int64_t>& pulses() const override { return pulses_; }
+  std::vector<Rgb8> colours(size_t, const Mesh&) override { return {}; }
+
+ protected:
+  std::shared_ptr<recon::ObservedPulse> load(size_t index) override {
+    auto pulse = std::make_shared<recon::ObservedPulse>();
+    pulse->pulse = pulses_[index];
+    pulse->surface = read_mesh(files_[index]);
+    for (Eigen::Vector3f& vertex : pulse->surface.vertices) {
+      if (y_is_up_) vertex = {vertex.x(), -vertex.z(), vertex.y()};
+      vertex *= static_cast<float>(scale_);
+    }
+    return pulse;
+  }
+
+ private:
+  std::vector<fs::path> files_;
+  std::vector<int64_t> pulses_;
+  bool y_is_up_ = false;
+  double scale_ = 1;
+};
+
+}  // namespace
+
+std::shared_ptr<const recon::ObservedPulse> ObservedPulses::read(size_t index) {
+  for (const auto& [number, pulse] : kept_) {
+    if (number == index) return pulse;
+  }
+  if (kept_.size() == kKeptPulses) kept_.erase(kept_.begin());
+  return kept_.emplace_back(index, load(index)).second;
+}
+
+std::unique_ptr<ObservedPulses> open_take_pulses(const fs::path& take, take::FrameRange frames) {
+  return std::make_unique<TakePulses>(take, frames);
+}
+
+std::unique_ptr<ObservedPulses> open_mesh_folder(const fs::path& folder, double height_m,
+                                                 take::FrameRange frames) {
+  if (!fs::is_directory(folder)) {
+    throw InputError(folder.string() + ": is not a folder; expected one with meshes (.obj, .ply)");
+  }
+  return std::make_unique<FolderMeshes>(folder, height_m, frames);
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,45 @@
+// Observed pulses for the tracker: from a reconstructed take, or from a folder of meshes.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "recon/motion/segment_tracker.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+/// Keeps some pulses that were read last. One thread.
+class ObservedPulses {
+ public:
+  virtual ~ObservedPulses() = default;
+
+  /// Pulse numbers, ascending.
+  virtual const std::vector<int64_t>& pulses() const = 0;
+  /// The pulse of an index. Works in the caller's TBB arena. Throws InputError for input that
+  /// cannot be read.
+  std::shared_ptr<const recon::ObservedPulse> read(size_t index);
+  /// Vertex colours of a surface from the images of a pulse; empty without images.
+  virtual std::vector<Rgb8> colours(size_t index, const Mesh& surface) = 0;
+
+ protected:
+  virtual std::shared_ptr<recon::ObservedPulse> load(size_t index) = 0;
+
+ private:
+  std::vector<std::pair<size_t, std::shared_ptr<const recon::ObservedPulse>>> kept_;
+};
+
+/// Throws InputError for a folder that is no take, and for a take without meshes.
+std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& take,
+                                                 take::FrameRange frames);
+
+/// The files .obj and .ply of a folder, in the order of their names; pulses count from 0.
+/// `height_m`: extent along z of the first mesh after scaling; 0: coordinates are metres. A mesh
+/// whose y axis points up (its largest extent is along y) is turned. Throws InputError for a folder
+/// without meshes.
+std::unique_ptr<ObservedPulses> open_mesh_folder(const std::filesystem::path& folder,
+                                                 double height_m, take::FrameRange frames);
+
+}  // namespace v3d::ctl

@@ -1,0 +1,164 @@
+#include "v3dctl/motion/take_motion.h"
+
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "base/core/time.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
+#include "common/console.h"
+#include "recon/pipeline/compact_frame.h"
+#include "v3dctl/motion/pulse_source.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+codec::MotionSegment coded(const recon::TrackedSegment& segment,
+                           std::vector<std::vector<codec::VertexColour>> colours) {
+  codec::MotionSegment result;
+  result.pulses = segment.pulses;
+  result.key = segment.key;
+  result.triangles = segment.surface.triangles;
+  for (const auto& positions : segment.positions) {
+    result.positions.push_back(recon::vertex_positions(positions));
+  }
+  result.colours = std::move(colours);
+  result.confidences = segment.confidences;
+  return result;
+}
+
+template <class Value>
+double median_of(const std::vector<recon::PulseResidual>& residuals,
+                 Value recon::PulseResidual::*value) {
+  std::vector<double> values;
+  for (const recon::PulseResidual& residual : residuals) {
+    values.push_back(static_cast<double>(residual.*value));
+  }
+  return median(values);
+}
+
+TrackedSegmentReport report_of(const recon::TrackedSegment& segment) {
+  constexpr double kMillimetres = 1000;
+  TrackedSegmentReport report;
+  report.first = segment.pulses.front();
+  report.last = segment.pulses.back();
+  report.key = segment.pulses[segment.key];
+  report.pulses = std::ssize(segment.pulses);
+  report.vertices = std::ssize(segment.surface.vertices);
+  report.triangles = std::ssize(segment.surface.triangles);
+  report.residual_p50_mm =
+      kMillimetres * median_of(segment.residuals, &recon::PulseResidual::median_m);
+  report.residual_p90_mm =
+      kMillimetres * median_of(segment.residuals, &recon::PulseResidual::p90_m);
+  for (const recon::PulseResidual& residual : segment.residuals) {
+    report.far = std::max({report.far, residual.far, residual.surplus});
+  }
+  report.matched_patches =
+      static_cast<int64_t>(median_of(segment.residuals, &recon::PulseResidual::matched_patches));
+  return report;
+}
+
+/// Tracks and encodes in the caller's TBB arena.
+class MotionMaker {
+ public:
+  MotionMaker(ObservedPulses& input, const TrackRequest& request,
+              const std::function<void()>& on_pulse)
+      : input_(input),
+        request_(request),
+        on_pulse_(on_pulse),
+        writer_({.step_m = request.step_m}) {}
+
+  TrackReport run() {
+    const recon::TrackedMotion motion = recon::track_motion(
+        [this](size_t i) { return input_.read(i); }, input_.pulses().size(), request_.tracking,
+        [this](size_t) {
+          stop_if_interrupted();
+          on_pulse_();
+        });
+    report_.pulses = std::ssize(input_.pulses());
+    append(codec::MotionWriter::header());
+    for (const recon::TrackedSegment& segment : motion.segments) add(segment);
+    for (const recon::UntrackedPulses& gap : motion.untracked) {
+      report_.untracked.push_back(
+          {input_.pulses()[gap.first], input_.pulses()[gap.last], gap.reason});
+    }
+    report_.bytes = std::ssize(bytes_);
+    return report_;
+  }
+
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  void add(const recon::TrackedSegment& segment) {
+    std::vector<std::vector<codec::VertexColour>> colours;
+    Mesh surface = segment.surface;
+    for (size_t i = 0; i < segment.pulses.size(); ++i) {
+      stop_if_interrupted();
+      surface.vertices = segment.positions[i];
+      const auto index = std::ranges::lower_bound(input_.pulses(), segment.pulses[i]);
+      const std::vector<Rgb8> seen =
+          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface);
+      if (!seen.empty()) colours.push_back(recon::vertex_colours(seen));
+    }
+    const auto encoded = writer_.add(coded(segment, std::move(colours)));
+    if (!encoded) {
+      throw InputError(request_.input.string() + ": the surface from pulse " +
+                       std::to_string(segment.pulses.front()) +
+                       " exceeds the limits of motion.v3d (docs/motion-format.md)");
+    }
+    append(encoded->bytes);
+    const codec::MotionBytes& parts = encoded->parts;
+    report_.template_bytes += static_cast<int64_t>(
+        parts.head + parts.triangles + parts.template_positions + parts.template_colours);
+    report_.position_bytes += static_cast<int64_t>(parts.positions);
+    report_.colour_bytes += static_cast<int64_t>(parts.colours);
+    report_.confidence_bytes += static_cast<int64_t>(parts.confidences);
+    report_.segments.push_back(report_of(segment));
+  }
+
+  void append(const std::vector<uint8_t>& bytes) { bytes_.append(bytes.begin(), bytes.end()); }
+
+  ObservedPulses& input_;
+  const TrackRequest& request_;
+  const std::function<void()>& on_pulse_;
+  codec::MotionWriter writer_;
+  TrackReport report_;
+  std::string bytes_;
+};
+
+}  // namespace
+
+TrackReport track_take(const TrackRequest& request,
+                       const std::function<void(int64_t pulses)>& on_begin,
+                       const std::function<void()>& on_pulse) {
+  const MonotonicInstant began = Monotonic::now();
+  const std::unique_ptr<ObservedPulses> input =
+      request.meshes_only ? open_mesh_folder(request.input, request.height_m, request.frames)
+                          : open_take_pulses(request.input, request.frames);
+  on_begin(std::ssize(input->pulses()));
+  const int threads = request.threads > 0 ? request.threads : tbb::info::default_concurrency();
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<size_t>(threads));
+  tbb::task_arena arena(threads);
+  MotionMaker maker(*input, request, on_pulse);
+  TrackReport report = arena.execute([&] { return maker.run(); });
+  if (request.out.empty()) {
+    io::throw_if_failed(io::replace_file(take::TakePaths{request.input}.motion(), maker.bytes()));
+  } else {
+    replace_file(request.out, maker.bytes());
+  }
+  report.peak_rss_mb = peak_rss_mb();
+  report.seconds = to_seconds(Monotonic::now() - began);
+  return report;
+}
+
+}  // namespace v3d::ctl

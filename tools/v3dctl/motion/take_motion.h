@@ -1,0 +1,63 @@
+// Tracked surfaces of a take, and the file motion.v3d that holds them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "recon/motion/motion_tracker.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+struct TrackRequest {
+  /// A reconstructed take; or, with `out`, a folder with one mesh (.obj, .ply) per pulse.
+  std::filesystem::path input;
+  /// Where the result goes; empty: motion.v3d of the take.
+  std::filesystem::path out;
+  bool meshes_only = false;  ///< `input` is a folder of meshes
+  double height_m = 0;       ///< of the first mesh of a folder, to which all are scaled; 0: metres
+  take::FrameRange frames;
+  recon::TrackingOptions tracking;
+  double step_m = 0.0005;  ///< of the coded positions
+  int threads = 0;         ///< 0: one per core. The result does not depend on it.
+};
+
+struct TrackedSegmentReport {
+  int64_t first = 0, last = 0, key = 0;  ///< pulses
+  int64_t pulses = 0;
+  int64_t vertices = 0, triangles = 0;
+  double residual_p50_mm = 0, residual_p90_mm = 0;  ///< medians over the pulses
+  double far = 0;                                   ///< largest of all pulses
+  int64_t matched_patches = 0;                      ///< median over the pulses
+};
+
+struct UntrackedReport {
+  int64_t first = 0, last = 0;  ///< pulses
+  std::string reason;
+};
+
+struct TrackReport {
+  int64_t pulses = 0;  ///< of the input
+  std::vector<TrackedSegmentReport> segments;
+  std::vector<UntrackedReport> untracked;
+  int64_t bytes = 0;  ///< of the file
+  /// Of the parts of the file: triangles and templates, positions, colours, confidences.
+  int64_t template_bytes = 0, position_bytes = 0, colour_bytes = 0, confidence_bytes = 0;
+  double seconds = 0;
+  double peak_rss_mb = 0;
+};
+
+/// Tracks the surface of a take through its pulses (recon::track_motion()) and writes it with the
+/// colours of each pulse. Calls `on_begin` with the number of pulses, and `on_pulse` before work on
+/// each; a pulse has several turns.
+///
+/// Throws InputError for a take without meshes and other bad input; std::runtime_error for errors
+/// of the disk and after an interrupt. Then an older file stays.
+TrackReport track_take(const TrackRequest& request,
+                       const std::function<void(int64_t pulses)>& on_begin,
+                       const std::function<void()>& on_pulse);
+
+}  // namespace v3d::ctl
