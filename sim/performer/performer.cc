@@ -191,6 +191,7 @@ void add_sleeve(std::vector<Part>& parts, const Motion& motion, double seconds, 
   const Vector3d back = rings[kRings - 4].center - rings[kRings].center;
   parts.push_back(make_tube(Material::kJacket, rings, 48, folds,
                             0.1 * (rings[0].center - rings[4].center), 0.15 * back));
+  parts.back().is_sleeve = true;
 }
 
 /// One leg of the loose trousers, with pleats that widen towards the hem and waves that move down.

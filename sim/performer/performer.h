@@ -48,6 +48,7 @@ struct Part {
   std::vector<Eigen::Vector3f> paint;
   Material material = Material::kSkin;
   Palette palette = Palette::kIndigo;
+  bool is_sleeve = false;
 };
 
 /// Body, clothes and sword; parts overlap. `seed` determines folds and patterns, but not the

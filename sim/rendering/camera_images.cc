@@ -318,4 +318,32 @@ std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
   return images;
 }
 
+std::vector<uint8_t> cameras_that_see(const Rig& rig, const std::vector<Part>& parts,
+                                      std::span<const Eigen::Vector3f> points, double tolerance_m) {
+  DrawList all;
+  for (const Part& part : parts) append(all, part);
+  std::vector<std::vector<uint8_t>> seen(rig.size());
+  tbb::parallel_for(size_t{0}, rig.size(), [&](size_t c) {
+    const CameraModel& camera = rig[c].model;
+    const ImageSize size = camera.size();
+    DepthBuffer depth;
+    depth.clear({0, 0, size.width, size.height});
+    depth.draw(to_screen(camera, all.vertices), all.triangles);
+    const std::vector<ScreenPoint> screen = to_screen(camera, points);
+    seen[c].assign(points.size(), 0);
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (!screen[i].seen || !camera.inside_image({screen[i].x, screen[i].y})) continue;
+      const float nearest = depth.inverse_depth(static_cast<int>(std::floor(screen[i].x + 0.5F)),
+                                                static_cast<int>(std::floor(screen[i].y + 0.5F)));
+      if (nearest <= 0) continue;  // beside the drawn pixels
+      seen[c][i] = 1 / screen[i].inverse_depth <= 1 / nearest + static_cast<float>(tolerance_m);
+    }
+  });
+  std::vector<uint8_t> count(points.size(), 0);
+  for (const std::vector<uint8_t>& camera : seen) {
+    for (size_t i = 0; i < count.size(); ++i) count[i] = static_cast<uint8_t>(count[i] + camera[i]);
+  }
+  return count;
+}
+
 }  // namespace v3d::sim

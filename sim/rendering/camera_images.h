@@ -70,6 +70,11 @@ class DepthBuffer {
   std::vector<uint32_t> triangle_;
 };
 
+/// The number of cameras that see each point: it is inside the image, and at most `tolerance_m`
+/// behind the nearest of `parts`. World, metres. Cameras in parallel.
+std::vector<uint8_t> cameras_that_see(const Rig& rig, const std::vector<Part>& parts,
+                                      std::span<const Eigen::Vector3f> points, double tolerance_m);
+
 /// Perspective-correct barycentric coordinates of a pixel inside a triangle; their sum is 1.
 Eigen::Vector3f weights_at(const ScreenPoint& a, const ScreenPoint& b, const ScreenPoint& c, int x,
                            int y);

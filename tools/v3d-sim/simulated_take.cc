@@ -15,6 +15,7 @@
 #include "common/ply_file.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/performer/performer.h"
+#include "sim/performer/surface_points.h"
 #include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
 #include "take/ledger/ledger.h"
@@ -152,6 +153,7 @@ std::filesystem::path performer_folder(const std::filesystem::path& truth, size_
 
 void create_truth_folders(const std::filesystem::path& truth, int performers) {
   std::filesystem::create_directories(truth / "sword");
+  std::filesystem::create_directories(truth / "points");
   for (size_t i = 0; performers > 1 && i < static_cast<size_t>(performers); ++i) {
     std::filesystem::create_directory(performer_folder(truth, i));
   }
@@ -165,7 +167,25 @@ void append_surface(Mesh& all, const Mesh& more) {
   }
 }
 
-void write_truth(const SimulatedTake& take, int64_t pulse, double seconds) {
+/// A point of the surface counts as seen up to this distance behind the nearest surface.
+constexpr double kSeenToleranceM = 0.006;
+constexpr size_t kTruePoints = 20'000;
+
+/// The points as vertices; their colours state cameras and group (docs/simulator.md).
+Mesh point_cloud(const SurfacePoints& points, const Rig& rig, const std::vector<Part>& parts) {
+  Mesh cloud;
+  cloud.vertices = points.places(parts);
+  const std::vector<uint8_t> cameras =
+      cameras_that_see(rig, parts, cloud.vertices, kSeenToleranceM);
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    cloud.colours.push_back({cameras[i], static_cast<uint8_t>(points.groups()[i]), 0});
+  }
+  return cloud;
+}
+
+/// `points` is chosen at the first call.
+void write_truth(const SimulatedTake& take, int64_t pulse, double seconds,
+                 std::optional<SurfacePoints>& points) {
   const std::filesystem::path& folder = *take.truth;
   const std::string name = fmt::format("{:06}.ply", pulse);
   const std::vector<Performer> cast = cast_of(take.performers);
@@ -181,6 +201,8 @@ void write_truth(const SimulatedTake& take, int64_t pulse, double seconds) {
   }
   write_ply(folder / name, outer_surface(all, take.seed));
   write_ply(folder / "sword" / name, blades);
+  if (!points) points.emplace(all, kTruePoints, take.seed);
+  write_ply(folder / "points" / name, point_cloud(*points, take.rig, all));
 }
 
 /// Segments like the capture daemon, dilates the masks and adds noise to the outlines.
@@ -239,6 +261,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   if (take.truth) {
     create_truth_folders(*take.truth, take.performers);
   }
+  std::optional<SurfacePoints> true_points;
   for (int64_t pulse = 0; pulse < take.frames; ++pulse) {
     const double seconds = static_cast<double>(pulse) / take.rate_hz;
     const Duration since = from_seconds(seconds);
@@ -254,7 +277,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
       logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));
     }
     if (take.truth) {
-      write_truth(take, pulse, action_s);
+      write_truth(take, pulse, action_s, true_points);
     }
     progress(pulse + 1);
   }

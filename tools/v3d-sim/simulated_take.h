@@ -53,6 +53,7 @@ struct SimulatedTake {
   int mask_dilation_px = 0;     ///< pixels of the room on every side of a mask
   /// Folder for 000012.ply, one per pulse, and sword/000012.ply, the blades alone. With two
   /// performers also performer1/000012.ply and performer2/000012.ply, the surface of each.
+  /// points/000012.ply: points that stay at the same place of the surface, in the same order.
   std::optional<std::filesystem::path> truth;
 };
 

@@ -1,0 +1,67 @@
+// Errors of a tracked surface: how far points that it carries are from where they truly are.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/geometry/mesh.h"
+
+namespace v3d::recon {
+
+/// Distances of carried points from their true places.
+struct EndPointError {
+  int64_t points = 0;
+  double p50_mm = 0, p90_mm = 0;
+  /// The same along the true surface alone.
+  double tangential_p50_mm = 0;
+};
+
+/// Carries points with the surfaces of successive pulses. World, metres. One caller at a time.
+class CarriedPoints {
+ public:
+  /// A point farther than this from the surface is not bound.
+  static constexpr double kMaxDistanceM = 0.02;
+
+  /// Binds each of `points` to the nearest place of `surface`: a triangle, barycentric weights, and
+  /// an offset along its normal.
+  CarriedPoints(const Mesh& surface, std::vector<Eigen::Vector3f> points);
+
+  const std::vector<Eigen::Vector3f>& places() const { return places_; }
+  bool is_bound(size_t point) const { return bindings_[point].triangle != kUnbound; }
+  int64_t bound() const;
+
+  /// Moves the points to the next pulse of the same surface: the same triangles, other vertices.
+  void follow(const Mesh& surface);
+  /// Moves the points on as between the last two pulses, and binds those that were bound to the
+  /// nearest places of another surface. Points too far from it stay unbound.
+  void rebind(const Mesh& surface);
+  /// Moves the points to the nearest places of another surface, at any distance: nearest-point
+  /// propagation.
+  void drop_onto(const Mesh& surface);
+
+ private:
+  static constexpr uint32_t kUnbound = 0xFFFFFFFF;
+  struct Binding {
+    uint32_t triangle = kUnbound;
+    std::array<double, 3> weights{};
+    double offset_m = 0;  ///< along the normal of the triangle
+  };
+  void bind(const Mesh& surface, double max_distance_m);
+
+  std::vector<Eigen::Vector3f> places_, before_;
+  std::vector<Binding> bindings_;
+};
+
+/// Error of the bound points where `chosen` is not 0. `normals`: unit normals of the true surface
+/// at the points.
+EndPointError end_point_error(const CarriedPoints& carried, std::span<const Eigen::Vector3f> truth,
+                              std::span<const Eigen::Vector3f> normals,
+                              std::span<const uint8_t> chosen);
+
+/// Unit normals of `surface` at the nearest places of the points; zero without triangles.
+std::vector<Eigen::Vector3f> normals_at(const Mesh& surface,
+                                        std::span<const Eigen::Vector3f> points);
+
+}  // namespace v3d::recon
