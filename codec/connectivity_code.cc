@@ -65,7 +65,7 @@ class Border {
   /// Triangles at the ends of the gate, which predict how it is closed.
   static constexpr int kUses = 9;
   size_t context(const Edge& gate) const {
-    return static_cast<size_t>(uses_[gate.from] * kUses + uses_[gate.to]);
+    return size_t{uses_[gate.from]} * kUses + uses_[gate.to];
   }
 
  private:

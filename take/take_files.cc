@@ -123,7 +123,8 @@ bool is_signature(std::string_view name) {
 
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
-  return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
+  return name == "motion.v3d" || name.ends_with(".lcmlog.index") || is_signature(name) ||
+         is_repaired_pulses(name) ||
          std::ranges::any_of(
              std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
              [&](const fs::path& path) { return path == name; });
