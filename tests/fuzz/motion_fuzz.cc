@@ -1,5 +1,6 @@
 // Fuzz target: motion files. Each is rejected, or gives valid surfaces and pulses. The target
 // corrects the checksums, as an attacker would.
+#include <algorithm>
 #include <cstring>
 #include <vector>
 
