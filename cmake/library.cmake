@@ -1,7 +1,7 @@
 # Two libraries for other programs, each with a CMake package and a file for pkg-config:
 #   libv3d          reconstruction in C++ (recon/pipeline/stages.h): the layers base, codec and recon. Headers in include/v3d.
 #                   The interface may change with every minor version of the project; the SONAME changes with it.
-#   libv3d-decoder  decoder of compact frames in C (v3d_decoder.h). The interface is stable: programs that were compiled
+#   libv3d-decoder  decoder of compact frames and motion files in C (v3d_decoder.h). The interface is stable: programs that were compiled
 #                   with a version of one SONAME run with every later one.
 include(CMakePackageConfigHelpers)
 

@@ -58,7 +58,7 @@ set(series ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 v3d_package(lib "V3D: library for the reconstruction of 3D video" NAME libv3d${series})
 v3d_package(lib-dev "V3D: headers of the library for reconstruction" NAME libv3d-dev
   DEPENDS "libv3d${series} (= ${PROJECT_VERSION})" libeigen3-dev libtbb-dev libexpected-dev)
-v3d_package(decoder "V3D: decoder of compact frames, in C" NAME libv3d-decoder2)
+v3d_package(decoder "V3D: decoder of compact frames and motion files, in C" NAME libv3d-decoder2)
 v3d_package(decoder-dev "V3D: header of the decoder of compact frames" NAME libv3d-decoder-dev
   DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})")
 foreach(component ${CPACK_COMPONENTS_ALL})

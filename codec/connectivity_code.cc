@@ -65,7 +65,7 @@ class Border {
   /// Triangles at the ends of the gate, which predict how it is closed.
   static constexpr int kUses = 9;
   size_t context(const Edge& gate) const {
-    return static_cast<size_t>(uses_[gate.from] * kUses + uses_[gate.to]);
+    return size_t{uses_[gate.from]} * kUses + uses_[gate.to];
   }
 
  private:
@@ -118,10 +118,13 @@ class Models {
     }
     return vertex;
   }
-  /// A corner of the first triangle of a component: new (returns `known`) or known.
+  /// A corner of the first triangle of a component: new (returns `known`) or known. The decoder
+  /// returns kNone for a vertex that is neither.
   template <class Coder>
   uint32_t first_corner(Coder& coder, uint32_t known, uint32_t wanted) {
-    return coder.bit(first_known_, wanted < known) ? vertex(coder, known, wanted) : known;
+    if (!coder.bit(first_known_, wanted < known)) return known;
+    const uint32_t coded = vertex(coder, known, wanted);
+    return coded < known ? coded : kNone;
   }
 
  private:
@@ -259,7 +262,7 @@ class ConnectivityDecoder {
     uint32_t known = border_.known();
     for (uint32_t& corner : corners) {
       corner = models_.first_corner(coder_, known, 0);
-      if (corner > known || corner >= vertices_) return false;
+      if (corner >= vertices_) return false;
       known += uint32_t{corner == known};
     }
     add(corners);

@@ -75,12 +75,12 @@ class ColourPredictor {
   References references_;
 };
 
-/// Residual of `error` in steps. After a reference it is rounded towards 0 where the error stays
-/// below two thirds of a step, so that noise causes few updates.
+/// Residual of `error` in steps. After a reference it is 0 for an error below a step, so that noise
+/// causes few updates and no flicker.
 int quantised(int error, int step, bool has_reference) {
   const int magnitude = std::abs(error);
-  const int residual =
-      has_reference ? (3 * magnitude + step) / (3 * step) : (2 * magnitude + step) / (2 * step);
+  if (has_reference && magnitude < step) return 0;
+  const int residual = (2 * magnitude + step) / (2 * step);
   return error < 0 ? -residual : residual;
 }
 

@@ -124,7 +124,10 @@ export class Decoder {
  * @property {Uint8Array | null} confidences  of each vertex, 0: only predicted, to 255; null: none
  */
 
-/** A motion file: surfaces of constant triangles whose vertices move. Has its own memory. */
+/**
+ * A motion file: surfaces of constant triangles whose vertices move. Has its own memory. All methods throw a
+ * WebAssembly.RuntimeError when memory is exhausted; then make a new object.
+ */
 export class Motion {
   #c;
   #motion = 0;

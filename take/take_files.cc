@@ -124,9 +124,9 @@ bool is_signature(std::string_view name) {
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
-         std::ranges::any_of(
-             std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
-             [&](const fs::path& path) { return path == name; });
+         std::ranges::any_of(std::array{paths.ledger(), paths.verified(), paths.slate(),
+                                        paths.mesh(), paths.motion()},
+                             [&](const fs::path& path) { return path == name; });
 }
 
 io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name) {

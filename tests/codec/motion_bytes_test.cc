@@ -1,9 +1,12 @@
 // Bytes from outside: each is rejected or decoded within the limits.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 #include "codec/byte_stream.h"
 #include "tests/codec/motion_scene.h"
@@ -141,6 +144,73 @@ TEST(MotionBytes, claimed_sizes_without_the_bytes_are_rejected) {
     auto reader = MotionReader::open(file);
     EXPECT_TRUE(!reader || reader->surface(0) == nullptr) << claim.at << " " << claim.value;
   }
+}
+
+TEST(MotionBytes, fields_of_the_head_that_break_a_rule_are_rejected) {
+  struct Field {
+    size_t at;
+    std::vector<uint8_t> bytes;
+  };
+  const auto bytes_of = [](auto number) {
+    const auto* first = reinterpret_cast<const uint8_t*>(&number);
+    return std::vector<uint8_t>(first, first + sizeof number);
+  };
+  for (const Field& field :
+       {Field{36, {7}}, Field{36, {2}}, Field{37, {1}}, Field{37, {9}}, Field{38, {0}},
+        Field{39, {65}}, Field{41, {1}}, Field{43, {1}}, Field{60, {1}}, Field{64, bytes_of(0.0)},
+        Field{64, bytes_of(2.0)}, Field{64, bytes_of(double{NAN})}, Field{72, bytes_of(2e6)},
+        Field{88, bytes_of(double{INFINITY})}, Field{80, bytes_of(double{NAN})},
+        Field{kHead, bytes_of(int64_t{-1})}, Field{kHead + 16, bytes_of(int64_t{100})}}) {
+    auto file = small_file();
+    std::copy(field.bytes.begin(), field.bytes.end(), &file[kSegment + field.at]);
+    correct_checksums(file);
+    EXPECT_FALSE(MotionReader::open(file)) << field.at;
+  }
+}
+
+/// Changes each byte behind the table in turn, and calls `check` with each pulse that is decoded.
+template <class Check>
+void for_changed_bytes(const std::vector<uint8_t>& file, const Check& check) {
+  const size_t head = kHead + 16 * get<uint32_t>(file, kSegment + 16);
+  for (size_t at = kSegment + head; at < file.size(); ++at) {
+    for (const uint8_t change : {0x01, 0x20, 0xC0}) {
+      auto changed = file;
+      changed[at] ^= change;
+      correct_checksums(changed);
+      auto reader = MotionReader::open(changed);
+      for (size_t p = 0; reader && p < reader->segments()[0].pulses.size(); ++p) {
+        if (const MotionPulse* pulse = reader->decode(0, p)) check(*pulse);
+      }
+    }
+  }
+}
+
+TEST(MotionBytes, positions_off_the_lattice_are_rejected) {
+  MotionSegment given = random_segment(3, 3, 20, 30);
+  // The lattice covers little more than these.
+  given.positions[0][0] = given.positions[1][3] = {-524, -524, -524};
+  given.positions[1][0] = given.positions[2][7] = {524, 524, 524};
+  const auto file = motion_file({given}, {.step_m = 0.0005});
+  float greatest = 0;
+  for_changed_bytes(file, [&](const MotionPulse& pulse) {
+    for (const VertexPosition& p : pulse.positions) {
+      for (const float metres : p) greatest = std::max(greatest, std::abs(metres));
+    }
+  });
+  EXPECT_GT(greatest, 0);
+  EXPECT_LE(greatest, 524.289F);
+}
+
+TEST(MotionBytes, levels_of_confidence_beyond_the_last_are_rejected) {
+  MotionSegment given = moving_tube(3, 4, 5);
+  paint(given, 10);
+  const auto file = motion_file({given}, {.step_m = 0.002, .confidence_levels = 5});
+  const std::set<uint8_t> valid{0, 64, 128, 191, 255};
+  for_changed_bytes(file, [&](const MotionPulse& pulse) {
+    for (const uint8_t confidence : pulse.confidences) {
+      EXPECT_EQ(valid.count(confidence), 1) << int{confidence};
+    }
+  });
 }
 
 TEST(MotionBytes, a_stored_file_decodes_to_the_same_bits_as_when_it_was_made) {

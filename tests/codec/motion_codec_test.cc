@@ -127,7 +127,7 @@ TEST(MotionCodec, repeats_constant_colours_in_each_pulse) {
   }
 }
 
-TEST(MotionCodec, follows_colours_that_change_within_two_thirds_of_a_step) {
+TEST(MotionCodec, follows_colours_that_change_within_a_step) {
   MotionSegment given = moving_tube(12);
   paint(given, 20);
   const ColourSteps steps{6, 15, 12};
@@ -143,8 +143,8 @@ TEST(MotionCodec, follows_colours_that_change_within_two_thirds_of_a_step) {
       }
     }
   }
-  // Luma, half of Cg and half of Co add up in blue.
-  EXPECT_LE(worst, 4 + 4 + 5 + 2);
+  // Errors below a step of luma, half of Cg and half of Co add up in blue, and are rounded twice.
+  EXPECT_LE(worst, 5 + 11 / 2 + 14 / 2 + 2);
   EXPECT_GT(worst, 0);
 }
 

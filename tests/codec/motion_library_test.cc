@@ -1,10 +1,11 @@
-// Motion files in C and in WebAssembly.
+// Motion files in C, in WebAssembly, and by a decoder that was written from the document.
 #include <gtest/gtest.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 
+#include "codec/byte_stream.h"
 #include "codec/v3d_decoder.h"
 #include "tests/codec/motion_scene.h"
 
@@ -101,25 +102,42 @@ TEST(MotionLibrary, reports_damaged_files_and_segments_beyond_the_last) {
   v3d_motion_free(motion);
 }
 
-#ifdef V3D_WASM
-std::string decoded_in_node(const std::vector<uint8_t>& bytes) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-wasm-motion";
+/// Standard output of `program`, a command to which the name of a file with `bytes` is appended.
+std::string output_for(const std::string& program, const std::vector<uint8_t>& bytes) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-motion-file";
   std::ofstream(file, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()),
              static_cast<std::streamsize>(bytes.size()));
-  FILE* node = popen(("node " V3D_DECODE_MOTION_MJS " " V3D_WASM " " + file.string()).c_str(), "r");
+  FILE* pipe = popen((program + " " + file.string()).c_str(), "r");
   std::string text;
   std::vector<char> part(1 << 16);
-  while (const size_t more = fread(part.data(), 1, part.size(), node)) text.append(&part[0], more);
-  EXPECT_EQ(pclose(node), 0)
-      << "decode_motion.mjs failed; is node installed? Run tools/install-deps";
+  while (const size_t more = fread(part.data(), 1, part.size(), pipe)) text.append(&part[0], more);
+  EXPECT_EQ(pclose(pipe), 0) << program << " failed; is it installed? Run tools/install-deps";
   std::filesystem::remove(file);
   return text;
 }
 
+TEST(MotionDocument, suffices_to_write_a_decoder_that_returns_the_same_bits) {
+  MotionSegment given = moving_tube(12, 10, 9);
+  paint(given, 10);
+  const auto file = motion_file({given}, {.step_m = 0.0003, .key_every = 9});
+  auto reader = MotionReader::open(file);
+  uint32_t checksum = 0;
+  for (size_t p = 0; p < given.pulses.size(); ++p) {
+    const MotionPulse& pulse = *reader->decode(0, p);
+    std::string text;
+    append(text, pulse.positions);
+    append(text, pulse.colours);
+    append(text, pulse.confidences);
+    checksum = crc32({reinterpret_cast<const uint8_t*>(text.data()), text.size()}, checksum);
+  }
+  EXPECT_EQ(output_for("python3 " V3D_MOTION_REFERENCE, file), std::to_string(checksum) + "\n");
+}
+
+#ifdef V3D_WASM
 TEST(MotionLibrary, decodes_in_webassembly_to_the_same_bits_as_in_cpp) {
   const auto file = two_segments();
-  EXPECT_TRUE(decoded_in_node(file) == decoded_here(file));
+  EXPECT_TRUE(output_for("node " V3D_DECODE_MOTION_MJS " " V3D_WASM, file) == decoded_here(file));
 }
 #endif
 

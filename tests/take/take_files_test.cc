@@ -83,6 +83,12 @@ TEST_F(TakeFiles, are_dropped_from_the_page_cache_before_a_read_from_disk) {
   EXPECT_LT(cached_pages(paths_.mesh()), 1024U);
 }
 
+TEST(TakeFilesAfterTheLedger, are_results_that_no_ledger_lists) {
+  EXPECT_TRUE(is_written_after_ledger("mesh.v3d"));
+  EXPECT_TRUE(is_written_after_ledger("motion.v3d"));
+  EXPECT_FALSE(is_written_after_ledger("cam01.lcmlog"));
+}
+
 TEST(ChecksumText, has_16_hexadecimal_digits_and_is_parsed_again) {
   EXPECT_EQ(checksum_text(0x2D06800538D394C2), "2d06800538d394c2");
   EXPECT_EQ(checksum_text(1), "0000000000000001");
