@@ -1,10 +1,17 @@
 #include "daemon/recorded/mesh_frames.h"
 
 #include <algorithm>
+#include <array>
+#include <fstream>
+#include <optional>
+#include <span>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "codec/frame_header.h"
+#include "codec/motion_codec.h"
+#include "codec/motion_header.h"
 #include "recon/mesh/mesh_neighbours.h"
 
 namespace v3d::recorded {
@@ -27,14 +34,136 @@ std::string text_of(take::FrameRange range) {
 
 }  // namespace
 
+bool is_motion_file(const std::filesystem::path& path) {
+  std::array<uint8_t, codec::kMotionFileHeaderBytes> header{};
+  std::ifstream(path, std::ios::binary)
+      .read(reinterpret_cast<char*>(header.data()), std::ssize(header));
+  return codec::is_motion_file_header(header);
+}
+
+/// A file with one surface per pulse.
+class MeshFrames::Reader {
+ public:
+  virtual ~Reader() = default;
+  virtual const std::vector<int64_t>& pulses() const = 0;
+  /// Empty for a damaged frame. Requires a frame that the file has.
+  virtual std::optional<recon::CompactFrame> read(int64_t frame) = 0;
+  virtual bool is_unfinished() const { return false; }
+  /// How to get another file.
+  virtual std::string remedy() const = 0;
+};
+
+/// mesh.v3d.
+class MeshFrames::MeshReader : public MeshFrames::Reader {
+ public:
+  explicit MeshReader(const std::filesystem::path& path) : file_(path) {}
+
+  const std::vector<int64_t>& pulses() const override { return file_.pulses(); }
+  bool is_unfinished() const override { return file_.index_was_rebuilt(); }
+  std::string remedy() const override { return "reconstruct the take again"; }
+
+  std::optional<recon::CompactFrame> read(int64_t frame) override {
+    const auto bytes = io::value_or_throw(file_.read(frame));
+    const auto header = bytes ? codec::read_header(*bytes) : std::nullopt;
+    if (!header) return std::nullopt;
+    codec::DecodeStatus status = decoder_.decode(*bytes);
+    if (status == codec::DecodeStatus::kNeedsReference) {
+      for (const int64_t before : file_.pulses()) {
+        if (before >= header->key_pulse && before < frame && !decode(before)) return std::nullopt;
+      }
+      status = decoder_.decode(*bytes);
+    }
+    if (status != codec::DecodeStatus::kOk) return std::nullopt;
+    return decoder_.frame();
+  }
+
+ private:
+  bool decode(int64_t frame) {
+    const auto bytes = io::value_or_throw(file_.read(frame));
+    return bytes && decoder_.decode(*bytes) == codec::DecodeStatus::kOk;
+  }
+
+  take::MeshFileReader file_;
+  recon::CompactDecoder decoder_;
+};
+
+/// motion.v3d.
+class MeshFrames::MotionReader : public MeshFrames::Reader {
+ public:
+  /// Empty for other files.
+  static std::unique_ptr<MotionReader> open(const std::filesystem::path& path,
+                                            std::vector<std::string> cameras) {
+    auto reader = std::unique_ptr<MotionReader>(new MotionReader);
+    reader->bytes_ = read_file(path);
+    reader->cameras_ = std::move(cameras);
+    const std::string& bytes = reader->bytes_;
+    reader->motion_ =
+        codec::MotionReader::open({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+    if (!reader->motion_) return nullptr;
+    const std::vector<codec::MotionSegmentInfo>& segments = reader->motion_->segments();
+    for (size_t s = 0; s < segments.size(); ++s) {
+      for (size_t i = 0; i < segments[s].pulses.size(); ++i) {
+        reader->pulses_.push_back(segments[s].pulses[i]);
+        reader->places_.push_back({s, i});
+      }
+    }
+    return reader;
+  }
+
+  const std::vector<int64_t>& pulses() const override { return pulses_; }
+  std::string remedy() const override { return "run v3dctl track again"; }
+
+  std::optional<recon::CompactFrame> read(int64_t frame) override {
+    const auto at = std::lower_bound(pulses_.begin(), pulses_.end(), frame) - pulses_.begin();
+    const auto [segment, index] = places_[static_cast<size_t>(at)];
+    const codec::MotionTemplate* const surface = motion_->surface(segment);
+    if (surface == nullptr) return std::nullopt;
+    recon::CompactFrame result;
+    result.mesh.triangles = surface->triangles;
+    const codec::MotionPulse* const pulse = motion_->decode(segment, index);
+    if (pulse == nullptr) return std::nullopt;
+    result.pulse = frame;
+    result.cameras = cameras_;
+    for (const auto& [x, y, z] : pulse->positions) result.mesh.vertices.emplace_back(x, y, z);
+    result.mesh.colours = recon::rgb_colours(pulse->colours);
+    return result;
+  }
+
+ private:
+  struct Place {
+    size_t segment, index;
+  };
+  MotionReader() = default;
+
+  std::string bytes_;
+  std::optional<codec::MotionReader> motion_;  ///< of bytes_
+  std::vector<std::string> cameras_;
+  std::vector<int64_t> pulses_;
+  std::vector<Place> places_;  ///< of each pulse
+};
+
 MeshFrames::MeshFrames(const std::filesystem::path& take)
     : MeshFrames(take, take::TakePaths{take}.mesh()) {}
 
 MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
-    : path_(mesh_of({take}, file)), file_(path_) {}
+    : path_(mesh_of({take}, file)) {
+  if (is_motion_file(path_)) {
+    std::vector<std::string> cameras = take::load_take_info({take}).cameras;
+    std::sort(cameras.begin(), cameras.end());
+    reader_ = MotionReader::open(path_, std::move(cameras));
+    if (!reader_) throw InputError(path_.string() + ": is damaged: run v3dctl track again");
+  } else {
+    reader_ = std::make_unique<MeshReader>(path_);
+  }
+}
+MeshFrames::~MeshFrames() = default;
+MeshFrames::MeshFrames(MeshFrames&&) noexcept = default;
+MeshFrames& MeshFrames::operator=(MeshFrames&&) noexcept = default;
+
+bool MeshFrames::is_unfinished() const { return reader_->is_unfinished(); }
 
 std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
-  const std::vector<int64_t>& all = file_.pulses();
+  const std::vector<int64_t>& all = reader_->pulses();
   if (all.empty()) throw InputError(path_.string() + ": holds no frames");
   std::vector<int64_t> frames;
   std::copy_if(all.begin(), all.end(), std::back_inserter(frames),
@@ -48,28 +177,12 @@ std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
 
 recon::CompactFrame MeshFrames::read(int64_t frame) {
   frames({frame, frame + 1});
-  const auto bytes = io::value_or_throw(file_.read(frame));
-  const auto header = bytes ? codec::read_header(*bytes) : std::nullopt;
-  if (!header) throw_damaged(frame);
-  codec::DecodeStatus status = decoder_.decode(*bytes);
-  if (status == codec::DecodeStatus::kNeedsReference) {
-    for (const int64_t before : file_.pulses()) {
-      if (before >= header->key_pulse && before < frame) decode(before);
-    }
-    status = decoder_.decode(*bytes);
+  std::optional<recon::CompactFrame> read = reader_->read(frame);
+  if (!read) {
+    throw InputError(path_.string() + ": frame " + std::to_string(frame) +
+                     " is damaged, or of an earlier version: " + reader_->remedy());
   }
-  if (status != codec::DecodeStatus::kOk) throw_damaged(frame);
-  return decoder_.frame();
-}
-
-void MeshFrames::decode(int64_t frame) {
-  const auto bytes = io::value_or_throw(file_.read(frame));
-  if (!bytes || decoder_.decode(*bytes) != codec::DecodeStatus::kOk) throw_damaged(frame);
-}
-
-void MeshFrames::throw_damaged(int64_t frame) const {
-  throw InputError(path_.string() + ": frame " + std::to_string(frame) +
-                   " is damaged, or of an earlier version: reconstruct the take again");
+  return *std::move(read);
 }
 
 recon::TextureOptions texture_options(const Mesh& mesh) {

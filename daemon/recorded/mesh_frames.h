@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
@@ -19,11 +20,15 @@ class MeshFrames {
  public:
   /// Throws InputError if the folder is not a take, or if the take was not reconstructed.
   explicit MeshFrames(const std::filesystem::path& take);
-  /// Reads `file`, a copy of the take's mesh.v3d, instead.
+  /// Reads `file` instead: a copy of the take's mesh.v3d, or a motion file of it. The frames of a
+  /// motion file name all cameras of the take.
   MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
+  ~MeshFrames();
+  MeshFrames(MeshFrames&&) noexcept;
+  MeshFrames& operator=(MeshFrames&&) noexcept;
 
   /// Has the file no index, because it was truncated or its writer did not finish?
-  bool is_unfinished() const { return file_.index_was_rebuilt(); }
+  bool is_unfinished() const;
   /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
   std::vector<int64_t> frames(take::FrameRange range) const;
   /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.
@@ -32,13 +37,15 @@ class MeshFrames {
   recon::CompactFrame read(int64_t frame);
 
  private:
-  void decode(int64_t frame);
-  [[noreturn]] void throw_damaged(int64_t frame) const;
-
+  class Reader;
+  class MeshReader;
+  class MotionReader;
   std::filesystem::path path_;
-  take::MeshFileReader file_;
-  recon::CompactDecoder decoder_;
+  std::unique_ptr<Reader> reader_;
 };
+
+/// Whether a file begins as a motion file. False for a file that cannot be read.
+bool is_motion_file(const std::filesystem::path& path);
 
 // Vertex colours of a recorded frame from the images of the take: for one viewpoint (view-dependent
 // rendering needs the images, which a compact frame does not contain), or for another surface.

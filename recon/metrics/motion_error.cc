@@ -25,6 +25,16 @@ Vector3d normal_of(const Mesh& mesh, uint32_t triangle) {
       .normalized();
 }
 
+/// Columns: along the first edge, across it, along the normal. Zero without area.
+Eigen::Matrix3d frame_of(const Mesh& mesh, uint32_t triangle) {
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  Eigen::Matrix3d frame;
+  frame.col(2) = normal_of(mesh, triangle);
+  frame.col(0) = (mesh.vertices[b] - mesh.vertices[a]).cast<double>().normalized();
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  return frame;
+}
+
 }  // namespace
 
 CarriedPoints::CarriedPoints(const Mesh& surface, std::vector<Vector3f> points)
@@ -51,7 +61,7 @@ void CarriedPoints::bind(const Mesh& surface, double max_distance_m) {
     const Vector3d on = interpolated(surface, surface.vertices, found->triangle, found->weights);
     binding = {found->triangle,
                {found->weights[0], found->weights[1], found->weights[2]},
-               normal_of(surface, found->triangle).dot(place - on)};
+               frame_of(surface, found->triangle).transpose() * (place - on)};
   });
 }
 
@@ -62,7 +72,7 @@ void CarriedPoints::follow(const Mesh& surface) {
     if (binding.triangle == kUnbound) return;
     const Vector3d on = interpolated(surface, surface.vertices, binding.triangle,
                                      {binding.weights[0], binding.weights[1], binding.weights[2]});
-    places_[i] = (on + binding.offset_m * normal_of(surface, binding.triangle)).cast<float>();
+    places_[i] = (on + frame_of(surface, binding.triangle) * binding.offset_m).cast<float>();
   });
 }
 
@@ -77,7 +87,7 @@ void CarriedPoints::rebind(const Mesh& surface) {
 void CarriedPoints::drop_onto(const Mesh& surface) {
   before_ = places_;
   bind(surface, std::numeric_limits<double>::infinity());
-  for (Binding& binding : bindings_) binding.offset_m = 0;
+  for (Binding& binding : bindings_) binding.offset_m.setZero();
   const std::vector<Vector3f> before = before_;
   follow(surface);
   before_ = before;

@@ -25,7 +25,7 @@ class CarriedPoints {
   static constexpr double kMaxDistanceM = 0.02;
 
   /// Binds each of `points` to the nearest place of `surface`: a triangle, barycentric weights, and
-  /// an offset along its normal.
+  /// an offset in the frame of the triangle.
   CarriedPoints(const Mesh& surface, std::vector<Eigen::Vector3f> points);
 
   const std::vector<Eigen::Vector3f>& places() const { return places_; }
@@ -46,7 +46,8 @@ class CarriedPoints {
   struct Binding {
     uint32_t triangle = kUnbound;
     std::array<double, 3> weights{};
-    double offset_m = 0;  ///< along the normal of the triangle
+    /// In the frame of the triangle: along its first edge, across it, along its normal.
+    Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
   };
   void bind(const Mesh& surface, double max_distance_m);
 

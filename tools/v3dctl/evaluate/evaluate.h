@@ -16,8 +16,8 @@
 
 namespace v3d::ctl {
 
-/// Meshes to evaluate: those of `meshes`, a mesh file of the same take, otherwise the take's
-/// mesh.v3d.
+/// Meshes to evaluate: those of `meshes`, a mesh file or motion file of the same take, otherwise
+/// the take's mesh.v3d.
 struct EvaluatedMeshes {
   std::filesystem::path take;
   std::optional<std::filesystem::path> meshes{};

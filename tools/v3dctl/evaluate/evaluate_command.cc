@@ -131,10 +131,52 @@ void print_held_out(const std::vector<HeldOutReport>& reports) {
   }
 }
 
+Json to_json(const recon::EndPointError& error) {
+  return {{"points", error.points},
+          {"p50_mm", error.p50_mm},
+          {"p90_mm", error.p90_mm},
+          {"tangential_p50_mm", error.tangential_p50_mm}};
+}
+
+Json to_json(const MotionReport& report) {
+  Json carried = Json::array();
+  for (const CarriedReport& after : report.carried) {
+    Json entry = {{"pulses", after.pulses},
+                  {"all", to_json(after.all)},
+                  {"sleeves", to_json(after.sleeves)},
+                  {"sword", to_json(after.sword)}};
+    if (after.nearest_point) entry["nearest_point"] = to_json(*after.nearest_point);
+    carried.push_back(entry);
+  }
+  return {{"first_pulse", report.first_pulse},
+          {"segments", report.segments},
+          {"mean_segment_pulses", report.mean_segment_pulses},
+          {"bound", report.bound},
+          {"carried", carried}};
+}
+
+void print_motion(const MotionReport& report) {
+  std::printf("motion        %.1f pulses in a segment (mean); %.0f %% of the seen points bound\n",
+              report.mean_segment_pulses, 100 * report.bound);
+  for (const CarriedReport& after : report.carried) {
+    std::printf("after %-7lld %.1f mm (median), %.1f mm (90 %%); sleeves %.1f mm along the surface",
+                static_cast<long long>(after.pulses), after.all.p50_mm, after.all.p90_mm,
+                after.sleeves.tangential_p50_mm);
+    if (after.nearest_point) {
+      std::printf("; nearest points %.1f mm, %.1f mm", after.nearest_point->p50_mm,
+                  after.nearest_point->p90_mm);
+    }
+    std::printf("\n");
+  }
+}
+
 EvaluationColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
                          const std::string& name, const EvaluatedMeshes& evaluated) {
-  EvaluationColumn column{name, evaluated, {}, {}};
-  if (!arguments.truth.empty()) column.truth = evaluate_truth(evaluated, arguments.truth);
+  EvaluationColumn column{.name = name, .evaluated = evaluated, .truth = {}, .held_out = {}};
+  if (!arguments.truth.empty()) {
+    column.truth = evaluate_truth(evaluated, arguments.truth);
+    column.motion = evaluate_motion(evaluated, arguments.truth);
+  }
   if (!cameras.empty()) {
     column.held_out =
         evaluate_held_out(evaluated, {cameras, arguments.view_dependent, arguments.truth});
@@ -150,6 +192,7 @@ Json to_json(const EvaluationColumn& column) {
                {"moving_mm", nullptr},        {"held_out", Json::array()}};
   if (column.truth) put_truth(json, *column.truth);
   if (!column.held_out.empty()) put_held_out(json, column.held_out);
+  if (column.motion) json["motion"] = to_json(*column.motion);
   return json;
 }
 
@@ -158,6 +201,7 @@ void print_text(const std::vector<EvaluationColumn>& columns) {
     if (columns.size() > 1) std::printf("%s\n", column.name.c_str());
     if (column.truth) print_truth(*column.truth);
     if (!column.held_out.empty()) print_held_out(column.held_out);
+    if (column.motion) print_motion(*column.motion);
   }
 }
 
@@ -226,7 +270,7 @@ void add_evaluate(CommandLine& line) {
       .add_option(
           "--beside", arguments->beside,
           "Another mesh file of the same take to measure and show for comparison, such as a "
-          "copy of an earlier mesh.v3d")
+          "copy of an earlier mesh.v3d, or its motion.v3d")
       .type_name("FILE");
   command
       .add_option(

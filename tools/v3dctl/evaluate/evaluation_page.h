@@ -9,6 +9,7 @@
 
 #include "base/image/image.h"
 #include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/evaluate/evaluate_motion.h"
 
 namespace v3d::ctl {
 
@@ -18,6 +19,7 @@ struct EvaluationColumn {
   EvaluatedMeshes evaluated;
   std::optional<TruthReport> truth;
   std::vector<HeldOutReport> held_out;
+  std::optional<MotionReport> motion{};
 };
 
 struct EvaluationPage {
