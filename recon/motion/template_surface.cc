@@ -9,6 +9,7 @@
 namespace v3d::recon {
 
 Mesh simplified(const Mesh& mesh, size_t triangles) {
+  if (mesh.triangles.size() <= triangles) return mesh;
   const std::vector<uint32_t> indices = [&] {
     std::vector<uint32_t> all;
     all.reserve(3 * mesh.triangles.size());

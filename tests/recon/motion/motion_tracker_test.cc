@@ -52,6 +52,11 @@ TEST(Simplified, keeps_a_closed_surface_near_the_given_one) {
   EXPECT_NEAR(enclosed_volume(small), enclosed_volume(mesh), 0.02 * enclosed_volume(mesh));
 }
 
+TEST(Simplified, returns_a_mesh_with_few_triangles_as_it_is) {
+  const Mesh mesh = shapes::sphere({0, 0, 0}, 1, 5);
+  EXPECT_EQ(simplified(mesh, 1000).triangles, mesh.triangles);
+}
+
 TEST(TrackSegment, follows_points_of_a_surface_that_bends_and_moves) {
   constexpr int kPulses = 8, kKey = 3;
   const PulseSource source = [](size_t i) {

@@ -1,0 +1,183 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
+#include "common/obj_file.h"
+#include "common/ply_file.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "recon/render/renderer.h"
+#include "recon/shapes.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "tools/test_images.h"
+#include "v3dctl/evaluate/evaluate_motion.h"
+#include "v3dctl/import/import.h"
+#include "v3dctl/motion/take_motion.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// A flattened body of 2 units along y, which bends sideways with the number of the pulse.
+Mesh body_at(int pulse) {
+  Mesh mesh = recon::shapes::sphere({0, 0, 0}, 0.3F, 30);
+  for (Eigen::Vector3f& p : mesh.vertices) {
+    p = {0.6F * p.x(), 3.3F * p.z(), -p.y()};
+    p.z() += 0.04F * static_cast<float>(pulse) * p.y() * p.y();
+  }
+  return mesh;
+}
+
+void write_obj(const fs::path& file, const Mesh& mesh) {
+  std::string text = "# a body\n";
+  for (const Eigen::Vector3f& v : mesh.vertices) {
+    text += "v " + std::to_string(v.x()) + " " + std::to_string(v.y()) + " " +
+            std::to_string(v.z()) + "\n";
+  }
+  for (const auto& [a, b, c] : mesh.triangles) {
+    text += "f " + std::to_string(a + 1) + " " + std::to_string(b + 1) + " " +
+            std::to_string(c + 1) + "\n";
+  }
+  test::write_text(file, text);
+}
+
+class Track : public testing::Test {
+ protected:
+  TrackReport track(const TrackRequest& request) {
+    return track_take(
+        request, [](int64_t) {}, [this] { ++turns_; });
+  }
+  TrackRequest of_meshes(const std::string& name) {
+    TrackRequest request;
+    request.input = folder_ / name;
+    request.out = folder_ / (name + ".v3d");
+    request.meshes_only = true;
+    request.tracking.triangles = 2000;
+    request.threads = 2;
+    return request;
+  }
+  std::string rejection(const TrackRequest& request) {
+    return test::message_of<InputError>([&] { track(request); });
+  }
+
+  test::TemporaryFolder folder_;
+  int turns_ = 0;
+};
+
+TEST_F(Track, follows_the_meshes_of_a_folder_scaled_and_turned_upright) {
+  fs::create_directory(folder_ / "body");
+  for (int pulse = 0; pulse < 4; ++pulse) {
+    write_obj(folder_ / "body" / ("f" + std::to_string(pulse) + ".obj"), body_at(pulse));
+  }
+  test::write_text(folder_ / "body" / "notes.txt", "no mesh");
+  TrackRequest request = of_meshes("body");
+  request.height_m = 1.8;
+  const TrackReport report = track(request);
+  EXPECT_EQ(report.pulses, 4);
+  ASSERT_EQ(report.segments.size(), 1U);
+  EXPECT_EQ(report.segments[0].pulses, 4);
+  EXPECT_LT(report.segments[0].residual_p50_mm, 2);
+  EXPECT_TRUE(report.untracked.empty());
+  EXPECT_GE(turns_, 3 * 4 - 2);
+
+  const std::string bytes = read_file(request.out);
+  EXPECT_EQ(report.bytes, std::ssize(bytes));
+  auto motion =
+      codec::MotionReader::open({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+  ASSERT_TRUE(motion);
+  Mesh last;
+  for (const auto& [x, y, z] : motion->decode(0, 3)->positions) last.vertices.emplace_back(x, y, z);
+  const Box box = recon::bounds_of(last);
+  EXPECT_NEAR(box.size().z(), 1.8, 0.02) << "y was up";
+}
+
+TEST_F(Track, rejects_a_folder_without_meshes_and_a_face_without_its_vertex) {
+  fs::create_directory(folder_ / "empty");
+  EXPECT_THAT(rejection(of_meshes("empty")), HasSubstr("has no mesh to track"));
+  EXPECT_THAT(rejection(of_meshes("absent")), HasSubstr("is not a folder"));
+  fs::create_directory(folder_ / "bad");
+  test::write_text(folder_ / "bad" / "0.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n");
+  EXPECT_THAT(rejection(of_meshes("bad")), HasSubstr("0.obj"));
+  test::write_text(folder_ / "bad" / "0.obj", "v 0 0 0\n");
+  EXPECT_THAT(rejection(of_meshes("bad")), HasSubstr("has no face"));
+  EXPECT_FALSE(fs::exists(folder_ / "bad.v3d"));
+}
+
+/// A take with one pulse of a ball, reconstructed.
+class TrackTake : public Track {
+ protected:
+  TrackTake() {
+    const Rig rig = test::small_rig(8);
+    save_calib(folder_ / "calib.toml", rig);
+    test::write_pictures(folder_ / "images", rig, test::ball_image);
+    test::write_pictures(folder_ / "masks", rig, test::ball_mask);
+    ImportOptions import;
+    import.take = take_;
+    import.calib = folder_ / "calib.toml";
+    import.images = folder_ / "images";
+    import.masks = folder_ / "masks";
+    import_take(import);
+    request_.input = take_;
+    request_.threads = 2;
+  }
+  void reconstruct() {
+    ReconstructRequest request;
+    request.take = take_;
+    request.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request.voxel_m = 0.02;
+    request.threads = 2;
+    reconstruct_take(request);
+  }
+
+  const fs::path take_ = folder_ / "take";
+  TrackRequest request_;
+};
+
+TEST_F(TrackTake, writes_a_coloured_surface_beside_the_meshes_that_commands_can_read) {
+  EXPECT_THAT(rejection(request_), HasSubstr("run v3dctl reconstruct"));
+  reconstruct();
+  const TrackReport report = track(request_);
+  ASSERT_EQ(report.segments.size(), 1U);
+  const fs::path file = take::TakePaths{take_}.motion();
+  EXPECT_TRUE(recorded::is_motion_file(file));
+  EXPECT_FALSE(recorded::is_motion_file(take::TakePaths{take_}.mesh()));
+  recorded::MeshFrames frames(take_, file);
+  EXPECT_EQ(frames.frames({}), (std::vector<int64_t>{0}));
+  const recon::CompactFrame frame = frames.read(0);
+  EXPECT_EQ(frame.cameras.size(), 8U);
+  EXPECT_EQ(frame.mesh.colours.size(), frame.mesh.vertices.size());
+  EXPECT_TRUE(is_watertight(frame.mesh));
+  for (const Eigen::Vector3f& vertex : frame.mesh.vertices) {
+    EXPECT_NEAR(vertex.norm(), 0.3F, 0.05F);
+  }
+}
+
+TEST_F(TrackTake, reports_a_damaged_motion_file) {
+  reconstruct();
+  track(request_);
+  const fs::path file = take::TakePaths{take_}.motion();
+  std::string bytes = read_file(file);
+  bytes.resize(bytes.size() / 2);
+  test::write_text(file, bytes);
+  EXPECT_THAT(test::message_of<InputError>([&] { recorded::MeshFrames(take_, file); }),
+              HasSubstr("motion.v3d: is damaged: run v3dctl track again"));
+}
+
+TEST_F(TrackTake, is_measured_with_points_of_the_true_surface) {
+  reconstruct();
+  track(request_);
+  const EvaluatedMeshes motion{take_, take::TakePaths{take_}.motion()};
+  EXPECT_FALSE(evaluate_motion(motion, folder_ / "truth")) << "no points";
+  EXPECT_FALSE(evaluate_motion({take_}, folder_ / "truth")) << "no motion file";
+}
+
+}  // namespace
+}  // namespace v3d::ctl
