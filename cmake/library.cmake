@@ -16,7 +16,7 @@ foreach(layer ${library_layers})
 endforeach()
 add_library(v3d SHARED ${library_objects})
 target_link_libraries(v3d PRIVATE Eigen3::Eigen PkgConfig::FMT TBB::tbb tl::expected tomlplusplus::tomlplusplus hwy::hwy
-  PkgConfig::XXHASH PkgConfig::SPNG PkgConfig::TURBOJPEG -Wl,--no-undefined)
+  PkgConfig::XXHASH PkgConfig::SPNG PkgConfig::TURBOJPEG meshoptimizer::meshoptimizer -Wl,--no-undefined)
 set_target_properties(v3d PROPERTIES LINKER_LANGUAGE CXX VERSION ${PROJECT_VERSION}
   SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 

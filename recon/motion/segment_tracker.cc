@@ -125,7 +125,7 @@ class SegmentTracker {
     }
     fit_.fit(now, kFromPrediction, motion);
     const PulseResidual residual = fit_.residual(now, options_.far_m);
-    if (std::max(residual.far, residual.surplus) > options_.max_far) return false;
+    if (residual.far > options_.max_far || residual.surplus > options_.max_surplus) return false;
     learn(now, motion);
     if (next > from) {
       motions_.push_back(std::move(motion));

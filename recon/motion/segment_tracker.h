@@ -34,8 +34,9 @@ struct TrackingOptions {
   bool heterogeneity = true;      ///< learn where the surface is rigid and where it bends
   bool fusion = true;             ///< improve the template by what other pulses show
   /// A pulse ends the segment when more than this part of its observed surface, as far as cameras
-  /// see it, is farther than `far_m` from the template, or this part of the template from it.
-  double max_far = 0.05;
+  /// see it, is farther than `far_m` from the template; or more than `max_surplus` of the template
+  /// from it. Meshes of single pulses differ by 2 to 5 and by 5 to 8 %, mostly in concavities.
+  double max_far = 0.08, max_surplus = 0.12;
   double far_m = 0.02;
 };
 

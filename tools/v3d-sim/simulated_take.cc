@@ -171,7 +171,7 @@ void append_surface(Mesh& all, const Mesh& more) {
 constexpr double kSeenToleranceM = 0.006;
 constexpr size_t kTruePoints = 20'000;
 
-/// The points as vertices; their colours state cameras and group (docs/simulator.md).
+/// The points as vertices; their colours state cameras and group (v3d-sim(1)).
 Mesh point_cloud(const SurfacePoints& points, const Rig& rig, const std::vector<Part>& parts) {
   Mesh cloud;
   cloud.vertices = points.places(parts);

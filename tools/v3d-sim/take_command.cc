@@ -78,7 +78,8 @@ void add_take_command(cli::Command app, int& status) {
   command.add_option("--truth", arguments->truth,
                      "Folder for the true surface of every pulse, 000000.ply ..., and for that "
                      "of the blade of the sword, sword/000000.ply ...; of two performers also "
-                     "performer1/000000.ply ... and performer2/000000.ply ...");
+                     "performer1/000000.ply ... and performer2/000000.ply ...; and for points "
+                     "that stay at their place of it, points/000000.ply ...");
   command
       .add_option("--colour-spread", arguments->colour_spread,
                   "Colour difference between the cameras: 1 is 15 %, as of unmatched cameras")

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kReportEvery = 25;  ///< pulses
 
-/// The groups of points in the second colour of `truth`/points (docs/simulator.md).
+/// The groups of points in the second colour of `truth`/points (v3d-sim(1)).
 enum Group : uint8_t { kOther, kSleeve, kSword };
 
 std::optional<Mesh> read_points(const fs::path& truth, int64_t pulse) {

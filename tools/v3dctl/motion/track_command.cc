@@ -120,10 +120,15 @@ int run(const Arguments& arguments) {
   const TrackRequest request = request_of(arguments);
   catch_interrupts();
   std::optional<Progress> progress;
+  int64_t turns = 0;
   const TrackReport report = track_take(
       request,
-      // A pulse is read for the choice of key pulses, and in each of two passes.
-      [&](int64_t pulses) { progress.emplace("track", 3 * pulses); }, [&] { progress->advance(); });
+      // A pulse is read for the choice of key pulses, and in each of two passes; once more where a
+      // segment ends.
+      [&](int64_t pulses) { progress.emplace("track", turns = 3 * pulses); },
+      [&] {
+        if (turns-- > 0) progress->advance();
+      });
   progress.reset();
   if (arguments.json) {
     fmt::print("{}\n", to_json(report).dump(2));
