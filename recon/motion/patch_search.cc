@@ -15,7 +15,9 @@ constexpr float kStepCost = 0.06F, kMaxCost = 0.5F;
 /// Replaces values[s] by the minimum over t of values[t] + kStepCost * |s - t| (the sum over both
 /// axes), in two passes.
 void spread(std::span<float> values, int edge) {
-  const auto at = [&](int x, int y) -> float& { return values[static_cast<size_t>(y * edge + x)]; };
+  const auto at = [&](int x, int y) -> float& {
+    return values[static_cast<size_t>(y) * static_cast<size_t>(edge) + static_cast<size_t>(x)];
+  };
   for (int y = 0; y < edge; ++y) {
     for (int x = 0; x < edge; ++x) {
       float& value = at(x, y);

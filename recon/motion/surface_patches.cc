@@ -29,6 +29,8 @@ constexpr float kMinParallel = 0.8F;
 constexpr float kMinContrast = 2.5F;  ///< grey values; less is noise
 constexpr float kMinCorrelation = 0.7F;
 constexpr float kMinCoarseCorrelation = 0.5F;
+/// Samples on each side of the middle of a patch, and with the border for gradients.
+constexpr int kReach = SurfacePatches::kSide / 2, kLearntReach = kReach + 1;
 constexpr int kAlignments = 6;
 constexpr float kAlignedSteps = 0.01F;  ///< the alignment ends with a change below it
 constexpr float kMinCurvature = 0.05F;
@@ -74,7 +76,7 @@ std::optional<PatchView> view_of(const SurfaceCamera& camera, const Vector3f& pl
   const auto below = camera.project(place + step * down);
   if (!middle || !aside || !below) return std::nullopt;
   const Vector2f across_px = aside->pixel - middle->pixel, down_px = below->pixel - middle->pixel;
-  constexpr float kHalf = SurfacePatches::kSide / 2;
+  constexpr auto kHalf = static_cast<float>(kReach);
   const float half = kHalf * kStepM[0] / step;  // the fine patch must lie inside
   for (const float sign : {-1.0F, 1.0F}) {
     if (!camera.in_silhouette(middle->pixel + sign * half * (across_px + down_px)) ||
@@ -86,6 +88,11 @@ std::optional<PatchView> view_of(const SurfaceCamera& camera, const Vector3f& pl
   const float scale = picture.scale();
   const Vector2f first(picture.first_u(), picture.first_v());
   return PatchView{&picture, scale * middle->pixel - first, scale * across_px, scale * down_px};
+}
+
+/// Index of a sample of a square patch, row by row.
+size_t index_of(int row, int column, int edge) {
+  return static_cast<size_t>(row) * static_cast<size_t>(edge) + static_cast<size_t>(column);
 }
 
 template <size_t kCount>
@@ -182,18 +189,17 @@ bool SurfacePatches::learn_patch(const SurfaceCamera& camera, const Vector3f& pl
     Samples<kLearntSide> wide;
     for (int row = 0; row < kLearntSide; ++row) {
       for (int column = 0; column < kLearntSide; ++column) {
-        wide[static_cast<size_t>(row * kLearntSide + column)] =
-            view->sample(static_cast<float>(column - kLearntSide / 2),
-                         static_cast<float>(row - kLearntSide / 2));
+        wide[index_of(row, column, kLearntSide)] = view->sample(
+            static_cast<float>(column - kLearntReach), static_cast<float>(row - kLearntReach));
       }
     }
     Appearance& seen = learnt[level];
     const auto at = [&](int column, int row) {
-      return wide[static_cast<size_t>((row + 1) * kLearntSide + column + 1)];
+      return wide[index_of(row + 1, column + 1, kLearntSide)];
     };
     for (int row = 0; row < kSide; ++row) {
       for (int column = 0; column < kSide; ++column) {
-        const auto n = static_cast<size_t>(row * kSide + column);
+        const size_t n = index_of(row, column, kSide);
         seen.samples[n] = at(column, row);
         seen.across[n] = 0.5F * (at(column + 1, row) - at(column - 1, row));
         seen.down[n] = 0.5F * (at(column, row + 1) - at(column, row - 1));
@@ -236,17 +242,17 @@ void add_correlations(const PatchView& view, std::span<const float> samples, int
                       std::span<float> sums) {
   constexpr int kSide = SurfacePatches::kSide;
   constexpr float kCount = kSide * kSide;
-  const int wide = kSide + 2 * reach, edge = 2 * reach + 1;
+  const int wide = kSide + 2 * reach, edge = 2 * reach + 1, half = wide / 2;
   std::array<float, static_cast<size_t>(kWide) * kWide> now;
   // Sums of samples and of their squares over the rectangle before each sample.
   std::array<float, static_cast<size_t>(kWide + 1) * (kWide + 1)> sum{}, squares{};
-  const auto corner = [&](int x, int y) { return static_cast<size_t>(y * (kWide + 1) + x); };
+  const auto corner = [&](int x, int y) { return index_of(y, x, kWide + 1); };
   for (int y = 0; y < wide; ++y) {
     float line = 0, line_squares = 0;
     for (int x = 0; x < wide; ++x) {
       const float value =
-          view.sample(static_cast<float>(x - wide / 2), static_cast<float>(y - wide / 2)) - 128;
-      now[static_cast<size_t>(y * wide + x)] = value;
+          view.sample(static_cast<float>(x - half), static_cast<float>(y - half)) - 128;
+      now[index_of(y, x, wide)] = value;
       line += value;
       line_squares += value * value;
       sum[corner(x + 1, y + 1)] = sum[corner(x + 1, y)] + line;
@@ -261,14 +267,13 @@ void add_correlations(const PatchView& view, std::span<const float> samples, int
     for (int x = 0; x < edge; ++x) {
       float product = 0;
       for (int row = 0; row < kSide; ++row) {
-        const float* line = &now[static_cast<size_t>((row + y) * wide + x)];
-        const float* wanted = &samples[static_cast<size_t>(row * kSide)];
+        const float* line = &now[index_of(row + y, x, wide)];
+        const float* wanted = &samples[index_of(row, 0, kSide)];
         for (int column = 0; column < kSide; ++column) product += line[column] * wanted[column];
       }
       const float mean = box(sum, x, y) / kCount;
       const float variance = box(squares, x, y) / kCount - mean * mean;
-      sums[static_cast<size_t>(y * edge + x)] +=
-          product / (kCount * std::sqrt(std::max(variance, 1.0F)));
+      sums[index_of(y, x, edge)] += product / (kCount * std::sqrt(std::max(variance, 1.0F)));
     }
   }
 }
@@ -327,9 +332,9 @@ std::optional<PatchMatch> SurfacePatches::align(const Patch& patch, const Placed
       Samples<kSide> now;
       for (int row = 0; row < kSide; ++row) {
         for (int column = 0; column < kSide; ++column) {
-          now[static_cast<size_t>(row * kSide + column)] =
-              view.sample(static_cast<float>(column - kSide / 2) + steps.x(),
-                          static_cast<float>(row - kSide / 2) + steps.y());
+          now[index_of(row, column, kSide)] =
+              view.sample(static_cast<float>(column - kReach) + steps.x(),
+                          static_cast<float>(row - kReach) + steps.y());
         }
       }
       normalise(now);
