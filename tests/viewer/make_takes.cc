@@ -2,9 +2,9 @@
 // DIR/takes/ball has 60 pulses; 30 to 32 have no mesh. It shows a ball of 40 cm diameter, one metre
 // above the floor, green for 30 pulses and then blue. In DIR/takes/pair the same ball consists of
 // two performers: 1 is its lower half, green, and 2 the upper half, blue. DIR/takes/empty has no
-// meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse 5
-// to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is smaller
-// and yellow.
+// meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse
+// 5 to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is
+// smaller and yellow.
 #include <cmath>
 
 #include "base/config/calib_file.h"

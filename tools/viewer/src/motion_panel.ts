@@ -9,6 +9,8 @@ const find = <E extends HTMLElement>(id: string) => document.getElementById(id) 
 export class MotionPanel {
   private url: string | null = null;
   private on = false;
+  /** True from switching it on until the file is read. */
+  private reading = false;
   private frozen = false;
   private segment: TrackedSegment | null = null;
   private points: TrailPoint[] = [];
@@ -30,7 +32,7 @@ export class MotionPanel {
   /** To call for each opened take; null: something else is open. */
   async open(url: string | null): Promise<void> {
     this.url = url;
-    this.on = this.frozen = false;
+    this.on = this.reading = this.frozen = false;
     this.segment = this.shown = null;
     this.points = [];
     this.trouble = '';
@@ -64,22 +66,24 @@ export class MotionPanel {
     if (message.kind === 'segment') {
       this.segment = message.segment;
       this.stage.showTrails([]);
+    } else if (message.kind === 'motion-opened') {
+      this.reading = false;
+      this.draw();
     } else if (message.kind === 'trails') {
       const numberOf = (point: TrailPoint) => this.points.findIndex((own) => isSame(own, point));
       this.stage.showTrails(message.trails.map(({ point, path }) => ({ number: numberOf(point), path }))
         .filter(({ number }) => number >= 0));
     } else {
       this.trouble = message.text;
-      if (message.fatal) this.on = false;
+      if (message.fatal) this.on = this.reading = false;
       this.draw();
     }
   }
 
   toggle(): void {
     if (find('motion').hidden) return;
-    this.on = !this.on;
+    this.on = this.reading = !this.on;
     this.trouble = '';
-    this.segment = null;
     if (!this.on) this.setPoints([]);
     this.send({ kind: 'motion', url: this.on ? this.url : null });
     this.draw();
@@ -120,6 +124,7 @@ export class MotionPanel {
   }
 
   private state(): string {
+    if (this.reading) return 'Reading motion.v3d …';
     if (this.shown && !this.shown.tracked) return 'This pulse has no tracked surface. The viewer shows its mesh.';
     if (this.points.length === 0) return 'Click on the surface to draw the trail of a point.';
     return `${this.points.length} of ${MAX_TRAILS} trails`;

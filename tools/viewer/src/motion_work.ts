@@ -33,7 +33,10 @@ export class MotionWork {
       const bytes = url === null ? null : await fetchMotion(url, obsolete);
       const module = await this.module;
       if (obsolete()) return;
-      if (bytes) this.tracked = new TrackedTake(module, bytes);
+      if (bytes) {
+        this.tracked = new TrackedTake(module, bytes);
+        this.post({ kind: 'motion-opened', take: this.take });
+      }
       this.changed();
     } catch (error) {
       if (!obsolete()) this.fail(error);
@@ -51,13 +54,14 @@ export class MotionWork {
     const place = tracked?.placeOf(pulse);
     if (!tracked || !place) return false;
     try {
-      const segment = this.segment?.number === place.segment ? this.segment : tracked.segment(place.segment);
+      const isNew = this.segment?.number !== place.segment;
+      const segment = isNew ? tracked.segment(place.segment) : this.segment;
       const frame = segment && tracked.frame(number, place, segment);
       if (!segment || !frame) {
         this.report();
         return false;
       }
-      if (segment !== this.segment) this.post({ kind: 'segment', take: this.take, segment });
+      if (isNew) this.post({ kind: 'segment', take: this.take, segment });
       this.segment = segment;
       if (this.points.length > 0) tracked.keep(place, frame.positions.slice());
       this.post({ kind: 'frame', take: this.take, frame }, [frame.positions.buffer, frame.normals.buffer]);

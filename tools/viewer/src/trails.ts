@@ -27,6 +27,10 @@ export class Trails {
     new PointsMaterial({ size: 9, sizeAttenuation: false, vertexColors: true, depthTest: false, transparent: true }));
 
   constructor() {
+    this.dots.material.onBeforeCompile = (shader) => {
+      shader.fragmentShader = shader.fragmentShader.replace('#include <clipping_planes_fragment>',
+        'if (length(gl_PointCoord - 0.5) > 0.5) discard;'); // round
+    };
     for (const part of [this.lines, this.dots]) {
       part.frustumCulled = false;
       part.renderOrder = 2;

@@ -18,6 +18,8 @@ export type FromWorker =
   | MotionMessage;
 
 export type MotionMessage =
+  /** The file was read. */
+  | { kind: 'motion-opened'; take: number }
   /** Sent before the first frame of another segment. */
   | { kind: 'segment'; take: number; segment: TrackedSegment }
   /** Trails of the last frame. */
