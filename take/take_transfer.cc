@@ -176,7 +176,9 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   for (const TakePaths& part : parts) link_shared_files(part, into);
   if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
+    link_if_present(meshes->motion(), into.motion());
   }
+  for (const TakePaths& part : parts) link_if_present(part.motion(), into.motion());
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });

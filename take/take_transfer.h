@@ -15,7 +15,8 @@ namespace v3d::take {
 /// has the name of its node.
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
-/// that sensed the most pulses, the meshes of part_with_most_meshes() and one ledger (merge()).
+/// that sensed the most pulses, the meshes of part_with_most_meshes() and one ledger (merge()). Its
+/// motion.v3d is that of the same part, otherwise that of the first part that has one.
 /// The ledger names the capture nodes of the take's studio file that have neither a part, nor a
 /// camera or signature in another part.
 /// Files are hard-linked where the file system permits it, and copied elsewhere; the parts do not

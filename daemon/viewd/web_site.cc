@@ -92,7 +92,9 @@ bool is_command(const web::WebRequest& request, const std::optional<web::WebTarg
   return request.method == "POST" && target && target->text() == "/api/order";
 }
 
-bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "calib.toml"; }
+bool is_served(const std::string& file) {
+  return file == "mesh.v3d" || file == "motion.v3d" || file == "calib.toml";
+}
 
 }  // namespace
 

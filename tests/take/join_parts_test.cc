@@ -162,6 +162,16 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
 }
 
+TEST_F(JoinParts, has_the_tracked_surfaces_of_its_meshes) {
+  test::write_text(part("cap01").motion(), "of cap01");
+  join();
+  EXPECT_EQ(read_take_text(whole_.motion()), "of cap01") << "no other part has one";
+  std::filesystem::remove_all(whole_.folder);
+  test::write_text(part("recon01").motion(), "of recon01");
+  join();
+  EXPECT_EQ(read_take_text(whole_.motion()), "of recon01") << "it has the meshes";
+}
+
 TEST_F(JoinParts, has_the_lists_of_repaired_pulses_of_all_nodes) {
   test::write_text(part("recon01").folder / "repaired.recon01.txt", "1\n");
   test::write_text(part("cap02").folder / "repaired.recon02.txt", "2\n");

@@ -2,8 +2,14 @@
 // DIR/takes/ball has 60 pulses; 30 to 32 have no mesh. It shows a ball of 40 cm diameter, one metre
 // above the floor, green for 30 pulses and then blue. In DIR/takes/pair the same ball consists of
 // two performers: 1 is its lower half, green, and 2 the upper half, blue. DIR/takes/empty has no
-// meshes.
+// meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse
+// 5 to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is
+// smaller and yellow.
+#include <cmath>
+
 #include "base/config/calib_file.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
@@ -16,6 +22,7 @@ constexpr int64_t kPulses = 60;
 constexpr int64_t kFirstMissing = 30;
 constexpr int64_t kFirstBlue = 33;
 constexpr codec::VertexColour kGreen{40, 200, 40}, kBlue{40, 40, 200};
+constexpr codec::VertexColour kRed{200, 40, 40}, kYellow{200, 200, 40};
 
 Rig one_camera() {
   Eigen::Matrix3d matrix;
@@ -72,6 +79,41 @@ void save_pair(const std::filesystem::path& path) {
   io::throw_if_failed(file.close());
 }
 
+/// A ball that moves sideways in the pulses [first, end).
+codec::MotionSegment moving_ball(double radius_voxels, int64_t first, int64_t end) {
+  const codec::Scene scene(codec::ball(radius_voxels));
+  const recon::VoxelGrid& grid = scene.volume.grid();
+  const Eigen::Vector3d middle = grid.origin + Eigen::Vector3d::Constant(25 * grid.voxel_m);
+  codec::MotionSegment segment;
+  segment.triangles = scene.mesh.triangles;
+  for (int64_t pulse = first; pulse < end; ++pulse) {
+    const Eigen::Vector3d at(0.1 * std::sin(0.3 * static_cast<double>(pulse)), 0, 1);
+    segment.pulses.push_back(pulse);
+    auto& positions = segment.positions.emplace_back();
+    for (const auto& vertex : scene.mesh.vertices) {
+      const Eigen::Vector3f moved = (vertex.cast<double>() - middle + at).cast<float>();
+      positions.push_back({moved.x(), moved.y(), moved.z()});
+    }
+  }
+  segment.key = segment.pulses.size() / 2;
+  return segment;
+}
+
+void save_motion(const std::filesystem::path& path) {
+  codec::MotionWriter writer({.colour_steps = {1, 1, 1}});
+  std::vector<uint8_t> bytes = codec::MotionWriter::header();
+  codec::MotionSegment two_colours = moving_ball(20, 5, 25), one_colour = moving_ball(14, 25, 30);
+  const size_t vertices = two_colours.positions[0].size();
+  for (const int64_t pulse : two_colours.pulses)
+    two_colours.colours.emplace_back(vertices, pulse < 15 ? kRed : kBlue);
+  one_colour.colours.emplace_back(one_colour.positions[0].size(), kYellow);
+  for (const codec::MotionSegment& segment : {two_colours, one_colour}) {
+    const codec::EncodedMotion encoded = writer.add(segment).value();
+    bytes.insert(bytes.end(), encoded.bytes.begin(), encoded.bytes.end());
+  }
+  io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
+}
+
 }  // namespace
 }  // namespace v3d
 
@@ -81,6 +123,9 @@ int main(int /*argc*/, char** argv) {
   v3d::save_meshes(takes / "ball/mesh.v3d");
   v3d::save_take(takes / "pair", 1);
   v3d::save_pair(takes / "pair/mesh.v3d");
+  v3d::save_take(takes / "moving", v3d::kPulses);
+  v3d::save_meshes(takes / "moving/mesh.v3d");
+  v3d::save_motion(takes / "moving/motion.v3d");
   v3d::save_take(takes / "empty", 0);
   return 0;
 }

@@ -163,6 +163,16 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
+TEST_F(ViewedSite, serves_requested_parts_of_a_motion_file) {
+  EXPECT_EQ(get("/takes/kendo-07/motion.v3d").status, 404);
+  write(folder_ / "takes/kendo-07/motion.v3d", "0123456");
+  EXPECT_EQ(get("/takes/kendo-07/motion.v3d").file->size, 7);
+  const web::WebAnswer part = get("/takes/kendo-07/motion.v3d", "bytes=2-4");
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/7");
+  EXPECT_EQ(get("/takes/kendo-07/motion.v3d", "bytes=7-").status, 416);
+}
+
 TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   web::WebRequest request{
@@ -179,6 +189,8 @@ TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
         "/takes/kendo-07/%2e%2e/outside", "/takes/-x/mesh.v3d", "/takes/kendo-07"}) {
     EXPECT_THAT(get(target).status, testing::AnyOf(404, 400)) << target;
   }
+  std::filesystem::create_symlink(folder_ / "outside", folder_ / "takes/kendo-07/motion.v3d");
+  EXPECT_EQ(get("/takes/kendo-07/motion.v3d").status, 404);
   std::filesystem::remove(folder_ / "takes/kendo-07/mesh.v3d");
   std::filesystem::create_symlink(folder_ / "outside", folder_ / "takes/kendo-07/mesh.v3d");
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);

@@ -13,6 +13,9 @@ export interface KeyActions {
   /** photograph() switches the photograph over the view; blend() changes its opacity. */
   photograph(): void;
   blend(by: number): void;
+  /** motion() switches tracked surfaces on and off, freeze() their texture. */
+  motion(): void;
+  freeze(): void;
   live(): void;
   help(): void;
   follow(): void;
@@ -51,6 +54,8 @@ const KEYS: Key[] = [
   { keys: ['f'], shown: 'F', does: 'see all of the performer', run: (d) => d.frameAll() },
   { keys: ['v'], shown: 'V', does: 'fly (W A S D, Q E, drag; Shift is faster), or orbit', run: (d) => d.fly() },
   { keys: ['r'], shown: 'R', does: "look along the scene's camera path", run: (d) => d.follow() },
+  { keys: ['m'], shown: 'M', does: 'tracked surface of the take, or its meshes', run: (d) => d.motion() },
+  { keys: ['t'], shown: 'T', does: 'freeze the texture of the tracked surface, or not', run: (d) => d.freeze() },
   { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
   { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
 ];

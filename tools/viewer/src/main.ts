@@ -2,6 +2,7 @@
 import { Composition } from './composition';
 import { bindKeys } from './keys';
 import { glbOf, PerformerList } from './performer_list';
+import { MotionPanel } from './motion_panel';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
@@ -41,11 +42,8 @@ class Viewer {
   private opened = 0;
   private wanted = -1;
   private shown: ShownFrame | null = null;
-  private readonly performers = new PerformerList(find('performers'), () => {
-    if (!this.shown) return;
-    this.stage.show(this.performers.visible(this.shown));
-    this.pictures.show(this.shown.pulse);
-  });
+  private readonly performers = new PerformerList(find('performers'), () => this.draw());
+  private readonly motion: MotionPanel;
   private shownTimes: number[] = [];
   private shownCount = 0;
   private latency: number | null = null;
@@ -58,6 +56,7 @@ class Viewer {
       this.pictures.stand(null);
       this.setFollowing(false);
     };
+    this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw());
     this.stage.onTrouble = (text) => this.trouble(text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
       () => this.composition?.viewsState ?? null);
@@ -84,6 +83,8 @@ class Viewer {
       photograph: () => this.pictures.toggle(),
       blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
+      motion: () => this.motion.toggle(),
+      freeze: () => this.motion.toggleFreeze(),
       live: () => this.openLive(),
       flying: () => this.stage.flying,
     });
@@ -277,6 +278,7 @@ class Viewer {
     this.transport.set(null);
     this.stage.clear();
     this.pictures.open(take?.name ?? null);
+    void this.motion.open(take && new URL(`takes/${take.name}/motion.v3d`, location.href).href);
     this.trouble('');
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
@@ -332,6 +334,8 @@ class Viewer {
       case 'frame':
         this.show(message.frame);
         break;
+      default:
+        this.motion.onMessage(message);
     }
   }
 
@@ -340,13 +344,20 @@ class Viewer {
     find('canvas').dataset.shown = String(++this.shownCount);
     this.trouble('');
     this.performers.add(frame);
-    this.stage.show(this.performers.visible(frame));
-    this.pictures.show(frame.pulse);
+    this.draw();
     this.shownTimes.push(performance.now());
     if (frame.live?.edgeMs != null) {
       // The next refresh of the screen draws the mesh; it is visible from the one after that.
       requestAnimationFrame(() => requestAnimationFrame(() => this.setLatency(frame.pulse, frame.live!.edgeMs!)));
     }
+  }
+
+  /** Draws the last frame as the panels want it. */
+  private draw(): void {
+    if (!this.shown) return;
+    this.shown = this.motion.complete(this.shown);
+    this.stage.show(this.performers.visible(this.shown));
+    this.pictures.show(this.shown.pulse, this.shown.tracked !== null);
   }
 
   private setLatency(pulse: number, edgeMs: number): void {
@@ -458,7 +469,8 @@ class Viewer {
       facts.push(`<b>${this.sceneSeconds.toFixed(2)} s</b>`, `${this.composition.scene.takes.length} takes`,
         `${this.stage.triangles.toLocaleString('en')} triangles`);
     } else if (frame) {
-      facts.push(`pulse <b>${frame.pulse}</b>`, `${(frame.indices.length / 3).toLocaleString('en')} triangles`, formatBytes(frame.bytes));
+      facts.push(`pulse <b>${frame.pulse}</b>`, `${(frame.indices.length / 3).toLocaleString('en')} triangles`, ...this.motion.facts(frame));
+      if (frame.bytes) facts.push(formatBytes(frame.bytes));
       const perSecond = this.shownTimes.length / 2;
       if (perSecond > 0) facts.push(`<b>${perSecond.toFixed(0)}</b>/s`);
       if (!Number.isNaN(frame.quality)) facts.push(`quality ${(100 * frame.quality).toFixed(0)} %`);

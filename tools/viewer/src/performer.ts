@@ -1,7 +1,7 @@
 // A performer on the stage: its present surface, placement and camera views.
 import {
   type Box3, BufferAttribute, BufferGeometry, type Camera, DataArrayTexture, MathUtils, Matrix4, Mesh, NoColorSpace, type Object3D,
-  type ShaderMaterial, Vector3,
+  type Raycaster, type ShaderMaterial, Vector3,
 } from 'three';
 import type { Placement } from './scene_file';
 import { NO_VIEWS } from './shading';
@@ -22,17 +22,46 @@ export class Performer {
     this.mesh.onBeforeRender = (_renderer, _scene, camera) => this.tellShading(camera);
   }
 
-  /** Shows a surface. Its camera views are unknown until setViews(). */
+  /** Shows a surface. Its camera views are unknown until setViews(). The same array of indices is not uploaded again. */
   show(surface: Surface): void {
-    this.geometry.dispose(); // frees the buffers on the graphics card; new ones are made for the new arrays
-    this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
-    this.geometry.setAttribute('normal', new BufferAttribute(surface.normals, 3));
     const tint = surface.colours ?? new Uint8Array(surface.positions.length).fill(180);
-    this.geometry.setAttribute('tint', new BufferAttribute(tint, 3, true));
-    this.geometry.setIndex(new BufferAttribute(surface.indices, 1));
+    if (this.geometry.getIndex()?.array === surface.indices) {
+      this.update('position', surface.positions);
+      this.update('normal', surface.normals);
+      this.update('tint', tint);
+    } else {
+      this.geometry.dispose(); // frees the buffers on the graphics card; new ones are made for the new arrays
+      this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
+      this.geometry.setAttribute('normal', new BufferAttribute(surface.normals, 3));
+      this.geometry.setAttribute('tint', new BufferAttribute(tint, 3, true));
+      this.geometry.setIndex(new BufferAttribute(surface.indices, 1));
+      ++this.indexUploads;
+    }
     this.geometry.boundingBox = null;
+    this.geometry.boundingSphere = null;
     this.mesh.visible = true;
     this.setViews(null);
+  }
+
+  /** Uploads new values into the buffer on the graphics card. */
+  private update(name: string, values: Float32Array | Uint8Array): void {
+    const attribute = this.geometry.getAttribute(name) as BufferAttribute;
+    if (attribute.array === values) return;
+    attribute.array = values;
+    attribute.needsUpdate = true;
+  }
+  /** Number of surfaces whose triangles were uploaded. */
+  indexUploads = 0;
+
+  /** Number of the vertex that is nearest to the first point of the surface on the ray; null: the ray misses it. */
+  vertexAt(ray: Raycaster): number | null {
+    const hit = this.mesh.visible ? ray.intersectObject(this.mesh, false)[0] : undefined;
+    if (!hit?.face) return null;
+    const point = this.mesh.worldToLocal(hit.point.clone());
+    const positions = this.geometry.getAttribute('position');
+    const away = (vertex: number) => new Vector3().fromBufferAttribute(positions, vertex).distanceTo(point);
+    const corners = [hit.face.a, hit.face.b, hit.face.c];
+    return corners.reduce((best, vertex) => (away(vertex) < away(best) ? vertex : best));
   }
 
   /** Sets the camera views of the shown surface. Views of another surface are ignored. */

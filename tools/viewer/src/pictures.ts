@@ -23,6 +23,7 @@ export class Pictures {
   private camera: RigCamera | null = null;
   private photographs: PulseStore<ImageBitmap> | null = null;
   private shown = -1;
+  private tracked = false;
   /** Pulse of the photograph over the view; -1: none. */
   private photographed = -1;
   private last = HALF;
@@ -47,6 +48,7 @@ export class Pictures {
     this.views?.end();
     this.take = take;
     this.shown = -1;
+    this.tracked = false;
     this.views = take === null ? null
       : new PerformerViews(take, this.stage.performer, () => wantsViews(this.stage.look), () => this.stage.redraw());
     this.stand(null);
@@ -74,10 +76,11 @@ export class Pictures {
     this.lay();
   }
 
-  /** To call when the surface of this pulse is shown. */
-  show(pulse: number): void {
+  /** To call when the surface of this pulse is shown. `tracked`: it is no mesh, so that it has no views. */
+  show(pulse: number, tracked: boolean): void {
     this.shown = pulse;
-    this.views?.show(pulse, this.ahead(this.views.tookMs));
+    this.tracked = tracked;
+    this.views?.show(tracked ? -1 : pulse, tracked ? [] : this.ahead(this.views.tookMs));
     this.lay();
   }
 
@@ -106,7 +109,7 @@ export class Pictures {
   /** True when all photographs and views of the shown pulse are on the stage or do not exist. */
   get settled(): boolean {
     const photograph = !this.photographs || this.amount === 0 || this.photographs.get(this.shown) !== undefined;
-    return photograph && (!this.views || !wantsViews(this.stage.look) || this.views.state !== 'coming');
+    return photograph && (!this.views || this.tracked || !wantsViews(this.stage.look) || this.views.state !== 'coming');
   }
 
   /** Shows the photograph of the pulse. Until it has arrived, the previous one is shown, with a note. */
@@ -147,6 +150,7 @@ export class Pictures {
   private lookText(): string {
     if (!wantsViews(this.stage.look)) return '';
     const instead = this.stage.look === 'view' ? 'Colours as from everywhere' : 'Shape alone';
+    if (this.tracked) return `${instead}: what each camera sees is known of meshes only. Switch off Motion to see it.`;
     const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
     if (state === 'here') return '';
     if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;

@@ -78,6 +78,7 @@ export function shownFrame(
   return {
     ...of,
     pulse: frame.pulse,
+    tracked: null,
     cameras: frame.cameras.length,
     quality: frame.quality,
     positions: frame.positions.slice(),

@@ -1,10 +1,11 @@
 // The 3D view: performers, models, the floor, the studio's cameras, and the viewpoint.
 import {
   Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4,
-  PerspectiveCamera, Scene, Vector3, WebGLRenderer,
+  PerspectiveCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Backdrop } from './backdrop';
+import { onClicks } from './click';
 import { Fly } from './fly';
 import { Performer } from './performer';
 import { Photograph } from './photograph';
@@ -12,6 +13,7 @@ import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './
 import type { CameraKey, Vector } from './scene_file';
 import { type Look, LOOKS, makeShading } from './shading';
 import type { Surface } from './surface';
+import { type DrawnTrail, Trails } from './trails';
 
 const NEAR = 0.02;
 const FAR = 200;
@@ -27,6 +29,7 @@ export class Stage {
   private readonly single = new Performer(this.material);
   /** Photograph over the view, while the viewpoint is that of a camera. */
   readonly photograph = new Photograph();
+  private readonly trails = new Trails();
   private readonly performers = new Set([this.single]);
   /** Backdrop of a scene. */
   private readonly models = new Group();
@@ -50,11 +53,15 @@ export class Stage {
     if (!context) throw new Error('no WebGL 2');
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
-    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, ...makeLights());
+    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, this.trails.group, ...makeLights());
     this.backdrop = new Backdrop(this.scene, () => (this.changed = true), (text) => this.onTrouble(text));
     this.rigLines.visible = false;
     this.eye.up.set(0, 0, 1);
     this.eye.position.set(3.2, -3.2, 1.9);
+    onClicks(canvas, (across, down) => this.rayAt(across, down), (ray) => {
+      const vertex = this.single.vertexAt(ray);
+      if (vertex !== null) this.onClick(vertex);
+    });
     this.orbit = new OrbitControls(this.eye, canvas);
     this.orbit.target.set(0, 0, 1);
     this.orbit.enableDamping = true;
@@ -65,11 +72,28 @@ export class Stage {
   }
 
   onTrouble: (text: string) => void = () => undefined;
+  /** Called for a click on the permanent performer, with the nearest vertex. */
+  onClick: (vertex: number) => void = () => undefined;
+
+  /** The ray through a point of the canvas, given by 0 to 1 of its width and height. */
+  private rayAt(across: number, down: number): Raycaster {
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(2 * across - 1, 1 - 2 * down), this.eye);
+    return ray;
+  }
 
   /** Shows a frame on the permanent performer, or on one of a scene. */
   show(surface: Surface, performer = this.single): void {
     performer.show(surface);
+    this.canvas.dataset.uploads = String(this.single.indexUploads); // for tests
     if (!this.framed && performer === this.single) this.frameAll();
+    this.changed = true;
+  }
+
+  /** Draws these trails instead of the last ones. */
+  showTrails(trails: DrawnTrail[]): void {
+    this.trails.show(trails);
+    this.canvas.dataset.trails = `${trails.length} ${(trails[0]?.path.length ?? 0) / 3}`; // for tests
     this.changed = true;
   }
 

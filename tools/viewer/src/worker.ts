@@ -1,11 +1,12 @@
-// Worker that fetches and decodes meshes: those of a take in any order, or live ones as they arrive.
+// Worker that fetches and decodes surfaces: those of a take in any order, or live meshes as they arrive.
 import moduleUrl from 'v3d_decoder.wasm?url';
 import { Decoder, type Frame } from '../../../codec/v3d_decoder.mjs';
 import { HttpSource } from './byte_source';
-import { FrameStore, readEntries } from './mesh_file';
+import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
+import { MotionWork } from './motion_work';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
 import { LiveQueue, shownFrame, TakeSequence } from './sequence';
-import type { FromWorker, LiveFacts, ToWorker } from './worker_messages';
+import type { FromWorker, LiveFacts, ToWorker, TrailPoint } from './worker_messages';
 
 const RECONNECT_MS = 1000;
 const PING_MS = 2000;
@@ -27,16 +28,21 @@ class TakeWork {
   private busy = false;
   private ended = false;
   private sequence: TakeSequence | null = null;
+  private entries: FrameEntry[] = [];
+  private readonly motion: MotionWork;
 
   constructor(
     private readonly take: number,
     private readonly url: string,
-  ) {}
+  ) {
+    this.motion = new MotionWork(wasm, take, post, () => this.showAgain());
+  }
 
   async open(): Promise<void> {
     const source = new HttpSource(this.url);
     const entries = await readEntries(source);
     if (entries.length === 0) throw new Error('This take has no meshes yet.');
+    this.entries = entries;
     this.sequence = new TakeSequence(new Decoder(await wasm), new FrameStore(source, entries));
     post({ kind: 'opened', take: this.take, pulses: entries.map((e) => e.pulse) });
     if (this.wanted >= 0) this.want(this.wanted);
@@ -47,15 +53,38 @@ class TakeWork {
     if (!this.busy && this.sequence) this.work(this.sequence).catch((error) => trouble(this.take, error));
   }
 
+  /** Shows tracked surfaces from this file; null: meshes. */
+  setMotion(url: string | null): void {
+    void this.motion.open(url);
+  }
+
+  setPoints(points: TrailPoint[]): void {
+    this.motion.points = points;
+    this.showAgain();
+  }
+
   end(): void {
     this.ended = true;
+    this.motion.end();
   }
+
+  /** Shows the wanted frame again, after it is decoded or at once. */
+  private showAgain(): void {
+    this.stale = true;
+    if (this.wanted >= 0) this.want(this.wanted);
+  }
+  private stale = false;
 
   private async work(sequence: TakeSequence): Promise<void> {
     this.busy = true;
     try {
-      while (this.shown !== this.wanted && !this.ended) {
+      while ((this.shown !== this.wanted || this.stale) && !this.ended) {
         const wanted = this.wanted;
+        this.stale = false;
+        if (await this.motion.show(wanted, this.entries[wanted].pulse, () => this.ended || this.stale || this.wanted !== wanted)) {
+          this.shown = wanted;
+          continue;
+        }
         const began = performance.now();
         // In playback, the next frame is requested while this one is decoded. This one is shown, too.
         const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
@@ -97,6 +126,8 @@ class LiveWork {
   }
 
   want(): void {}
+  setMotion(): void {}
+  setPoints(): void {}
 
   end(): void {
     this.ended = true;
@@ -163,10 +194,9 @@ let work: TakeWork | LiveWork | null = null;
 
 self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
-  if (message.kind === 'want') {
-    work?.want(message.frame);
-    return;
-  }
+  if (message.kind === 'want') return work?.want(message.frame);
+  if (message.kind === 'motion') return work?.setMotion(message.url);
+  if (message.kind === 'points') return work?.setPoints(message.points);
   work?.end();
   work = null;
   if (message.kind === 'nothing') return;

@@ -4,6 +4,9 @@ export type ToWorker =
   | { kind: 'take'; take: number; url: string }
   | { kind: 'want'; frame: number }
   | { kind: 'live'; take: number; url: string }
+  /** Shows tracked surfaces of the open take; null: meshes. */
+  | { kind: 'motion'; url: string | null }
+  | { kind: 'points'; points: TrailPoint[] }
   | { kind: 'nothing' };
 
 /** `take`: the number of the opening. Messages of an earlier opening may still arrive. */
@@ -11,17 +14,57 @@ export type FromWorker =
   | { kind: 'opened'; take: number; pulses: number[] }
   | { kind: 'trouble'; take: number; text: string }
   | { kind: 'link'; take: number; link: 'connecting' | 'open' }
-  | { kind: 'frame'; take: number; frame: ShownFrame };
+  | { kind: 'frame'; take: number; frame: ShownFrame }
+  | MotionMessage;
+
+export type MotionMessage =
+  /** The file was read. */
+  | { kind: 'motion-opened'; take: number }
+  /** Sent before the first frame of another segment. */
+  | { kind: 'segment'; take: number; segment: TrackedSegment }
+  /** Trails of the last frame. */
+  | { kind: 'trails'; take: number; trails: Trail[] }
+  /** `fatal`: no tracked surface can be shown. */
+  | { kind: 'motion-trouble'; take: number; text: string; fatal: boolean };
 
 export interface ShownFrame extends Surface {
   /** Number in the mesh file; live: number of received meshes. */
   number: number;
   pulse: number;
+  /** Null: a mesh. A tracked surface is sent without its triangles. */
+  tracked: Tracked | null;
   bytes: number;
   decodeMs: number;
   cameras: number;
   quality: number;
   live: LiveFacts | null;
+}
+
+export interface Tracked {
+  /** Number of the segment, and of all segments of the file. */
+  segment: number;
+  segments: number;
+  /** Colours of this pulse. */
+  colours: Uint8Array | null;
+}
+
+export interface TrackedSegment {
+  number: number;
+  indices: Uint32Array;
+  /** Colours of the template. */
+  colours: Uint8Array | null;
+}
+
+/** A vertex whose path is drawn. */
+export interface TrailPoint {
+  segment: number;
+  vertex: number;
+}
+
+export interface Trail {
+  point: TrailPoint;
+  /** x, y, z of the vertex at each of the last pulses, the shown one last: metres. */
+  path: Float32Array;
 }
 
 export interface LiveFacts {

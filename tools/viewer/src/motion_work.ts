@@ -1,0 +1,92 @@
+// The part of the worker that shows tracked surfaces of the open take.
+import { fetchMotion, TrackedTake } from './motion_file';
+import type { FromWorker, TrackedSegment, TrailPoint } from './worker_messages';
+
+type Post = (message: FromWorker, moved?: Transferable[]) => void;
+
+const DAMAGED = 'motion.v3d of this take is damaged. The viewer shows the meshes.';
+
+export class MotionWork {
+  private tracked: TrackedTake | null = null;
+  private segment: TrackedSegment | null = null;
+  private opening = 0;
+  private reported = false;
+  /** Vertices whose trails are sent. */
+  points: TrailPoint[] = [];
+
+  /** `changed`: the shown frame has to be shown again. */
+  constructor(
+    private readonly module: Promise<WebAssembly.Module>,
+    private readonly take: number,
+    private readonly post: Post,
+    private readonly changed: () => void,
+  ) {}
+
+  /** Reads the file and shows its surfaces; null: shows meshes. */
+  async open(url: string | null): Promise<void> {
+    const opening = ++this.opening;
+    const obsolete = () => opening !== this.opening;
+    this.tracked = null;
+    this.segment = null;
+    this.reported = false;
+    try {
+      const bytes = url === null ? null : await fetchMotion(url, obsolete);
+      const module = await this.module;
+      if (obsolete()) return;
+      if (bytes) {
+        this.tracked = new TrackedTake(module, bytes);
+        this.post({ kind: 'motion-opened', take: this.take });
+      }
+      this.changed();
+    } catch (error) {
+      if (!obsolete()) this.fail(error);
+    }
+  }
+
+  end(): void {
+    ++this.opening;
+    this.tracked = null;
+  }
+
+  /** Shows the tracked surface of a pulse, then its trails. Returns false if the mesh must be shown. */
+  async show(number: number, pulse: number, obsolete: () => boolean): Promise<boolean> {
+    const { tracked } = this;
+    const place = tracked?.placeOf(pulse);
+    if (!tracked || !place) return false;
+    try {
+      const isNew = this.segment?.number !== place.segment;
+      const segment = isNew ? tracked.segment(place.segment) : this.segment;
+      const frame = segment && tracked.frame(number, place, segment);
+      if (!segment || !frame) {
+        this.report();
+        return false;
+      }
+      if (isNew) this.post({ kind: 'segment', take: this.take, segment });
+      this.segment = segment;
+      if (this.points.length > 0) tracked.keep(place, frame.positions.slice());
+      this.post({ kind: 'frame', take: this.take, frame }, [frame.positions.buffer, frame.normals.buffer]);
+      const trails = await tracked.trails(place, this.points, obsolete);
+      if (tracked === this.tracked) this.post({ kind: 'trails', take: this.take, trails });
+      return true;
+    } catch (error) {
+      this.fail(error);
+      return false;
+    }
+  }
+
+  /** Reports damaged pulses once. */
+  private report(): void {
+    if (this.reported) return;
+    this.reported = true;
+    const text = 'motion.v3d of this take is damaged in part. The viewer shows the meshes of those pulses.';
+    this.post({ kind: 'motion-trouble', take: this.take, text, fatal: false });
+  }
+
+  private fail(error: unknown): void {
+    this.tracked = null;
+    const text = error instanceof WebAssembly.RuntimeError ? 'The browser has too little memory for motion.v3d of this take.'
+      : error instanceof RangeError ? DAMAGED
+      : error instanceof Error ? error.message : String(error);
+    this.post({ kind: 'motion-trouble', take: this.take, text, fatal: true });
+  }
+}
