@@ -162,8 +162,8 @@ class NodeTake {
     std::vector<std::string> problems = {};  ///< why pulses may be absent
   };
   /// Resumes a take after a restart. `edges_are_reported`: see NodeTrigger::reports_edges(). A take
-  /// whose recovery has failed stays open when it is closed. Throws InputError; the caller must then
-  /// disarm the cameras.
+  /// whose recovery has failed stays open when it is closed. Throws InputError; the caller must
+  /// then disarm the cameras.
   static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
                                           const LoggedPulses& pulses, bool edges_are_reported);
 

@@ -319,9 +319,10 @@ TEST_F(TakeOfAnotherNode, stays_open_when_its_recovery_has_failed) {
   const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 1);
   publish_pulse(1);
   ASSERT_TRUE(receives(*take, 2, 2));
-  EXPECT_THAT(drain(*take).close_report.error,
-              testing::HasSubstr("kendo-07 stays open: cannot count what it had before the restart: "
-                                 "its recovery has failed"));
+  EXPECT_THAT(
+      drain(*take).close_report.error,
+      testing::HasSubstr("kendo-07 stays open: cannot count what it had before the restart: "
+                         "its recovery has failed"));
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording);
 }
 
