@@ -1,5 +1,6 @@
 // Motion files in C, in WebAssembly, and by a decoder that was written from the document.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -104,7 +105,9 @@ TEST(MotionLibrary, reports_damaged_files_and_segments_beyond_the_last) {
 
 /// Standard output of `program`, a command to which the name of a file with `bytes` is appended.
 std::string output_for(const std::string& program, const std::vector<uint8_t>& bytes) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-motion-file";
+  // Tests run at the same time, each in a process of its own.
+  const auto file =
+      std::filesystem::path(testing::TempDir()) / ("v3d-motion-file-" + std::to_string(getpid()));
   std::ofstream(file, std::ios::binary)
       .write(reinterpret_cast<const char*>(bytes.data()),
              static_cast<std::streamsize>(bytes.size()));
