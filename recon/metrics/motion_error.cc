@@ -84,7 +84,7 @@ void CarriedPoints::rebind(const Mesh& surface) {
   bind(surface, kMaxDistanceM);
 }
 
-void CarriedPoints::drop_onto(const Mesh& surface) {
+void CarriedPoints::move_to_nearest(const Mesh& surface) {
   before_ = places_;
   bind(surface, std::numeric_limits<double>::infinity());
   for (Binding& binding : bindings_) binding.offset_m.setZero();

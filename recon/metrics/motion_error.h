@@ -39,7 +39,7 @@ class CarriedPoints {
   void rebind(const Mesh& surface);
   /// Moves the points to the nearest places of another surface, at any distance: nearest-point
   /// propagation.
-  void drop_onto(const Mesh& surface);
+  void move_to_nearest(const Mesh& surface);
 
  private:
   static constexpr uint32_t kUnbound = 0xFFFFFFFF;

@@ -4,12 +4,13 @@
 #include <utility>
 
 #include "recon/motion/observation.h"
+#include "recon/pipeline/compact_frame.h"
 
 namespace v3d::recon {
 namespace {
 
-/// Square metres that a component or a handle of a template must be worth. A handle at the hands of
-/// a performer costs the tracking of an arm.
+/// Penalties of the score, square metres. A handle has the larger one: where an arm touches the
+/// body, the template joins both, and the arm cannot be followed.
 constexpr double kPerComponentM2 = 0.003, kPerHandleM2 = 0.05;
 constexpr size_t kSampleEvery = 16;  ///< every n-th vertex is tested for visibility
 
@@ -32,7 +33,7 @@ double seen_share(const ObservedPulse& observed) {
   const std::vector<Eigen::Vector3f> normals = vertex_normals(observed.surface);
   const SurfaceSamples samples = every_nth(observed.surface, normals, kSampleEvery);
   const std::vector<uint8_t> seen =
-      seen_by(samples.places, samples.normals, observed.cameras, depths);
+      visible_camera_counts(samples.places, samples.normals, observed.cameras, depths);
   const auto count = std::ranges::count_if(seen, [](uint8_t cameras) { return cameras >= 2; });
   return static_cast<double>(count) / static_cast<double>(std::max<size_t>(seen.size(), 1));
 }
@@ -110,6 +111,18 @@ KeyQuality key_quality(const ObservedPulse& observed) {
   quality.score =
       quality.seen_m2 - kPerComponentM2 * quality.components - kPerHandleM2 * quality.handles;
   return quality;
+}
+
+codec::MotionSegment motion_segment(const TrackedSegment& segment) {
+  codec::MotionSegment result;
+  result.pulses = segment.pulses;
+  result.key = segment.key;
+  result.triangles = segment.surface.triangles;
+  for (const auto& positions : segment.positions) {
+    result.positions.push_back(vertex_positions(positions));
+  }
+  result.confidences = segment.confidences;
+  return result;
 }
 
 TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "codec/motion_codec.h"
 #include "recon/motion/segment_tracker.h"
 
 namespace v3d::recon {
@@ -47,5 +48,8 @@ using OnPulse = std::function<void(size_t index)>;
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
 TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,
                            const OnPulse& on_pulse);
+
+/// The segment as MotionWriter takes it, without colours.
+codec::MotionSegment motion_segment(const TrackedSegment& segment);
 
 }  // namespace v3d::recon

@@ -22,9 +22,10 @@ SurfaceSamples every_nth(const Mesh& mesh, std::span<const Eigen::Vector3f> norm
   return samples;
 }
 
-std::vector<uint8_t> seen_by(std::span<const Eigen::Vector3f> places,
-                             std::span<const Eigen::Vector3f> normals,
-                             const SurfaceCameras& cameras, std::span<const DepthBuffer> depths) {
+std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> places,
+                                           std::span<const Eigen::Vector3f> normals,
+                                           const SurfaceCameras& cameras,
+                                           std::span<const DepthBuffer> depths) {
   std::vector<uint8_t> count(places.size(), 0);
   for_each_block<VertexVisibility::kCapacity>(count.size(), [&](size_t begin, size_t end) {
     BlockVisibility block;

@@ -23,9 +23,10 @@ SurfaceSamples every_nth(const Mesh& mesh, std::span<const Eigen::Vector3f> norm
 
 /// The number of cameras that see each place: it is not far behind the surface in `depths`, and
 /// faces the camera. Works in the caller's TBB arena.
-std::vector<uint8_t> seen_by(std::span<const Eigen::Vector3f> places,
-                             std::span<const Eigen::Vector3f> normals,
-                             const SurfaceCameras& cameras, std::span<const DepthBuffer> depths);
+std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> places,
+                                           std::span<const Eigen::Vector3f> normals,
+                                           const SurfaceCameras& cameras,
+                                           std::span<const DepthBuffer> depths);
 
 /// The mesh of a pulse, ready for queries. Immutable; any thread.
 class ObservedSurface {

@@ -31,8 +31,8 @@ constexpr std::array kFromFirstPass{
     FitStage{1, 0.015, 0.6, 0.5, 0.05, 0.002F, false},
 };
 
-constexpr float kDetailM = 0.012F;  ///< largest displacement from the graph
-constexpr float kFusionM = 0.04F;   ///< largest correction of the template
+constexpr float kDisplacementM = 0.012F;  ///< largest displacement from the graph
+constexpr float kFusionM = 0.04F;         ///< largest correction of the template
 
 // Stiffness of an edge, by its root mean square deviation from a rigid motion.
 constexpr double kRigidM = 0.002;  ///< deviation of stiffness 1
@@ -55,12 +55,13 @@ class TemplateCorrection {
   explicit TemplateCorrection(size_t vertices)
       : sum_(vertices, Vector3f::Zero()), weight_(vertices, 0) {}
 
-  void add(TemplateFit& fit, const std::vector<NodeMotion>& motion, const VertexDetail& detail) {
+  void add(TemplateFit& fit, const std::vector<NodeMotion>& motion,
+           const NormalDisplacements& asked) {
     for_each_vertex(sum_.size(), [&](size_t v) {
-      if (detail.weight[v] == 0) return;
+      if (asked.weight[v] == 0) return;
       const Eigen::Matrix3f turned = fit.graph().rotation_at(motion, v).cast<float>();
-      sum_[v] += detail.weight[v] * detail.target[v] * (turned.transpose() * fit.normals()[v]);
-      weight_[v] += detail.weight[v];
+      sum_[v] += asked.weight[v] * asked.target[v] * (turned.transpose() * fit.normals()[v]);
+      weight_[v] += asked.weight[v];
     });
   }
 
@@ -90,7 +91,7 @@ class SegmentTracker {
 
   TrackedSegment run(size_t begin, size_t end) {
     const ObservedSurface key(source_(key_));
-    fit_.see(key, motions_[0]);
+    fit_.pose(key, motions_[0]);
     learn(key, motions_[0]);
     while (last() + 1 < end && follow(last() + 1, last(), last() - 1)) {
     }
@@ -108,7 +109,7 @@ class SegmentTracker {
   /// What a fitted pulse shows.
   void learn(const ObservedSurface& now, const std::vector<NodeMotion>& motion) {
     fit_.learn_patches(now);
-    correction_.add(fit_, motion, fit_.detail(now, kFusionM));
+    correction_.add(fit_, motion, fit_.normal_displacements(now, kFusionM));
   }
 
   /// Fits pulse `next` from the motion of `from` and, if it was tracked, `before`. False when the
@@ -163,7 +164,7 @@ class SegmentTracker {
       fit_.fit(now, kFromFirstPass, motion);
       segment.pulses.push_back(now.pulse().pulse);
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
-      segment.positions.push_back(fit_.detailed(fit_.detail(now, kDetailM)));
+      segment.positions.push_back(fit_.displaced(fit_.normal_displacements(now, kDisplacementM)));
       segment.confidences.push_back(confidence());
     }
     return segment;
@@ -171,7 +172,7 @@ class SegmentTracker {
 
   std::vector<uint8_t> confidence() const {
     constexpr int kPerCamera = 85;  // three cameras give full confidence
-    const std::vector<uint8_t>& cameras = fit_.cameras_of_vertices();
+    const std::vector<uint8_t>& cameras = fit_.visible_cameras();
     std::vector<uint8_t> confidence(cameras.size());
     for (size_t v = 0; v < cameras.size(); ++v) {
       confidence[v] = static_cast<uint8_t>(std::min(cameras[v] * kPerCamera, 255));

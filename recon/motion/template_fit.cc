@@ -17,10 +17,10 @@ constexpr size_t kReverseEvery = 16;    ///< every n-th vertex of the observed s
 constexpr int kSolverIterations = 2;
 constexpr double kMaxMisfitM = 0.2;
 
-constexpr float kMinDetailFacing = 0.5F;  ///< cosine of the normals
+constexpr float kMinDisplacedFacing = 0.5F;  ///< cosine of the normals
 constexpr int kFullWeightCameras = 3;
-constexpr int kDetailSweeps = 40;
-constexpr float kDetailSmoothness = 0.1F, kDetailHold = 0.005F;
+constexpr int kSmoothingSweeps = 40;
+constexpr float kSmoothness = 0.1F, kHold = 0.005F;
 
 /// Tukey's weight: 1 at distance 0, 0 from `limit` on.
 float robust_weight(float distance, float limit) {
@@ -50,31 +50,31 @@ void TemplateFit::move(const std::vector<NodeMotion>& motion) {
   normals_ = vertex_normals(moved_);
 }
 
-void TemplateFit::see(const ObservedSurface& now, const std::vector<NodeMotion>& motion) {
+void TemplateFit::pose(const ObservedSurface& now, const std::vector<NodeMotion>& motion) {
   move(motion);
   const SurfaceCameras& cameras = now.pulse().cameras;
   if (cameras.cameras.empty()) {
-    cameras_of_.assign(moved_.vertices.size(), 2);
+    visible_in_.assign(moved_.vertices.size(), 2);
     return;
   }
   draw_depths(moved_, cameras.models, depths_, Faces::kFront);
-  cameras_of_ = seen_by(moved_.vertices, normals_, cameras, depths_);
-  if (photometry_) turned_ = patches_.rotations(graph_, motion);
+  visible_in_ = visible_camera_counts(moved_.vertices, normals_, cameras, depths_);
+  if (photometry_) patch_rotations_ = patches_.rotations(graph_, motion);
 }
 
 void TemplateFit::learn_patches(const ObservedSurface& now) {
-  if (uses_images(now)) patches_.learn(seen(now), turned_);
+  if (uses_images(now)) patches_.learn(surface_views(now), patch_rotations_);
 }
 
 void TemplateFit::fit(const ObservedSurface& now, std::span<const FitStage> stages,
                       std::vector<NodeMotion>& motion) {
   for (const FitStage& stage : stages) run_stage(now, stage, motion);
-  see(now, motion);
+  pose(now, motion);
 }
 
 void TemplateFit::run_stage(const ObservedSurface& now, const FitStage& stage,
                             std::vector<NodeMotion>& motion) {
-  see(now, motion);
+  pose(now, motion);
   std::vector<VertexTarget> patches;
   if (uses_images(now) && stage.reach_m >= 0) add_patch_targets(now, stage, patches);
   for (int repeat = 0; repeat < stage.repeats; ++repeat) {
@@ -98,7 +98,7 @@ void TemplateFit::add_surface_targets(const ObservedSurface& now, const FitStage
     const auto on = now.nearest(place, stage.radius_m);
     if (!on || on->normal.dot(normals_[v]) < static_cast<float>(stage.min_facing)) return;
     const float weight = robust_weight((on->place - place).norm(), radius);
-    all[v] = {static_cast<uint32_t>(v), cameras_of_[v] > 0 ? weight : kUnseenWeight * weight,
+    all[v] = {static_cast<uint32_t>(v), visible_in_[v] > 0 ? weight : kUnseenWeight * weight,
               on->normal, on->place};
   });
   append_used(all, targets);
@@ -131,7 +131,7 @@ void TemplateFit::add_reverse_targets(const ObservedSurface& now, const FitStage
 
 void TemplateFit::add_patch_targets(const ObservedSurface& now, const FitStage& stage,
                                     std::vector<VertexTarget>& targets) {
-  matches_ = patches_.match(seen(now), turned_, stage.reach_m);
+  matches_ = patches_.match(surface_views(now), patch_rotations_, stage.reach_m);
   for (const PatchMatch& match : matches_) {
     for (size_t k = 0; k < match.directions.size(); ++k) {
       targets.push_back(
@@ -140,16 +140,17 @@ void TemplateFit::add_patch_targets(const ObservedSurface& now, const FitStage& 
   }
 }
 
-VertexDetail TemplateFit::detail(const ObservedSurface& now, float limit_m) const {
+NormalDisplacements TemplateFit::normal_displacements(const ObservedSurface& now,
+                                                      float limit_m) const {
   const size_t count = moved_.vertices.size();
-  VertexDetail detail{std::vector<float>(count, 0), std::vector<float>(count, 0)};
+  NormalDisplacements detail{std::vector<float>(count, 0), std::vector<float>(count, 0)};
   for_each_vertex(count, [&](size_t v) {
-    if (cameras_of_[v] == 0) return;
+    if (visible_in_[v] == 0) return;
     const Vector3f& place = moved_.vertices[v];
     const auto on = now.nearest(place, double{limit_m});
-    if (!on || on->normal.dot(normals_[v]) < kMinDetailFacing) return;
+    if (!on || on->normal.dot(normals_[v]) < kMinDisplacedFacing) return;
     const float along = normals_[v].dot(on->place - place);
-    const int cameras = std::min<int>(cameras_of_[v], kFullWeightCameras);
+    const int cameras = std::min<int>(visible_in_[v], kFullWeightCameras);
     detail.target[v] = along;
     detail.weight[v] =
         static_cast<float>(cameras) / kFullWeightCameras * robust_weight(std::abs(along), limit_m);
@@ -157,15 +158,15 @@ VertexDetail TemplateFit::detail(const ObservedSurface& now, float limit_m) cons
   return detail;
 }
 
-std::vector<Vector3f> TemplateFit::detailed(const VertexDetail& detail) const {
+std::vector<Vector3f> TemplateFit::displaced(const NormalDisplacements& detail) const {
   const size_t count = moved_.vertices.size();
   std::vector<float> field(count, 0), next(count);
-  for (int sweep = 0; sweep < kDetailSweeps; ++sweep) {
+  for (int sweep = 0; sweep < kSmoothingSweeps; ++sweep) {
     for_each_vertex(count, [&](size_t v) {
-      float sum = detail.weight[v] * detail.target[v], weight = detail.weight[v] + kDetailHold;
+      float sum = detail.weight[v] * detail.target[v], weight = detail.weight[v] + kHold;
       for (const uint32_t n : neighbours_.of(v)) {
-        sum += kDetailSmoothness * field[n];
-        weight += kDetailSmoothness;
+        sum += kSmoothness * field[n];
+        weight += kSmoothness;
       }
       next[v] = sum / weight;
     });
@@ -182,7 +183,7 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
   // Where the template misses a part, cameras see this part before the template.
   std::vector<uint8_t> seen(samples.places.size(), 2);
   if (!now.pulse().cameras.cameras.empty()) {
-    seen = seen_by(samples.places, samples.normals, now.pulse().cameras, depths_);
+    seen = visible_camera_counts(samples.places, samples.normals, now.pulse().cameras, depths_);
   }
   const NearestTriangle tree(moved_);
   std::vector<double> distances(samples.places.size(), -1);
@@ -215,7 +216,7 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
 std::vector<double> TemplateFit::seen_distances(const ObservedSurface& now) const {
   std::vector<double> distances(moved_.vertices.size(), -1);
   for_each_vertex(distances.size(), [&](size_t v) {
-    if (cameras_of_[v] >= 2) distances[v] = now.distance(moved_.vertices[v].cast<double>());
+    if (visible_in_[v] >= 2) distances[v] = now.distance(moved_.vertices[v].cast<double>());
   });
   std::erase_if(distances, [](double d) { return d < 0; });
   return distances;

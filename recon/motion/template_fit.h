@@ -25,7 +25,7 @@ struct FitStage {
 };
 
 /// Displacements that a pulse asks for, one per vertex, metres along the normal.
-struct VertexDetail {
+struct NormalDisplacements {
   std::vector<float> target, weight;  ///< measured where the weight is more than 0
 };
 
@@ -39,24 +39,24 @@ class TemplateFit {
   const Mesh& rest() const { return rest_; }
   std::vector<Eigen::Vector3f>& rest_vertices() { return rest_.vertices; }
   DeformationGraph& graph() { return graph_; }
-  const Neighbours& neighbours() const { return neighbours_; }
 
-  /// Improves `motion`, one entry per node, by the stages in turn; then as see().
+  /// Improves `motion`, one entry per node, by the stages in turn; then as pose().
   void fit(const ObservedSurface& now, std::span<const FitStage> stages,
            std::vector<NodeMotion>& motion);
-  /// Places the template. The functions below refer to this pulse and motion.
-  void see(const ObservedSurface& now, const std::vector<NodeMotion>& motion);
+  /// Moves the template, and finds which cameras see its vertices. The functions below refer to
+  /// this pulse and motion.
+  void pose(const ObservedSurface& now, const std::vector<NodeMotion>& motion);
 
   /// Learns the appearance of patches that face a camera for the first time.
   void learn_patches(const ObservedSurface& now);
   /// The displacements to the observed surface of the vertices that a camera sees, at most
   /// `limit_m`.
-  VertexDetail detail(const ObservedSurface& now, float limit_m) const;
+  NormalDisplacements normal_displacements(const ObservedSurface& now, float limit_m) const;
   /// The vertices, moved by `detail`, which is smoothed over the surface.
-  std::vector<Eigen::Vector3f> detailed(const VertexDetail& detail) const;
+  std::vector<Eigen::Vector3f> displaced(const NormalDisplacements& detail) const;
   const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
   /// The number of cameras that see each vertex; 2 for all where only meshes are known.
-  const std::vector<uint8_t>& cameras_of_vertices() const { return cameras_of_; }
+  const std::vector<uint8_t>& visible_cameras() const { return visible_in_; }
 
   PulseResidual residual(const ObservedSurface& now, double far_m) const;
 
@@ -67,7 +67,7 @@ class TemplateFit {
   bool uses_images(const ObservedSurface& now) const {
     return photometry_ && !now.pulse().cameras.cameras.empty();
   }
-  SeenSurface seen(const ObservedSurface& now) const {
+  SeenSurface surface_views(const ObservedSurface& now) const {
     return {&now.pulse().cameras, &moved_, &normals_, depths_};
   }
   void move(const std::vector<NodeMotion>& motion);
@@ -90,9 +90,9 @@ class TemplateFit {
 
   std::vector<Eigen::Vector3f> normals_;
   std::vector<DepthBuffer> depths_;
-  std::vector<uint8_t> cameras_of_;
-  std::vector<Eigen::Matrix3f> turned_;  ///< rotations at the patches
-  std::vector<PatchMatch> matches_;      ///< of the last stage
+  std::vector<uint8_t> visible_in_;
+  std::vector<Eigen::Matrix3f> patch_rotations_;  ///< rotations at the patches
+  std::vector<PatchMatch> matches_;               ///< of the last stage
 };
 
 }  // namespace v3d::recon

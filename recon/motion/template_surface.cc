@@ -9,18 +9,15 @@
 namespace v3d::recon {
 
 Mesh simplified(const Mesh& mesh, size_t triangles) {
-  if (mesh.triangles.size() <= triangles) return mesh;
-  const std::vector<uint32_t> indices = [&] {
-    std::vector<uint32_t> all;
-    all.reserve(3 * mesh.triangles.size());
-    for (const auto& t : mesh.triangles) all.insert(all.end(), t.begin(), t.end());
-    return all;
-  }();
-  std::vector<uint32_t> kept(indices.size());
-  const size_t count = meshopt_simplify(
-      kept.data(), indices.data(), indices.size(), &mesh.vertices[0].x(), mesh.vertices.size(),
-      sizeof(mesh.vertices[0]), 3 * triangles, std::numeric_limits<float>::max(), 0, nullptr);
-  kept.resize(count);
+  std::vector<uint32_t> indices;
+  indices.reserve(3 * mesh.triangles.size());
+  for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
+  std::vector<uint32_t> kept = indices;
+  if (mesh.triangles.size() > triangles) {
+    kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.vertices[0].x(),
+                                 mesh.vertices.size(), sizeof(mesh.vertices[0]), 3 * triangles,
+                                 std::numeric_limits<float>::max(), 0, nullptr));
+  }
 
   constexpr auto kUnused = std::numeric_limits<uint32_t>::max();
   std::vector<uint32_t> number(mesh.vertices.size(), kUnused);

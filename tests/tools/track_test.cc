@@ -106,6 +106,8 @@ TEST_F(Track, rejects_a_folder_without_meshes_and_a_face_without_its_vertex) {
   fs::create_directory(folder_ / "bad");
   test::write_text(folder_ / "bad" / "0.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n");
   EXPECT_THAT(rejection(of_meshes("bad")), HasSubstr("0.obj"));
+  test::write_text(folder_ / "bad" / "0.obj", "v 0 0 0\nv 1e39 0 0\nv 0 1 0\nf 1 2 3\n");
+  EXPECT_THAT(rejection(of_meshes("bad")), HasSubstr("vertex 2 is not finite"));
   test::write_text(folder_ / "bad" / "0.obj", "v 0 0 0\n");
   EXPECT_THAT(rejection(of_meshes("bad")), HasSubstr("has no face"));
   EXPECT_FALSE(fs::exists(folder_ / "bad.v3d"));

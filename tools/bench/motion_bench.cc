@@ -98,12 +98,17 @@ void encode_motion(benchmark::State& state, double step_m, double noise_m) {
   state.SetItemsProcessed(state.iterations() * kPulses);
 }
 
-/// Plays the segment forward, its template included.
-void decode_motion(benchmark::State& state, double step_m, double noise_m) {
+std::vector<uint8_t> motion_file(double step_m, double noise_m) {
   codec::MotionWriter writer({.step_m = step_m});
   std::vector<uint8_t> file = codec::MotionWriter::header();
   const auto encoded = writer.add(performer(noise_m)).value();
   file.insert(file.end(), encoded.bytes.begin(), encoded.bytes.end());
+  return file;
+}
+
+/// Plays the segment forward, its template included.
+void decode_motion(benchmark::State& state, double step_m, double noise_m) {
+  const std::vector<uint8_t> file = motion_file(step_m, noise_m);
   for (auto _ : state) {
     auto reader = codec::MotionReader::open(file);
     for (size_t p = 0; p < kPulses; ++p) benchmark::DoNotOptimize(reader->decode(0, p));
@@ -113,10 +118,7 @@ void decode_motion(benchmark::State& state, double step_m, double noise_m) {
 
 /// Decodes one pulse after the file was opened, its template included.
 void seek_motion(benchmark::State& state, double step_m, double noise_m) {
-  codec::MotionWriter writer({.step_m = step_m});
-  std::vector<uint8_t> file = codec::MotionWriter::header();
-  const auto encoded = writer.add(performer(noise_m)).value();
-  file.insert(file.end(), encoded.bytes.begin(), encoded.bytes.end());
+  const std::vector<uint8_t> file = motion_file(step_m, noise_m);
   for (auto _ : state) {
     auto reader = codec::MotionReader::open(file);
     benchmark::DoNotOptimize(reader->decode(0, 40));

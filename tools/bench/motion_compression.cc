@@ -21,7 +21,6 @@
 #include "rate_distortion_points/coder.h"
 #include "recon/metrics/nearest_triangle.h"
 #include "recon/motion/motion_tracker.h"
-#include "recon/pipeline/compact_frame.h"
 #include "recon/render/renderer.h"
 #include "v3dctl/motion/pulse_source.h"
 
@@ -102,14 +101,7 @@ RatePoint motion_point(const std::vector<Mesh>& given, const recon::TrackedMotio
   std::vector<uint8_t> file = codec::MotionWriter::header();
   codec::MotionWriter writer({.step_m = step_m});
   for (const recon::TrackedSegment& segment : motion.segments) {
-    codec::MotionSegment coded;
-    coded.pulses = segment.pulses;
-    coded.key = segment.key;
-    coded.triangles = segment.surface.triangles;
-    for (const auto& positions : segment.positions) {
-      coded.positions.push_back(recon::vertex_positions(positions));
-    }
-    const auto encoded = writer.add(coded);
+    const auto encoded = writer.add(recon::motion_segment(segment));
     if (!encoded) throw InputError("the tracked surface cannot be coded");
     file.insert(file.end(), encoded->bytes.begin(), encoded->bytes.end());
   }

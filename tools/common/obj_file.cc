@@ -18,6 +18,9 @@ Mesh read_obj(const std::filesystem::path& path) {
   const std::vector<tinyobj::real_t>& places = reader.GetAttrib().vertices;
   for (size_t i = 0; i + 2 < places.size(); i += 3) {
     mesh.vertices.emplace_back(places[i], places[i + 1], places[i + 2]);
+    if (!mesh.vertices.back().allFinite()) {
+      throw InputError(path.string() + ": vertex " + std::to_string(i / 3 + 1) + " is not finite");
+    }
   }
   for (const tinyobj::shape_t& shape : reader.GetShapes()) {
     const std::vector<tinyobj::index_t>& corners = shape.mesh.indices;

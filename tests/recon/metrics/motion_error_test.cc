@@ -68,7 +68,7 @@ TEST(CarriedPoints, stay_behind_a_sliding_surface_when_they_drop_to_the_nearest_
   const Eigen::Isometry3f turn(Eigen::AngleAxisf(0.3F, Vector3f::UnitZ()));
   CarriedPoints followed(sphere, sphere.vertices), dropped(sphere, sphere.vertices);
   followed.follow(moved(sphere, turn));
-  dropped.drop_onto(moved(sphere, turn));
+  dropped.move_to_nearest(moved(sphere, turn));
   const Mesh truth = moved(sphere, turn);
   const std::vector<Vector3f> normals = normals_at(truth, truth.vertices);
   const std::vector<uint8_t> all(truth.vertices.size(), 1);

@@ -52,9 +52,17 @@ TEST(Simplified, keeps_a_closed_surface_near_the_given_one) {
   EXPECT_NEAR(enclosed_volume(small), enclosed_volume(mesh), 0.02 * enclosed_volume(mesh));
 }
 
-TEST(Simplified, returns_a_mesh_with_few_triangles_as_it_is) {
-  const Mesh mesh = shapes::sphere({0, 0, 0}, 1, 5);
-  EXPECT_EQ(simplified(mesh, 1000).triangles, mesh.triangles);
+TEST(Simplified, keeps_all_triangles_of_a_small_mesh_and_leaves_out_unused_vertices) {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 1, 5);
+  const size_t used = mesh.vertices.size();
+  mesh.vertices.insert(mesh.vertices.begin(), Eigen::Vector3f(9, 9, 9));
+  for (auto& triangle : mesh.triangles) {
+    for (uint32_t& vertex : triangle) ++vertex;
+  }
+  const Mesh same = simplified(mesh, 1000);
+  EXPECT_EQ(same.triangles.size(), mesh.triangles.size());
+  EXPECT_EQ(same.vertices.size(), used);
+  EXPECT_TRUE(is_manifold(same));
 }
 
 TEST(TrackSegment, follows_points_of_a_surface_that_bends_and_moves) {
@@ -113,7 +121,7 @@ TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
 }
 
 TEST(TrackMotion, reports_pulses_without_a_surface_and_tracks_the_others) {
-  // An empty studio, a performer, nobody again, and another performer.
+  // The studio is empty in the first two pulses and in the sixth.
   const PulseSource source = [](size_t i) {
     const int pulse = static_cast<int>(i);
     const bool is_empty = i < 2 || i == 5;

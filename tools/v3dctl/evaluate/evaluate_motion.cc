@@ -57,7 +57,7 @@ class MotionEvaluation {
         ++report_.segments;
       }
       surface = std::move(next);
-      dropped.drop_onto(meshes_.read(pulses_[i]).mesh);
+      dropped.move_to_nearest(meshes_.read(pulses_[i]).mesh);
       const auto since = static_cast<int64_t>(i);
       if (since % kReportEvery == 0 || i + 1 == pulses_.size()) add(since, carried, dropped);
       progress.advance();

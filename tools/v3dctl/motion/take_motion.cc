@@ -22,20 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-codec::MotionSegment coded(const recon::TrackedSegment& segment,
-                           std::vector<std::vector<codec::VertexColour>> colours) {
-  codec::MotionSegment result;
-  result.pulses = segment.pulses;
-  result.key = segment.key;
-  result.triangles = segment.surface.triangles;
-  for (const auto& positions : segment.positions) {
-    result.positions.push_back(recon::vertex_positions(positions));
-  }
-  result.colours = std::move(colours);
-  result.confidences = segment.confidences;
-  return result;
-}
-
 template <class Value>
 double median_of(const std::vector<recon::PulseResidual>& residuals,
                  Value recon::PulseResidual::*value) {
@@ -62,6 +48,7 @@ TrackedSegmentReport report_of(const recon::TrackedSegment& segment) {
   for (const recon::PulseResidual& residual : segment.residuals) {
     report.far = std::max({report.far, residual.far, residual.surplus});
   }
+  report.patch_correlation = median_of(segment.residuals, &recon::PulseResidual::correlation);
   report.matched_patches =
       static_cast<int64_t>(median_of(segment.residuals, &recon::PulseResidual::matched_patches));
   return report;
@@ -99,17 +86,9 @@ class MotionMaker {
 
  private:
   void add(const recon::TrackedSegment& segment) {
-    std::vector<std::vector<codec::VertexColour>> colours;
-    Mesh surface = segment.surface;
-    for (size_t i = 0; i < segment.pulses.size(); ++i) {
-      stop_if_interrupted();
-      surface.vertices = segment.positions[i];
-      const auto index = std::ranges::lower_bound(input_.pulses(), segment.pulses[i]);
-      const std::vector<Rgb8> seen =
-          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface);
-      if (!seen.empty()) colours.push_back(recon::vertex_colours(seen));
-    }
-    const auto encoded = writer_.add(coded(segment, std::move(colours)));
+    codec::MotionSegment content = recon::motion_segment(segment);
+    content.colours = colours_of(segment);
+    const auto encoded = writer_.add(content);
     if (!encoded) {
       throw InputError(request_.input.string() + ": the surface from pulse " +
                        std::to_string(segment.pulses.front()) +
@@ -123,6 +102,24 @@ class MotionMaker {
     report_.colour_bytes += static_cast<int64_t>(parts.colours);
     report_.confidence_bytes += static_cast<int64_t>(parts.confidences);
     report_.segments.push_back(report_of(segment));
+  }
+
+  /// Of each pulse, from its images; those of the template where there are no images.
+  std::vector<std::vector<codec::VertexColour>> colours_of(const recon::TrackedSegment& segment) {
+    std::vector<std::vector<codec::VertexColour>> colours;
+    Mesh surface = segment.surface;
+    for (size_t i = 0; i < segment.pulses.size(); ++i) {
+      stop_if_interrupted();
+      surface.vertices = segment.positions[i];
+      const auto index = std::ranges::lower_bound(input_.pulses(), segment.pulses[i]);
+      const std::vector<Rgb8> seen =
+          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface);
+      if (!seen.empty()) colours.push_back(recon::vertex_colours(seen));
+    }
+    if (colours.empty() && !segment.surface.colours.empty()) {
+      colours.push_back(recon::vertex_colours(segment.surface.colours));
+    }
+    return colours;
   }
 
   void append(const std::vector<uint8_t>& bytes) { bytes_.append(bytes.begin(), bytes.end()); }

@@ -32,6 +32,7 @@ struct TrackedSegmentReport {
   double residual_p50_mm = 0, residual_p90_mm = 0;  ///< medians over the pulses
   double far = 0;                                   ///< largest of all pulses
   int64_t matched_patches = 0;                      ///< median over the pulses
+  double patch_correlation = 0;                     ///< median over the pulses
 };
 
 struct UntrackedReport {

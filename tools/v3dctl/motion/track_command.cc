@@ -76,7 +76,8 @@ Json to_json(const TrackReport& report) {
                         {"residual_p50_mm", segment.residual_p50_mm},
                         {"residual_p90_mm", segment.residual_p90_mm},
                         {"max_far", segment.far},
-                        {"matched_patches", segment.matched_patches}});
+                        {"matched_patches", segment.matched_patches},
+                        {"patch_correlation", segment.patch_correlation}});
   }
   Json untracked = Json::array();
   for (const UntrackedReport& gap : report.untracked) {
