@@ -20,8 +20,6 @@
 namespace v3d::ctl {
 namespace {
 
-namespace fs = std::filesystem;
-
 template <class Value>
 double median_of(const std::vector<recon::PulseResidual>& residuals,
                  Value recon::PulseResidual::*value) {

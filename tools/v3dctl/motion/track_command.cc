@@ -17,8 +17,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kMillimetres = 1000;
-
 struct Arguments {
   std::filesystem::path take, meshes, out;
   std::string frames, without, height, step = "0.5mm";
