@@ -64,7 +64,8 @@ class MotionWriter {
   /// The first bytes of the file.
   static std::vector<uint8_t> header();
   /// Encodes the next segment; append its bytes to the file. Empty as encode_motion(), and unless
-  /// its pulses follow those of the segment before.
+  /// its pulses follow those of the segment before. It may begin at the last pulse of that segment,
+  /// which then shows how both surfaces correspond.
   std::optional<EncodedMotion> add(const MotionSegment& segment);
 
  private:
@@ -72,7 +73,7 @@ class MotionWriter {
   int64_t last_pulse_ = -1;
 };
 
-/// A segment of a file.
+/// A segment of a file. The surface of a pulse that two segments share is that of the later one.
 struct MotionSegmentInfo {
   std::vector<int64_t> pulses;
   size_t key = 0;

@@ -188,7 +188,7 @@ class MotionReader::Impl {
     int64_t last = -1;
     while (!bytes.empty()) {
       auto head = read_motion_head(bytes);
-      if (!head || head->table.front().pulse <= last || heads_.size() == MotionLimits::kSegments) {
+      if (!head || head->table.front().pulse < last || heads_.size() == MotionLimits::kSegments) {
         return false;
       }
       last = head->table.back().pulse;

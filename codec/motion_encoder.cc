@@ -256,7 +256,7 @@ std::optional<EncodedMotion> encode_motion(const MotionSegment& segment,
 std::vector<uint8_t> MotionWriter::header() { return motion_file_header(); }
 
 std::optional<EncodedMotion> MotionWriter::add(const MotionSegment& segment) {
-  if (segment.pulses.empty() || segment.pulses.front() <= last_pulse_) return std::nullopt;
+  if (segment.pulses.empty() || segment.pulses.front() < last_pulse_) return std::nullopt;
   auto encoded = encode_motion(segment, options_);
   if (encoded) last_pulse_ = segment.pulses.back();
   return encoded;

@@ -103,7 +103,12 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
     const std::vector<codec::MotionSegmentInfo>& segments = reader->motion_->segments();
     for (size_t s = 0; s < segments.size(); ++s) {
       for (size_t i = 0; i < segments[s].pulses.size(); ++i) {
-        reader->pulses_.push_back(segments[s].pulses[i]);
+        const int64_t pulse = segments[s].pulses[i];
+        if (!reader->pulses_.empty() && reader->pulses_.back() == pulse) {
+          reader->places_.back() = {s, i};  // the later segment shows a shared pulse
+          continue;
+        }
+        reader->pulses_.push_back(pulse);
         reader->places_.push_back({s, i});
       }
     }

@@ -81,7 +81,11 @@ void CarriedPoints::rebind(const Mesh& surface) {
     const Vector3f next = 2 * places_[i] - before_[i];
     before_[i] = std::exchange(places_[i], next);
   }
-  bind(surface, kMaxDistanceM);
+  bind_again(surface);
+}
+
+void CarriedPoints::bind_again(const Mesh& surface) {
+  bind(surface, std::numeric_limits<double>::infinity());
 }
 
 void CarriedPoints::move_to_nearest(const Mesh& surface) {

@@ -21,7 +21,7 @@ struct EndPointError {
 /// Carries points with the surfaces of successive pulses. World, metres. One caller at a time.
 class CarriedPoints {
  public:
-  /// A point farther than this from the surface is not bound.
+  /// A point farther than this from the first surface is not bound.
   static constexpr double kMaxDistanceM = 0.02;
 
   /// Binds each of `points` to the nearest place of `surface`: a triangle, barycentric weights, and
@@ -34,8 +34,10 @@ class CarriedPoints {
 
   /// Moves the points to the next pulse of the same surface: the same triangles, other vertices.
   void follow(const Mesh& surface);
-  /// Moves the points on as between the last two pulses, and binds those that were bound to the
-  /// nearest places of another surface. Points too far from it stay unbound.
+  /// Binds the points that were bound to the nearest places of another surface of the same pulse,
+  /// at any distance, so that a lost point counts with its error.
+  void bind_again(const Mesh& surface);
+  /// Moves the points on as between the last two pulses, then as bind_again().
   void rebind(const Mesh& surface);
   /// Moves the points to the nearest places of another surface, at any distance: nearest-point
   /// propagation.

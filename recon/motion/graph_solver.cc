@@ -3,13 +3,15 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
-#include <Eigen/IterativeLinearSolvers>
-#include <Eigen/SparseCore>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "base/core/error.h"
+#include "recon/mesh/mesh_neighbours.h"
 #include "recon/motion/deformation_graph.h"
 
 namespace v3d::recon {
@@ -24,6 +26,8 @@ using Part = Eigen::Matrix<double, 6, 1>;
 constexpr size_t kShares = 8;
 /// Weight of "no motion" for each unknown, so that nodes without targets are determined.
 constexpr double kDamping = 1e-6;
+/// Nodes that one thread handles at a time.
+constexpr size_t kNodes = 64;
 /// Residual of a step, relative to its right-hand side. The next step corrects it.
 constexpr double kTolerance = 1e-3;
 constexpr int kMaxIterations = 400;
@@ -65,7 +69,7 @@ class GraphSolver::Impl {
   Impl(const DeformationGraph& graph, const std::vector<Eigen::Vector3f>& rest)
       : graph_(graph), rest_(rest) {
     find_blocks();
-    make_pattern();
+    make_rows();
   }
 
   void solve(std::span<const VertexTarget> targets, const GraphSolverOptions& options,
@@ -101,24 +105,20 @@ class GraphSolver::Impl {
     return static_cast<size_t>(found - rows_.begin());
   }
 
-  /// The lower triangle as a sparse matrix; columns keep the order of the blocks.
-  void make_pattern() {
-    std::vector<Eigen::Triplet<double>> entries;
+  /// The blocks of each row of the matrix, also those that only their transpose stores.
+  void make_rows() {
+    std::vector<std::vector<Entry>> entries(graph_.nodes());
     for (uint32_t a = 0; a < graph_.nodes(); ++a) {
       for (uint32_t k = first_[a]; k < first_[a + 1]; ++k) {
-        for (int column = 0; column < 6; ++column) {
-          for (int row = rows_[k] == a ? column : 0; row < 6; ++row) {
-            entries.emplace_back(static_cast<int>(6 * rows_[k]) + row,
-                                 static_cast<int>(6 * a) + column, 1);
-          }
-        }
+        entries[rows_[k]].push_back({a, k, false});
+        if (rows_[k] != a) entries[a].push_back({rows_[k], k, true});
       }
     }
-    const auto size = static_cast<Eigen::Index>(6 * graph_.nodes());
-    matrix_.resize(size, size);
-    matrix_.setFromTriplets(entries.begin(), entries.end());
-    gradients_.setTolerance(kTolerance);
-    gradients_.setMaxIterations(kMaxIterations);
+    row_begin_.assign(1, 0);
+    for (const std::vector<Entry>& row : entries) {
+      row_.insert(row_.end(), row.begin(), row.end());
+      row_begin_.push_back(row_.size());
+    }
   }
 
   void add_targets(std::span<const VertexTarget> targets, const std::vector<NodeMotion>& motion) {
@@ -218,40 +218,110 @@ class GraphSolver::Impl {
   }
 
   void step(std::vector<NodeMotion>& motion) {
-    const Equations& sum = shares_[0];
-    double* value = matrix_.valuePtr();
-    for (uint32_t a = 0; a < graph_.nodes(); ++a) {
-      for (int column = 0; column < 6; ++column) {
-        for (uint32_t k = first_[a]; k < first_[a + 1]; ++k) {
-          const bool diagonal = rows_[k] == a;
-          for (int row = diagonal ? column : 0; row < 6; ++row) {
-            *value++ = sum.blocks[k](row, column) + (diagonal && row == column ? kDamping : 0);
-          }
-        }
-      }
-    }
-    Eigen::VectorXd right(static_cast<Eigen::Index>(6 * graph_.nodes()));
+    conjugate_gradients();
     for (size_t n = 0; n < graph_.nodes(); ++n) {
-      right.segment<6>(static_cast<Eigen::Index>(6 * n)) = sum.right[n];
-    }
-    gradients_.compute(matrix_);
-    const Eigen::VectorXd change = gradients_.solve(right);
-    for (size_t n = 0; n < graph_.nodes(); ++n) {
-      const auto at = static_cast<Eigen::Index>(6 * n);
-      motion[n].rotation = rotation_of(change.segment<3>(at)) * motion[n].rotation;
-      motion[n].place += change.segment<3>(at + 3);
+      motion[n].rotation = rotation_of(change_[n].head<3>()) * motion[n].rotation;
+      motion[n].place += change_[n].tail<3>();
     }
   }
+
+  /// Solves the equations for `change_`, preconditioned by the blocks of the diagonal.
+  void conjugate_gradients() {
+    Equations& sum = shares_[0];
+    const size_t nodes = graph_.nodes();
+    inverse_.resize(nodes);
+    residual_ = sum.right;
+    change_.assign(nodes, Part::Zero());
+    search_.resize(nodes);
+    product_.resize(nodes);
+    for_each_block<kNodes>(nodes, [&](size_t begin, size_t end) {
+      for (size_t n = begin; n < end; ++n) {
+        const auto node = static_cast<uint32_t>(n);
+        Block& diagonal = sum.blocks[block_of(node, node)];
+        diagonal.diagonal().array() += kDamping;
+        inverse_[n] = diagonal.inverse();
+        search_[n] = inverse_[n] * residual_[n];
+      }
+    });
+    double energy = dot(residual_, search_);
+    const double enough = kTolerance * kTolerance * dot(residual_, residual_);
+    for (int i = 0; i < kMaxIterations && energy > 0; ++i) {
+      multiply(sum.blocks);
+      const double length = energy / dot(search_, product_);
+      double left = 0, next = 0;
+      std::tie(left, next) = advance(length);
+      if (left <= enough) break;
+      const double keep = next / energy;
+      energy = next;
+      for_each_block<kNodes>(nodes, [&](size_t begin, size_t end) {
+        for (size_t n = begin; n < end; ++n) {
+          search_[n] = inverse_[n] * residual_[n] + keep * search_[n];
+        }
+      });
+    }
+  }
+
+  /// product = matrix * search.
+  void multiply(const std::vector<Block>& blocks) {
+    for_each_block<kNodes>(graph_.nodes(), [&](size_t begin, size_t end) {
+      for (size_t n = begin; n < end; ++n) {
+        Part row = Part::Zero();
+        for (size_t k = row_begin_[n]; k < row_begin_[n + 1]; ++k) {
+          const Entry& entry = row_[k];
+          if (entry.transposed) {
+            row.noalias() += blocks[entry.block].transpose() * search_[entry.node];
+          } else {
+            row.noalias() += blocks[entry.block] * search_[entry.node];
+          }
+        }
+        product_[n] = row;
+      }
+    });
+  }
+
+  /// Moves along the search direction. Returns the square of the residual, and its energy under the
+  /// preconditioner.
+  std::pair<double, double> advance(double length) {
+    const size_t count = (graph_.nodes() + kNodes - 1) / kNodes;
+    std::vector<std::pair<double, double>> sums(count, {0, 0});
+    for_each_block<kNodes>(graph_.nodes(), [&](size_t begin, size_t end) {
+      auto& [square, energy] = sums[begin / kNodes];
+      for (size_t n = begin; n < end; ++n) {
+        change_[n] += length * search_[n];
+        residual_[n] -= length * product_[n];
+        square += residual_[n].squaredNorm();
+        energy += residual_[n].dot(inverse_[n] * residual_[n]);
+      }
+    });
+    std::pair<double, double> sum{0, 0};
+    for (const auto& [square, energy] : sums) {
+      sum.first += square;
+      sum.second += energy;
+    }
+    return sum;
+  }
+
+  static double dot(const std::vector<Part>& a, const std::vector<Part>& b) {
+    double sum = 0;
+    for (size_t n = 0; n < a.size(); ++n) sum += a[n].dot(b[n]);
+    return sum;
+  }
+
+  /// A block of a row of the matrix.
+  struct Entry {
+    uint32_t node, block;
+    bool transposed;
+  };
 
   const DeformationGraph& graph_;
   const std::vector<Eigen::Vector3f>& rest_;
   std::vector<uint32_t> first_;  ///< of each column, in rows_; and the end
   std::vector<uint32_t> rows_;   ///< of the blocks, ascending in each column
   std::array<Equations, kShares> shares_;
-  Eigen::SparseMatrix<double> matrix_;
-  /// A Cholesky factorisation has five times as many entries as the matrix, and takes five times as
-  /// long.
-  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower> gradients_;
+  std::vector<size_t> row_begin_;  ///< of each node in row_; and the end
+  std::vector<Entry> row_;
+  std::vector<Block> inverse_;  ///< of the diagonal
+  std::vector<Part> change_, residual_, search_, product_;
 };
 
 GraphSolver::GraphSolver(const DeformationGraph& graph, const std::vector<Eigen::Vector3f>& rest)

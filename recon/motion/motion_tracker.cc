@@ -81,8 +81,9 @@ class TakeTracker {
         on_pulse_(i);
         return source_(i);
       };
-      TrackedSegment segment = track_segment(watched, first, key, last, options_);
-      const size_t from = key - segment.key, to = from + segment.pulses.size();
+      TrackedSegment segment = track_segment(watched, first, key, last, end, options_);
+      const size_t from = key - segment.key;
+      const size_t to = from + segment.pulses.size() - (segment.shares_last ? 1 : 0);
       open.push_back({first, from});
       open.push_back({to, last});
       motion_.segments.push_back(std::move(segment));

@@ -34,7 +34,8 @@ struct UntrackedPulses {
 };
 
 struct TrackedMotion {
-  std::vector<TrackedSegment> segments;    ///< by ascending pulses; no pulse is in two segments
+  /// By ascending pulses. Two segments share a pulse only as TrackedSegment::shares_last says.
+  std::vector<TrackedSegment> segments;
   std::vector<UntrackedPulses> untracked;  ///< ascending
 };
 

@@ -9,6 +9,7 @@
 
 #include "base/core/error.h"
 #include "recon/motion/observation.h"
+#include "recon/motion/position_filter.h"
 #include "recon/motion/template_fit.h"
 #include "recon/motion/template_surface.h"
 
@@ -38,15 +39,46 @@ constexpr float kFusionM = 0.04F;         ///< largest correction of the templat
 constexpr double kRigidM = 0.002;  ///< deviation of stiffness 1
 constexpr double kMaxStiffness = 10, kMinStiffness = 0.1;
 
+using Motion = std::vector<NodeMotion>;
+
 /// Each node turns and moves on as it did.
-std::vector<NodeMotion> extrapolated(const std::vector<NodeMotion>& before,
-                                     const std::vector<NodeMotion>& now) {
-  std::vector<NodeMotion> next(now.size());
+Motion with_same_speed(const Motion& before, const Motion& now) {
+  Motion next(now.size());
   for (size_t n = 0; n < now.size(); ++n) {
     next[n].rotation = now[n].rotation * before[n].rotation.transpose() * now[n].rotation;
     next[n].place = 2 * now[n].place - before[n].place;
   }
   return next;
+}
+
+/// For each node the candidate whose neighbourhood is nearest to the observed surface.
+Motion nearest_of(const std::vector<Motion>& candidates, const ObservedSurface& now,
+                  const std::vector<DeformationGraph::Edge>& edges) {
+  constexpr int kSweeps = 4;
+  std::vector<std::vector<double>> distances;
+  for (const Motion& candidate : candidates) {
+    std::vector<double> mean = TemplateFit::node_distances(now, candidate);
+    for (int sweep = 0; sweep < kSweeps; ++sweep) {
+      std::vector<double> sum = mean, count(mean.size(), 1);
+      for (const DeformationGraph::Edge& edge : edges) {
+        sum[edge.a] += mean[edge.b];
+        sum[edge.b] += mean[edge.a];
+        ++count[edge.a];
+        ++count[edge.b];
+      }
+      for (size_t n = 0; n < mean.size(); ++n) mean[n] = sum[n] / count[n];
+    }
+    distances.push_back(std::move(mean));
+  }
+  Motion best(candidates[0].size());
+  for (size_t n = 0; n < best.size(); ++n) {
+    size_t nearest = 0;
+    for (size_t c = 1; c < candidates.size(); ++c) {
+      if (distances[c][n] < distances[nearest][n]) nearest = c;
+    }
+    best[n] = candidates[nearest][n];
+  }
+  return best;
 }
 
 /// Weighted mean of the displacements of each vertex, at rest.
@@ -55,8 +87,7 @@ class TemplateCorrection {
   explicit TemplateCorrection(size_t vertices)
       : sum_(vertices, Vector3f::Zero()), weight_(vertices, 0) {}
 
-  void add(TemplateFit& fit, const std::vector<NodeMotion>& motion,
-           const NormalDisplacements& asked) {
+  void add(TemplateFit& fit, const Motion& motion, const NormalDisplacements& asked) {
     for_each_vertex(sum_.size(), [&](size_t v) {
       if (asked.weight[v] == 0) return;
       const Eigen::Matrix3f turned = fit.graph().rotation_at(motion, v).cast<float>();
@@ -89,65 +120,88 @@ class SegmentTracker {
     motions_.push_back(fit_.graph().rest_motion());
   }
 
-  TrackedSegment run(size_t begin, size_t end) {
+  TrackedSegment run(size_t begin, size_t end, size_t limit) {
     const ObservedSurface key(source_(key_));
     fit_.pose(key, motions_[0]);
     learn(key, motions_[0]);
-    while (last() + 1 < end && follow(last() + 1, last(), last() - 1)) {
+    while (last() + 1 < end && has_surface(last() + 1) && follow(last(), 1)) {
     }
-    while (first_ > begin && follow(first_ - 1, first_, first_ + 1)) {
+    while (first_ > begin && has_surface(first_ - 1) && follow(first_, -1)) {
     }
-    if (options_.heterogeneity) learn_stiffness();
+    const size_t own = motions_.size();
+    if (last() + 1 < limit && has_surface(last() + 1)) fit_next(last(), 1);
+    if (options_.heterogeneity) learn_stiffness(own);
     if (options_.fusion) correction_.apply(fit_.rest_vertices());
-    return second_pass();
+    TrackedSegment segment = second_pass();
+    segment.shares_last = motions_.size() > own;
+    return segment;
   }
 
  private:
   size_t last() const { return first_ + motions_.size() - 1; }
-  const std::vector<NodeMotion>& motion_of(size_t pulse) const { return motions_[pulse - first_]; }
+  const Motion& motion_of(size_t pulse) const { return motions_[pulse - first_]; }
 
   /// What a fitted pulse shows.
-  void learn(const ObservedSurface& now, const std::vector<NodeMotion>& motion) {
+  void learn(const ObservedSurface& now, const Motion& motion) {
     fit_.learn_patches(now);
     correction_.add(fit_, motion, fit_.normal_displacements(now, kFusionM));
   }
 
-  /// Fits pulse `next` from the motion of `from` and, if it was tracked, `before`. False when the
-  /// template does not explain the pulse.
-  bool follow(size_t next, size_t from, size_t before) {
-    const ObservedSurface now(source_(next));
-    if (now.mesh().triangles.empty()) return false;
-    std::vector<NodeMotion> motion = motion_of(from);
-    if (before >= first_ && before <= last()) {
-      std::vector<NodeMotion> predicted = extrapolated(motion_of(before), motion);
-      if (TemplateFit::misfit(now, predicted) < TemplateFit::misfit(now, motion)) {
-        motion = std::move(predicted);
-      }
-    }
-    fit_.fit(now, kFromPrediction, motion);
-    const PulseResidual residual = fit_.residual(now, options_.far_m);
-    if (residual.far > options_.max_far || residual.surplus > options_.max_surplus) return false;
-    learn(now, motion);
-    if (next > from) {
+  bool has_surface(size_t pulse) const { return !source_(pulse)->surface.triangles.empty(); }
+  bool is_tracked(size_t pulse) const { return pulse >= first_ && pulse <= last(); }
+
+  /// Motion at the pulse after `from` in the direction `step`, before the fit.
+  Motion predicted(const ObservedSurface& now, size_t from, ptrdiff_t step) {
+    const size_t before = from - static_cast<size_t>(step);
+    if (!is_tracked(before)) return motion_of(from);
+    return nearest_of({motion_of(from), with_same_speed(motion_of(before), motion_of(from))}, now,
+                      fit_.graph().edges());
+  }
+
+  /// Fits the pulse after `from` in the direction `step`, 1 or -1, and keeps its motion. Returns
+  /// how well the template explains it.
+  PulseResidual fit_next(size_t from, ptrdiff_t step) {
+    const size_t next = from + static_cast<size_t>(step);
+    now_.emplace(source_(next));
+    Motion motion = predicted(*now_, from, step);
+    fit_.fit(*now_, kFromPrediction, motion);
+    if (step > 0) {
       motions_.push_back(std::move(motion));
     } else {
       motions_.push_front(std::move(motion));
       first_ = next;
     }
+    return fit_.residual(*now_, options_.far_m);
+  }
+
+  /// As fit_next(), if the template explains the pulse. Otherwise false, and nothing is kept.
+  bool follow(size_t from, ptrdiff_t step) {
+    const PulseResidual residual = fit_next(from, step);
+    if (residual.far > options_.max_far || residual.surplus > options_.max_surplus) {
+      if (step > 0) {
+        motions_.pop_back();
+      } else {
+        motions_.pop_front();
+        first_ = from;
+      }
+      return false;
+    }
+    learn(*now_, motion_of(from + static_cast<size_t>(step)));
     return true;
   }
 
-  void learn_stiffness() {
+  /// From the first `count` motions.
+  void learn_stiffness(size_t count) {
     for (DeformationGraph::Edge& edge : fit_.graph().edges()) {
       const Vector3d rest = fit_.graph().rest()[edge.b] - fit_.graph().rest()[edge.a];
       double sum = 0;
-      for (const std::vector<NodeMotion>& motion : motions_) {
-        const NodeMotion& a = motion[edge.a];
-        const NodeMotion& b = motion[edge.b];
+      for (size_t i = 0; i < count; ++i) {
+        const NodeMotion& a = motions_[i][edge.a];
+        const NodeMotion& b = motions_[i][edge.b];
         sum += (a.rotation * rest + a.place - b.place).squaredNorm();
         sum += (b.rotation * rest + a.place - b.place).squaredNorm();
       }
-      const double square = sum / (2 * static_cast<double>(motions_.size()));
+      const double square = sum / (2 * static_cast<double>(count));
       edge.stiffness =
           static_cast<float>(std::clamp(kRigidM * kRigidM / square, kMinStiffness, kMaxStiffness));
     }
@@ -160,13 +214,14 @@ class SegmentTracker {
     segment.surface = fit_.rest();
     for (size_t i = 0; i < motions_.size(); ++i) {
       const ObservedSurface now(source_(first_ + i));
-      std::vector<NodeMotion> motion = motions_[i];
+      Motion motion = motions_[i];
       fit_.fit(now, kFromFirstPass, motion);
       segment.pulses.push_back(now.pulse().pulse);
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
       segment.positions.push_back(fit_.displaced(fit_.normal_displacements(now, kDisplacementM)));
       segment.confidences.push_back(confidence());
     }
+    smooth_in_time(segment.positions);
     return segment;
   }
 
@@ -184,17 +239,18 @@ class SegmentTracker {
   const size_t key_;
   const TrackingOptions options_;
   TemplateFit fit_;
-  size_t first_;                                 ///< pulse of motions_[0]
-  std::deque<std::vector<NodeMotion>> motions_;  ///< [pulse - first_][node]
+  size_t first_;                ///< pulse of motions_[0]
+  std::deque<Motion> motions_;  ///< [pulse - first_][node]
   TemplateCorrection correction_;
+  std::optional<ObservedSurface> now_;  ///< the pulse of the last fit_next()
 };
 
 }  // namespace
 
 TrackedSegment track_segment(const PulseSource& source, size_t begin, size_t key, size_t end,
-                             const TrackingOptions& options) {
-  V3D_CHECK(begin <= key && key < end);
-  return SegmentTracker(source, key, options).run(begin, end);
+                             size_t limit, const TrackingOptions& options) {
+  V3D_CHECK(begin <= key && key < end && end <= limit);
+  return SegmentTracker(source, key, options).run(begin, end, limit);
 }
 
 }  // namespace v3d::recon

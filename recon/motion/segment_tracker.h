@@ -49,6 +49,9 @@ struct PulseResidual {
   /// Part of the seen vertices of the template as far from the observed surface: what is no longer
   /// there.
   double surplus = 0;
+  /// Intersection over union of the template and the silhouettes, mean of the cameras; 1 without
+  /// cameras.
+  double silhouette_iou = 1;
   int64_t matched_patches = 0;
   double correlation = 0;  ///< median of the matched patches
 };
@@ -56,8 +59,11 @@ struct PulseResidual {
 /// One surface over several pulses.
 struct TrackedSegment {
   std::vector<int64_t> pulses;  ///< increasing
-  size_t key = 0;               ///< index of the pulse whose mesh became the template
-  Mesh surface;                 ///< the template: triangles, colours; vertices at rest
+  /// The last pulse belongs to the next segment, and shows how both surfaces correspond. There the
+  /// surface may be wrong in parts.
+  bool shares_last = false;
+  size_t key = 0;  ///< index of the pulse whose mesh became the template
+  Mesh surface;    ///< the template: triangles, colours; vertices at rest
   std::vector<std::vector<Eigen::Vector3f>> positions;  ///< [pulse][vertex], world, metres
   /// [pulse][vertex]: 0 predicted by the neighbours alone, up to 255 seen by several cameras.
   std::vector<std::vector<uint8_t>> confidences;
@@ -65,7 +71,9 @@ struct TrackedSegment {
 };
 
 /// Tracks from pulse `key` of `source` forward to `end` - 1 and backward to `begin`, or until the
-/// template no longer explains a pulse. Requires begin <= key < end and a key pulse with a surface.
+/// template no longer explains a pulse; then one pulse more as TrackedSegment::shares_last, if it
+/// is before `limit`. A pulse without a surface ends the segment, too. Requires begin <= key < end
+/// <= limit and a key pulse with a surface.
 ///
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
 ///
@@ -73,6 +81,6 @@ struct TrackedSegment {
 /// SIGGRAPH Asia 2009 (deformation graph, relaxed rigidity, detail after the graph); Takai et al.
 /// section 2.3 and its references 15 and 16 (heterogeneous deformation).
 TrackedSegment track_segment(const PulseSource& source, size_t begin, size_t key, size_t end,
-                             const TrackingOptions& options);
+                             size_t limit, const TrackingOptions& options);
 
 }  // namespace v3d::recon

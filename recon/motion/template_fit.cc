@@ -15,7 +15,7 @@ constexpr float kUnseenWeight = 0.03F;  ///< of a target of a vertex that no cam
 constexpr float kPatchWeight = 4;       ///< of a match with full precision
 constexpr size_t kReverseEvery = 16;    ///< every n-th vertex of the observed surface
 constexpr int kSolverIterations = 2;
-constexpr double kMaxMisfitM = 0.2;
+constexpr double kMaxDistanceM = 0.2;
 
 constexpr float kMinDisplacedFacing = 0.5F;  ///< cosine of the normals
 constexpr int kFullWeightCameras = 3;
@@ -26,6 +26,27 @@ constexpr float kSmoothness = 0.1F, kHold = 0.005F;
 float robust_weight(float distance, float limit) {
   const float share = distance / limit;
   return share < 1 ? (1 - share * share) * (1 - share * share) : 0;
+}
+
+/// The pixels at which a depth buffer has a surface.
+Mask drawn_pixels(const DepthBuffer& depth) {
+  Mask mask(depth.size);
+  for (int y = 0; y < depth.size.height; ++y) {
+    for (int x = 0; x < depth.size.width; ++x) {
+      if (std::isfinite(depth.at(x, y))) mask.set(x, y);
+    }
+  }
+  return mask;
+}
+
+/// Mean of the cameras; 1 without cameras.
+double silhouette_iou(const SurfaceCameras& cameras, std::span<const DepthBuffer> depths) {
+  std::vector<double> of_camera(cameras.cameras.size());
+  for_each_block<1>(of_camera.size(), [&](size_t c, size_t) {
+    of_camera[c] =
+        intersection_over_union(drawn_pixels(depths[c]), cameras.cameras[c].silhouette());
+  });
+  return of_camera.empty() ? 1 : mean(of_camera);
 }
 
 void append_used(const std::vector<VertexTarget>& from, std::vector<VertexTarget>& to) {
@@ -203,6 +224,7 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
   result.surplus = share_far(seen_distances(now));
   result.median_m = percentile(distances, 0.5);
   result.p90_m = percentile(distances, 0.9);
+  result.silhouette_iou = silhouette_iou(now.pulse().cameras, depths_);
   if (uses_images(now)) {
     std::vector<double> correlations;
     for (const PatchMatch& match : matches_) correlations.push_back(double{match.correlation});
@@ -222,14 +244,13 @@ std::vector<double> TemplateFit::seen_distances(const ObservedSurface& now) cons
   return distances;
 }
 
-double TemplateFit::misfit(const ObservedSurface& now, std::span<const NodeMotion> motion) {
+std::vector<double> TemplateFit::node_distances(const ObservedSurface& now,
+                                                std::span<const NodeMotion> motion) {
   std::vector<double> distances(motion.size());
   for_each_vertex(motion.size(), [&](size_t n) {
-    distances[n] = std::min(now.distance(motion[n].place), kMaxMisfitM);
+    distances[n] = std::min(now.distance(motion[n].place), kMaxDistanceM);
   });
-  double sum = 0;
-  for (const double distance : distances) sum += distance;
-  return sum;
+  return distances;
 }
 
 }  // namespace v3d::recon

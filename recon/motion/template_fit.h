@@ -60,8 +60,9 @@ class TemplateFit {
 
   PulseResidual residual(const ObservedSurface& now, double far_m) const;
 
-  /// Sum of the distances of the nodes to the observed surface, each up to 0.2 m.
-  static double misfit(const ObservedSurface& now, std::span<const NodeMotion> motion);
+  /// Distances of the nodes from the observed surface, each up to 0.2 m.
+  static std::vector<double> node_distances(const ObservedSurface& now,
+                                            std::span<const NodeMotion> motion);
 
  private:
   bool uses_images(const ObservedSurface& now) const {

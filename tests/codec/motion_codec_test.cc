@@ -232,6 +232,23 @@ TEST(MotionWriter, makes_a_file_of_segments_whose_pulses_follow_each_other) {
   EXPECT_EQ(reader->decode(2, 0), nullptr);
 }
 
+TEST(MotionWriter, lets_a_segment_begin_at_the_last_pulse_of_the_one_before) {
+  MotionSegment first = moving_tube(5), second = random_segment(3, 4, 30, 50);
+  const int64_t shared = first.pulses.back();
+  const int64_t shift = shared - second.pulses.front();
+  for (int64_t& pulse : second.pulses) pulse += shift;
+  const auto file = motion_file({first, second});
+  auto reader = MotionReader::open(file);
+  ASSERT_TRUE(reader);
+  ASSERT_EQ(reader->segments().size(), 2);
+  EXPECT_EQ(reader->decode(0, 4)->pulse, shared);
+  EXPECT_EQ(reader->decode(1, 0)->pulse, shared);
+  for (int64_t& pulse : second.pulses) --pulse;
+  MotionWriter writer({});
+  EXPECT_TRUE(writer.add(first));
+  EXPECT_FALSE(writer.add(second)) << "two pulses are shared";
+}
+
 RC_GTEST_PROP(MotionCodec, decodes_any_mesh_within_half_a_step, ()) {
   const auto seed = *rc::gen::inRange<uint32_t>(0, 1000);
   const auto vertices = *rc::gen::inRange<uint32_t>(1, 60);

@@ -62,6 +62,19 @@ TEST(CarriedPoints, keep_their_velocity_when_another_surface_takes_over) {
   }
 }
 
+TEST(CarriedPoints, stay_bound_at_any_distance_when_another_surface_takes_over) {
+  const Mesh sphere = shapes::sphere({0, 0, 0}, 0.4F, 30);
+  CarriedPoints carried(sphere, sphere.vertices);
+  const Mesh other = shapes::sphere({0.5F, 0, 0}, 0.4F, 37);
+  carried.bind_again(other);
+  EXPECT_EQ(carried.bound(), std::ssize(sphere.vertices));
+  EXPECT_EQ(carried.places(), sphere.vertices);
+  carried.follow(moved(other, Eigen::Isometry3f(Eigen::Translation3f(0, 0.1F, 0))));
+  for (size_t i = 0; i < sphere.vertices.size(); ++i) {
+    EXPECT_LT((carried.places()[i] - sphere.vertices[i] - Vector3f(0, 0.1F, 0)).norm(), 1e-4F);
+  }
+}
+
 TEST(CarriedPoints, stay_behind_a_sliding_surface_when_they_drop_to_the_nearest_place) {
   // A sphere that turns: its shape does not change, so nearest points stay where they are.
   const Mesh sphere = shapes::sphere({0, 0, 0}, 0.4F, 60);

@@ -70,7 +70,7 @@ TEST(TrackSegment, follows_points_of_a_surface_that_bends_and_moves) {
   const PulseSource source = [](size_t i) {
     return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
   };
-  const TrackedSegment segment = track_segment(source, 0, kKey, kPulses, small_options());
+  const TrackedSegment segment = track_segment(source, 0, kKey, kPulses, kPulses, small_options());
   ASSERT_EQ(segment.pulses.size(), size_t{kPulses});
   EXPECT_EQ(segment.key, size_t{kKey});
   // A vertex of the template is a vertex of the body at the key pulse.
@@ -102,8 +102,23 @@ TEST(TrackSegment, ends_where_the_template_does_not_explain_the_surface) {
     if (i >= 4) shapes::append(surface, shapes::sphere({1, 0, 0}, 0.2F, 20));
     return pulse_with(static_cast<int>(i), std::move(surface));
   };
-  const TrackedSegment segment = track_segment(source, 0, 1, 7, small_options());
-  EXPECT_EQ(segment.pulses, (std::vector<int64_t>{0, 1, 2, 3}));
+  const TrackedSegment segment = track_segment(source, 0, 1, 7, 7, small_options());
+  EXPECT_EQ(segment.pulses, (std::vector<int64_t>{0, 1, 2, 3, 4}));
+  EXPECT_TRUE(segment.shares_last);
+  EXPECT_GT(segment.residuals.back().far, small_options().max_far);
+}
+
+TEST(TrackSegment, shows_the_first_pulse_of_the_next_segment_when_it_explains_it_or_not) {
+  const PulseSource source = [](size_t i) {
+    return pulse_with(static_cast<int>(i), i < 5 ? body_at(static_cast<int>(i)) : Mesh());
+  };
+  const TrackedSegment shared = track_segment(source, 0, 1, 3, 5, small_options());
+  EXPECT_EQ(shared.pulses, (std::vector<int64_t>{0, 1, 2, 3}));
+  EXPECT_TRUE(shared.shares_last);
+  EXPECT_LT(shared.residuals.back().median_m, 0.002);
+  const TrackedSegment last = track_segment(source, 0, 1, 5, 7, small_options());
+  EXPECT_EQ(last.pulses, (std::vector<int64_t>{0, 1, 2, 3, 4})) << "pulse 5 has no surface";
+  EXPECT_FALSE(last.shares_last);
 }
 
 TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
@@ -114,7 +129,7 @@ TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
   std::vector<TrackedSegment> segments;
   for (const int threads : {1, 3}) {
     tbb::task_arena arena(threads);
-    arena.execute([&] { segments.push_back(track_segment(source, 0, 1, 3, small_options())); });
+    arena.execute([&] { segments.push_back(track_segment(source, 0, 1, 3, 3, small_options())); });
   }
   EXPECT_EQ(segments[0].positions, segments[1].positions);
   EXPECT_EQ(segments[0].confidences, segments[1].confidences);
@@ -148,8 +163,10 @@ TEST(TrackMotion, begins_another_segment_where_one_ends) {
   };
   const TrackedMotion motion = track_motion(source, 6, small_options(), [](size_t) {});
   ASSERT_EQ(motion.segments.size(), 2U);
-  EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 2}));
+  EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 2, 3})) << "shares pulse 3";
+  EXPECT_TRUE(motion.segments[0].shares_last);
   EXPECT_EQ(motion.segments[1].pulses, (std::vector<int64_t>{3, 4, 5}));
+  EXPECT_FALSE(motion.segments[1].shares_last);
 }
 
 TEST(KeyQuality, prefers_a_surface_without_handles_and_fragments) {

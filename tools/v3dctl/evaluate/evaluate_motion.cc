@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
 #include "common/console.h"
 #include "common/ply_file.h"
 
@@ -24,59 +26,117 @@ std::optional<Mesh> read_points(const fs::path& truth, int64_t pulse) {
   return fs::exists(file) ? std::optional(read_ply(file)) : std::nullopt;
 }
 
+/// The surfaces of a motion file.
+class TrackedSurfaces {
+ public:
+  /// A pulse in a segment.
+  struct Place {
+    size_t segment = 0, index = 0;
+    int64_t pulse = 0;
+  };
+
+  explicit TrackedSurfaces(const fs::path& file) : file_(file), bytes_(read_file(file)) {
+    reader_ =
+        codec::MotionReader::open({reinterpret_cast<const uint8_t*>(bytes_.data()), bytes_.size()});
+    if (!reader_) damaged();
+  }
+
+  /// All pulses by ascending segments. A pulse that two segments share occurs twice.
+  std::vector<Place> places() const {
+    std::vector<Place> places;
+    for (size_t s = 0; s < reader_->segments().size(); ++s) {
+      const std::vector<int64_t>& pulses = reader_->segments()[s].pulses;
+      for (size_t i = 0; i < pulses.size(); ++i) places.push_back({s, i, pulses[i]});
+    }
+    return places;
+  }
+
+  Mesh read(const Place& place) {
+    const codec::MotionTemplate* const surface = reader_->surface(place.segment);
+    const codec::MotionPulse* const pulse =
+        surface != nullptr ? reader_->decode(place.segment, place.index) : nullptr;
+    if (pulse == nullptr) damaged();
+    Mesh mesh;
+    mesh.triangles = surface->triangles;
+    for (const auto& [x, y, z] : pulse->positions) mesh.vertices.emplace_back(x, y, z);
+    return mesh;
+  }
+
+ private:
+  [[noreturn]] void damaged() const {
+    throw InputError(file_.string() + ": is damaged: run v3dctl track again");
+  }
+
+  const fs::path file_;
+  const std::string bytes_;
+  std::optional<codec::MotionReader> reader_;  ///< of bytes_
+};
+
 /// The pulses of a motion file that follow each other and have true points.
 class MotionEvaluation {
  public:
   MotionEvaluation(const EvaluatedMeshes& evaluated, const fs::path& truth)
-      : truth_(truth), motion_(open_meshes(evaluated)), meshes_({evaluated.take}) {
-    for (const int64_t pulse : motion_.frames({})) {
-      if (!pulses_.empty() && pulse != pulses_.back() + 1) break;
-      if (!read_points(truth, pulse)) break;
-      pulses_.push_back(pulse);
+      : truth_(truth), motion_(*evaluated.meshes), meshes_({evaluated.take}) {
+    for (const TrackedSurfaces::Place& place : motion_.places()) {
+      const int64_t after = places_.empty() ? 0 : place.pulse - places_.back().pulse;
+      if (after > 1 || !read_points(truth, place.pulse)) break;
+      places_.push_back(place);
     }
   }
 
   std::optional<MotionReport> run() {
-    if (pulses_.size() < 2) return std::nullopt;
+    if (places_.size() < 2) return std::nullopt;
     find_seen();
-    Mesh surface = motion_.read(pulses_[0]).mesh;
-    const std::vector<Eigen::Vector3f> start = read_points(truth_, pulses_[0])->vertices;
-    recon::CarriedPoints carried(surface, start);
-    recon::CarriedPoints dropped(meshes_.read(pulses_[0]).mesh, start);
-    report_.first_pulse = pulses_[0];
+    const std::vector<Eigen::Vector3f> start = read_points(truth_, first())->vertices;
+    recon::CarriedPoints carried(motion_.read(places_[0]), start);
+    recon::CarriedPoints dropped(meshes_.read(first()).mesh, start);
+    report_.first_pulse = first();
     report_.segments = 1;
     report_.bound = bound_share(carried);
-    Progress progress("carry points", std::ssize(pulses_));
-    for (size_t i = 1; i < pulses_.size(); ++i) {
+    Progress progress("carry points", std::ssize(places_));
+    for (size_t i = 1; i < places_.size(); ++i) {
       stop_if_interrupted();
-      Mesh next = motion_.read(pulses_[i]).mesh;
-      if (next.triangles == surface.triangles) {
-        carried.follow(next);
-      } else {
-        carried.rebind(next);
-        ++report_.segments;
-      }
-      surface = std::move(next);
-      dropped.move_to_nearest(meshes_.read(pulses_[i]).mesh);
-      const auto since = static_cast<int64_t>(i);
-      if (since % kReportEvery == 0 || i + 1 == pulses_.size()) add(since, carried, dropped);
+      carry(carried, places_[i - 1], places_[i]);
       progress.advance();
+      const int64_t pulse = places_[i].pulse;
+      const bool is_shown_again = i + 1 < places_.size() && places_[i + 1].pulse == pulse;
+      if (is_shown_again) continue;
+      dropped.move_to_nearest(meshes_.read(pulse).mesh);
+      const int64_t since = pulse - first();
+      if (since % kReportEvery == 0 || i + 1 == places_.size()) add(pulse, carried, dropped);
     }
-    report_.mean_segment_pulses =
-        static_cast<double>(pulses_.size()) / static_cast<double>(report_.segments);
+    report_.mean_segment_pulses = static_cast<double>(places_.back().pulse - first() + 1) /
+                                  static_cast<double>(report_.segments);
     return report_;
   }
 
  private:
+  int64_t first() const { return places_[0].pulse; }
+
+  void carry(recon::CarriedPoints& points, const TrackedSurfaces::Place& from,
+             const TrackedSurfaces::Place& to) {
+    const Mesh surface = motion_.read(to);
+    if (to.segment == from.segment) {
+      points.follow(surface);
+      return;
+    }
+    ++report_.segments;
+    if (to.pulse == from.pulse) {
+      points.bind_again(surface);
+    } else {
+      points.rebind(surface);
+    }
+  }
+
   void find_seen() {
-    const Mesh first = *read_points(truth_, pulses_[0]);
-    seen_.assign(first.vertices.size(), 0);
-    groups_.resize(first.vertices.size());
-    for (size_t i = 0; i < groups_.size(); ++i) groups_[i] = first.colours[i].g;
-    for (const int64_t pulse : pulses_) {
-      const Mesh points = *read_points(truth_, pulse);
+    const Mesh start = *read_points(truth_, first());
+    seen_.assign(start.vertices.size(), 0);
+    groups_.resize(start.vertices.size());
+    for (size_t i = 0; i < groups_.size(); ++i) groups_[i] = start.colours[i].g;
+    for (const TrackedSurfaces::Place& place : places_) {
+      const Mesh points = *read_points(truth_, place.pulse);
       if (points.vertices.size() != seen_.size()) {
-        throw InputError((truth_ / "points").string() + ": pulse " + std::to_string(pulse) +
+        throw InputError((truth_ / "points").string() + ": pulse " + std::to_string(place.pulse) +
                          " has another number of points than the first one");
       }
       for (size_t i = 0; i < seen_.size(); ++i) seen_[i] |= points.colours[i].r > 0 ? 1 : 0;
@@ -98,22 +158,23 @@ class MotionEvaluation {
     return chosen;
   }
 
-  void add(int64_t since, const recon::CarriedPoints& carried,
+  void add(int64_t pulse, const recon::CarriedPoints& carried,
            const recon::CarriedPoints& dropped) {
-    const int64_t pulse = pulses_[static_cast<size_t>(since)];
     const std::vector<Eigen::Vector3f> places = read_points(truth_, pulse)->vertices;
     const auto true_surface = read_truth(truth_, pulse);
     const std::vector<Eigen::Vector3f> normals =
         recon::normals_at(true_surface ? *true_surface : Mesh(), places);
-    report_.carried.push_back({since, recon::end_point_error(carried, places, normals, seen_),
+    report_.carried.push_back({pulse - first(),
+                               recon::end_point_error(carried, places, normals, seen_),
                                recon::end_point_error(carried, places, normals, seen_in(kSleeve)),
                                recon::end_point_error(carried, places, normals, seen_in(kSword)),
                                recon::end_point_error(dropped, places, normals, seen_)});
   }
 
   const fs::path truth_;
-  recorded::MeshFrames motion_, meshes_;
-  std::vector<int64_t> pulses_;
+  TrackedSurfaces motion_;
+  recorded::MeshFrames meshes_;
+  std::vector<TrackedSurfaces::Place> places_;
   std::vector<uint8_t> seen_, groups_;  ///< of each point
   MotionReport report_;
 };

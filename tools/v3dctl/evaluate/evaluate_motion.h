@@ -19,8 +19,8 @@ struct CarriedReport {
 };
 
 /// Carries the points of `truth`/points from the first pulse to the others. Points count that some
-/// camera sees at some of these pulses. Between two segments, points keep their velocity for one
-/// pulse.
+/// camera sees at some of these pulses. From one segment to the next, points change over at the
+/// pulse that both share; without one, they keep their velocity for one pulse.
 struct MotionReport {
   int64_t first_pulse = 0;
   int64_t segments = 0;

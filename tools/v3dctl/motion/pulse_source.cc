@@ -16,7 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kKeptPulses = 3;
+/// A pulse needs about 40 MB. The tracking reads those of a segment twice.
+constexpr size_t kKeptPulses = 32;
 
 class TakePulses : public ObservedPulses {
  public:

@@ -34,17 +34,19 @@ TrackedSegmentReport report_of(const recon::TrackedSegment& segment) {
   constexpr double kMillimetres = 1000;
   TrackedSegmentReport report;
   report.first = segment.pulses.front();
-  report.last = segment.pulses.back();
+  report.pulses = std::ssize(segment.pulses) - (segment.shares_last ? 1 : 0);
+  report.last = segment.pulses[static_cast<size_t>(report.pulses) - 1];
   report.key = segment.pulses[segment.key];
-  report.pulses = std::ssize(segment.pulses);
   report.vertices = std::ssize(segment.surface.vertices);
   report.triangles = std::ssize(segment.surface.triangles);
   report.residual_p50_mm =
       kMillimetres * median_of(segment.residuals, &recon::PulseResidual::median_m);
   report.residual_p90_mm =
       kMillimetres * median_of(segment.residuals, &recon::PulseResidual::p90_m);
-  for (const recon::PulseResidual& residual : segment.residuals) {
+  for (size_t i = 0; i < static_cast<size_t>(report.pulses); ++i) {
+    const recon::PulseResidual& residual = segment.residuals[i];
     report.far = std::max({report.far, residual.far, residual.surplus});
+    report.residuals.emplace_back(segment.pulses[i], residual);
   }
   report.patch_correlation = median_of(segment.residuals, &recon::PulseResidual::correlation);
   report.matched_patches =

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "recon/motion/motion_tracker.h"
@@ -29,10 +30,11 @@ struct TrackedSegmentReport {
   int64_t first = 0, last = 0, key = 0;  ///< pulses
   int64_t pulses = 0;
   int64_t vertices = 0, triangles = 0;
-  double residual_p50_mm = 0, residual_p90_mm = 0;  ///< medians over the pulses
-  double far = 0;                                   ///< largest of all pulses
-  int64_t matched_patches = 0;                      ///< median over the pulses
-  double patch_correlation = 0;                     ///< median over the pulses
+  double residual_p50_mm = 0, residual_p90_mm = 0;                  ///< medians over the pulses
+  double far = 0;                                                   ///< largest of all pulses
+  int64_t matched_patches = 0;                                      ///< median over the pulses
+  double patch_correlation = 0;                                     ///< median over the pulses
+  std::vector<std::pair<int64_t, recon::PulseResidual>> residuals;  ///< of each pulse
 };
 
 struct UntrackedReport {

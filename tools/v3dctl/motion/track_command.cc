@@ -1,14 +1,19 @@
 // track: follows the surface of a take through its pulses.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "base/core/text.h"
+#include "base/io/file.h"
 #include "common/console.h"
+#include "take/take.h"
 #include "v3dctl/command_line.h"
+#include "v3dctl/evaluate/evaluation_json.h"
 #include "v3dctl/motion/take_motion.h"
 #include "v3dctl/options.h"
 
@@ -18,7 +23,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Arguments {
-  std::filesystem::path take, meshes, out;
+  std::filesystem::path take, meshes, out, truth;
   std::string frames, without, height, step = "0.5mm";
   int64_t triangles = 30'000;
   int threads = 0;
@@ -43,17 +48,31 @@ recon::TrackingOptions tracking_of(const Arguments& arguments) {
   return options;
 }
 
+/// The file for the surface that is tracked through a folder of meshes.
+std::filesystem::path output_of(const Arguments& arguments) {
+  if (arguments.take.empty() == arguments.out.empty()) {
+    throw InputError("--meshes needs one place for the result: OUT or --out FILE");
+  }
+  if (!arguments.out.empty()) return arguments.out;
+  if (arguments.take.extension() == ".v3d") return arguments.take;
+  io::throw_if_failed(io::create_folders(arguments.take));
+  return take::TakePaths{arguments.take}.motion();
+}
+
 TrackRequest request_of(const Arguments& arguments) {
-  if (arguments.take.empty() == arguments.meshes.empty()) {
-    throw InputError("expected one input: the folder of a take, or --meshes DIR");
-  }
-  if (!arguments.meshes.empty() && arguments.out.empty()) {
-    throw InputError("--meshes needs --out FILE for the result");
-  }
   TrackRequest request;
-  request.meshes_only = arguments.take.empty();
-  request.input = request.meshes_only ? arguments.meshes : arguments.take;
-  request.out = arguments.out;
+  request.meshes_only = !arguments.meshes.empty();
+  if (request.meshes_only) {
+    if (!arguments.truth.empty()) throw InputError("--truth needs a take, not --meshes");
+    request.input = arguments.meshes;
+    request.out = output_of(arguments);
+  } else {
+    if (arguments.take.empty()) {
+      throw InputError("expected the folder of a take, or OUT --meshes DIR");
+    }
+    request.input = arguments.take;
+    request.out = arguments.out;
+  }
   if (!arguments.height.empty()) request.height_m = parse_length(arguments.height);
   request.frames = parse_frame_range(arguments.frames);
   request.tracking = tracking_of(arguments);
@@ -62,28 +81,71 @@ TrackRequest request_of(const Arguments& arguments) {
   return request;
 }
 
+/// The tracked surface against the truth.
+struct Comparison {
+  TruthReport surface;
+  std::optional<MotionReport> motion;  ///< empty without true points
+};
+
+Comparison compare_with_truth(const Arguments& arguments) {
+  const std::filesystem::path file =
+      arguments.out.empty() ? take::TakePaths{arguments.take}.motion() : arguments.out;
+  const EvaluatedMeshes tracked{arguments.take, file};
+  return {evaluate_truth(tracked, arguments.truth), evaluate_motion(tracked, arguments.truth)};
+}
+
+/// The report after `pulses`; the last one of a shorter take.
+const CarriedReport& carried_over(const MotionReport& motion, int64_t pulses) {
+  const auto found = std::ranges::find(motion.carried, pulses, &CarriedReport::pulses);
+  return found == motion.carried.end() ? motion.carried.back() : *found;
+}
+
+Json to_json(const std::vector<std::pair<int64_t, recon::PulseResidual>>& residuals) {
+  constexpr double kMillimetres = 1000;
+  Json list = Json::array();
+  for (const auto& [pulse, residual] : residuals) {
+    list.push_back({{"pulse", pulse},
+                    {"p50_mm", kMillimetres * residual.median_m},
+                    {"p90_mm", kMillimetres * residual.p90_m},
+                    {"far", residual.far},
+                    {"surplus", residual.surplus},
+                    {"silhouette_iou", residual.silhouette_iou},
+                    {"matched_patches", residual.matched_patches},
+                    {"patch_correlation", residual.correlation}});
+  }
+  return list;
+}
+
 Json to_json(const TrackReport& report) {
-  Json segments = Json::array();
+  Json tracked = Json::array();
+  std::vector<double> triangles;
   for (const TrackedSegmentReport& segment : report.segments) {
-    segments.push_back({{"first_pulse", segment.first},
-                        {"last_pulse", segment.last},
-                        {"key_pulse", segment.key},
-                        {"pulses", segment.pulses},
-                        {"vertices", segment.vertices},
-                        {"triangles", segment.triangles},
-                        {"residual_p50_mm", segment.residual_p50_mm},
-                        {"residual_p90_mm", segment.residual_p90_mm},
-                        {"max_far", segment.far},
-                        {"matched_patches", segment.matched_patches},
-                        {"patch_correlation", segment.patch_correlation}});
+    triangles.push_back(static_cast<double>(segment.triangles));
+    tracked.push_back({{"first_pulse", segment.first},
+                       {"last_pulse", segment.last},
+                       {"key_pulse", segment.key},
+                       {"pulses", segment.pulses},
+                       {"vertices", segment.vertices},
+                       {"triangles", segment.triangles},
+                       {"residual_p50_mm", segment.residual_p50_mm},
+                       {"residual_p90_mm", segment.residual_p90_mm},
+                       {"max_far", segment.far},
+                       {"matched_patches", segment.matched_patches},
+                       {"patch_correlation", segment.patch_correlation},
+                       {"residuals", to_json(segment.residuals)}});
   }
   Json untracked = Json::array();
   for (const UntrackedReport& gap : report.untracked) {
     untracked.push_back(
         {{"first_pulse", gap.first}, {"last_pulse", gap.last}, {"reason", gap.reason}});
   }
-  return {{"pulses", report.pulses},
-          {"segments", segments},
+  const auto pulses = static_cast<double>(report.pulses);
+  return {{"segments", report.segments.size()},
+          {"pulses", report.pulses},
+          {"triangles", median(triangles)},
+          {"bytes_per_frame", static_cast<double>(report.bytes) / pulses},
+          {"seconds_per_pulse", report.seconds / pulses},
+          {"tracked", tracked},
           {"untracked", untracked},
           {"bytes", report.bytes},
           {"template_bytes", report.template_bytes},
@@ -92,6 +154,32 @@ Json to_json(const TrackReport& report) {
           {"confidence_bytes", report.confidence_bytes},
           {"seconds", report.seconds},
           {"peak_rss_mb", report.peak_rss_mb}};
+}
+
+void put_comparison(Json& json, const Comparison& truth) {
+  put_truth(json, truth.surface);
+  json["epe_mm"] = nullptr;
+  json["drift_mm"] = nullptr;
+  if (!truth.motion) return;
+  const CarriedReport& after_50 = carried_over(*truth.motion, 50);
+  const CarriedReport& after_100 = carried_over(*truth.motion, 100);
+  json["epe_mm"] = {{"p50", after_50.all.p50_mm},
+                    {"p90", after_50.all.p90_mm},
+                    {"after_pulses", after_50.pulses}};
+  json["drift_mm"] = after_100.sleeves.tangential_p50_mm;
+  json["drift_after_pulses"] = after_100.pulses;
+  json["motion"] = to_json(*truth.motion);
+}
+
+void print_comparison(const Comparison& truth) {
+  const recon::SurfaceDistance& distance = truth.surface.distance;
+  fmt::print(
+      "surface      {:.2f} mm (median), {:.1f} mm (90 %) from the truth, f-score {:.3f} at 5 mm\n",
+      distance.accuracy_p50_mm, distance.accuracy_p90_mm, distance.f_score_5mm);
+  if (!truth.motion) return;
+  const CarriedReport& after = carried_over(*truth.motion, 50);
+  fmt::print("points       {:.1f} mm (median), {:.1f} mm (90 %) from their true places after {}\n",
+             after.all.p50_mm, after.all.p90_mm, count_of(after.pulses, "pulse"));
 }
 
 std::string pulses_text(int64_t first, int64_t last) {
@@ -129,10 +217,15 @@ int run(const Arguments& arguments) {
         if (turns-- > 0) progress->advance();
       });
   progress.reset();
+  std::optional<Comparison> truth;
+  if (!arguments.truth.empty()) truth = compare_with_truth(arguments);
   if (arguments.json) {
-    fmt::print("{}\n", to_json(report).dump(2));
+    Json json = to_json(report);
+    if (truth) put_comparison(json, *truth);
+    fmt::print("{}\n", json.dump(2));
   } else {
     print_text(report);
+    if (truth) print_comparison(*truth);
   }
   return kExitDone;
 }
@@ -140,17 +233,22 @@ int run(const Arguments& arguments) {
 }  // namespace
 
 void add_track(CommandLine& line) {
-  cli::Command command =
-      line.add("track", "Follow the surface of a take through its pulses (motion.v3d)",
-               {"v3dctl track dancer", "v3dctl track dancer --frames 100:200 --json",
-                "v3dctl track --meshes scans --height 1.8m --out scans.v3d"});
+  cli::Command command = line.add(
+      "track", "Follow the surface of a take through its pulses (motion.v3d)",
+      {"v3dctl track dancer", "v3dctl track dancer --frames 100:200 --json",
+       "v3dctl track sim-01 --truth truth", "v3dctl track scans.v3d --meshes scans --height 1.8m"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take,
-                     "The folder of a take, reconstructed with high quality");
+                     "The folder of a take, reconstructed with high quality; with --meshes, the "
+                     "result: a file .v3d, or a folder for motion.v3d");
   command.add_option("--meshes", arguments->meshes,
                      "Track the meshes in this folder instead: one .obj or .ply for each pulse");
   command.add_option("--out", arguments->out, "The result (otherwise motion.v3d of the take)")
       .type_name("FILE");
+  command
+      .add_option("--truth", arguments->truth,
+                  "Compare with the true surfaces and points of v3d-sim take --truth DIR")
+      .type_name("DIR");
   command
       .add_option("--height", arguments->height,
                   "With --meshes: scale the meshes to this height (otherwise they are in metres)")

@@ -35,9 +35,9 @@ export interface Place {
   index: number;
 }
 
-/** Position of a pulse in the segments; null: it has no tracked surface. */
+/** Position of a pulse in the segments, of a shared pulse in the later one; null: it has no tracked surface. */
 export function placeOf(segments: readonly { pulses: readonly number[] }[], pulse: number): Place | null {
-  const segment = segments.findIndex(({ pulses }) => pulses[0] <= pulse && pulse <= pulses[pulses.length - 1]);
+  const segment = segments.findLastIndex(({ pulses }) => pulses[0] <= pulse && pulse <= pulses[pulses.length - 1]);
   const index = segment < 0 ? -1 : segments[segment].pulses.indexOf(pulse);
   return index < 0 ? null : { segment, index };
 }

@@ -10,6 +10,10 @@ test('a pulse is found in its segment', () => {
   expect(placeOf(segments, 21)).toEqual({ segment: 2, index: 1 });
 });
 
+test('a pulse that two segments share is found in the later one', () => {
+  expect(placeOf([{ pulses: [5, 6] }, { pulses: [6, 7] }], 6)).toEqual({ segment: 1, index: 0 });
+});
+
 test('pulses before, between, in a gap of and after segments have no tracked surface', () => {
   for (const pulse of [4, 7, 10, 19, 22]) expect(placeOf(segments, pulse)).toBeNull();
   expect(placeOf([], 5)).toBeNull();

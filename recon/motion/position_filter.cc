@@ -1,0 +1,117 @@
+#include "recon/motion/position_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <utility>
+
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "recon/mesh/mesh_neighbours.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3f;
+
+// Pulses on each side of the middle of a window.
+constexpr int kStillReach = 4, kMovingReach = 3, kLeastMovingReach = 2;
+/// A window is used whose residual is at most this many times the noise of the vertex.
+constexpr float kTolerance = 1.25F;
+// The noise of a vertex is at least the first, and counts up to the second: root mean square,
+// metres.
+constexpr float kLeastNoiseM = 0.0003F, kMostNoiseM = 0.003F;
+
+/// Positions of one vertex around a pulse.
+using Window = std::span<const Vector3f>;
+
+struct Fit {
+  Vector3f middle;   ///< position at the middle pulse
+  float residual_m;  ///< root mean square per degree of freedom
+};
+
+Fit mean_of(Window window) {
+  const auto count = static_cast<float>(window.size());
+  Vector3f mean = Vector3f::Zero();
+  for (const Vector3f& place : window) mean += place;
+  mean /= count;
+  float square = 0;
+  for (const Vector3f& place : window) square += (place - mean).squaredNorm();
+  return {mean, std::sqrt(square / (count - 1))};
+}
+
+/// The parabola that fits best. Requires at least four positions.
+Fit parabola_of(Window window) {
+  // Offsets from the middle are symmetric, so the linear term is independent of the others.
+  const auto reach = static_cast<int>(window.size() / 2);
+  const auto count = static_cast<float>(window.size());
+  float t2 = 0, t4 = 0;
+  Vector3f sum = Vector3f::Zero(), linear = Vector3f::Zero(), square = Vector3f::Zero();
+  for (int k = -reach; k <= reach; ++k) {
+    const Vector3f& place = window[static_cast<size_t>(k + reach)];
+    const auto t = static_cast<float>(k);
+    t2 += t * t;
+    t4 += t * t * t * t;
+    sum += place;
+    linear += t * place;
+    square += t * t * place;
+  }
+  const float determinant = count * t4 - t2 * t2;
+  const Vector3f middle = (t4 * sum - t2 * square) / determinant;
+  const Vector3f bend = (count * square - t2 * sum) / determinant;
+  const Vector3f speed = linear / t2;
+  float residual = 0;
+  for (int k = -reach; k <= reach; ++k) {
+    const auto t = static_cast<float>(k);
+    const Vector3f fit = middle + t * speed + t * t * bend;
+    residual += (window[static_cast<size_t>(k + reach)] - fit).squaredNorm();
+  }
+  return {middle, std::sqrt(residual / (count - 3))};
+}
+
+Window around(std::span<const Vector3f> path, size_t i, int reach) {
+  return path.subspan(i - static_cast<size_t>(reach), static_cast<size_t>(2 * reach + 1));
+}
+
+/// Median residual of short parabolas: short enough that most motion follows them.
+float noise_of(std::span<const Vector3f> path) {
+  std::vector<float> residuals;
+  for (size_t i = kLeastMovingReach; i + kLeastMovingReach < path.size(); ++i) {
+    residuals.push_back(parabola_of(around(path, i, kLeastMovingReach)).residual_m);
+  }
+  return std::clamp(upper_median(std::move(residuals)), kLeastNoiseM, kMostNoiseM);
+}
+
+/// Position at pulse `i` of a vertex whose path is `path`.
+Vector3f smoothed(std::span<const Vector3f> path, size_t i, float tolerance_m) {
+  const int most = static_cast<int>(std::min(i, path.size() - 1 - i));
+  for (int reach = std::min(most, kStillReach); reach > 0; --reach) {
+    const Fit fit = mean_of(around(path, i, reach));
+    if (fit.residual_m <= tolerance_m) return fit.middle;
+  }
+  for (int reach = std::min(most, kMovingReach); reach >= kLeastMovingReach; --reach) {
+    const Fit fit = parabola_of(around(path, i, reach));
+    if (fit.residual_m <= tolerance_m) return fit.middle;
+  }
+  return path[i];
+}
+
+}  // namespace
+
+void smooth_in_time(std::vector<std::vector<Vector3f>>& positions) {
+  if (positions.empty()) return;
+  const size_t vertices = positions[0].size();
+  for (const auto& pulse : positions) V3D_CHECK(pulse.size() == vertices);
+  constexpr size_t kBlock = 256;
+  for_each_block<kBlock>(vertices, [&](size_t begin, size_t end) {
+    std::vector<Vector3f> path(positions.size());
+    for (size_t v = begin; v < end; ++v) {
+      for (size_t i = 0; i < path.size(); ++i) path[i] = positions[i][v];
+      const float tolerance_m = kTolerance * noise_of(path);
+      for (size_t i = 0; i < path.size(); ++i) positions[i][v] = smoothed(path, i, tolerance_m);
+    }
+  });
+}
+
+}  // namespace v3d::recon
