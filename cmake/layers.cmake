@@ -38,6 +38,7 @@ v3d_may_use(v3d-captured captured)
 v3d_may_use(v3d-recond recond)
 v3d_may_use(v3d-viewd viewd)
 v3d_may_use(v3d_tools_common base cli)
+v3d_may_use(v3d_tools_gltf base)
 v3d_may_use(v3dctl_media base)
 # v3dctl contains no code of daemons, cameras or triggers.
 v3d_may_use(v3dctl_parts base cli codec wire take segmentation recon bus control recorded)

@@ -7,6 +7,7 @@
 
 #include "base/core/error.h"
 #include "sim/performer/motion.h"
+#include "sim/performer/skinned_model.h"
 #include "sim/rendering/noise.h"
 #include "sim/rendering/scene.h"
 
@@ -291,6 +292,7 @@ std::vector<Performer> cast_of(int performers) {
 }
 
 std::vector<Part> performer_parts(double seconds, uint64_t seed, const Performer& performer) {
+  if (performer.model) return performer.model->parts_at(seconds);
   const Motion& motion = performer.motion;
   const Pose pose = pose_at(seconds, motion);
   std::vector<Part> parts;
@@ -309,6 +311,7 @@ std::vector<Part> performer_parts(double seconds, uint64_t seed, const Performer
 }
 
 Part sword_blade(double seconds, const Performer& performer) {
+  if (performer.model) return {};
   Part blade = blade_of(pose_at(seconds, performer.motion));
   blade.palette = performer.palette;
   return blade;

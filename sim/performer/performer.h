@@ -5,12 +5,15 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "base/geometry/mesh.h"
 #include "sim/performer/motion.h"
 
 namespace v3d::sim {
+
+class SkinnedModel;
 
 // Performers as closed parts with procedural textures.
 
@@ -30,9 +33,11 @@ enum class Material : uint8_t {
 /// The colours of clothes and hair.
 enum class Palette : uint8_t { kIndigo, kPlum };
 
+/// A performer with a sword, or a body from a file.
 struct Performer {
   Motion motion;
   Palette palette = Palette::kIndigo;
+  std::shared_ptr<const SkinnedModel> model = nullptr;  ///< replaces body, sword and motion
 };
 
 /// The performers of the simulated studio. 1: one who cuts alone. 2: two who fight; their blades
@@ -51,11 +56,11 @@ struct Part {
   bool is_sleeve = false;
 };
 
-/// Body, clothes and sword; parts overlap. `seed` determines folds and patterns, but not the
-/// motion.
+/// Body, clothes and sword, or the parts of the model; parts overlap. `seed` determines folds and
+/// patterns, but not the motion.
 std::vector<Part> performer_parts(double seconds, uint64_t seed, const Performer& performer = {});
 
-/// The blade only, which moves fast enough for motion blur.
+/// The blade only, which moves fast enough for motion blur. No triangles for a model.
 Part sword_blade(double seconds, const Performer& performer = {});
 
 /// The procedural texture: linear diffuse R, G, B (0 to 1) at texture coordinates `place`. It has

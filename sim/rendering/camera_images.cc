@@ -7,7 +7,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "sim/performer/motion.h"
+#include "sim/performer/joints.h"
 #include "sim/rendering/noise.h"
 
 namespace v3d::sim {
@@ -108,12 +108,23 @@ uint16_t to_sample(float value) {
   return static_cast<uint16_t>(std::clamp(value, 0.0F, 1.0F) * 255 * 256);
 }
 
+std::array<Vector2d, 3> shadow_casters(double seconds, const Performer& performer) {
+  const std::vector<Joint> joints = joints_of(performer);
+  const std::vector<Eigen::Vector3d> positions = joint_positions(seconds, performer);
+  const auto place_of = [&](std::string_view main) -> Vector2d {
+    const auto found = std::ranges::find(joints, main, &Joint::main);
+    const auto index = found == joints.end() ? 0 : found - joints.begin();
+    return positions[static_cast<size_t>(index)].head<2>();
+  };
+  return {place_of("left_ankle"), place_of("right_ankle"), place_of("pelvis")};
+}
+
 }  // namespace
 
 PerformersExposure expose_performers(double seconds, const RenderOptions& options) {
   PerformersExposure shot;
   shot.seed = options.seed;
-  for (const Performer& performer : cast_of(options.performers)) {
+  for (const Performer& performer : options.cast) {
     for (const Part& part : performer_parts(seconds, options.seed, performer)) {
       if (part.material != Material::kBlade) {
         append(shot.body, part);
@@ -123,9 +134,7 @@ PerformersExposure expose_performers(double seconds, const RenderOptions& option
       append(shot.blade[static_cast<size_t>(i)],
              sword_blade(seconds + (i - 1) * options.exposure_s / 3, performer));
     }
-    const Pose pose = pose_at(seconds, performer.motion);
-    shot.feet.push_back({pose.leg[kLeft].tip.head<2>(), pose.leg[kRight].tip.head<2>(),
-                         pose.world_from_pelvis.translation.head<2>()});
+    shot.feet.push_back(shadow_casters(seconds, performer));
   }
   return shot;
 }

@@ -104,7 +104,7 @@ void append(DrawList& list, const Part& part);
 struct PerformersExposure {
   DrawList body;                  ///< all parts except the blades
   std::array<DrawList, 3> blade;  ///< early, middle and late in the exposure
-  /// By performer the shadow casters: ankles and pelvis.
+  /// By performer the shadow casters: ankles and pelvis, or the first joint where a model has none.
   std::vector<std::array<Eigen::Vector2d, 3>> feet;
   uint64_t seed = 0;
 };

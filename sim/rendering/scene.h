@@ -9,6 +9,7 @@
 #include "base/geometry/mesh.h"
 #include "base/image/image.h"
 #include "base/image/mask.h"
+#include "sim/performer/performer.h"
 
 namespace v3d::sim {
 
@@ -33,7 +34,7 @@ struct RenderOptions {
   double noise = 1.5;  ///< standard deviation, grey values
   double exposure_s = 0.001;
   double colour_spread = 0;  ///< colour difference between cameras (noise.h)
-  int performers = 1;        ///< cast_of()
+  std::vector<Performer> cast = {Performer{}};
 };
 
 /// One camera image. `seconds`: time of the middle of the exposure. `with_performer` false: a

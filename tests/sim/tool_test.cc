@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "base/config/calib_file.h"
 #include "base/config/studio_file.h"
@@ -11,12 +13,15 @@
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/ply_file.h"
+#include "sim/performer/motion.h"
 #include "sim/rendering/scene.h"
+#include "sim/tiny_body.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
+#include "v3d-sim/performer_file.h"
 #include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
 
@@ -267,11 +272,56 @@ TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
   EXPECT_TRUE(std::filesystem::exists(folder / "truth/sword/000001.ply"));
 }
 
+TEST(SimulatedTake, writes_the_true_joints_of_every_pulse) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "fight");
+  take.frames = 2;
+  take.cast = cast_of(2);
+  take.truth = folder / "truth";
+  write(take);
+  const auto truth = nlohmann::json::parse(read_file(folder / "truth/joints.json"));
+  const auto& joints = truth["joints"];
+  ASSERT_EQ(joints.size(), 34U);
+  EXPECT_EQ(
+      joints[20],
+      (nlohmann::json{
+          {"name", "left_shoulder"}, {"parent", 18}, {"main", "left_shoulder"}, {"performer", 2}}));
+  ASSERT_EQ(truth["pulses"].size(), 2U);
+  EXPECT_EQ(truth["pulses"][1]["pulse"], 1);
+  const Pose pose = pose_at(1 / take.rate_hz, take.cast[1].motion);
+  const auto& position = truth["pulses"][1]["positions"][20];
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(position[static_cast<size_t>(k)].get<double>(), pose.arm[kLeft].root[k], 1e-6);
+  }
+}
+
+TEST(SimulatedTake, shows_a_body_from_a_file_and_writes_its_truth) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "walk");
+  take.frames = 2;
+  take.cast[0].model = parse_performer(TinyBody().file(), "tiny.glb", "Walk");
+  take.truth = folder / "truth";
+  take.outline_noise_px = 0.1;
+  write(take);
+  const auto frame = take::FrameLogReader(take::TakePaths{take.folder}.frames("cam01")).read(1);
+  EXPECT_GT(frame->mask->count(), 30);
+  const Mesh surface = read_ply(folder / "truth/000001.ply");
+  float top = 0;
+  for (const auto& v : surface.vertices) top = std::max(top, v.z());
+  EXPECT_NEAR(top, 1.7, 0.06);
+  EXPECT_EQ(read_ply(folder / "truth/points/000001.ply").vertices.size(), 20'000U);
+  EXPECT_FALSE(std::filesystem::exists(folder / "truth/sword"));
+  const auto truth = nlohmann::json::parse(read_file(folder / "truth/joints.json"));
+  EXPECT_EQ(truth["joints"][0],
+            (nlohmann::json{{"name", "rig:Hips"}, {"parent", -1}, {"main", "pelvis"}}));
+  EXPECT_EQ(truth["pulses"][0]["positions"].size(), 3U);
+}
+
 TEST(SimulatedTake, writes_the_true_surface_of_each_of_two_performers) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "fight");
   take.frames = 1;
-  take.performers = 2;
+  take.cast = cast_of(2);
   take.truth = folder / "truth";
   write(take);
   const Mesh both = read_ply(folder / "truth/000000.ply");

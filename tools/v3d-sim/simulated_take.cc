@@ -12,16 +12,14 @@
 #include "base/core/text.h"
 #include "base/image/mask_operations.h"
 #include "capture/segmentation/segmenter.h"
-#include "common/ply_file.h"
 #include "sim/cameras/device_clock.h"
-#include "sim/performer/performer.h"
-#include "sim/performer/surface_points.h"
 #include "sim/rendering/camera_images.h"
 #include "sim/rendering/noise.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
+#include "v3d-sim/take_truth.h"
 
 namespace v3d::sim {
 namespace {
@@ -147,64 +145,6 @@ class CameraLog {
   std::deque<Image> recent_images_;  ///< of a camera with kLate: the last images
 };
 
-std::filesystem::path performer_folder(const std::filesystem::path& truth, size_t index) {
-  return truth / fmt::format("performer{}", index + 1);
-}
-
-void create_truth_folders(const std::filesystem::path& truth, int performers) {
-  std::filesystem::create_directories(truth / "sword");
-  std::filesystem::create_directories(truth / "points");
-  for (size_t i = 0; performers > 1 && i < static_cast<size_t>(performers); ++i) {
-    std::filesystem::create_directory(performer_folder(truth, i));
-  }
-}
-
-void append_surface(Mesh& all, const Mesh& more) {
-  const auto first = static_cast<uint32_t>(all.vertices.size());
-  all.vertices.insert(all.vertices.end(), more.vertices.begin(), more.vertices.end());
-  for (const auto& t : more.triangles) {
-    all.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-  }
-}
-
-/// A point of the surface counts as seen up to this distance behind the nearest surface.
-constexpr double kSeenToleranceM = 0.006;
-constexpr size_t kTruePoints = 20'000;
-
-/// The points as vertices; their colours state cameras and group (v3d-sim(1)).
-Mesh point_cloud(const SurfacePoints& points, const Rig& rig, const std::vector<Part>& parts) {
-  Mesh cloud;
-  cloud.vertices = points.places(parts);
-  const std::vector<uint8_t> cameras =
-      cameras_that_see(rig, parts, cloud.vertices, kSeenToleranceM);
-  for (size_t i = 0; i < cameras.size(); ++i) {
-    cloud.colours.push_back({cameras[i], static_cast<uint8_t>(points.groups()[i]), 0});
-  }
-  return cloud;
-}
-
-/// `points` is chosen at the first call.
-void write_truth(const SimulatedTake& take, int64_t pulse, double seconds,
-                 std::optional<SurfacePoints>& points) {
-  const std::filesystem::path& folder = *take.truth;
-  const std::string name = fmt::format("{:06}.ply", pulse);
-  const std::vector<Performer> cast = cast_of(take.performers);
-  std::vector<Part> all;
-  Mesh blades;
-  for (size_t i = 0; i < cast.size(); ++i) {
-    const std::vector<Part> parts = performer_parts(seconds, take.seed, cast[i]);
-    if (cast.size() > 1) {
-      write_ply(performer_folder(folder, i) / name, outer_surface(parts, take.seed));
-    }
-    all.insert(all.end(), parts.begin(), parts.end());
-    append_surface(blades, sword_blade(seconds, cast[i]).mesh);
-  }
-  write_ply(folder / name, outer_surface(all, take.seed));
-  write_ply(folder / "sword" / name, blades);
-  if (!points) points.emplace(all, kTruePoints, take.seed);
-  write_ply(folder / "points" / name, point_cloud(*points, take.rig, all));
-}
-
 /// Segments like the capture daemon, dilates the masks and adds noise to the outlines.
 class NoisySegmenter {
  public:
@@ -249,7 +189,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   RenderOptions options;
   options.seed = take.seed;
   options.colour_spread = take.colour_spread;
-  options.performers = take.performers;
+  options.cast = take.cast;
   BatchRenderer renderer(take.rig, options);
   NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, renderer));
   std::vector<CameraLog> logs;
@@ -258,10 +198,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
                       take.faults);
   }
   take::EventLogWriter pulses(paths.pulses());
-  if (take.truth) {
-    create_truth_folders(*take.truth, take.performers);
-  }
-  std::optional<SurfacePoints> true_points;
+  std::optional<TakeTruth> truth;
+  if (take.truth) truth.emplace(*take.truth, take.rig, take.cast, take.seed);
   for (int64_t pulse = 0; pulse < take.frames; ++pulse) {
     const double seconds = static_cast<double>(pulse) / take.rate_hz;
     const Duration since = from_seconds(seconds);
@@ -276,11 +214,10 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
       std::optional<Mask> mask = segmenter.segment(c, pulse, images[c]);
       logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));
     }
-    if (take.truth) {
-      write_truth(take, pulse, action_s, true_points);
-    }
+    if (truth) truth->write(pulse, action_s);
     progress(pulse + 1);
   }
+  if (truth) truth->write_joints();
 
   take::Ledger ledger;
   ledger.take = info.name;

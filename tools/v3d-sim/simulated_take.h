@@ -11,6 +11,7 @@
 
 #include "base/geometry/camera_model.h"
 #include "sim/cameras/exposure_record.h"
+#include "sim/performer/performer.h"
 
 namespace v3d::sim {
 
@@ -46,14 +47,12 @@ struct SimulatedTake {
   double begin_s = 0;  ///< time of the action at pulse 0
   uint64_t seed = 1;
   double colour_spread = 0;  ///< RenderOptions::colour_spread
-  int performers = 1;        ///< cast_of()
+  std::vector<Performer> cast = {Performer{}};
   std::vector<Fault> faults;
   // The frames have masks if one of these is not 0.
   double outline_noise_px = 0;  ///< standard deviation of the noise of outlines
   int mask_dilation_px = 0;     ///< pixels of the room on every side of a mask
-  /// Folder for 000012.ply, one per pulse, and sword/000012.ply, the blades alone. With two
-  /// performers also performer1/000012.ply and performer2/000012.ply, the surface of each.
-  /// points/000012.ply: points that stay at the same place of the surface, in the same order.
+  /// Folder for the truth (take_truth.h).
   std::optional<std::filesystem::path> truth;
 };
 

@@ -4,7 +4,8 @@
 #include "base/image/mask_operations.h"
 #include "cli/command.h"
 #include "common/console.h"
-#include "sim/rendering/scene.h"
+#include "sim/performer/performer.h"
+#include "v3d-sim/performer_file.h"
 #include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
 
@@ -22,7 +23,16 @@ struct Arguments {
   std::string truth;
   double colour_spread = 0;
   int performers = 1;
+  std::string performer_model;
+  std::string animation;
 };
+
+std::vector<Performer> performers_of(const Arguments& arguments) {
+  if (arguments.performer_model.empty()) return cast_of(arguments.performers);
+  Performer performer;
+  performer.model = load_performer(arguments.performer_model, arguments.animation);
+  return {performer};
+}
 
 int run(const Arguments& arguments) {
   SimulatedTake take;
@@ -35,7 +45,7 @@ int run(const Arguments& arguments) {
   take.outline_noise_px = arguments.outline_noise_px;
   take.mask_dilation_px = arguments.mask_dilation_px;
   take.colour_spread = arguments.colour_spread;
-  take.performers = arguments.performers;
+  take.cast = performers_of(arguments);
   if (!arguments.faults.empty()) {
     take.faults = load_faults(arguments.faults, take.rig, take.frames);
   }
@@ -75,25 +85,39 @@ void add_take_command(cli::Command app, int& status) {
       "--faults", arguments->faults,
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
       "v3d-sim(1)");
-  command.add_option("--truth", arguments->truth,
-                     "Folder for the true surface of every pulse, 000000.ply ..., and for that "
-                     "of the blade of the sword, sword/000000.ply ...; of two performers also "
-                     "performer1/000000.ply ... and performer2/000000.ply ...; and for points "
-                     "that stay at their place of it, points/000000.ply ...");
+  command.add_option(
+      "--truth", arguments->truth,
+      "Folder for the truth: the surface of every pulse, 000000.ply ...; that of the "
+      "blade of the sword, sword/000000.ply ...; points that stay at their place of "
+      "the surface, points/000000.ply ...; the joints, joints.json; of two "
+      "performers also performer1/000000.ply ... and performer2/000000.ply ...");
   command
       .add_option("--colour-spread", arguments->colour_spread,
                   "Colour difference between the cameras: 1 is 15 %, as of unmatched cameras")
       .check(cli::number_in(0, 4));
+  const cli::Option performers =
+      command
+          .add_option("--performers", arguments->performers,
+                      "1: one who cuts alone; 2: two who fight and touch each other")
+          .check(cli::integer_in(1, 2))
+          .show_default();
+  const cli::Option model =
+      command
+          .add_option("--performer-model", arguments->performer_model,
+                      "glTF file with a skinned, animated body, which replaces the swordsman; it "
+                      "moves at its place")
+          .excludes(performers);
   command
-      .add_option("--performers", arguments->performers,
-                  "1: one who cuts alone; 2: two who fight and touch each other")
-      .check(cli::integer_in(1, 2))
-      .show_default();
+      .add_option("--animation", arguments->animation,
+                  "Name of the animation of the file; the first one by default")
+      .type_name("NAME")
+      .needs(model);
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"
       "  v3d-sim take takes/small --frames 3 --cameras 6 --size 320x240 --truth takes/small-truth\n"
-      "  v3d-sim take takes/broken --frames 20 --faults faults.toml");
+      "  v3d-sim take takes/broken --frames 20 --faults faults.toml\n"
+      "  v3d-sim take takes/walk --frames 25 --performer-model walking.glb --animation Walk");
   command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 

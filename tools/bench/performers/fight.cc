@@ -76,7 +76,7 @@ double processor_ms() {
 Fight::Fight(const FightOptions& options)
     : options_(options),
       rig_(sim::make_rig(options.cameras, kSize, options.seed)),
-      renderer_(rig_, {.seed = options.seed, .performers = kPerformers}),
+      renderer_(rig_, {.seed = options.seed, .cast = sim::cast_of(kPerformers)}),
       reconstructor_(rig_, reconstruct_options(options)) {
   if (!options.exact) segmenters_ = learnt_segmenters(renderer_);
 }

@@ -1,3 +1,5 @@
+#include "gltf/gltf_check.h"
+
 #include <algorithm>
 #include <climits>
 #include <nlohmann/json.hpp>
@@ -8,9 +10,8 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
-#include "v3dctl/scene/model.h"
 
-namespace v3d::ctl {
+namespace v3d {
 namespace {
 
 namespace fs = std::filesystem;
@@ -249,4 +250,4 @@ bool lies_within(const fs::path& path, const fs::path& folder) {
   return rest == within.end();
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d
