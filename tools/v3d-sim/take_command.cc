@@ -23,14 +23,21 @@ struct Arguments {
   std::string truth;
   double colour_spread = 0;
   int performers = 1;
-  std::string performer_model;
+  std::string performer = "swordsman";
   std::string animation;
 };
 
 std::vector<Performer> performers_of(const Arguments& arguments) {
-  if (arguments.performer_model.empty()) return cast_of(arguments.performers);
+  const bool is_duel = arguments.performer == "duel";
+  if (is_duel || arguments.performer == "swordsman") {
+    if (!arguments.animation.empty()) {
+      throw InputError("--animation " + arguments.animation +
+                       ": needs --performer FILE.glb, whose animation it names");
+    }
+    return cast_of(is_duel ? 2 : arguments.performers);
+  }
   Performer performer;
-  performer.model = load_performer(arguments.performer_model, arguments.animation);
+  performer.model = load_performer(arguments.performer, arguments.animation);
   return {performer};
 }
 
@@ -101,23 +108,23 @@ void add_take_command(cli::Command app, int& status) {
                       "1: one who cuts alone; 2: two who fight and touch each other")
           .check(cli::integer_in(1, 2))
           .show_default();
-  const cli::Option model =
-      command
-          .add_option("--performer-model", arguments->performer_model,
-                      "glTF file with a skinned, animated body, which replaces the swordsman; it "
-                      "moves at its place")
-          .excludes(performers);
+  command
+      .add_option("--performer", arguments->performer,
+                  "swordsman; duel: two who fight, as --performers 2; or a glTF file with a "
+                  "skinned, animated body, which moves at its place")
+      .type_name("swordsman|duel|FILE")
+      .show_default()
+      .excludes(performers);
   command
       .add_option("--animation", arguments->animation,
                   "Name of the animation of the file; the first one by default")
-      .type_name("NAME")
-      .needs(model);
+      .type_name("NAME");
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"
       "  v3d-sim take takes/small --frames 3 --cameras 6 --size 320x240 --truth takes/small-truth\n"
       "  v3d-sim take takes/broken --frames 20 --faults faults.toml\n"
-      "  v3d-sim take takes/walk --frames 25 --performer-model walking.glb --animation Walk");
+      "  v3d-sim take takes/walk --frames 25 --performer walking.glb --animation Walk");
   command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 
