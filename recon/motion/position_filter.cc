@@ -44,13 +44,13 @@ Fit mean_of(Window window) {
 /// The parabola that fits best. Requires at least four positions.
 Fit parabola_of(Window window) {
   // Offsets from the middle are symmetric, so the linear term is independent of the others.
-  const auto reach = static_cast<int>(window.size() / 2);
+  const auto reach = static_cast<float>(window.size() / 2);
   const auto count = static_cast<float>(window.size());
   float t2 = 0, t4 = 0;
   Vector3f sum = Vector3f::Zero(), linear = Vector3f::Zero(), square = Vector3f::Zero();
-  for (int k = -reach; k <= reach; ++k) {
-    const Vector3f& place = window[static_cast<size_t>(k + reach)];
-    const auto t = static_cast<float>(k);
+  for (size_t i = 0; i < window.size(); ++i) {
+    const Vector3f& place = window[i];
+    const float t = static_cast<float>(i) - reach;
     t2 += t * t;
     t4 += t * t * t * t;
     sum += place;
@@ -62,16 +62,17 @@ Fit parabola_of(Window window) {
   const Vector3f bend = (count * square - t2 * sum) / determinant;
   const Vector3f speed = linear / t2;
   float residual = 0;
-  for (int k = -reach; k <= reach; ++k) {
-    const auto t = static_cast<float>(k);
+  for (size_t i = 0; i < window.size(); ++i) {
+    const float t = static_cast<float>(i) - reach;
     const Vector3f fit = middle + t * speed + t * t * bend;
-    residual += (window[static_cast<size_t>(k + reach)] - fit).squaredNorm();
+    residual += (window[i] - fit).squaredNorm();
   }
   return {middle, std::sqrt(residual / (count - 3))};
 }
 
 Window around(std::span<const Vector3f> path, size_t i, int reach) {
-  return path.subspan(i - static_cast<size_t>(reach), static_cast<size_t>(2 * reach + 1));
+  const auto half = static_cast<size_t>(reach);
+  return path.subspan(i - half, 2 * half + 1);
 }
 
 /// Median residual of short parabolas: short enough that most motion follows them.
