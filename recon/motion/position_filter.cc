@@ -44,7 +44,8 @@ Fit mean_of(Window window) {
 /// The parabola that fits best. Requires at least four positions.
 Fit parabola_of(Window window) {
   // Offsets from the middle are symmetric, so the linear term is independent of the others.
-  const auto reach = static_cast<float>(window.size() / 2);
+  const size_t half = window.size() / 2;
+  const auto reach = static_cast<float>(half);
   const auto count = static_cast<float>(window.size());
   float t2 = 0, t4 = 0;
   Vector3f sum = Vector3f::Zero(), linear = Vector3f::Zero(), square = Vector3f::Zero();
