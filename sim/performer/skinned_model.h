@@ -57,7 +57,8 @@ class SkinnedModel {
   double period_s() const { return skeleton_.period_s(); }
   /// The vertical extent at the first time, metres.
   double height_m() const { return height_m_; }
-  /// All vertices in the whole animation: world frame, metres. Empty if a vertex or joint is not finite.
+  /// All vertices in the whole animation: world frame, metres. Empty if a vertex or joint is not
+  /// finite.
   const Eigen::AlignedBox3d& extent() const { return extent_; }
 
   /// World frame, metres. `seconds`: any time since the first key.
