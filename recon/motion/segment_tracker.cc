@@ -1,5 +1,6 @@
 #include "recon/motion/segment_tracker.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -45,7 +46,10 @@ using Motion = std::vector<NodeMotion>;
 Motion with_same_speed(const Motion& before, const Motion& now) {
   Motion next(now.size());
   for (size_t n = 0; n < now.size(); ++n) {
-    next[n].rotation = now[n].rotation * before[n].rotation.transpose() * now[n].rotation;
+    const Eigen::Matrix3d turned =
+        now[n].rotation * before[n].rotation.transpose() * now[n].rotation;
+    // Without this, rounding errors double with each pulse that is only predicted.
+    next[n].rotation = Eigen::Quaterniond(turned).normalized().toRotationMatrix();
     next[n].place = 2 * now[n].place - before[n].place;
   }
   return next;

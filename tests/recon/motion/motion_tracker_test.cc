@@ -121,6 +121,24 @@ TEST(TrackSegment, shows_the_first_pulse_of_the_next_segment_when_it_explains_it
   EXPECT_FALSE(last.shares_last);
 }
 
+TEST(TrackSegment, keeps_its_shape_over_sixty_pulses_of_steady_motion) {
+  constexpr int kPulses = 60;
+  TrackingOptions options = small_options();
+  options.triangles = 500;
+  options.node_spacing_m = 0.15;
+  const PulseSource source = [](size_t i) {
+    const auto t = static_cast<float>(i);
+    const Eigen::Isometry3f motion =
+        Eigen::Translation3f(0.02F * t, 0, 0) * Eigen::AngleAxisf(0.05F * t, Vector3f::UnitZ());
+    Mesh surface = body_at(0);
+    for (Vector3f& vertex : surface.vertices) vertex = motion * vertex;
+    return pulse_with(static_cast<int>(i), std::move(surface));
+  };
+  const TrackedSegment segment = track_segment(source, 0, 0, kPulses, kPulses, options);
+  ASSERT_EQ(segment.pulses.size(), size_t{kPulses});
+  EXPECT_LT(segment.residuals.back().median_m, 0.002);
+}
+
 TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
   const PulseSource source = [](size_t i) {
     return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
