@@ -166,7 +166,7 @@ void put_comparison(Json& json, const Comparison& truth) {
   json["epe_mm"] = {{"p50", after_50.all.p50_mm},
                     {"p90", after_50.all.p90_mm},
                     {"after_pulses", after_50.pulses}};
-  json["drift_mm"] = after_100.sleeves.tangential_p50_mm;
+  if (after_100.sleeves.points > 0) json["drift_mm"] = after_100.sleeves.tangential_p50_mm;
   json["drift_after_pulses"] = after_100.pulses;
   json["motion"] = to_json(*truth.motion);
 }
