@@ -82,13 +82,22 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+/// Of three nodes from one on: the perimeter of a single node is noisy.
+double narrowest(const ReebLevel& level, const GraphBranch& branch, size_t first) {
+  double least = level.nodes[branch.nodes[first]].perimeter;
+  for (size_t i = first + 1; i < std::min(first + 3, branch.nodes.size()); ++i) {
+    least = std::min(least, level.nodes[branch.nodes[i]].perimeter);
+  }
+  return least;
+}
+
 void measure_slender(const ReebLevel& level, const std::vector<size_t>& divided,
                      GraphBranch& branch) {
   std::vector<double> perimeters;
   for (size_t i = 0; i < branch.nodes.size(); ++i) {
     const ReebNode& node = level.nodes[branch.nodes[i]];
     if (divided[i] > 1) break;
-    if (i > 3 && node.perimeter > kWidening * median(perimeters)) break;
+    if (i > 3 && narrowest(level, branch, i) > kWidening * median(perimeters)) break;
     if (i > 0) {
       const ReebNode& last = level.nodes[branch.nodes[i - 1]];
       branch.slender_length_m += (node.centre - last.centre).norm();

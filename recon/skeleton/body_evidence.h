@@ -1,0 +1,48 @@
+// What one mesh shows of a body: ends of its Reeb graph, a prop, points of the surface.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/geometry/mesh.h"
+#include "recon/skeleton/pose_fit.h"
+#include "recon/skeleton/reeb_graph.h"
+
+namespace v3d::recon {
+
+/// A foot: its outline on the ground.
+struct FootEvidence {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< world, metres; z: of the sole
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();    ///< horizontal unit vector, of either sign
+  double length_m = 0;
+};
+
+/// A long, thin and straight branch: from where a hand holds it to its tip.
+struct PropEvidence {
+  Eigen::Vector3d base = Eigen::Vector3d::Zero(), tip = Eigen::Vector3d::Zero();
+};
+
+/// World frame, metres.
+struct BodyEvidence {
+  std::string problem;  ///< why the mesh shows no body; empty where it does
+  std::vector<OutlinePoint> points;
+  std::optional<Eigen::Vector3d> head, neck;  ///< middle of the head, base of the neck
+  std::vector<FootEvidence> feet;             ///< at most two
+  std::vector<Eigen::Vector3d> hands;         ///< ends of free arms, at most two
+  std::optional<PropEvidence> prop;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the area without the prop
+  bool has_other_bodies = false;   ///< another component has half the area of the largest, or more
+  double bottom_m = 0, top_m = 0;  ///< z of the body without the prop
+  double branches_m = 0;           ///< lengths of all branches: large for a pose
+                                   ///< whose limbs are free
+  bool is_good() const { return head && feet.size() == 2 && (prop || hands.size() == 2); }
+};
+
+/// Evidence from the largest component of a mesh, and a prop also from another one. The body stands
+/// upright (world z is up): the head is the highest end that is no limb, feet are the lowest ends.
+/// `graph`: of `mesh`. Deterministic; thread-safe.
+BodyEvidence body_evidence(const Mesh& mesh, const ReebGraph& graph);
+
+}  // namespace v3d::recon

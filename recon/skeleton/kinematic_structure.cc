@@ -1,0 +1,479 @@
+#include "recon/skeleton/kinematic_structure.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "recon/skeleton/joint_rotations.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kFirstIterations = 30, kIterations = 10;
+constexpr double kMinProp = 0.6;       ///< share of pulses with a prop
+constexpr double kMaxFreeHands = 0.2;  ///< share of pulses where a hand is free and both hold it
+constexpr double kHeadWeight = 20, kAnkleWeight = 20, kHandWeight = 10, kPropWeight = 20,
+                 kBalanceWeight = 8;
+/// Middle of the hands behind the base of the prop, and least distance of hands in front of the
+/// neck: shares of the stature.
+constexpr double kRightGrip = 0.06, kLeftGrip = 0.125, kInFront = 0.12;
+constexpr double kMaxTurn = 0.6;    ///< of a body from one pulse to the next, radians
+constexpr double kMaxJumpM = 0.25;  ///< of an end from one pulse to the next
+/// How far a head can be from the last one: at once, more for each pulse between, at most. Metres.
+constexpr double kHeadNearM = 0.05, kHeadStepM = 0.025, kHeadFarM = 0.6;
+constexpr std::ptrdiff_t kMaxGap = 40;  ///< pulses between which a head is interpolated
+constexpr double kInterpolated = 0.5;   ///< weight of an interpolated head
+constexpr int kRounds = 2;              ///< of learning the outline
+constexpr double kConfidentM = 0.05;
+
+double percentile(std::vector<double> values, double share) {
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, values.begin() + at);
+  return values[static_cast<size_t>(at)];
+}
+
+Vector3d horizontal(const Vector3d& v) {
+  const Vector3d flat(v.x(), v.y(), 0);
+  const double length = flat.norm();
+  return length > 1e-9 ? Vector3d(flat / length) : Vector3d(Vector3d::Zero());
+}
+
+Vector3d forward_of(const JointPositions& joints) {
+  const Vector3d left =
+      joints[kLeftShoulder] - joints[kRightShoulder] + joints[kLeftHip] - joints[kRightHip];
+  return horizontal(left.cross(Vector3d::UnitZ()));
+}
+
+/// Numbers of a take that hold for all its pulses.
+struct TakeFacts {
+  double stature_m = 0, prop_m = 0;
+  bool has_prop = false, both_hands_hold = false;
+};
+
+TakeFacts facts_of(std::span<const BodyEvidence> evidence, const std::vector<size_t>& usable) {
+  std::vector<double> heights, all_heights, lengths;
+  size_t props = 0, free_hands = 0;
+  for (const size_t i : usable) {
+    const BodyEvidence& pulse = evidence[i];
+    all_heights.push_back(pulse.top_m - pulse.bottom_m);
+    if (pulse.head) heights.push_back(all_heights.back());
+    if (pulse.prop) lengths.push_back((pulse.prop->tip - pulse.prop->base).norm());
+    props += pulse.prop ? 1 : 0;
+    free_hands += pulse.hands.empty() ? 0 : 1;
+  }
+  const auto share = [&](size_t count) {
+    return static_cast<double>(count) / static_cast<double>(usable.size());
+  };
+  TakeFacts facts;
+  facts.stature_m = percentile(heights.empty() ? all_heights : heights, 0.75);
+  facts.has_prop = share(props) >= kMinProp;
+  facts.prop_m = facts.has_prop ? percentile(lengths, 0.5) : 0.3 * facts.stature_m;
+  facts.both_hands_hold = facts.has_prop && share(free_hands) <= kMaxFreeHands;
+  return facts;
+}
+
+/// Fits all pulses, one after the other from a start, then each again.
+class TakeFit {
+ public:
+  TakeFit(std::span<const BodyEvidence> evidence, std::vector<size_t> usable)
+      : evidence_(evidence),
+        usable_(std::move(usable)),
+        facts_(facts_of(evidence, usable_)),
+        lengths_(facts_.stature_m, facts_.prop_m),
+        outline_(body_outline(facts_.stature_m)),
+        poses_(usable_.size()) {}
+
+  KinematicStructure run() {
+    follow_head();
+    const size_t start = choose_start();
+    track(start);
+    if (faces_backwards()) {
+      turned_ = true;
+      track(start);
+    }
+    for (int round = 0; round < kRounds; ++round) {
+      learn_outline();
+      refit();
+    }
+    return result(start);
+  }
+
+ private:
+  struct Head {
+    Vector3d head = Vector3d::Zero(), neck = Vector3d::Zero();
+    double weight = 0;
+  };
+
+  const BodyEvidence& pulse(size_t n) const { return evidence_[usable_[n]]; }
+
+  size_t choose_start() const {
+    size_t best = 0;
+    const auto score = [&](size_t n) {
+      const BodyEvidence& seen = pulse(n);
+      return seen.branches_m + (seen.is_good() ? 10 : 0) + (heads_[n].weight == 1 ? 20 : 0);
+    };
+    for (size_t n = 1; n < usable_.size(); ++n) {
+      if (score(n) > score(best)) best = n;
+    }
+    return best;
+  }
+
+  /// The head at all pulses: the longest series of ends of graphs that agree with one another, and
+  /// places between them. A raised arm can look like a head.
+  void follow_head() {
+    heads_.assign(usable_.size(), {});
+    std::vector<int> length(usable_.size(), 0);
+    std::vector<std::ptrdiff_t> before(usable_.size(), -1);
+    std::ptrdiff_t last = -1;
+    for (std::ptrdiff_t n = 0; n < std::ssize(usable_); ++n) {
+      if (!pulse(static_cast<size_t>(n)).head) continue;
+      const auto at = static_cast<size_t>(n);
+      length[at] = 1;
+      for (std::ptrdiff_t m = n - 1; m >= 0 && n - m <= kMaxGap; --m) {
+        const auto from = static_cast<size_t>(m);
+        if (length[from] < length[at] || !agree(from, at)) continue;
+        length[at] = length[from] + 1;
+        before[at] = m;
+      }
+      if (last < 0 || length[at] > length[static_cast<size_t>(last)]) last = n;
+    }
+    while (last >= 0) {
+      const auto at = static_cast<size_t>(last);
+      heads_[at] = {*pulse(at).head, *pulse(at).neck, 1};
+      if (before[at] >= 0) {
+        const BodyEvidence& earlier = pulse(static_cast<size_t>(before[at]));
+        heads_[static_cast<size_t>(before[at])] = {*earlier.head, *earlier.neck, 1};
+        interpolate_head(before[at], last);
+      }
+      last = before[at];
+    }
+  }
+
+  bool agree(size_t m, size_t n) const {
+    if (!pulse(m).head) return false;
+    const double reach = std::min(kHeadNearM + kHeadStepM * static_cast<double>(n - m), kHeadFarM);
+    return (*pulse(m).head - *pulse(n).head).norm() < reach;
+  }
+
+  void interpolate_head(std::ptrdiff_t from, std::ptrdiff_t to) {
+    const Head& a = heads_[static_cast<size_t>(from)];
+    const Head& b = heads_[static_cast<size_t>(to)];
+    for (std::ptrdiff_t n = from + 1; n < to; ++n) {
+      const double t = static_cast<double>(n - from) / static_cast<double>(to - from);
+      heads_[static_cast<size_t>(n)] = {(1 - t) * a.head + t * b.head,
+                                        (1 - t) * a.neck + t * b.neck, kInterpolated};
+    }
+  }
+
+  JointPositions first_pose(size_t n) const {
+    const BodyEvidence& seen = pulse(n);
+    Vector3d forward = Vector3d::Zero();
+    const Vector3d middle = seen.head.value_or(seen.centre);
+    if (facts_.has_prop && seen.prop) forward += horizontal(seen.prop->base - middle);
+    for (const Vector3d& hand : seen.hands) forward += 0.1 * horizontal(hand - middle);
+    if (forward.norm() < 0.2) {
+      for (const FootEvidence& foot : seen.feet) {
+        forward += foot.axis.dot(forward) < 0 ? Vector3d(-foot.axis) : foot.axis;
+      }
+    }
+    double yaw = std::atan2(forward.y(), forward.x());
+    if (turned_) yaw += 3.141592653589793;
+    Vector3d pelvis = middle;
+    if (seen.feet.size() == 2) {
+      pelvis = 0.6 * pelvis + 0.2 * (seen.feet[0].centre + seen.feet[1].centre);
+    }
+    pelvis.z() = seen.bottom_m + 0.53 * facts_.stature_m;
+    JointPositions pose = standing_pose(lengths_, pelvis, yaw);
+    if (facts_.has_prop && seen.prop) {
+      pose[kPropBase] = seen.prop->base;
+      pose[kPropTip] = seen.prop->tip;
+    }
+    return pose;
+  }
+
+  void track(size_t start) {
+    FittedPose first{.joints = first_pose(start)};
+    for (int i = 0; i < 3; ++i) {
+      first = fit(start, first.joints, first.joints, 0.3, kFirstIterations);
+    }
+    poses_[start] = first;
+    for (size_t n = start + 1; n < usable_.size(); ++n) carry(n - 1, n);
+    for (size_t n = start; n-- > 0;) carry(n + 1, n);
+  }
+
+  /// Places of the right and the left hand on the prop. The right hand is nearer to the tip.
+  std::pair<Vector3d, Vector3d> grips(const PropEvidence& prop) const {
+    const Vector3d along = (prop.tip - prop.base).normalized();
+    return {prop.base - kRightGrip * facts_.stature_m * along,
+            prop.base - kLeftGrip * facts_.stature_m * along};
+  }
+
+  /// Horizontal direction to hands that hold a prop in front of the body: it shows how the body
+  /// turns. Empty where they are above the head or not known.
+  std::optional<Vector3d> towards_hands(const BodyEvidence& seen, const Vector3d& neck) const {
+    if (!facts_.both_hands_hold || !seen.prop) return {};
+    const auto [right, left] = grips(*seen.prop);
+    const Vector3d away = 0.5 * (right + left) - neck;
+    if (away.head<2>().norm() < kInFront * facts_.stature_m) return {};
+    return horizontal(away);
+  }
+
+  void carry(size_t from, size_t to) {
+    JointPositions expected = poses_[from].joints;
+    const BodyEvidence& before = pulse(from);
+    const BodyEvidence& now = pulse(to);
+    const auto a = towards_hands(before, expected[kNeck]);
+    const auto b = towards_hands(now, expected[kNeck]);
+    if (a && b) {
+      const double angle = std::atan2(a->cross(*b).z(), a->dot(*b));
+      if (std::abs(angle) < kMaxTurn) {
+        const Eigen::AngleAxisd turn(angle, Vector3d::UnitZ());
+        const Vector3d centre = expected[kPelvis];
+        for (Vector3d& joint : expected) joint = centre + turn * (joint - centre);
+      }
+    }
+    poses_[to] = fit(to, expected, expected, 0.6, kIterations + 5);
+  }
+
+  /// The ankles of both feet, left then right, from feet near the expected ankles.
+  void add_feet(const BodyEvidence& seen, const JointPositions& expected,
+                std::vector<JointTarget>& targets) const {
+    using namespace proportions;
+    const Vector3d forward = forward_of(expected);
+    std::vector<Vector3d> ankles;
+    for (const FootEvidence& foot : seen.feet) {
+      const double length = std::min(foot.length_m, 1.1 * kFootLength * facts_.stature_m);
+      const Vector3d ahead = foot.axis.dot(forward) < 0 ? Vector3d(-foot.axis) : foot.axis;
+      // The ankle lies at a quarter of the foot.
+      Vector3d ankle = foot.centre - 0.25 * length * ahead;
+      ankle.z() += kAnkle * facts_.stature_m;
+      ankles.push_back(ankle);
+    }
+    const double reach = ankles.size() == 2 ? 0.6 : kMaxJumpM;
+    const auto far = [&](size_t foot, Joint joint) {
+      return (ankles[foot] - expected[joint]).norm();
+    };
+    const auto add = [&](size_t foot, Joint joint) {
+      if (far(foot, joint) < reach) targets.push_back({joint, ankles[foot], kAnkleWeight});
+    };
+    if (ankles.size() == 2) {
+      const bool crossed =
+          far(0, kLeftAnkle) + far(1, kRightAnkle) > far(1, kLeftAnkle) + far(0, kRightAnkle);
+      add(crossed ? 1 : 0, kLeftAnkle);
+      add(crossed ? 0 : 1, kRightAnkle);
+    } else if (ankles.size() == 1) {
+      add(0, far(0, kLeftAnkle) < far(0, kRightAnkle) ? kLeftAnkle : kRightAnkle);
+    }
+  }
+
+  /// The pelvis is above the middle between neck and feet: otherwise a person falls.
+  void add_balance(const Head& head, const JointPositions& expected,
+                   std::vector<JointTarget>& targets) const {
+    const Vector3d neck = head.weight > 0 ? head.neck : expected[kNeck];
+    Vector3d feet = Vector3d::Zero();
+    for (const Joint ankle : {kLeftAnkle, kRightAnkle}) {
+      Vector3d place = expected[ankle];
+      for (const JointTarget& target : targets) {
+        if (target.joint == ankle) place = target.place;
+      }
+      feet += 0.5 * place;
+    }
+    Vector3d down = 0.5 * (feet - neck);
+    down.z() = -lengths_.between(kPelvis, kNeck);
+    const Vector3d pelvis = neck + lengths_.between(kPelvis, kNeck) * down.normalized();
+    targets.push_back({kPelvis, pelvis, kBalanceWeight});
+  }
+
+  void add_wrist(const Vector3d& grip, Joint wrist, const JointPositions& expected,
+                 std::vector<JointTarget>& targets) const {
+    const Joint shoulder = wrist == kLeftWrist ? kLeftShoulder : kRightShoulder;
+    const Vector3d towards = (expected[shoulder] - grip).normalized();
+    const Vector3d place = grip + proportions::kGrip * facts_.stature_m * towards;
+    targets.push_back({wrist, place, kHandWeight});
+  }
+
+  void add_hands(const BodyEvidence& seen, const JointPositions& expected,
+                 PoseProblem& problem) const {
+    if (facts_.both_hands_hold) {
+      if (!seen.prop) return;
+      const auto [right, left] = grips(*seen.prop);
+      add_wrist(right, kRightWrist, expected, problem.targets);
+      add_wrist(left, kLeftWrist, expected, problem.targets);
+      problem.towards_hands = towards_hands(seen, expected[kNeck]);
+      return;
+    }
+    for (const Vector3d& hand : seen.hands) {
+      const double left = (hand - expected[kLeftWrist]).norm();
+      const double right = (hand - expected[kRightWrist]).norm();
+      if (std::min(left, right) > 2 * kMaxJumpM) continue;
+      add_wrist(hand, left < right ? kLeftWrist : kRightWrist, expected, problem.targets);
+    }
+  }
+
+  FittedPose fit(size_t n, const JointPositions& start, const JointPositions& expected,
+                 double expected_weight, int iterations) const {
+    const BodyEvidence& seen = pulse(n);
+    PoseProblem problem;
+    problem.points = seen.points;
+    problem.expected = expected;
+    problem.expected_weight = expected_weight;
+    problem.has_prop = facts_.has_prop;
+    const Head& head = heads_[n];
+    if (head.weight > 0) {
+      problem.targets.push_back({kHead, head.head, kHeadWeight * head.weight});
+      problem.targets.push_back({kNeck, head.neck, kHeadWeight * head.weight});
+    }
+    add_feet(seen, expected, problem.targets);
+    add_balance(heads_[n], expected, problem.targets);
+    add_hands(seen, expected, problem);
+    if (facts_.has_prop && seen.prop) {
+      problem.targets.push_back({kPropBase, seen.prop->base, kPropWeight});
+      problem.targets.push_back({kPropTip, seen.prop->tip, kPropWeight});
+    }
+    return fit_pose(problem, lengths_, outline_, start, iterations);
+  }
+
+  /// Do most feet point backwards? Then left and right are exchanged.
+  bool faces_backwards() const {
+    if (facts_.both_hands_hold) return false;
+    double sum = 0;
+    for (size_t n = 0; n < poses_.size(); ++n) {
+      const JointPositions& joints = poses_[n].joints;
+      for (const FootEvidence& foot : pulse(n).feet) {
+        const Vector3d left = foot.centre - joints[kLeftKnee],
+                       right = foot.centre - joints[kRightKnee];
+        const Vector3d from = left.norm() < right.norm() ? left : right;
+        sum += std::clamp(from.dot(forward_of(joints)), -0.1, 0.1);
+      }
+    }
+    return sum < 0;
+  }
+
+  /// Radii of the outline: medians over the take.
+  void learn_outline() {
+    std::vector<std::array<std::vector<double>, Capsule::kKnots>> samples(outline_.size());
+    for (size_t n = 0; n < poses_.size(); ++n) {
+      for (const OutlinePoint& point : pulse(n).points) {
+        const auto [capsule, distance] = nearest(point, poses_[n].joints);
+        const auto knot = static_cast<size_t>(distance.along * (Capsule::kKnots - 1) + 0.5);
+        samples[capsule][knot].push_back(distance.metres);
+      }
+    }
+    for (size_t c = 0; c < outline_.size(); ++c) {
+      for (size_t k = 0; k < Capsule::kKnots; ++k) {
+        if (samples[c][k].size() < 30) continue;
+        outline_[c].radius_m[k] = percentile(samples[c][k], 0.5);
+      }
+    }
+    make_symmetric();
+  }
+
+  std::pair<size_t, CapsuleDistance> nearest(const OutlinePoint& point,
+                                             const JointPositions& joints) const {
+    if (point.capsule != OutlinePoint::kAnyCapsule) {
+      const auto only = static_cast<size_t>(point.capsule);
+      return {only, distance_to(outline_[only], joints, point.place)};
+    }
+    std::pair<size_t, CapsuleDistance> best;
+    double least = 1e9;
+    for (size_t c = 0; c < kPropCapsule; ++c) {
+      const CapsuleDistance distance = distance_to(outline_[c], joints, point.place);
+      const double outside = std::abs(distance.metres - outline_[c].radius(distance.along));
+      if (outside >= least) continue;
+      least = outside;
+      best = {c, distance};
+    }
+    return best;
+  }
+
+  void make_symmetric() {
+    for (const auto& [left, right] :
+         {std::pair<size_t, size_t>{2, 4}, {3, 5}, {7, 9}, {8, 10}, {11, 13}, {12, 14}}) {
+      for (size_t k = 0; k < Capsule::kKnots; ++k) {
+        const double mean = 0.5 * (outline_[left].radius_m[k] + outline_[right].radius_m[k]);
+        outline_[left].radius_m[k] = outline_[right].radius_m[k] = mean;
+      }
+    }
+  }
+
+  /// Fits all pulses again, near the mean of a pulse and its neighbours.
+  void refit() {
+    std::vector<FittedPose> refined(poses_.size());
+    tbb::parallel_for(size_t{0}, poses_.size(), [&](size_t n) {
+      JointPositions expected = poses_[n].joints;
+      if (n > 0 && n + 1 < poses_.size()) {
+        for (size_t j = 0; j < kJoints; ++j) {
+          expected[j] =
+              0.5 * expected[j] + 0.25 * (poses_[n - 1].joints[j] + poses_[n + 1].joints[j]);
+        }
+      }
+      refined[n] = fit(n, poses_[n].joints, expected, 1, kIterations);
+    });
+    poses_ = std::move(refined);
+  }
+
+  JointPositions smoothed(size_t n) const {
+    JointPositions sum = poses_[n].joints;
+    double weights = 1;
+    for (const int step : {-2, -1, 1, 2}) {
+      const auto other = static_cast<std::ptrdiff_t>(n) + step;
+      if (other < 0 || other >= static_cast<std::ptrdiff_t>(poses_.size())) continue;
+      const double weight = std::abs(step) == 1 ? 0.5 : 0.15;
+      for (size_t j = 0; j < kPropBase; ++j) {
+        sum[j] += weight * poses_[static_cast<size_t>(other)].joints[j];
+      }
+      weights += weight;
+    }
+    for (size_t j = 0; j < kPropBase; ++j) sum[j] /= weights;
+    restore_lengths(lengths_, sum);
+    return sum;
+  }
+
+  KinematicStructure result(size_t start) const {
+    KinematicStructure structure;
+    structure.lengths = lengths_;
+    structure.has_prop = facts_.has_prop;
+    structure.start = usable_[start];
+    for (size_t n = 0; n < poses_.size(); ++n) {
+      SkeletonPulse skeleton;
+      skeleton.index = usable_[n];
+      skeleton.joints = smoothed(n);
+      skeleton.rotations = joint_rotations(skeleton.joints);
+      for (size_t j = 0; j < kJoints; ++j) {
+        const double ratio = poses_[n].residual_m[j] / kConfidentM;
+        const double support = static_cast<double>(poses_[n].support[j]);
+        skeleton.confidence[j] = std::exp(-ratio * ratio) * support / (support + 10);
+      }
+      structure.pulses.push_back(skeleton);
+      structure.good += pulse(n).is_good() ? 1 : 0;
+    }
+    return structure;
+  }
+
+  std::span<const BodyEvidence> evidence_;
+  std::vector<size_t> usable_;
+  TakeFacts facts_;
+  BodyLengths lengths_;
+  std::vector<Capsule> outline_;
+  std::vector<FittedPose> poses_;
+  std::vector<Head> heads_;
+  bool turned_ = false;
+};
+
+}  // namespace
+
+KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence) {
+  std::vector<size_t> usable;
+  for (size_t i = 0; i < evidence.size(); ++i) {
+    if (evidence[i].problem.empty()) usable.push_back(i);
+  }
+  if (usable.empty()) return {};
+  return TakeFit(evidence, std::move(usable)).run();
+}
+
+}  // namespace v3d::recon

@@ -1,0 +1,38 @@
+// Kinematic structure of a performer, learnt from the pulses of a take.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "recon/skeleton/body_evidence.h"
+#include "recon/skeleton/body_model.h"
+
+namespace v3d::recon {
+
+/// A pulse with a skeleton. World frame, metres.
+struct SkeletonPulse {
+  size_t index = 0;  ///< of the evidence
+  JointPositions joints;
+  /// world_from_joint: x forward, y to the left, z from a joint towards the head; of limbs z points
+  /// from the tip to the root. The identity of a person who stands upright and looks along +x.
+  std::array<Eigen::Matrix3d, kJoints> rotations;
+  std::array<double, kJoints> confidence{};  ///< 0 to 1
+};
+
+struct KinematicStructure {
+  BodyLengths lengths{0, 0};
+  bool has_prop = false;
+  std::vector<SkeletonPulse> pulses;  ///< in the order of the evidence
+  size_t start = 0;                   ///< index of the evidence where tracking began
+  size_t good = 0;                    ///< pulses whose graph shows head, feet and hands or a prop
+};
+
+/// Learns one skeleton with constant bone lengths from the evidence of all pulses. Evidence with a
+/// problem gives no pulse; no evidence gives no structure (no pulses). Works in the caller's TBB
+/// arena; deterministic. Method and sources: docs/skeleton.md.
+KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence);
+
+}  // namespace v3d::recon

@@ -1,0 +1,97 @@
+#include "recon/skeleton/kinematic_structure.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/figures.h"
+#include "recon/shapes.h"
+
+namespace v3d::recon {
+namespace {
+
+BodyEvidence evidence_of(const Mesh& mesh) { return body_evidence(mesh, reeb_graph(mesh)); }
+
+/// A person who swings the arms, and moves along x by 1 cm a pulse.
+std::vector<BodyEvidence> swinging(int pulses) {
+  std::vector<BodyEvidence> evidence;
+  for (int p = 0; p < pulses; ++p) {
+    evidence.push_back(evidence_of(
+        figures::surface(figures::person(50 + 4 * p, 70 - 2 * p, {0.01 * p, 0, 0}), 0.02)));
+  }
+  return evidence;
+}
+
+TEST(BodyEvidence, names_the_ends_of_a_person_with_free_arms) {
+  const BodyEvidence evidence = evidence_of(figures::surface(figures::person(70, 50)));
+  EXPECT_EQ(evidence.problem, "");
+  ASSERT_TRUE(evidence.head);
+  EXPECT_NEAR(evidence.head->z(), 1.63, 0.06);
+  EXPECT_EQ(evidence.feet.size(), 2U);
+  EXPECT_EQ(evidence.hands.size(), 2U);
+  EXPECT_FALSE(evidence.prop);
+}
+
+TEST(BodyEvidence, reports_a_second_body) {
+  Mesh two = figures::surface(figures::person(70, 50), 0.025);
+  EXPECT_FALSE(evidence_of(two).has_other_bodies);
+  shapes::append(two, figures::surface(figures::person(20, 50, {3, 0, 0}), 0.025));
+  EXPECT_TRUE(evidence_of(two).has_other_bodies);
+}
+
+TEST(BodyEvidence, says_why_a_mesh_shows_no_body) {
+  EXPECT_EQ(evidence_of({}).problem, "the mesh is empty");
+  EXPECT_EQ(evidence_of(shapes::sphere({0, 0, 0}, 0.1F, 12)).problem,
+            "the mesh is lower than a body");
+  const Mesh stick = figures::surface({{{-0.5, 0, 1}, {0.5, 0, 1}, 0.03}});
+  EXPECT_EQ(evidence_of(stick).problem, "the mesh is lower than a body");
+}
+
+TEST(BodyEvidence, takes_a_long_stick_in_a_hand_for_a_prop_and_not_for_an_arm) {
+  std::vector<figures::Capsule> body = figures::person(70, 50);
+  const Eigen::Vector3d hand = body[5].b;
+  body.push_back({hand, hand + Eigen::Vector3d(0.9, 0, 0.1), 0.02});
+  const BodyEvidence evidence = evidence_of(figures::surface(body));
+  ASSERT_TRUE(evidence.prop);
+  EXPECT_GT((evidence.prop->tip - evidence.prop->base).norm(), 0.5);
+  EXPECT_LT((evidence.prop->tip - body.back().b).norm(), 0.08);
+}
+
+TEST(KinematicStructure, has_the_same_bone_lengths_at_every_pulse) {
+  const std::vector<BodyEvidence> evidence = swinging(6);
+  const KinematicStructure structure = kinematic_structure(evidence);
+  ASSERT_EQ(structure.pulses.size(), evidence.size());
+  for (const SkeletonPulse& pulse : structure.pulses) {
+    for (size_t j = 1; j < kBodyJoints; ++j) {
+      const auto joint = static_cast<Joint>(j);
+      const double length = (pulse.joints[joint] - pulse.joints[parent(joint)]).norm();
+      EXPECT_NEAR(length, structure.lengths.between(parent(joint), joint), 1e-6);
+    }
+  }
+}
+
+TEST(KinematicStructure, finds_head_and_ankles_and_keeps_left_and_right) {
+  const KinematicStructure structure = kinematic_structure(swinging(6));
+  ASSERT_EQ(structure.pulses.size(), 6U);
+  const double side = structure.pulses[0].joints[kLeftShoulder].y();
+  for (const SkeletonPulse& pulse : structure.pulses) {
+    EXPECT_NEAR(pulse.joints[kHead].z(), 1.63, 0.08);
+    EXPECT_NEAR(pulse.joints[kLeftAnkle].z(), 0.08, 0.06);
+    EXPECT_NEAR(pulse.joints[kRightAnkle].z(), 0.08, 0.06);
+    EXPECT_GT(side * pulse.joints[kLeftShoulder].y(), 0);
+    EXPECT_LT(side * pulse.joints[kRightShoulder].y(), 0);
+  }
+}
+
+TEST(KinematicStructure, leaves_out_pulses_without_a_body) {
+  std::vector<BodyEvidence> evidence = swinging(4);
+  evidence.insert(evidence.begin() + 2, evidence_of({}));
+  const KinematicStructure structure = kinematic_structure(evidence);
+  ASSERT_EQ(structure.pulses.size(), 4U);
+  EXPECT_EQ(structure.pulses[2].index, 3U);
+  EXPECT_TRUE(kinematic_structure({}).pulses.empty());
+}
+
+}  // namespace
+}  // namespace v3d::recon
