@@ -20,6 +20,7 @@ void add_all_commands(CommandLine& line) {
   add_reconstruct(line);
   add_performers(line);
   add_track(line);
+  add_skeleton(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);

@@ -1,0 +1,183 @@
+#include <fmt/core.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "v3dctl/skeleton/take_skeleton.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using recon::Joint;
+
+size_t joints_of(const TakeSkeleton& skeleton) {
+  return skeleton.structure.has_prop ? size_t{recon::kJoints} : size_t{recon::kBodyJoints};
+}
+
+/// From the world, z up, to the axes of BVH and TRC files: x to the left, y up, z forward.
+Vector3d y_up(const Vector3d& v) { return {v.y(), v.z(), v.x()}; }
+Matrix3d y_up(const Matrix3d& rotation) {
+  Matrix3d axes;
+  axes << 0, 1, 0, 0, 0, 1, 1, 0, 0;
+  return axes * rotation * axes.transpose();
+}
+
+double rounded(double value, double step) { return std::round(value / step) * step; }
+
+class BvhWriter {
+ public:
+  explicit BvhWriter(const TakeSkeleton& skeleton) : skeleton_(skeleton) {}
+
+  std::string write() {
+    text_ = "HIERARCHY\n";
+    write_joint(recon::kPelvis, 0);
+    const auto& pulses = skeleton_.structure.pulses;
+    const double rate = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
+    text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.6f}\n", pulses.size(), 1 / rate);
+    for (const recon::SkeletonPulse& pulse : pulses) write_pulse(pulse);
+    return text_;
+  }
+
+ private:
+  /// The offset of a joint from its parent in the rest pose, in the frame of the parent: the mean
+  /// over the take, with the length of the bone. The frames of parents stand upright at rest.
+  Vector3d offset(Joint joint) const {
+    Vector3d sum = Vector3d::Zero();
+    const Joint from = recon::parent(joint);
+    for (const recon::SkeletonPulse& pulse : skeleton_.structure.pulses) {
+      sum += pulse.rotations[from].transpose() * (pulse.joints[joint] - pulse.joints[from]);
+    }
+    const double length = skeleton_.structure.pulses.empty() ? 0 : sum.norm();
+    if (length < 1e-9) return Vector3d::Zero();
+    return mean_length(joint) / length * sum;
+  }
+
+  double mean_length(Joint joint) const {
+    double sum = 0;
+    for (const recon::SkeletonPulse& pulse : skeleton_.structure.pulses) {
+      sum += (pulse.joints[joint] - pulse.joints[recon::parent(joint)]).norm();
+    }
+    return sum / static_cast<double>(skeleton_.structure.pulses.size());
+  }
+
+  void write_joint(Joint joint, int depth) {
+    const std::string indent(static_cast<size_t>(depth), '\t');
+    const Vector3d at = joint == recon::kPelvis ? Vector3d(Vector3d::Zero()) : y_up(offset(joint));
+    order_.push_back(joint);
+    text_ += fmt::format("{}{} {}\n{}{{\n{}\tOFFSET {:.6f} {:.6f} {:.6f}\n", indent,
+                         depth == 0 ? "ROOT" : "JOINT", recon::name(joint), indent, indent, at.x(),
+                         at.y(), at.z());
+    text_ +=
+        indent + (depth == 0 ? "\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation "
+                               "Yrotation\n"
+                             : "\tCHANNELS 3 Zrotation Xrotation Yrotation\n");
+    bool has_child = false;
+    for (size_t j = 1; j < joints_of(skeleton_); ++j) {
+      const auto child = static_cast<Joint>(j);
+      if (recon::parent(child) != joint) continue;
+      has_child = true;
+      write_joint(child, depth + 1);
+    }
+    if (!has_child) {
+      text_ += indent + "\tEnd Site\n" + indent + "\t{\n" + indent + "\t\tOFFSET 0 0.05 0\n" +
+               indent + "\t}\n";
+    }
+    text_ += indent + "}\n";
+  }
+
+  void write_pulse(const recon::SkeletonPulse& pulse) {
+    const Vector3d root = y_up(pulse.joints[recon::kPelvis]);
+    text_ += fmt::format("{:.6f} {:.6f} {:.6f}", root.x(), root.y(), root.z());
+    for (const Joint joint : order_) {
+      const Matrix3d world = pulse.rotations[joint];
+      const Matrix3d local =
+          joint == recon::kPelvis
+              ? world
+              : Matrix3d(pulse.rotations[recon::parent(joint)].transpose() * world);
+      const Vector3d angles = y_up(local).eulerAngles(2, 0, 1) * 180 / std::numbers::pi;
+      text_ += fmt::format(" {:.6f} {:.6f} {:.6f}", angles.x(), angles.y(), angles.z());
+    }
+    text_ += '\n';
+  }
+
+  const TakeSkeleton& skeleton_;
+  std::vector<Joint> order_;
+  std::string text_;
+};
+
+}  // namespace
+
+std::string skeleton_json(const TakeSkeleton& skeleton) {
+  const recon::KinematicStructure& structure = skeleton.structure;
+  Json joints = Json::array(), pulses = Json::array();
+  for (size_t j = 0; j < joints_of(skeleton); ++j) {
+    const auto joint = static_cast<Joint>(j);
+    Json entry{{"name", recon::name(joint)}, {"parent", nullptr}};
+    if (j > 0) entry["parent"] = recon::name(recon::parent(joint));
+    if (j > 0 && joint != recon::kPropBase) {
+      entry["bone_m"] = rounded(structure.lengths.between(recon::parent(joint), joint), 1e-4);
+    }
+    joints.push_back(entry);
+  }
+  for (const recon::SkeletonPulse& pulse : structure.pulses) {
+    Json positions = Json::array(), rotations = Json::array(), confidences = Json::array();
+    for (size_t j = 0; j < joints_of(skeleton); ++j) {
+      const Vector3d& p = pulse.joints[j];
+      positions.push_back({rounded(p.x(), 1e-4), rounded(p.y(), 1e-4), rounded(p.z(), 1e-4)});
+      const Eigen::Quaterniond q(pulse.rotations[j]);
+      rotations.push_back(
+          {rounded(q.w(), 1e-5), rounded(q.x(), 1e-5), rounded(q.y(), 1e-5), rounded(q.z(), 1e-5)});
+      confidences.push_back(rounded(pulse.confidence[j], 1e-3));
+    }
+    pulses.push_back({{"pulse", skeleton.pulses[pulse.index]},
+                      {"positions", positions},
+                      {"rotations", rotations},
+                      {"confidences", confidences}});
+  }
+  const Json file{{"format", "v3d-skeleton"},
+                  {"version", 1},
+                  {"rate_hz", skeleton.rate_hz},
+                  {"stature_m", rounded(structure.lengths.stature_m(), 1e-3)},
+                  {"joints", joints},
+                  {"pulses", pulses}};
+  return file.dump() + "\n";
+}
+
+std::string skeleton_bvh(const TakeSkeleton& skeleton) { return BvhWriter(skeleton).write(); }
+
+std::string skeleton_trc(const TakeSkeleton& skeleton, const std::string& name) {
+  const auto& pulses = skeleton.structure.pulses;
+  const size_t joints = joints_of(skeleton);
+  const double rate = skeleton.rate_hz > 0 ? skeleton.rate_hz : 25;
+  std::string text = "PathFileType\t4\t(X/Y/Z)\t" + name +
+                     "\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
+                     "OrigDataStartFrame\tOrigNumFrames\n";
+  text += fmt::format("{0:g}\t{0:g}\t{1}\t{2}\tm\t{0:g}\t1\t{1}\nFrame#\tTime", rate, pulses.size(),
+                      joints);
+  for (size_t j = 0; j < joints; ++j) {
+    text += fmt::format("\t{}\t\t", recon::name(static_cast<Joint>(j)));
+  }
+  text += "\n\t";
+  for (size_t j = 1; j <= joints; ++j) text += fmt::format("\tX{0}\tY{0}\tZ{0}", j);
+  text += "\n\n";
+  for (size_t n = 0; n < pulses.size(); ++n) {
+    const auto pulse = static_cast<double>(skeleton.pulses[pulses[n].index]);
+    text += fmt::format("{}\t{:.6f}", n + 1, pulse / rate);
+    for (size_t j = 0; j < joints; ++j) {
+      // OpenSim: x forward, y up, z to the right.
+      const Vector3d& p = pulses[n].joints[j];
+      text += fmt::format("\t{:.6f}\t{:.6f}\t{:.6f}", p.x(), p.z(), -p.y());
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,106 @@
+#include "v3dctl/skeleton/take_skeleton.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "recon/skeleton/graph_similarity.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The mesh of a frame; throws InputError for positions that are not finite.
+Mesh checked_mesh(const fs::path& take, recon::CompactFrame frame) {
+  for (const Eigen::Vector3f& vertex : frame.mesh.vertices) {
+    if (vertex.allFinite()) continue;
+    throw InputError(take.string() + ": the mesh of pulse " + std::to_string(frame.pulse) +
+                     " has positions that are not finite; reconstruct it again");
+  }
+  return std::move(frame.mesh);
+}
+
+/// Keeps one performer of a frame whose vertices have labels.
+void keep_performer(recon::CompactFrame& frame, int performer) {
+  if (frame.performers.empty()) return;
+  frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
+}
+
+}  // namespace
+
+TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int performer,
+                            const std::function<void(int64_t)>& on_begin,
+                            const std::function<void()>& on_pulse) {
+  TakeSkeleton result;
+  recorded::MeshFrames meshes(take);
+  result.pulses = meshes.frames(frames);
+  result.rate_hz = take::load_take_info({take}).rate_hz;
+  on_begin(std::ssize(result.pulses));
+  std::vector<recon::BodyEvidence> evidence;
+  std::vector<double> times_ms;
+  int64_t several = 0, without = 0;
+  std::string reason;
+  for (const int64_t pulse : result.pulses) {
+    recon::CompactFrame frame = meshes.read(pulse);
+    keep_performer(frame, performer);
+    const Mesh mesh = checked_mesh(take, std::move(frame));
+    const auto begin = std::chrono::steady_clock::now();
+    const recon::ReebGraph graph = recon::reeb_graph(mesh);
+    const std::chrono::duration<double, std::milli> elapsed =
+        std::chrono::steady_clock::now() - begin;
+    times_ms.push_back(elapsed.count());
+    evidence.push_back(recon::body_evidence(mesh, graph));
+    several += evidence.back().has_other_bodies ? 1 : 0;
+    if (!evidence.back().problem.empty()) {
+      ++without;
+      reason = evidence.back().problem;
+    }
+    on_pulse();
+  }
+  std::ranges::sort(times_ms);
+  result.graph_ms = times_ms[times_ms.size() / 2];
+  if (several > 0) {
+    result.problems.push_back(
+        count_of(several, "pulse") +
+        " with several bodies: the largest has the skeleton; v3dctl performers "
+        "labels them");
+  }
+  if (without > 0) {
+    result.problems.push_back(count_of(without, "pulse") + " without a body: " + reason);
+  }
+  result.structure = recon::kinematic_structure(evidence);
+  if (result.structure.pulses.empty()) {
+    throw InputError(take.string() + ": no pulse shows a body: " + reason);
+  }
+  return result;
+}
+
+std::vector<SimilarPose> similar_poses(const fs::path& take, int64_t pulse, const fs::path& other,
+                                       take::FrameRange frames, size_t count) {
+  recorded::MeshFrames queries(take);
+  const recon::ReebGraph query = recon::reeb_graph(checked_mesh(take, queries.read(pulse)));
+  recorded::MeshFrames meshes(other);
+  const bool same = fs::equivalent(take, other);
+  const auto apart = static_cast<int64_t>(0.5 * take::load_take_info({other}).rate_hz) + 1;
+  std::vector<int64_t> pulses;
+  std::vector<recon::ReebGraph> graphs;
+  for (const int64_t candidate : meshes.frames(frames)) {
+    if (same && std::abs(candidate - pulse) < apart) continue;
+    pulses.push_back(candidate);
+    graphs.push_back(recon::reeb_graph(checked_mesh(other, meshes.read(candidate))));
+  }
+  std::vector<SimilarPose> result;
+  for (const recon::SimilarPulse& found :
+       recon::most_similar(query, graphs, count, static_cast<size_t>(apart))) {
+    result.push_back({pulses[found.index], found.similarity});
+  }
+  return result;
+}
+
+}  // namespace v3d::ctl

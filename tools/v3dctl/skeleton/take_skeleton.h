@@ -1,0 +1,50 @@
+// Skeleton of a take: learnt from its meshes, written as JSON, BVH and TRC; retrieval of poses.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "recon/skeleton/kinematic_structure.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+struct TakeSkeleton {
+  double rate_hz = 0;
+  std::vector<int64_t> pulses;  ///< of the meshes that were read
+  recon::KinematicStructure structure;
+  /// One line for each kind of problem: pulses without a body, several performers.
+  std::vector<std::string> problems;
+  double graph_ms = 0;  ///< median time of one graph
+};
+
+/// Learns the skeleton of a reconstructed take. `performer`: whose, where vertices have labels;
+/// otherwise that of the largest component. Calls `on_begin` with the number of pulses and
+/// `on_pulse` after each. Throws InputError for a take without meshes, and where no pulse shows a
+/// body.
+TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
+                            int performer, const std::function<void(int64_t)>& on_begin,
+                            const std::function<void()>& on_pulse);
+
+/// skeleton.json (docs/skeleton.md).
+std::string skeleton_json(const TakeSkeleton& skeleton);
+/// Biovision hierarchy: metres, y up, one frame for each pulse with a skeleton.
+std::string skeleton_bvh(const TakeSkeleton& skeleton);
+/// Marker file of OpenSim and Pose2Sim: metres, y up. Time is that of the pulse.
+std::string skeleton_trc(const TakeSkeleton& skeleton, const std::string& name);
+
+struct SimilarPose {
+  int64_t pulse = 0;
+  double similarity = 0;
+};
+
+/// The pulses of `other` most similar to `pulse` of `take`, best first, half a second apart. In the
+/// same take without the query and its neighbours. Throws InputError for an unknown pulse.
+std::vector<SimilarPose> similar_poses(const std::filesystem::path& take, int64_t pulse,
+                                       const std::filesystem::path& other, take::FrameRange frames,
+                                       size_t count);
+
+}  // namespace v3d::ctl
