@@ -15,6 +15,7 @@ using Eigen::Vector3d;
 
 constexpr size_t kPoints = 1500;
 constexpr double kMinBranchM = 0.1;
+constexpr double kOtherBody = 0.5;   ///< share of the area of the largest component
 constexpr double kMinHeightM = 0.5;  ///< of a body
 // A prop: radius at most, length at least, and how far its centres are from a line.
 constexpr double kPropRadiusM = 0.042, kPropLengthM = 0.3, kPropBend = 0.05;
@@ -81,6 +82,10 @@ class Observer {
       area_ = whole.area;
       component_ = whole.component;
     }
+    result_.has_other_bodies =
+        std::ranges::any_of(graph_.levels[0].nodes, [&](const ReebNode& whole) {
+          return whole.component != component_ && whole.area >= kOtherBody * area_;
+        });
   }
 
   void find_prop() {

@@ -33,9 +33,10 @@ struct BodyEvidence {
   std::vector<Eigen::Vector3d> hands;         ///< ends of free arms, at most two
   std::optional<PropEvidence> prop;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the area without the prop
-  double bottom_m = 0, top_m = 0;                    ///< z of the body without the prop
-  double branches_m = 0;                             ///< lengths of all branches: large for a pose
-                                                     ///< whose limbs are free
+  bool has_other_bodies = false;   ///< another component has half the area of the largest, or more
+  double bottom_m = 0, top_m = 0;  ///< z of the body without the prop
+  double branches_m = 0;           ///< lengths of all branches: large for a pose
+                                   ///< whose limbs are free
   bool is_good() const { return head && feet.size() == 2 && (prop || hands.size() == 2); }
 };
 

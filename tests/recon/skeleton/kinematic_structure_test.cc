@@ -33,6 +33,13 @@ TEST(BodyEvidence, names_the_ends_of_a_person_with_free_arms) {
   EXPECT_FALSE(evidence.prop);
 }
 
+TEST(BodyEvidence, reports_a_second_body) {
+  Mesh two = figures::surface(figures::person(70, 50), 0.025);
+  EXPECT_FALSE(evidence_of(two).has_other_bodies);
+  shapes::append(two, figures::surface(figures::person(20, 50, {3, 0, 0}), 0.025));
+  EXPECT_TRUE(evidence_of(two).has_other_bodies);
+}
+
 TEST(BodyEvidence, says_why_a_mesh_shows_no_body) {
   EXPECT_EQ(evidence_of({}).problem, "the mesh is empty");
   EXPECT_EQ(evidence_of(shapes::sphere({0, 0, 0}, 0.1F, 12)).problem,

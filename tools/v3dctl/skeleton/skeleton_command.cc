@@ -24,6 +24,7 @@ struct Arguments {
   std::filesystem::path take, other, bvh, trc;
   std::string frames;
   int64_t like = -1;
+  int performer = 1;
   bool json = false;
 };
 
@@ -74,15 +75,20 @@ void print_text(const TakeSkeleton& skeleton) {
   for (const std::string& problem : skeleton.problems) fmt::print("{}\n", problem);
 }
 
+std::string file_name(int performer) {
+  if (performer == 1) return "skeleton.json";
+  return "skeleton.performer" + std::to_string(performer) + ".json";
+}
+
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) return find_similar(arguments);
   catch_interrupts();
   std::optional<Progress> progress;
   const TakeSkeleton skeleton = learn_skeleton(
-      arguments.take, parse_frame_range(arguments.frames),
+      arguments.take, parse_frame_range(arguments.frames), arguments.performer,
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
-  replace_file(arguments.take / "skeleton.json", skeleton_json(skeleton));
+  replace_file(arguments.take / file_name(arguments.performer), skeleton_json(skeleton));
   if (!arguments.bvh.empty()) replace_file(arguments.bvh, skeleton_bvh(skeleton));
   if (!arguments.trc.empty()) {
     replace_file(arguments.trc, skeleton_trc(skeleton, arguments.trc.filename().string()));
@@ -105,6 +111,11 @@ void add_skeleton(CommandLine& line) {
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   add_frames_option(command, arguments->frames);
+  command
+      .add_option("--performer", arguments->performer,
+                  "The performer, where v3dctl performers has labelled the take")
+      .check(cli::integer_in(1, 255))
+      .show_default();
   command.add_option("--bvh", arguments->bvh, "Also write the motion as a BVH file")
       .type_name("FILE");
   command.add_option("--trc", arguments->trc, "Also write the joints as a TRC file")

@@ -26,22 +26,15 @@ Mesh checked_mesh(const fs::path& take, recon::CompactFrame frame) {
   return std::move(frame.mesh);
 }
 
-/// The largest performer of a frame with labels; otherwise the mesh.
-bool keep_one_performer(recon::CompactFrame& frame) {
-  const auto last = std::ranges::max_element(frame.performers);
-  if (last == frame.performers.end() || *last < 2) return false;
-  std::vector<std::array<uint32_t, 3>> largest;
-  for (int performer = 1; performer <= *last; ++performer) {
-    auto triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
-    if (triangles.size() > largest.size()) largest = std::move(triangles);
-  }
-  frame.mesh.triangles = std::move(largest);
-  return true;
+/// Keeps one performer of a frame whose vertices have labels.
+void keep_performer(recon::CompactFrame& frame, int performer) {
+  if (frame.performers.empty()) return;
+  frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
 }
 
 }  // namespace
 
-TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames,
+TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int performer,
                             const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse) {
   TakeSkeleton result;
@@ -55,7 +48,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames,
   std::string reason;
   for (const int64_t pulse : result.pulses) {
     recon::CompactFrame frame = meshes.read(pulse);
-    several += keep_one_performer(frame) ? 1 : 0;
+    keep_performer(frame, performer);
     const Mesh mesh = checked_mesh(take, std::move(frame));
     const auto begin = std::chrono::steady_clock::now();
     const recon::ReebGraph graph = recon::reeb_graph(mesh);
@@ -63,6 +56,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames,
         std::chrono::steady_clock::now() - begin;
     times_ms.push_back(elapsed.count());
     evidence.push_back(recon::body_evidence(mesh, graph));
+    several += evidence.back().has_other_bodies ? 1 : 0;
     if (!evidence.back().problem.empty()) {
       ++without;
       reason = evidence.back().problem;
@@ -72,8 +66,10 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames,
   std::ranges::sort(times_ms);
   result.graph_ms = times_ms[times_ms.size() / 2];
   if (several > 0) {
-    result.problems.push_back(count_of(several, "pulse") +
-                              " with several performers: the largest one has the skeleton");
+    result.problems.push_back(
+        count_of(several, "pulse") +
+        " with several bodies: the largest has the skeleton; v3dctl performers "
+        "labels them");
   }
   if (without > 0) {
     result.problems.push_back(count_of(without, "pulse") + " without a body: " + reason);

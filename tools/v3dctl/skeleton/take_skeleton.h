@@ -21,11 +21,12 @@ struct TakeSkeleton {
   double graph_ms = 0;  ///< median time of one graph
 };
 
-/// Learns the skeleton of a reconstructed take. Calls `on_begin` with the number of pulses and
+/// Learns the skeleton of a reconstructed take. `performer`: whose, where vertices have labels;
+/// otherwise that of the largest component. Calls `on_begin` with the number of pulses and
 /// `on_pulse` after each. Throws InputError for a take without meshes, and where no pulse shows a
 /// body.
 TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
-                            const std::function<void(int64_t)>& on_begin,
+                            int performer, const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse);
 
 /// skeleton.json (docs/skeleton.md).
