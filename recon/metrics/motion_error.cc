@@ -76,15 +76,15 @@ void CarriedPoints::follow(const Mesh& surface) {
   });
 }
 
-void CarriedPoints::rebind(const Mesh& surface) {
+void CarriedPoints::change_surface_later(const Mesh& surface) {
   for (size_t i = 0; i < places_.size(); ++i) {
     const Vector3f next = 2 * places_[i] - before_[i];
     before_[i] = std::exchange(places_[i], next);
   }
-  bind_again(surface);
+  change_surface(surface);
 }
 
-void CarriedPoints::bind_again(const Mesh& surface) {
+void CarriedPoints::change_surface(const Mesh& surface) {
   bind(surface, std::numeric_limits<double>::infinity());
 }
 

@@ -36,9 +36,10 @@ class CarriedPoints {
   void follow(const Mesh& surface);
   /// Binds the points that were bound to the nearest places of another surface of the same pulse,
   /// at any distance, so that a lost point counts with its error.
-  void bind_again(const Mesh& surface);
-  /// Moves the points on as between the last two pulses, then as bind_again().
-  void rebind(const Mesh& surface);
+  void change_surface(const Mesh& surface);
+  /// As change_surface(), one pulse later: first moves the points on as between the last two
+  /// pulses.
+  void change_surface_later(const Mesh& surface);
   /// Moves the points to the nearest places of another surface, at any distance: nearest-point
   /// propagation.
   void move_to_nearest(const Mesh& surface);

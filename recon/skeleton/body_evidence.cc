@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "recon/skeleton/graph_branches.h"
 
@@ -23,6 +24,10 @@ constexpr double kHandRadiusM = 0.06;     ///< of an arm at the hand, at most
 constexpr double kMinArm = 0.15;          ///< of the height
 constexpr double kMinHeadRadius = 0.025;  ///< of the height
 constexpr double kHeadLength = 0.13;      ///< of the height: from the top to the chin
+// Of the height: the part of a leg above the sole, and the least distance of its middle from that
+// of the foot, at which it shows where the toes are.
+constexpr double kShinLow = 0.06, kShinHigh = 0.1, kLeastAhead = 0.01;
+constexpr double kWholeFoot = 0.1;  ///< of the height: length of a foot that is flat on the ground
 
 std::vector<Vector3d> centres_of(const ReebGraph& graph, const GraphBranch& branch, size_t count) {
   std::vector<Vector3d> centres;
@@ -157,7 +162,7 @@ class Observer {
       area += part.area * graph_.area_m2;
       length = path;
     });
-    return area / (2 * 3.141592653589793 * std::max(length, 0.05));
+    return area / (2 * std::numbers::pi * std::max(length, 0.05));
   }
 
   template <class Visit>
@@ -222,6 +227,12 @@ class Observer {
     if (flat.size() < 8) return;
     measure_foot(flat, foot);
     foot.centre.z() = sole;
+    std::vector<Vector2d> shin;
+    for_each_near([&](const Vector3d& place) {
+      const double height = (place.z() - sole) / height_m();
+      if (height > kShinLow && height < kShinHigh) shin.emplace_back(place.head<2>());
+    });
+    point_ahead(shin, foot);
     for (const FootEvidence& other : result_.feet) {
       if ((other.centre - foot.centre).norm() < 0.06 * height_m()) return;
     }
@@ -243,6 +254,17 @@ class Observer {
     foot.axis = Vector3d(axis.x(), axis.y(), 0);
     foot.length_m = high - low;
     foot.centre.head<2>() = mean + 0.5 * (low + high) * axis;
+  }
+
+  /// The toes are on the other side of the middle of the foot than the leg above it.
+  void point_ahead(const std::vector<Vector2d>& shin, FootEvidence& foot) const {
+    if (shin.size() < 8 || foot.length_m < kWholeFoot * height_m()) return;
+    Vector2d leg = Vector2d::Zero();
+    for (const Vector2d& place : shin) leg += place / static_cast<double>(shin.size());
+    const double ahead = foot.axis.head<2>().dot(foot.centre.head<2>() - leg);
+    if (std::abs(ahead) < kLeastAhead * height_m()) return;
+    if (ahead < 0) foot.axis = -foot.axis;
+    foot.points_ahead = true;
   }
 
   void choose_points() {

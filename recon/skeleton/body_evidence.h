@@ -15,7 +15,9 @@ namespace v3d::recon {
 /// A foot: its outline on the ground.
 struct FootEvidence {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< world, metres; z: of the sole
-  Eigen::Vector3d axis = Eigen::Vector3d::Zero();    ///< horizontal unit vector, of either sign
+  /// Horizontal unit vector; towards the toes if `points_ahead`, else of either sign.
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();
+  bool points_ahead = false;  ///< the leg above the foot shows where the toes are
   double length_m = 0;
 };
 

@@ -5,8 +5,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
+#include "base/core/statistics.h"
 #include "recon/skeleton/joint_rotations.h"
 
 namespace v3d::recon {
@@ -30,12 +32,6 @@ constexpr std::ptrdiff_t kMaxGap = 40;  ///< pulses between which a head is inte
 constexpr double kInterpolated = 0.5;   ///< weight of an interpolated head
 constexpr int kRounds = 2;              ///< of learning the outline
 constexpr double kConfidentM = 0.05;
-
-double percentile(std::vector<double> values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::ranges::nth_element(values, values.begin() + at);
-  return values[static_cast<size_t>(at)];
-}
 
 Vector3d horizontal(const Vector3d& v) {
   const Vector3d flat(v.x(), v.y(), 0);
@@ -172,17 +168,14 @@ class TakeFit {
 
   JointPositions first_pose(size_t n) const {
     const BodyEvidence& seen = pulse(n);
-    Vector3d forward = Vector3d::Zero();
     const Vector3d middle = seen.head.value_or(seen.centre);
-    if (facts_.has_prop && seen.prop) forward += horizontal(seen.prop->base - middle);
-    for (const Vector3d& hand : seen.hands) forward += 0.1 * horizontal(hand - middle);
-    if (forward.norm() < 0.2) {
-      for (const FootEvidence& foot : seen.feet) {
-        forward += foot.axis.dot(forward) < 0 ? Vector3d(-foot.axis) : foot.axis;
-      }
+    Vector3d forward = toes_of(seen);
+    if (facts_.has_prop && seen.prop) forward = horizontal(seen.prop->base - middle);
+    if (forward.norm() < 0.5) {
+      for (const Vector3d& hand : seen.hands) forward += horizontal(hand - middle);
     }
     double yaw = std::atan2(forward.y(), forward.x());
-    if (turned_) yaw += 3.141592653589793;
+    if (turned_) yaw += std::numbers::pi;
     Vector3d pelvis = middle;
     if (seen.feet.size() == 2) {
       pelvis = 0.6 * pelvis + 0.2 * (seen.feet[0].centre + seen.feet[1].centre);
@@ -338,18 +331,21 @@ class TakeFit {
     return fit_pose(problem, lengths_, outline_, start, iterations);
   }
 
+  /// Sum of the directions to the toes, as far as feet show them.
+  static Vector3d toes_of(const BodyEvidence& seen) {
+    Vector3d sum = Vector3d::Zero();
+    for (const FootEvidence& foot : seen.feet) {
+      if (foot.points_ahead) sum += foot.axis;
+    }
+    return sum;
+  }
+
   /// Do most feet point backwards? Then left and right are exchanged.
   bool faces_backwards() const {
     if (facts_.both_hands_hold) return false;
     double sum = 0;
     for (size_t n = 0; n < poses_.size(); ++n) {
-      const JointPositions& joints = poses_[n].joints;
-      for (const FootEvidence& foot : pulse(n).feet) {
-        const Vector3d left = foot.centre - joints[kLeftKnee],
-                       right = foot.centre - joints[kRightKnee];
-        const Vector3d from = left.norm() < right.norm() ? left : right;
-        sum += std::clamp(from.dot(forward_of(joints)), -0.1, 0.1);
-      }
+      sum += toes_of(pulse(n)).dot(forward_of(poses_[n].joints));
     }
     return sum < 0;
   }

@@ -5,8 +5,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "base/core/error.h"
 #include "recon/skeleton/joint_rotations.h"
-#include "v3dctl/skeleton/take_skeleton.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "v3dctl/skeleton/skeleton_truth.h"
 
 namespace v3d::ctl {
 namespace {
@@ -58,6 +61,74 @@ TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
   // Position with y up; then the angles about z, x and y.
   EXPECT_THAT(text, HasSubstr("\n2.000000 0.930000 1.000000 "));
   EXPECT_THAT(text, HasSubstr(" 28.647890 "));
+}
+
+/// joints.json with the joints of `skeleton`, higher by 30 mm; `swap`: left and right exchanged.
+std::string true_joints(const TakeSkeleton& skeleton, bool swap) {
+  nlohmann::json joints = nlohmann::json::array(), pulses = nlohmann::json::array();
+  for (size_t j = 0; j < recon::kBodyJoints; ++j) {
+    std::string name(recon::name(static_cast<recon::Joint>(j)));
+    if (swap && name.starts_with("left")) {
+      name.replace(0, 4, "right");
+    } else if (swap && name.starts_with("right")) {
+      name.replace(0, 5, "left");
+    }
+    joints.push_back({{"name", "node"}, {"parent", -1}, {"main", name}});
+  }
+  for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
+    nlohmann::json places = nlohmann::json::array();
+    for (size_t j = 0; j < recon::kBodyJoints; ++j) {
+      const Eigen::Vector3d& p = pulse.joints[j];
+      places.push_back({p.x(), p.y(), p.z() + 0.03});
+    }
+    pulses.push_back({{"pulse", skeleton.pulses[pulse.index]}, {"positions", places}});
+  }
+  return nlohmann::json{{"joints", joints}, {"pulses", pulses}}.dump();
+}
+
+class SkeletonTruth : public testing::Test {
+ protected:
+  std::string rejection(const std::string& text, int performer = 1) {
+    test::write_text(folder_ / "joints.json", text);
+    return test::message_of<InputError>(
+        [&] { compare_with_truth(skeleton_, folder_.path(), performer); });
+  }
+  test::TemporaryFolder folder_;
+  const TakeSkeleton skeleton_ = turning(4);
+};
+
+TEST_F(SkeletonTruth, is_compared_joint_by_joint) {
+  test::write_text(folder_ / "joints.json", true_joints(skeleton_, false));
+  const SkeletonError error = compare_with_truth(skeleton_, folder_.path(), 1);
+  EXPECT_EQ(error.pulses, 4);
+  EXPECT_EQ(error.swaps, 0);
+  EXPECT_NEAR(error.all.p50_mm, 30, 1e-6);
+  EXPECT_NEAR(error.of_joint.at("left_knee").p90_mm, 30, 1e-6);
+  EXPECT_EQ(error.of_joint.size(), 15U);
+}
+
+TEST_F(SkeletonTruth, counts_pulses_with_left_and_right_exchanged) {
+  test::write_text(folder_ / "joints.json", true_joints(skeleton_, true));
+  EXPECT_EQ(compare_with_truth(skeleton_, folder_.path(), 1).swaps, 4);
+}
+
+TEST_F(SkeletonTruth, is_rejected_when_it_does_not_fit) {
+  const std::string whole = true_joints(skeleton_, false);
+  EXPECT_THAT(rejection("{}"), HasSubstr("joints.json: is no joints.json"));
+  EXPECT_THAT(rejection(whole.substr(0, 100)), HasSubstr("is no joints.json"));
+  EXPECT_THAT(rejection(whole, 2), HasSubstr("has no main joint of performer 2"));
+  EXPECT_THAT(rejection(true_joints(turning(0), false)), HasSubstr("has no pulse with a skeleton"));
+  nlohmann::json few = nlohmann::json::parse(whole);
+  few["pulses"][0]["positions"].erase(3);
+  EXPECT_THAT(rejection(few.dump()), HasSubstr("fewer positions than there are joints"));
+}
+
+TEST(BoneLengthSpread, is_the_largest_relative_change_of_a_bone) {
+  TakeSkeleton skeleton = turning(3);
+  EXPECT_LT(bone_length_spread(skeleton), 1e-9);
+  recon::JointPositions& joints = skeleton.structure.pulses[1].joints;
+  joints[recon::kHead] = joints[recon::kNeck] + 1.1 * (joints[recon::kHead] - joints[recon::kNeck]);
+  EXPECT_NEAR(bone_length_spread(skeleton), 0.1, 1e-6);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ TEST(CarriedPoints, keep_their_velocity_when_another_surface_takes_over) {
   const std::vector<Vector3f> start = carried.places();
   carried.follow(at(0.1F));
   Mesh other = shapes::sphere({0.2F, 0, 0}, 0.4F, 37);
-  carried.rebind(other);
+  carried.change_surface_later(other);
   EXPECT_GT(carried.bound(), std::ssize(start) / 2);
   for (size_t i = 0; i < start.size(); ++i) {
     if (!carried.is_bound(i)) continue;
@@ -66,7 +66,7 @@ TEST(CarriedPoints, stay_bound_at_any_distance_when_another_surface_takes_over) 
   const Mesh sphere = shapes::sphere({0, 0, 0}, 0.4F, 30);
   CarriedPoints carried(sphere, sphere.vertices);
   const Mesh other = shapes::sphere({0.5F, 0, 0}, 0.4F, 37);
-  carried.bind_again(other);
+  carried.change_surface(other);
   EXPECT_EQ(carried.bound(), std::ssize(sphere.vertices));
   EXPECT_EQ(carried.places(), sphere.vertices);
   carried.follow(moved(other, Eigen::Isometry3f(Eigen::Translation3f(0, 0.1F, 0))));

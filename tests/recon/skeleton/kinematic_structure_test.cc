@@ -33,6 +33,15 @@ TEST(BodyEvidence, names_the_ends_of_a_person_with_free_arms) {
   EXPECT_FALSE(evidence.prop);
 }
 
+TEST(BodyEvidence, shows_where_the_toes_of_a_standing_person_are) {
+  const BodyEvidence evidence = evidence_of(figures::surface(figures::person(70, 50)));
+  ASSERT_EQ(evidence.feet.size(), 2U);
+  for (const FootEvidence& foot : evidence.feet) {
+    EXPECT_TRUE(foot.points_ahead);
+    EXPECT_GT(foot.axis.x(), 0.9);
+  }
+}
+
 TEST(BodyEvidence, reports_a_second_body) {
   Mesh two = figures::surface(figures::person(70, 50), 0.025);
   EXPECT_FALSE(evidence_of(two).has_other_bodies);
@@ -81,6 +90,13 @@ TEST(KinematicStructure, finds_head_and_ankles_and_keeps_left_and_right) {
     EXPECT_NEAR(pulse.joints[kRightAnkle].z(), 0.08, 0.06);
     EXPECT_GT(side * pulse.joints[kLeftShoulder].y(), 0);
     EXPECT_LT(side * pulse.joints[kRightShoulder].y(), 0);
+  }
+}
+
+TEST(KinematicStructure, has_the_left_side_left_of_the_toes) {
+  const KinematicStructure structure = kinematic_structure(swinging(6));
+  for (const SkeletonPulse& pulse : structure.pulses) {
+    EXPECT_GT(pulse.joints[kLeftShoulder].y(), pulse.joints[kRightShoulder].y());
   }
 }
 

@@ -122,9 +122,9 @@ class MotionEvaluation {
     }
     ++report_.segments;
     if (to.pulse == from.pulse) {
-      points.bind_again(surface);
+      points.change_surface(surface);
     } else {
-      points.rebind(surface);
+      points.change_surface_later(surface);
     }
   }
 

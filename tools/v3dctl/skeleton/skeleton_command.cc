@@ -11,6 +11,7 @@
 #include "common/console.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
+#include "v3dctl/skeleton/skeleton_truth.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
@@ -21,8 +22,8 @@ using Json = nlohmann::ordered_json;
 constexpr size_t kSimilar = 10;
 
 struct Arguments {
-  std::filesystem::path take, other, bvh, trc;
-  std::string frames;
+  std::filesystem::path take, out, other, truth;
+  std::string frames, format;
   int64_t like = -1;
   int performer = 1;
   bool json = false;
@@ -41,6 +42,8 @@ int find_similar(const Arguments& arguments) {
   return kExitDone;
 }
 
+Json to_json(const JointError& error) { return {{"p50", error.p50_mm}, {"p90", error.p90_mm}}; }
+
 Json summary(const TakeSkeleton& skeleton) {
   const recon::KinematicStructure& structure = skeleton.structure;
   Json confidences = Json::object();
@@ -50,8 +53,10 @@ Json summary(const TakeSkeleton& skeleton) {
     confidences[std::string(recon::name(static_cast<recon::Joint>(j)))] =
         sum / static_cast<double>(structure.pulses.size());
   }
-  return {{"pulses", skeleton.pulses.size()},
+  return {{"joints", structure.has_prop ? recon::kJoints : recon::kBodyJoints},
+          {"pulses", skeleton.pulses.size()},
           {"skeletons", structure.pulses.size()},
+          {"bone_length_spread", bone_length_spread(skeleton)},
           {"good_pulses", structure.good},
           {"start_pulse", skeleton.pulses[structure.start]},
           {"stature_m", structure.lengths.stature_m()},
@@ -59,6 +64,15 @@ Json summary(const TakeSkeleton& skeleton) {
           {"mean_confidences", confidences},
           {"problems", skeleton.problems},
           {"graph_ms", skeleton.graph_ms}};
+}
+
+void put_error(Json& json, const SkeletonError& error) {
+  json["joint_error_mm"] = to_json(error.all);
+  json["swaps"] = error.swaps;
+  json["compared_pulses"] = error.pulses;
+  for (const auto& [joint, of_joint] : error.of_joint) {
+    json["error_of_joint_mm"][joint] = to_json(of_joint);
+  }
 }
 
 void print_text(const TakeSkeleton& skeleton) {
@@ -82,6 +96,9 @@ std::string file_name(int performer) {
 
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) return find_similar(arguments);
+  if (arguments.format.empty() != arguments.out.empty()) {
+    throw InputError("--export bvh|trc and OUT, its file, are given together");
+  }
   catch_interrupts();
   std::optional<Progress> progress;
   const TakeSkeleton skeleton = learn_skeleton(
@@ -89,14 +106,26 @@ int run(const Arguments& arguments) {
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
   replace_file(arguments.take / file_name(arguments.performer), skeleton_json(skeleton));
-  if (!arguments.bvh.empty()) replace_file(arguments.bvh, skeleton_bvh(skeleton));
-  if (!arguments.trc.empty()) {
-    replace_file(arguments.trc, skeleton_trc(skeleton, arguments.trc.filename().string()));
+  if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));
+  if (arguments.format == "trc") {
+    replace_file(arguments.out, skeleton_trc(skeleton, arguments.out.filename().string()));
+  }
+  std::optional<SkeletonError> error;
+  if (!arguments.truth.empty()) {
+    error = compare_with_truth(skeleton, arguments.truth, arguments.performer);
   }
   if (arguments.json) {
-    fmt::print("{}\n", summary(skeleton).dump(2));
+    Json json = summary(skeleton);
+    if (error) put_error(json, *error);
+    fmt::print("{}\n", json.dump(2));
   } else {
     print_text(skeleton);
+    if (error) {
+      fmt::print(
+          "joints       {:.0f} mm (median), {:.0f} mm (90 %) from the true ones; left and right "
+          "exchanged in {}\n",
+          error->all.p50_mm, error->all.p90_mm, count_of(error->swaps, "pulse"));
+    }
   }
   return skeleton.structure.pulses.size() == skeleton.pulses.size() ? kExitDone : kExitIncomplete;
 }
@@ -104,22 +133,28 @@ int run(const Arguments& arguments) {
 }  // namespace
 
 void add_skeleton(CommandLine& line) {
-  cli::Command command =
-      line.add("skeleton", "Learn the joints and bones of a performer (skeleton.json)",
-               {"v3dctl skeleton dancer --bvh dancer.bvh --trc dancer.trc",
-                "v3dctl skeleton dancer --like 120 --in rehearsal"});
+  cli::Command command = line.add(
+      "skeleton", "Learn the joints and bones of a performer (skeleton.json)",
+      {"v3dctl skeleton dancer --export bvh dancer.bvh", "v3dctl skeleton sim-01 --truth truth",
+       "v3dctl skeleton dancer --like 120 --in rehearsal"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
+  command.add_option("OUT", arguments->out, "With --export: the file");
   add_frames_option(command, arguments->frames);
   command
       .add_option("--performer", arguments->performer,
                   "The performer, where v3dctl performers has labelled the take")
       .check(cli::integer_in(1, 255))
       .show_default();
-  command.add_option("--bvh", arguments->bvh, "Also write the motion as a BVH file")
-      .type_name("FILE");
-  command.add_option("--trc", arguments->trc, "Also write the joints as a TRC file")
-      .type_name("FILE");
+  command
+      .add_option("--export", arguments->format,
+                  "Also write OUT: the motion (bvh), or the places of the joints (trc)")
+      .type_name("bvh|trc")
+      .check(cli::one_of({"bvh", "trc"}));
+  command
+      .add_option("--truth", arguments->truth,
+                  "Compare with the true joints of v3d-sim take --truth DIR")
+      .type_name("DIR");
   const cli::Option like =
       command
           .add_option("--like", arguments->like,

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/skeleton/graph_similarity.h"
@@ -63,8 +64,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
     }
     on_pulse();
   }
-  std::ranges::sort(times_ms);
-  result.graph_ms = times_ms[times_ms.size() / 2];
+  result.graph_ms = median(times_ms);
   if (several > 0) {
     result.problems.push_back(
         count_of(several, "pulse") +
