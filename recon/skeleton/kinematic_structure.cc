@@ -24,7 +24,10 @@ constexpr double kHeadWeight = 20, kAnkleWeight = 20, kHandWeight = 10, kPropWei
 /// Middle of the hands behind the base of the prop, and least distance of hands in front of the
 /// neck: shares of the stature.
 constexpr double kRightGrip = 0.06, kLeftGrip = 0.125, kInFront = 0.12;
-constexpr double kMaxTurn = 0.6;    ///< of a body from one pulse to the next, radians
+constexpr double kMaxTurn = 0.6;  ///< of a body from one pulse to the next, radians
+/// The body turns by this part of the way to the toes in a pulse; feet whose directions have a sum
+/// of less than the second do not count.
+constexpr double kTowardsToes = 0.2, kToesAgree = 0.9;
 constexpr double kMaxJumpM = 0.25;  ///< of an end from one pulse to the next
 /// How far a head can be from the last one: at once, more for each pulse between, at most. Metres.
 constexpr double kHeadNearM = 0.05, kHeadStepM = 0.025, kHeadFarM = 0.6;
@@ -216,6 +219,19 @@ class TakeFit {
     return horizontal(away);
   }
 
+  /// From `a` to `b` about the vertical axis, radians.
+  static double angle_between(const Vector3d& a, const Vector3d& b) {
+    return std::atan2(a.cross(b).z(), a.head<2>().dot(b.head<2>()));
+  }
+
+  /// Turns a body about its vertical axis, if not by more than one can turn in a pulse.
+  static void turn(JointPositions& joints, double angle) {
+    if (std::abs(angle) > kMaxTurn) return;
+    const Eigen::AngleAxisd rotation(angle, Vector3d::UnitZ());
+    const Vector3d centre = joints[kPelvis];
+    for (Vector3d& joint : joints) joint = centre + rotation * (joint - centre);
+  }
+
   void carry(size_t from, size_t to) {
     JointPositions expected = poses_[from].joints;
     const BodyEvidence& before = pulse(from);
@@ -223,12 +239,9 @@ class TakeFit {
     const auto a = towards_hands(before, expected[kNeck]);
     const auto b = towards_hands(now, expected[kNeck]);
     if (a && b) {
-      const double angle = std::atan2(a->cross(*b).z(), a->dot(*b));
-      if (std::abs(angle) < kMaxTurn) {
-        const Eigen::AngleAxisd turn(angle, Vector3d::UnitZ());
-        const Vector3d centre = expected[kPelvis];
-        for (Vector3d& joint : expected) joint = centre + turn * (joint - centre);
-      }
+      turn(expected, angle_between(*a, *b));
+    } else if (!facts_.both_hands_hold && toes_of(now).norm() > kToesAgree) {
+      turn(expected, kTowardsToes * angle_between(forward_of(expected), toes_of(now)));
     }
     poses_[to] = fit(to, expected, expected, 0.6, kIterations + 5);
   }
@@ -433,6 +446,7 @@ class TakeFit {
   KinematicStructure result(size_t start) const {
     KinematicStructure structure;
     structure.lengths = lengths_;
+    structure.outline = outline_;
     structure.has_prop = facts_.has_prop;
     structure.start = usable_[start];
     for (size_t n = 0; n < poses_.size(); ++n) {

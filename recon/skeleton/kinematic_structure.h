@@ -25,6 +25,7 @@ struct SkeletonPulse {
 struct KinematicStructure {
   BodyLengths lengths{0, 0};
   bool has_prop = false;
+  std::vector<Capsule> outline;       ///< of the performer, as body_outline()
   std::vector<SkeletonPulse> pulses;  ///< in the order of the evidence
   size_t start = 0;                   ///< index of the evidence where tracking began
   size_t good = 0;                    ///< pulses whose graph shows head, feet and hands or a prop

@@ -240,6 +240,17 @@ FittedPose fit_pose(const PoseProblem& problem, const BodyLengths& lengths,
 }
 
 void restore_lengths(const BodyLengths& lengths, JointPositions& joints) {
+  constexpr int kSweeps = 40;
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    for (const Bone& bone : lengths.bones()) {
+      const Vector3d along = joints[bone.b] - joints[bone.a];
+      const double now = along.norm();
+      if (now < 1e-9) continue;
+      const Vector3d half = 0.5 * (bone.metres - now) / now * along;
+      joints[bone.a] -= half;
+      joints[bone.b] += half;
+    }
+  }
   const JointPositions before = joints;
   for (size_t j = 0; j < kJoints; ++j) {
     const auto joint = static_cast<Joint>(j);

@@ -60,7 +60,11 @@ CapsuleDistance distance_to(const Capsule& capsule, const JointPositions& joints
 FittedPose fit_pose(const PoseProblem& problem, const BodyLengths& lengths,
                     std::span<const Capsule> outline, const JointPositions& start, int iterations);
 
-/// Moves joints so that all bones have their lengths, from the pelvis outwards; keeps directions.
+/// Moves joints so that all bones have their lengths: first both ends of each bone in turn, so that
+/// errors do not add up along a limb, then exactly, from the pelvis outwards.
+///
+/// Source: Mueller, Heidelberger, Hennix and Ratcliff, Position based dynamics, Journal of Visual
+/// Communication and Image Representation 18, 2007 (distance constraints).
 void restore_lengths(const BodyLengths& lengths, JointPositions& joints);
 
 }  // namespace v3d::recon

@@ -7,9 +7,9 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "codec/motion_codec.h"
 #include "common/console.h"
 #include "common/ply_file.h"
+#include "v3dctl/motion/tracked_surfaces.h"
 
 namespace v3d::ctl {
 namespace {
@@ -25,52 +25,6 @@ std::optional<Mesh> read_points(const fs::path& truth, int64_t pulse) {
   const fs::path file = truth / "points" / fmt::format("{:06}.ply", pulse);
   return fs::exists(file) ? std::optional(read_ply(file)) : std::nullopt;
 }
-
-/// The surfaces of a motion file.
-class TrackedSurfaces {
- public:
-  /// A pulse in a segment.
-  struct Place {
-    size_t segment = 0, index = 0;
-    int64_t pulse = 0;
-  };
-
-  explicit TrackedSurfaces(const fs::path& file) : file_(file), bytes_(read_file(file)) {
-    reader_ =
-        codec::MotionReader::open({reinterpret_cast<const uint8_t*>(bytes_.data()), bytes_.size()});
-    if (!reader_) damaged();
-  }
-
-  /// All pulses by ascending segments. A pulse that two segments share occurs twice.
-  std::vector<Place> places() const {
-    std::vector<Place> places;
-    for (size_t s = 0; s < reader_->segments().size(); ++s) {
-      const std::vector<int64_t>& pulses = reader_->segments()[s].pulses;
-      for (size_t i = 0; i < pulses.size(); ++i) places.push_back({s, i, pulses[i]});
-    }
-    return places;
-  }
-
-  Mesh read(const Place& place) {
-    const codec::MotionTemplate* const surface = reader_->surface(place.segment);
-    const codec::MotionPulse* const pulse =
-        surface != nullptr ? reader_->decode(place.segment, place.index) : nullptr;
-    if (pulse == nullptr) damaged();
-    Mesh mesh;
-    mesh.triangles = surface->triangles;
-    for (const auto& [x, y, z] : pulse->positions) mesh.vertices.emplace_back(x, y, z);
-    return mesh;
-  }
-
- private:
-  [[noreturn]] void damaged() const {
-    throw InputError(file_.string() + ": is damaged: run v3dctl track again");
-  }
-
-  const fs::path file_;
-  const std::string bytes_;
-  std::optional<codec::MotionReader> reader_;  ///< of bytes_
-};
 
 /// The pulses of a motion file that follow each other and have true points.
 class MotionEvaluation {

@@ -13,6 +13,7 @@
 #include "v3dctl/options.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
 #include "v3dctl/skeleton/take_skeleton.h"
+#include "v3dctl/skeleton/take_skin.h"
 
 namespace v3d::ctl {
 namespace {
@@ -53,17 +54,21 @@ Json summary(const TakeSkeleton& skeleton) {
     confidences[std::string(recon::name(static_cast<recon::Joint>(j)))] =
         sum / static_cast<double>(structure.pulses.size());
   }
-  return {{"joints", structure.has_prop ? recon::kJoints : recon::kBodyJoints},
-          {"pulses", skeleton.pulses.size()},
-          {"skeletons", structure.pulses.size()},
-          {"bone_length_spread", bone_length_spread(skeleton)},
-          {"good_pulses", structure.good},
-          {"start_pulse", skeleton.pulses[structure.start]},
-          {"stature_m", structure.lengths.stature_m()},
-          {"prop", structure.has_prop},
-          {"mean_confidences", confidences},
-          {"problems", skeleton.problems},
-          {"graph_ms", skeleton.graph_ms}};
+  Json json{{"joints", structure.has_prop ? recon::kJoints : recon::kBodyJoints},
+            {"pulses", skeleton.pulses.size()},
+            {"skeletons", structure.pulses.size()},
+            {"bone_length_spread", bone_length_spread(skeleton)},
+            {"good_pulses", structure.good},
+            {"start_pulse", skeleton.pulses[structure.start]},
+            {"stature_m", structure.lengths.stature_m()},
+            {"prop", structure.has_prop},
+            {"mean_confidences", confidences},
+            {"problems", skeleton.problems},
+            {"graph_ms", skeleton.graph_ms}};
+  const SkinError error = skin_error(skeleton.tracked, skeleton.skins, structure, skeleton.pulses);
+  json["tracked_pulses"] = error.pulses;
+  if (error.pulses > 0) json["skin_error_mm"] = {{"p50", error.p50_mm}, {"p90", error.p90_mm}};
+  return json;
 }
 
 void put_error(Json& json, const SkeletonError& error) {

@@ -74,10 +74,7 @@ class BvhWriter {
     text_ += fmt::format("{}{} {}\n{}{{\n{}\tOFFSET {:.6f} {:.6f} {:.6f}\n", indent,
                          depth == 0 ? "ROOT" : "JOINT", recon::name(joint), indent, indent, at.x(),
                          at.y(), at.z());
-    text_ +=
-        indent + (depth == 0 ? "\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation "
-                               "Yrotation\n"
-                             : "\tCHANNELS 3 Zrotation Xrotation Yrotation\n");
+    text_ += indent + "\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n";
     bool has_child = false;
     for (size_t j = 1; j < joints_of(skeleton_); ++j) {
       const auto child = static_cast<Joint>(j);
@@ -92,17 +89,22 @@ class BvhWriter {
     text_ += indent + "}\n";
   }
 
+  /// The position of every joint in the frame of its parent: shoulders and hips move a little.
   void write_pulse(const recon::SkeletonPulse& pulse) {
-    const Vector3d root = y_up(pulse.joints[recon::kPelvis]);
-    text_ += fmt::format("{:.6f} {:.6f} {:.6f}", root.x(), root.y(), root.z());
+    std::string separator;
     for (const Joint joint : order_) {
-      const Matrix3d world = pulse.rotations[joint];
-      const Matrix3d local =
-          joint == recon::kPelvis
-              ? world
-              : Matrix3d(pulse.rotations[recon::parent(joint)].transpose() * world);
-      const Vector3d angles = y_up(local).eulerAngles(2, 0, 1) * 180 / std::numbers::pi;
-      text_ += fmt::format(" {:.6f} {:.6f} {:.6f}", angles.x(), angles.y(), angles.z());
+      const Joint from = recon::parent(joint);
+      const bool is_root = joint == recon::kPelvis;
+      const Matrix3d to_parent =
+          is_root ? Matrix3d(Matrix3d::Identity()) : Matrix3d(pulse.rotations[from].transpose());
+      const Vector3d origin = is_root ? Vector3d(Vector3d::Zero()) : pulse.joints[from];
+      const Vector3d place = y_up(Vector3d(to_parent * (pulse.joints[joint] - origin)));
+      const Vector3d angles =
+          y_up(Matrix3d(to_parent * pulse.rotations[joint])).eulerAngles(2, 0, 1) * 180 /
+          std::numbers::pi;
+      text_ += fmt::format("{}{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {:.6f}", separator, place.x(),
+                           place.y(), place.z(), angles.x(), angles.y(), angles.z());
+      separator = " ";
     }
     text_ += '\n';
   }

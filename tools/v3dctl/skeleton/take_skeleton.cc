@@ -11,6 +11,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/skeleton/graph_similarity.h"
 #include "v3dctl/options.h"
+#include "v3dctl/skeleton/take_skin.h"
 
 namespace v3d::ctl {
 namespace {
@@ -25,6 +26,18 @@ Mesh checked_mesh(const fs::path& take, recon::CompactFrame frame) {
                      " has positions that are not finite; reconstruct it again");
   }
   return std::move(frame.mesh);
+}
+
+/// Uses the tracked surfaces of a take.
+void add_tracked(const fs::path& take, bool has_labels, TakeSkeleton& result) {
+  const fs::path file = take::TakePaths{take}.motion();
+  if (!fs::exists(file)) return;
+  if (has_labels) {
+    result.problems.emplace_back("motion.v3d is not used: the take has several performers");
+    return;
+  }
+  result.tracked = read_tracked_bodies(file, result.pulses);
+  result.skins = recon::learn_from_tracked(result.tracked, result.pulses, result.structure);
 }
 
 /// Keeps one performer of a frame whose vertices have labels.
@@ -46,9 +59,11 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   std::vector<recon::BodyEvidence> evidence;
   std::vector<double> times_ms;
   int64_t several = 0, without = 0;
+  bool has_labels = false;
   std::string reason;
   for (const int64_t pulse : result.pulses) {
     recon::CompactFrame frame = meshes.read(pulse);
+    has_labels = has_labels || !frame.performers.empty();
     keep_performer(frame, performer);
     const Mesh mesh = checked_mesh(take, std::move(frame));
     const auto begin = std::chrono::steady_clock::now();
@@ -78,6 +93,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   if (result.structure.pulses.empty()) {
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
+  add_tracked(take, has_labels, result);
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "recon/skeleton/kinematic_structure.h"
+#include "recon/skeleton/tracked_skeleton.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -16,15 +17,17 @@ struct TakeSkeleton {
   double rate_hz = 0;
   std::vector<int64_t> pulses;  ///< of the meshes that were read
   recon::KinematicStructure structure;
+  std::vector<recon::TrackedBody> tracked;  ///< segments of motion.v3d; none without the file
+  std::vector<recon::Skin> skins;           ///< of each
   /// One line for each kind of problem: pulses without a body, several performers.
   std::vector<std::string> problems;
   double graph_ms = 0;  ///< median time of one graph
 };
 
-/// Learns the skeleton of a reconstructed take. `performer`: whose, where vertices have labels;
-/// otherwise that of the largest component. Calls `on_begin` with the number of pulses and
-/// `on_pulse` after each. Throws InputError for a take without meshes, and where no pulse shows a
-/// body.
+/// Learns the skeleton of a reconstructed take, also from its motion.v3d where that exists.
+/// `performer`: whose, where vertices have labels; otherwise that of the largest component. Calls
+/// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
+/// without meshes, and where no pulse shows a body.
 TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
                             int performer, const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse);

@@ -1,0 +1,43 @@
+// Skin: how a skeleton moves a surface.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <vector>
+
+#include "recon/skeleton/kinematic_structure.h"
+#include "recon/skeleton/rigid_parts.h"
+
+namespace v3d::recon {
+
+/// The parts that move a vertex, named by their joints, with weights that sum to 1. Unused entries
+/// have weight 0.
+struct SkinInfluence {
+  static constexpr size_t kParts = 4;  ///< as glTF readers expect
+  std::array<Joint, kParts> part{};
+  std::array<float, kParts> weight{};
+};
+
+/// How a skeleton moves a tracked surface.
+struct Skin {
+  SkeletonPulse rest;                     ///< the skeleton at the rest pulse of the surface
+  std::vector<SkinInfluence> influences;  ///< [vertex]
+};
+
+/// Motions of all parts from the rest of a skin to a skeleton, by joint.
+PartMotion part_motion(const Skin& skin, const SkeletonPulse& skeleton);
+
+/// Vertices at `places`, moved by linear blend skinning. One place per influence.
+std::vector<Eigen::Vector3f> skinned(const Skin& skin, const PartMotion& motion,
+                                     std::span<const Eigen::Vector3f> places);
+
+/// Learns the weights of the vertices from their paths: each is a blend of its own part and one
+/// that touches it, smoothed over the surface. `pulses`: the skeleton at each pulse of the body.
+/// Works in the caller's TBB arena; deterministic.
+///
+/// Source: Le and Deng, Smooth skinning decomposition with rigid bones, SIGGRAPH Asia 2012.
+Skin fit_skin(const TrackedBody& body, const RigidParts& parts,
+              std::span<const SkeletonPulse> pulses);
+
+}  // namespace v3d::recon
