@@ -26,6 +26,12 @@ std::filesystem::path mesh_of(const take::TakePaths& paths, const std::filesyste
   return file;
 }
 
+/// mesh.v3d; motion.v3d of a take that has only that, as an edited one.
+std::filesystem::path surfaces_of(const take::TakePaths& paths) {
+  const bool has_motion_only = !file_exists(paths.mesh()) && file_exists(paths.motion());
+  return has_motion_only ? paths.motion() : paths.mesh();
+}
+
 std::string text_of(take::FrameRange range) {
   std::string text = std::to_string(range.begin) + ":";
   if (range.end != take::FrameRange{}.end) text += std::to_string(range.end);
@@ -148,7 +154,7 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
 };
 
 MeshFrames::MeshFrames(const std::filesystem::path& take)
-    : MeshFrames(take, take::TakePaths{take}.mesh()) {}
+    : MeshFrames(take, surfaces_of({take})) {}
 
 MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
     : path_(mesh_of({take}, file)) {

@@ -18,7 +18,8 @@ namespace v3d::recorded {
 /// One thread.
 class MeshFrames {
  public:
-  /// Throws InputError if the folder is not a take, or if the take was not reconstructed.
+  /// Reads mesh.v3d, or motion.v3d of a take that has only that. Throws InputError if the folder is
+  /// not a take, or if the take was not reconstructed.
   explicit MeshFrames(const std::filesystem::path& take);
   /// Reads `file` instead: a copy of the take's mesh.v3d, or a motion file of it. The frames of a
   /// motion file name all cameras of the take.

@@ -25,7 +25,7 @@ class SkinFitter {
              std::span<const SkeletonPulse> pulses)
       : body_(body), parts_(parts) {
     skin_.rest = pulses[body.rest];
-    for (const SkeletonPulse& pulse : pulses) motions_.push_back(part_motion(skin_, pulse));
+    for (const SkeletonPulse& pulse : pulses) motions_.push_back(part_motion(skin_.rest, pulse));
   }
 
   Skin fit() {
@@ -115,12 +115,12 @@ class SkinFitter {
 
 }  // namespace
 
-PartMotion part_motion(const Skin& skin, const SkeletonPulse& skeleton) {
+PartMotion part_motion(const SkeletonPulse& from, const SkeletonPulse& to) {
   PartMotion motion;
   for (size_t j = 0; j < kJoints; ++j) {
     motion[j].setIdentity();
-    motion[j].linear() = skeleton.rotations[j] * skin.rest.rotations[j].transpose();
-    motion[j].translation() = skeleton.joints[j] - motion[j].linear() * skin.rest.joints[j];
+    motion[j].linear() = to.rotations[j] * from.rotations[j].transpose();
+    motion[j].translation() = to.joints[j] - motion[j].linear() * from.joints[j];
   }
   return motion;
 }

@@ -25,8 +25,8 @@ struct Skin {
   std::vector<SkinInfluence> influences;  ///< [vertex]
 };
 
-/// Motions of all parts from the rest of a skin to a skeleton, by joint.
-PartMotion part_motion(const Skin& skin, const SkeletonPulse& skeleton);
+/// Motions of all parts from one skeleton to another, by joint.
+PartMotion part_motion(const SkeletonPulse& from, const SkeletonPulse& to);
 
 /// Vertices at `places`, moved by linear blend skinning. One place per influence.
 std::vector<Eigen::Vector3f> skinned(const Skin& skin, const PartMotion& motion,

@@ -68,6 +68,7 @@ void add_verify(CommandLine& line);
 void add_reconstruct(CommandLine& line);  ///< and reconstruct-shards, which is not in the help
 void add_performers(CommandLine& line);
 void add_skeleton(CommandLine& line);
+void add_edit(CommandLine& line);
 void add_track(CommandLine& line);
 void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);

@@ -21,6 +21,7 @@ void add_all_commands(CommandLine& line) {
   add_performers(line);
   add_track(line);
   add_skeleton(line);
+  add_edit(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);

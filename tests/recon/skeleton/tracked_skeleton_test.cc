@@ -243,7 +243,7 @@ TEST(Skin, reproduces_the_tracked_surface) {
   const std::vector<Skin> skins = learn_from_tracked(bodies, numbers(kPulses), structure);
   std::vector<double> distances;
   for (int p = 0; p < kPulses; ++p) {
-    const PartMotion motion = part_motion(skins[0], structure.pulses[static_cast<size_t>(p)]);
+    const PartMotion motion = part_motion(skins[0].rest, structure.pulses[static_cast<size_t>(p)]);
     const std::vector<Vector3f> moved = skinned(skins[0], motion, bodies[0].surface.vertices);
     for (size_t v = 0; v < moved.size(); ++v) {
       distances.push_back((moved[v] - bodies[0].positions[static_cast<size_t>(p)][v]).norm());

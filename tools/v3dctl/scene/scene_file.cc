@@ -4,10 +4,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <set>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "v3dctl/json_field.h"
 
 namespace v3d::ctl {
 namespace {
@@ -17,108 +17,8 @@ using nlohmann::json;
 
 constexpr int kVersion = 1;
 constexpr double kMaxSeconds = 36'000;
-constexpr double kMaxMetres = 1e6;
-constexpr int64_t kMaxPulses = int64_t{1} << 53;
 
-/// A JSON value and its path in the file.
-class Field {
- public:
-  Field(const json& value, fs::path file, std::string where)
-      : value_(&value), file_(std::move(file)), where_(std::move(where)) {}
-
-  [[noreturn]] void refuse(const std::string& what) const {
-    throw InputError(file_.string() + ": " + (where_.empty() ? "" : where_ + ": ") + what);
-  }
-
-  /// Throws InputError for keys that are not in `known`.
-  void expect_object(const std::set<std::string>& known) const {
-    if (!value_->is_object()) refuse("expected an object");
-    for (const auto& [key, value] : value_->items()) {
-      if (!known.contains(key)) refuse("there is no key '" + key + "'");
-    }
-  }
-  std::optional<Field> find(const std::string& key) const {
-    const auto found = value_->find(key);
-    if (found == value_->end()) return {};
-    return Field(*found, file_, where_.empty() ? key : where_ + "." + key);
-  }
-  Field at(const std::string& key) const {
-    if (auto field = find(key)) return *field;
-    refuse("'" + key + "' is missing");
-  }
-  std::vector<Field> list() const {
-    if (!value_->is_array()) refuse("expected a list");
-    std::vector<Field> fields;
-    for (size_t i = 0; i < value_->size(); ++i) {
-      fields.emplace_back((*value_)[i], file_, where_ + "[" + std::to_string(i) + "]");
-    }
-    return fields;
-  }
-
-  double number(double min, double max) const {
-    const double n = value_->is_number() ? value_->get<double>() : NAN;
-    if (n >= min && n <= max) return n;
-    refuse("expected a number from " + text_of(min) + " to " + text_of(max));
-  }
-  double positive() const {
-    const double n = value_->is_number() ? value_->get<double>() : NAN;
-    if (n > 0 && n <= 1000) return n;
-    refuse("expected a number above 0, at most 1000");
-  }
-  int64_t pulse() const {
-    const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : -1;
-    if (n >= 0 && n < kMaxPulses) return n;
-    refuse("expected the number of a pulse");
-  }
-  int performer() const {
-    const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : 0;
-    if (n >= 1 && n <= 255) return static_cast<int>(n);
-    refuse("expected the number of a performer, 1 to 255");
-  }
-  bool flag() const {
-    if (value_->is_boolean()) return value_->get<bool>();
-    refuse("expected true or false");
-  }
-  std::string text() const {
-    if (value_->is_string()) return value_->get<std::string>();
-    refuse("expected a text");
-  }
-  Eigen::Vector3d vector() const {
-    const std::vector<Field> parts = value_->is_array() ? list() : std::vector<Field>{};
-    if (parts.size() != 3) refuse("expected three numbers, [x, y, z]");
-    Eigen::Vector3d v;
-    for (int k = 0; k < 3; ++k)
-      v[k] = parts[static_cast<size_t>(k)].number(-kMaxMetres, kMaxMetres);
-    return v;
-  }
-  /// Path of a file in the folder of the scene.
-  fs::path path() const {
-    const std::string name = text();
-    if (name.empty() || name.front() == '/' || name.find_first_of(":?#\\%") != std::string::npos) {
-      refuse("expected a path from the folder of the scene, without any of : ? # % and backslash");
-    }
-    return (file_.parent_path() / name).lexically_normal();
-  }
-  Rgb8 colour() const {
-    const std::string name = text();
-    const bool right = name.size() == 7 && name[0] == '#' &&
-                       name.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
-    if (!right) refuse("expected a colour such as \"#101216\"");
-    const auto part = [&](size_t at) {
-      return static_cast<uint8_t>(std::stoi(name.substr(at, 2), nullptr, 16));
-    };
-    return {part(1), part(3), part(5)};
-  }
-
- private:
-  static std::string text_of(double number) { return json(number).dump(); }
-
-  const json* value_;
-  fs::path file_;
-  std::string where_;
-};
-
-Placement read_place(const Field& field) {
+Placement read_place(const JsonField& field) {
   Placement place;
   if (const auto f = field.find("move")) place.move = f->vector();
   if (const auto f = field.find("turn_deg")) place.turn_deg = f->vector();
@@ -126,7 +26,7 @@ Placement read_place(const Field& field) {
   return place;
 }
 
-Outside read_outside(const Field& field) {
+Outside read_outside(const JsonField& field) {
   const std::string name = field.text();
   if (name == "hold") return Outside::kHold;
   if (name == "hide") return Outside::kHide;
@@ -134,10 +34,10 @@ Outside read_outside(const Field& field) {
   field.refuse("expected hold, hide or loop");
 }
 
-SceneTake read_take(const Field& field) {
+SceneTake read_take(const JsonField& field) {
   field.expect_object({"take", "move", "turn_deg", "scale", "start_s", "speed", "in_pulse",
                        "out_pulse", "outside", "performer"});
-  SceneTake take{.take = field.at("take").path(), .place = read_place(field)};
+  SceneTake take{.take = field.at("take").path("scene"), .place = read_place(field)};
   if (const auto f = field.find("start_s")) take.start_s = f->number(-kMaxSeconds, kMaxSeconds);
   if (const auto f = field.find("speed")) take.speed = f->positive();
   if (const auto f = field.find("in_pulse")) take.in_pulse = f->pulse();
@@ -150,18 +50,18 @@ SceneTake read_take(const Field& field) {
   return take;
 }
 
-SceneModel read_model(const Field& field) {
+SceneModel read_model(const JsonField& field) {
   field.expect_object({"model", "move", "turn_deg", "scale"});
-  return {.model = field.at("model").path(), .place = read_place(field)};
+  return {.model = field.at("model").path("scene"), .place = read_place(field)};
 }
 
-SceneBackground read_background(const Field& field) {
+SceneBackground read_background(const JsonField& field) {
   field.expect_object({"colour", "image", "video", "sphere", "turn_deg"});
   SceneBackground background;
   int pictures = 0;
   const auto picture = [&](const char* key, fs::path& path) {
     if (const auto f = field.find(key)) {
-      path = f->path();
+      path = f->path("scene");
       ++pictures;
     }
   };
@@ -174,7 +74,7 @@ SceneBackground read_background(const Field& field) {
   return background;
 }
 
-CameraKey read_key(const Field& field) {
+CameraKey read_key(const JsonField& field) {
   field.expect_object({"at_s", "eye", "look", "fov_deg"});
   CameraKey key{.at_s = field.at("at_s").number(0, kMaxSeconds),
                 .eye = field.at("eye").vector(),
@@ -184,11 +84,11 @@ CameraKey read_key(const Field& field) {
   return key;
 }
 
-std::vector<CameraKey> read_camera(const Field& field) {
+std::vector<CameraKey> read_camera(const JsonField& field) {
   field.expect_object({"keys"});
-  const Field keys = field.at("keys");
+  const JsonField keys = field.at("keys");
   std::vector<CameraKey> camera;
-  for (const Field& key : keys.list()) {
+  for (const JsonField& key : keys.list()) {
     camera.push_back(read_key(key));
     if (camera.size() > 1 && camera[camera.size() - 2].at_s >= camera.back().at_s) {
       key.at("at_s").refuse("expected a time after that of the key before");
@@ -198,10 +98,10 @@ std::vector<CameraKey> read_camera(const Field& field) {
   return camera;
 }
 
-Scene read_scene(const Field& field) {
+Scene read_scene(const JsonField& field) {
   field.expect_object(
       {"v3d_scene", "rate_hz", "seconds", "background", "floor", "takes", "models", "camera"});
-  const Field version = field.at("v3d_scene");
+  const JsonField version = field.at("v3d_scene");
   if (version.number(1, 1e6) != kVersion) version.refuse("this version is not known; expected 1");
   Scene scene;
   if (const auto f = field.find("rate_hz")) scene.rate_hz = f->number(1, 240);
@@ -209,10 +109,10 @@ Scene read_scene(const Field& field) {
   if (const auto f = field.find("background")) scene.background = read_background(*f);
   if (const auto f = field.find("floor")) scene.floor = f->flag();
   if (const auto f = field.find("takes")) {
-    for (const Field& take : f->list()) scene.takes.push_back(read_take(take));
+    for (const JsonField& take : f->list()) scene.takes.push_back(read_take(take));
   }
   if (const auto f = field.find("models")) {
-    for (const Field& model : f->list()) scene.models.push_back(read_model(model));
+    for (const JsonField& model : f->list()) scene.models.push_back(read_model(model));
   }
   scene.camera = read_camera(field.at("camera"));
   return scene;

@@ -51,7 +51,7 @@ SkinError skin_error(std::span<const recon::TrackedBody> bodies, std::span<const
     if (skins[b].influences.empty()) continue;
     for (size_t p = 0; p < bodies[b].pulses.size(); ++p) {
       const recon::PartMotion motion =
-          recon::part_motion(skins[b], *skeletons.at(bodies[b].pulses[p]));
+          recon::part_motion(skins[b].rest, *skeletons.at(bodies[b].pulses[p]));
       const std::vector<Eigen::Vector3f> moved =
           recon::skinned(skins[b], motion, bodies[b].surface.vertices);
       for (size_t v = 0; v < moved.size(); ++v) {

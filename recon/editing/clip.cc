@@ -1,0 +1,204 @@
+#include "recon/editing/clip.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/core/error.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::AngleAxisd;
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+void check_range(const Clip& clip, ClipRange range) {
+  V3D_CHECK(range.first < range.last && range.last <= clip.frames.size());
+}
+
+bool hangs_on(Joint joint, Joint root) {
+  while (joint != root && joint != parent(joint)) joint = parent(joint);
+  return joint == root;
+}
+
+/// The frame at a time between two frames of a range.
+ClipFrame frame_at(const Clip& clip, size_t first, double time) {
+  const auto before = static_cast<size_t>(time);
+  const double share = time - static_cast<double>(before);
+  const ClipFrame& a = clip.frames[first + before];
+  if (share < 1e-9) return a;
+  const ClipFrame& b = clip.frames[first + before + 1];
+  ClipFrame result = share < 0.5 ? a : b;
+  const SkeletonPulse skeleton = blended(a.skeleton, b.skeleton, share);
+  if (a.surface != b.surface) {
+    pose(clip, result, skeleton);
+    return result;
+  }
+  for (size_t v = 0; v < result.places.size(); ++v) {
+    result.places[v] = a.places[v] + static_cast<float>(share) * (b.places[v] - a.places[v]);
+  }
+  result.skeleton = skeleton;
+  return result;
+}
+
+Joint other_side(Joint joint) {
+  switch (joint) {
+    case kLeftShoulder:
+      return kRightShoulder;
+    case kLeftElbow:
+      return kRightElbow;
+    case kLeftWrist:
+      return kRightWrist;
+    case kRightShoulder:
+      return kLeftShoulder;
+    case kRightElbow:
+      return kLeftElbow;
+    case kRightWrist:
+      return kLeftWrist;
+    case kLeftHip:
+      return kRightHip;
+    case kLeftKnee:
+      return kRightKnee;
+    case kLeftAnkle:
+      return kRightAnkle;
+    case kRightHip:
+      return kLeftHip;
+    case kRightKnee:
+      return kLeftKnee;
+    case kRightAnkle:
+      return kLeftAnkle;
+    default:
+      return joint;
+  }
+}
+
+/// A reflection in a vertical plane.
+struct Mirror {
+  Vector3d centre = Vector3d::Zero(), normal = Vector3d::UnitY();
+  Matrix3d linear() const { return Matrix3d::Identity() - 2 * normal * normal.transpose(); }
+  Vector3d place(const Vector3d& p) const { return centre + linear() * (p - centre); }
+
+  SkeletonPulse skeleton(const SkeletonPulse& pulse) const {
+    const Matrix3d left_to_right = Vector3d(1, -1, 1).asDiagonal();
+    SkeletonPulse result = pulse;
+    for (size_t j = 0; j < kJoints; ++j) {
+      const Joint to = other_side(static_cast<Joint>(j));
+      result.joints[to] = place(pulse.joints[j]);
+      result.rotations[to] = linear() * pulse.rotations[j] * left_to_right;
+      result.confidence[to] = pulse.confidence[j];
+    }
+    return result;
+  }
+};
+
+Mirror mirror_of(const Clip& clip) {
+  Mirror mirror;
+  Vector3d left = Vector3d::Zero();
+  for (const ClipFrame& frame : clip.frames) {
+    const JointPositions& joints = frame.skeleton.joints;
+    mirror.centre += joints[kPelvis] / static_cast<double>(clip.frames.size());
+    left += joints[kLeftHip] - joints[kRightHip];
+  }
+  left.z() = 0;
+  if (left.norm() > 1e-6) mirror.normal = left.normalized();
+  return mirror;
+}
+
+}  // namespace
+
+std::optional<Joint> find_joint(std::string_view text) {
+  for (size_t j = 0; j < kJoints; ++j) {
+    if (name(static_cast<Joint>(j)) == text) return static_cast<Joint>(j);
+  }
+  return {};
+}
+
+double smooth_step(double t) {
+  const double inside = std::clamp(t, 0.0, 1.0);
+  return inside * inside * (3 - 2 * inside);
+}
+
+SkeletonPulse blended(const SkeletonPulse& a, const SkeletonPulse& b, double share) {
+  SkeletonPulse result = a;
+  for (size_t j = 0; j < kJoints; ++j) {
+    result.joints[j] += share * (b.joints[j] - a.joints[j]);
+    const Quaterniond from(a.rotations[j]), to(b.rotations[j]);
+    result.rotations[j] = from.slerp(share, to).toRotationMatrix();
+    result.confidence[j] = std::min(a.confidence[j], b.confidence[j]);
+  }
+  return result;
+}
+
+void pose(const Clip& clip, ClipFrame& frame, const SkeletonPulse& skeleton) {
+  const Skin& skin = clip.surfaces[frame.surface].skin;
+  const PartMotion motion = part_motion(frame.skeleton, skeleton);
+  frame.places = skinned(skin, motion, frame.places);
+  frame.skeleton = skeleton;
+}
+
+void cut(Clip& clip, ClipRange range) {
+  check_range(clip, range);
+  const auto begin = clip.frames.begin();
+  clip.frames = {begin + static_cast<std::ptrdiff_t>(range.first),
+                 begin + static_cast<std::ptrdiff_t>(range.last)};
+}
+
+void stretch(Clip& clip, ClipRange range, double factor) {
+  check_range(clip, range);
+  V3D_CHECK(factor >= 0.1 && factor <= 10);
+  const auto count = static_cast<double>(range.last - range.first);
+  const double wanted = std::max(1.0, std::round(count * factor));
+  std::vector<ClipFrame> frames;
+  for (double n = 0; n < wanted; ++n) {
+    const double time = wanted > 1 ? n * (count - 1) / (wanted - 1) : 0;
+    frames.push_back(frame_at(clip, range.first, time));
+  }
+  const auto first = clip.frames.begin() + static_cast<std::ptrdiff_t>(range.first);
+  const auto last = clip.frames.begin() + static_cast<std::ptrdiff_t>(range.last);
+  const auto after = clip.frames.erase(first, last);
+  clip.frames.insert(after, std::make_move_iterator(frames.begin()),
+                     std::make_move_iterator(frames.end()));
+}
+
+void mirror(Clip& clip) {
+  const Mirror mirror = mirror_of(clip);
+  for (ClipSurface& surface : clip.surfaces) {
+    for (auto& triangle : surface.triangles) std::swap(triangle[1], triangle[2]);
+    surface.skin.rest = mirror.skeleton(surface.skin.rest);
+    for (SkinInfluence& influence : surface.skin.influences) {
+      for (Joint& part : influence.part) part = other_side(part);
+    }
+  }
+  for (ClipFrame& frame : clip.frames) {
+    for (Vector3f& place : frame.places) {
+      place = mirror.place(place.cast<double>()).cast<float>();
+    }
+    frame.skeleton = mirror.skeleton(frame.skeleton);
+  }
+}
+
+void bend(Clip& clip, const Bend& bend) {
+  check_range(clip, bend.range);
+  const auto ramp = static_cast<double>(bend.ramp) + 1;
+  for (size_t f = bend.range.first; f < bend.range.last; ++f) {
+    const size_t from_end = std::min(f - bend.range.first + 1, bend.range.last - f);
+    const double share = bend.ramp == 0 ? 1 : smooth_step(static_cast<double>(from_end) / ramp);
+    ClipFrame& frame = clip.frames[f];
+    SkeletonPulse turned = frame.skeleton;
+    const Vector3d& centre = frame.skeleton.joints[bend.joint];
+    const Vector3d axis = frame.skeleton.rotations[bend.joint] * bend.axis;
+    const Matrix3d turn = AngleAxisd(share * bend.radians, axis).toRotationMatrix();
+    for (size_t j = 0; j < kJoints; ++j) {
+      if (!hangs_on(static_cast<Joint>(j), bend.joint)) continue;
+      turned.joints[j] = centre + turn * (frame.skeleton.joints[j] - centre);
+      turned.rotations[j] = turn * frame.skeleton.rotations[j];
+    }
+    pose(clip, frame, turned);
+  }
+}
+
+}  // namespace v3d::recon

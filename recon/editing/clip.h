@@ -1,0 +1,80 @@
+// An action that can be edited: tracked surfaces with a skin, and skeletons that move them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "base/geometry/mesh.h"
+#include "recon/skeleton/skin.h"
+
+namespace v3d::recon {
+
+/// Triangles and skin of a tracked surface.
+struct ClipSurface {
+  std::vector<std::array<uint32_t, 3>> triangles;
+  Skin skin;
+};
+
+/// A moment of an action. World frame, metres, z up.
+struct ClipFrame {
+  size_t surface = 0;                   ///< index of Clip::surfaces
+  std::vector<Eigen::Vector3f> places;  ///< [vertex]
+  std::vector<Rgb8> colours;            ///< [vertex], or none
+  SkeletonPulse skeleton;               ///< its index has no meaning here
+};
+
+/// An action of one performer. Operations number its frames from 0.
+struct Clip {
+  double rate_hz = 25;
+  std::vector<ClipSurface> surfaces;
+  std::vector<ClipFrame> frames;
+};
+
+/// Frames first to last - 1.
+struct ClipRange {
+  size_t first = 0, last = 0;
+};
+
+/// The joint of this name (name(Joint)); empty for another text.
+std::optional<Joint> find_joint(std::string_view text);
+
+/// A skeleton between `a` (share 0) and `b` (share 1): joints on straight lines, rotations by
+/// spherical interpolation.
+SkeletonPulse blended(const SkeletonPulse& a, const SkeletonPulse& b, double share);
+
+/// Moves the surface of a frame from its skeleton to another one; details stay, because only the
+/// difference of the two skeletons acts through the skin.
+void pose(const Clip& clip, ClipFrame& frame, const SkeletonPulse& skeleton);
+
+/// Keeps only these frames. Requires a range that is not empty and lies in the clip, as do the
+/// other operations.
+void cut(Clip& clip, ClipRange range);
+
+/// Changes the duration of a range by `factor`, from 0.1 to 10. New frames lie between two old
+/// ones.
+void stretch(Clip& clip, ClipRange range, double factor);
+
+/// Exchanges left and right: a reflection in the vertical plane through the middle of all pelvis
+/// positions, across the mean direction from the right to the left hip.
+void mirror(Clip& clip);
+
+/// A joint that is turned over a time.
+struct Bend {
+  Joint joint = kLeftElbow;
+  ClipRange range;
+  double radians = 0;
+  /// In the frame of the joint: x forward, y to the left, z along the bone. Unit vector.
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
+  size_t ramp = 0;  ///< frames at both ends in which the angle grows from 0 smoothly
+};
+
+/// Turns a joint and all that hangs on it.
+void bend(Clip& clip, const Bend& bend);
+
+/// Rises smoothly from 0 at t <= 0 to 1 at t >= 1.
+double smooth_step(double t);
+
+}  // namespace v3d::recon

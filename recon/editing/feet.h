@@ -1,0 +1,31 @@
+// Feet that stand stay where they are.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "recon/editing/clip.h"
+
+namespace v3d::recon {
+
+/// A time in which a foot stands.
+struct FootContact {
+  Joint ankle = kLeftAnkle;
+  ClipRange range;
+};
+
+/// Times of at least four frames in which an ankle is within 4 cm of its usual lowest height and
+/// moves by at most 0.35 m/s along the floor.
+std::vector<FootContact> foot_contacts(const Clip& clip);
+
+/// Largest distance of an ankle along the floor from its mean place in a contact, metres.
+double foot_slide(const Clip& clip, const std::vector<FootContact>& contacts);
+
+/// Moves the ankle to its mean place in each contact, by turning thigh and shin; the foot keeps its
+/// direction. The correction fades within `fade` frames before and after a contact.
+///
+/// Source: Kovar, Schreiner and Gleicher, Footskate cleanup for motion capture editing, SCA 2002;
+/// here bones keep their lengths, and a place out of reach is approached as far as possible.
+void hold_feet(Clip& clip, const std::vector<FootContact>& contacts, size_t fade);
+
+}  // namespace v3d::recon

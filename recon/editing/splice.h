@@ -1,0 +1,38 @@
+// Transitions between two actions whose poses are alike.
+#pragma once
+
+#include <cstddef>
+
+#include "recon/editing/clip.h"
+
+namespace v3d::recon {
+
+/// A transition: frames `at` + 1 to `at` + `blend` of the first action turn into frames `from` to
+/// `from` + `blend` - 1 of the second one, which then goes on.
+struct Transition {
+  size_t at = 0, from = 0, blend = 10;
+  /// Root mean square distance of the joints in these frames, metres, once the second action stands
+  /// where the first one does.
+  double cost_m = 0;
+};
+
+/// The cheapest transition with `at` in a range of `a`, and `from` in a range of `b`; ranges are
+/// cut at the ends of the clips. Requires clips of more than `blend` + 1 frames and blend >= 1.
+///
+/// Source: Kovar, Gleicher and Pighin, Motion graphs, SIGGRAPH 2002 (distance of windows of frames
+/// after the best rotation about the vertical axis and shift along the floor).
+Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from,
+                           size_t blend);
+
+/// Continues `a` with `b` by a transition, whose frames must lie in the clips. In its first half
+/// the surface of `a` is moved to the blended pose, in its second half that of `b`. The frames of
+/// `b` are turned about the vertical axis and shifted along the floor to where `a` stands.
+void splice(Clip& a, Clip b, const Transition& transition);
+
+/// How much faster the surface moves at a change of the surface than around it: distance of the
+/// surface of frame `last`, moved to the pose of the next frame, plus what then remains to the
+/// nearest place of that frame's surface; median over the vertices, divided by the median of the
+/// same over the frames up to `around` before and after. 1 for a smooth change.
+double relative_jump(const Clip& clip, size_t last, size_t around);
+
+}  // namespace v3d::recon

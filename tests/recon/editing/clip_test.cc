@@ -1,0 +1,149 @@
+#include "recon/editing/clip.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "recon/editing/clips.h"
+#include "recon/editing/feet.h"
+
+namespace v3d::recon {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr double kQuarter = std::numbers::pi / 2;
+
+Clip gliding(size_t frames) { return clips::gliding(frames, {0, 0, 0.95}, {0.01, 0, 0}); }
+
+/// Are the vertices of all joints still at their joints?
+void expect_skin_at_joints(const Clip& clip) {
+  for (const ClipFrame& frame : clip.frames) {
+    for (size_t j = 0; j < kBodyJoints; ++j) {
+      const Vector3d place = frame.places[clips::kPerJoint * j].cast<double>();
+      EXPECT_LT((place - frame.skeleton.joints[j]).norm(), 1e-4) << name(static_cast<Joint>(j));
+    }
+  }
+}
+
+TEST(Clip, keeps_only_the_frames_of_a_cut) {
+  Clip clip = gliding(10);
+  cut(clip, {3, 7});
+  ASSERT_EQ(clip.frames.size(), 4U);
+  EXPECT_NEAR(clip.frames[0].skeleton.joints[kPelvis].x(), 0.03, 1e-9);
+}
+
+TEST(Clip, lasts_longer_by_the_factor_and_moves_steadily_when_it_is_stretched) {
+  Clip clip = gliding(11);
+  stretch(clip, {0, 11}, 2);
+  ASSERT_EQ(clip.frames.size(), 22U);
+  for (size_t f = 0; f < 22; ++f) {
+    EXPECT_NEAR(clip.frames[f].skeleton.joints[kPelvis].x(), 0.1 * static_cast<double>(f) / 21,
+                1e-6);
+  }
+  expect_skin_at_joints(clip);
+}
+
+TEST(Clip, keeps_the_frames_outside_a_stretched_range) {
+  Clip clip = gliding(10);
+  stretch(clip, {2, 6}, 0.5);
+  ASSERT_EQ(clip.frames.size(), 8U);
+  EXPECT_NEAR(clip.frames[1].skeleton.joints[kPelvis].x(), 0.01, 1e-9);
+  EXPECT_NEAR(clip.frames[4].skeleton.joints[kPelvis].x(), 0.06, 1e-9);
+}
+
+TEST(Clip, moves_the_surface_with_a_bent_joint_and_only_what_hangs_on_it) {
+  Clip clip = gliding(5);
+  const Clip before = clip;
+  bend(clip, {.joint = kLeftElbow, .range = {1, 4}, .radians = -kQuarter});
+  expect_skin_at_joints(clip);
+  for (size_t f = 0; f < 5; ++f) {
+    const JointPositions& now = clip.frames[f].skeleton.joints;
+    const JointPositions& then = before.frames[f].skeleton.joints;
+    const bool is_bent = f >= 1 && f < 4;
+    EXPECT_EQ((now[kLeftWrist] - then[kLeftWrist]).norm() > 0.2, is_bent) << f;
+    EXPECT_LT((now[kLeftElbow] - then[kLeftElbow]).norm(), 1e-9);
+    EXPECT_LT((now[kRightWrist] - then[kRightWrist]).norm(), 1e-9);
+  }
+  // A negative turn about the axis to the left raises a hanging forearm to the front.
+  EXPECT_GT(clip.frames[2].skeleton.joints[kLeftWrist].x(),
+            clip.frames[2].skeleton.joints[kLeftElbow].x() + 0.2);
+}
+
+TEST(Clip, bends_more_and_more_within_a_ramp) {
+  Clip clip = gliding(9);
+  bend(clip, {.joint = kLeftKnee, .range = {0, 9}, .radians = 1, .ramp = 3});
+  const auto angle = [&](size_t f) {
+    const JointPositions& joints = clip.frames[f].skeleton.joints;
+    const Vector3d thigh = joints[kLeftHip] - joints[kLeftKnee];
+    const Vector3d shin = joints[kLeftKnee] - joints[kLeftAnkle];
+    return std::acos(thigh.normalized().dot(shin.normalized()));
+  };
+  for (size_t f = 0; f < 4; ++f) EXPECT_LT(angle(f), angle(f + 1) + (f == 3 ? 1e-6 : 0)) << f;
+  EXPECT_NEAR(angle(0), angle(8), 1e-6);
+}
+
+TEST(Clip, has_the_left_arm_where_the_right_one_was_when_it_is_mirrored) {
+  Clip clip = gliding(5);
+  bend(clip, {.joint = kLeftShoulder, .range = {0, 5}, .radians = -kQuarter});
+  const Clip before = clip;
+  mirror(clip);
+  bend(clip, {.joint = kRightElbow, .range = {0, 1}, .radians = 0.5});
+  for (size_t f = 0; f < 5; ++f) {
+    const Vector3d left = before.frames[f].skeleton.joints[kLeftWrist];
+    const Vector3d right = clip.frames[f].skeleton.joints[kRightWrist];
+    const double moved = (right - Vector3d(left.x(), -left.y(), left.z())).norm();
+    EXPECT_EQ(moved > 1e-6, f == 0);
+    // What was the surface of the left wrist follows the right one, also when that is bent again.
+    const Vector3d surface = clip.frames[f].places[clips::kPerJoint * kLeftWrist].cast<double>();
+    EXPECT_LT((surface - right).norm(), 1e-5);
+    for (const Eigen::Matrix3d& rotation : clip.frames[f].skeleton.rotations) {
+      EXPECT_NEAR(rotation.determinant(), 1, 1e-6);
+    }
+  }
+}
+
+TEST(Clip, has_its_triangles_outside_out_when_it_is_mirrored) {
+  const auto volume = [](const Clip& clip) {
+    return enclosed_volume({.vertices = clip.frames[0].places,
+                            .triangles = clip.surfaces[0].triangles,
+                            .colours = {}});
+  };
+  Clip clip = gliding(1);
+  const double before = volume(clip);
+  mirror(clip);
+  EXPECT_NEAR(volume(clip), before, 1e-3 * std::abs(before));
+}
+
+TEST(Clip, is_the_same_after_two_reflections) {
+  Clip clip = gliding(3);
+  const Clip before = clip;
+  mirror(clip);
+  mirror(clip);
+  for (size_t v = 0; v < before.frames[1].places.size(); ++v) {
+    EXPECT_LT((clip.frames[1].places[v] - before.frames[1].places[v]).norm(), 1e-5F);
+  }
+  EXPECT_EQ(clip.surfaces[0].triangles, before.surfaces[0].triangles);
+}
+
+TEST(Feet, stand_in_contacts_and_not_while_they_move_fast) {
+  EXPECT_EQ(foot_contacts(clips::gliding(10, {0, 0, 0.95}, {0.005, 0, 0})).size(), 2U);
+  EXPECT_TRUE(foot_contacts(clips::gliding(10, {0, 0, 0.95}, {0.05, 0, 0})).empty());
+}
+
+TEST(Feet, stay_where_they_stand_when_they_are_held) {
+  Clip clip = clips::gliding(16, {0, 0, 0.90}, {0.005, 0, 0});
+  const std::vector<FootContact> contacts = foot_contacts(clip);
+  EXPECT_GT(foot_slide(clip, contacts), 0.03);
+  hold_feet(clip, contacts, 4);
+  EXPECT_LT(foot_slide(clip, contacts), 1e-4);
+  for (const ClipFrame& frame : clip.frames) {
+    EXPECT_NEAR((frame.skeleton.joints[kLeftHip] - frame.skeleton.joints[kLeftKnee]).norm(),
+                0.2425 * 1.75, 2e-3);
+  }
+}
+
+}  // namespace
+}  // namespace v3d::recon

@@ -1,0 +1,166 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "recon/figures.h"
+#include "recon/render/renderer.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "tools/test_images.h"
+#include "v3dctl/edit/edit_file.h"
+#include "v3dctl/edit/take_clip.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+std::vector<Edit> parse(const std::string& operations) {
+  return parse_edits(R"({"format": "v3d-edit", "version": 1, "operations": [)" + operations + "]}",
+                     "/studio/edit.json");
+}
+
+std::string rejection(const std::string& operations) {
+  return test::message_of<InputError>([&] { parse(operations); });
+}
+
+TEST(EditFile, has_the_operations_in_order_with_their_defaults) {
+  const std::vector<Edit> edits = parse(R"(
+    {"do": "cut", "frames": [5, 20]}, {"do": "stretch", "factor": 0.5}, {"do": "mirror"},
+    {"do": "bend", "joint": "right_knee", "degrees": 30, "axis": [0, 2, 0], "ramp": 4},
+    {"do": "splice", "take": "other/take", "at": [3, 9]}, {"do": "hold_feet"})");
+  ASSERT_EQ(edits.size(), 6U);
+  EXPECT_EQ(std::get<CutEdit>(edits[0].operation).frames.end, 20);
+  EXPECT_FALSE(std::get<StretchEdit>(edits[1].operation).frames);
+  const auto& bend = std::get<BendEdit>(edits[3].operation);
+  EXPECT_EQ(bend.joint, recon::kRightKnee);
+  EXPECT_NEAR(bend.axis.y(), 1, 1e-12);
+  const auto& splice = std::get<SpliceEdit>(edits[4].operation);
+  EXPECT_EQ(splice.take, "/studio/other/take");
+  EXPECT_EQ(splice.blend, 10);
+  EXPECT_FALSE(splice.from);
+  EXPECT_EQ(std::get<HoldFeetEdit>(edits[5].operation).fade, 5);
+}
+
+TEST(EditFile, is_rejected_with_the_field_and_what_would_be_right) {
+  EXPECT_THAT(rejection("1"), HasSubstr("edit.json: operations[0]"));
+  EXPECT_THAT(rejection(R"({"frames": [1, 2]})"), HasSubstr("operations[0]: 'do' is missing"));
+  EXPECT_THAT(rejection(R"({"do": "turn"})"), HasSubstr("operations[0].do: expected cut, stretch"));
+  EXPECT_THAT(rejection(R"({"do": "mirror"}, {"do": "cut"})"),
+              HasSubstr("operations[1]: 'frames' is missing"));
+  EXPECT_THAT(rejection(R"({"do": "cut", "frames": [4, 4]})"),
+              HasSubstr("an end behind the first"));
+  EXPECT_THAT(rejection(R"({"do": "cut", "frames": [-1, 4]})"), HasSubstr("from 0 to"));
+  EXPECT_THAT(rejection(R"({"do": "cut", "frames": [0, 1e30]})"), HasSubstr("a whole number"));
+  EXPECT_THAT(rejection(R"({"do": "stretch", "factor": 0})"),
+              HasSubstr("factor: expected a number"));
+  EXPECT_THAT(rejection(R"({"do": "bend", "joint": "tail", "degrees": 1})"),
+              HasSubstr("joint: there is no joint 'tail'"));
+  EXPECT_THAT(rejection(R"({"do": "bend", "joint": "neck", "degrees": 1, "axis": [0, 0, 0]})"),
+              HasSubstr("axis: expected a direction"));
+  EXPECT_THAT(rejection(R"({"do": "splice", "take": "/etc"})"), HasSubstr("expected a path"));
+  EXPECT_THAT(rejection(R"({"do": "mirror", "joint": "neck"})"), HasSubstr("no key 'joint'"));
+}
+
+TEST(EditFile, is_rejected_when_it_is_no_edit) {
+  const auto message = [](const std::string& text) {
+    return test::message_of<InputError>([&] { parse_edits(text, "e.json"); });
+  };
+  EXPECT_EQ(message("{"), "e.json: is no JSON");
+  EXPECT_THAT(message(R"({"format": "v3d-scene"})"), HasSubstr("format: expected \"v3d-edit\""));
+  EXPECT_THAT(message(R"({"format": "v3d-edit", "version": 2, "operations": []})"),
+              HasSubstr("version: expected a whole number from 1 to 1"));
+}
+
+/// A take whose only surface is tracked: a person who glides along x by 1 cm a pulse.
+class EditTake : public testing::Test {
+ protected:
+  static constexpr int kPulses = 6;
+
+  EditTake() : take_(folder_ / "take") {
+    fs::create_directory(take_);
+    const Rig rig = test::small_rig(3);
+    save_calib(take::TakePaths{take_}.calib(), rig);
+    take::TakeInfo info;
+    info.name = "take";
+    info.rate_hz = 25;
+    info.pulses = kPulses;
+    for (const RigCamera& camera : rig) info.cameras.push_back(camera.name);
+    io::throw_if_failed(take::save_take_info({take_}, info));
+    test::write_text(take::TakePaths{take_}.motion(), motion());
+  }
+
+  TakeClip read() {
+    return read_clip(
+        take_, [](int64_t) {}, [] {});
+  }
+
+  test::TemporaryFolder folder_;
+  const fs::path take_;
+
+ private:
+  static std::string motion() {
+    const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
+    codec::MotionSegment segment;
+    for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
+    for (int pulse = 0; pulse < kPulses; ++pulse) {
+      segment.pulses.push_back(pulse);
+      auto& places = segment.positions.emplace_back();
+      for (const Eigen::Vector3f& p : person.vertices) {
+        places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
+      }
+    }
+    const std::vector<uint8_t> header = codec::MotionWriter::header();
+    std::string bytes(header.begin(), header.end());
+    const auto encoded = codec::MotionWriter({}).add(segment);
+    bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+    return bytes;
+  }
+};
+
+TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
+  TakeClip edited = read();
+  ASSERT_EQ(edited.clip.frames.size(), size_t{kPulses});
+  const Box before = recon::bounds_of({edited.clip.frames[2].places, {}, {}});
+  recon::cut(edited.clip, {2, 6});
+  recon::bend(edited.clip,
+              {.joint = recon::kLeftShoulder, .range = {0, 4}, .radians = -1.2, .ramp = 1});
+  const fs::path out = folder_ / "edited";
+  write_clip(edited, take_, "{}", out);
+  recorded::MeshFrames meshes(out);
+  EXPECT_EQ(meshes.frames({}), (std::vector<int64_t>{0, 1, 2, 3}));
+  const Box after = recon::bounds_of(meshes.read(1).mesh);
+  EXPECT_NEAR(after.min.z(), before.min.z(), 0.005) << "the feet stay";
+  EXPECT_EQ(take::load_take_info({out}).pulses, 4);
+  const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
+  EXPECT_EQ(skeleton.at("pulses").size(), 4U);
+  EXPECT_EQ(read_file(out / "edit.json"), "{}");
+}
+
+TEST_F(EditTake, replaces_an_earlier_edit_and_nothing_else) {
+  const TakeClip edited = read();
+  const fs::path out = folder_ / "edited";
+  write_clip(edited, take_, "{}", out);
+  write_clip(edited, take_, "{ }", out);
+  EXPECT_EQ(read_file(out / "edit.json"), "{ }");
+  const std::string message =
+      test::message_of<InputError>([&] { write_clip(edited, take_, "{}", take_); });
+  EXPECT_THAT(message, HasSubstr("holds something else than an edited take"));
+  EXPECT_FALSE(fs::exists(take_ / "edit.json"));
+}
+
+TEST_F(EditTake, needs_a_tracked_surface) {
+  fs::remove(take::TakePaths{take_}.motion());
+  EXPECT_THAT(test::message_of<InputError>([&] { read(); }),
+              HasSubstr("has no tracked surface: run v3dctl track first"));
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,208 @@
+// edit: changes the action of a take by a list of operations; the result is a take of its own.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
+#include "common/console.h"
+#include "recon/editing/feet.h"
+#include "recon/editing/splice.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/edit/edit_file.h"
+#include "v3dctl/edit/take_clip.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr size_t kMaxFrames = 20'000;
+constexpr size_t kFootPasses = 4;
+constexpr size_t kAround = 10;  ///< frames beside a transition with which it is compared
+
+struct Arguments {
+  fs::path take, edits, out;
+  bool json = false;
+};
+
+struct SpliceReport {
+  int64_t frame = 0;  ///< the last one that shows the surface of the earlier action
+  recon::Transition transition;
+  double relative_jump = 0;
+};
+
+TakeClip read_with_progress(const fs::path& take) {
+  std::optional<Progress> progress;
+  TakeClip clip = read_clip(
+      take, [&](int64_t pulses) { progress.emplace("skeleton", pulses); },
+      [&] {
+        stop_if_interrupted();
+        progress->advance();
+      });
+  if (clip.left_out > 0) {
+    note("v3dctl: " + take.string() + ": " + count_of(clip.left_out, "pulse") +
+         " without a tracked surface are left out");
+  }
+  return clip;
+}
+
+/// Applies operations to a clip.
+class Editor {
+ public:
+  explicit Editor(TakeClip& edited) : edited_(edited), clip_(edited.clip) {}
+
+  void apply(const Edit& edit) {
+    where_ = edit.where;
+    std::visit([this](const auto& operation) { apply(operation); }, edit.operation);
+    if (clip_.frames.size() > kMaxFrames) {
+      throw InputError(where_ + ": the action has more than " + format_count(kMaxFrames) +
+                       " frames; cut it first");
+    }
+  }
+
+  const std::vector<SpliceReport>& splices() const { return splices_; }
+
+ private:
+  recon::ClipRange range(const OptionalRange& range, const recon::Clip& clip) const {
+    const size_t frames = clip.frames.size();
+    if (!range) return {0, frames};
+    if (range->end <= static_cast<int64_t>(frames)) {
+      return {static_cast<size_t>(range->first), static_cast<size_t>(range->end)};
+    }
+    throw InputError(where_ + ": frames " + std::to_string(range->first) + " to " +
+                     std::to_string(range->end) + ", but the action has " +
+                     format_count(static_cast<int64_t>(frames)));
+  }
+  recon::ClipRange range(const OptionalRange& range) const { return this->range(range, clip_); }
+
+  void apply(const CutEdit& edit) { recon::cut(clip_, range(edit.frames)); }
+  void apply(const StretchEdit& edit) { recon::stretch(clip_, range(edit.frames), edit.factor); }
+  void apply(const MirrorEdit&) { recon::mirror(clip_); }
+  void apply(const BendEdit& edit) {
+    recon::bend(clip_, {.joint = edit.joint,
+                        .range = range(edit.frames),
+                        .radians = edit.degrees * std::numbers::pi / 180,
+                        .axis = edit.axis,
+                        .ramp = static_cast<size_t>(edit.ramp)});
+  }
+  /// A held foot can stand for longer than before, so contacts are found again.
+  void apply(const HoldFeetEdit& edit) {
+    for (size_t pass = 0; pass < kFootPasses; ++pass) {
+      recon::hold_feet(clip_, recon::foot_contacts(clip_), static_cast<size_t>(edit.fade));
+    }
+  }
+
+  void apply(const SpliceEdit& edit) {
+    TakeClip added = read_with_progress(edit.take);
+    const auto blend = static_cast<size_t>(edit.blend);
+    if (std::min(clip_.frames.size(), added.clip.frames.size()) <= blend + 1) {
+      throw InputError(where_ + ": a blend of " + std::to_string(blend) +
+                       " frames needs more frames in both actions; they have " +
+                       std::to_string(clip_.frames.size()) + " and " +
+                       std::to_string(added.clip.frames.size()));
+    }
+    SpliceReport report;
+    report.transition = recon::best_transition(clip_, range(edit.at), added.clip,
+                                               range(edit.from, added.clip), blend);
+    edited_.has_prop = edited_.has_prop && added.has_prop;
+    recon::splice(clip_, std::move(added.clip), report.transition);
+    size_t last = report.transition.at;
+    while (clip_.frames[last + 1].surface == clip_.frames[last].surface) ++last;
+    report.frame = static_cast<int64_t>(last);
+    report.relative_jump = recon::relative_jump(clip_, last, kAround);
+    splices_.push_back(report);
+  }
+
+  TakeClip& edited_;
+  recon::Clip& clip_;
+  std::string where_;
+  std::vector<SpliceReport> splices_;
+};
+
+Json to_json(const SpliceReport& report) {
+  return {{"frame", report.frame},
+          {"at", report.transition.at},
+          {"from", report.transition.from},
+          {"blend", report.transition.blend},
+          {"cost_mm", 1000 * report.transition.cost_m},
+          {"relative_jump", report.relative_jump}};
+}
+
+void print_json(const fs::path& out, const recon::Clip& clip,
+                const std::vector<SpliceReport>& splices, double slide_m) {
+  Json list = Json::array();
+  for (const SpliceReport& report : splices) list.push_back(to_json(report));
+  const Json json{{"out", out.string()},
+                  {"frames", clip.frames.size()},
+                  {"seconds", static_cast<double>(clip.frames.size()) / clip.rate_hz},
+                  {"splices", list},
+                  {"foot_slide_mm", 1000 * slide_m}};
+  fmt::print("{}\n", json.dump(2));
+}
+
+void print_text(const fs::path& out, const recon::Clip& clip,
+                const std::vector<SpliceReport>& splices, double slide_m) {
+  fmt::print("{}: {}, {:.1f} s\n", out.string(), count_of(std::ssize(clip.frames), "frame"),
+             static_cast<double>(clip.frames.size()) / clip.rate_hz);
+  for (const SpliceReport& report : splices) {
+    fmt::print(
+        "frame {}: goes on at frame {} of the other take, {:.0f} mm between the poses; the surface "
+        "moves {:.2f} times as fast as around it\n",
+        report.frame, report.transition.from, 1000 * report.transition.cost_m,
+        report.relative_jump);
+  }
+  fmt::print("standing feet slide by at most {:.0f} mm\n", 1000 * slide_m);
+}
+
+/// Beside the take: TAKE.EDIT.
+fs::path output_of(const Arguments& arguments) {
+  if (!arguments.out.empty()) return arguments.out;
+  fs::path take = fs::weakly_canonical(arguments.take);
+  if (take.filename().empty()) take = take.parent_path();
+  return take.string() + "." + arguments.edits.stem().string();
+}
+
+int run(const Arguments& arguments) {
+  catch_interrupts();
+  const std::vector<Edit> edits = load_edits(arguments.edits);
+  const fs::path out = output_of(arguments);
+  check_output(out);
+  TakeClip edited = read_with_progress(arguments.take);
+  Editor editor(edited);
+  for (const Edit& edit : edits) editor.apply(edit);
+  const double slide_m = recon::foot_slide(edited.clip, recon::foot_contacts(edited.clip));
+  write_clip(edited, arguments.take, read_file(arguments.edits), out);
+  if (arguments.json) {
+    print_json(out, edited.clip, editor.splices(), slide_m);
+  } else {
+    print_text(out, edited.clip, editor.splices(), slide_m);
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_edit(CommandLine& line) {
+  cli::Command command = line.add(
+      "edit", "Edit the action of a tracked take; the result is a take of its own",
+      {"v3dctl edit dancer turn.json", "v3dctl edit dancer turn.json dancer-turned --json"});
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("TAKE", arguments->take, "The folder of a take with motion.v3d").required();
+  command
+      .add_option("EDIT", arguments->edits, "The list of operations, a JSON file (docs/editing.md)")
+      .required();
+  command.add_option("OUT", arguments->out,
+                     "The folder of the new take; by default beside TAKE, as TAKE.EDIT");
+  add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::ctl

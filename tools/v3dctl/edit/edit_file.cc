@@ -1,0 +1,123 @@
+#include "v3dctl/edit/edit_file.h"
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "recon/editing/clip.h"
+#include "v3dctl/json_field.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int64_t kVersion = 1, kMaxFrame = 1'000'000, kMaxBlend = 1000;
+constexpr size_t kMaxOperations = 1000;
+constexpr int64_t kMaxFileBytes = 1 << 20;
+
+EditRange read_range(const JsonField& field) {
+  const std::vector<JsonField> ends = field.list();
+  if (ends.size() != 2) field.refuse("expected two frames, [first, end]");
+  const EditRange range{ends[0].integer(0, kMaxFrame), ends[1].integer(0, kMaxFrame)};
+  if (range.end <= range.first) field.refuse("expected an end behind the first frame");
+  return range;
+}
+
+OptionalRange read_range(const JsonField& operation, const std::string& key) {
+  const auto field = operation.find(key);
+  return field ? OptionalRange(read_range(*field)) : OptionalRange();
+}
+
+CutEdit read_cut(const JsonField& field) {
+  field.expect_object({"do", "frames"});
+  return {read_range(field.at("frames"))};
+}
+
+StretchEdit read_stretch(const JsonField& field) {
+  field.expect_object({"do", "frames", "factor"});
+  return {read_range(field, "frames"), field.at("factor").number(0.1, 10)};
+}
+
+MirrorEdit read_mirror(const JsonField& field) {
+  field.expect_object({"do"});
+  return {};
+}
+
+recon::Joint read_joint(const JsonField& field) {
+  const std::string name = field.text();
+  if (const auto joint = recon::find_joint(name)) return *joint;
+  field.refuse("there is no joint '" + name + "'; v3dctl skeleton lists the names");
+}
+
+BendEdit read_bend(const JsonField& field) {
+  field.expect_object({"do", "frames", "joint", "degrees", "axis", "ramp"});
+  BendEdit bend;
+  bend.frames = read_range(field, "frames");
+  bend.joint = read_joint(field.at("joint"));
+  bend.degrees = field.at("degrees").number(-180, 180);
+  if (const auto axis = field.find("axis")) {
+    bend.axis = axis->vector();
+    if (bend.axis.norm() < 1e-6) axis->refuse("expected a direction other than [0, 0, 0]");
+    bend.axis.normalize();
+  }
+  if (const auto ramp = field.find("ramp")) bend.ramp = ramp->integer(0, kMaxFrame);
+  return bend;
+}
+
+SpliceEdit read_splice(const JsonField& field) {
+  field.expect_object({"do", "take", "at", "from", "blend"});
+  SpliceEdit splice{.take = field.at("take").path("edit"),
+                    .at = read_range(field, "at"),
+                    .from = read_range(field, "from")};
+  if (const auto blend = field.find("blend")) splice.blend = blend->integer(1, kMaxBlend);
+  return splice;
+}
+
+HoldFeetEdit read_hold_feet(const JsonField& field) {
+  field.expect_object({"do", "fade"});
+  HoldFeetEdit hold;
+  if (const auto fade = field.find("fade")) hold.fade = fade->integer(0, kMaxBlend);
+  return hold;
+}
+
+Edit read_edit(const JsonField& field, const std::string& where) {
+  const std::string kind = field.at("do").text();
+  if (kind == "cut") return {where, read_cut(field)};
+  if (kind == "stretch") return {where, read_stretch(field)};
+  if (kind == "mirror") return {where, read_mirror(field)};
+  if (kind == "bend") return {where, read_bend(field)};
+  if (kind == "splice") return {where, read_splice(field)};
+  if (kind == "hold_feet") return {where, read_hold_feet(field)};
+  field.at("do").refuse("expected cut, stretch, mirror, bend, splice or hold_feet");
+}
+
+}  // namespace
+
+std::vector<Edit> parse_edits(std::string_view text, const fs::path& file) {
+  const json parsed = json::parse(text, nullptr, false);
+  if (parsed.is_discarded()) throw InputError(file.string() + ": is no JSON");
+  const JsonField root(parsed, file, "");
+  root.expect_object({"format", "version", "operations"});
+  if (root.at("format").text() != "v3d-edit") root.at("format").refuse("expected \"v3d-edit\"");
+  root.at("version").integer(kVersion, kVersion);
+  const std::vector<JsonField> operations = root.at("operations").list();
+  if (operations.size() > kMaxOperations) {
+    root.at("operations").refuse("expected at most " + std::to_string(kMaxOperations));
+  }
+  std::vector<Edit> edits;
+  for (const JsonField& operation : operations) {
+    edits.push_back(
+        read_edit(operation, file.string() + ": operations[" + std::to_string(edits.size()) + "]"));
+  }
+  return edits;
+}
+
+std::vector<Edit> load_edits(const fs::path& file) {
+  return parse_edits(io::value_or_throw(io::read_file(file, kMaxFileBytes)), file);
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,36 @@
+// Actions of takes: read for editing, written as takes.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "recon/editing/clip.h"
+
+namespace v3d::ctl {
+
+struct TakeClip {
+  recon::Clip clip;
+  bool has_prop = false;
+  double stature_m = 0;
+  int64_t left_out = 0;  ///< pulses of the take without a tracked surface that has a skin
+};
+
+/// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Calls
+/// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
+/// without a tracked surface.
+TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
+                   const std::function<void()>& on_pulse);
+
+/// Throws InputError for a folder that holds something else than an edited take.
+void check_output(const std::filesystem::path& out);
+
+/// Writes a take of its own: take.toml, calib.toml of `source`, motion.v3d, skeleton.json and
+/// edit.json with the text `edits`. Pulses are numbered from 0. Throws InputError as
+/// check_output(), and for a clip that exceeds the limits of motion.v3d;
+/// std::runtime_error for errors of the disk.
+void write_clip(const TakeClip& edited, const std::filesystem::path& source,
+                const std::string& edits, const std::filesystem::path& out);
+
+}  // namespace v3d::ctl
