@@ -160,6 +160,9 @@ Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path) 
 }
 
 void write_png(const std::filesystem::path& path, ImageView image) {
+  if (image.format == PixelFormat::kMono8) {
+    return replace_file(path, encode(image.size, 1, 8, image.bytes.data(), image.bytes.size()));
+  }
   const Image rgb = to_rgb(image);
   replace_file(path, encode(rgb.size, 3, 8, rgb.bytes.data(), rgb.bytes.size()));
 }

@@ -50,7 +50,7 @@ DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path);
 /// Decodes a PNG file of any kind to RGB8; ignores transparency. Otherwise like decode_png().
 Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path);
 
-/// Writes a PNG file with 8 bits, RGB; converts other formats to RGB first. Throws
+/// Writes a PNG file with 8 bits: grey for format Mono8, RGB for all others. Throws
 /// std::runtime_error when the file cannot be written.
 void write_png(const std::filesystem::path& path, ImageView image);
 
