@@ -30,7 +30,7 @@ void write_images(const fs::path& folder, const TrainingPulse& pulse,
   tbb::parallel_for(size_t{0}, pulse.views.size(), [&](size_t n) {
     const TrainingView& view = pulse.views[n];
     const std::string name = view.camera + ".png";
-    write_png(folder / "images" / name, view.picture.image.view());
+    write_png(folder / "images" / name, view.picture.image.view(), PngEffort::kFast);
     write_png(folder / "masks" / (name + mask_ending), image_from_mask(view.picture.mask).view());
   });
 }
