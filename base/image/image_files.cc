@@ -82,10 +82,12 @@ Context make_context(int flags) {
 }
 
 /// `samples` are in native byte order.
-std::string encode(ImageSize size, int channels, int bits, const void* samples, size_t bytes) {
+std::string encode(ImageSize size, int channels, int bits, const void* samples, size_t bytes,
+                   PngEffort effort = PngEffort::kNormal) {
   V3D_CHECK(channels == 1 || channels == 3);
   const Context context = make_context(SPNG_CTX_ENCODER);
   spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1);
+  if (effort == PngEffort::kFast) spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1);
   spng_ihdr header{};
   header.width = static_cast<uint32_t>(size.width);
   header.height = static_cast<uint32_t>(size.height);
@@ -159,9 +161,11 @@ Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path) 
   return image;
 }
 
-void write_png(const std::filesystem::path& path, ImageView image) {
-  const Image rgb = to_rgb(image);
-  replace_file(path, encode(rgb.size, 3, 8, rgb.bytes.data(), rgb.bytes.size()));
+void write_png(const std::filesystem::path& path, ImageView image, PngEffort effort) {
+  const bool grey = image.format == PixelFormat::kMono8;
+  const Image rgb = grey ? Image() : to_rgb(image);
+  const std::span<const uint8_t> samples = grey ? image.bytes : std::span(rgb.bytes);
+  replace_file(path, encode(image.size, grey ? 1 : 3, 8, samples.data(), samples.size(), effort));
 }
 
 Image read_picture(const std::filesystem::path& path) {

@@ -50,9 +50,15 @@ DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path);
 /// Decodes a PNG file of any kind to RGB8; ignores transparency. Otherwise like decode_png().
 Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path);
 
-/// Writes a PNG file with 8 bits, RGB; converts other formats to RGB first. Throws
+enum class PngEffort {
+  kNormal,
+  kFast,  ///< zlib's level 1: for many images, which become a little longer
+};
+
+/// Writes a PNG file with 8 bits: grey for format Mono8, RGB for all others. Throws
 /// std::runtime_error when the file cannot be written.
-void write_png(const std::filesystem::path& path, ImageView image);
+void write_png(const std::filesystem::path& path, ImageView image,
+               PngEffort effort = PngEffort::kNormal);
 
 // Reads PNG and JPEG files of users and converts them to RGB with 8 bits per channel.
 

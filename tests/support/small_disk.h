@@ -31,9 +31,9 @@ class SmallDisk {
   /// Fills the disk with a file until `bytes` bytes are free.
   void leave(int64_t bytes) const {
     const std::filesystem::path filler = folder_ / "filler";
-    const int fd = open(filler.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    const int fd = ::open(filler.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
     if (posix_fallocate(fd, 0, free_bytes() - bytes) != 0) is_mounted_ = false;
-    close(fd);
+    ::close(fd);
   }
   /// Precondition: no file of the disk is open for writing.
   void become_read_only() const {

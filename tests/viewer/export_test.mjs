@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import validator from '../../tools/viewer/node_modules/gltf-validator/index.js';
-import { Color, Vector3 } from '../../tools/viewer/node_modules/three/build/three.module.js';
+import { AnimationMixer, Box3, Color, Vector3 } from '../../tools/viewer/node_modules/three/build/three.module.js';
 import { MeshoptDecoder } from '../../tools/viewer/node_modules/three/examples/jsm/libs/meshopt_decoder.module.js';
 import { GLTFLoader } from '../../tools/viewer/node_modules/three/examples/jsm/loaders/GLTFLoader.js';
 
@@ -22,6 +22,9 @@ const exported = (compress, ...more) => {
 before(() => {
   run('v3d-sim', 'take', 'take', '--frames', '2', '--cameras', `${CAMERAS}`, '--size', '320x240');
   run('v3dctl', 'reconstruct', 'take', '--voxel', '30mm');
+  run('v3dctl', 'track', 'take', '--triangles', '2000');
+  run('v3d-sim', 'take', 'moving', '--frames', '2', '--cameras', '4', '--size', '320x240', '--begin', '0.6');
+  run('v3dctl', 'reconstruct', 'moving', '--voxel', '30mm');
 });
 after(() => rmSync(folder, { recursive: true, force: true }));
 
@@ -54,10 +57,59 @@ test('the validator reports a damaged file', async () => {
   assert.ok(issues.numErrors > 0);
 });
 
+/** The surface of the first take hardly moves, so it is tracked through both pulses; that of the other changes its triangles. */
+const TAKE_OF = { meshes: 'moving', tracked: 'take' };
+const sequence = (surface) => {
+  run('v3dctl', 'export', TAKE_OF[surface], '--format', 'glb-sequence', '--surface', surface, `${surface}.glb`);
+  return readFileSync(join(folder, `${surface}.glb`));
+};
+
+for (const surface of ['meshes', 'tracked']) {
+  test(`an animated sequence of ${surface} is a valid file`, async () => {
+    const { issues, info } = await validator.validateBytes(new Uint8Array(sequence(surface)), { format: 'glb', maxIssues: 0 });
+    assert.deepEqual(issues.messages, []);
+    assert.equal(info.animationCount, 1);
+    assert.equal(info.hasMorphTargets, surface === 'tracked');
+  });
+
+  test(`three.js plays a sequence of ${surface}, one pulse at a time`, async () => {
+    const gltf = await parsed(sequence(surface));
+    const mixer = new AnimationMixer(gltf.scene);
+    mixer.clipAction(gltf.animations[0]).play();
+    const boxes = [0, 1 / 25].map((time) => {
+      mixer.setTime(time + 0.0001);
+      gltf.scene.updateMatrixWorld(true);
+      const shown = [];
+      gltf.scene.traverse((object) => { if (object.isMesh && object.scale.x > 0.5) shown.push(object); });
+      assert.equal(shown.length, 1, `${shown.map(({ name }) => name)}`);
+      const box = new Box3();
+      for (let v = 0; v < shown[0].geometry.attributes.position.count; ++v) {
+        box.expandByPoint(shown[0].getVertexPosition(v, new Vector3()).applyMatrix4(shown[0].matrixWorld));
+      }
+      return box;
+    });
+    boxes.forEach((box, pulse) => {
+      const expected = boundsOf(surface, pulse);
+      assert.ok(box.min.distanceTo(expected.min) < 1e-3 && box.max.distanceTo(expected.max) < 1e-3,
+        `pulse ${pulse}: ${JSON.stringify([box, expected])}`);
+    });
+  });
+}
+
+/** The extent of a pulse in the USD file of the same surfaces, with y up. */
+function boundsOf(surface, pulse) {
+  run('v3dctl', 'export', TAKE_OF[surface], '--format', 'usda', '--surface', surface, `${surface}.usda`);
+  const extent = readFileSync(join(folder, `${surface}.usda`), 'utf8').match(/extent.timeSamples = \{([^}]*)\}/)[1];
+  const [x0, y0, z0, x1, y1, z1] = extent.match(new RegExp(`${pulse}: \\[(.*)\\],`))[1].match(/[-\d.e]+/g).map(Number);
+  return new Box3(new Vector3(x0, z0, -y1), new Vector3(x1, z1, -y0));
+}
+
+const parsed = (bytes) => new GLTFLoader().setMeshoptDecoder(MeshoptDecoder)
+  .parseAsync(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length), '');
+
 /** The vertices of the mesh in world coordinates with their colours, sorted by position. */
 async function loaded(bytes) {
-  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
-  const { scene } = await loader.parseAsync(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length), '');
+  const { scene } = await parsed(bytes);
   scene.updateMatrixWorld(true);
   let mesh;
   scene.traverse((object) => { mesh = object.isMesh ? object : mesh; });

@@ -52,6 +52,23 @@ TEST(PngFile, rejects_8_bits_and_reports_the_expected_format) {
               AllOf(HasSubstr("plate.png"), HasSubstr("16 bits, grey or RGB")));
 }
 
+TEST(PngFile, of_a_grey_image_is_grey) {
+  constexpr size_t kColourType = 25;  // in the header; 0: grey, 2: RGB
+  const test::TemporaryFolder folder;
+  write_png(folder / "grey.png", Image({4, 3}, PixelFormat::kMono8).view());
+  write_png(folder / "rgb.png", Image({4, 3}, PixelFormat::kRGB8).view());
+  EXPECT_EQ(read_file(folder / "grey.png").at(kColourType), 0);
+  EXPECT_EQ(read_file(folder / "rgb.png").at(kColourType), 2);
+}
+
+TEST(PngFile, written_fast_has_the_same_pixels) {
+  Image image({64, 48}, PixelFormat::kRGB8);
+  for (size_t i = 0; i < image.bytes.size(); ++i) image.bytes[i] = static_cast<uint8_t>(i * i / 7);
+  const test::TemporaryFolder folder;
+  write_png(folder / "fast.png", image.view(), PngEffort::kFast);
+  EXPECT_EQ(read_picture(folder / "fast.png").bytes, image.bytes);
+}
+
 TEST(PngFile, rejects_a_size_that_its_bytes_cannot_hold) {
   std::string bytes = encode_png(ramp({37, 11}, 1)).substr(0, 33);  // the header
   bytes[18] = bytes[22] = 0x30;                                     // 12,325 x 12,299

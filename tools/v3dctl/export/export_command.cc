@@ -1,6 +1,7 @@
 // export: writes the meshes of a take as files for other programs.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <optional>
 
 #include "base/core/error.h"
@@ -9,6 +10,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/take_export.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -23,7 +25,8 @@ struct Arguments {
   std::string compression = "none";
   bool view_dependent = false;
   std::string frames;
-  int performer = 0;  ///< 0: all
+  int performer = 0;                  ///< 0: all
+  std::string surface = "automatic";  ///< see parse_surface()
 };
 
 std::string file_name(int64_t frame, MeshFormat format) {
@@ -40,20 +43,24 @@ bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
   return true;
 }
 
-/// Removes all but one performer, from `cameras` too.
-void keep_performer(const Arguments& arguments, recon::CompactFrame& frame,
-                    std::vector<ExportedCamera>& cameras) {
-  if (frame.performers.empty()) {
-    throw InputError("--performer: frame " + std::to_string(frame.pulse) +
-                     " does not state performers; expected a take after v3dctl performers " +
-                     arguments.take.string());
-  }
-  frame.mesh.triangles =
-      recon::triangles_of_performer(frame.mesh, frame.performers, arguments.performer);
-  remove_unused_vertices(frame.mesh, cameras);
+int run_take_export(const Arguments& arguments, TakeFormat format) {
+  if (arguments.compression != "none") throw InputError("--compress: expected --format glb");
+  if (arguments.view_dependent) throw InputError("--view-dependent: expected --format ply or glb");
+  return export_take({.take = arguments.take,
+                      .out = arguments.out,
+                      .format = format,
+                      .frames = parse_frame_range(arguments.frames),
+                      .performer = arguments.performer,
+                      .surface = parse_surface(arguments.surface)});
 }
 
 int run(const Arguments& arguments) {
+  if (const auto format = parse_take_format(arguments.format)) {
+    return run_take_export(arguments, *format);
+  }
+  if (parse_surface(arguments.surface) != Surface::kAutomatic) {
+    throw InputError("--surface: expected --format glb-sequence or usda");
+  }
   const MeshFormat format = parse_mesh_format(arguments.format);
   const Compression compression = parse_compression(arguments.compression);
   check_options(format, compression, arguments.view_dependent);
@@ -69,50 +76,47 @@ int run(const Arguments& arguments) {
   if (arguments.view_dependent) colours.emplace(arguments.take);
   catch_interrupts();
   Progress progress("export", std::ssize(frames));
-  bool is_present = arguments.performer == 0;  // the wanted performer, in some frame
+  PerformerFilter performer(arguments.take, arguments.performer);
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
     recon::CompactFrame content = meshes.read(frame);
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
-    if (arguments.performer > 0) keep_performer(arguments, content, cameras);
-    is_present = is_present || !content.mesh.triangles.empty();
+    performer.apply(content, cameras);
     write_mesh(file, format, content.mesh,
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
-  if (!is_present) {
-    throw InputError("--performer " + std::to_string(arguments.performer) +
-                     ": no exported frame shows this performer; v3dctl performers " +
-                     arguments.take.string() + " lists them");
-  }
+  performer.require_present();
   const int status =
       colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
-  if (!meshes.is_unfinished()) return status;
-  note("v3dctl: " + take::TakePaths{arguments.take}.mesh().string() +
-       ": has no index: it is truncated or not finished; frames may be missing");
-  return kExitIncomplete;
+  return std::max(status, report_unfinished_meshes(meshes, arguments.take));
 }
 
 }  // namespace
 
 void add_export(CommandLine& line) {
   cli::Command command = line.add(
-      "export", "Write meshes for other programs, one file for each frame",
+      "export",
+      "Write meshes for other programs: a file for each frame, one for all, or training sets",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
        "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
-       "v3dctl export dancer --format glb --compress draco --view-dependent meshes/"});
+       "v3dctl export dancer --format glb --compress draco --view-dependent meshes/",
+       "v3dctl export dancer --format glb-sequence dancer.glb",
+       "v3dctl export dancer --format colmap --frames 12 training/"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   command
-      .add_option("OUT", arguments->out,
-                  "A folder for FRAME.ply and so on, or a file for one frame")
+      .add_option(
+          "OUT", arguments->out,
+          "A folder for FRAME.ply and so on, or a file for one frame; glb-sequence and usda: a "
+          "file; colmap and nerfstudio: a new folder")
       .required();
   command
       .add_option("--format", arguments->format,
-                  "The file format; all have colours, metres, z up (glb: y up)")
-      .type_name("ply|obj|glb")
+                  "The file format; all have colours, metres, z up (glb, glb-sequence: y up)")
+      .type_name("ply|obj|glb|glb-sequence|usda|colmap|nerfstudio")
       .required();
   command
       .add_option("--compress", arguments->compression,
@@ -128,6 +132,13 @@ void add_export(CommandLine& line) {
                   "One performer alone, of a take after v3dctl performers")
       .type_name("N")
       .check(cli::integer_in(1, 255));
+  command
+      .add_option(
+          "--surface", arguments->surface,
+          "glb-sequence, usda: mesh.v3d, or motion.v3d, with constant triangles; automatic: "
+          "motion.v3d where it exists")
+      .type_name("automatic|meshes|tracked")
+      .show_default();
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

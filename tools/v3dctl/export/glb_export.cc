@@ -1,10 +1,10 @@
 // glTF 2.0 binary: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html, chapter 4.
-#include <cmath>
+#include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "base/io/file.h"
+#include "v3dctl/export/gltf_document.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/vertex_streams.h"
 
@@ -13,33 +13,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kArrayBuffer = 34962;
-constexpr int kElementArrayBuffer = 34963;
-constexpr int kUnsignedInt = 5125;
-constexpr int kTriangles = 4;
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
 constexpr const char* kMeshopt = "EXT_meshopt_compression";
 constexpr const char* kQuantization = "KHR_mesh_quantization";
-constexpr const char* kUnlit = "KHR_materials_unlit";
-
-/// Linear light as integers up to `max`, three or four for each vertex.
-template <class T>
-std::vector<T> linear_colours(const Mesh& mesh, int width, double max) {
-  std::vector<T> values;
-  for (const Rgb8 c : mesh.colours) {
-    for (const uint8_t channel : {c.r, c.g, c.b}) {
-      values.push_back(static_cast<T>(std::round(max * linear_light(channel))));
-    }
-    if (width == 4) values.push_back(static_cast<T>(max));
-  }
-  return values;
-}
-
-VertexStream float_positions(const Mesh& mesh) {
-  std::vector<float> values;
-  for (const Eigen::Vector3f& v : mesh.vertices) values.insert(values.end(), v.begin(), v.end());
-  return make_stream("POSITION", Component::kFloat, 3, values);
-}
 
 VertexStream integer_positions(const PositionGrid& grid) {
   std::vector<uint16_t> values;
@@ -53,7 +29,7 @@ VertexStream integer_positions(const PositionGrid& grid) {
 /// Draco requires floats; it keeps kLinearBits of them.
 VertexStream float_colours(const Mesh& mesh) {
   constexpr double kMax = (1 << kLinearBits) - 1;
-  std::vector<float> values = linear_colours<float>(mesh, 3, kMax);
+  std::vector<float> values = linear_light<float>(mesh, 3, kMax);
   for (float& value : values) value /= static_cast<float>(kMax);
   return make_stream("COLOR_0", Component::kFloat, 3, values);
 }
@@ -82,10 +58,8 @@ VertexStreams streams_of(const Mesh& mesh, const MeshFileOptions& options,
   out.streams.push_back(options.compression == Compression::kMeshopt ? integer_positions(grid)
                                                                      : float_positions(mesh));
   if (!mesh.colours.empty()) {
-    out.streams.push_back(options.compression == Compression::kDraco
-                              ? float_colours(mesh)
-                              : make_stream("COLOR_0", Component::kUint16, 4,
-                                            linear_colours<uint16_t>(mesh, 4, 65535)));
+    out.streams.push_back(options.compression == Compression::kDraco ? float_colours(mesh)
+                                                                     : linear_colours(mesh));
   }
   for (const ExportedCamera& camera : options.cameras) {
     out.streams.push_back(seen_colours(camera));
@@ -102,12 +76,6 @@ json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 /// JSON and binary chunk of a file with one mesh.
 class Document {
  public:
-  Document() {
-    gltf_["asset"] = {{"version", "2.0"}, {"generator", "v3dctl " V3D_VERSION}};
-    gltf_["scene"] = 0;
-    add_to("scenes", json::object());
-  }
-
   void add(const Mesh& mesh, const MeshFileOptions& options) {
     PositionGrid grid;
     if (options.compression != Compression::kNone) {
@@ -117,7 +85,7 @@ class Document {
     add_node();
     switch (options.compression) {
       case Compression::kNone:
-        add_plain(streams, mesh);
+        add_plain(streams);
         break;
       case Compression::kDraco:
         add_draco(streams, grid);
@@ -130,110 +98,38 @@ class Document {
     add_cameras(options.cameras);
   }
 
-  /// The whole file.
-  std::string bytes() {
-    if (!binary_.empty()) gltf_["buffers"][0]["byteLength"] = binary_.size();
-    std::string text = gltf_.dump();
-    text.resize((text.size() + 3) / 4 * 4, ' ');
-    binary_.resize((binary_.size() + 3) / 4 * 4, '\0');
-    std::string body;
-    put_chunk(body, 0x4E4F534A, text);  // "JSON"
-    if (!binary_.empty()) put_chunk(body, 0x004E4942, binary_);
-    std::string file = "glTF";
-    put_word(file, 2);
-    put_word(file, 12 + body.size());
-    return file + body;
-  }
+  std::string bytes() { return out_.bytes(); }
 
  private:
-  static void put_word(std::string& bytes, size_t word) {
-    for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(word >> shift & 0xFF);
-  }
-  static void put_chunk(std::string& bytes, size_t type, const std::string& content) {
-    put_word(bytes, content.size());
-    put_word(bytes, type);
-    bytes += content;
-  }
-
-  /// Returns the offset of the bytes, a multiple of 4.
-  size_t append(std::span<const uint8_t> bytes) {
-    binary_.resize((binary_.size() + 3) / 4 * 4, '\0');
-    const size_t at = binary_.size();
-    binary_.append(bytes.begin(), bytes.end());
-    return at;
-  }
-
-  size_t add_to(const char* list, json item) {
-    gltf_[list].push_back(std::move(item));
-    return gltf_[list].size() - 1;
-  }
+  json& gltf() { return out_.gltf(); }
   /// Its length is set later.
-  json& add_buffer() {
-    json buffer;
-    buffer["byteLength"] = 0;
-    return gltf_["buffers"][add_to("buffers", std::move(buffer))];
-  }
-  size_t add_view(std::span<const uint8_t> bytes) {
-    return add_to("bufferViews",
-                  {{"buffer", 0}, {"byteOffset", append(bytes)}, {"byteLength", bytes.size()}});
-  }
+  json& add_buffer() { return gltf()["buffers"][out_.add_buffer()]; }
 
-  json& primitive() { return gltf_["meshes"][0]["primitives"][0]; }
+  json& primitive() { return gltf()["meshes"][0]["primitives"][0]; }
 
   void require(const char* extension) {
-    gltf_["extensionsUsed"].push_back(extension);
-    gltf_["extensionsRequired"].push_back(extension);
+    gltf()["extensionsUsed"].push_back(extension);
+    gltf()["extensionsRequired"].push_back(extension);
   }
 
   /// z up to y up.
   void add_node() {
-    const double half = std::numbers::sqrt2 / 2;
-    add_to("nodes", {{"mesh", 0}, {"rotation", {-half, 0, 0, half}}});
-    gltf_["scenes"][0]["nodes"].push_back(0);
+    out_.add("nodes", {{"mesh", 0}, {"rotation", y_up_rotation()}});
+    gltf()["scenes"][0]["nodes"].push_back(0);
     primitive()["mode"] = kTriangles;
   }
 
-  static json accessor_of(const VertexStream& stream, size_t vertices) {
-    json accessor = {{"componentType", static_cast<int>(stream.component)},
-                     {"type", "VEC" + std::to_string(stream.width)},
-                     {"count", vertices}};
-    if (stream.normalised) accessor["normalized"] = true;
-    return accessor;
-  }
-  static json accessor_of_indices(size_t count) {
-    return {{"componentType", kUnsignedInt}, {"type", "SCALAR"}, {"count", count}};
-  }
   void add_attribute(const std::string& semantic, json accessor) {
-    primitive()["attributes"][semantic] = add_to("accessors", std::move(accessor));
+    primitive()["attributes"][semantic] = out_.add("accessors", std::move(accessor));
   }
-  void add_indices(json accessor) { primitive()["indices"] = add_to("accessors", accessor); }
+  void add_indices(json accessor) { primitive()["indices"] = out_.add("accessors", accessor); }
 
-  void add_plain(const VertexStreams& mesh, const Mesh& source) {
+  void add_plain(const VertexStreams& mesh) {
     add_buffer();
     for (const VertexStream& stream : mesh.streams) {
-      json accessor = accessor_of(stream, mesh.vertices);
-      const size_t view = add_view(stream.bytes);
-      gltf_["bufferViews"][view]["target"] = kArrayBuffer;
-      accessor["bufferView"] = view;
-      if (stream.semantic == "POSITION") set_bounds(accessor, source.vertices);
-      add_attribute(stream.semantic, std::move(accessor));
+      primitive()["attributes"][stream.semantic] = out_.add_attribute(stream, mesh.vertices);
     }
-    const auto* bytes = reinterpret_cast<const uint8_t*>(mesh.indices.data());
-    const size_t view = add_view({bytes, mesh.indices.size() * sizeof(uint32_t)});
-    gltf_["bufferViews"][view]["target"] = kElementArrayBuffer;
-    json accessor = accessor_of_indices(mesh.indices.size());
-    accessor["bufferView"] = view;
-    add_indices(std::move(accessor));
-  }
-
-  static void set_bounds(json& accessor, const std::vector<Eigen::Vector3f>& vertices) {
-    Eigen::Vector3f low = vertices.front(), high = low;
-    for (const Eigen::Vector3f& vertex : vertices) {
-      low = low.cwiseMin(vertex);
-      high = high.cwiseMax(vertex);
-    }
-    accessor["min"] = floats(low);
-    accessor["max"] = floats(high);
+    primitive()["indices"] = out_.add_indices(mesh.indices);
   }
 
   void add_draco(const VertexStreams& mesh, const PositionGrid& grid) {
@@ -252,7 +148,7 @@ class Document {
       add_attribute(stream.semantic, std::move(accessor));
     }
     add_indices(accessor_of_indices(3 * compressed.triangles));
-    const size_t view = add_view(compressed.bytes);
+    const size_t view = out_.add_view(compressed.bytes);
     primitive()["extensions"][kDraco] = {{"bufferView", view}, {"attributes", ids}};
   }
 
@@ -278,26 +174,26 @@ class Document {
                          mesh.indices.size(), sizeof(uint32_t), kElementArrayBuffer);
     add_indices(std::move(accessor));
     // Grid to metres, rotated as the node is: (x, y, z) to (x, z, -y).
-    json& node = gltf_["nodes"][0];
+    json& node = gltf()["nodes"][0];
     node["scale"] = numbers(Eigen::Vector3d::Constant(grid.step));
     node["translation"] = {grid.origin.x(), grid.origin.z(), -grid.origin.y()};
   }
 
   size_t add_meshopt_view(std::span<const uint8_t> compressed, const char* mode, size_t count,
                           size_t stride, int target) {
-    json& decoded = gltf_["buffers"][1]["byteLength"];
+    json& decoded = gltf()["buffers"][1]["byteLength"];
     const size_t at = decoded.get<size_t>();
     decoded = at + count * stride;
     json view = {
         {"buffer", 1}, {"byteOffset", at}, {"byteLength", count * stride}, {"target", target}};
     if (target == kArrayBuffer) view["byteStride"] = stride;
     view["extensions"][kMeshopt] = {{"buffer", 0},
-                                    {"byteOffset", append(compressed)},
+                                    {"byteOffset", out_.append(compressed)},
                                     {"byteLength", compressed.size()},
                                     {"byteStride", stride},
                                     {"mode", mode},
                                     {"count", count}};
-    return add_to("bufferViews", std::move(view));
+    return out_.add("bufferViews", std::move(view));
   }
 
   static void set_bounds(json& accessor, const VertexStream& positions) {
@@ -314,28 +210,18 @@ class Document {
     accessor["max"] = high;
   }
 
-  /// Unlit: the colours contain the light of the studio.
-  void add_material() {
-    json material;
-    material["name"] = "as seen";
-    material["pbrMetallicRoughness"]["metallicFactor"] = 0;
-    material["extensions"][kUnlit] = json::object();
-    add_to("materials", std::move(material));
-    gltf_["extensionsUsed"].push_back(kUnlit);
-    primitive()["material"] = 0;
-  }
+  void add_material() { primitive()["material"] = out_.add_unlit_material(); }
 
   void add_cameras(std::span<const ExportedCamera> cameras) {
     for (const ExportedCamera& camera : cameras) {
-      gltf_["meshes"][0]["extras"]["cameras"].push_back({{"name", camera.colours.camera},
-                                                         {"attribute", semantic_of(camera)},
-                                                         {"centre", numbers(camera.centre)},
-                                                         {"axis", numbers(camera.axis)}});
+      gltf()["meshes"][0]["extras"]["cameras"].push_back({{"name", camera.colours.camera},
+                                                          {"attribute", semantic_of(camera)},
+                                                          {"centre", numbers(camera.centre)},
+                                                          {"axis", numbers(camera.axis)}});
     }
   }
 
-  json gltf_;
-  std::string binary_;
+  GltfDocument out_;
 };
 
 }  // namespace

@@ -10,8 +10,8 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "common/console.h"
 #include "common/ply_file.h"
-#include "daemon/recorded/mesh_frames.h"
 
 namespace v3d::ctl {
 
@@ -19,7 +19,8 @@ MeshFormat parse_mesh_format(std::string_view text) {
   if (text == "ply") return MeshFormat::kPly;
   if (text == "obj") return MeshFormat::kObj;
   if (text == "glb") return MeshFormat::kGlb;
-  throw InputError("--format " + std::string(text) + ": expected ply, obj or glb");
+  throw InputError("--format " + std::string(text) +
+                   ": expected ply, obj, glb, glb-sequence, usda, colmap or nerfstudio");
 }
 
 Compression parse_compression(std::string_view text) {
@@ -135,18 +136,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Throws InputError for a take that was kept without its raw frames.
-const fs::path& require_frames(const fs::path& take) {
-  const take::TakePaths paths{take};
-  for (const std::string& camera : load_take_info(paths).cameras) {
-    if (!fs::exists(paths.frames(camera))) {
-      throw InputError("--view-dependent: the take has no raw frames of " + camera + ": " +
-                       paths.frames(camera).string() + " does not exist");
-    }
-  }
-  return take;
-}
-
 void require_distinct(const std::vector<std::string>& cameras) {
   std::map<std::string, std::string> camera_of;
   for (const std::string& camera : cameras) {
@@ -163,7 +152,45 @@ void require_distinct(const std::vector<std::string>& cameras) {
 
 }  // namespace
 
-TakeColours::TakeColours(const fs::path& take) : frames_(require_frames(take), {}) {
+void PerformerFilter::apply(recon::CompactFrame& frame, std::vector<ExportedCamera>& cameras) {
+  if (performer_ == 0) return;
+  if (frame.performers.empty()) {
+    throw InputError("--performer: frame " + std::to_string(frame.pulse) +
+                     " does not state performers; expected a take after v3dctl performers " +
+                     take_.string());
+  }
+  frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer_);
+  remove_unused_vertices(frame.mesh, cameras);
+  is_present_ = is_present_ || !frame.mesh.triangles.empty();
+}
+
+void PerformerFilter::require_present() const {
+  if (performer_ == 0 || is_present_) return;
+  throw InputError("--performer " + std::to_string(performer_) +
+                   ": no exported frame shows this performer; v3dctl performers " + take_.string() +
+                   " lists them");
+}
+
+const fs::path& require_raw_frames(const fs::path& take, const std::string& option) {
+  const take::TakePaths paths{take};
+  for (const std::string& camera : load_take_info(paths).cameras) {
+    if (!fs::exists(paths.frames(camera))) {
+      throw InputError(option + ": the take has no raw frames of " + camera + ": " +
+                       paths.frames(camera).string() + " does not exist");
+    }
+  }
+  return take;
+}
+
+int report_unfinished_meshes(const recorded::MeshFrames& meshes, const fs::path& take) {
+  if (!meshes.is_unfinished()) return kExitDone;
+  note("v3dctl: " + take::TakePaths{take}.mesh().string() +
+       ": has no index: it is truncated or not finished; frames may be missing");
+  return kExitIncomplete;
+}
+
+TakeColours::TakeColours(const fs::path& take)
+    : frames_(require_raw_frames(take, "--view-dependent"), {}) {
   require_distinct(frames_.info().cameras);
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/texture/texture.h"
@@ -59,6 +60,32 @@ void write_obj(const std::filesystem::path& path, const Mesh& mesh);
 /// to the y up of the standard. A mesh without triangles gives an empty scene. Compression
 /// quantises positions to the lattice of the options and reorders triangles and vertices.
 void write_glb(const std::filesystem::path& path, const Mesh& mesh, const MeshFileOptions& options);
+
+/// Removes all performers but one from frames of a take. One thread.
+class PerformerFilter {
+ public:
+  /// `performer` 0: removes nothing.
+  PerformerFilter(std::filesystem::path take, int performer)
+      : take_(std::move(take)), performer_(performer) {}
+  /// Removes triangles and vertices, of the latter the colours in `cameras`, too. Throws InputError
+  /// for a frame that does not state performers.
+  void apply(recon::CompactFrame& frame, std::vector<ExportedCamera>& cameras);
+  /// Throws InputError unless a frame showed the performer.
+  void require_present() const;
+
+ private:
+  std::filesystem::path take_;
+  int performer_;
+  bool is_present_ = false;
+};
+
+/// Returns `take`. Throws InputError, beginning with `option`, for a take that was kept without the
+/// raw frames of a camera.
+const std::filesystem::path& require_raw_frames(const std::filesystem::path& take,
+                                                const std::string& option);
+
+/// Reports on stderr when mesh.v3d of the take has no index. Returns kExitDone or kExitIncomplete.
+int report_unfinished_meshes(const recorded::MeshFrames& meshes, const std::filesystem::path& take);
 
 // Vertex colours of reconstructed frames in each camera, from the raw frames of the take.
 

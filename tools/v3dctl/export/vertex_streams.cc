@@ -58,6 +58,16 @@ double linear_light(uint8_t srgb) {
   return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4);
 }
 
+VertexStream float_positions(const Mesh& mesh) {
+  std::vector<float> values;
+  for (const Eigen::Vector3f& v : mesh.vertices) values.insert(values.end(), v.begin(), v.end());
+  return make_stream("POSITION", Component::kFloat, 3, values);
+}
+
+VertexStream linear_colours(const Mesh& mesh) {
+  return make_stream("COLOR_0", Component::kUint16, 4, linear_light<uint16_t>(mesh, 4, 65535));
+}
+
 void order_for_meshopt(VertexStreams& mesh) {
   std::vector<uint32_t>& indices = mesh.indices;
   meshopt_optimizeVertexCache(indices.data(), indices.data(), indices.size(), mesh.vertices);

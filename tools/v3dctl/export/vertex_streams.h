@@ -1,7 +1,9 @@
 // Vertex streams of a glTF mesh: one array of numbers for each attribute, and their compression.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -64,6 +66,25 @@ PositionGrid quantise(const std::vector<Eigen::Vector3f>& vertices, const Vertex
 /// Linear light of an sRGB value, 0 to 1. Twelve bits distinguish all 256 values of sRGB.
 double linear_light(uint8_t srgb);
 inline constexpr int kLinearBits = 12;
+
+/// Linear light of the colours of a mesh from 0 to `max`, rounded, `width` (3 or 4) for each
+/// vertex; the fourth is `max`.
+template <class T>
+std::vector<T> linear_light(const Mesh& mesh, int width, double max) {
+  std::vector<T> values;
+  for (const Rgb8 c : mesh.colours) {
+    for (const uint8_t channel : {c.r, c.g, c.b}) {
+      values.push_back(static_cast<T>(std::round(max * linear_light(channel))));
+    }
+    if (width == 4) values.push_back(static_cast<T>(max));
+  }
+  return values;
+}
+
+/// POSITION in floats, metres.
+VertexStream float_positions(const Mesh& mesh);
+/// COLOR_0 with 16 bits and alpha. Requires a mesh with colours.
+VertexStream linear_colours(const Mesh& mesh);
 
 // --- EXT_meshopt_compression: vertex_streams.cc
 

@@ -21,6 +21,7 @@
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/console.h"
+#include "common/partial_folder.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
@@ -40,9 +41,6 @@ class TakeBuilder {
   /// writable.
   TakeBuilder(const std::filesystem::path& folder, std::vector<std::string> cameras, double rate_hz,
               const Rig& rig);
-  ~TakeBuilder();
-  TakeBuilder(const TakeBuilder&) = delete;
-  TakeBuilder& operator=(const TakeBuilder&) = delete;
 
   /// Folder for background models.
   std::filesystem::path background() const { return paths_.background(); }
@@ -61,13 +59,12 @@ class TakeBuilder {
  private:
   FrameLabel label() const;
 
-  std::filesystem::path folder_;
+  PartialFolder partial_;
   take::TakePaths paths_;  ///< in the temporary folder
   take::TakeInfo info_;
   std::optional<take::EventLogWriter> pulse_log_;
   std::vector<take::EventLogWriter> frame_logs_;
   int64_t pulses_ = 0;
-  bool finished_ = false;
 };
 
 namespace {
@@ -311,19 +308,12 @@ fs::path checked_folder(fs::path folder) {
   return folder;
 }
 
-fs::path make_temporary_beside(const fs::path& folder) {
-  std::string pattern = folder.string() + ".partial-XXXXXX";
-  if (!mkdtemp(pattern.data())) throw InputError(errno_message(folder.parent_path().string()));
-  fs::permissions(pattern, fs::perms(0755));
-  return pattern;
-}
-
 }  // namespace
 
 TakeBuilder::TakeBuilder(const fs::path& folder, std::vector<std::string> cameras, double rate_hz,
                          const Rig& rig)
-    : folder_(checked_folder(folder)), paths_{make_temporary_beside(folder_)} {
-  info_.name = folder_.filename();
+    : partial_(checked_folder(folder)), paths_{partial_.path()} {
+  info_.name = partial_.final_path().filename();
   info_.studio = "import";
   info_.rate_hz = rate_hz;
   info_.software_version = V3D_VERSION;
@@ -332,12 +322,6 @@ TakeBuilder::TakeBuilder(const fs::path& folder, std::vector<std::string> camera
   save_calib(paths_.calib(), rig);
   pulse_log_.emplace(paths_.pulses());
   for (const std::string& camera : info_.cameras) frame_logs_.emplace_back(paths_.frames(camera));
-}
-
-TakeBuilder::~TakeBuilder() {
-  if (finished_) return;
-  std::error_code ignored;
-  fs::remove_all(paths_.folder, ignored);
 }
 
 // Imported images have no clock: pulse n is labelled n periods after the start of the import.
@@ -390,8 +374,7 @@ void TakeBuilder::finish() {
   io::throw_if_failed(pulse_log_->sync());
   for (const take::EventLogWriter& log : frame_logs_) ledger.files.push_back(log.file());
   save_account_or_throw(paths_, info_, ledger);
-  io::throw_if_failed(io::rename_new(paths_.folder, folder_));
-  finished_ = true;
+  partial_.finish();
 }
 
 }  // namespace v3d::ctl

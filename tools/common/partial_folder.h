@@ -1,0 +1,32 @@
+// A new folder that appears under its name when it is complete.
+#pragma once
+
+#include <filesystem>
+
+namespace v3d {
+
+/// Folder with a temporary name beside its final one. The destructor removes it unless finish() was
+/// called. One thread.
+class PartialFolder {
+ public:
+  /// Makes `folder`.partial-XXXXXX. Throws InputError when `folder` exists and is not an empty
+  /// folder, or when the new folder cannot be made, for instance without the parent of `folder`.
+  explicit PartialFolder(const std::filesystem::path& folder);
+  ~PartialFolder();
+  PartialFolder(const PartialFolder&) = delete;
+  PartialFolder& operator=(const PartialFolder&) = delete;
+
+  /// Where the content is written.
+  const std::filesystem::path& path() const { return path_; }
+  /// The name after finish(): absolute, without a slash at its end.
+  const std::filesystem::path& final_path() const { return folder_; }
+  /// Renames the folder to its final name, and waits until the name is on the disk. Throws
+  /// std::runtime_error with path and cause, also when the final name is taken by now.
+  void finish();
+
+ private:
+  std::filesystem::path folder_, path_;
+  bool finished_ = false;
+};
+
+}  // namespace v3d

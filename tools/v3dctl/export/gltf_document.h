@@ -1,0 +1,66 @@
+// A glTF 2.0 document in binary form while it is written: JSON and one buffer.
+// Source: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/geometry/mesh.h"
+#include "v3dctl/export/vertex_streams.h"
+
+namespace v3d::ctl {
+
+// Numbers of glTF.
+inline constexpr int kArrayBuffer = 34962;
+inline constexpr int kElementArrayBuffer = 34963;
+inline constexpr int kUnsignedInt = 5125;
+inline constexpr int kTriangles = 4;
+
+/// One thread.
+class GltfDocument {
+ public:
+  /// An empty scene.
+  GltfDocument();
+
+  nlohmann::json& gltf() { return gltf_; }
+  /// Appends to a list of the document; returns the index.
+  size_t add(const char* list, nlohmann::json item);
+  /// A new buffer; the length of the first one is set by bytes(). Returns the index.
+  size_t add_buffer();
+  /// Appends to the first buffer; returns the offset, a multiple of 4.
+  size_t append(std::span<const uint8_t> bytes);
+  /// Appends a buffer view with these bytes to the first buffer; returns the index. `target`: 0 for
+  /// none.
+  size_t add_view(std::span<const uint8_t> bytes, int target = 0);
+  /// An accessor with a view of its own of a vertex attribute; returns the index. A POSITION gets
+  /// its bounds.
+  size_t add_attribute(const VertexStream& stream, size_t vertices);
+  /// The same for the vertices of triangles.
+  size_t add_indices(const std::vector<uint32_t>& indices);
+  /// The same for floats that are no vertex attribute, `width` (1 or 3) in each element; `bounded`:
+  /// with minimum and maximum.
+  size_t add_floats(const std::vector<float>& values, size_t width, bool bounded);
+  /// A material that shows the vertex colours as they are, because they contain the light of the
+  /// studio (KHR_materials_unlit); returns the index.
+  size_t add_unlit_material();
+
+  /// The whole file. Throws InputError when it would exceed the 4 GB of the format.
+  std::string bytes();
+
+ private:
+  nlohmann::json gltf_;
+  std::string binary_;
+};
+
+/// Accessors without a view.
+nlohmann::json accessor_of(const VertexStream& stream, size_t vertices);
+nlohmann::json accessor_of_indices(size_t count);
+
+/// The rotation of a node from z up to the y up of glTF, a quaternion x, y, z, w.
+nlohmann::json y_up_rotation();
+
+}  // namespace v3d::ctl

@@ -1,0 +1,169 @@
+#include "v3dctl/export/take_export.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/io/file.h"
+#include "common/console.h"
+#include "common/partial_folder.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/surface_sequence.h"
+#include "v3dctl/export/training_pulse.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// One line for the pulses of the range without a surface.
+void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,
+                           const std::vector<int64_t>& present) {
+  const int64_t end = std::min(range.end, std::max(info.pulses, present.back() + 1));
+  std::vector<std::string> missing;
+  for (int64_t pulse = range.begin; pulse < end; ++pulse) {
+    if (!std::binary_search(present.begin(), present.end(), pulse)) {
+      missing.push_back(std::to_string(pulse));
+    }
+  }
+  if (missing.empty()) return;
+  note("v3dctl: left out, because they have no mesh: " + count_of(std::ssize(missing), "pulse") +
+       " (" + join_names(missing) + ")");
+}
+
+bool is_training(TakeFormat format) {
+  return format == TakeFormat::kColmap || format == TakeFormat::kNerfstudio;
+}
+
+const char* name_of(TakeFormat format) {
+  switch (format) {
+    case TakeFormat::kGlbSequence:
+      return "glb-sequence";
+    case TakeFormat::kUsda:
+      return "usda";
+    case TakeFormat::kColmap:
+      return "colmap";
+    case TakeFormat::kNerfstudio:
+      return "nerfstudio";
+  }
+  return "";
+}
+
+void check_request(const TakeExport& request) {
+  const std::string option = std::string("--format ") + name_of(request.format);
+  if (is_training(request.format)) {
+    const std::string rule = ": expected --format ply, obj, glb, glb-sequence or usda";
+    if (request.performer > 0) throw InputError("--performer" + rule);
+    if (request.surface != Surface::kAutomatic) {
+      throw InputError("--surface: expected --format glb-sequence or usda");
+    }
+    return;
+  }
+  const char* ending = request.format == TakeFormat::kUsda ? ".usda" : ".glb";
+  if (request.out.extension() != ending) {
+    throw InputError(request.out.string() + ": " + option + " expects the name of a " + ending +
+                     " file");
+  }
+  if (request.performer > 0 && request.surface == Surface::kTracked) {
+    throw InputError(
+        "--performer: tracked surfaces state no performers; expected --surface meshes");
+  }
+}
+
+int export_training(const TakeExport& request, recorded::MeshFrames& meshes,
+                    const std::vector<int64_t>& pulses) {
+  const bool colmap = request.format == TakeFormat::kColmap;
+  TrainingPulses training(request.take, std::string("--format ") + name_of(request.format));
+  if (const io::Status made = io::create_folders(fs::absolute(request.out).parent_path()); !made) {
+    io::throw_input_error(made.error());
+  }
+  PartialFolder folder(request.out);
+  Progress progress("export", std::ssize(pulses));
+  for (const int64_t pulse : pulses) {
+    stop_if_interrupted();
+    const fs::path place =
+        pulses.size() == 1 ? folder.path() : folder.path() / fmt::format("{:06}", pulse);
+    io::throw_if_failed(io::create_folders(place));
+    const TrainingPulse content = training.of(meshes.read(pulse));
+    colmap ? write_colmap(place, content) : write_nerfstudio(place, content);
+    progress.advance();
+  }
+  folder.finish();
+  return report_incomplete_frames(training.incomplete(), request.take);
+}
+
+int export_sequence(const TakeExport& request, const take::TakeInfo& info,
+                    recorded::MeshFrames& meshes, const std::vector<int64_t>& pulses) {
+  const SequenceOptions options{info.name, info.rate_hz};
+  const std::unique_ptr<SurfaceSequence> sequence = request.format == TakeFormat::kUsda
+                                                        ? make_usda_sequence(options)
+                                                        : make_glb_sequence(options);
+  PerformerFilter performer(request.take, request.performer);
+  std::vector<ExportedCamera> no_cameras;
+  Progress progress("export", std::ssize(pulses));
+  for (const int64_t pulse : pulses) {
+    stop_if_interrupted();
+    recon::CompactFrame content = meshes.read(pulse);
+    performer.apply(content, no_cameras);
+    sequence->add(pulse, content.mesh);
+    progress.advance();
+  }
+  performer.require_present();
+  replace_file(request.out, sequence->finish());
+  return kExitDone;
+}
+
+/// The file with the surfaces.
+fs::path surfaces_of(const TakeExport& request) {
+  const take::TakePaths paths{request.take};
+  const bool can_be_tracked = !is_training(request.format) && request.performer == 0;
+  const bool tracked =
+      request.surface == Surface::kTracked ||
+      (request.surface == Surface::kAutomatic && can_be_tracked && file_exists(paths.motion()));
+  if (!tracked) return paths.mesh();
+  if (!file_exists(paths.motion())) {
+    load_take_info(paths);  // throws if the folder is not a take
+    throw InputError(paths.motion().string() + ": is not there: run v3dctl track " +
+                     request.take.string() + " first");
+  }
+  note("v3dctl: exports the tracked surfaces of " + paths.motion().string());
+  return paths.motion();
+}
+
+}  // namespace
+
+std::optional<TakeFormat> parse_take_format(std::string_view text) {
+  for (const TakeFormat format : {TakeFormat::kGlbSequence, TakeFormat::kUsda, TakeFormat::kColmap,
+                                  TakeFormat::kNerfstudio}) {
+    if (text == name_of(format)) return format;
+  }
+  return std::nullopt;
+}
+
+Surface parse_surface(std::string_view text) {
+  if (text == "automatic") return Surface::kAutomatic;
+  if (text == "meshes") return Surface::kMeshes;
+  if (text == "tracked") return Surface::kTracked;
+  throw InputError("--surface " + std::string(text) + ": expected automatic, meshes or tracked");
+}
+
+int export_take(const TakeExport& request) {
+  check_request(request);
+  recorded::MeshFrames meshes(request.take, surfaces_of(request));
+  const std::vector<int64_t> pulses = meshes.frames(request.frames);
+  const take::TakeInfo info = take::load_take_info({request.take});
+  report_missing_pulses(info, request.frames, pulses);
+  catch_interrupts();
+  const int status = is_training(request.format) ? export_training(request, meshes, pulses)
+                                                 : export_sequence(request, info, meshes, pulses);
+  return std::max(status, report_unfinished_meshes(meshes, request.take));
+}
+
+}  // namespace v3d::ctl
