@@ -63,6 +63,11 @@ TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
   EXPECT_THAT(text, HasSubstr(" 28.647890 "));
 }
 
+TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {
+  EXPECT_EQ(test::message_of<InputError>([] { skeleton_glb(turning(2), "take"); }),
+            "--export glb needs a tracked surface: run v3dctl track first");
+}
+
 /// joints.json with the joints of `skeleton`, higher by 30 mm; `swap`: left and right exchanged.
 std::string true_joints(const TakeSkeleton& skeleton, bool swap) {
   nlohmann::json joints = nlohmann::json::array(), pulses = nlohmann::json::array();

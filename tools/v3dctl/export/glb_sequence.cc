@@ -165,7 +165,7 @@ class GlbSequence : public SurfaceSequence {
     values.push_back(is_last ? 1 : 0);
     std::vector<float> scales;
     for (const float value : values) scales.insert(scales.end(), 3, value);
-    animate(*shown_[n].node, "scale", "STEP", times, scales, 3);
+    out_.animate(animation_, *shown_[n].node, "scale", "STEP", times, scales, 3);
   }
 
   /// At pulse n of the mesh, the weight of target n - 1 is 1.
@@ -175,16 +175,7 @@ class GlbSequence : public SurfaceSequence {
     std::vector<float> times, weights(shown.pulses.size() * targets, 0);
     for (const int64_t pulse : shown.pulses) times.push_back(time_of(pulse));
     for (size_t n = 1; n <= targets; ++n) weights[n * targets + n - 1] = 1;
-    animate(*shown.node, "weights", "LINEAR", times, weights, 1);
-  }
-
-  void animate(size_t node, const char* path, const char* interpolation,
-               const std::vector<float>& times, const std::vector<float>& values, size_t width) {
-    animation_["samplers"].push_back({{"input", out_.add_floats(times, 1, true)},
-                                      {"output", out_.add_floats(values, width, false)},
-                                      {"interpolation", interpolation}});
-    animation_["channels"].push_back({{"sampler", animation_["samplers"].size() - 1},
-                                      {"target", {{"node", node}, {"path", path}}}});
+    out_.animate(animation_, *shown.node, "weights", "LINEAR", times, weights, 1);
   }
 
   void add_extras() {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 #include <numbers>
 #include <utility>
 
@@ -92,12 +93,23 @@ size_t GltfDocument::add_indices(const std::vector<uint32_t>& indices) {
 
 size_t GltfDocument::add_floats(const std::vector<float>& values, size_t width, bool bounded) {
   const auto* bytes = reinterpret_cast<const uint8_t*>(values.data());
+  const std::map<size_t, const char*> types{{1, "SCALAR"}, {3, "VEC3"}, {4, "VEC4"}, {16, "MAT4"}};
   json accessor = {{"componentType", kFloat},
-                   {"type", width == 1 ? "SCALAR" : "VEC3"},
+                   {"type", types.at(width)},
                    {"count", values.size() / width},
                    {"bufferView", add_view({bytes, values.size() * sizeof(float)})}};
   if (bounded) set_bounds(accessor, values, width);
   return add("accessors", std::move(accessor));
+}
+
+void GltfDocument::animate(json& animation, size_t node, const char* path,
+                           const char* interpolation, const std::vector<float>& times,
+                           const std::vector<float>& values, size_t width) {
+  animation["samplers"].push_back({{"input", add_floats(times, 1, true)},
+                                   {"output", add_floats(values, width, false)},
+                                   {"interpolation", interpolation}});
+  animation["channels"].push_back({{"sampler", animation["samplers"].size() - 1},
+                                   {"target", {{"node", node}, {"path", path}}}});
 }
 
 size_t GltfDocument::add_unlit_material() {

@@ -41,9 +41,13 @@ class GltfDocument {
   size_t add_attribute(const VertexStream& stream, size_t vertices);
   /// The same for the vertices of triangles.
   size_t add_indices(const std::vector<uint32_t>& indices);
-  /// The same for floats that are no vertex attribute, `width` (1 or 3) in each element; `bounded`:
-  /// with minimum and maximum.
+  /// The same for floats that are no vertex attribute, `width` (1, 3, 4 or 16) in each element;
+  /// `bounded`: with minimum and maximum.
   size_t add_floats(const std::vector<float>& values, size_t width, bool bounded);
+  /// Adds keys of a node to an animation, which is no part of the document yet: times in seconds,
+  /// `width` values at each.
+  void animate(nlohmann::json& animation, size_t node, const char* path, const char* interpolation,
+               const std::vector<float>& times, const std::vector<float>& values, size_t width);
   /// A material that shows the vertex colours as they are, because they contain the light of the
   /// studio (KHR_materials_unlit); returns the index.
   size_t add_unlit_material();

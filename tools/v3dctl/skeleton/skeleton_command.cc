@@ -102,7 +102,7 @@ std::string file_name(int performer) {
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) return find_similar(arguments);
   if (arguments.format.empty() != arguments.out.empty()) {
-    throw InputError("--export bvh|trc and OUT, its file, are given together");
+    throw InputError("--export bvh|glb|trc and OUT, its file, are given together");
   }
   catch_interrupts();
   std::optional<Progress> progress;
@@ -112,6 +112,9 @@ int run(const Arguments& arguments) {
   progress.reset();
   replace_file(arguments.take / file_name(arguments.performer), skeleton_json(skeleton));
   if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));
+  if (arguments.format == "glb") {
+    replace_file(arguments.out, skeleton_glb(skeleton, arguments.take.filename().string()));
+  }
   if (arguments.format == "trc") {
     replace_file(arguments.out, skeleton_trc(skeleton, arguments.out.filename().string()));
   }
@@ -153,9 +156,10 @@ void add_skeleton(CommandLine& line) {
       .show_default();
   command
       .add_option("--export", arguments->format,
-                  "Also write OUT: the motion (bvh), or the places of the joints (trc)")
-      .type_name("bvh|trc")
-      .check(cli::one_of({"bvh", "trc"}));
+                  "Also write OUT: the motion (bvh), with the surface and its skin (glb), or the "
+                  "places of the joints (trc)")
+      .type_name("bvh|glb|trc")
+      .check(cli::one_of({"bvh", "glb", "trc"}));
   command
       .add_option("--truth", arguments->truth,
                   "Compare with the true joints of v3d-sim take --truth DIR")

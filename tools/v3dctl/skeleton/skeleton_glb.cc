@@ -1,0 +1,209 @@
+#include <fmt/core.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+
+#include "base/core/error.h"
+#include "v3dctl/export/gltf_document.h"
+#include "v3dctl/skeleton/take_skeleton.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using nlohmann::json;
+using recon::Joint;
+
+constexpr double kMaxColour = 65535;
+
+/// The frame of a joint: world_from_joint.
+Isometry3d frame_of(const recon::SkeletonPulse& pulse, size_t joint) {
+  Isometry3d frame = Isometry3d::Identity();
+  frame.linear() = pulse.rotations[joint];
+  frame.translation() = pulse.joints[joint];
+  return frame;
+}
+
+/// In the frame of the parent; the pelvis in the world.
+Isometry3d local_frame(const recon::SkeletonPulse& pulse, Joint joint) {
+  const Joint from = recon::parent(joint);
+  const Isometry3d frame = frame_of(pulse, joint);
+  return from == joint ? frame : frame_of(pulse, from).inverse() * frame;
+}
+
+void append(const Vector3d& v, std::vector<float>& values) {
+  for (const double x : {v.x(), v.y(), v.z()}) values.push_back(static_cast<float>(x));
+}
+/// A unit quaternion; rounding keeps its components within -1 to 1.
+void append(const Quaterniond& q, std::vector<float>& values) {
+  for (const double x : {q.x(), q.y(), q.z(), q.w()}) {
+    values.push_back(static_cast<float>(std::clamp(x, -1.0, 1.0)));
+  }
+}
+
+class SkinnedScene {
+ public:
+  SkinnedScene(const TakeSkeleton& skeleton, const std::string& name)
+      : skeleton_(skeleton), rate_hz_(skeleton.rate_hz > 0 ? skeleton.rate_hz : 25) {
+    joints_ = skeleton.structure.has_prop ? size_t{recon::kJoints} : size_t{recon::kBodyJoints};
+    for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
+      pulses_[skeleton.pulses[pulse.index]] = &pulse;
+    }
+    out_.add_buffer();
+    root_ = out_.add("nodes", {{"name", name}, {"rotation", y_up_rotation()}});
+    out_.gltf()["scenes"][0]["nodes"].push_back(root_);
+    out_.gltf()["nodes"][root_]["extras"] = {{"take", name}, {"rate_hz", skeleton.rate_hz}};
+    material_ = out_.add_unlit_material();
+  }
+
+  std::string write() {
+    for (size_t b = 0; b < skeleton_.tracked.size(); ++b) {
+      if (!skeleton_.skins[b].influences.empty()) shown_.push_back(b);
+    }
+    if (shown_.empty()) {
+      throw InputError("--export glb needs a tracked surface: run v3dctl track first");
+    }
+    for (size_t n = 0; n < shown_.size(); ++n) add_segment(n);
+    animation_["name"] = "take";
+    out_.add("animations", std::move(animation_));
+    return out_.bytes();
+  }
+
+ private:
+  const recon::TrackedBody& body(size_t n) const { return skeleton_.tracked[shown_[n]]; }
+
+  float time_of(int64_t pulse) const {
+    const int64_t first = skeleton_.tracked[shown_.front()].pulses.front();
+    return static_cast<float>(static_cast<double>(pulse - first) / rate_hz_);
+  }
+
+  void add_segment(size_t n) {
+    const recon::Skin& skin = skeleton_.skins[shown_[n]];
+    const std::string name = fmt::format("{:06}", body(n).pulses.front());
+    json armature = {{"name", "skeleton " + name}};
+    if (n > 0) armature["scale"] = {0, 0, 0};
+    const size_t top = out_.add("nodes", std::move(armature));
+    out_.gltf()["nodes"][root_]["children"].push_back(top);
+    const size_t first_joint = out_.gltf()["nodes"].size();
+    for (size_t j = 0; j < joints_; ++j) add_joint(skin, static_cast<Joint>(j), top, first_joint);
+    for (size_t j = 0; j < joints_; ++j) animate_joint(n, static_cast<Joint>(j), first_joint + j);
+    animate_visibility(n, top);
+    const size_t mesh = add_mesh(n, name);
+    // At the root, because only its joints move a surface with a skin.
+    out_.gltf()["scenes"][0]["nodes"].push_back(out_.add(
+        "nodes",
+        {{"name", "surface " + name}, {"mesh", mesh}, {"skin", add_skin(skin, top, first_joint)}}));
+  }
+
+  void add_joint(const recon::Skin& skin, Joint joint, size_t top, size_t first_joint) {
+    const Isometry3d local = local_frame(skin.rest, joint);
+    std::vector<float> place, turn;
+    append(local.translation(), place);
+    append(Quaterniond(local.linear()), turn);
+    const size_t node = out_.add(
+        "nodes", {{"name", recon::name(joint)}, {"translation", place}, {"rotation", turn}});
+    const Joint from = recon::parent(joint);
+    out_.gltf()["nodes"][from == joint ? top : first_joint + from]["children"].push_back(node);
+  }
+
+  void animate_joint(size_t n, Joint joint, size_t node) {
+    std::vector<float> times, places, turns;
+    Quaterniond before = Quaterniond::Identity();
+    for (const int64_t pulse : body(n).pulses) {
+      const Isometry3d local = local_frame(*pulses_.at(pulse), joint);
+      Quaterniond turn(local.linear());
+      if (turn.dot(before) < 0) turn.coeffs() *= -1;  // the short way between two keys
+      before = turn;
+      times.push_back(time_of(pulse));
+      append(local.translation(), places);
+      append(turn, turns);
+    }
+    out_.animate(animation_, node, "translation", "LINEAR", times, places, 3);
+    out_.animate(animation_, node, "rotation", "LINEAR", times, turns, 4);
+  }
+
+  /// A segment is shown until the next one begins. A skinned surface follows only its joints, so
+  /// their scale hides it.
+  void animate_visibility(size_t n, size_t top) {
+    if (shown_.size() == 1) return;
+    std::vector<float> times{0}, scales(3, n == 0 ? 1.0F : 0.0F);
+    if (n > 0) {
+      times.push_back(time_of(body(n).pulses.front()));
+      scales.insert(scales.end(), 3, 1);
+    }
+    if (n + 1 < shown_.size()) {
+      times.push_back(time_of(body(n + 1).pulses.front()));
+      scales.insert(scales.end(), 3, 0);
+    }
+    out_.animate(animation_, top, "scale", "STEP", times, scales, 3);
+  }
+
+  size_t add_mesh(size_t n, const std::string& name) {
+    const Mesh& surface = body(n).surface;
+    const size_t vertices = surface.vertices.size();
+    json attributes = {{"POSITION", out_.add_attribute(float_positions(surface), vertices)}};
+    if (!surface.colours.empty()) {
+      attributes["COLOR_0"] =
+          out_.add_attribute(make_stream("COLOR_0", Component::kUint16, 4,
+                                         linear_light<uint16_t>(surface, 4, kMaxColour)),
+                             vertices);
+    }
+    std::vector<uint8_t> joints;
+    std::vector<float> weights;
+    for (const recon::SkinInfluence& influence : skeleton_.skins[shown_[n]].influences) {
+      for (size_t k = 0; k < recon::SkinInfluence::kParts; ++k) {
+        const bool is_used = influence.weight[k] > 0;
+        joints.push_back(is_used ? static_cast<uint8_t>(influence.part[k]) : uint8_t{0});
+        weights.push_back(influence.weight[k]);
+      }
+    }
+    VertexStream stream = make_stream("JOINTS_0", Component::kUint8, 4, joints);
+    stream.normalised = false;
+    attributes["JOINTS_0"] = out_.add_attribute(stream, vertices);
+    attributes["WEIGHTS_0"] =
+        out_.add_attribute(make_stream("WEIGHTS_0", Component::kFloat, 4, weights), vertices);
+    std::vector<uint32_t> indices;
+    for (const auto& triangle : surface.triangles) {
+      indices.insert(indices.end(), triangle.begin(), triangle.end());
+    }
+    const json primitive = {{"mode", kTriangles},
+                            {"material", material_},
+                            {"attributes", attributes},
+                            {"indices", out_.add_indices(indices)}};
+    return out_.add("meshes", {{"name", name}, {"primitives", {primitive}}});
+  }
+
+  size_t add_skin(const recon::Skin& skin, size_t top, size_t first_joint) {
+    std::vector<float> matrices;
+    json joints = json::array();
+    for (size_t j = 0; j < joints_; ++j) {
+      const Eigen::Matrix4f inverse =
+          frame_of(skin.rest, j).inverse().matrix().cast<float>();  // by columns, as glTF
+      matrices.insert(matrices.end(), inverse.data(), inverse.data() + inverse.size());
+      joints.push_back(first_joint + j);
+    }
+    return out_.add("skins", {{"skeleton", top},
+                              {"joints", joints},
+                              {"inverseBindMatrices", out_.add_floats(matrices, 16, false)}});
+  }
+
+  const TakeSkeleton& skeleton_;
+  double rate_hz_;
+  size_t joints_ = 0;
+  std::map<int64_t, const recon::SkeletonPulse*> pulses_;
+  std::vector<size_t> shown_;  ///< bodies with a skin
+  GltfDocument out_;
+  size_t root_ = 0, material_ = 0;
+  json animation_;
+};
+
+}  // namespace
+
+std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name) {
+  return SkinnedScene(skeleton, name).write();
+}
+
+}  // namespace v3d::ctl
