@@ -29,6 +29,7 @@ _v3dctl() {
     --format) COMPREPLY=($(compgen -W "ply obj glb" -- "$current")); return ;;
     --compress) COMPREPLY=($(compgen -W "none draco meshopt" -- "$current")); return ;;
     --role) COMPREPLY=($(compgen -W "operator capture reconstruction viewer" -- "$current")); return ;;
+    --mount) COMPREPLY=($(compgen -W "wall rail ceiling" -- "$current")); return ;;
     --quality) COMPREPLY=($(compgen -W "live high" -- "$current")); return ;;
   esac
   if [[ -z $command ]]; then
