@@ -65,4 +65,17 @@ std::vector<Eigen::Vector3f> SurfacePoints::places(const std::vector<Part>& part
   return places;
 }
 
+std::vector<Eigen::Vector3f> SurfacePoints::normals(const std::vector<Part>& parts) const {
+  std::vector<Eigen::Vector3f> normals;
+  for (const Point& point : points_) {
+    V3D_CHECK(point.part < parts.size());
+    const Mesh& mesh = parts[point.part].mesh;
+    const auto& [a, b, c] = mesh.triangles[point.triangle];
+    normals.push_back((mesh.vertices[b] - mesh.vertices[a])
+                          .cross(mesh.vertices[c] - mesh.vertices[a])
+                          .normalized());
+  }
+  return normals;
+}
+
 }  // namespace v3d::sim

@@ -327,26 +327,34 @@ std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
   return images;
 }
 
+std::vector<uint8_t> points_seen(const CameraModel& camera, const DrawList& list,
+                                 std::span<const Eigen::Vector3f> points, double tolerance_m) {
+  DepthBuffer depth;
+  const std::vector<ScreenPoint> vertices = to_screen(camera, list.vertices);
+  depth.clear(screen_bounds(vertices, camera.size()));
+  depth.draw(vertices, list.triangles);
+  const Rect area = depth.area();
+  const std::vector<ScreenPoint> screen = to_screen(camera, points);
+  std::vector<uint8_t> seen(points.size(), 0);
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (!screen[i].seen || !camera.inside_image({screen[i].x, screen[i].y})) continue;
+    const auto x = static_cast<int>(std::floor(screen[i].x + 0.5F));
+    const auto y = static_cast<int>(std::floor(screen[i].y + 0.5F));
+    if (!area.contains(x, y)) continue;
+    const float nearest = depth.inverse_depth(x, y);
+    if (nearest <= 0) continue;  // beside the drawn pixels
+    seen[i] = 1 / screen[i].inverse_depth <= 1 / nearest + static_cast<float>(tolerance_m);
+  }
+  return seen;
+}
+
 std::vector<uint8_t> cameras_that_see(const Rig& rig, const std::vector<Part>& parts,
                                       std::span<const Eigen::Vector3f> points, double tolerance_m) {
   DrawList all;
   for (const Part& part : parts) append(all, part);
   std::vector<std::vector<uint8_t>> seen(rig.size());
   tbb::parallel_for(size_t{0}, rig.size(), [&](size_t c) {
-    const CameraModel& camera = rig[c].model;
-    const ImageSize size = camera.size();
-    DepthBuffer depth;
-    depth.clear({0, 0, size.width, size.height});
-    depth.draw(to_screen(camera, all.vertices), all.triangles);
-    const std::vector<ScreenPoint> screen = to_screen(camera, points);
-    seen[c].assign(points.size(), 0);
-    for (size_t i = 0; i < points.size(); ++i) {
-      if (!screen[i].seen || !camera.inside_image({screen[i].x, screen[i].y})) continue;
-      const float nearest = depth.inverse_depth(static_cast<int>(std::floor(screen[i].x + 0.5F)),
-                                                static_cast<int>(std::floor(screen[i].y + 0.5F)));
-      if (nearest <= 0) continue;  // beside the drawn pixels
-      seen[c][i] = 1 / screen[i].inverse_depth <= 1 / nearest + static_cast<float>(tolerance_m);
-    }
+    seen[c] = points_seen(rig[c].model, all, points, tolerance_m);
   });
   std::vector<uint8_t> count(points.size(), 0);
   for (const std::vector<uint8_t>& camera : seen) {

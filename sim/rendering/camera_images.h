@@ -70,11 +70,6 @@ class DepthBuffer {
   std::vector<uint32_t> triangle_;
 };
 
-/// The number of cameras that see each point: it is inside the image, and at most `tolerance_m`
-/// behind the nearest of `parts`. World, metres. Cameras in parallel.
-std::vector<uint8_t> cameras_that_see(const Rig& rig, const std::vector<Part>& parts,
-                                      std::span<const Eigen::Vector3f> points, double tolerance_m);
-
 /// Perspective-correct barycentric coordinates of a pixel inside a triangle; their sum is 1.
 Eigen::Vector3f weights_at(const ScreenPoint& a, const ScreenPoint& b, const ScreenPoint& c, int x,
                            int y);
@@ -98,6 +93,16 @@ struct DrawList {
 
 /// Adds a part of a performer.
 void append(DrawList& list, const Part& part);
+
+/// By point, 1 where `camera` sees it: it is inside the image, and at most `tolerance_m` behind the
+/// nearest triangle of `list`. World, metres. Any thread.
+std::vector<uint8_t> points_seen(const CameraModel& camera, const DrawList& list,
+                                 std::span<const Eigen::Vector3f> points, double tolerance_m);
+
+/// The number of cameras that see each point, as points_seen() decides; `parts`: all surfaces.
+/// Cameras in parallel.
+std::vector<uint8_t> cameras_that_see(const Rig& rig, const std::vector<Part>& parts,
+                                      std::span<const Eigen::Vector3f> points, double tolerance_m);
 
 /// All performers during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and
 /// the hands less than 1 px, so only blades are drawn at three instants of the exposure.

@@ -83,6 +83,22 @@ TEST(StudioOptions, require_an_even_image_size) {
   EXPECT_THAT(refusal([&] { rig_of(options); }), HasSubstr("expected WIDTHxHEIGHT, even"));
 }
 
+TEST(StudioOptions, take_the_cameras_of_a_calibration_file) {
+  const test::TemporaryFolder folder;
+  StudioOptions options{.cameras = 3, .size = "96x64"};
+  options.rig = (folder.path() / "rig.toml").string();
+  save_calib(options.rig, make_rig(2, {64, 48}, 5));
+  const Rig rig = rig_of(options);
+  ASSERT_EQ(rig.size(), 2U);
+  EXPECT_EQ(rig[1].model.size(), (ImageSize{64, 48}));
+  save_calib(options.rig, make_rig(2, {63, 48}, 5));
+  EXPECT_THAT(refusal([&] { rig_of(options); }), HasSubstr("images of 63x48, expected even"));
+  save_calib(options.rig, make_rig(201, {64, 48}, 5));
+  EXPECT_THAT(refusal([&] { rig_of(options); }), HasSubstr("has 201 cameras, expected 1 to 200"));
+  options.rig = "/not/there.toml";
+  EXPECT_THAT(refusal([&] { rig_of(options); }), HasSubstr("/not/there.toml"));
+}
+
 TEST(Faults, are_read_from_toml) {
   const Rig rig = make_rig(3, {64, 48}, 1);
   const auto faults = parse_faults(

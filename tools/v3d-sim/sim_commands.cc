@@ -1,6 +1,9 @@
 #include "v3d-sim/sim_commands.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <iterator>
 
 #include "base/config/toml_file.h"
 #include "base/image/image.h"
@@ -10,11 +13,21 @@
 
 namespace v3d::sim {
 
+constexpr int kMaxCameras = 200;
+
 void add_studio_options(cli::Command command, StudioOptions& options) {
-  command.add_option("--cameras", options.cameras, "Number of cameras")
-      .check(cli::integer_in(1, 200))
-      .show_default();
-  command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT").show_default();
+  const cli::Option cameras = command.add_option("--cameras", options.cameras, "Number of cameras")
+                                  .check(cli::integer_in(1, kMaxCameras))
+                                  .show_default();
+  const cli::Option size =
+      command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT")
+          .show_default();
+  command
+      .add_option("--rig", options.rig,
+                  "The cameras of this calibration file, in place of those of --cameras and --size")
+      .type_name("FILE")
+      .excludes(cameras)
+      .excludes(size);
   command.add_option("--seed", options.seed, "Random seed; equal seeds give equal bytes")
       .show_default();
   command.add_option("--rate", options.rate_hz, "Pulses per second")
@@ -22,7 +35,29 @@ void add_studio_options(cli::Command command, StudioOptions& options) {
       .show_default();
 }
 
+namespace {
+
+/// Throws InputError for a rig that the simulator cannot render.
+Rig load_rig(const std::string& path) {
+  const Rig rig = load_calib(path);
+  if (rig.empty() || std::ssize(rig) > kMaxCameras) {
+    throw InputError(
+        fmt::format("{}: has {} cameras, expected 1 to {}", path, rig.size(), kMaxCameras));
+  }
+  for (const RigCamera& camera : rig) {
+    const ImageSize size = camera.model.size();
+    if (size.width % 2 != 0 || size.height % 2 != 0) {
+      throw InputError(fmt::format("{}: camera {} has images of {}x{}, expected even numbers", path,
+                                   camera.name, size.width, size.height));
+    }
+  }
+  return rig;
+}
+
+}  // namespace
+
 Rig rig_of(const StudioOptions& options) {
+  if (!options.rig.empty()) return load_rig(options.rig);
   return make_rig(options.cameras, parse_size(options.size, Sides::kEven), options.seed);
 }
 

@@ -26,14 +26,16 @@ void add_check_command(cli::Command app, int& status);
 struct StudioOptions {
   int cameras = 15;
   std::string size = "1024x768";
+  std::string rig{};  ///< calibration file; empty: make_rig() with the two values above
   uint64_t seed = 1;
   double rate_hz = 25;
 };
 
-/// Adds --cameras, --size, --seed and --rate.
+/// Adds --cameras, --size, --rig, --seed and --rate.
 void add_studio_options(cli::Command command, StudioOptions& options);
 
-/// The rig of the studio. Throws InputError for an invalid image size.
+/// The rig of the studio. Throws InputError for an invalid image size, and for a calibration file
+/// that cannot be read or has too many cameras.
 Rig rig_of(const StudioOptions& options);
 
 // The studio file of a simulated studio.

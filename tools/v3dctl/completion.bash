@@ -30,6 +30,7 @@ _v3dctl() {
     --compress) COMPREPLY=($(compgen -W "none draco meshopt" -- "$current")); return ;;
     --surface) COMPREPLY=($(compgen -W "automatic meshes tracked" -- "$current")); return ;;
     --role) COMPREPLY=($(compgen -W "operator capture reconstruction viewer" -- "$current")); return ;;
+    --mount) COMPREPLY=($(compgen -W "wall rail ceiling" -- "$current")); return ;;
     --quality) COMPREPLY=($(compgen -W "live high" -- "$current")); return ;;
   esac
   if [[ -z $command ]]; then

@@ -16,6 +16,7 @@ void add_all_commands(CommandLine& line) {
   add_takes(line);
   add_verify(line);
   add_external(line, "import", "Make a take from recordings of other sources");
+  add_external(line, "plan", "Propose positions and lenses of cameras for a space");
   add_external(line, "calibrate", "Calibrate lenses, poses and colours of the cameras");
   add_reconstruct(line);
   add_performers(line);

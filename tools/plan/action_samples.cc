@@ -1,0 +1,129 @@
+#include "plan/action_samples.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "sim/performer/performer.h"
+#include "sim/performer/surface_points.h"
+#include "sim/rendering/noise.h"
+#include "sim/rendering/scene.h"
+
+namespace v3d::plan {
+namespace {
+
+using Eigen::Vector2d;
+
+/// Any place of `space` that is not near its sides.
+Vector2d place_in(const Box& space, uint64_t seed) {
+  Vector2d place = space.center().head<2>();
+  for (int axis = 0; axis < 2; ++axis) {
+    const double room = std::max(0.0, 0.5 * space.size()[axis] - kReachM);
+    place[axis] += sim::uniform(seed, static_cast<uint64_t>(axis), -room, room);
+  }
+  return place;
+}
+
+/// Performers who act at `place`, turned by `yaw_deg` around it.
+std::vector<sim::Performer> cast_at(Cast cast, const Vector2d& place, double yaw_deg) {
+  std::vector<sim::Performer> performers = sim::cast_of(cast == Cast::kDuel ? 2 : 1);
+  const Eigen::Rotation2Dd turn(yaw_deg * M_PI / 180);
+  for (sim::Performer& performer : performers) {
+    performer.motion.position = place + turn * performer.motion.position;
+    performer.motion.yaw_deg += yaw_deg;
+  }
+  return performers;
+}
+
+void raise(std::vector<sim::Part>& parts, double floor) {
+  for (sim::Part& part : parts) {
+    for (Eigen::Vector3f& v : part.mesh.vertices) v.z() += static_cast<float>(floor);
+  }
+}
+
+Box extent_of(const sim::DrawList& list) {
+  Eigen::AlignedBox3f box;
+  for (const Eigen::Vector3f& v : list.vertices) box.extend(v);
+  return {box.min().cast<double>(), box.max().cast<double>()};
+}
+
+struct MomentSamples {
+  ActionMoment moment;
+  std::vector<SurfaceSample> samples;
+};
+
+double area_of(const Mesh& mesh) {
+  double area = 0;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    area += 0.5 *
+            (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]).norm();
+  }
+  return area;
+}
+
+/// Points of the outer surfaces, evenly by area over all performers.
+std::vector<SurfaceSample> samples_of(std::vector<Mesh> surfaces, uint32_t moment, int count,
+                                      uint64_t seed) {
+  std::vector<sim::Part> parts;
+  double total = 0;
+  for (Mesh& surface : surfaces) {
+    total += area_of(surface);
+    parts.emplace_back().mesh = std::move(surface);
+  }
+  std::vector<SurfaceSample> samples;
+  for (uint32_t p = 0; p < parts.size(); ++p) {
+    const std::vector<sim::Part> one = {parts[p]};
+    const auto share = static_cast<size_t>(count * area_of(one[0].mesh) / total + 0.5);
+    const sim::SurfacePoints points(one, share, sim::mix(seed) + p);
+    const auto places = points.places(one), normals = points.normals(one);
+    for (size_t i = 0; i < places.size(); ++i) {
+      samples.push_back({places[i], normals[i], moment, p});
+    }
+  }
+  return samples;
+}
+
+MomentSamples sample_moment(const Box& space, const ActionOptions& options, int index) {
+  const uint64_t seed = sim::mix(options.seed) + static_cast<uint64_t>(index);
+  const double within = index + sim::uniform(seed, 7, 0, 1);
+  const double seconds = within / options.moments * sim::kActionPeriodSeconds;
+  const double yaw = sim::uniform(seed, 8, 0, 360);
+  MomentSamples made;
+  std::vector<Mesh> surfaces;
+  for (const sim::Performer& performer : cast_at(options.cast, place_in(space, seed), yaw)) {
+    std::vector<sim::Part> parts = sim::performer_parts(seconds, options.seed, performer);
+    raise(parts, floor_of(space));
+    sim::DrawList& alone = made.moment.performer.emplace_back();
+    for (const sim::Part& part : parts) {
+      append(alone, part);
+      append(made.moment.all, part);
+    }
+    surfaces.push_back(sim::outer_surface(parts, options.seed));
+  }
+  made.moment.extent = extent_of(made.moment.all);
+  made.samples =
+      samples_of(std::move(surfaces), static_cast<uint32_t>(index), options.points, seed);
+  return made;
+}
+
+}  // namespace
+
+double floor_of(const Box& space) {
+  return space.min.z() <= 0 && space.max.z() > 0 ? 0 : space.min.z();
+}
+
+ActionSamples sample_action(const Box& space, const ActionOptions& options) {
+  std::vector<MomentSamples> made(static_cast<size_t>(options.moments));
+  tbb::parallel_for(0, options.moments, [&](int i) {
+    made[static_cast<size_t>(i)] = sample_moment(space, options, i);
+  });
+  ActionSamples action;
+  for (MomentSamples& moment : made) {
+    action.moments.push_back(std::move(moment.moment));
+    std::ranges::copy(moment.samples, std::back_inserter(action.samples));
+  }
+  return action;
+}
+
+}  // namespace v3d::plan

@@ -1,0 +1,78 @@
+// Choice of cameras: greedy, then by exchange.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <vector>
+
+#include "plan/candidates.h"
+#include "plan/visibility.h"
+
+namespace v3d::plan {
+
+/// The uncertainty at which a point has half of the value of its accuracy, metres.
+inline constexpr double kTargetErrorM = 0.0015;
+/// Standard deviation of a matched image position, pixels.
+inline constexpr double kMatchingErrorPx = 0.3;
+
+/// What a set of cameras knows of a point: the number of cameras that see it, and the inverse
+/// covariance (1/m^2) of its triangulated position.
+struct PointInformation {
+  int cameras = 0;
+  float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+};
+
+/// Adds a camera, or removes it with `sign` -1. `to_point`: from the camera to the point, metres.
+/// `weight` (1/m^2): (focal length in pixels / distance / kMatchingErrorPx)^2, times the cosine of
+/// the angle of incidence, because a slanted surface has fewer pixels.
+void add_camera(PointInformation& point, const Eigen::Vector3f& to_point, float weight,
+                int sign = 1);
+
+/// Variance, square metres, of the point along the unit vector `normal` of the surface, by
+/// propagation of the matching error; infinite where fewer than two cameras see it.
+/// Source: Olague and Mohr, Optimal camera placement for accurate reconstruction, Pattern
+/// Recognition 35(4), 2002, sections 3 and 4.
+float variance_along(const PointInformation& point, const Eigen::Vector3f& normal);
+
+/// The value of a point, 0 to 1: kValueOfOne for one camera, kValueOfTwo for two or more. The rest
+/// is for accuracy: (1 - kValueOfTwo) / (1 + variance_along() / kTargetErrorM^2).
+inline constexpr float kValueOfOne = 0.1F;
+inline constexpr float kValueOfTwo = 0.95F;
+float value_of(const PointInformation& point, const Eigen::Vector3f& normal);
+
+/// Least distance between two cameras, metres.
+inline constexpr double kSeparationM = 0.3;
+
+struct PlacementOptions {
+  int cameras = 0;  ///< in all, with those of `fixed`
+  LensOptions lens;
+  MountOptions mounts;
+  double separation_m = kSeparationM;  ///< between two cameras
+  int max_exchanges = 4;               ///< rounds over all cameras
+};
+
+struct Placement {
+  std::vector<CameraModel> cameras;  ///< the chosen ones, without those of `fixed`
+  std::vector<double> focal_mm;      ///< of each
+  double greedy_value = 0;           ///< mean value of the samples after the greedy choice
+  double value = 0;                  ///< after the exchanges
+  double attainable = 0;  ///< share of the samples that two or more candidate positions see
+  int candidates = 0;
+  int exchanges = 0;
+};
+
+/// Chooses cameras that maximise the mean of value_of() over the samples.
+///
+/// Greedy: the candidate with the largest gain comes next. Exchange: each camera in turn is removed
+/// and replaced by the best candidate, until no exchange gains. Deterministic. Candidates in
+/// parallel. `progress` is called after each chosen camera. Throws InputError where the mounts have
+/// fewer positions than cameras are needed.
+/// Source: coverage as a set cover of sampled visibility, Erdem and Sclaroff, Automated camera
+/// layout to satisfy task-specific and floor plan-specific coverage requirements, CVIU 103(3),
+/// 2006; greedy set cover, Chvatal, Mathematics of Operations Research 4(3), 1979; exchange,
+/// Fedorov, Theory of Optimal Experiments, 1972.
+Placement place_cameras(const Box& space, const ActionSamples& action,
+                        const std::vector<CameraModel>& fixed, const PlacementOptions& options,
+                        const std::function<void()>& progress);
+
+}  // namespace v3d::plan
