@@ -47,18 +47,18 @@ std::vector<double> PulseEdgeDetector::finish() {
 }
 
 void PulseEdgeDetector::search_window(int64_t end, std::vector<double>& edges) {
-  // The last window may be too short to measure levels; it then includes samples before it.
-  const int64_t begin = std::max<int64_t>(0, end - window_);
+  // Levels are measured over a longer window, which has the pulses at its border whole.
+  const int64_t history = window_ + window_ / 4;
+  const int64_t begin = std::max<int64_t>(0, end - history);
   const Levels levels = levels_of(begin, end);
   if (measure_pulses(excursions(levels, begin, end))) {
     find_edges(levels.idle, end, edges);
   } else {
     is_high_ = false;
   }
-  const int64_t kept = std::max<int64_t>(0, end - window_);
-  buffer_.erase(buffer_.begin(), buffer_.begin() + kept);
-  start_ += kept;
-  next_ = end - kept;
+  buffer_.erase(buffer_.begin(), buffer_.begin() + begin);
+  start_ += begin;
+  next_ = end - begin;
 }
 
 PulseEdgeDetector::Levels PulseEdgeDetector::levels_of(int64_t begin, int64_t end) const {
@@ -75,27 +75,35 @@ std::vector<PulseEdgeDetector::Excursion> PulseEdgeDetector::excursions(const Le
   std::vector<Excursion> found;
   std::vector<double> heights;
   int side = 0;
+  int64_t run = 0;  // samples on this side
   for (int64_t i = begin; i <= end; ++i) {
     const double distance = i < end ? buffer_[static_cast<size_t>(i)] - levels.idle : 0;
     const int now = distance > limit ? 1 : distance < -limit ? -1 : 0;
     if (now != side && side != 0) {
       const double half = *std::ranges::max_element(heights) / 2;
       std::erase_if(heights, [&](double height) { return height < half; });
-      found.push_back({.side = side, .height = median(heights), .samples = std::ssize(heights)});
+      const bool is_cut = i == end || i - begin == run;
+      found.push_back({.side = side,
+                       .height = median(heights),
+                       .samples = std::ssize(heights),
+                       .is_cut = is_cut});
       heights.clear();
     }
+    run = now == side ? run + 1 : 1;
     side = now;
     if (side != 0) heights.push_back(std::abs(distance));
   }
   return found;
 }
 
-bool PulseEdgeDetector::measure_pulses(const std::vector<Excursion>& found) {
+bool PulseEdgeDetector::measure_pulses(std::vector<Excursion> found) {
+  const bool has_pulses = !found.empty();
+  std::erase_if(found, [](const Excursion& e) { return e.is_cut; });
+  if (found.empty()) return has_pulses && height_ > 0;
   double up = 0, down = 0;
   for (const Excursion& e : found) {
     (e.side > 0 ? up : down) += e.height * static_cast<double>(e.samples);
   }
-  if (up + down == 0) return false;
   side_votes_ = kVoteDecay * side_votes_ + (up - down) / (up + down);
   // The median height, weighted by area: clicks and ringing are short or low.
   std::vector<std::pair<double, double>> areas;  // height, area

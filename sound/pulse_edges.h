@@ -34,6 +34,8 @@ class PulseEdgeDetector {
   /// The remaining edges, at the end of the signal.
   std::vector<double> finish();
 
+  /// All edges before this position were returned, samples.
+  double searched() const { return static_cast<double>(start_ + next_); }
   /// The height of the pulses of the last window with pulses, of full scale; 0 before the first.
   double height() const { return height_; }
 
@@ -48,13 +50,15 @@ class PulseEdgeDetector {
     double height =
         0;  ///< median distance from the idle level, of the samples above half of the peak
     int64_t samples = 0;
+    bool is_cut =
+        false;  ///< begins or ends outside of the window: its height is not that of a pulse
   };
 
   void search_window(int64_t end, std::vector<double>& edges);
   Levels levels_of(int64_t begin, int64_t end) const;
   std::vector<Excursion> excursions(const Levels& levels, int64_t begin, int64_t end) const;
   /// Updates polarity_ and height_. False when the window has no pulses of this height.
-  bool measure_pulses(const std::vector<Excursion>& found);
+  bool measure_pulses(std::vector<Excursion> found);
   void find_edges(double idle, int64_t end, std::vector<double>& edges);
   /// Where the interpolated signal reaches `threshold` between the samples index - 1 and index.
   double crossing(int64_t index, double threshold) const;

@@ -17,6 +17,8 @@ struct PulseMap {
   /// Both coordinates ascend strictly.
   std::vector<Knot> knots;
 
+  friend bool operator==(const PulseMap&, const PulseMap&) = default;
+
   /// True with two knots or more. The functions below require it.
   bool is_known() const { return knots.size() >= 2; }
   /// Position of the sample at the leading edge of a pulse. May be outside of the file.

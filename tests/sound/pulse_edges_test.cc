@@ -119,6 +119,17 @@ TEST(PulseEdges, of_pulses_of_a_tenth_of_a_millisecond_are_found_to_a_fifth_of_a
   EXPECT_THAT(detect(signal), Pointwise(DoubleNear(0.2), edges));
 }
 
+TEST(PulseEdges, at_the_borders_of_the_detectors_windows_are_found) {
+  for (const double first : {47'999.25, 48'000.25, 47'960.0}) {
+    std::vector<double> edges;
+    for (int i = 0; i < 8; ++i) edges.push_back(first + 24'000 * i);
+    EXPECT_THAT(detect(signal_of(edges, 0.5, 5 * kRate)), testing::SizeIs(testing::Ge(7U)));
+    edges.clear();
+    for (int i = 0; i < 100; ++i) edges.push_back(first + 1920 * i);
+    EXPECT_THAT(detect(signal_of(edges, 0.5, 6 * kRate)), testing::SizeIs(testing::Ge(99U)));
+  }
+}
+
 TEST(PulseEdges, of_two_pulses_per_minute_are_found) {
   const std::vector<double> edges = {10'000.5, 1'450'000.25};
   EXPECT_THAT(detect(signal_of(edges, 0.5, 32 * kRate)), Pointwise(DoubleNear(0.01), edges));

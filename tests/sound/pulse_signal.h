@@ -5,18 +5,19 @@
 #include <random>
 #include <vector>
 
+#include "sound/sound_input.h"
+
 namespace v3d::test {
 
 /// Adds a pulse from `edge` on, in samples, with edges that a converter can represent: the steps
 /// are Gaussian, with a standard deviation of one sample.
 inline void add_pulse(std::vector<float>& signal, double edge, double width, double height) {
-  const auto step = [](double x) { return 0.5 * (1 + std::erf(x / std::sqrt(2.0))); };
   const auto first = static_cast<int64_t>(std::floor(edge)) - 8;
   const auto last = static_cast<int64_t>(std::ceil(edge + width)) + 8;
   for (int64_t i = std::max<int64_t>(0, first); i < std::min<int64_t>(std::ssize(signal), last);
        ++i) {
     const double at = static_cast<double>(i) - edge;
-    signal[static_cast<size_t>(i)] += static_cast<float>(height * (step(at) - step(at - width)));
+    signal[static_cast<size_t>(i)] += static_cast<float>(height * sound::pulse_value(at, width));
   }
 }
 
