@@ -97,6 +97,10 @@ class AlsaInput : public SoundInput {
   int64_t xruns_ = 0;
 };
 
+/// For alsa-lib, which otherwise prints to standard error: results have the cause.
+void ignore_message(const char* /*file*/, int /*line*/, const char* /*function*/, int /*error*/,
+                    const char* /*format*/, ...) {}
+
 /// Sets rate, channels and format. Returns the bytes of a value.
 io::Result<size_t> configure(snd_pcm_t* pcm, const StudioSound& sound) {
   snd_pcm_hw_params_t* hardware = nullptr;
@@ -137,6 +141,7 @@ io::Result<size_t> configure(snd_pcm_t* pcm, const StudioSound& sound) {
 }  // namespace
 
 io::Result<std::unique_ptr<SoundInput>> open_alsa_input(const StudioSound& sound) {
+  snd_lib_error_set_handler(ignore_message);
   snd_pcm_t* opened = nullptr;
   const int got =
       snd_pcm_open(&opened, sound.device.c_str(), SND_PCM_STREAM_CAPTURE, SND_PCM_NONBLOCK);
