@@ -69,48 +69,22 @@ Markers find_markers(const cv::Mat& grey, const cv::Ptr<aruco::Dictionary>& dict
   return markers;
 }
 
-/// Distance, pixels, from corner `index` to the nearest of its neighbours in the grid.
-float spacing_at(const std::vector<cv::Point2f>& points, cv::Size pattern, int index) {
-  const int column = index % pattern.width, row = index / pattern.width;
-  float nearest = 1e9F;
-  const auto compare = [&](int other) {
-    nearest = std::min(nearest, static_cast<float>(cv::norm(points[index] - points[other])));
-  };
-  if (column > 0) compare(index - 1);
-  if (column + 1 < pattern.width) compare(index + 1);
-  if (row > 0) compare(index - pattern.width);
-  if (row + 1 < pattern.height) compare(index + pattern.width);
-  return nearest;
-}
-
-/// Moves each corner to where the gradients in a window around it meet. The window grows with the
-/// spacing of the corners, and contains no other corner. A corner that would move by more than
-/// kMaxShift of the spacing stays, because its window shows something else.
-void refine_grid(const cv::Mat& grey, cv::Size pattern, std::vector<cv::Point2f>& points) {
-  constexpr float kWindow = 0.27F;  // half its side, by the spacing (docs/calibration.md)
-  constexpr float kMaxShift = 0.1F;
-  const std::vector<cv::Point2f> initial = points;
-  for (int i = 0; i < static_cast<int>(points.size()); ++i) {
-    const float spacing = spacing_at(initial, pattern, i);
-    const int half = std::clamp(cvRound(kWindow * spacing), 2, 11);
-    std::vector<cv::Point2f> corner = {initial[i]};
-    cv::cornerSubPix(grey, corner, {half, half}, {-1, -1},
-                     {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 0.001});
-    if (cv::norm(corner[0] - initial[i]) <= kMaxShift * spacing) points[i] = corner[0];
-  }
-}
-
 /// All corners of a chessboard in OpenCV's order; empty where it finds none.
 std::vector<cv::Point2f> find_grid(const cv::Mat& grey, cv::Size pattern) {
   std::vector<cv::Point2f> points;
   const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_ACCURACY;
+  if (cv::findChessboardCornersSB(grey, pattern, points, flags)) return points;
   const int fast =
       cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK;
-  if (!cv::findChessboardCornersSB(grey, pattern, points, flags) &&
-      !cv::findChessboardCorners(grey, pattern, points, fast)) {
-    return {};
+  if (!cv::findChessboardCorners(grey, pattern, points, fast)) return {};
+  // The search window must not include a neighbouring corner.
+  float nearest = 1e9F;
+  for (size_t i = 1; i < points.size(); ++i) {
+    nearest = std::min(nearest, static_cast<float>(cv::norm(points[i] - points[i - 1])));
   }
-  refine_grid(grey, pattern, points);
+  const int half = std::clamp(static_cast<int>(0.4F * nearest), 2, 11);
+  cv::cornerSubPix(grey, points, {half, half}, {-1, -1},
+                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 0.001});
   return points;
 }
 

@@ -153,8 +153,7 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
   std::vector<Place> places_;  ///< of each pulse
 };
 
-MeshFrames::MeshFrames(const std::filesystem::path& take)
-    : MeshFrames(take, surfaces_of({take})) {}
+MeshFrames::MeshFrames(const std::filesystem::path& take) : MeshFrames(take, surfaces_of({take})) {}
 
 MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
     : path_(mesh_of({take}, file)) {

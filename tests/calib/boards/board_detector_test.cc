@@ -91,7 +91,6 @@ TEST(BoardDetector, finds_every_corner_of_a_chessboard_within_a_tenth_of_a_pixel
     }
   }
   EXPECT_LT(std::sqrt(sum / 54), 0.1);
-  RecordProperty("rms_px", std::to_string(std::sqrt(sum / 54)));
 }
 
 TEST(BoardDetector, starts_at_the_same_corner_when_the_image_is_rotated_by_half_a_turn) {

@@ -39,9 +39,9 @@ std::string skeleton_bvh(const TakeSkeleton& skeleton);
 /// Marker file of OpenSim and Pose2Sim: metres, y up. Time is that of the pulse.
 std::string skeleton_trc(const TakeSkeleton& skeleton, const std::string& name);
 
-/// glTF 2.0 binary: an animated armature for each tracked segment, and its surface with a skin; shown
-/// in turn. Joints have the names of skeleton.json, and positions and rotations at each pulse.
-/// `name`: of the take. Throws InputError for a skeleton without a skin.
+/// glTF 2.0 binary: an animated armature for each tracked segment, and its surface with a skin;
+/// shown in turn. Joints have the names of skeleton.json, and positions and rotations at each
+/// pulse. `name`: of the take. Throws InputError for a skeleton without a skin.
 std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name);
 
 struct SimilarPose {
