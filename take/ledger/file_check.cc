@@ -12,8 +12,7 @@ namespace {
 bool is_part_of_take(const std::string& name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
-         name.starts_with(paths.background().string() + "/") ||
-         name.starts_with(paths.sound().string() + "/");
+         name.starts_with(paths.background().string() + "/");
 }
 
 }  // namespace
