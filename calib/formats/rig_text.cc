@@ -1,7 +1,6 @@
 #include "calib/formats/rig_text.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,6 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/geometry/nearest_rotation.h"
 #include "calib/formats/text_fields.h"
 #include "calib/rig/rig_alignment.h"
 
@@ -56,8 +56,7 @@ std::optional<Eigen::Matrix3d> as_rotation(const Eigen::Matrix3d& matrix) {
   constexpr double kRounding = 1e-3;
   const Eigen::Matrix3d off = matrix * matrix.transpose() - Eigen::Matrix3d::Identity();
   if (!(off.cwiseAbs().maxCoeff() < kRounding) || !(matrix.determinant() > 0)) return std::nullopt;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * svd.matrixV().transpose();
+  return nearest_rotation(matrix);
 }
 
 bool is_camera_matrix(const Eigen::Matrix3d& matrix) {

@@ -132,7 +132,7 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
   return best;
 }
 
-void splice(Clip& a, Clip b, const Transition& transition) {
+size_t splice(Clip& a, Clip b, const Transition& transition) {
   const auto [at, from, blend, cost_m] = transition;
   V3D_CHECK(at + blend < a.frames.size() && from + blend <= b.frames.size());
   const Isometry3d motion = placed(a, at + 1, b, from, blend);
@@ -145,6 +145,7 @@ void splice(Clip& a, Clip b, const Transition& transition) {
     move(motion, surface.skin.rest);
     a.surfaces.push_back(std::move(surface));
   }
+  size_t last = at;
   for (size_t k = 0; k < blend; ++k) {
     ClipFrame& old = a.frames[at + 1 + k];
     ClipFrame& added = b.frames[from + k];
@@ -152,7 +153,11 @@ void splice(Clip& a, Clip b, const Transition& transition) {
     const SkeletonPulse skeleton = blended(old.skeleton, added.skeleton, share);
     pose(a, old, skeleton);
     pose(a, added, skeleton);
-    if (share >= 0.5) std::swap(old, added);
+    if (share < 0.5) {
+      last = at + 1 + k;
+    } else {
+      std::swap(old, added);
+    }
     // Both surfaces are half way to each other where one replaces the other.
     approach(a, old, added, std::min(share, 1 - share));
   }
@@ -161,6 +166,7 @@ void splice(Clip& a, Clip b, const Transition& transition) {
       a.frames.end(),
       std::make_move_iterator(b.frames.begin() + static_cast<std::ptrdiff_t>(from + blend)),
       std::make_move_iterator(b.frames.end()));
+  return last;
 }
 
 double relative_jump(const Clip& clip, size_t last, size_t around) {

@@ -27,7 +27,8 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
 /// Continues `a` with `b` by a transition, whose frames must lie in the clips. In its first half
 /// the surface of `a` is moved to the blended pose, in its second half that of `b`. The frames of
 /// `b` are turned about the vertical axis and shifted along the floor to where `a` stands.
-void splice(Clip& a, Clip b, const Transition& transition);
+/// Returns the last frame with a surface of the first action.
+size_t splice(Clip& a, Clip b, const Transition& transition);
 
 /// How much faster the surface moves at a change of the surface than around it: distance of the
 /// surface of frame `last`, moved to the pose of the next frame, plus what then remains to the

@@ -3,7 +3,6 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/geometry/nearest_rotation.h"
 
 namespace v3d::recon {
 namespace {
@@ -46,18 +46,6 @@ void search(const Mesh& mesh, const Neighbours& neighbours, Front& front, float 
 
 /// Farthest nodes of two components that are linked, node spacings.
 constexpr double kMaxGap = 2.5;
-
-/// The nearest rotation to a matrix.
-Matrix3d orthonormal(const Matrix3d& matrix) {
-  const Eigen::JacobiSVD<Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Matrix3d turned = svd.matrixU() * svd.matrixV().transpose();
-  if (turned.determinant() < 0) {
-    Matrix3d u = svd.matrixU();
-    u.col(2) = -u.col(2);
-    turned = u * svd.matrixV().transpose();
-  }
-  return turned;
-}
 
 }  // namespace
 
@@ -198,7 +186,7 @@ Matrix3d DeformationGraph::rotation_at(std::span<const NodeMotion> motion, size_
   for (int k = 0; k < kInfluences; ++k) {
     sum += double{influence.weight[k]} * motion[influence.node[k]].rotation;
   }
-  return orthonormal(sum);
+  return nearest_rotation(sum);
 }
 
 void DeformationGraph::move(std::span<const NodeMotion> motion,

@@ -2,12 +2,12 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "base/core/error.h"
+#include "base/geometry/nearest_rotation.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/skeleton/pose_fit.h"
 
@@ -41,7 +41,7 @@ Joint part_of_capsule(size_t capsule, double along) {
   return part;
 }
 
-/// Weighted rigid motion from `from` to `to` (Horn 1987, by singular values).
+/// Weighted rigid motion from `from` to `to` (Kabsch 1976).
 Isometry3d fitted_motion(std::span<const Vector3d> from, std::span<const Vector3d> to,
                          std::span<const double> weights) {
   Vector3d mean_from = Vector3d::Zero(), mean_to = Vector3d::Zero();
@@ -57,14 +57,7 @@ Isometry3d fitted_motion(std::span<const Vector3d> from, std::span<const Vector3
   for (size_t i = 0; i < from.size(); ++i) {
     covariance += weights[i] * (to[i] - mean_to) * (from[i] - mean_from).transpose();
   }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
-  if (turn.determinant() < 0) {
-    Eigen::Matrix3d u = svd.matrixU();
-    u.col(2) *= -1;
-    turn = u * svd.matrixV().transpose();
-  }
+  const Eigen::Matrix3d turn = nearest_rotation(covariance);
   Isometry3d motion = Isometry3d::Identity();
   motion.linear() = turn;
   motion.translation() = mean_to - turn * mean_from;

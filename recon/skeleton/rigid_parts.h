@@ -18,6 +18,7 @@ struct TrackedBody {
   size_t rest = 0;              ///< index of the pulse whose positions are those of `surface`
   std::vector<int64_t> pulses;  ///< increasing
   std::vector<std::vector<Eigen::Vector3f>> positions;  ///< [pulse][vertex]
+  std::vector<std::vector<Rgb8>> colours;               ///< [pulse][vertex], or no pulse
 };
 
 /// The joint that moves a part is at its root: the pelvis moves the hips, the neck the chest, an

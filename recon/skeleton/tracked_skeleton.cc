@@ -3,14 +3,12 @@
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
 
-#include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/geometry/nearest_rotation.h"
 #include "recon/skeleton/joint_rotations.h"
 
 namespace v3d::recon {
@@ -28,13 +26,6 @@ constexpr double kIndependent = 10;   ///< pulses between independent errors of 
 constexpr double kHeadTrust = 0.5;    ///< of the motion of the head against single pulses
 constexpr size_t kLeastRing = 6;      ///< edges between two parts that show their joint
 constexpr double kConfidentM = 0.03;  ///< residual of a part
-
-Matrix3d nearest_rotation(const Matrix3d& sum) {
-  const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Matrix3d u = svd.matrixU();
-  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
-  return u * svd.matrixV().transpose();
-}
 
 Vector3d median_place(const std::vector<Vector3d>& places) {
   Vector3d result;

@@ -156,6 +156,17 @@ TEST_F(EditTake, replaces_an_earlier_edit_and_nothing_else) {
   EXPECT_FALSE(fs::exists(take_ / "edit.json"));
 }
 
+TEST_F(EditTake, is_not_written_over_a_recording_that_holds_the_list_of_operations) {
+  const fs::path recorded = folder_ / "recorded";
+  fs::create_directory(recorded);
+  test::write_text(recorded / "edit.json", "{}");
+  test::write_text(recorded / "calib.toml", "recorded");
+  test::write_text(recorded / "ledger.toml", "recorded");
+  const TakeClip edited = read();
+  EXPECT_THROW(write_clip(edited, take_, "{}", recorded), InputError);
+  EXPECT_EQ(read_file(recorded / "calib.toml"), "recorded");
+}
+
 TEST_F(EditTake, needs_a_tracked_surface) {
   fs::remove(take::TakePaths{take_}.motion());
   EXPECT_THAT(test::message_of<InputError>([&] { read(); }),

@@ -100,6 +100,13 @@ class Editor {
     }
   }
 
+  void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend) const {
+    if (range.first + blend < clip.frames.size()) return;
+    throw InputError(where_ + ": a blend of " + std::to_string(blend) +
+                     " frames needs them behind frame " + std::to_string(range.first) +
+                     " of an action of " + std::to_string(clip.frames.size()));
+  }
+
   void apply(const SpliceEdit& edit) {
     TakeClip added = read_with_progress(edit.take);
     const auto blend = static_cast<size_t>(edit.blend);
@@ -109,13 +116,13 @@ class Editor {
                        std::to_string(clip_.frames.size()) + " and " +
                        std::to_string(added.clip.frames.size()));
     }
+    const recon::ClipRange at = range(edit.at), from = range(edit.from, added.clip);
+    require_frames_behind(at, clip_, blend);
+    require_frames_behind(from, added.clip, blend);
     SpliceReport report;
-    report.transition = recon::best_transition(clip_, range(edit.at), added.clip,
-                                               range(edit.from, added.clip), blend);
+    report.transition = recon::best_transition(clip_, at, added.clip, from, blend);
     edited_.has_prop = edited_.has_prop && added.has_prop;
-    recon::splice(clip_, std::move(added.clip), report.transition);
-    size_t last = report.transition.at;
-    while (clip_.frames[last + 1].surface == clip_.frames[last].surface) ++last;
+    const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
     report.frame = static_cast<int64_t>(last);
     report.relative_jump = recon::relative_jump(clip_, last, kAround);
     splices_.push_back(report);
@@ -175,6 +182,10 @@ int run(const Arguments& arguments) {
   const std::vector<Edit> edits = load_edits(arguments.edits);
   const fs::path out = output_of(arguments);
   check_output(out);
+  std::error_code error;
+  if (fs::equivalent(arguments.take, out, error)) {
+    throw InputError(out.string() + ": is TAKE itself; choose another OUT");
+  }
   TakeClip edited = read_with_progress(arguments.take);
   Editor editor(edited);
   for (const Edit& edit : edits) editor.apply(edit);

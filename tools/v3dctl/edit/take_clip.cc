@@ -1,7 +1,9 @@
 #include "v3dctl/edit/take_clip.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
+#include <string_view>
 #include <utility>
 
 #include "base/core/error.h"
@@ -10,7 +12,6 @@
 #include "common/console.h"
 #include "recon/pipeline/compact_frame.h"
 #include "take/take.h"
-#include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
@@ -18,50 +19,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Adds the frames of a segment that no later segment shows.
-class ClipMaker {
- public:
-  ClipMaker(const fs::path& take, TakeSkeleton skeleton)
-      : surfaces_(take::TakePaths{take}.motion()), skeleton_(std::move(skeleton)) {
-    for (const recon::SkeletonPulse& pulse : skeleton_.structure.pulses) {
-      skeletons_[skeleton_.pulses[pulse.index]] = &pulse;
-    }
-    for (const TrackedSurfaces::Place& place : surfaces_.places()) last_place_[place.pulse] = place;
-  }
+/// All that an edited take contains. edit.json is written first.
+constexpr std::array<std::string_view, 5> kFiles{"edit.json", "calib.toml", "motion.v3d",
+                                                 "skeleton.json", "take.toml"};
 
-  recon::Clip make() {
-    recon::Clip clip;
-    clip.rate_hz = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
-    for (size_t b = 0; b < skeleton_.tracked.size(); ++b) {
-      if (!skeleton_.skins[b].influences.empty()) add_surface(b, clip);
-    }
-    return clip;
+/// The frames of all tracked surfaces with a skin. A pulse that two segments share has the surface
+/// of the later one.
+recon::Clip clip_of(TakeSkeleton& skeleton) {
+  std::map<int64_t, const recon::SkeletonPulse*> skeletons;
+  for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
+    skeletons[skeleton.pulses[pulse.index]] = &pulse;
   }
-
- private:
-  void add_surface(size_t body, recon::Clip& clip) {
-    const recon::TrackedBody& tracked = skeleton_.tracked[body];
-    clip.surfaces.push_back({tracked.surface.triangles, std::move(skeleton_.skins[body])});
-    for (size_t p = 0; p < tracked.pulses.size(); ++p) {
-      const int64_t pulse = tracked.pulses[p];
-      const bool is_shown_later =
-          body + 1 < skeleton_.tracked.size() &&
-          std::ranges::binary_search(skeleton_.tracked[body + 1].pulses, pulse);
-      if (is_shown_later) continue;
-      recon::ClipFrame frame{.surface = clip.surfaces.size() - 1,
-                             .places = tracked.positions[p],
-                             .colours = surfaces_.read(last_place_.at(pulse)).colours,
-                             .skeleton = *skeletons_.at(pulse)};
-      if (frame.colours.size() != frame.places.size()) frame.colours = tracked.surface.colours;
-      clip.frames.push_back(std::move(frame));
+  recon::Clip clip;
+  clip.rate_hz = skeleton.rate_hz > 0 ? skeleton.rate_hz : 25;
+  int64_t last = -1;
+  for (size_t b = 0; b < skeleton.tracked.size(); ++b) {
+    recon::TrackedBody& body = skeleton.tracked[b];
+    if (skeleton.skins[b].influences.empty()) continue;
+    if (body.pulses.front() == last) clip.frames.pop_back();
+    clip.surfaces.push_back({body.surface.triangles, std::move(skeleton.skins[b])});
+    for (size_t p = 0; p < body.pulses.size(); ++p) {
+      clip.frames.push_back({.surface = clip.surfaces.size() - 1,
+                             .places = std::move(body.positions[p]),
+                             .colours = std::move(body.colours[p]),
+                             .skeleton = *skeletons.at(body.pulses[p])});
     }
+    last = body.pulses.back();
   }
-
-  TrackedSurfaces surfaces_;
-  TakeSkeleton skeleton_;
-  std::map<int64_t, const recon::SkeletonPulse*> skeletons_;
-  std::map<int64_t, TrackedSurfaces::Place> last_place_;
-};
+  return clip;
+}
 
 /// motion.v3d: successive frames of one surface are a segment.
 std::string motion_file(const recon::Clip& clip, const fs::path& out) {
@@ -111,10 +97,14 @@ std::string skeleton_file(const TakeClip& edited) {
 }  // namespace
 
 void check_output(const fs::path& out) {
-  std::error_code error;
-  const bool is_new =
-      !fs::exists(out, error) || (fs::is_directory(out, error) && fs::is_empty(out, error));
-  if (!error && (is_new || fs::exists(out / "edit.json", error))) return;
+  if (!file_exists(out)) return;
+  const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(out));
+  const auto is_ours = [](const fs::path& entry) {
+    return std::ranges::find(kFiles, entry.filename().string()) != kFiles.end();
+  };
+  const bool is_edited = std::ranges::any_of(
+      entries, [](const fs::path& entry) { return entry.filename() == kFiles.front(); });
+  if (entries.empty() || (is_edited && std::ranges::all_of(entries, is_ours))) return;
   throw InputError(out.string() + ": holds something else than an edited take; choose another OUT");
 }
 
@@ -129,9 +119,10 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   result.has_prop = skeleton.structure.has_prop;
   result.stature_m = skeleton.structure.lengths.stature_m();
   const int64_t pulses = std::ssize(skeleton.pulses);
-  result.clip = ClipMaker(take, std::move(skeleton)).make();
+  result.clip = clip_of(skeleton);
   if (result.clip.frames.empty()) {
-    throw InputError(take.string() + ": its tracked surface has no segment of three pulses");
+    throw InputError(take.string() +
+                     ": has no tracked segment of three pulses with a skeleton of one performer");
   }
   result.left_out = std::max<int64_t>(0, pulses - std::ssize(result.clip.frames));
   return result;

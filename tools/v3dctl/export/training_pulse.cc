@@ -40,7 +40,7 @@ std::vector<PointInImage> points_in(const TrainingView& view, const CameraModel&
   return points;
 }
 
-/// Keeps the vertices that a view shows, and numbers them anew.
+/// Keeps the vertices that are in a view. Points of the views refer to the shorter list.
 void keep_seen_points(const Mesh& mesh, TrainingPulse& pulse) {
   constexpr size_t kUnseen = SIZE_MAX;
   std::vector<size_t> number(mesh.vertices.size(), kUnseen);

@@ -30,6 +30,7 @@ std::vector<recon::TrackedBody> read_tracked_bodies(const std::filesystem::path&
     Mesh surface = surfaces.read(place);
     body.pulses.push_back(place.pulse);
     body.positions.push_back(surface.vertices);
+    body.colours.push_back(surface.colours);
     const bool is_rest = place.index == segment.key || body.positions.size() == 1;
     if (!is_rest) continue;
     body.rest = body.positions.size() - 1;
