@@ -67,6 +67,10 @@ TakeInfo load_take_info(const TakePaths& paths) {
   return parse_take_info(read_take_text(paths.info()), paths.info());
 }
 
+bool is_edited(const TakePaths& paths) {
+  return file_exists(paths.edit()) && !file_exists(paths.ledger()) && !file_exists(paths.pulses());
+}
+
 Rig load_take_calib(const TakePaths& paths) {
   return parse_calib(read_take_text(paths.calib()), paths.calib());
 }

@@ -57,6 +57,8 @@ struct TakePaths {
   std::filesystem::path background() const { return folder / "background"; }
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
   std::filesystem::path motion() const { return folder / "motion.v3d"; }
+  /// The operations of an edited take (docs/editing.md). Recordings have none.
+  std::filesystem::path edit() const { return folder / "edit.json"; }
   /// The crew's notes. Absent until the first note.
   std::filesystem::path slate() const { return folder / "slate.toml"; }
   /// Reserves disk space for the ledger during the recording.
@@ -73,6 +75,8 @@ struct TakePaths {
 /// Reads take.toml. Throws InputError when the folder or take.toml is missing, and with file, line
 /// and field when take.toml is invalid.
 TakeInfo load_take_info(const TakePaths& paths);
+/// Is this a take that v3dctl edit made? It has a tracked surface and no recording, so no ledger.
+bool is_edited(const TakePaths& paths);
 /// The calibration at the time of the recording. Reads calib.toml with read_take_text() and parses
 /// it as load_calib() does.
 Rig load_take_calib(const TakePaths& paths);

@@ -36,6 +36,10 @@ int64_t bytes_in(const fs::path& folder) {
 }
 
 void count_meshes(TakeListing& take) {
+  if (take.edited) {
+    take.meshes = take.info.pulses;
+    return;
+  }
   const fs::path mesh = take.paths.mesh();
   try {
     take.meshes = file_exists(mesh) ? std::ssize(MeshFileReader(mesh).pulses()) : 0;
@@ -48,6 +52,7 @@ void count_meshes(TakeListing& take) {
 
 std::string_view TakeListing::verdict() const {
   if (info.state == TakeState::kRecording) return "recording";
+  if (edited) return "edited";
   if (!whole) return "incomplete";
   return info.state == TakeState::kRecovered ? "recovered" : "complete";
 }
@@ -61,6 +66,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
     take.whole = ledger.complete();
     take.absent_nodes = ledger.absent_nodes;
   }
+  take.edited = is_edited(paths);
   count_meshes(take);
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();

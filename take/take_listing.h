@@ -46,18 +46,20 @@ Slate parse_slate(std::string_view text, const std::filesystem::path& path);
 struct TakeListing {
   TakePaths paths;
   TakeInfo info;
+  bool edited = false;                 ///< is_edited()
   bool whole = false;                  ///< the ledger reports the take as complete
   std::vector<TakeNode> absent_nodes;  ///< Ledger::absent_nodes
   bool examined = false;  ///< v3dctl verify has read the current files, with any result
   bool verified = false;  ///< `examined`, and all files matched the ledger
   int64_t bytes = 0;      ///< size of all files of the take
-  /// Number of meshes; 0 without mesh.v3d; empty when it cannot be read.
+  /// Number of meshes, of an edited take that of its pulses; 0 without mesh.v3d; empty when it
+  /// cannot be read.
   std::optional<int64_t> meshes;
   std::string mesh_error;  ///< why mesh.v3d cannot be read, with its path; otherwise empty
   Slate slate;
 
   double seconds() const { return static_cast<double>(info.pulses) / info.rate_hz; }
-  /// recording, incomplete, recovered or complete
+  /// recording, edited, incomplete, recovered or complete
   std::string_view verdict() const;
 };
 

@@ -12,6 +12,7 @@
 #include "recon/render/renderer.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/take_listing.h"
 #include "tools/test_images.h"
 #include "v3dctl/edit/edit_file.h"
 #include "v3dctl/edit/take_clip.h"
@@ -142,6 +143,16 @@ TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
   EXPECT_EQ(skeleton.at("pulses").size(), 4U);
   EXPECT_EQ(read_file(out / "edit.json"), "{}");
+}
+
+TEST_F(EditTake, is_listed_as_edited_and_not_as_incomplete) {
+  const fs::path out = folder_ / "edited";
+  write_clip(read(), take_, "{}", out);
+  const take::TakeListing listing = take::read_take_listing({out});
+  EXPECT_EQ(listing.verdict(), "edited");
+  EXPECT_EQ(listing.meshes, kPulses);
+  test::write_text(take::TakePaths{out}.ledger(), "");
+  EXPECT_FALSE(take::is_edited({out})) << "a recording is no edited take";
 }
 
 TEST_F(EditTake, replaces_an_earlier_edit_and_nothing_else) {

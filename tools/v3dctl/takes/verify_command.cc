@@ -184,6 +184,11 @@ take::Verification recover_and_verify(const take::TakePaths& paths) {
 
 int run(const CommandLine& line, const Arguments& arguments) {
   const take::TakePaths paths{arguments.take};
+  if (take::is_edited(paths)) {
+    throw InputError(
+        arguments.take.string() +
+        ": is an edited take without a recording; verify the take that it was made of");
+  }
   take::Verification verification =
       arguments.recover ? recover_and_verify(paths) : verify_take(paths, take::ReadFrom::kDisk);
   ImageCheckResult images;

@@ -4,7 +4,7 @@ export interface Take {
   name: string;
   studio: string;
   started_ns: number;
-  state: 'recording' | 'incomplete' | 'recovered' | 'complete';
+  state: 'recording' | 'edited' | 'incomplete' | 'recovered' | 'complete';
   verified: boolean;
   rate_hz: number;
   pulses: number;
