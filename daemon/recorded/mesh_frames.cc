@@ -13,6 +13,7 @@
 #include "codec/motion_codec.h"
 #include "codec/motion_header.h"
 #include "recon/mesh/mesh_neighbours.h"
+#include "recon/render/renderer.h"
 
 namespace v3d::recorded {
 namespace {
@@ -214,6 +215,18 @@ std::vector<recon::TextureCamera> texture_cameras(const Rig& rig, const recon::F
   return cameras;
 }
 
+recon::AtlasLayout atlas_layout(const Rig& rig, const Mesh& mesh, int side) {
+  constexpr double kTexelsPerPixel = 2;
+  const Eigen::Vector3d middle = recon::bounds_of(mesh).center();
+  double pixels_per_m = 0;
+  for (const RigCamera& camera : rig) {
+    const double distance = std::max(0.1, (camera.model.center() - middle).norm());
+    pixels_per_m = std::max(pixels_per_m, camera.model.matrix()(0, 0) / distance);
+  }
+  return recon::lay_out_atlas(mesh,
+                              {.side = side, .max_texels_per_m = kTexelsPerPixel * pixels_per_m});
+}
+
 FrameColours::FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame) {
   TakeFrames frames(take, frame.cameras);
   rig_ = frames.rig();
@@ -225,10 +238,27 @@ FrameColours::FrameColours(const std::filesystem::path& take, const recon::Compa
                    " cameras can be read; see v3dctl verify");
 }
 
+FrameColours::FrameColours(TakeFrames& frames, int64_t pulse)
+    : rig_(frames.rig()), set_(observe_all(pulse, frames.read(pulse))) {}
+
 Mesh FrameColours::coloured(Mesh mesh) const { return coloured(std::move(mesh), std::nullopt); }
 
 Mesh FrameColours::coloured_for(const CameraModel& eye, Mesh mesh) const {
   return coloured(std::move(mesh), recon::ViewDependence{eye.viewing_direction()});
+}
+
+recon::AtlasColours FrameColours::atlas_colours(const Mesh& mesh, const recon::AtlasLayout& layout,
+                                                const Mesh* whole) const {
+  recon::AtlasColourOptions options;
+  options.sampling = texture_options(mesh);
+  options.occluder = whole;
+  return recon::colour_atlas(mesh, layout, texture_cameras(rig_, set_), options);
+}
+
+recon::TextureAtlas FrameColours::atlas(const Mesh& mesh, int side, const Mesh* whole) const {
+  recon::AtlasLayout layout = atlas_layout(rig_, mesh, side);
+  Image image = atlas_colours(mesh, layout, whole).image;
+  return {std::move(layout), std::move(image)};
 }
 
 Mesh FrameColours::coloured(Mesh mesh, std::optional<recon::ViewDependence> view) const {

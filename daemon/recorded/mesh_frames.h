@@ -7,7 +7,9 @@
 
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/compact_frame.h"
+#include "recon/texture/atlas_colours.h"
 #include "recon/texture/texture.h"
+#include "recon/texture/texture_atlas.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
 
@@ -58,14 +60,28 @@ recon::TextureOptions texture_options(const Mesh& mesh);
 /// The frames of `set` with their cameras of `rig`. The result refers to both.
 std::vector<recon::TextureCamera> texture_cameras(const Rig& rig, const recon::FrameSet& set);
 
+/// The layout of an atlas of `mesh` with `side` texels. Its resolution is at most twice that of the
+/// cameras of `rig` on the surface. Throws InputError as lay_out_atlas() does.
+recon::AtlasLayout atlas_layout(const Rig& rig, const Mesh& mesh, int side);
+
 /// The images of one pulse, of the cameras that took part in its reconstruction. One thread.
 class FrameColours {
  public:
   /// Reads the frames. Throws InputError if the take has no readable frame of such a camera.
   FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame);
+  /// Those frames of the pulse that an opened camera has and that can be read; maybe none.
+  FrameColours(TakeFrames& frames, int64_t pulse);
+  /// The number of cameras with a frame.
+  size_t cameras() const { return set_.frames.size(); }
   /// `mesh`, that of the frame or another one of the same pulse, with view-independent colours
   /// (equations 8 and 9).
   Mesh coloured(Mesh mesh) const;
+  /// The colours of an atlas of `mesh`, which has colours of vertices: view-independent colours.
+  /// `whole` is the surface of all performers, which may hide `mesh`; null: `mesh` is all.
+  recon::AtlasColours atlas_colours(const Mesh& mesh, const recon::AtlasLayout& layout,
+                                    const Mesh* whole = nullptr) const;
+  /// An atlas of `mesh` with atlas_layout().
+  recon::TextureAtlas atlas(const Mesh& mesh, int side, const Mesh* whole = nullptr) const;
   /// `mesh` with view-dependent colours for the viewpoint `eye` (Algorithm 2).
   Mesh coloured_for(const CameraModel& eye, Mesh mesh) const;
 

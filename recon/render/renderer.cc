@@ -48,49 +48,82 @@ std::vector<Eigen::Vector3f> smooth_normals(const Mesh& mesh) {
   return normals;
 }
 
-/// Vertex colours, shaded by a light at the camera.
-std::vector<Eigen::Vector3f> lit_colours(const Mesh& mesh, const Eigen::Vector3d& eye,
-                                         double head_light) {
-  const bool coloured = !mesh.colours.empty();
-  const auto light = static_cast<float>(coloured ? head_light : kGreyLight);
-  const auto normals =
-      light > 0 ? smooth_normals(mesh)
-                : std::vector<Eigen::Vector3f>(mesh.vertices.size(), Eigen::Vector3f::Zero());
-  std::vector<Eigen::Vector3f> colours(mesh.vertices.size());
-  for (size_t v = 0; v < colours.size(); ++v) {
+/// Brightness of each vertex under a light at the camera.
+std::vector<float> vertex_lights(const Mesh& mesh, const Eigen::Vector3d& eye, float head_light) {
+  if (head_light <= 0) return std::vector<float>(mesh.vertices.size(), 1);
+  const std::vector<Eigen::Vector3f> normals = smooth_normals(mesh);
+  std::vector<float> lights(mesh.vertices.size());
+  for (size_t v = 0; v < lights.size(); ++v) {
     const Eigen::Vector3f to_eye = (eye.cast<float>() - mesh.vertices[v]).normalized();
-    const float facing = std::max(0.0F, normals[v].dot(to_eye));
-    colours[v] = (coloured ? vector(mesh.colours[v]) : kGrey) * (1 - light + light * facing);
+    lights[v] = 1 - head_light + head_light * std::max(0.0F, normals[v].dot(to_eye));
   }
-  return colours;
+  return lights;
 }
 
-/// Colour and 1/z of a piece of a triangle. Colour / z is linear across the image, colour is not.
+/// What is interpolated over a triangle, at its corners: the shaded colour, or a place in the atlas
+/// and the brightness there.
+class CornerValues {
+ public:
+  CornerValues(const Mesh& mesh, const CameraModel& camera, const DrawOptions& options)
+      : mesh_(mesh), atlas_(options.atlas) {
+    const bool coloured = atlas_ != nullptr || !mesh.colours.empty();
+    lights_ = vertex_lights(mesh, camera.center(),
+                            static_cast<float>(coloured ? options.head_light : kGreyLight));
+  }
+
+  std::array<Eigen::Vector3f, 3> of(uint32_t t) const {
+    std::array<Eigen::Vector3f, 3> values;
+    for (size_t k = 0; k < 3; ++k) {
+      const uint32_t v = mesh_.triangles[t][k];
+      if (atlas_ != nullptr) {
+        const Eigen::Vector2f& texel = atlas_->layout.corners[t][k];
+        values[k] = {texel.x(), texel.y(), lights_[v]};
+      } else {
+        values[k] = lights_[v] * (mesh_.colours.empty() ? kGrey : vector(mesh_.colours[v]));
+      }
+    }
+    return values;
+  }
+
+ private:
+  const Mesh& mesh_;
+  const TextureAtlas* atlas_;
+  std::vector<float> lights_;
+};
+
+/// Values and 1/z of a piece of a triangle. Value / z is linear across the image, the value is not.
 struct ShadedTriangle {
   std::array<ScreenVertex, 3> corner;
   ScreenPlane inverse_z;
-  std::array<ScreenPlane, 3> colour_over_z;
+  std::array<ScreenPlane, 3> value_over_z;
   float row_begin = 0, row_end = 0;
+
+  Eigen::Vector3f value_at(int x, int y, double inverse) const {
+    Eigen::Vector3f value;
+    for (int c = 0; c < 3; ++c) {
+      value[c] = static_cast<float>(value_over_z[static_cast<size_t>(c)](x, y) / inverse);
+    }
+    return value;
+  }
 };
 
-ShadedTriangle shade(const ScreenTriangle& piece, const std::array<uint32_t, 3>& triangle,
-                     const std::vector<Eigen::Vector3f>& colours) {
+ShadedTriangle shade(const ScreenTriangle& piece, const std::array<Eigen::Vector3f, 3>& values) {
   ShadedTriangle shaded;
   shaded.corner = piece.corner;
   std::array<double, 3> inverse{};
   std::array<std::array<double, 3>, 3> channel{};
   for (int k = 0; k < 3; ++k) {
     inverse[k] = piece.corner[k].inverse_z;
-    const Eigen::Vector3f colour = piece.weights[k].x() * colours[triangle[0]] +
-                                   piece.weights[k].y() * colours[triangle[1]] +
-                                   piece.weights[k].z() * colours[triangle[2]];
+    const Eigen::Vector3f value = piece.weights[k].x() * values[0] +
+                                  piece.weights[k].y() * values[1] +
+                                  piece.weights[k].z() * values[2];
     for (int c = 0; c < 3; ++c) {
-      channel[c][k] = colour[c] * inverse[k];
+      channel[c][k] = value[c] * inverse[k];
     }
   }
   shaded.inverse_z = ScreenPlane(piece.corner, inverse);
   for (int c = 0; c < 3; ++c) {
-    shaded.colour_over_z[c] = ScreenPlane(piece.corner, channel[c]);
+    shaded.value_over_z[c] = ScreenPlane(piece.corner, channel[c]);
   }
   const auto [low, high] = std::minmax({piece.corner[0].y, piece.corner[1].y, piece.corner[2].y});
   shaded.row_begin = low;
@@ -99,13 +132,13 @@ ShadedTriangle shade(const ScreenTriangle& piece, const std::array<uint32_t, 3>&
 }
 
 std::vector<ShadedTriangle> shaded_triangles(const Mesh& mesh, const CameraModel& camera,
-                                             double head_light) {
-  const auto colours = lit_colours(mesh, camera.center(), head_light);
+                                             const DrawOptions& options) {
+  const CornerValues values(mesh, camera, options);
   std::vector<ShadedTriangle> triangles;
   triangles.reserve(mesh.triangles.size());
   for_each_screen_triangle(mesh, camera, project_vertices(mesh, camera),
                            [&](uint32_t t, const ScreenTriangle& piece) {
-                             triangles.push_back(shade(piece, mesh.triangles[t], colours));
+                             triangles.push_back(shade(piece, values.of(t)));
                            });
   return triangles;
 }
@@ -145,9 +178,11 @@ class Canvas {
         const double inverse = t.inverse_z(x, y);
         if (inverse > inverse_z_[at(x, y)]) {
           inverse_z_[at(x, y)] = static_cast<float>(inverse);
-          for (int c = 0; c < 3; ++c) {
-            colour_[at(x, y)][c] = static_cast<float>(t.colour_over_z[c](x, y) / inverse);
-          }
+          const Eigen::Vector3f value = t.value_at(x, y, inverse);
+          colour_[at(x, y)] = options_.atlas == nullptr
+                                  ? value
+                                  : Eigen::Vector3f(value.z() * sample_atlas(options_.atlas->image,
+                                                                             value.head<2>()));
         }
       }
     });
@@ -203,7 +238,7 @@ class Canvas {
 
 Image draw_mesh(const Mesh& mesh, const CameraModel& camera, const DrawOptions& options) {
   const CameraModel large = enlarged(camera, kSamples);
-  const std::vector<ShadedTriangle> triangles = shaded_triangles(mesh, large, options.head_light);
+  const std::vector<ShadedTriangle> triangles = shaded_triangles(mesh, large, options);
   const std::optional<Floor> floor =
       options.floor ? std::optional<Floor>(std::in_place, mesh, *options.floor) : std::nullopt;
   Image image(camera.size(), PixelFormat::kRGB8);

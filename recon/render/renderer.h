@@ -11,6 +11,7 @@
 #include "base/geometry/rigid_transform.h"
 #include "base/image/image.h"
 #include "base/image/mask.h"
+#include "recon/texture/texture_atlas.h"
 
 namespace v3d::recon {
 
@@ -32,6 +33,9 @@ struct DrawOptions {
   /// Background image instead of these colours: RGB8 of camera.size(), borrowed.
   const Image* backdrop = nullptr;
   std::optional<FloorOptions> floor = std::nullopt;
+  /// Colours of the surface instead of those of the vertices; its layout is that of the mesh.
+  /// Borrowed.
+  const TextureAtlas* atlas = nullptr;
 };
 
 /// RGB8 image of camera.size(). Vertices are projected through the whole lens model; z-buffer,

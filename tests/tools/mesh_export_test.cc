@@ -161,13 +161,13 @@ TEST_F(MeshExport, removes_vertices_that_no_triangle_uses_in_every_camera) {
 
 TEST_F(MeshExport, rejects_content_that_a_format_cannot_store) {
   EXPECT_THAT(test::message_of<InputError>(
-                  [] { check_options(MeshFormat::kPly, Compression::kDraco, false); }),
+                  [] { check_options(MeshFormat::kPly, Compression::kDraco, false, false); }),
               HasSubstr("--compress"));
   EXPECT_THAT(test::message_of<InputError>(
-                  [] { check_options(MeshFormat::kObj, Compression::kNone, true); }),
+                  [] { check_options(MeshFormat::kObj, Compression::kNone, true, false); }),
               HasSubstr("--view-dependent"));
-  EXPECT_NO_THROW(check_options(MeshFormat::kGlb, Compression::kMeshopt, true));
-  EXPECT_NO_THROW(check_options(MeshFormat::kPly, Compression::kNone, true));
+  EXPECT_NO_THROW(check_options(MeshFormat::kGlb, Compression::kMeshopt, true, false));
+  EXPECT_NO_THROW(check_options(MeshFormat::kPly, Compression::kNone, true, false));
   EXPECT_THROW(parse_compression("zip"), InputError);
 }
 

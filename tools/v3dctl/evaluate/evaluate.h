@@ -64,7 +64,9 @@ struct HeldOutReport {
   int64_t frames = 0;
   ImageSimilarity inside;      ///< over HeldOutView::inside()
   ImageSimilarity whole_mask;  ///< over the mask, with background at its rim
-  double iou = 0;              ///< of the rendered silhouette and the mask
+  /// The same mesh with a texture atlas instead of colours of vertices, over inside().
+  std::optional<ImageSimilarity> atlas{};
+  double iou = 0;  ///< of the rendered silhouette and the mask
   /// The true surface, coloured from the used cameras: nearly an upper bound for reconstructions.
   /// Over inside(), of the frames with a true surface.
   std::optional<ImageSimilarity> true_surface;
@@ -74,6 +76,7 @@ struct HeldOutRequest {
   std::vector<std::string> cameras;
   bool view_dependent = false;    ///< render with view-dependent colours for the camera
   std::filesystem::path truth{};  ///< as for evaluate_truth(); empty: none
+  int atlas_side = 0;             ///< texels of the atlas to compare with; 0: none
 };
 
 /// Compares renderings of the meshes with the photographs of held-out cameras (HeldOutView). Throws
@@ -97,8 +100,9 @@ class HeldOutView {
   /// Pixels whose neighbours up to two pixels away, the reach of demosaicing, are foreground, too.
   /// All differ from the background where the frame has a background difference.
   const Mask& inside() const { return inside_; }
-  /// Rendering of `mesh` with the colours of its vertices, comparable with photograph().
-  Image render(const Mesh& mesh) const;
+  /// Rendering of `mesh` with the colours of its vertices, or those of `atlas`, comparable with
+  /// photograph().
+  Image render(const Mesh& mesh, const recon::TextureAtlas* atlas = nullptr) const;
 
  private:
   Image as_recorded(Image rendering) const;
@@ -116,9 +120,10 @@ class CroppedHeldOutView {
   /// Requires a mask with foreground. `camera` is borrowed.
   CroppedHeldOutView(const RigCamera& camera, const recorded::SegmentedFrame& frame);
   Image photograph() const;
-  Image render(const Mesh& mesh) const;
+  /// HeldOutView::render()
+  Image render(const Mesh& mesh, const recon::TextureAtlas* atlas = nullptr) const;
   /// Absolute difference of both over inside(): black for 0, white for 64 grey values and more.
-  Image difference(const Mesh& mesh) const;
+  Image difference(const Mesh& mesh, const recon::TextureAtlas* atlas = nullptr) const;
 
  private:
   Image crop(const Image& whole) const;

@@ -23,6 +23,7 @@ struct Arguments {
   std::filesystem::path report;
   std::string held_out;
   bool view_dependent = false;
+  int atlas_side = 0;
   bool json = false;
 };
 
@@ -41,6 +42,7 @@ void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
       entry["iou"] = report.iou;
       entry["whole_mask"] = to_json(report.whole_mask);
     }
+    if (report.atlas) entry["atlas"] = to_json(*report.atlas);
     if (report.true_surface) entry["true_surface"] = to_json(*report.true_surface);
     json["held_out"].push_back(entry);
   }
@@ -86,6 +88,10 @@ void print_held_out(const std::vector<HeldOutReport>& reports) {
     std::printf("%-12s  %.2f dB PSNR, %.4f SSIM, %.4f IoU over %lld frames\n",
                 report.camera.c_str(), report.inside.psnr_db, report.inside.ssim, report.iou,
                 static_cast<long long>(report.frames));
+    if (report.atlas) {
+      std::printf("%-12s  %.2f dB PSNR, %.4f SSIM with a texture atlas\n", "",
+                  report.atlas->psnr_db, report.atlas->ssim);
+    }
     if (!report.true_surface) continue;
     std::printf("%-12s  %.2f dB PSNR, %.4f SSIM with the true surface\n", "",
                 report.true_surface->psnr_db, report.true_surface->ssim);
@@ -115,8 +121,10 @@ EvaluationColumn measure(const Arguments& arguments, const std::vector<std::stri
     column.motion = evaluate_motion(evaluated, arguments.truth);
   }
   if (!cameras.empty()) {
-    column.held_out =
-        evaluate_held_out(evaluated, {cameras, arguments.view_dependent, arguments.truth});
+    column.held_out = evaluate_held_out(evaluated, {.cameras = cameras,
+                                                    .view_dependent = arguments.view_dependent,
+                                                    .truth = arguments.truth,
+                                                    .atlas_side = arguments.atlas_side});
   }
   return column;
 }
@@ -161,6 +169,9 @@ int run(const Arguments& arguments) {
   if (arguments.truth.empty() && cameras.empty()) {
     throw InputError("evaluate: expected --truth DIR, --held-out CAM,... or both");
   }
+  if (arguments.atlas_side > 0 && cameras.empty()) {
+    throw InputError("--atlas: expected --held-out CAM,...");
+  }
   catch_interrupts();
   std::vector<EvaluationColumn> columns = {
       measure(arguments, cameras, "mesh.v3d", {arguments.take})};
@@ -175,8 +186,11 @@ int run(const Arguments& arguments) {
   }
   const bool all = has_all_truth(arguments, columns.front());
   if (!arguments.report.empty()) {
-    replace_file(arguments.report, evaluation_html({std::move(columns), arguments.truth, cameras,
-                                                    arguments.view_dependent}));
+    replace_file(arguments.report, evaluation_html({.columns = std::move(columns),
+                                                    .truth = arguments.truth,
+                                                    .held_out = cameras,
+                                                    .view_dependent = arguments.view_dependent,
+                                                    .atlas_side = arguments.atlas_side}));
   }
   return all ? kExitDone : kExitIncomplete;
 }
@@ -203,6 +217,12 @@ void add_evaluate(CommandLine& line) {
       .type_name("CAM,...");
   command.add_flag("--view-dependent", arguments->view_dependent,
                    "Render with the colours for the viewpoint of the held-out camera");
+  command
+      .add_option("--atlas", arguments->atlas_side,
+                  "With --held-out: compare also with a texture atlas of this size, from the raw "
+                  "frames of the other cameras")
+      .type_name("TEXELS")
+      .check(cli::integer_in(recon::kMinAtlasSide, recon::kMaxAtlasSide));
   command
       .add_option(
           "--beside", arguments->beside,

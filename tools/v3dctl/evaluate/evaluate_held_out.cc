@@ -48,18 +48,26 @@ class HeldOutSamples {
     whole_mask_.push_back(compare_images(rendering, view.photograph(), view.mask()));
     iou_.push_back(intersection_over_union(recon::draw_silhouette(mesh, camera), view.mask()));
   }
+  void add_atlas(const HeldOutView& view, const Mesh& mesh, const recon::TextureAtlas& atlas) {
+    atlas_.push_back(compare_images(view.render(mesh, &atlas), view.photograph(), view.inside()));
+  }
   void add_truth(const HeldOutView& view, const Mesh& truth) {
     truth_.push_back(compare_images(view.render(truth), view.photograph(), view.inside()));
   }
   HeldOutReport report(const std::string& camera) const {
-    HeldOutReport report{
-        camera, std::ssize(iou_), mean_of(inside_), mean_of(whole_mask_), mean(iou_), {}};
+    HeldOutReport report{.camera = camera,
+                         .frames = std::ssize(iou_),
+                         .inside = mean_of(inside_),
+                         .whole_mask = mean_of(whole_mask_),
+                         .iou = mean(iou_),
+                         .true_surface = {}};
+    if (!atlas_.empty()) report.atlas = mean_of(atlas_);
     if (!truth_.empty()) report.true_surface = mean_of(truth_);
     return report;
   }
 
  private:
-  std::vector<ImageSimilarity> inside_, whole_mask_, truth_;
+  std::vector<ImageSimilarity> inside_, whole_mask_, atlas_, truth_;
   std::vector<double> iou_;
 };
 
@@ -89,7 +97,13 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
     const auto views = recorded.read(frame);
     const auto truth = read_resampled_truth(compact.mesh, request.truth, frame);
     std::optional<recorded::FrameColours> colours;
-    if (request.view_dependent || truth) colours.emplace(evaluated.take, compact);
+    if (request.view_dependent || request.atlas_side > 0 || truth) {
+      colours.emplace(evaluated.take, compact);
+    }
+    std::optional<recon::TextureAtlas> atlas;
+    if (request.atlas_side > 0 && !compact.mesh.triangles.empty()) {
+      atlas = colours->atlas(compact.mesh, request.atlas_side);
+    }
     for (size_t i = 0; i < samples.size(); ++i) {
       if (!views[i]) continue;
       const RigCamera& camera = recorded.rig()[i];
@@ -99,6 +113,7 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
           view,
           request.view_dependent ? colours->coloured_for(camera.model, compact.mesh) : compact.mesh,
           camera.model);
+      if (atlas) samples[i].add_atlas(view, compact.mesh, *atlas);
       if (!truth) continue;
       samples[i].add_truth(view, request.view_dependent
                                      ? colours->coloured_for(camera.model, *truth)
@@ -155,8 +170,8 @@ HeldOutView::HeldOutView(const RigCamera& camera, const recorded::SegmentedFrame
       inside_(inside_of(frame)),
       photograph_(corrected(to_rgb(frame.raw.image.view()), camera.colour)) {}
 
-Image HeldOutView::render(const Mesh& mesh) const {
-  return as_recorded(recon::draw_mesh(mesh, camera_.model));
+Image HeldOutView::render(const Mesh& mesh, const recon::TextureAtlas* atlas) const {
+  return as_recorded(recon::draw_mesh(mesh, camera_.model, {.atlas = atlas}));
 }
 
 Image HeldOutView::as_recorded(Image rendering) const {
@@ -171,10 +186,12 @@ CroppedHeldOutView::CroppedHeldOutView(const RigCamera& camera,
 
 Image CroppedHeldOutView::photograph() const { return crop(view_.photograph()); }
 
-Image CroppedHeldOutView::render(const Mesh& mesh) const { return crop(view_.render(mesh)); }
+Image CroppedHeldOutView::render(const Mesh& mesh, const recon::TextureAtlas* atlas) const {
+  return crop(view_.render(mesh, atlas));
+}
 
-Image CroppedHeldOutView::difference(const Mesh& mesh) const {
-  const Image rendering = view_.render(mesh);
+Image CroppedHeldOutView::difference(const Mesh& mesh, const recon::TextureAtlas* atlas) const {
+  const Image rendering = view_.render(mesh, atlas);
   const Image& photograph = view_.photograph();
   Image difference(rendering.size, PixelFormat::kRGB8);
   for (int y = 0; y < rendering.size.height; ++y) {

@@ -79,6 +79,20 @@ std::string truth_rows(const EvaluationPage& page) {
                    &recon::SurfaceChange::moving_p90_mm);
 }
 
+/// Empty without an atlas.
+std::string atlas_rows(const EvaluationPage& page, size_t camera) {
+  if (page.atlas_side == 0) return "";
+  const auto figure = [&](const char* name, double ImageSimilarity::*value, int digits) {
+    return row(page, page.held_out[camera] + ": " + name + " with a texture atlas",
+               [&](const EvaluationColumn& c) {
+                 const auto& atlas = c.held_out[camera].atlas;
+                 return atlas ? number((*atlas).*value, digits) : "";
+               });
+  };
+  return figure("PSNR, dB,", &ImageSimilarity::psnr_db, 2) +
+         figure("SSIM", &ImageSimilarity::ssim, 3);
+}
+
 /// Empty without a true surface.
 std::string true_surface_row(const EvaluationPage& page, size_t camera) {
   const auto similarity = [&](const EvaluationColumn& c) {
@@ -102,6 +116,7 @@ std::string held_out_rows(const EvaluationPage& page) {
         true_surface_row(page, i) +
         row(page, page.held_out[i] + ": SSIM",
             [&](const EvaluationColumn& c) { return number(c.held_out[i].inside.ssim, 3); }) +
+        atlas_rows(page, i) +
         row(page, page.held_out[i] + ": silhouette, IoU",
             [&](const EvaluationColumn& c) { return number(c.held_out[i].iou, 4); });
   }
@@ -174,6 +189,13 @@ std::string photograph_and_renderings(const EvaluationPage& page,
         figure(view.render(mesh),
                column.name + ": " + number(column.held_out[index].inside.psnr_db, 2, " dB"));
     differences += figure(view.difference(mesh), column.name + ": difference");
+    const auto& similarity = column.held_out[index].atlas;
+    if (!similarity || mesh.triangles.empty()) continue;
+    const recorded::FrameColours colours(column.evaluated.take, meshes[i]);
+    const recon::TextureAtlas atlas = colours.atlas(mesh, page.atlas_side);
+    renderings += figure(view.render(mesh, &atlas),
+                         column.name + ", atlas: " + number(similarity->psnr_db, 2, " dB"));
+    differences += figure(view.difference(mesh, &atlas), column.name + ", atlas: difference");
   }
   // Each difference is below its rendering.
   return "<h3>" + html_escaped(page.held_out[index]) + "</h3>\n" +

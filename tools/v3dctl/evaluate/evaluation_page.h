@@ -27,6 +27,7 @@ struct EvaluationPage {
   std::filesystem::path truth;            ///< empty: none
   std::vector<std::string> held_out;      ///< cameras
   bool view_dependent = false;
+  int atlas_side = 0;  ///< as in HeldOutRequest
 };
 
 /// One HTML file that contains its images, those of the frame in the middle of the take.

@@ -11,6 +11,7 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/take_export.h"
+#include "v3dctl/export/volume_export.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -27,6 +28,8 @@ struct Arguments {
   std::string frames;
   int performer = 0;                  ///< 0: all
   std::string surface = "automatic";  ///< see parse_surface()
+  int atlas_side = 0;                 ///< texels; 0: none, or that of VolumeExport
+  bool uncompressed = false;
 };
 
 std::string file_name(int64_t frame, MeshFormat format) {
@@ -43,9 +46,34 @@ bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
   return true;
 }
 
-int run_take_export(const Arguments& arguments, TakeFormat format) {
+void expect_mesh_options_unused(const Arguments& arguments) {
   if (arguments.compression != "none") throw InputError("--compress: expected --format glb");
   if (arguments.view_dependent) throw InputError("--view-dependent: expected --format ply or glb");
+}
+
+int run_volume_export(const Arguments& arguments) {
+  expect_mesh_options_unused(arguments);
+  if (arguments.performer > 0) {
+    throw InputError("--performer: tracked surfaces state no performers; expected no --performer");
+  }
+  if (parse_surface(arguments.surface) == Surface::kMeshes) {
+    throw InputError("--surface meshes: --format volume contains tracked surfaces");
+  }
+  if (arguments.atlas_side % 2 != 0) {
+    throw InputError("--atlas " + std::to_string(arguments.atlas_side) +
+                     ": expected an even number for a video");
+  }
+  VolumeExport request{.take = arguments.take,
+                       .out = arguments.out,
+                       .frames = parse_frame_range(arguments.frames),
+                       .uncompressed = arguments.uncompressed};
+  if (arguments.atlas_side > 0) request.atlas_side = arguments.atlas_side;
+  return export_volume(request);
+}
+
+int run_take_export(const Arguments& arguments, TakeFormat format) {
+  expect_mesh_options_unused(arguments);
+  if (arguments.atlas_side > 0) throw InputError("--atlas: expected --format glb or volume");
   return export_take({.take = arguments.take,
                       .out = arguments.out,
                       .format = format,
@@ -55,6 +83,8 @@ int run_take_export(const Arguments& arguments, TakeFormat format) {
 }
 
 int run(const Arguments& arguments) {
+  if (arguments.format == "volume") return run_volume_export(arguments);
+  if (arguments.uncompressed) throw InputError("--uncompressed: expected --format volume");
   if (const auto format = parse_take_format(arguments.format)) {
     return run_take_export(arguments, *format);
   }
@@ -63,7 +93,7 @@ int run(const Arguments& arguments) {
   }
   const MeshFormat format = parse_mesh_format(arguments.format);
   const Compression compression = parse_compression(arguments.compression);
-  check_options(format, compression, arguments.view_dependent);
+  check_options(format, compression, arguments.view_dependent, arguments.atlas_side > 0);
   recorded::MeshFrames meshes(arguments.take);
   const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
   const bool to_file = is_file(arguments, format, frames.size());
@@ -83,9 +113,20 @@ int run(const Arguments& arguments) {
     recon::CompactFrame content = meshes.read(frame);
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
+    std::optional<recorded::FrameColours> photographs;
+    const Mesh whole = arguments.atlas_side > 0 ? content.mesh : Mesh();
+    if (arguments.atlas_side > 0) photographs.emplace(arguments.take, content);
     performer.apply(content, cameras);
+    std::optional<recon::TextureAtlas> atlas;
+    if (photographs && !content.mesh.triangles.empty()) {
+      atlas = photographs->atlas(content.mesh, arguments.atlas_side, &whole);
+      content.mesh.colours.clear();
+    }
     write_mesh(file, format, content.mesh,
-               {.compression = compression, .lattice = content.lattice, .cameras = cameras});
+               {.compression = compression,
+                .lattice = content.lattice,
+                .cameras = cameras,
+                .atlas = atlas ? &*atlas : nullptr});
     progress.advance();
   }
   performer.require_present();
@@ -99,11 +140,14 @@ int run(const Arguments& arguments) {
 void add_export(CommandLine& line) {
   cli::Command command = line.add(
       "export",
-      "Write meshes for other programs: a file for each frame, one for all, or training sets",
+      "Write meshes for other programs: a file for each frame, one for all, a delivery with video "
+      "texture, or training sets",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
        "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
        "v3dctl export dancer --format glb --compress draco --view-dependent meshes/",
+       "v3dctl export dancer --format glb --atlas 2048 --frames 12 dancer.glb",
        "v3dctl export dancer --format glb-sequence dancer.glb",
+       "v3dctl export dancer --format volume dancer-volume",
        "v3dctl export dancer --format colmap --frames 12 training/"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
@@ -111,12 +155,12 @@ void add_export(CommandLine& line) {
       .add_option(
           "OUT", arguments->out,
           "A folder for FRAME.ply and so on, or a file for one frame; glb-sequence and usda: a "
-          "file; colmap and nerfstudio: a new folder")
+          "file; volume, colmap and nerfstudio: a new folder")
       .required();
   command
       .add_option("--format", arguments->format,
                   "The file format; all have colours, metres, z up (glb, glb-sequence: y up)")
-      .type_name("ply|obj|glb|glb-sequence|usda|colmap|nerfstudio")
+      .type_name("ply|obj|glb|glb-sequence|usda|volume|colmap|nerfstudio")
       .required();
   command
       .add_option("--compress", arguments->compression,
@@ -127,6 +171,15 @@ void add_export(CommandLine& line) {
   command.add_flag("--view-dependent", arguments->view_dependent,
                    "ply, glb: also the colour of every vertex in each camera, from the take's raw "
                    "frames, as attributes (docs/export.md)");
+  command
+      .add_option(
+          "--atlas", arguments->atlas_side,
+          "glb, volume: the side of a texture atlas from the take's raw frames, in place of "
+          "colours of vertices (volume: otherwise 2048)")
+      .type_name("TEXELS")
+      .check(cli::integer_in(recon::kMinAtlasSide, recon::kMaxAtlasSide));
+  command.add_flag("--uncompressed", arguments->uncompressed,
+                   "volume: also the texture of every pulse as a PNG file, textures/FRAME.png");
   command
       .add_option("--performer", arguments->performer,
                   "One performer alone, of a take after v3dctl performers")

@@ -2,10 +2,13 @@
 #include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "v3dctl/export/gltf_document.h"
 #include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/textured_mesh.h"
 #include "v3dctl/export/vertex_streams.h"
 
 namespace v3d::ctl {
@@ -15,6 +18,7 @@ using nlohmann::json;
 
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
 constexpr const char* kMeshopt = "EXT_meshopt_compression";
+constexpr int kLinear = 9729, kClampToEdge = 33071;
 constexpr const char* kQuantization = "KHR_mesh_quantization";
 
 VertexStream integer_positions(const PositionGrid& grid) {
@@ -51,12 +55,27 @@ VertexStream seen_colours(const ExportedCamera& camera) {
   return make_stream(semantic_of(camera), Component::kUint8, 4, values);
 }
 
-VertexStreams streams_of(const Mesh& mesh, const MeshFileOptions& options,
-                         const PositionGrid& grid) {
+/// TEXCOORD_0 and, where asked for, _VERTEX.
+void add_texture_streams(const TexturedMesh& textured, const MeshFileOptions& options,
+                         VertexStreams& out) {
+  std::vector<uint16_t> coordinates;
+  for (const auto& uv : textured.coordinates) {
+    coordinates.insert(coordinates.end(), uv.begin(), uv.end());
+  }
+  out.streams.push_back(make_stream("TEXCOORD_0", Component::kUint16, 2, coordinates));
+  if (!options.number_vertices) return;
+  // glTF has no attributes of 32 bit integers; floats are exact up to 2^24.
+  const std::vector<float> numbers(textured.source.begin(), textured.source.end());
+  out.streams.push_back(make_stream("_VERTEX", Component::kFloat, 1, numbers));
+}
+
+VertexStreams streams_of(const Mesh& mesh, const MeshFileOptions& options, const PositionGrid& grid,
+                         const TexturedMesh* textured) {
   VertexStreams out;
   out.vertices = mesh.vertices.size();
   out.streams.push_back(options.compression == Compression::kMeshopt ? integer_positions(grid)
                                                                      : float_positions(mesh));
+  if (textured != nullptr) add_texture_streams(*textured, options, out);
   if (!mesh.colours.empty()) {
     out.streams.push_back(options.compression == Compression::kDraco ? float_colours(mesh)
                                                                      : linear_colours(mesh));
@@ -76,12 +95,15 @@ json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 /// JSON and binary chunk of a file with one mesh.
 class Document {
  public:
-  void add(const Mesh& mesh, const MeshFileOptions& options) {
+  void add(const Mesh& original, const MeshFileOptions& options) {
+    std::optional<TexturedMesh> textured;
+    if (options.atlas != nullptr) textured = with_coordinates(original, options.atlas->layout);
+    const Mesh& mesh = textured ? textured->mesh : original;
     PositionGrid grid;
     if (options.compression != Compression::kNone) {
       grid = quantise(mesh.vertices, options.lattice);
     }
-    VertexStreams streams = streams_of(mesh, options, grid);
+    VertexStreams streams = streams_of(mesh, options, grid, textured ? &*textured : nullptr);
     add_node();
     switch (options.compression) {
       case Compression::kNone:
@@ -94,7 +116,7 @@ class Document {
         add_meshopt(streams, grid);
         break;
     }
-    add_material();
+    add_material(options);
     add_cameras(options.cameras);
   }
 
@@ -210,7 +232,21 @@ class Document {
     accessor["max"] = high;
   }
 
-  void add_material() { primitive()["material"] = out_.add_unlit_material(); }
+  void add_material(const MeshFileOptions& options) {
+    const size_t material = out_.add_unlit_material();
+    primitive()["material"] = material;
+    if (options.atlas == nullptr) return;
+    const std::vector<uint8_t> jpeg =
+        encode_jpeg(options.atlas->image.view(), options.atlas_quality);
+    const size_t image =
+        out_.add("images", {{"mimeType", "image/jpeg"}, {"bufferView", out_.add_view(jpeg)}});
+    const size_t sampler = out_.add("samplers", {{"magFilter", kLinear},
+                                                 {"minFilter", kLinear},
+                                                 {"wrapS", kClampToEdge},
+                                                 {"wrapT", kClampToEdge}});
+    const size_t texture = out_.add("textures", {{"source", image}, {"sampler", sampler}});
+    gltf()["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = texture;
+  }
 
   void add_cameras(std::span<const ExportedCamera> cameras) {
     for (const ExportedCamera& camera : cameras) {

@@ -20,7 +20,7 @@ MeshFormat parse_mesh_format(std::string_view text) {
   if (text == "obj") return MeshFormat::kObj;
   if (text == "glb") return MeshFormat::kGlb;
   throw InputError("--format " + std::string(text) +
-                   ": expected ply, obj, glb, glb-sequence, usda, colmap or nerfstudio");
+                   ": expected ply, obj, glb, glb-sequence, usda, volume, colmap or nerfstudio");
 }
 
 Compression parse_compression(std::string_view text) {
@@ -51,13 +51,19 @@ std::string attribute_name(std::string_view camera) {
   return name;
 }
 
-void check_options(MeshFormat format, Compression compression, bool by_camera) {
+void check_options(MeshFormat format, Compression compression, bool by_camera, bool with_atlas) {
   if (compression != Compression::kNone && format != MeshFormat::kGlb) {
     throw InputError("--compress: expected --format glb, the only one with compression");
   }
   if (by_camera && format == MeshFormat::kObj) {
     throw InputError(
         "--view-dependent: expected --format ply or glb; OBJ has one colour for a vertex");
+  }
+  if (!with_atlas) return;
+  if (format != MeshFormat::kGlb) throw InputError("--atlas: expected --format glb or volume");
+  if (by_camera) throw InputError("--atlas: expected no --view-dependent");
+  if (compression == Compression::kDraco) {
+    throw InputError("--atlas: expected --compress none or meshopt");
   }
 }
 

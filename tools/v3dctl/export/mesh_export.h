@@ -12,6 +12,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/texture/texture.h"
+#include "recon/texture/texture_atlas.h"
 
 namespace v3d::ctl {
 
@@ -36,14 +37,21 @@ struct MeshFileOptions {
   /// Additional attributes. Borrowed; each has a colour for every vertex. Requires distinct
   /// attribute_name()s.
   std::span<const ExportedCamera> cameras = {};
+  /// GLB: the texture of the mesh, in place of colours of vertices, as a JPEG image in the file.
+  /// Borrowed. Excludes Draco and `cameras`.
+  const recon::TextureAtlas* atlas = nullptr;
+  int atlas_quality = 92;  ///< of JPEG, 1 to 100
+  /// With `atlas`: the attribute _VERTEX has the number of each vertex before seams divided it.
+  bool number_vertices = false;
 };
 
 /// The camera's name with '_' for characters other than ASCII letters and digits.
 std::string attribute_name(std::string_view camera);
 
 /// Throws InputError for options that the format does not support: compression of formats other
-/// than GLB, and colours of cameras in OBJ.
-void check_options(MeshFormat format, Compression compression, bool by_camera);
+/// than GLB, colours of cameras in OBJ, and a texture in formats other than GLB or beside Draco or
+/// colours of cameras.
+void check_options(MeshFormat format, Compression compression, bool by_camera, bool with_atlas);
 
 /// Removes the vertices that no triangle uses, with their colours, also those in `cameras`.
 void remove_unused_vertices(Mesh& mesh, std::vector<ExportedCamera>& cameras);
@@ -56,9 +64,10 @@ void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh
 /// Wavefront OBJ with the common extension "v x y z r g b", colours 0 to 1.
 void write_obj(const std::filesystem::path& path, const Mesh& mesh);
 
-/// glTF 2.0 binary: POSITION, COLOR_0 (linear light), _<CAMERA>_COLOR; unlit. A node rotates z up
-/// to the y up of the standard. A mesh without triangles gives an empty scene. Compression
-/// quantises positions to the lattice of the options and reorders triangles and vertices.
+/// glTF 2.0 binary: POSITION, COLOR_0 (linear light), _<CAMERA>_COLOR, or with an atlas POSITION
+/// and TEXCOORD_0; unlit. A node rotates z up to the y up of the standard. A mesh without triangles
+/// gives an empty scene. Compression quantises positions to the lattice of the options and reorders
+/// triangles and vertices.
 void write_glb(const std::filesystem::path& path, const Mesh& mesh, const MeshFileOptions& options);
 
 /// Removes all performers but one from frames of a take. One thread.

@@ -17,7 +17,38 @@ namespace fs = std::filesystem;
 /// Prevents ffmpeg from parsing a relative path that begins with '-' as an option.
 std::string file_word(const fs::path& path) { return "file:" + path.string(); }
 
-std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz) {
+VideoOptions::Codec codec_of(const fs::path& path, VideoOptions::Codec codec) {
+  using enum VideoOptions::Codec;
+  if (codec != kByName || path.extension() == ".webm") return codec;
+  return kH264;
+}
+
+std::vector<std::string> codec_words(const fs::path& path, const VideoOptions& options) {
+  const auto quality = [&](int usual) {
+    return std::to_string(options.quality > 0 ? options.quality : usual);
+  };
+  switch (codec_of(path, options.codec)) {
+    case VideoOptions::Codec::kH264:
+      return {"-c:v", "libx264", "-crf", quality(18)};
+    case VideoOptions::Codec::kAv1:
+      return {"-c:v", "libaom-av1", "-crf", quality(30), "-b:v",
+              "0",    "-cpu-used",  "6",    "-row-mt",   "1"};
+    case VideoOptions::Codec::kByName:
+      break;
+  }
+  return {"-c:v", "libvpx-vp9", "-crf", quality(24), "-b:v", "0"};
+}
+
+/// Words for pictures that a player can start from.
+std::vector<std::string> key_picture_words(const std::vector<double>& times_s) {
+  if (times_s.empty()) return {};
+  std::string times;
+  for (const double time : times_s) times += (times.empty() ? "" : ",") + std::to_string(time);
+  return {"-force_key_frames", times};
+}
+
+std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz,
+                                      const VideoOptions& options) {
   if (size.width % 2 != 0 || size.height % 2 != 0) {
     throw InputError("--size " + format_size(size) +
                      ": expected an even width and height for a video");
@@ -47,11 +78,8 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
                                  "bt709",
                                  "-color_trc",
                                  "bt709"};
-  const bool webm = path.extension() == ".webm";
-  for (const char* word :
-       webm ? std::vector<const char*>{"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"}
-            : std::vector<const char*>{"-c:v", "libx264", "-crf", "18"}) {
-    words.emplace_back(word);
+  for (const auto& more : {codec_words(path, options), key_picture_words(options.key_pictures_s)}) {
+    words.insert(words.end(), more.begin(), more.end());
   }
   words.push_back(file_word(path));
   return words;
@@ -113,8 +141,10 @@ bool VideoWriter::writes(const fs::path& path) {
   return std::ranges::find(kEndings, path.extension().string()) != kEndings.end();
 }
 
-VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz)
-    : path_(path), ffmpeg_(writer_words(path, size, rate_hz), ProcessStream::End::kStdin) {}
+VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz,
+                         const VideoOptions& options)
+    : path_(path),
+      ffmpeg_(writer_words(path, size, rate_hz, options), ProcessStream::End::kStdin) {}
 
 void VideoWriter::add(const Image& picture) {
   if (ffmpeg_.write(picture.bytes)) return;

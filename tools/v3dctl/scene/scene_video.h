@@ -3,20 +3,34 @@
 
 #include <filesystem>
 #include <optional>
+#include <vector>
 
 #include "base/image/image.h"
 #include "base/io/child_process.h"
 
 namespace v3d::ctl {
 
-/// Encodes pictures: H.264 in .mp4, .mov and .mkv, VP9 in .webm. One thread.
+struct VideoOptions {
+  enum class Codec {
+    kByName,  ///< H.264 in .mp4, .mov and .mkv, VP9 in .webm
+    kH264,
+    kAv1
+  };
+  Codec codec = Codec::kByName;
+  int quality = 0;  ///< constant rate factor of the codec, smaller is better; 0: for pictures
+  /// Times of pictures that a player can start from, besides those that the codec chooses, seconds.
+  std::vector<double> key_pictures_s = {};
+};
+
+/// Encodes pictures. One thread.
 class VideoWriter {
  public:
   /// Whether the extension of `path` is one of these.
   static bool writes(const std::filesystem::path& path);
 
   /// Throws InputError without ffmpeg on this PC, and for an odd width or height.
-  VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz);
+  VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz,
+              const VideoOptions& options = {});
   /// Adds a picture, RGB8 of the given size. Throws std::runtime_error after ffmpeg has failed;
   /// ffmpeg prints the cause.
   void add(const Image& picture);

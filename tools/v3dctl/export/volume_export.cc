@@ -1,0 +1,328 @@
+#include "v3dctl/export/volume_export.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/core/error.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
+#include "common/console.h"
+#include "common/partial_folder.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/texture/atlas_colours.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/motion/tracked_surfaces.h"
+#include "v3dctl/options.h"
+#include "v3dctl/scene/scene_video.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Constant rate factors: 3 to 4 Mbit/s for the simulated swordsman at 2048 texels.
+constexpr int kH264Quality = 33, kAv1Quality = 50;
+/// Step of decoded positions, metres. The tracker is less exact.
+constexpr double kPositionStep = 0.001;
+/// JPEG quality of the still picture in a segment's file, which players do not show.
+constexpr int kStillQuality = 70;
+
+/// Media types for a browser that chooses between the videos. Their levels suffice for
+/// kMaxAtlasSide at 60 pictures a second only where a decoder goes beyond them; browsers use them
+/// to find out about the codec.
+struct TextureVideo {
+  const char* file;
+  const char* type;
+  VideoOptions::Codec codec;
+  int quality;
+};
+constexpr TextureVideo kVideos[] = {{"texture-av1.mp4", "video/mp4; codecs=\"av01.0.12M.08\"",
+                                     VideoOptions::Codec::kAv1, kAv1Quality},
+                                    {"texture-h264.mp4", "video/mp4; codecs=\"avc1.640033\"",
+                                     VideoOptions::Codec::kH264, kH264Quality}};
+
+/// The pulses of one segment of the file that are delivered: ascending, not empty.
+using SegmentPlaces = std::vector<TrackedSurfaces::Place>;
+
+/// A pulse that two segments share is shown by the later one.
+std::vector<SegmentPlaces> places_in(const TrackedSurfaces& surfaces, take::FrameRange range) {
+  std::vector<SegmentPlaces> segments;
+  for (const TrackedSurfaces::Place& place : surfaces.places()) {
+    if (place.pulse < range.begin || place.pulse >= range.end) continue;
+    if (!segments.empty() && segments.back().back().segment != place.segment &&
+        segments.back().back().pulse == place.pulse) {
+      segments.back().pop_back();
+      if (segments.back().empty()) segments.pop_back();
+    }
+    if (segments.empty() || segments.back().back().segment != place.segment) {
+      segments.emplace_back();
+    }
+    segments.back().push_back(place);
+  }
+  return segments;
+}
+
+std::vector<codec::VertexPosition> positions_of(const Mesh& mesh) {
+  std::vector<codec::VertexPosition> positions;
+  positions.reserve(mesh.vertices.size());
+  for (const Eigen::Vector3f& p : mesh.vertices) positions.push_back({p.x(), p.y(), p.z()});
+  return positions;
+}
+
+/// A delivered segment: geometry as a player decodes it, and colours of vertices.
+class DeliveredSegment {
+ public:
+  DeliveredSegment(TrackedSurfaces& surfaces, const SegmentPlaces& places, const fs::path& file) {
+    codec::MotionSegment segment;
+    for (const TrackedSurfaces::Place& place : places) {
+      const Mesh mesh = surfaces.read(place);
+      if (place.index == surfaces.segments()[place.segment].key) {
+        segment.key = segment.pulses.size();
+      }
+      segment.pulses.push_back(place.pulse);
+      segment.positions.push_back(positions_of(mesh));
+      colours_.push_back(mesh.colours);
+      if (segment.triangles.empty()) {
+        segment.triangles.assign(mesh.triangles.begin(), mesh.triangles.end());
+      }
+    }
+    key_ = segment.key;
+    pulses_ = segment.pulses;
+    encode(segment, file);
+  }
+
+  const std::vector<int64_t>& pulses() const { return pulses_; }
+  /// Index of the pulse whose surface is in the GLB file.
+  size_t key() const { return key_; }
+  std::span<const uint8_t> bytes() const { return bytes_; }
+  /// The surface of a pulse by its index, with colours of vertices.
+  Mesh surface(size_t index) {
+    const codec::MotionTemplate& shape = *reader_->surface(0);
+    Mesh mesh;
+    mesh.triangles.assign(shape.triangles.begin(), shape.triangles.end());
+    for (const auto& [x, y, z] : reader_->decode(0, index)->positions) {
+      mesh.vertices.emplace_back(x, y, z);
+    }
+    if (colours_[index].empty()) return mesh;
+    for (const uint32_t v : order_) mesh.colours.push_back(colours_[index][v]);
+    return mesh;
+  }
+
+ private:
+  /// Makes a file of this segment alone, and opens it.
+  void encode(const codec::MotionSegment& segment, const fs::path& file) {
+    codec::MotionWriter writer{codec::MotionEncoderOptions{.step_m = kPositionStep}};
+    auto encoded = writer.add(segment);
+    if (!encoded) throw InputError(file.string() + ": cannot be encoded again; run v3dctl track");
+    order_ = std::move(encoded->order);
+    bytes_ = std::move(encoded->bytes);
+    alone_ = codec::MotionWriter::header();
+    alone_.insert(alone_.end(), bytes_.begin(), bytes_.end());
+    reader_ = codec::MotionReader::open(alone_);
+    if (!reader_) throw std::logic_error("the encoded segment cannot be read");
+  }
+
+  size_t key_ = 0;
+  std::vector<int64_t> pulses_;
+  std::vector<std::vector<Rgb8>> colours_;  ///< [pulse][vertex of the file of the take]
+  std::vector<uint32_t> order_;             ///< [decoded vertex]: that of the file of the take
+  std::vector<uint8_t> bytes_, alone_;      ///< the segment; and as a file
+  std::optional<codec::MotionReader> reader_;
+};
+
+/// The texture of each pulse, from raw frames where the take has them.
+class TexturePainter {
+ public:
+  explicit TexturePainter(const fs::path& take) : rig_(take::load_take_calib({take})) {
+    const take::TakePaths paths{take};
+    const auto cameras = take::load_take_info(paths).cameras;
+    const bool recorded = std::ranges::any_of(
+        cameras, [&](const std::string& camera) { return file_exists(paths.frames(camera)); });
+    if (recorded) {
+      frames_.emplace(require_raw_frames(take, "--format volume"), std::vector<std::string>());
+    } else {
+      note("v3dctl: the texture has the colours of vertices: " + take.string() +
+           " has no raw frames");
+    }
+  }
+
+  const Rig& rig() const { return rig_; }
+  /// Number of pulses so far in which a camera was missing or unreadable.
+  int64_t incomplete() const { return incomplete_; }
+
+  recon::AtlasColours paint(const Mesh& mesh, const recon::AtlasLayout& layout, int64_t pulse) {
+    if (!frames_) return recon::colour_atlas(mesh, layout, {}, {});
+    const recorded::FrameColours colours(*frames_, pulse);
+    if (colours.cameras() < rig_.size()) ++incomplete_;
+    return colours.atlas_colours(mesh, layout);
+  }
+
+ private:
+  Rig rig_;
+  std::optional<recorded::TakeFrames> frames_;
+  int64_t incomplete_ = 0;
+};
+
+/// The videos of the texture, one picture for each pulse from the first to the last.
+class TextureVideos {
+ public:
+  TextureVideos(const fs::path& folder, int side, double rate_hz,
+                const std::vector<SegmentPlaces>& segments) {
+    first_ = next_ = segments.front().front().pulse;
+    std::vector<double> keys;
+    for (const SegmentPlaces& segment : segments) {
+      keys.push_back(static_cast<double>(segment.front().pulse - first_) / rate_hz);
+    }
+    for (const TextureVideo& video : kVideos) {
+      writers_.push_back(std::make_unique<VideoWriter>(
+          folder / video.file, ImageSize{side, side}, rate_hz,
+          VideoOptions{.codec = video.codec, .quality = video.quality, .key_pictures_s = keys}));
+    }
+  }
+
+  /// Pulses in between repeat the picture before.
+  void add(int64_t pulse, Image picture) {
+    for (; next_ < pulse; ++next_) write();
+    shown_ = std::move(picture);
+    write();
+    ++next_;
+  }
+  void close() {
+    for (const auto& writer : writers_) writer->close();
+  }
+
+ private:
+  void write() {
+    for (const auto& writer : writers_) writer->add(shown_);
+  }
+
+  int64_t first_ = 0, next_ = 0;
+  Image shown_;
+  std::vector<std::unique_ptr<VideoWriter>> writers_;
+};
+
+Json manifest_of(const take::TakeInfo& info, int side, const std::vector<SegmentPlaces>& segments) {
+  const int64_t first = segments.front().front().pulse, last = segments.back().back().pulse;
+  Json manifest = {{"format", "v3d-volume"},  {"version", 1},         {"take", info.name},
+                   {"rate_hz", info.rate_hz}, {"first_pulse", first}, {"pulses", last - first + 1},
+                   {"motion", "motion.v3d"}};
+  manifest["texture"]["side"] = side;
+  for (const TextureVideo& video : kVideos) {
+    manifest["texture"]["videos"].push_back({{"file", video.file}, {"type", video.type}});
+  }
+  manifest["segments"] = Json::array();
+  for (size_t s = 0; s < segments.size(); ++s) {
+    manifest["segments"].push_back({{"first_pulse", segments[s].front().pulse},
+                                    {"last_pulse", segments[s].back().pulse},
+                                    {"surface", fmt::format("segment-{:03}.glb", s)}});
+  }
+  return manifest;
+}
+
+/// Writes the segments one after the other.
+class VolumeWriter {
+ public:
+  VolumeWriter(const VolumeExport& request, const fs::path& folder, TrackedSurfaces& surfaces,
+               const std::vector<SegmentPlaces>& segments, const take::TakeInfo& info)
+      : request_(request),
+        folder_(folder),
+        surfaces_(surfaces),
+        painter_(request.take),
+        videos_(folder, request.atlas_side, info.rate_hz, segments),
+        motion_(codec::MotionWriter::header()) {
+    if (request.uncompressed) io::throw_if_failed(io::create_folders(folder / "textures"));
+  }
+
+  void add(size_t number, const SegmentPlaces& places, Progress& progress) {
+    DeliveredSegment segment(surfaces_, places, take::TakePaths{request_.take}.motion());
+    motion_.insert(motion_.end(), segment.bytes().begin(), segment.bytes().end());
+    const recon::AtlasLayout layout =
+        recorded::atlas_layout(painter_.rig(), segment.surface(segment.key()), request_.atlas_side);
+    recon::AtlasFilter filter;
+    for (size_t i = 0; i < segment.pulses().size(); ++i) {
+      stop_if_interrupted();
+      const int64_t pulse = segment.pulses()[i];
+      const Mesh mesh = segment.surface(i);
+      recon::AtlasColours colours = painter_.paint(mesh, layout, pulse);
+      filter.apply(colours);
+      Image image = std::move(colours.image);
+      if (i == segment.key()) write_surface(number, mesh, {layout, image});
+      if (request_.uncompressed) {
+        write_png(folder_ / "textures" / fmt::format("{:06}.png", pulse), image.view());
+      }
+      videos_.add(pulse, std::move(image));
+      progress.advance();
+    }
+  }
+
+  /// Returns the number of pulses without a frame of some camera.
+  int64_t finish() {
+    videos_.close();
+    io::throw_if_failed(io::replace_file(
+        folder_ / "motion.v3d", {reinterpret_cast<const char*>(motion_.data()), motion_.size()}));
+    return painter_.incomplete();
+  }
+
+ private:
+  void write_surface(size_t number, const Mesh& mesh, const recon::TextureAtlas& atlas) const {
+    Mesh plain = mesh;
+    plain.colours.clear();
+    write_glb(folder_ / fmt::format("segment-{:03}.glb", number), plain,
+              {.compression = Compression::kMeshopt,
+               .atlas = &atlas,
+               .atlas_quality = kStillQuality,
+               .number_vertices = true});
+  }
+
+  const VolumeExport& request_;
+  const fs::path folder_;
+  TrackedSurfaces& surfaces_;
+  TexturePainter painter_;
+  TextureVideos videos_;
+  std::vector<uint8_t> motion_;
+};
+
+}  // namespace
+
+int export_volume(const VolumeExport& request) {
+  const take::TakePaths paths{request.take};
+  const take::TakeInfo info = take::load_take_info(paths);
+  if (!file_exists(paths.motion())) {
+    throw InputError(paths.motion().string() + ": is not there: run v3dctl track " +
+                     request.take.string() + " first");
+  }
+  TrackedSurfaces surfaces(paths.motion());
+  const std::vector<SegmentPlaces> segments = places_in(surfaces, request.frames);
+  if (segments.empty()) {
+    throw InputError(paths.motion().string() + ": has no surface of the pulses of --frames");
+  }
+  if (const io::Status made = io::create_folders(fs::absolute(request.out).parent_path()); !made) {
+    io::throw_input_error(made.error());
+  }
+  PartialFolder folder(request.out);
+  catch_interrupts();
+  int64_t pulses = 0;
+  for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
+  Progress progress("export", pulses);
+  VolumeWriter writer(request, folder.path(), surfaces, segments, info);
+  for (size_t s = 0; s < segments.size(); ++s) writer.add(s, segments[s], progress);
+  const int64_t incomplete = writer.finish();
+  replace_file(folder.path() / "manifest.json",
+               manifest_of(info, request.atlas_side, segments).dump(2) + "\n");
+  folder.finish();
+  return report_incomplete_frames(incomplete, request.take);
+}
+
+}  // namespace v3d::ctl
