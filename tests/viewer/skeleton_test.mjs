@@ -1,7 +1,7 @@
 // Browser tests of edited takes and skeletons: v3dctl, v3d-viewd, the built page, Chromium.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { readFileSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe, isNear } from './eyes.mjs';
@@ -103,6 +103,26 @@ test('plays a take that has a motion file and no meshes', async () => {
   assert.equal(await page.locator('[data-look=colour][aria-pressed=true]').count(), 1);
 });
 
+test('shows such a take in a scene', async () => {
+  mkdirSync(join(takes, 'staged'));
+  writeFileSync(join(takes, 'staged/scene.json'), JSON.stringify({ v3d_scene: 1, rate_hz: 25, seconds: 1, takes: [{ take: '../person' }],
+    camera: { keys: [{ at_s: 0, eye: [3, 0, 1], look: [0, 0, 1] }] } }));
+  await page.goto(`${studio.address}#scene=staged&at=0`);
+  await page.reload();
+  await probe.settles('staged');
+  assert.ok((await pixelsOf(GREY)).length > 1000);
+});
+
+test('reports a damaged motion file of a take without meshes', async () => {
+  const motion = join(takes, 'person/motion.v3d');
+  const bytes = readFileSync(motion);
+  writeFileSync(motion, bytes.subarray(0, bytes.length - 1));
+  await page.goto(`${studio.address}#take=person`);
+  await page.reload();
+  await probe.shows('trouble', 'motion.v3d of this take is damaged.');
+  writeFileSync(motion, bytes);
+});
+
 test('shows meshes with all looks again after a take without meshes', async () => {
   await page.click('[data-take=ball]');
   await page.waitForSelector('[data-look=view]:not([hidden])');
@@ -200,6 +220,16 @@ test('previews a bend that v3dctl edit makes the same', async () => {
   const ramp = await positions();
   assert.ok(distances(ramp, surfaceOf('bent', 9)).at(-1) < SAME_M, 'a frame of the ramp');
   assert.ok(distances(ramp, surfaceOf('person', 9)).at(-1) > 0.02);
+});
+
+test('cannot bend an edited take whose operations are damaged', async () => {
+  const edits = join(takes, 'bent/edit.json');
+  const text = readFileSync(edits);
+  writeFileSync(edits, '{"format": "v3d-scene"}');
+  await openPerson(12, 'bent');
+  await probe.shows('skeleton-note', 'edit.json: format: expected "v3d-edit"');
+  assert.ok(await page.locator('#bend-on').isDisabled());
+  writeFileSync(edits, text);
 });
 
 test('adds a bend to the operations of an edited take', async () => {

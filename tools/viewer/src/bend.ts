@@ -1,5 +1,6 @@
 // Bends of joints over a range of frames, as `v3dctl edit` makes them (docs/editing.md): of the skeleton, and of the surface by
 // linear blend skinning.
+import { parseJson } from './json_field';
 import { aboutAxis, hangingOn, product, type Quaternion, rotated, rotationOf } from './pose';
 import { type Joint, PARTS, type Pose, type Skeleton, type Skin } from './skeleton_file';
 
@@ -93,14 +94,17 @@ export function operationOf({ joint, degrees, axis, first, end, ramp }: Bend, jo
   };
 }
 
-/**
- * An edit file with one more operation. `before`: the text of the edit.json of an edited take; null for a take that is not
- * edited. Throws an error for a text that is no edit file.
- */
-export function editFile(operation: Record<string, unknown>, before: string | null): string {
-  const file = before === null ? { format: 'v3d-edit', version: 1, operations: [] } : JSON.parse(before);
-  if (file?.format !== 'v3d-edit' || !Array.isArray(file.operations)) throw new Error('edit.json of this take is no edit file.');
+/** The operations of an edit file, which `v3dctl edit` has checked. Throws a message for another text. */
+export function readOperations(text: string): unknown[] {
+  const file = parseJson(text);
+  file.expectObject(['format', 'version', 'operations']);
+  if (file.at('format').text() !== 'v3d-edit') file.at('format').reject('expected "v3d-edit"');
+  return file.at('operations').list().map(({ value }) => value);
+}
+
+/** An edit file. */
+export function editFile(operations: readonly unknown[]): string {
   const inOneLine = (value: unknown) => JSON.stringify(value, null, 1).replace(/\n */g, ' ');
-  const operations = [...file.operations, operation].map((one) => `    ${inOneLine(one)}`).join(',\n');
-  return `{\n  "format": "v3d-edit", "version": 1,\n  "operations": [\n${operations}\n  ]\n}\n`;
+  const lines = operations.map((operation) => `    ${inOneLine(operation)}`).join(',\n');
+  return `{\n  "format": "v3d-edit", "version": 1,\n  "operations": [\n${lines}\n  ]\n}\n`;
 }

@@ -28,8 +28,8 @@ export class BendPanel {
   private skeleton: Skeleton | null = null;
   private frames: number[] = [];
   private bend: Bend | null = null;
-  /** Text of edit.json of an edited take. */
-  private before: string | null = null;
+  /** Operations of an edited take. */
+  private before: readonly unknown[] | null = null;
   private canShow = true;
 
   /** `changed`: the surface has to be shown again. */
@@ -44,8 +44,8 @@ export class BendPanel {
     stage.handle.onTurn = (turn) => this.change(axisAndDegrees(turn));
   }
 
-  /** To call for each opened take: its skeleton with a skin, and the text of its edit.json; null: none. */
-  open(skeleton: Skeleton | null, before: string | null): void {
+  /** To call for each opened take: its skeleton with a skin, null without one; and the operations of an edited take. */
+  open(skeleton: Skeleton | null, before: readonly unknown[] | null): void {
     this.end();
     this.skeleton = skeleton;
     this.before = before;
@@ -124,7 +124,7 @@ export class BendPanel {
 
   /** The edit file with the bend. */
   private text(): string {
-    return this.bend && this.skeleton ? editFile(operationOf(this.bend, this.skeleton.joints), this.before) : '';
+    return this.bend && this.skeleton ? editFile([...(this.before ?? []), operationOf(this.bend, this.skeleton.joints)]) : '';
   }
 
   private change(to: Partial<Bend>): void {

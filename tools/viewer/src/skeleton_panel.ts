@@ -1,6 +1,6 @@
 // The skeletons of a take: drawn over the surface, joint angles over time, similar poses, and bends of joints.
 import { AnglePlot } from './angle_plot';
-import { movesSurface } from './bend';
+import { movesSurface, readOperations } from './bend';
 import { BendPanel } from './bend_panel';
 import { find } from './page';
 import type { Playback } from './playback';
@@ -88,15 +88,25 @@ export class SkeletonPanel {
     this.set([], null);
     if (folder === null) return;
     const loaded: Loaded[] = [];
-    let before: string | null = null;
     for (let performer = 1; ; ++performer) {
       const skeleton = await this.load(folder, performer);
       if (folder !== this.folder) return;
       if (skeleton) loaded.push(skeleton);
       else if (performer > 1 || this.troubles.length) break;
     }
-    if (loaded[0]?.skins.length) before = await fetchText(`${folder}edit.json`).catch(() => null);
+    const before = loaded[0]?.skins.length ? await this.loadOperations(folder) : null;
     if (folder === this.folder) this.set(loaded, before);
+  }
+
+  /** Null: the take is not edited. */
+  private async loadOperations(folder: string): Promise<unknown[] | null> {
+    try {
+      const text = await fetchText(`${folder}edit.json`);
+      return text === null ? null : readOperations(text);
+    } catch (error) {
+      if (folder === this.folder) this.troubles.push(`edit.json: ${(error as Error).message}`);
+      return null;
+    }
   }
 
   private async load(folder: string, performer: number): Promise<Loaded | null> {
@@ -112,10 +122,10 @@ export class SkeletonPanel {
     }
   }
 
-  private set(skeletons: Loaded[], before: string | null): void {
+  private set(skeletons: Loaded[], before: unknown[] | null): void {
     if (skeletons.length === 0 && this.folder === null) this.on = this.anglesOn = this.similarOn = false;
     this.skeletons = skeletons;
-    this.bend.open(skeletons[0]?.skins.length ? skeletons[0] : null, before);
+    this.bend.open(this.canBend ? skeletons[0] : null, before);
     const joint = skeletons[0]?.joints.findIndex(({ name }) => name === FIRST_JOINT) ?? 0;
     this.chosen = { skeleton: 0, joint: Math.max(0, joint) };
     this.drawList();
@@ -192,7 +202,7 @@ export class SkeletonPanel {
   }
 
   private get canBend(): boolean {
-    return (this.skeletons[0]?.skins.length ?? 0) > 0;
+    return this.troubles.length === 0 && (this.skeletons[0]?.skins.length ?? 0) > 0;
   }
 
   /** The chosen joint if it moves the surface, otherwise the joint before it. Chooses it, too. */

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { type Bend, editedFrames, editFile, operationOf, shareAt, skinAt, turnAt, turnedPose, turnedSurface } from '../src/bend';
+import { type Bend, editedFrames, editFile, operationOf, readOperations, shareAt, skinAt, turnAt, turnedPose, turnedSurface } from '../src/bend';
 import { aboutAxis, poseDistance, product, type Quaternion, similarPoses, turnCurves, turnsOf } from '../src/pose';
 import { parseSkeleton, type Pose, type Skeleton } from '../src/skeleton_file';
 
@@ -64,6 +64,27 @@ describe('skeleton.json', () => {
     expect(message({ extra: 1 })).toBe("there is no key 'extra'");
     expect(() => parseSkeleton('{')).toThrowError('is no JSON');
     expect(() => parseSkeleton('[]')).toThrowError('expected an object');
+  });
+});
+
+describe('a damaged skeleton.json', () => {
+  it('is read or rejected with a message, whatever its bytes', () => {
+    const text = JSON.stringify(file());
+    let state = 1;
+    const random = (below: number) => (state = (state * 48_271) % 2_147_483_647) % below; // Park and Miller
+    const pieces = ['', '0', '-1', '1e999', 'null', '{}', '[]', '"', ',', '[', '"pelvis"', '99999999999'];
+    let rejected = 0;
+    for (let n = 0; n < 3000; ++n) {
+      const at = random(text.length);
+      const damaged = text.slice(0, at) + pieces[random(pieces.length)] + text.slice(at + random(12));
+      try {
+        parseSkeleton(damaged);
+      } catch (error) {
+        expect([damaged, (error as Error).constructor]).toEqual([damaged, Error]); // no TypeError
+        ++rejected;
+      }
+    }
+    expect(rejected).toBeGreaterThan(1000);
   });
 });
 
@@ -149,10 +170,15 @@ describe('a bend', () => {
 
   it('is an operation that follows those of an edited take', () => {
     const operation = operationOf(bend, skeleton().joints);
-    expect(JSON.parse(editFile(operation, null))).toEqual({ format: 'v3d-edit', version: 1, operations: [
+    expect(JSON.parse(editFile([operation]))).toEqual({ format: 'v3d-edit', version: 1, operations: [
       { do: 'bend', joint: 'left_hip', degrees: 90, axis: [0, 1, 0], frames: [10, 20], ramp: 3 }] });
-    const before = '{"format": "v3d-edit", "version": 1, "operations": [{"do": "mirror"}]}';
-    expect(JSON.parse(editFile(operation, before)).operations).toEqual([{ do: 'mirror' }, operation]);
-    expect(() => editFile(operation, '{}')).toThrowError('is no edit file');
+    const before = readOperations('{"format": "v3d-edit", "version": 1, "operations": [{"do": "mirror"}]}');
+    expect(JSON.parse(editFile([...before, operation])).operations).toEqual([{ do: 'mirror' }, operation]);
+  });
+
+  it('follows no other file than an edit file', () => {
+    expect(() => readOperations('{}')).toThrowError("'format' is missing");
+    expect(() => readOperations('{"format": "v3d-scene"}')).toThrowError('format: expected "v3d-edit"');
+    expect(() => readOperations('{"format": "v3d-edit", "operations": 1}')).toThrowError('operations: expected a list');
   });
 });
