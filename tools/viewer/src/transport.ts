@@ -66,11 +66,11 @@ export class Transport {
       button.dataset.pulse = String(pulse);
       button.style.left = `${this.part(pulse)}%`;
       button.style.opacity = String(strength);
-      button.addEventListener('pointerdown', (event) => event.stopPropagation()); // no scrubbing
-      button.addEventListener('click', () => {
-        button.blur();
+      button.addEventListener('pointerdown', (event) => { // in playback, the mark may be gone before the click
+        event.stopPropagation(); // no scrubbing
         this.seek(pulse);
       });
+      button.addEventListener('click', () => this.seek(pulse)); // by a key
       return button;
     });
     for (const old of this.line.querySelectorAll('.similar')) old.remove();
