@@ -3,7 +3,10 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
+#include <string_view>
 #include <utility>
 
 #include "base/config/calib_file.h"
@@ -92,8 +95,19 @@ bool is_command(const web::WebRequest& request, const std::optional<web::WebTarg
   return request.method == "POST" && target && target->text() == "/api/order";
 }
 
+/// skeleton.performerK.json, as v3dctl skeleton --performer K writes it.
+bool is_skeleton_of_performer(std::string_view file) {
+  constexpr std::string_view kBegin = "skeleton.performer", kEnd = ".json";
+  if (!file.starts_with(kBegin) || !file.ends_with(kEnd)) return false;
+  file.remove_prefix(kBegin.size());
+  file.remove_suffix(kEnd.size());
+  return !file.empty() && file.size() <= 3 &&
+         std::ranges::all_of(file, [](char c) { return c >= '0' && c <= '9'; });
+}
+
 bool is_served(const std::string& file) {
-  return file == "mesh.v3d" || file == "motion.v3d" || file == "calib.toml";
+  constexpr std::array kFiles{"mesh.v3d", "motion.v3d", "calib.toml", "skeleton.json", "edit.json"};
+  return std::ranges::find(kFiles, file) != kFiles.end() || is_skeleton_of_performer(file);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@ namespace {
 
 TEST(DataUrl, encodes_by_base64_with_padding) {
   // RFC 4648, section 10: "f", "fo", "foo".
+  EXPECT_EQ(base64(std::vector<uint8_t>{'f', 'o'}), "Zm8=");
   EXPECT_EQ(data_url({}), "data:image/jpeg;base64,");
   EXPECT_EQ(data_url(std::vector<uint8_t>{'f'}), "data:image/jpeg;base64,Zg==");
   EXPECT_EQ(data_url(std::vector<uint8_t>{'f', 'o'}), "data:image/jpeg;base64,Zm8=");

@@ -142,6 +142,9 @@ TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   EXPECT_EQ(take::load_take_info({out}).pulses, 4);
   const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
   EXPECT_EQ(skeleton.at("pulses").size(), 4U);
+  ASSERT_EQ(skeleton.at("skins").size(), 1U);
+  EXPECT_EQ(skeleton.at("skins")[0].at("pulses"), (std::vector<int64_t>{0, 1, 2, 3}));
+  EXPECT_EQ(skeleton.at("skins")[0].at("vertices"), edited.clip.frames[0].places.size());
   EXPECT_EQ(read_file(out / "edit.json"), "{}");
 }
 
@@ -176,6 +179,18 @@ TEST_F(EditTake, is_not_written_over_a_recording_that_holds_the_list_of_operatio
   const TakeClip edited = read();
   EXPECT_THROW(write_clip(edited, take_, "{}", recorded), InputError);
   EXPECT_EQ(read_file(recorded / "calib.toml"), "recorded");
+}
+
+TEST_F(EditTake, has_a_skin_for_each_segment_where_surfaces_alternate) {
+  TakeClip edited = read();
+  edited.clip.surfaces.push_back(edited.clip.surfaces[0]);
+  edited.clip.frames[2].surface = edited.clip.frames[3].surface = 1;
+  const fs::path out = folder_ / "edited";
+  write_clip(edited, take_, "{}", out);
+  const auto skins = nlohmann::json::parse(read_file(out / "skeleton.json")).at("skins");
+  ASSERT_EQ(skins.size(), 3U);
+  EXPECT_EQ(skins[1].at("pulses"), (std::vector<int64_t>{2, 3}));
+  EXPECT_EQ(skins[2].at("pulses"), (std::vector<int64_t>{4, 5}));
 }
 
 TEST_F(EditTake, needs_a_tracked_surface) {

@@ -45,6 +45,23 @@ TEST(SkeletonFiles, state_joints_lengths_and_positions_as_json) {
   EXPECT_NEAR(file.at("pulses")[0].at("positions")[0][1].get<double>(), 2, 1e-4);
 }
 
+TEST(SkeletonFiles, have_the_weights_of_tracked_surfaces_as_bytes) {
+  TakeSkeleton skeleton = turning(4);
+  skeleton.tracked.resize(2);
+  skeleton.tracked[1].pulses = {11, 12, 13};
+  skeleton.skins.resize(2);  // the first surface has no skin
+  skeleton.skins[1].influences = {
+      {.part = {recon::kNeck, recon::kHead, recon::kPropTip, recon::kPelvis},
+       .weight = {0.7F, 0.3F, 0, 0}}};
+  const auto file = nlohmann::json::parse(skeleton_json(skeleton));
+  ASSERT_EQ(file.at("skins").size(), 1U);
+  EXPECT_EQ(file.at("skins")[0].at("pulses"), (std::vector<int64_t>{11, 12, 13}));
+  EXPECT_EQ(file.at("skins")[0].at("vertices"), 1);
+  // Joints 1, 2, and 0 for unused entries; weights 178, 77, 0, 0 of 255.
+  EXPECT_EQ(file.at("skins")[0].at("weights"), "AQIAALJNAAA=");
+  EXPECT_FALSE(nlohmann::json::parse(skeleton_json(skeleton, false)).contains("skins"));
+}
+
 TEST(SkeletonFiles, have_one_row_for_each_pulse_and_three_columns_for_each_joint_as_trc) {
   const std::string text = skeleton_trc(turning(3), "a.trc");
   EXPECT_EQ(std::ranges::count(text, '\n'), 6 + 3);

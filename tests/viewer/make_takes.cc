@@ -4,8 +4,12 @@
 // two performers: 1 is its lower half, green, and 2 the upper half, blue. DIR/takes/empty has no
 // meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse
 // 5 to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is
-// smaller and yellow.
+// smaller and yellow. DIR/takes/person has no meshes but a motion.v3d: a grey person who glides
+// along x for 40 pulses and raises and lowers the left arm twice.
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "base/config/calib_file.h"
 #include "base/io/file.h"
@@ -13,6 +17,7 @@
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
+#include "tests/recon/figures.h"
 #include "tests/viewer/ball_frames.h"
 
 namespace v3d {
@@ -22,7 +27,8 @@ constexpr int64_t kPulses = 60;
 constexpr int64_t kFirstMissing = 30;
 constexpr int64_t kFirstBlue = 33;
 constexpr codec::VertexColour kGreen{40, 200, 40}, kBlue{40, 40, 200};
-constexpr codec::VertexColour kRed{200, 40, 40}, kYellow{200, 200, 40};
+constexpr codec::VertexColour kRed{200, 40, 40}, kYellow{200, 200, 40}, kGrey{120, 120, 120};
+constexpr int64_t kPersonPulses = 40;
 
 Rig one_camera() {
   Eigen::Matrix3d matrix;
@@ -114,6 +120,41 @@ void save_motion(const std::filesystem::path& path) {
   io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
 }
 
+/// The place of a vertex of figures::person(70, 70) at a pulse: the left arm turns about the
+/// shoulder, everything glides along x.
+codec::VertexPosition moved_person(const Eigen::Vector3f& vertex, int64_t pulse) {
+  constexpr double kPeriod = 20, kLargestTurn = 0.5, kGlideM = 0.01;
+  const auto time = static_cast<double>(pulse);
+  const Eigen::Vector3d shoulder(0, 0.185, 1.40);
+  const Eigen::Vector3d place = vertex.cast<double>();
+  const double in_arm = std::clamp((place.y() - 0.17) / 0.08, 0.0, 1.0);
+  const double turn =
+      place.z() < 1 ? 0
+                    : 0.5 * kLargestTurn * (1 - std::cos(2 * std::numbers::pi * time / kPeriod));
+  const Eigen::AngleAxisd raise(in_arm * turn, Eigen::Vector3d::UnitX());
+  const Eigen::Vector3d moved = shoulder + raise * (place - shoulder);
+  return {static_cast<float>(moved.x() + kGlideM * time), static_cast<float>(moved.y()),
+          static_cast<float>(moved.z())};
+}
+
+void save_person(const std::filesystem::path& path) {
+  const Mesh person = recon::figures::surface(recon::figures::person(70, 70), 0.02);
+  codec::MotionSegment segment;
+  for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
+  for (int64_t pulse = 0; pulse < kPersonPulses; ++pulse) {
+    segment.pulses.push_back(pulse);
+    auto& places = segment.positions.emplace_back();
+    for (const Eigen::Vector3f& vertex : person.vertices) {
+      places.push_back(moved_person(vertex, pulse));
+    }
+  }
+  segment.colours.emplace_back(person.vertices.size(), kGrey);
+  std::vector<uint8_t> bytes = codec::MotionWriter::header();
+  const codec::EncodedMotion encoded = codec::MotionWriter({}).add(segment).value();
+  bytes.insert(bytes.end(), encoded.bytes.begin(), encoded.bytes.end());
+  io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
+}
+
 }  // namespace
 }  // namespace v3d
 
@@ -127,5 +168,7 @@ int main(int /*argc*/, char** argv) {
   v3d::save_meshes(takes / "moving/mesh.v3d");
   v3d::save_motion(takes / "moving/motion.v3d");
   v3d::save_take(takes / "empty", 0);
+  v3d::save_take(takes / "person", v3d::kPersonPulses);
+  v3d::save_person(takes / "person/motion.v3d");
   return 0;
 }

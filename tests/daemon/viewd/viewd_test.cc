@@ -173,6 +173,21 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_motion_file) {
   EXPECT_EQ(get("/takes/kendo-07/motion.v3d", "bytes=7-").status, 416);
 }
 
+TEST_F(ViewedSite, serves_the_skeletons_of_performers_and_the_operations_of_an_edited_take) {
+  for (const std::string name : {"skeleton.json", "skeleton.performer2.json", "edit.json"}) {
+    EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404);
+    write(folder_ / "takes/kendo-07" / name, "{}");
+    const web::WebAnswer answer = get("/takes/kendo-07/" + name);
+    EXPECT_EQ(answer.status, 200);
+    EXPECT_EQ(answer.type, "application/json") << name;
+  }
+  for (const std::string name : {"skeleton.performer.json", "skeleton.performer2x.json",
+                                 "skeleton.performer2.json.bak", "skeleton.performer2222.json"}) {
+    write(folder_ / "takes/kendo-07" / name, "{}");
+    EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404) << name;
+  }
+}
+
 TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   web::WebRequest request{

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -80,6 +81,20 @@ std::string motion_file(const recon::Clip& clip, const fs::path& out) {
   return bytes;
 }
 
+/// The runs of frames that motion_file() writes as segments, each with the skin of its surface.
+void add_skins(const recon::Clip& clip, TakeSkeleton& skeleton) {
+  std::optional<size_t> last;
+  for (size_t f = 0; f < clip.frames.size(); ++f) {
+    const size_t surface = clip.frames[f].surface;
+    if (surface != last) {
+      skeleton.tracked.emplace_back();
+      skeleton.skins.push_back(clip.surfaces[surface].skin);
+      last = surface;
+    }
+    skeleton.tracked.back().pulses.push_back(static_cast<int64_t>(f));
+  }
+}
+
 /// skeleton.json of an edited clip.
 std::string skeleton_file(const TakeClip& edited) {
   TakeSkeleton skeleton;
@@ -91,6 +106,7 @@ std::string skeleton_file(const TakeClip& edited) {
     skeleton.structure.pulses.push_back(edited.clip.frames[f].skeleton);
     skeleton.structure.pulses.back().index = f;
   }
+  add_skins(edited.clip, skeleton);
   return skeleton_json(skeleton);
 }
 

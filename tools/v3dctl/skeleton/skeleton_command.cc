@@ -110,7 +110,8 @@ int run(const Arguments& arguments) {
       arguments.take, parse_frame_range(arguments.frames), arguments.performer,
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
-  replace_file(arguments.take / file_name(arguments.performer), skeleton_json(skeleton));
+  replace_file(arguments.take / file_name(arguments.performer),
+               skeleton_json(skeleton, arguments.frames.empty()));
   if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));
   if (arguments.format == "glb") {
     replace_file(arguments.out, skeleton_glb(skeleton, arguments.take.filename().string()));

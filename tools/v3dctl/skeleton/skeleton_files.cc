@@ -1,12 +1,15 @@
 #include <fmt/core.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 #include <vector>
 
+#include "common/data_url.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
@@ -27,6 +30,34 @@ Matrix3d y_up(const Matrix3d& rotation) {
   Matrix3d axes;
   axes << 0, 1, 0, 0, 0, 1, 1, 0, 0;
   return axes * rotation * axes.transpose();
+}
+
+/// Weights in units of 1/255 with the sum 255: of all but the first, the nearest ones.
+std::array<uint8_t, recon::SkinInfluence::kParts> weight_bytes(
+    const recon::SkinInfluence& influence) {
+  std::array<uint8_t, recon::SkinInfluence::kParts> bytes{};
+  int rest = 255;
+  for (size_t k = 1; k < bytes.size(); ++k) {
+    const int weight = std::min(rest, static_cast<int>(std::lround(255 * influence.weight[k])));
+    bytes[k] = static_cast<uint8_t>(weight);
+    rest -= weight;
+  }
+  bytes[0] = static_cast<uint8_t>(rest);
+  return bytes;
+}
+
+/// The skin of a tracked surface: its pulses, its number of vertices, and for each vertex four
+/// numbers of joints and their weights, one byte each.
+Json skin_json(const std::vector<int64_t>& pulses, const recon::Skin& skin) {
+  std::vector<uint8_t> bytes;
+  for (const recon::SkinInfluence& influence : skin.influences) {
+    const auto weights = weight_bytes(influence);
+    for (size_t k = 0; k < weights.size(); ++k) {
+      bytes.push_back(weights[k] > 0 ? static_cast<uint8_t>(influence.part[k]) : uint8_t{0});
+    }
+    bytes.insert(bytes.end(), weights.begin(), weights.end());
+  }
+  return {{"pulses", pulses}, {"vertices", skin.influences.size()}, {"weights", base64(bytes)}};
 }
 
 double rounded(double value, double step) { return std::round(value / step) * step; }
@@ -116,7 +147,7 @@ class BvhWriter {
 
 }  // namespace
 
-std::string skeleton_json(const TakeSkeleton& skeleton) {
+std::string skeleton_json(const TakeSkeleton& skeleton, bool skins) {
   const recon::KinematicStructure& structure = skeleton.structure;
   Json joints = Json::array(), pulses = Json::array();
   for (size_t j = 0; j < joints_of(skeleton); ++j) {
@@ -143,12 +174,16 @@ std::string skeleton_json(const TakeSkeleton& skeleton) {
                       {"rotations", rotations},
                       {"confidences", confidences}});
   }
-  const Json file{{"format", "v3d-skeleton"},
-                  {"version", 1},
-                  {"rate_hz", skeleton.rate_hz},
-                  {"stature_m", rounded(structure.lengths.stature_m(), 1e-3)},
-                  {"joints", joints},
-                  {"pulses", pulses}};
+  Json file{{"format", "v3d-skeleton"},
+            {"version", 1},
+            {"rate_hz", skeleton.rate_hz},
+            {"stature_m", rounded(structure.lengths.stature_m(), 1e-3)},
+            {"joints", joints},
+            {"pulses", pulses}};
+  for (size_t b = 0; skins && b < skeleton.skins.size(); ++b) {
+    if (skeleton.skins[b].influences.empty()) continue;
+    file["skins"].push_back(skin_json(skeleton.tracked[b].pulses, skeleton.skins[b]));
+  }
   return file.dump() + "\n";
 }
 

@@ -32,8 +32,8 @@ TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange 
                             int performer, const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse);
 
-/// skeleton.json (docs/skeleton.md).
-std::string skeleton_json(const TakeSkeleton& skeleton);
+/// skeleton.json (docs/skeleton.md), with the skins of tracked surfaces unless `skins` is false.
+std::string skeleton_json(const TakeSkeleton& skeleton, bool skins = true);
 /// Biovision hierarchy: metres, y up, one frame for each pulse with a skeleton.
 std::string skeleton_bvh(const TakeSkeleton& skeleton);
 /// Marker file of OpenSim and Pose2Sim: metres, y up. Time is that of the pulse.

@@ -6,13 +6,16 @@ export interface ByteSource {
   read(first: number, size: number): Promise<Uint8Array>;
 }
 
+/** The server has no file at the address. */
+export class NoSuchFile extends Error {}
+
 /** File of a web server that supports range requests. */
 export class HttpSource implements ByteSource {
   constructor(private readonly url: string) {}
 
   async size(): Promise<number> {
     const answer = await fetch(this.url, { method: 'HEAD', cache: 'no-cache' });
-    if (answer.status === 404) throw new Error('This take has no meshes yet.');
+    if (answer.status === 404) throw new NoSuchFile('The server answered 404.');
     if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
     return Number(answer.headers.get('Content-Length') ?? 0);
   }

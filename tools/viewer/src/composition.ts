@@ -8,8 +8,8 @@ import { cameraAt, pulseAt } from './scene_clock';
 import type { SceneFile, SceneModel, SceneTake } from './scene_file';
 import { wantsViews } from './shading';
 import type { Stage } from './stage';
-import { indicesOfOne } from './surface';
-import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
+import { completed, indicesOfOne } from './surface';
+import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from './worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
 class Actor {
@@ -21,6 +21,7 @@ class Actor {
   private seconds = 0;
   private playing = false;
   private frame: ShownFrame | null = null;
+  private segment: TrackedSegment | null = null;
 
   constructor(
     private readonly stage: Stage,
@@ -35,9 +36,11 @@ class Actor {
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => {
       const message = event.data;
       if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
-      else if (message.kind === 'trouble') trouble(`${take.take}: ${message.text}`);
+      else if (message.kind === 'trouble' || message.kind === 'motion-trouble') trouble(`${take.take}: ${message.text}`);
+      else if (message.kind === 'segment') this.segment = message.segment;
       else if (message.kind === 'frame') {
-        this.frame = message.frame;
+        const { frame } = message;
+        this.frame = frame.tracked && this.segment ? completed(frame, this.segment) : frame;
         this.show();
       }
       changed();
@@ -57,7 +60,7 @@ class Actor {
     const indices = performer === null ? this.frame.indices : indicesOfOne(this.frame, performer);
     this.shownPerformer = performer;
     this.stage.show({ ...this.frame, indices }, this.performer);
-    this.views.show(this.frame.pulse, this.next());
+    this.views.show(this.frame.tracked ? -1 : this.frame.pulse, this.next());
   }
   private shownPerformer: number | null = null;
 
@@ -80,7 +83,7 @@ class Actor {
 
   /** Null: the look needs no camera views. */
   get viewsState(): ViewsState | null {
-    return wantsViews(this.stage.look) && this.performer.mesh.visible ? this.views.state : null;
+    return wantsViews(this.stage.look) && this.performer.mesh.visible && !this.frame?.tracked ? this.views.state : null;
   }
 
   lookChanged(): void {

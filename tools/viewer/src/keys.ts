@@ -16,6 +16,11 @@ export interface KeyActions {
   /** motion() switches tracked surfaces on and off, freeze() their texture. */
   motion(): void;
   freeze(): void;
+  /** skeleton() draws bones and joints, angles() plots a joint, similar() marks similar poses, bend() bends a joint. */
+  skeleton(): void;
+  angles(): void;
+  similar(): void;
+  bend(): void;
   live(): void;
   help(): void;
   follow(): void;
@@ -56,6 +61,10 @@ const KEYS: Key[] = [
   { keys: ['r'], shown: 'R', does: "look along the scene's camera path", run: (d) => d.follow() },
   { keys: ['m'], shown: 'M', does: 'tracked surface of the take, or its meshes', run: (d) => d.motion() },
   { keys: ['t'], shown: 'T', does: 'freeze the texture of the tracked surface, or not', run: (d) => d.freeze() },
+  { keys: ['j'], shown: 'J', does: 'bones and joints of the skeleton, or not', run: (d) => d.skeleton() },
+  { keys: ['g'], shown: 'G', does: 'plot of the angles of a joint', run: (d) => d.angles() },
+  { keys: ['y'], shown: 'Y', does: 'marks of similar poses in the time line', run: (d) => d.similar() },
+  { keys: ['h'], shown: 'H', does: 'bend the chosen joint', run: (d) => d.bend() },
   { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
   { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
 ];

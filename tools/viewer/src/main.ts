@@ -1,29 +1,21 @@
 // The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
+import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
+import { buttonsOf, download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
-import { parseScene, pictureCount, PLAIN, type SceneFile, writeScene } from './scene_file';
+import { newScene, parseScene, pictureCount, type SceneFile, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
-import type { Look } from './shading';
+import { type Look, LOOKS, wantsViews } from './shading';
+import { SkeletonPanel } from './skeleton_panel';
 import { Stage } from './stage';
-import { fetchScenes, fetchTakes, formatBytes, sceneItem, type Take, takeItem } from './take_list';
+import { fetchScenes, fetchTakes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
-
-const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
-const press = (button: Element, on: boolean) => button.setAttribute('aria-pressed', String(on));
-
-function download(file: Blob, name: string): void {
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(file);
-  link.download = name;
-  link.click();
-  URL.revokeObjectURL(link.href);
-}
 
 const TAKES_EVERY_MS = 5000;
 
@@ -44,6 +36,7 @@ class Viewer {
   private shown: ShownFrame | null = null;
   private readonly performers = new PerformerList(find('performers'), () => this.draw());
   private readonly motion: MotionPanel;
+  private readonly skeleton: SkeletonPanel;
   private shownTimes: number[] = [];
   private shownCount = 0;
   private latency: number | null = null;
@@ -57,6 +50,14 @@ class Viewer {
       this.setFollowing(false);
     };
     this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw());
+    this.skeleton = new SkeletonPanel({
+      stage: this.stage,
+      transport: this.transport,
+      playback: () => (this.open?.take ? this.playback : null),
+      redraw: () => this.draw(),
+      shows: (performer) => this.performers.shows(performer),
+      showMotion: () => this.motion.isOn || this.motion.toggle(),
+    });
     this.stage.onTrouble = (text) => this.trouble(text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
       () => this.composition?.viewsState ?? null);
@@ -85,6 +86,10 @@ class Viewer {
       help: () => find<HTMLDialogElement>('keys').showModal(),
       motion: () => this.motion.toggle(),
       freeze: () => this.motion.toggleFreeze(),
+      skeleton: () => this.skeleton.toggle(),
+      angles: () => this.skeleton.toggleAngles(),
+      similar: () => this.skeleton.toggleSimilar(),
+      bend: () => this.skeleton.toggleBend(),
       live: () => this.openLive(),
       flying: () => this.stage.flying,
     });
@@ -177,12 +182,7 @@ class Viewer {
   private newScene(): void {
     const { take } = this.open ?? {};
     const seconds = take && this.playback ? (this.playback.last - this.playback.first + 1) / take.rate_hz : 10;
-    const scene: SceneFile = {
-      rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
-      takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
-        in_pulse: null, out_pulse: null, outside: 'hold', performer: null }] : [],
-      camera: { keys: [this.stage.eyeAsKey(0)] },
-    };
+    const scene = newScene(take ?? null, seconds, this.stage.eyeAsKey(0));
     this.openAs({ take: null, scene: '' }, '', null);
     this.showScene(scene, this.unsavedUrl(), NaN);
   }
@@ -278,7 +278,10 @@ class Viewer {
     this.transport.set(null);
     this.stage.clear();
     this.pictures.open(take?.name ?? null);
-    void this.motion.open(take && new URL(`takes/${take.name}/motion.v3d`, location.href).href);
+    this.offerViews(true);
+    const folder = take && new URL(`takes/${take.name}/`, location.href).href;
+    void this.motion.open(folder && `${folder}motion.v3d`);
+    void this.skeleton.open(folder);
     this.trouble('');
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
@@ -318,6 +321,11 @@ class Viewer {
         if (Number.isNaN(this.startAt)) this.playback.playing = true;
         else this.playback.seek(this.startAt);
         this.transport.set(this.playback);
+        if (message.tracked) {
+          this.motion.setAlone();
+          this.pictures.open(null);
+        }
+        this.offerViews(!message.tracked);
         break;
       }
       case 'trouble':
@@ -356,7 +364,7 @@ class Viewer {
   private draw(): void {
     if (!this.shown) return;
     this.shown = this.motion.complete(this.shown);
-    this.stage.show(this.performers.visible(this.shown));
+    this.stage.show(this.skeleton.show(this.performers.visible(this.shown)));
     this.pictures.show(this.shown.pulse, this.shown.tracked !== null);
   }
 
@@ -369,13 +377,7 @@ class Viewer {
     this.rig = rig;
     this.stage.setRig(rig);
     find('rig-head').hidden = rig.length === 0;
-    find('rig').replaceChildren(...rig.map((camera) => {
-      const button = document.createElement('button');
-      button.textContent = camera.name;
-      button.dataset.camera = camera.name;
-      button.addEventListener('click', () => this.stand(camera));
-      return button;
-    }));
+    find('rig').replaceChildren(...buttonsOf(rig, 'camera', ({ name }) => name, (camera) => this.stand(camera)));
   }
 
   private stand(camera: RigCamera): void {
@@ -398,7 +400,14 @@ class Viewer {
     for (const button of find('rig').children) press(button, (button as HTMLElement).dataset.camera === name);
   }
 
+  /** Takes without meshes have no camera views. */
+  private offerViews(on: boolean): void {
+    for (const look of LOOKS.filter(wantsViews)) document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden = !on;
+    if (!on && wantsViews(this.stage.look)) this.setLook('colour');
+  }
+
   private setLook(look: Look): void {
+    if (document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden) return;
     this.stage.look = look;
     this.composition?.lookChanged();
     this.pictures.look();
@@ -442,6 +451,7 @@ class Viewer {
         else this.send({ kind: 'want', frame: this.wanted });
       }
     }
+    this.skeleton.turn();
     this.stage.render(seconds);
     find('canvas').dataset.settled = String(this.composition?.settled ?? (this.shown !== null && this.pictures.settled));
     this.placeImageFrame();
@@ -464,23 +474,10 @@ class Viewer {
     this.pictures.updateNotes();
     while (this.shownTimes.length && this.shownTimes[0] < now - 2000) this.shownTimes.shift();
     const frame = this.shown;
-    const facts: string[] = [];
-    if (this.composition && this.playback) {
-      facts.push(`<b>${this.sceneSeconds.toFixed(2)} s</b>`, `${this.composition.scene.takes.length} takes`,
-        `${this.stage.triangles.toLocaleString('en')} triangles`);
-    } else if (frame) {
-      facts.push(`pulse <b>${frame.pulse}</b>`, `${(frame.indices.length / 3).toLocaleString('en')} triangles`, ...this.motion.facts(frame));
-      if (frame.bytes) facts.push(formatBytes(frame.bytes));
-      const perSecond = this.shownTimes.length / 2;
-      if (perSecond > 0) facts.push(`<b>${perSecond.toFixed(0)}</b>/s`);
-      if (!Number.isNaN(frame.quality)) facts.push(`quality ${(100 * frame.quality).toFixed(0)} %`);
-    }
-    if (frame?.live) {
-      if (this.latency !== null) facts.push(`<b>${this.latency.toFixed(0)} ms</b> behind the pulse`);
-      if (frame.live.missing.length) facts.push(`without ${frame.live.missing.length} cameras`);
-      if (frame.live.skipped) facts.push(`${frame.live.skipped} skipped`);
-    }
-    find('facts').innerHTML = facts.join(' &nbsp; '); // safe: numbers only, no text from outside
+    const facts = this.composition && this.playback
+      ? sceneFacts(this.sceneSeconds, this.composition.scene.takes.length, this.stage.triangles)
+      : frame ? frameFacts(frame, this.shownTimes.length / 2, this.latency) : [];
+    find('facts').innerHTML = factsHtml(facts);
     if (frame?.live) find('title').textContent = `Live: ${frame.live.take}`;
   }
 }

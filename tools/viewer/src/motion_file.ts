@@ -42,6 +42,11 @@ export function placeOf(segments: readonly { pulses: readonly number[] }[], puls
   return index < 0 ? null : { segment, index };
 }
 
+/** Ascending, a shared pulse once. */
+export function pulsesOf(segments: readonly { pulses: readonly number[] }[]): number[] {
+  return [...new Set(segments.flatMap(({ pulses }) => pulses))];
+}
+
 export class TrackedTake {
   private readonly motion: Motion;
   /** Positions of the pulses that trails need, by index; all of one segment. */
@@ -55,6 +60,11 @@ export class TrackedTake {
 
   get segments(): number {
     return this.motion.segments.length;
+  }
+
+  /** All pulses that have a tracked surface. */
+  get pulses(): number[] {
+    return pulsesOf(this.motion.segments);
   }
 
   placeOf(pulse: number): Place | null {

@@ -1,14 +1,16 @@
 // The tracked surface of a take: its switch, its colours and its trails.
+import { find } from './page';
 import type { Stage } from './stage';
+import { completed } from './surface';
 import type { MotionMessage, ShownFrame, ToWorker, TrackedSegment, TrailPoint } from './worker_messages';
 
 const MAX_TRAILS = 20;
 
-const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
-
 export class MotionPanel {
   private url: string | null = null;
   private on = false;
+  /** The take has no meshes: tracked surfaces cannot be switched off. */
+  private alone = false;
   /** True from switching it on until the file is read. */
   private reading = false;
   private frozen = false;
@@ -32,7 +34,7 @@ export class MotionPanel {
   /** To call for each opened take; null: something else is open. */
   async open(url: string | null): Promise<void> {
     this.url = url;
-    this.on = this.reading = this.frozen = false;
+    this.on = this.reading = this.frozen = this.alone = false;
     this.segment = this.shown = null;
     this.points = [];
     this.trouble = '';
@@ -44,6 +46,14 @@ export class MotionPanel {
     if (url === this.url) find('motion').hidden = !answer?.ok;
   }
 
+  /** To call for a take whose only frames are tracked surfaces; the worker has opened them. */
+  setAlone(): void {
+    this.on = this.alone = true;
+    this.reading = false;
+    find('motion').hidden = false;
+    this.draw();
+  }
+
   /** Tracked surfaces get the triangles of their segment and the wanted colours; meshes do not change. */
   complete(frame: ShownFrame): ShownFrame {
     this.shown = frame;
@@ -51,15 +61,8 @@ export class MotionPanel {
     if (!tracked) this.stage.showTrails([]);
     this.drawNote();
     if (!tracked || !this.segment) return frame;
-    return { ...frame, indices: this.segment.indices, colours: this.frozen ? this.segment.colours : tracked.colours };
-  }
-
-  /** Facts about the frame for the page. */
-  facts(frame: ShownFrame): string[] {
-    if (!frame.tracked) return [];
-    const { segment, segments } = frame.tracked;
-    return ['<b>tracked</b>', `segment ${segment + 1} of ${segments}`,
-      `${(frame.positions.length / 3).toLocaleString('en')} vertices`];
+    const whole = completed(frame, this.segment);
+    return this.frozen ? { ...whole, colours: this.segment.colours } : whole;
   }
 
   onMessage(message: MotionMessage): void {
@@ -80,8 +83,12 @@ export class MotionPanel {
     }
   }
 
+  get isOn(): boolean {
+    return this.on;
+  }
+
   toggle(): void {
-    if (find('motion').hidden) return;
+    if (find('motion').hidden || this.alone) return;
     this.on = this.reading = !this.on;
     this.trouble = '';
     if (!this.on) this.setPoints([]);
@@ -111,6 +118,7 @@ export class MotionPanel {
   }
 
   private draw(): void {
+    find('motion-on').hidden = this.alone;
     find('motion-on').ariaPressed = String(this.on);
     find('freeze').ariaPressed = String(this.frozen);
     find<HTMLButtonElement>('freeze').disabled = !this.on;

@@ -4,13 +4,12 @@ import type { FromWorker, TrackedSegment, TrailPoint } from './worker_messages';
 
 type Post = (message: FromWorker, moved?: Transferable[]) => void;
 
-const DAMAGED = 'motion.v3d of this take is damaged. The viewer shows the meshes.';
-
 export class MotionWork {
   private tracked: TrackedTake | null = null;
   private segment: TrackedSegment | null = null;
   private opening = 0;
   private reported = false;
+  private hasMeshes = true;
   /** Vertices whose trails are sent. */
   points: TrailPoint[] = [];
 
@@ -40,6 +39,20 @@ export class MotionWork {
       this.changed();
     } catch (error) {
       if (!obsolete()) this.fail(error);
+    }
+  }
+
+  /** Opens a take without meshes. Returns its pulses. Throws a message for the page. */
+  async openAlone(url: string): Promise<number[]> {
+    this.hasMeshes = false;
+    const opening = ++this.opening;
+    try {
+      const bytes = await fetchMotion(url, () => opening !== this.opening);
+      if (!bytes) return [];
+      this.tracked = new TrackedTake(await this.module, bytes);
+      return this.tracked.pulses;
+    } catch (error) {
+      throw new Error(this.textOf(error));
     }
   }
 
@@ -78,15 +91,19 @@ export class MotionWork {
   private report(): void {
     if (this.reported) return;
     this.reported = true;
-    const text = 'motion.v3d of this take is damaged in part. The viewer shows the meshes of those pulses.';
+    const instead = this.hasMeshes ? 'shows the meshes of those pulses' : 'skips those pulses';
+    const text = `motion.v3d of this take is damaged in part. The viewer ${instead}.`;
     this.post({ kind: 'motion-trouble', take: this.take, text, fatal: false });
   }
 
   private fail(error: unknown): void {
     this.tracked = null;
-    const text = error instanceof WebAssembly.RuntimeError ? 'The browser has too little memory for motion.v3d of this take.'
-      : error instanceof RangeError ? DAMAGED
+    this.post({ kind: 'motion-trouble', take: this.take, text: this.textOf(error), fatal: true });
+  }
+
+  private textOf(error: unknown): string {
+    return error instanceof WebAssembly.RuntimeError ? 'The browser has too little memory for motion.v3d of this take.'
+      : error instanceof RangeError ? `motion.v3d of this take is damaged.${this.hasMeshes ? ' The viewer shows the meshes.' : ''}`
       : error instanceof Error ? error.message : String(error);
-    this.post({ kind: 'motion-trouble', take: this.take, text, fatal: true });
   }
 }

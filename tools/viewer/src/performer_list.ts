@@ -27,6 +27,10 @@ export class PerformerList {
     this.draw();
   }
 
+  shows(performer: number): boolean {
+    return !this.hidden.has(performer);
+  }
+
   /** The surface without hidden performers. What belongs to no known performer stays. */
   visible<T extends Surface>(surface: T): T {
     if (this.hidden.size === 0) return surface;

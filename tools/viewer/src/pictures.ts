@@ -1,12 +1,11 @@
 // Photographs and camera views of the open take: the photograph over the view from a camera, and the notes about them on the
 // page.
+import { find } from './page';
 import { PerformerViews, type ViewsState } from './performer_views';
 import { fetchThere, PulseStore } from './pulse_store';
 import type { RigCamera } from './rig';
 import { AGREEING, CONFIDENCE_COLOURS, wantsViews } from './shading';
 import type { Stage } from './stage';
-
-const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
 
 /** Opacity of the photograph when it is switched on. */
 const HALF = 0.5;

@@ -1,6 +1,8 @@
 // Reader and writer of scene files (docs/scene.md). Pure. tools/v3dctl/scene/scene_file.cc has the same rules and messages.
 
-export type Vector = [number, number, number];
+import { type Field, parseJson, type Vector } from './json_field';
+
+export type { Vector };
 
 export interface Placement {
   /** Metres, z up. */
@@ -56,74 +58,6 @@ export interface SceneFile {
 }
 
 const MAX_SECONDS = 36_000;
-const MAX_METRES = 1e6;
-
-/** A value of the file and its path there, for messages. */
-class Field {
-  constructor(
-    private readonly value: unknown,
-    private readonly where: string,
-  ) {}
-
-  reject(what: string): never {
-    throw new Error(this.where ? `${this.where}: ${what}` : what);
-  }
-  expectObject(known: string[]): void {
-    if (typeof this.value !== 'object' || this.value === null || Array.isArray(this.value)) this.reject('expected an object');
-    for (const key of Object.keys(this.value).sort()) if (!known.includes(key)) this.reject(`there is no key '${key}'`);
-  }
-  find(key: string): Field | null {
-    const value = (this.value as Record<string, unknown>)[key];
-    return value === undefined ? null : new Field(value, this.where ? `${this.where}.${key}` : key);
-  }
-  at(key: string): Field {
-    return this.find(key) ?? this.reject(`'${key}' is missing`);
-  }
-  list(): Field[] {
-    if (!Array.isArray(this.value)) this.reject('expected a list');
-    return this.value.map((value, n) => new Field(value, `${this.where}[${n}]`));
-  }
-  number(min: number, max: number): number {
-    const text = (n: number) => (Number.isInteger(n) ? n.toFixed(1) : String(n));
-    if (typeof this.value === 'number' && this.value >= min && this.value <= max) return this.value;
-    return this.reject(`expected a number from ${text(min)} to ${text(max)}`);
-  }
-  positive(): number {
-    if (typeof this.value === 'number' && this.value > 0 && this.value <= 1000) return this.value;
-    return this.reject('expected a number above 0, at most 1000');
-  }
-  pulse(): number {
-    if (Number.isSafeInteger(this.value) && (this.value as number) >= 0) return this.value as number;
-    return this.reject('expected the number of a pulse');
-  }
-  performer(): number {
-    const number = this.value as number;
-    if (Number.isSafeInteger(number) && number >= 1 && number <= 255) return number;
-    return this.reject('expected the number of a performer, 1 to 255');
-  }
-  flag(): boolean {
-    return typeof this.value === 'boolean' ? this.value : this.reject('expected true or false');
-  }
-  text(): string {
-    return typeof this.value === 'string' ? this.value : this.reject('expected a text');
-  }
-  vector(): Vector {
-    const parts = Array.isArray(this.value) ? this.list() : [];
-    if (parts.length !== 3) this.reject('expected three numbers, [x, y, z]');
-    return parts.map((part) => part.number(-MAX_METRES, MAX_METRES)) as Vector;
-  }
-  path(): string {
-    const name = this.text();
-    if (name === '' || name.startsWith('/') || /[:?#\\%]/.test(name)) {
-      this.reject('expected a path from the folder of the scene, without any of : ? # % and backslash');
-    }
-    return name;
-  }
-  colour(): string {
-    const name = this.text();
-    return /^#[0-9a-fA-F]{6}$/.test(name) ? name.toLowerCase() : this.reject('expected a colour such as "#101216"');
-  }
-}
 
 function readPlace(field: Field): Placement {
   return {
@@ -209,13 +143,7 @@ function readCamera(field: Field): CameraKey[] {
 
 /** Parses a scene. The message of a thrown error names the field and the expected value. */
 export function parseScene(text: string): SceneFile {
-  let parsed: unknown;
-  try {
-    parsed = JSON.parse(text);
-  } catch {
-    throw new Error('is no JSON');
-  }
-  const field = new Field(parsed, '');
+  const field = parseJson(text);
   field.expectObject(['v3d_scene', 'rate_hz', 'seconds', 'background', 'floor', 'takes', 'models', 'camera']);
   const version = field.at('v3d_scene');
   if (version.number(1, 1e6) !== 1) version.reject('this version is not known; expected 1');
@@ -277,3 +205,13 @@ export function writeScene(scene: SceneFile): string {
 
 /** Number of pictures of a scene. */
 export const pictureCount = (scene: SceneFile) => Math.max(1, Math.floor(scene.seconds * scene.rate_hz + 1e-6));
+
+/** A scene of one take, or of none, with one camera key. */
+export function newScene(take: { name: string; rate_hz: number } | null, seconds: number, key: CameraKey): SceneFile {
+  return {
+    rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
+    takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
+      in_pulse: null, out_pulse: null, outside: 'hold', performer: null }] : [],
+    camera: { keys: [key] },
+  };
+}

@@ -5,6 +5,7 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Backdrop } from './backdrop';
+import { BendHandle } from './bend_handle';
 import { onClicks } from './click';
 import { Fly } from './fly';
 import { Performer } from './performer';
@@ -12,6 +13,7 @@ import { Photograph } from './photograph';
 import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './rig';
 import type { CameraKey, Vector } from './scene_file';
 import { type Look, LOOKS, makeShading } from './shading';
+import { type DrawnSkeleton, SkeletonOverlay } from './skeleton_overlay';
 import type { Surface } from './surface';
 import { type DrawnTrail, Trails } from './trails';
 
@@ -30,6 +32,9 @@ export class Stage {
   /** Photograph over the view, while the viewpoint is that of a camera. */
   readonly photograph = new Photograph();
   private readonly trails = new Trails();
+  private readonly skeletons = new SkeletonOverlay();
+  /** Rings that turn a joint. */
+  readonly handle: BendHandle;
   private readonly performers = new Set([this.single]);
   /** Backdrop of a scene. */
   private readonly models = new Group();
@@ -53,12 +58,14 @@ export class Stage {
     if (!context) throw new Error('no WebGL 2');
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
-    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, this.trails.group, ...makeLights());
+    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, this.trails.group,
+      this.skeletons.group, ...makeLights());
     this.backdrop = new Backdrop(this.scene, () => (this.changed = true), (text) => this.onTrouble(text));
     this.rigLines.visible = false;
     this.eye.up.set(0, 0, 1);
     this.eye.position.set(3.2, -3.2, 1.9);
-    onClicks(canvas, (across, down) => this.rayAt(across, down), (ray) => {
+    onClicks(canvas, (across, down) => (this.handle.isHit ? null : this.rayAt(across, down)), (ray) => {
+      if (!ray || this.onRay(ray)) return;
       const vertex = this.single.vertexAt(ray);
       if (vertex !== null) this.onClick(vertex);
     });
@@ -69,9 +76,13 @@ export class Stage {
     this.orbit.addEventListener('start', () => this.leave());
     this.orbit.addEventListener('change', () => (this.changed = true));
     this.fly = new Fly(this.eye, canvas);
+    this.handle = new BendHandle(this.scene, this.eye, canvas, (on) => (this.orbit.enabled = !on && !this.fly.on),
+      () => (this.changed = true));
   }
 
   onTrouble: (text: string) => void = () => undefined;
+  /** Called first for a click; true: it hit something, and the surface is not clicked. */
+  onRay: (ray: Raycaster) => boolean = () => false;
   /** Called for a click on the permanent performer, with the nearest vertex. */
   onClick: (vertex: number) => void = () => undefined;
 
@@ -86,6 +97,7 @@ export class Stage {
   show(surface: Surface, performer = this.single): void {
     performer.show(surface);
     this.canvas.dataset.uploads = String(this.single.indexUploads); // for tests
+    Object.assign(this.canvas, { positions: surface.positions }); // for tests
     if (!this.framed && performer === this.single) this.frameAll();
     this.changed = true;
   }
@@ -95,6 +107,18 @@ export class Stage {
     this.trails.show(trails);
     this.canvas.dataset.trails = `${trails.length} ${(trails[0]?.path.length ?? 0) / 3}`; // for tests
     this.changed = true;
+  }
+
+  /** Draws these skeletons instead of the last ones. */
+  showSkeletons(skeletons: DrawnSkeleton[]): void {
+    this.skeletons.show(skeletons);
+    this.canvas.dataset.skeletons = String(skeletons.length); // for tests
+    this.changed = true;
+  }
+
+  /** The joint of a drawn skeleton that a click means; null: none. */
+  jointAt(ray: Raycaster): { skeleton: number; joint: number } | null {
+    return this.skeletons.jointAt(ray.ray);
   }
 
   /** The permanent performer. */

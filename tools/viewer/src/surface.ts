@@ -1,3 +1,5 @@
+import type { ShownFrame, TrackedSegment } from './worker_messages';
+
 /** A mesh for the screen, sent by the worker. */
 export interface Surface {
   positions: Float32Array;
@@ -7,6 +9,10 @@ export interface Surface {
   /** Performer of each vertex, 0: unknown; null: not stated. */
   performers: Uint8Array | null;
 }
+
+/** A tracked surface with the triangles of its segment and the colours of its pulse. */
+export const completed = (frame: ShownFrame, segment: TrackedSegment): ShownFrame =>
+  ({ ...frame, indices: segment.indices, colours: frame.tracked?.colours ?? null });
 
 /** The performers of a surface, ascending. */
 export function performersOf(surface: Surface): number[] {

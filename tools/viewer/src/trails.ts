@@ -18,6 +18,14 @@ const GOLDEN = 0.381966;
 
 const colourOf = (number: number) => new Color().setHSL((0.11 + number * GOLDEN) % 1, 0.95, 0.6);
 
+/** Draws points as discs instead of squares. */
+export function roundPoints(material: PointsMaterial): void {
+  material.onBeforeCompile = (shader) => {
+    shader.fragmentShader = shader.fragmentShader.replace('#include <clipping_planes_fragment>',
+      'if (length(gl_PointCoord - 0.5) > 0.5) discard;');
+  };
+}
+
 export class Trails {
   readonly group = new Group();
   // Drawn over the surface, because a vertex lies in it.
@@ -27,10 +35,7 @@ export class Trails {
     new PointsMaterial({ size: 9, sizeAttenuation: false, vertexColors: true, depthTest: false, transparent: true }));
 
   constructor() {
-    this.dots.material.onBeforeCompile = (shader) => {
-      shader.fragmentShader = shader.fragmentShader.replace('#include <clipping_planes_fragment>',
-        'if (length(gl_PointCoord - 0.5) > 0.5) discard;'); // round
-    };
+    roundPoints(this.dots.material);
     for (const part of [this.lines, this.dots]) {
       part.frustumCulled = false;
       part.renderOrder = 2;

@@ -1,9 +1,8 @@
 // The bar below the stage: buttons, time line, speed.
+import { find } from './page';
 import { type Playback, SPEEDS, timeCode } from './playback';
 
 export type Action = 'first' | 'back' | 'play' | 'forward' | 'in' | 'out' | 'clear' | 'loop' | 'slower' | 'faster' | 'last' | 'second-back' | 'second-on';
-
-const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
 
 export class Transport {
   private readonly bar = find('transport');
@@ -58,28 +57,59 @@ export class Transport {
     this.update();
   }
 
+  /** Marks pulses in the time line; a click on a mark jumps there. `strength`: 0 to 1. */
+  mark(marks: { pulse: number; title: string; strength: number }[]): void {
+    const buttons = marks.map(({ pulse, title, strength }) => {
+      const button = document.createElement('button');
+      button.className = 'similar';
+      button.title = button.ariaLabel = title;
+      button.dataset.pulse = String(pulse);
+      button.style.left = `${this.part(pulse)}%`;
+      button.style.opacity = String(strength);
+      button.addEventListener('pointerdown', (event) => { // in playback, the mark may be gone before the click
+        event.stopPropagation(); // no scrubbing
+        this.seek(pulse);
+      });
+      button.addEventListener('click', () => this.seek(pulse)); // by a key
+      return button;
+    });
+    for (const old of this.line.querySelectorAll('.similar')) old.remove();
+    this.line.append(...buttons);
+  }
+
+  /** Pauses at a pulse. */
+  seek(pulse: number): void {
+    if (!this.playback) return;
+    this.playback.playing = false;
+    this.playback.seek(pulse);
+    this.update();
+  }
+
+  /** Place of a pulse in the time line, per cent. */
+  private part(pulse: number): number {
+    const p = this.playback;
+    return p && p.last > p.first ? (100 * (pulse - p.first)) / (p.last - p.first) : 0;
+  }
+
   private scrub(event: PointerEvent): void {
     const box = this.line.getBoundingClientRect();
     const p = this.playback;
     if (!p || box.width === 0) return;
-    p.playing = false;
-    p.seek(p.first + ((event.clientX - box.left) / box.width) * (p.last - p.first));
-    this.update();
+    this.seek(p.first + ((event.clientX - box.left) / box.width) * (p.last - p.first));
   }
 
   update(): void {
     const p = this.playback;
     if (!p) return;
-    const part = (pulse: number) => (p.last > p.first ? (100 * (pulse - p.first)) / (p.last - p.first) : 0);
     const place = (selector: string, pulse: number) => {
-      this.line.querySelector<HTMLElement>(selector)!.style.left = `${part(pulse)}%`;
+      this.line.querySelector<HTMLElement>(selector)!.style.left = `${this.part(pulse)}%`;
     };
     place('.head', p.pulse);
     place('.in', p.inPulse);
     place('.out', p.outPulse);
     const range = this.line.querySelector<HTMLElement>('.range')!;
-    range.style.left = `${part(p.inPulse)}%`;
-    range.style.width = `${part(p.outPulse) - part(p.inPulse)}%`;
+    range.style.left = `${this.part(p.inPulse)}%`;
+    range.style.width = `${this.part(p.outPulse) - this.part(p.inPulse)}%`;
     const cut = p.inPulse !== p.first || p.outPulse !== p.last;
     for (const mark of this.line.querySelectorAll<HTMLElement>('.mark, .range')) mark.hidden = !cut;
     find('time').textContent = timeCode(p.pulse - p.first, p.rate);

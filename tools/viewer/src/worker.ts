@@ -1,7 +1,7 @@
 // Worker that fetches and decodes surfaces: those of a take in any order, or live meshes as they arrive.
 import moduleUrl from 'v3d_decoder.wasm?url';
 import { Decoder, type Frame } from '../../../codec/v3d_decoder.mjs';
-import { HttpSource } from './byte_source';
+import { HttpSource, NoSuchFile } from './byte_source';
 import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
 import { MotionWork } from './motion_work';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
@@ -21,6 +21,11 @@ function show(take: number, frame: Frame, of: { number: number; bytes: number; d
   post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
 }
 
+function noneWithoutFile(error: unknown): FrameEntry[] {
+  if (error instanceof NoSuchFile) return [];
+  throw error;
+}
+
 /** Shows the requested frames of a take. A new request replaces an older one that has not started. */
 class TakeWork {
   private wanted = -1;
@@ -28,7 +33,7 @@ class TakeWork {
   private busy = false;
   private ended = false;
   private sequence: TakeSequence | null = null;
-  private entries: FrameEntry[] = [];
+  private pulses: number[] = [];
   private readonly motion: MotionWork;
 
   constructor(
@@ -40,17 +45,31 @@ class TakeWork {
 
   async open(): Promise<void> {
     const source = new HttpSource(this.url);
-    const entries = await readEntries(source);
-    if (entries.length === 0) throw new Error('This take has no meshes yet.');
-    this.entries = entries;
-    this.sequence = new TakeSequence(new Decoder(await wasm), new FrameStore(source, entries));
-    post({ kind: 'opened', take: this.take, pulses: entries.map((e) => e.pulse) });
+    const entries = await readEntries(source).catch(noneWithoutFile);
+    if (entries.length > 0) {
+      this.pulses = entries.map(({ pulse }) => pulse);
+      this.sequence = new TakeSequence(new Decoder(await wasm), new FrameStore(source, entries));
+    } else {
+      await this.openTracked();
+    }
+    this.opened = true;
+    post({ kind: 'opened', take: this.take, pulses: this.pulses, tracked: this.sequence === null });
     if (this.wanted >= 0) this.want(this.wanted);
+  }
+  private opened = false;
+
+  /** Opens motion.v3d beside the missing meshes. */
+  private async openTracked(): Promise<void> {
+    const url = new URL('motion.v3d', this.url).href;
+    const { status } = await fetch(url, { method: 'HEAD', cache: 'no-cache' });
+    if (status === 404) throw new Error('This take has no meshes yet.');
+    this.pulses = await this.motion.openAlone(url);
+    if (this.pulses.length === 0) throw new Error('This take has no meshes, and motion.v3d has no surface.');
   }
 
   want(frame: number): void {
     this.wanted = frame;
-    if (!this.busy && this.sequence) this.work(this.sequence).catch((error) => trouble(this.take, error));
+    if (!this.busy && this.opened) this.work().catch((error) => trouble(this.take, error));
   }
 
   /** Shows tracked surfaces from this file; null: meshes. */
@@ -75,13 +94,14 @@ class TakeWork {
   }
   private stale = false;
 
-  private async work(sequence: TakeSequence): Promise<void> {
+  private async work(): Promise<void> {
     this.busy = true;
     try {
       while ((this.shown !== this.wanted || this.stale) && !this.ended) {
         const wanted = this.wanted;
         this.stale = false;
-        if (await this.motion.show(wanted, this.entries[wanted].pulse, () => this.ended || this.stale || this.wanted !== wanted)) {
+        const { sequence } = this;
+        if (await this.motion.show(wanted, this.pulses[wanted], () => this.ended || this.stale || this.wanted !== wanted) || !sequence) {
           this.shown = wanted;
           continue;
         }

@@ -11,7 +11,8 @@ export type ToWorker =
 
 /** `take`: the number of the opening. Messages of an earlier opening may still arrive. */
 export type FromWorker =
-  | { kind: 'opened'; take: number; pulses: number[] }
+  /** `tracked`: the take has no meshes, as an edited one; its frames are tracked surfaces. */
+  | { kind: 'opened'; take: number; pulses: number[]; tracked: boolean }
   | { kind: 'trouble'; take: number; text: string }
   | { kind: 'link'; take: number; link: 'connecting' | 'open' }
   | { kind: 'frame'; take: number; frame: ShownFrame }
@@ -20,7 +21,7 @@ export type FromWorker =
 export type MotionMessage =
   /** The file was read. */
   | { kind: 'motion-opened'; take: number }
-  /** Sent before the first frame of another segment. */
+  /** Sent before the first frame of another segment; completed() joins both. */
   | { kind: 'segment'; take: number; segment: TrackedSegment }
   /** Trails of the last frame. */
   | { kind: 'trails'; take: number; trails: Trail[] }

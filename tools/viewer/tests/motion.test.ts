@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { placeOf } from '../src/motion_file';
+import { placeOf, pulsesOf } from '../src/motion_file';
 
 const segments = [{ pulses: [5, 6, 8] }, { pulses: [9] }, { pulses: [20, 21] }];
 
@@ -17,4 +17,8 @@ test('a pulse that two segments share is found in the later one', () => {
 test('pulses before, between, in a gap of and after segments have no tracked surface', () => {
   for (const pulse of [4, 7, 10, 19, 22]) expect(placeOf(segments, pulse)).toBeNull();
   expect(placeOf([], 5)).toBeNull();
+});
+
+test('the pulses of a take without meshes are those of all segments, a shared one once', () => {
+  expect(pulsesOf([{ pulses: [5, 6] }, { pulses: [6, 7, 9] }])).toEqual([5, 6, 7, 9]);
 });
