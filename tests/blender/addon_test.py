@@ -10,9 +10,8 @@ import numpy as np
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-sys.path[:0] = [os.environ["V3D_ADDONS"], os.environ["V3D_PYTHON"]]
+sys.path.insert(0, os.environ["V3D_PYTHON"])
 import v3d  # noqa: E402
-import v3d_import  # noqa: E402
 
 TAKE = pathlib.Path(os.environ["V3D_TAKES"]) / "take"
 MAX_M = 1e-5
@@ -20,7 +19,7 @@ MAX_PIXELS = 0.1
 
 
 def import_take(path, **options):
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.import_scene.v3d(filepath=str(path), **options)
     return bpy.context.scene
 
@@ -125,7 +124,7 @@ def check_photographs(scene, take):
 
 
 def message_of(path, **options):
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True)
     try:
         bpy.ops.import_scene.v3d(filepath=str(path), **options)
     except RuntimeError as error:
@@ -173,11 +172,11 @@ def check_saved_file(work, take):
 
 
 def main():
-    v3d_import.register()
+    bpy.ops.preferences.addon_enable(module="v3d_import")
     work = pathlib.Path.cwd()
     (work / "empty").mkdir()
     take = v3d.Take(TAKE)
-    assert "import_scene.v3d" in str(v3d_import.ImportV3D.bl_idname)
+    assert "_menu_entry" in [draw.__name__ for draw in bpy.types.TOPBAR_MT_file_import._dyn_ui_initialize()]
     scene = import_take(TAKE / "mesh.v3d")
     check_meshes(scene, take)
     check_cameras(scene, take, lambda camera: camera, without_distortion)
@@ -188,7 +187,8 @@ def main():
     check_cameras(scene, take, lambda camera: camera.pinhole(), lambda camera, points: camera.project(points))
     check_photographs(scene, take)
     check_errors(work)
-    v3d_import.unregister()
+    bpy.ops.preferences.addon_disable(module="v3d_import")
+    assert not bpy.app.handlers.frame_change_pre, "left its handler behind"
 
 
 main()

@@ -97,6 +97,20 @@ class Readers(unittest.TestCase):
                     failed += 1
             self.assertGreater(failed, 100, name)
 
+    def test_give_the_cameras_of_a_calibration_with_matrices_of_rotation(self):
+        camera, = v3d.load_calib(self.calib("[[1, 0, 0], [0, 0, -1], [0, 1, 0]]"))
+        ours, = rig.load_calib(self.calib("[[1, 0, 0], [0, 0, -1], [0, 1, 0]]"))
+        np.testing.assert_allclose(ours.cam_from_world[:3, :3], camera.rotation, atol=1e-12)
+        for rotation in ("[[1, 0, 0], [0, 0, 1], [0, 1, 0]]", "[[2, 0, 0], [0, 1, 0], [0, 0, 1]]", "[0, 0]", "7"):
+            with self.assertRaisesRegex(DecoderError, "right: rotation: expected"):
+                rig.load_calib(self.calib(rotation))
+
+    def calib(self, rotation):
+        path = self.folder / "calib.toml"
+        path.write_text("[right]\nname = 'right'\nsize = [64, 48]\nmatrix = [[50, 0, 32], [0, 50, 24], [0, 0, 1]]\n"
+                        f"distortions = []\nrotation = {rotation}\ntranslation = [0, 0, 1]\nfisheye = false\n")
+        return str(path)
+
     def test_reject_damaged_calibrations(self):
         path = self.folder / "calib.toml"
         whole = (TAKE / "calib.toml").read_bytes()

@@ -37,7 +37,7 @@ py::array array_of(std::vector<T> values, Shape shape) {
   auto kept = std::make_unique<std::vector<T>>(std::move(values));
   const T* const data = kept->data();
   const py::capsule owner(kept.get(), [](void* it) { delete static_cast<std::vector<T>*>(it); });
-  kept.release();
+  static_cast<void>(kept.release());
   return py::array_t<T>(std::move(shape), data, owner);
 }
 

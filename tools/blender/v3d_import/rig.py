@@ -81,18 +81,30 @@ def _rodrigues(vector):
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
+def _rotation(value, what):
+    """A rotation vector, or the rows of the matrix."""
+    if not isinstance(value, list) or not value or not isinstance(value[0], list):
+        return _rodrigues(_numbers(value, (3,), what))
+    matrix = _numbers(value, (3, 3), what)
+    if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3) or np.linalg.det(matrix) < 0:
+        raise DecoderError(f"{what}: expected a rotation")
+    return matrix
+
+
 def load_calib(path):
-    """The cameras of calib.toml as the studio writes it: tables cam_0, cam_1, ..."""
+    """The cameras of calib.toml: each table cam*, and each other table with a matrix."""
     cameras = []
     for key, table in read_toml(path).items():
-        if not key.startswith("cam_") or not isinstance(table, dict):
+        if not isinstance(table, dict) or not (key.startswith("cam") and key != "cameras" or "matrix" in table):
             continue
         where = f"{path}: {key}"
         size = table.get("size")
         if not isinstance(size, list) or len(size) != 2:
             raise DecoderError(f"{where}: size: expected [width, height]")
         matrix = _numbers(table.get("matrix"), (3, 3), f"{where}: matrix")
-        rotation = _rodrigues(_numbers(table.get("rotation"), (3,), f"{where}: rotation"))
+        if table.get("fisheye") is True:
+            raise DecoderError(f"{where}: fisheye: expected false, because fisheye lenses are not supported")
+        rotation = _rotation(table.get("rotation"), f"{where}: rotation")
         translation = _numbers(table.get("translation"), (3,), f"{where}: translation")
         distortions = table.get("distortions") or []
         distorted = matrix[0, 1] != 0 or distortions != [0] * len(distortions)
