@@ -15,7 +15,7 @@ import v3d  # noqa: E402
 
 TAKE = pathlib.Path(os.environ["V3D_TAKES"]) / "take"
 MAX_M = 1e-5
-MAX_PIXELS = 0.1
+MAX_PIXELS = 0.01
 
 
 def import_take(path, **options):
