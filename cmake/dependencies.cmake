@@ -47,6 +47,14 @@ if(NOT V3D_PROGRAMS_ONLY)
   pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat>=59 libavcodec libavutil libswscale)
 endif()
 
+if(V3D_INSTALLS_LIBRARIES)
+  # The module v3d is for Debian's Python, which need not be the first one of the path.
+  set(Python_EXECUTABLE /usr/bin/python3 CACHE FILEPATH "Python of the module v3d")
+  find_package(Python 3.11 REQUIRED COMPONENTS Interpreter Development.Module)
+  set(PYBIND11_FINDPYTHON ON)
+  find_package(pybind11 2.10 REQUIRED)
+endif()
+
 if(V3D_BENCH_PEERS)
   find_package(OpenCV 4.6 REQUIRED COMPONENTS video)
   find_package(Open3D REQUIRED)

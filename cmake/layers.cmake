@@ -45,6 +45,8 @@ v3d_may_use(v3dctl_parts base cli codec wire take segmentation recon bus control
 v3d_may_use(v3d_sim_tool base cli take segmentation sim)
 v3d_may_use(v3d_calibrate_parts calib)
 v3d_may_use(v3d_plan_parts sim)
+# The Python module reads takes; it contains no code of daemons either.
+v3d_may_use(v3d_python base codec take recon recorded)
 
 # v3d_include_as(<target> <path> [<folder>]): the headers in the folder (default: that of the target) are included
 # as "<path>/header.h".

@@ -12,7 +12,7 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
 if(V3D_INSTALLS_LIBRARIES)
-  list(APPEND CPACK_COMPONENTS_ALL lib lib-dev decoder decoder-dev)
+  list(APPEND CPACK_COMPONENTS_ALL lib lib-dev decoder decoder-dev python blender)
 endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
@@ -61,6 +61,15 @@ v3d_package(lib-dev "V3D: headers of the library for reconstruction" NAME libv3d
 v3d_package(decoder "V3D: decoder of compact frames and motion files, in C" NAME libv3d-decoder2)
 v3d_package(decoder-dev "V3D: header of the decoder of compact frames" NAME libv3d-decoder-dev
   DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})")
+if(V3D_INSTALLS_LIBRARIES)
+  math(EXPR python_next_minor "${Python_VERSION_MINOR} + 1")
+endif()
+v3d_package(python "V3D: takes in Python" NAME python3-v3d
+  DEPENDS "python3 (>= ${Python_VERSION_MAJOR}.${Python_VERSION_MINOR})"
+    "python3 (<< ${Python_VERSION_MAJOR}.${python_next_minor})" python3-numpy)
+v3d_package(blender "V3D: import of takes into Blender" NAME v3d-blender
+  DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})" blender python3-numpy)
+set(CPACK_DEBIAN_BLENDER_PACKAGE_ARCHITECTURE all)
 foreach(component ${CPACK_COMPONENTS_ALL})
   string(TOUPPER ${component} key)
   install(FILES ${CMAKE_SOURCE_DIR}/LICENSE RENAME copyright

@@ -13,18 +13,21 @@
 #include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
+#include "recon/texture/undistortion.h"
 #include "support/message_of.h"
 #include "support/small_disk.h"
 #include "support/temporary_folder.h"
 #include "tools/test_images.h"
 #include "v3dctl/export/take_export.h"
-#include "v3dctl/export/undistortion.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
 
+using recon::MaskedImage;
+using recon::pinhole_of;
+using recon::undistorted_pixel;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 

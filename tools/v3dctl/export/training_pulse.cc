@@ -20,10 +20,10 @@ using SeenVertices = std::vector<std::array<uint8_t, 4>>;  // as CameraColours::
 TrainingView view_of(const RigCamera& camera, const recorded::SegmentedFrame& frame) {
   TrainingView view;
   view.camera = camera.name;
-  view.model = pinhole_of(camera.model, camera.name);
+  view.model = recon::pinhole_of(camera.model, camera.name);
   Image image = to_rgb(frame.raw.image.view());
   if (!camera.colour.is_identity()) correct(image, camera.colour);
-  view.picture = undistorted({std::move(image), frame.mask}, camera.model, view.model);
+  view.picture = recon::undistorted({std::move(image), frame.mask}, camera.model, view.model);
   return view;
 }
 
@@ -34,7 +34,7 @@ std::vector<PointInImage> points_in(const TrainingView& view, const CameraModel&
   std::vector<PointInImage> points;
   for (size_t v = 0; v < seen.size(); ++v) {
     if (seen[v][3] == static_cast<uint8_t>(recon::Visibility::kNone)) continue;
-    const auto pixel = undistorted_pixel(vertices[v].cast<double>(), camera, view.model);
+    const auto pixel = recon::undistorted_pixel(vertices[v].cast<double>(), camera, view.model);
     if (pixel) points.push_back({v, *pixel});
   }
   return points;

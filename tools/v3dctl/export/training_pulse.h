@@ -10,7 +10,7 @@
 #include "base/geometry/mesh.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/compact_frame.h"
-#include "v3dctl/export/undistortion.h"
+#include "recon/texture/undistortion.h"
 
 namespace v3d::ctl {
 
@@ -24,8 +24,8 @@ struct PointInImage {
 /// A camera with its undistorted image of one pulse.
 struct TrainingView {
   std::string camera;
-  CameraModel model;    ///< without distortion, see pinhole_of()
-  MaskedImage picture;  ///< colours are corrected by the camera's ColourResponse
+  CameraModel model;           ///< without distortion, see pinhole_of()
+  recon::MaskedImage picture;  ///< colours are corrected by the camera's ColourResponse
   /// The points that the camera sees (recon::Visibility), ascending.
   std::vector<PointInImage> points;
 };

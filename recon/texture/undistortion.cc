@@ -1,11 +1,12 @@
-#include "v3dctl/export/undistortion.h"
+#include "recon/texture/undistortion.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/core/error.h"
 #include "recon/texture/texture.h"
 
-namespace v3d::ctl {
+namespace v3d::recon {
 namespace {
 
 /// The smallest size whose middle, (size - 1) / 2, is the principal point `c` of an image that
@@ -55,7 +56,7 @@ MaskedImage undistorted(const MaskedImage& source, const CameraModel& camera,
     const auto u = static_cast<int>(std::floor(pixel.x() + 0.5));
     const auto v = static_cast<int>(std::floor(pixel.y() + 0.5));
     if (source.mask.get(u, v)) result.mask.set(x, y);
-    const auto colour = recon::sample_colour(source.image.view(), pixel.x(), pixel.y());
+    const auto colour = sample_colour(source.image.view(), pixel.x(), pixel.y());
     if (!colour) return;
     uint8_t* const rgb = result.image.row(y) + static_cast<size_t>(3) * x;
     for (int channel = 0; channel < 3; ++channel) {
@@ -75,4 +76,4 @@ std::optional<Eigen::Vector2d> undistorted_pixel(const Eigen::Vector3d& world,
   return pixel && pinhole.inside_image(*pixel) ? pixel : std::nullopt;
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d::recon

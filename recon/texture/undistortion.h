@@ -7,7 +7,7 @@
 #include "base/image/image.h"
 #include "base/image/mask.h"
 
-namespace v3d::ctl {
+namespace v3d::recon {
 
 /// The camera without distortion and skew. It keeps pose and focal lengths, pixels.
 ///
@@ -35,4 +35,4 @@ std::optional<Eigen::Vector2d> undistorted_pixel(const Eigen::Vector3d& world,
                                                  const CameraModel& camera,
                                                  const CameraModel& pinhole);
 
-}  // namespace v3d::ctl
+}  // namespace v3d::recon
