@@ -50,6 +50,23 @@ for (const compress of ['none', 'draco', 'meshopt']) {
   }
 }
 
+const withTexture = async (bytes, compress) => {
+  const { issues, info } = await validator.validateBytes(new Uint8Array(bytes), { format: 'glb', maxIssues: 0 });
+  assert.deepEqual(issues.messages.filter(({ code }) => !EXPECTED[compress].includes(code)), []);
+  assert.ok(info.hasTextures);
+  assert.ok(info.totalTriangleCount > 1000, `${info.totalTriangleCount} triangles`);
+  const [image] = info.resources.filter(({ mimeType }) => mimeType === 'image/jpeg');
+  assert.deepEqual([image.image.width, image.image.height], [256, 256]);
+};
+for (const compress of ['none', 'meshopt']) {
+  test(`--atlas --compress ${compress} gives a valid file with a texture`, () => withTexture(exported(compress, '--atlas', '256'), compress));
+}
+
+test('a segment of a delivery is a valid file with a texture', async () => {
+  run('v3dctl', 'export', 'take', '--format', 'volume', '--atlas', '256', 'volume');
+  await withTexture(readFileSync(join(folder, 'volume/segment-000.glb')), 'meshopt');
+});
+
 test('the validator reports a damaged file', async () => {
   const bytes = new Uint8Array(exported('none'));
   bytes.fill(0xff, bytes.length - 12); // the last triangle
