@@ -60,6 +60,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
     const Ledger ledger = load_ledger(paths.ledger());
     take.whole = ledger.complete();
     take.absent_nodes = ledger.absent_nodes;
+    take.timecode = timecode_text(ledger.sounds);
   }
   count_meshes(take);
   const auto verified = load_verified(paths);
