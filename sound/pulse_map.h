@@ -1,6 +1,7 @@
 // Piecewise linear map of pulse numbers to positions of samples.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
