@@ -70,6 +70,7 @@ TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
   start_captured();  // recovers the take: its trigger is here, so the train has ended
   EXPECT_TRUE(becomes_true(
       [&] { return load_take_info(take()).state == take::TakeState::kRecovered; }, within(60)));
+  ASSERT_TRUE(becomes_idle()) << log();  // the reconstruction node has closed its mesh file, too
   const take::Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, IsEmpty());
   ASSERT_THAT(verified.ledger.sounds, SizeIs(1));
