@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "base/core/statistics.h"
+#include "sound/interpolation.h"
 
 namespace v3d::sound {
 namespace {
 
-/// Half width of the interpolation kernel, samples.
-constexpr int64_t kKernel = 16;
 /// Excursions smaller than this share of full scale (-50 dB) are no pulses.
 constexpr double kMinHeight = 0.003;
 /// Excursions end within this many standard deviations of the noise.
@@ -21,13 +19,6 @@ constexpr double kDeviationPerMedian = 1.4826;
 /// a second window.
 constexpr double kMaxHeightChange = 3;
 constexpr double kVoteDecay = 0.8;
-
-double windowed_sinc(double x) {
-  if (std::abs(x) < 1e-9) return 1;
-  if (std::abs(x) >= kKernel) return 0;
-  const double angle = std::numbers::pi * x;
-  return std::sin(angle) / angle * (0.5 + 0.5 * std::cos(angle / kKernel));
-}
 
 }  // namespace
 
@@ -147,21 +138,9 @@ double PulseEdgeDetector::crossing(int64_t index, double threshold) const {
   constexpr int kHalvings = 12;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;
-    ((interpolate(middle) < threshold) == rises ? low : high) = middle;
+    ((interpolate(buffer_, middle) < threshold) == rises ? low : high) = middle;
   }
   return (low + high) / 2;
-}
-
-double PulseEdgeDetector::interpolate(double index) const {
-  const auto before = static_cast<int64_t>(std::floor(index));
-  double sum = 0, weights = 0;
-  for (int64_t i = before - kKernel + 1; i <= before + kKernel; ++i) {
-    const int64_t inside = std::clamp<int64_t>(i, 0, std::ssize(buffer_) - 1);
-    const double weight = windowed_sinc(index - static_cast<double>(i));
-    sum += weight * buffer_[static_cast<size_t>(inside)];
-    weights += weight;
-  }
-  return sum / weights;
 }
 
 }  // namespace v3d::sound

@@ -17,10 +17,8 @@ namespace v3d::sound {
 /// the pulses. An edge crosses half of that height. A new edge needs a return below a quarter of it
 /// (hysteresis).
 ///
-/// The position between two samples is where the band-limited signal, interpolated with a windowed
-/// sinc, crosses the threshold. Sources: Schmitt, "A thermionic trigger" (1938), for the
-/// hysteresis; Smith and Gossett, "A flexible sampling-rate conversion method" (ICASSP 1984), for
-/// the interpolation.
+/// The position between two samples is where the band-limited signal (sound/interpolation.h)
+/// crosses the threshold. Source of the hysteresis: Schmitt, "A thermionic trigger" (1938).
 ///
 /// Windows without pulses, with hum or with noise alone give no edges. Single clicks may: the
 /// caller compares edges with the train (PulseMap, sound/sample_clock.h). One thread.
@@ -62,7 +60,6 @@ class PulseEdgeDetector {
   void find_edges(double idle, int64_t end, std::vector<double>& edges);
   /// Where the interpolated signal reaches `threshold` between the samples index - 1 and index.
   double crossing(int64_t index, double threshold) const;
-  double interpolate(double index) const;
 
   const int64_t window_;       ///< samples
   std::vector<float> buffer_;  ///< samples from position start_ on
