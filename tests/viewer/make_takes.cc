@@ -4,7 +4,8 @@
 // two performers: 1 is its lower half, green, and 2 the upper half, blue. DIR/takes/empty has no
 // meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse
 // 5 to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is
-// smaller and yellow.
+// smaller and yellow. DIR/takes/sounding has the meshes of the ball and a sound that rises from
+// 0.1 to 0.9 of full scale; its clock is 521 ppm fast.
 #include <cmath>
 
 #include "base/config/calib_file.h"
@@ -13,6 +14,7 @@
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
+#include "tests/support/sounding_take.h"
 #include "tests/viewer/ball_frames.h"
 
 namespace v3d {
@@ -32,7 +34,8 @@ Rig one_camera() {
            .colour = {}}};
 }
 
-void save_take(const std::filesystem::path& folder, int64_t pulses) {
+void save_take(const std::filesystem::path& folder, int64_t pulses,
+               const std::vector<take::SoundLedger>& sounds = {}) {
   std::filesystem::create_directories(folder);
   const take::TakePaths paths{folder};
   io::throw_if_failed(save_take_info(paths, {.name = folder.filename(),
@@ -46,6 +49,7 @@ void save_take(const std::filesystem::path& folder, int64_t pulses) {
   take::Ledger ledger;
   ledger.take = folder.filename();
   ledger.commanded = pulses;
+  ledger.sounds = sounds;
   io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   save_calib(paths.calib(), one_camera());
 }
@@ -114,6 +118,16 @@ void save_motion(const std::filesystem::path& path) {
   io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
 }
 
+/// A ramp, so that the value of a sample is its position.
+take::SoundLedger save_ramp(const take::TakePaths& paths) {
+  constexpr int64_t kSamples = 120'000;
+  constexpr double kFirst = 4800, kSamplesPerPulse = 1921;
+  const sound::PulseMap map{{{0, kFirst}, {kPulses, kFirst + kPulses * kSamplesPerPulse}}};
+  return test::write_sound(paths, map, kSamples, 1, [](int64_t sample, int) {
+    return 0.1 + 0.8 * static_cast<double>(sample) / kSamples;
+  });
+}
+
 }  // namespace
 }  // namespace v3d
 
@@ -126,6 +140,8 @@ int main(int /*argc*/, char** argv) {
   v3d::save_take(takes / "moving", v3d::kPulses);
   v3d::save_meshes(takes / "moving/mesh.v3d");
   v3d::save_motion(takes / "moving/motion.v3d");
+  v3d::save_take(takes / "sounding", v3d::kPulses, {v3d::save_ramp({takes / "sounding"})});
+  v3d::save_meshes(takes / "sounding/mesh.v3d");
   v3d::save_take(takes / "empty", 0);
   return 0;
 }

@@ -16,6 +16,7 @@ export interface KeyActions {
   /** motion() switches tracked surfaces on and off, freeze() their texture. */
   motion(): void;
   freeze(): void;
+  sound(): void;
   live(): void;
   help(): void;
   follow(): void;
@@ -56,6 +57,7 @@ const KEYS: Key[] = [
   { keys: ['r'], shown: 'R', does: "look along the scene's camera path", run: (d) => d.follow() },
   { keys: ['m'], shown: 'M', does: 'tracked surface of the take, or its meshes', run: (d) => d.motion() },
   { keys: ['t'], shown: 'T', does: 'freeze the texture of the tracked surface, or not', run: (d) => d.freeze() },
+  { keys: ['u'], shown: 'U', does: 'sound of the take, or silence', run: (d) => d.sound() },
   { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
   { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
 ];

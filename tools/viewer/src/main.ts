@@ -6,9 +6,11 @@ import { MotionPanel } from './motion_panel';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
-import { parseScene, pictureCount, PLAIN, type SceneFile, writeScene } from './scene_file';
+import { parseScene, pictureCount, PLAIN, type SceneFile, WHOLE_TAKE, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
 import type { Look } from './shading';
+import { fetchSound } from './sound_file';
+import { SoundOutput, SoundPlayer } from './sound_player';
 import { Stage } from './stage';
 import { fetchScenes, fetchTakes, formatBytes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
@@ -44,6 +46,9 @@ class Viewer {
   private shown: ShownFrame | null = null;
   private readonly performers = new PerformerList(find('performers'), () => this.draw());
   private readonly motion: MotionPanel;
+  private readonly output = new SoundOutput();
+  private sound: SoundPlayer | null = null;
+  private soundOn = true;
   private shownTimes: number[] = [];
   private shownCount = 0;
   private latency: number | null = null;
@@ -84,6 +89,7 @@ class Viewer {
       blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
       motion: () => this.motion.toggle(),
+      sound: () => this.toggleSound(),
       freeze: () => this.motion.toggleFreeze(),
       live: () => this.openLive(),
       flying: () => this.stage.flying,
@@ -179,8 +185,7 @@ class Viewer {
     const seconds = take && this.playback ? (this.playback.last - this.playback.first + 1) / take.rate_hz : 10;
     const scene: SceneFile = {
       rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
-      takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
-        in_pulse: null, out_pulse: null, outside: 'hold', performer: null }] : [],
+      takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, ...WHOLE_TAKE }] : [],
       camera: { keys: [this.stage.eyeAsKey(0)] },
     };
     this.openAs({ take: null, scene: '' }, '', null);
@@ -194,7 +199,7 @@ class Viewer {
 
   private showScene(scene: SceneFile, url: string, at: number): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
-    this.composition = new Composition(this.stage, scene, url, rateOf, (text) => this.trouble(text));
+    this.composition = new Composition(this.stage, this.output, scene, url, rateOf, (text) => this.trouble(text));
     this.setScenePlayback(Number.isNaN(at) ? 0 : at);
     this.playback!.playing = Number.isNaN(at);
     this.panel.show(scene);
@@ -271,6 +276,7 @@ class Viewer {
     this.send({ kind: 'nothing' });
     if (location.hash.slice(1).split('&')[0] !== address) history.replaceState(null, '', `#${address}`);
     this.playback = null;
+    this.openSound(take);
     this.shown = null;
     this.performers.clear();
     this.latency = null;
@@ -287,6 +293,40 @@ class Viewer {
     fetchRig(rigUrl).then((rig) => {
       if (number === this.opened) this.setRig(rig);
     });
+  }
+
+  /** The sound of the open take; the takes of a scene have their own. */
+  private openSound(take: Take | null): void {
+    this.sound?.end();
+    this.sound = null;
+    find('sound').hidden = true;
+    const number = this.opened;
+    if (!take) return;
+    void fetchSound(take.name).then((sources) => {
+      if (number !== this.opened || sources.length === 0) return;
+      this.sound = new SoundPlayer(this.output, sources, take.rate_hz, (text) => this.trouble(text));
+      find('sound').hidden = false;
+    }, () => undefined);
+  }
+
+  private toggleSound(): void {
+    this.soundOn = !this.soundOn;
+    press(find('sound'), this.soundOn);
+  }
+
+  private playSound(now: number): void {
+    const { playback, sound, composition } = this;
+    if (!playback) return;
+    const { exact, speed, outPulse } = playback;
+    const playing = playback.playing && this.soundOn;
+    if (composition) {
+      find('sound').hidden = !composition.hasSound;
+      composition.playSound(exact / playback.rate, playing, speed, now);
+    }
+    if (!sound) return;
+    sound.follow({ exact, playing, speed, outPulse }, now);
+    find('canvas').dataset.sound = sound.state; // for the browser tests, as is the position
+    find('canvas').dataset.position = `${now} ${exact}`;
   }
 
   private markOpen(): void {
@@ -410,6 +450,7 @@ class Viewer {
     find('help').addEventListener('click', () => find<HTMLDialogElement>('keys').showModal());
     find('new-scene').addEventListener('click', () => this.newScene());
     find('follow').addEventListener('click', () => this.setFollowing(true));
+    find('sound').addEventListener('click', () => this.toggleSound());
     const file = find<HTMLInputElement>('scene-file');
     file.addEventListener('change', () => {
       if (file.files?.[0]) void this.openFile(file.files[0]);
@@ -435,6 +476,7 @@ class Viewer {
     this.last = now;
     if (this.playback) {
       this.playback.advance(seconds);
+      this.playSound(now);
       this.transport.update();
       if (this.playback.frame !== this.wanted) {
         this.wanted = this.playback.frame;
