@@ -42,7 +42,7 @@ v3d_may_use(v3d_tools_common base cli)
 v3d_may_use(v3d_tools_gltf base)
 v3d_may_use(v3dctl_media base)
 # v3dctl contains no code of daemons, cameras or triggers.
-v3d_may_use(v3dctl_parts base cli codec wire take segmentation recon bus control recorded)
+v3d_may_use(v3dctl_parts base cli codec wire sound take segmentation recon bus control recorded)
 v3d_may_use(v3d_sim_tool base cli take segmentation sim)
 v3d_may_use(v3d_calibrate_parts calib)
 v3d_may_use(v3d_plan_parts sim)

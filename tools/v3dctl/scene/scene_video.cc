@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 /// Prevents ffmpeg from parsing a relative path that begins with '-' as an option.
 std::string file_word(const fs::path& path) { return "file:" + path.string(); }
 
-std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz) {
+std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz,
+                                      const fs::path& sound) {
   if (size.width % 2 != 0 || size.height % 2 != 0) {
     throw InputError("--size " + format_size(size) +
                      ": expected an even width and height for a video");
@@ -36,22 +37,24 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
                                  "-framerate",
                                  std::to_string(rate_hz),
                                  "-i",
-                                 "pipe:0",
-                                 "-vf",
-                                 "scale=out_color_matrix=bt709:out_range=tv",
-                                 "-pix_fmt",
-                                 "yuv420p",
-                                 "-colorspace",
-                                 "bt709",
-                                 "-color_primaries",
-                                 "bt709",
-                                 "-color_trc",
-                                 "bt709"};
+                                 "pipe:0"};
+  const auto add = [&](const std::vector<const char*>& more) {
+    words.insert(words.end(), more.begin(), more.end());
+  };
   const bool webm = path.extension() == ".webm";
-  for (const char* word :
-       webm ? std::vector<const char*>{"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"}
-            : std::vector<const char*>{"-c:v", "libx264", "-crf", "18"}) {
-    words.emplace_back(word);
+  if (!sound.empty()) {
+    add({"-i"});
+    words.push_back(file_word(sound));
+    // Matroska states no delay of an AAC encoder.
+    const bool opus = webm || path.extension() == ".mkv";
+    add({"-c:a", opus ? "libopus" : "aac", "-b:a", "192k"});
+  }
+  add({"-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"});
+  add({"-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"});
+  if (webm) {
+    add({"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"});
+  } else {
+    add({"-c:v", "libx264", "-crf", "18"});
   }
   words.push_back(file_word(path));
   return words;
@@ -113,8 +116,9 @@ bool VideoWriter::writes(const fs::path& path) {
   return std::ranges::find(kEndings, path.extension().string()) != kEndings.end();
 }
 
-VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz)
-    : path_(path), ffmpeg_(writer_words(path, size, rate_hz), ProcessStream::End::kStdin) {}
+VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz,
+                         const fs::path& sound)
+    : path_(path), ffmpeg_(writer_words(path, size, rate_hz, sound), ProcessStream::End::kStdin) {}
 
 void VideoWriter::add(const Image& picture) {
   if (ffmpeg_.write(picture.bytes)) return;

@@ -15,8 +15,11 @@ class VideoWriter {
   /// Whether the extension of `path` is one of these.
   static bool writes(const std::filesystem::path& path);
 
-  /// Throws InputError without ffmpeg on this PC, and for an odd width or height.
-  VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz);
+  /// `sound`: a sound file that becomes the sound of the video: AAC in .mp4 and .mov, otherwise
+  /// Opus; empty: none. Throws InputError without ffmpeg on this PC, and for an odd width or
+  /// height.
+  VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz,
+              const std::filesystem::path& sound = {});
   /// Adds a picture, RGB8 of the given size. Throws std::runtime_error after ffmpeg has failed;
   /// ffmpeg prints the cause.
   void add(const Image& picture);
