@@ -2,7 +2,7 @@
 #   - the headers of a layer are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a target links a layer that its rule does not name.
-set(V3D_LAYERS core io image geometry config base cli codec wire take trigger segmentation capture recon calib sim
+set(V3D_LAYERS core io image geometry config base cli codec wire sound take trigger segmentation capture recon calib sim
   bus control web node captured recond recorded viewd)
 # v3d_may_use(<target> <layer>...): sets the rule of a target. The name of a layer means the target v3d_<layer>.
 macro(v3d_may_use target)
@@ -19,7 +19,8 @@ v3d_may_use(v3d_cli core)
 v3d_may_use(v3d_codec)
 v3d_may_use(v3ddecoder codec)
 v3d_may_use(v3d_wire base)
-v3d_may_use(v3d_take base codec wire)
+v3d_may_use(v3d_sound base)
+v3d_may_use(v3d_take base codec wire sound)
 v3d_may_use(v3d_trigger base)
 v3d_may_use(v3d_segmentation base)
 v3d_may_use(v3d_capture base)
@@ -30,7 +31,7 @@ v3d_may_use(v3d_bus base wire)
 v3d_may_use(v3d_control base wire take bus)
 v3d_may_use(v3d_web base)
 v3d_may_use(v3d_node base cli wire take bus control web)
-v3d_may_use(v3d_captured base wire take trigger segmentation capture bus control node)
+v3d_may_use(v3d_captured base wire sound take trigger segmentation capture bus control node)
 v3d_may_use(v3d_recond base codec wire take recon bus control node)
 v3d_may_use(v3d_recorded base codec take recon segmentation)
 v3d_may_use(v3d_viewd base codec wire take recon bus control web node recorded)
@@ -41,7 +42,7 @@ v3d_may_use(v3d_tools_common base cli)
 v3d_may_use(v3d_tools_gltf base)
 v3d_may_use(v3dctl_media base)
 # v3dctl contains no code of daemons, cameras or triggers.
-v3d_may_use(v3dctl_parts base cli codec wire take segmentation recon bus control recorded)
+v3d_may_use(v3dctl_parts base cli codec wire sound take segmentation recon bus control recorded)
 v3d_may_use(v3d_sim_tool base cli take segmentation sim)
 v3d_may_use(v3d_calibrate_parts calib)
 v3d_may_use(v3d_plan_parts sim)

@@ -19,8 +19,9 @@ namespace v3d::take {
 
 // A take on disk: the files of its folder and its description, take.toml (docs/takes.md).
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
-//   mesh.v3d  repaired.<node>.txt  slate.toml  verified.toml
-//   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
+//   sound/<node>.wav  mesh.v3d  repaired.<node>.txt  slate.toml  verified.toml
+//   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...,
+//   sound/<node>.0001.wav, ...
 
 /// Limit of pulse counts and pulse numbers: four days at 25 Hz. A larger value comes from a damaged
 /// file. The limit keeps lists of missing frames short enough for memory.
@@ -55,6 +56,8 @@ struct TakePaths {
     return folder / (camera + ".lcmlog");
   }
   std::filesystem::path background() const { return folder / "background"; }
+  /// Sound of the nodes: <node>.wav; after a restart in the take also <node>.0001.wav, ...
+  std::filesystem::path sound() const { return folder / "sound"; }
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
   std::filesystem::path motion() const { return folder / "motion.v3d"; }
   /// The operations of an edited take (docs/editing.md). Recordings have none.

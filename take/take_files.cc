@@ -106,10 +106,12 @@ std::optional<uint64_t> parse_checksum(std::string_view text) {
 io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
   std::vector<std::string> names;
   io::Status listed = add_names(paths.folder, "", names);
-  const auto plates = io::type_of(paths.background());
-  if (!plates) return tl::make_unexpected(plates.error());
-  if (listed && *plates == fs::file_type::directory) {
-    listed = add_names(paths.background(), paths.background().filename().string() + "/", names);
+  for (const fs::path& folder : {paths.background(), paths.sound()}) {
+    const auto type = io::type_of(folder);
+    if (!type) return tl::make_unexpected(type.error());
+    if (listed && *type == fs::file_type::directory) {
+      listed = add_names(folder, folder.filename().string() + "/", names);
+    }
   }
   if (!listed) return tl::make_unexpected(listed.error());
   std::ranges::sort(names);

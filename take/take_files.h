@@ -39,10 +39,10 @@ enum class ReadFrom : uint8_t {
   kDisk,       ///< the disk: dirty pages are written and cached pages are dropped first
 };
 
-/// Sorted names of all regular files of the take folder and of its background folder. Omits hidden
-/// names, which are working files of daemons and programs (locks, commands, partial files), and
-/// temporary files that a power cut left behind in io::replace_file(). Fails with path and cause
-/// when a folder cannot be listed.
+/// Sorted names of all regular files of the take folder and of its folders background and sound.
+/// Omits hidden names, which are working files of daemons and programs (locks, commands, partial
+/// files), and temporary files that a power cut left behind in io::replace_file(). Fails with path
+/// and cause when a folder cannot be listed.
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
 /// True for the name of a signature file: signature.<node>.toml (take_signature.h).

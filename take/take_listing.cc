@@ -65,6 +65,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
     const Ledger ledger = load_ledger(paths.ledger());
     take.whole = ledger.complete();
     take.absent_nodes = ledger.absent_nodes;
+    take.timecode = timecode_text(ledger.sounds);
   }
   take.edited = is_edited(paths);
   count_meshes(take);

@@ -49,6 +49,9 @@ struct TakeListing {
   bool edited = false;                 ///< is_edited()
   bool whole = false;                  ///< the ledger reports the take as complete
   std::vector<TakeNode> absent_nodes;  ///< Ledger::absent_nodes
+  /// Timecode of the first and the last pulse, by the sound of a node with LTC, otherwise of any
+  /// node: "10:00:00:00 to 10:01:00:00"; empty: unknown.
+  std::string timecode;
   bool examined = false;  ///< v3dctl verify has read the current files, with any result
   bool verified = false;  ///< `examined`, and all files matched the ledger
   int64_t bytes = 0;      ///< size of all files of the take

@@ -82,8 +82,17 @@ void reject_other_take(const Part& first, const Part& other) {
   }
 }
 
+void link_folder(const fs::path& from, const fs::path& to) {
+  reject_link(from);
+  if (!file_exists(from)) return;
+  fs::create_directories(to);
+  for (const fs::path& file : io::value_or_throw(io::list_folder(from))) {
+    link_if_present(file, to / file.filename());
+  }
+}
+
 /// Links the files that are not specific to a camera: calibration, studio file, slate, signatures,
-/// lists of repaired pulses, plates.
+/// lists of repaired pulses, plates, sound.
 void link_shared_files(const TakePaths& part, const TakePaths& into) {
   link_if_present(part.calib(), into.calib());
   link_if_present(part.studio(), into.studio());
@@ -92,11 +101,8 @@ void link_shared_files(const TakePaths& part, const TakePaths& into) {
     if (!is_signature(name) && !is_repaired_pulses(name)) continue;
     link_if_present(part.folder / name, into.folder / name);
   }
-  reject_link(part.background());
-  if (!file_exists(part.background())) return;
-  for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
-    link_if_present(plate, into.background() / plate.filename());
-  }
+  link_folder(part.background(), into.background());
+  link_folder(part.sound(), into.sound());
 }
 
 void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {

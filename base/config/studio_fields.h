@@ -51,6 +51,9 @@ void require_node(const TomlTable& table, std::string_view key, const Studio& st
 /// The field `node`: the name of a node of the studio.
 std::string read_node(const TomlTable& table, const Studio& studio);
 
+/// The tables [[sound]]. The nodes of the studio are known.
+void read_sounds(const TomlTable& file, Studio& studio);
+
 /// A path of the file; a relative path starts at the folder of the studio file.
 std::filesystem::path resolve(const Studio& studio, const std::string& path);
 

@@ -423,6 +423,11 @@ std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {
   return found;
 }
 
+const StudioSound* Studio::sound_of(std::string_view node) const {
+  const auto found = std::ranges::find(sounds, node, &StudioSound::node);
+  return found == sounds.end() ? nullptr : &*found;
+}
+
 bool Studio::reconstructs(std::string_view node) const {
   return std::find(reconstruction.nodes.begin(), reconstruction.nodes.end(), node) !=
          reconstruction.nodes.end();
@@ -442,6 +447,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_storage(file, studio);
   read_reconstruction(file, studio);
   read_viewer(file, studio);
+  read_sounds(file, studio);
   file.reject_unknown_fields();
   return studio;
 }

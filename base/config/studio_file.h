@@ -162,6 +162,17 @@ struct StudioViewer {
   std::filesystem::path operator_token = "/etc/v3d/operator.token";
 };
 
+/// [[sound]]: a sound input of a node; at most one per node.
+struct StudioSound {
+  std::string node;
+  std::string device;  ///< ALSA name, or "simulated:..." (sound/sound_input.h)
+  int channels = 2;
+  int rate_hz = 48'000;
+  int pulse_channel = 0;      ///< channel with the trigger pulse, from 1; 0: none
+  int timecode_channel = 0;   ///< channel with LTC, from 1; 0: none
+  std::string timecode_rate;  ///< name of a TimecodeRate; empty: derived from the signal
+};
+
 struct Studio {
   std::string name;
   std::filesystem::path path;  ///< the studio file
@@ -173,9 +184,12 @@ struct Studio {
   StudioStorage storage;
   StudioReconstruction reconstruction;
   StudioViewer viewer;
+  std::vector<StudioSound> sounds;
 
   /// The cameras that are connected to a node.
   std::vector<StudioCamera> cameras_of(std::string_view node) const;
+  /// The sound input of a node; null when it has none.
+  const StudioSound* sound_of(std::string_view node) const;
   /// True when the node is one of the reconstruction nodes.
   bool reconstructs(std::string_view node) const;
 };

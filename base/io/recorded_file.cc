@@ -38,7 +38,8 @@ bool is_recorded_file(const fs::path& path) {
   if (!fs::exists(fs::symlink_status(path, absent))) return false;
   const fs::path folder = fs::canonical(path.has_parent_path() ? path.parent_path() : ".", absent);
   if (is_take(folder)) return is_take_file(name);
-  return folder.filename() == "background" && is_take(folder.parent_path());
+  const bool is_inside = folder.filename() == "background" || folder.filename() == "sound";
+  return is_inside && is_take(folder.parent_path());
 }
 
 }  // namespace v3d

@@ -8,7 +8,8 @@ namespace v3d {
 /// True when `path` names a recorded file:
 /// - a log (*.lcmlog) or its index (*.lcmlog.index), in any folder, also when it does not exist
 /// yet;
-/// - an existing file with a name of a take's files, or below its folder `background`, in a folder
+/// - an existing file with a name of a take's files, or below its folders `background` and `sound`,
+/// in a folder
 ///   with a take.toml.
 /// A folder that cannot be read counts as no take: then the file cannot be replaced, either.
 bool is_recorded_file(const std::filesystem::path& path);

@@ -14,6 +14,7 @@
 #include "daemon/captured/camera_monitor.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
+#include "daemon/captured/node_sound.h"
 #include "daemon/captured/take_signers.h"
 #include "daemon/control/node_protocol.h"
 #include "daemon/node/node_health.h"
@@ -78,6 +79,9 @@ class CaptureNode : public control::NodeDelegate {
   std::string fault_text() const;
   void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
   void report_trigger(wire::HealthMessage& health) const;
+  /// Levels and counts of the sound, and events about it.
+  void report_sound(wire::HealthMessage& health);
+  void report_sound_conditions(const NodeSound::Status& status, double loudest);
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
   void report_warnings(const TakeCounts& counts);
@@ -96,6 +100,7 @@ class CaptureNode : public control::NodeDelegate {
   node::PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;
+  std::unique_ptr<NodeSound> sound_;  ///< null: the node has no sound input
   NodeSigner signer_;
   RecoveredTakeSigner recovered_takes_;
 

@@ -63,6 +63,7 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
     take->add_pipeline(*worker, context.cameras.background_of(*worker));
   }
   take->sync_names();
+  take->begin_sound();
   return take;
 }
 
@@ -92,7 +93,29 @@ std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& p
   }
   for (const std::string& problem : take->unread_) spdlog::error("{}", problem);
   take->sync_names();
+  take->begin_sound();
   return take;
+}
+
+NodeTake::~NodeTake() {
+  if (context_.sound != nullptr) context_.sound->end();
+}
+
+void NodeTake::begin_sound() {
+  if (context_.sound != nullptr) context_.sound->begin(paths_, info_.name, info_.rate_hz);
+}
+
+std::vector<take::SoundLedger> NodeTake::end_sound() {
+  if (context_.sound == nullptr) return {};
+  auto ended = context_.sound->end();
+  std::vector<take::SoundLedger> sounds;
+  // Files of before a restart of the daemon have no map.
+  if (const auto read = take::read_sounds(paths_)) sounds = read->sounds;
+  std::erase_if(sounds, [&](const take::SoundLedger& sound) {
+    return sound.node != context_.name || (ended && sound.file == ended->file);
+  });
+  if (ended) sounds.push_back(*std::move(ended));
+  return sounds;
 }
 
 void NodeTake::sync_names() const {
@@ -148,6 +171,7 @@ void NodeTake::stop_pipelines(take::Ledger& ledger) {
     ledger.cameras.push_back(pipeline->close(ledger.commanded));
     ledger.files.push_back(pipeline->file());
   }
+  ledger.sounds = end_sound();
 }
 
 std::string NodeTake::unsynced(const io::Status& pulse_log) const {

@@ -17,6 +17,7 @@
 #include "daemon/bus/bus.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
+#include "daemon/captured/node_sound.h"
 #include "daemon/captured/preview.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
@@ -145,6 +146,7 @@ class NodeTake {
     NodeCameras& cameras;
     PrioritySemaphore& slots;
     std::shared_ptr<const take::TakeSigner> signer = nullptr;  ///< null: the take is not signed
+    NodeSound* sound = nullptr;  ///< null: the node has no sound input
   };
   struct Plan {
     wire::CommandMessage order;
@@ -166,6 +168,11 @@ class NodeTake {
   /// then disarm the cameras.
   static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
                                           const LoggedPulses& pulses, bool edges_are_reported);
+
+  /// Ends the recording of sound.
+  ~NodeTake();
+  NodeTake(const NodeTake&) = delete;
+  NodeTake& operator=(const NodeTake&) = delete;
 
   const take::TakePaths& paths() const { return paths_; }
 
@@ -193,6 +200,9 @@ class NodeTake {
   NodeTake(Context context, take::TakeInfo info, const DiskDemand& demand, take::TakeLock lock);
   static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan,
                                           take::TakeInfo info, take::TakeLock lock);
+  void begin_sound();
+  /// The sound files of this node.
+  std::vector<take::SoundLedger> end_sound();
   void add_pipeline(capture::CameraWorker& worker, const segmentation::BackgroundModel& background,
                     std::optional<ResumeState> resume = {});
   DiskErrors disk_errors() const;

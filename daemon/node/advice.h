@@ -50,6 +50,15 @@ inline constexpr char kPulseLog[] =
     "The frames have their own pulse numbers; v3dctl verify lists the pulses missing from the log";
 inline constexpr char kLivePicture[] =
     "All frames are recorded; for the live picture close other programs on this PC";
+inline constexpr char kSound[] =
+    "Pictures are recorded; check the device's cable, and device under [[sound]] (arecord -L lists "
+    "the devices)";
+inline constexpr char kSoundFile[] =
+    "Pictures are recorded, but no more sound; check the disk (journalctl -k) before the next take";
+inline constexpr char kSoundXruns[] =
+    "The file has silence there, and ledger.toml lists the places; close other programs on this PC";
+inline constexpr char kSoundLevel[] =
+    "Check the gain of the input, the microphones and their power";
 
 /// Events of reconstruction nodes.
 inline constexpr char kMeshDisk[] =

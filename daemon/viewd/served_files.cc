@@ -13,7 +13,7 @@ namespace v3d::viewd {
 namespace fs = std::filesystem;
 
 std::string content_type(const fs::path& path) {
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes = {
+  static constexpr std::array<std::pair<std::string_view, std::string_view>, 15> kTypes = {
       {{".html", "text/html; charset=utf-8"},
        {".js", "text/javascript; charset=utf-8"},
        {".css", "text/css; charset=utf-8"},
@@ -26,6 +26,7 @@ std::string content_type(const fs::path& path) {
        {".glb", "model/gltf-binary"},
        {".mp4", "video/mp4"},
        {".webm", "video/webm"},
+       {".wav", "audio/wav"},
        {".woff2", "font/woff2"},
        {".toml", "text/plain; charset=utf-8"}}};
   const std::string extension = path.extension();

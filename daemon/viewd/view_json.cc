@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/image/mask.h"
+#include "take/take_sound.h"
 
 namespace v3d::viewd {
 namespace {
@@ -97,6 +98,23 @@ std::string rig_json(const Rig& rig) {
   Json cameras = Json::array();
   for (const RigCamera& camera : rig) cameras.push_back(camera_json(camera));
   return text_of({{"cameras", cameras}});
+}
+
+std::string sound_json(const std::vector<take::SoundLedger>& sounds,
+                       const std::optional<Studio>& studio) {
+  Json files = Json::array();
+  for (const take::SoundLedger& sound : sounds) {
+    if (!sound.map.is_known()) continue;
+    Json map = Json::array();
+    for (const auto& knot : sound.map.knots) map.push_back({knot.pulse, knot.sample});
+    files.push_back({{"file", sound.file},
+                     {"rate_hz", sound.rate_hz},
+                     {"channels", sound.channels},
+                     {"samples", sound.samples},
+                     {"audible", take::audible_channels(sound, studio)},
+                     {"map", std::move(map)}});
+  }
+  return text_of({{"files", std::move(files)}});
 }
 
 std::string mesh_message(const wire::MeshMessage& mesh, int64_t number) {

@@ -13,6 +13,7 @@
 #include "base/config/studio_file.h"
 #include "base/geometry/camera_model.h"
 #include "recon/texture/texture.h"
+#include "take/ledger/sound_ledger.h"
 #include "wire/messages.h"
 
 namespace v3d::viewd {
@@ -23,6 +24,12 @@ std::string scenes_json(const std::vector<std::string>& names);
 /// {"cameras": [{"name", "width", "height", "matrix" (3x3), "distortion", "rotation" (3x3) and
 /// "translation" of cam_from_world}]}
 std::string rig_json(const Rig& rig);
+
+/// {"files": [{"file", "rate_hz", "channels", "samples", "audible" (channels, from 1), "map" (pairs
+/// of pulse and sample)}]}: the sound files of a take that have a map of its pulses. `studio`: that
+/// of the take.
+std::string sound_json(const std::vector<take::SoundLedger>& sounds,
+                       const std::optional<Studio>& studio);
 
 /// A compact frame: {"type": "mesh", "number", "take", "pulse", "edge_ms" and "sent_ms" since
 /// 1970 (edge_ms null when unknown), "silhouette_iou", "coverage", "cameras", "missing"}, then the

@@ -19,6 +19,7 @@
 #include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/view_json.h"
 #include "daemon/web/web_access.h"
+#include "take/ledger/ledger.h"
 
 namespace v3d::viewd {
 namespace {
@@ -243,6 +244,12 @@ web::WebAnswer WebSite::find(const web::WebRequest& request, const web::WebTarge
     if (!is_file_name(path[2])) return web::plain_answer(404, "there is no such take");
     return rig_answer([take = take::TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
   }
+  if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "sound") {
+    return take_sound(path[2]);
+  }
+  if (path.size() == 4 && path[0] == "takes" && path[2] == "sound") {
+    return sound_file(request, path[1], path[3]);
+  }
   if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return take_file(request, path[1], path[2]);
   const auto page = page_.find(target.text());
@@ -260,6 +267,29 @@ web::WebAnswer WebSite::take_file(const web::WebRequest& request, const std::str
     answer.fields.emplace_back("Cache-Control", "no-cache");
     return answer;
   });
+}
+
+web::WebAnswer WebSite::take_sound(const std::string& take) const {
+  if (!is_file_name(take)) return web::plain_answer(404, "there is no such take");
+  return later_answer(web::WorkKind::kFile, [paths = take::TakePaths{takes_ / take}] {
+    const take::Ledger ledger = take::load_ledger(paths.ledger());
+    const auto studio = ledger.sounds.empty() ? std::nullopt : load_take_studio(paths);
+    return web::json_answer(sound_json(ledger.sounds, studio));
+  });
+}
+
+web::WebAnswer WebSite::sound_file(const web::WebRequest& request, const std::string& take,
+                                   const std::string& file) const {
+  const web::WebAnswer unknown = web::plain_answer(404, "there is no such file of a take");
+  if (!is_file_name(take) || !is_file_name(file) || !file.ends_with(".wav")) return unknown;
+  return later_answer(
+      web::WorkKind::kFile, [request, folder = takes_ / take / "sound", file, unknown] {
+        std::error_code error;
+        if (!is_directory(std::filesystem::symlink_status(folder, error))) return unknown;
+        web::WebAnswer answer = file_answer(request, folder / file, web::WorkKind::kFile);
+        answer.fields.emplace_back("Cache-Control", "no-cache");
+        return answer;
+      });
 }
 
 }  // namespace v3d::viewd

@@ -3,6 +3,8 @@
 //   /api/takes                   the takes (takes_json)
 //   /api/scenes                  the scenes (scenes_json)
 //   /api/rig, /api/takes/T/rig   the current calibration, and that of a take (rig_json)
+//   /api/takes/T/sound           the sound files of a take, with its pulses (sound_json)
+//   /takes/T/sound/F             a sound file of a take
 //   /api/order                   GET: the last command and its result (report_json); POST: a
 //   command
 //                                (command_endpoint.h), the only request that changes anything
@@ -65,6 +67,9 @@ class WebSite {
   std::optional<web::WebAnswer> refusal(const web::WebRequest& request,
                                         const std::optional<web::WebTarget>& target) const;
   web::WebAnswer find(const web::WebRequest& request, const web::WebTarget& target) const;
+  web::WebAnswer take_sound(const std::string& take) const;
+  web::WebAnswer sound_file(const web::WebRequest& request, const std::string& take,
+                            const std::string& file) const;
   web::WebAnswer take_file(const web::WebRequest& request, const std::string& take,
                            const std::string& file) const;
 

@@ -12,7 +12,8 @@ namespace {
 bool is_part_of_take(const std::string& name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
-         name.starts_with(paths.background().string() + "/");
+         name.starts_with(paths.background().string() + "/") ||
+         name.starts_with(paths.sound().string() + "/");
 }
 
 }  // namespace

@@ -162,6 +162,7 @@ Ledger merge(const std::vector<Ledger>& parts) {
       add_missing(camera, part.commanded, whole.commanded);
       whole.cameras.push_back(std::move(camera));
     }
+    whole.sounds.insert(whole.sounds.end(), part.sounds.begin(), part.sounds.end());
   }
   return whole;
 }
@@ -192,6 +193,9 @@ std::vector<std::string> problem_lines(const Ledger& ledger) {
     add_line(camera.name, "missing pulses", camera.missing);
     add_line(camera.name, "duplicate frames of pulses", camera.duplicate);
     add_line(camera.name, "suspect pulses", camera.suspect);
+  }
+  for (const SoundLedger& sound : ledger.sounds) {
+    if (const std::string line = problem_line(sound); !line.empty()) lines.push_back(line);
   }
   return lines;
 }
@@ -241,6 +245,9 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
+  for (const TomlTable& sound : table.tables("sound")) {
+    ledger.sounds.push_back(read_sound_ledger(sound));
+  }
   ledger.absent_nodes = read_nodes(table, "absent_node");
   for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
   table.reject_unknown_fields();
@@ -259,6 +266,7 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
         .integers("runt", ledger.runt);
   }
   for (const CameraLedger& camera : ledger.cameras) write_camera(camera, file);
+  for (const SoundLedger& sound : ledger.sounds) write_sound_ledger(sound, file);
   for (const TakeNode& node : ledger.absent_nodes) write_node("absent_node", node, file);
   for (const TakeFile& entry : ledger.files) write_file_entry(entry, file);
   return io::replace_file(path, with_checksum(file.written()));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/io/file.h"
+#include "take/ledger/sound_ledger.h"
 #include "take/take.h"
 #include "take/take_files.h"
 
@@ -67,6 +68,7 @@ struct Ledger {
   int64_t extra = 0;                   ///< pulses that it detected besides those of the train
   std::vector<int64_t> runt = {};      ///< pulses that it detected as too short
   std::vector<CameraLedger> cameras;
+  std::vector<SoundLedger> sounds = {};  ///< does not decide whether the take is complete
   /// Of a collected take: its capture nodes that are not in this copy, because the operator left
   /// them out.
   std::vector<TakeNode> absent_nodes = {};

@@ -96,6 +96,7 @@ class Verifier {
       if (stored) compare(*stored, counted);
       result_.ledger.cameras.push_back(std::move(counted));
     }
+    count_sounds(stored);
     check_calib();
     if (reads_files) files.finish();
     check_mesh();
@@ -241,6 +242,27 @@ class Verifier {
                found->suspect != counted.suspect) {
       disagree(paths_.frames(counted.name),
                "its missing, duplicate or suspect pulses are not those of the ledger");
+    }
+  }
+
+  /// Compares the sound files with the ledger; without a ledger, counts their samples.
+  void count_sounds(const std::optional<Ledger>& stored) {
+    auto counted = read_sounds(paths_);
+    if (!counted) return report(counted.error().message, false);
+    for (const std::string& problem : counted->problems) result_.disagreements.push_back(problem);
+    if (!stored) {
+      result_.ledger.sounds = std::move(counted->sounds);
+      return;
+    }
+    result_.ledger.sounds = stored->sounds;
+    for (const SoundLedger& listed : stored->sounds) {
+      const auto found = std::ranges::find(counted->sounds, listed.file, &SoundLedger::file);
+      if (found == counted->sounds.end()) continue;  // unreadable, or reported as a missing file
+      if (found->samples != listed.samples || found->rate_hz != listed.rate_hz ||
+          found->channels != listed.channels) {
+        result_.disagreements.push_back(listed.file + ": holds " + contents_of(*found) +
+                                        ", the ledger says " + contents_of(listed));
+      }
     }
   }
 

@@ -13,7 +13,7 @@ import re
 import sys
 import tempfile
 
-FOLDERS = "base calib capture codec daemon recon sim take tools trigger wire systemd".split()
+FOLDERS = "base calib capture codec daemon recon sim sound take tools trigger wire systemd".split()
 
 # Functions of C and C++ that remove, shorten or overwrite a file, or run a program that may.
 FUNCTIONS = """unlink unlinkat rmdir remove remove_all rename renameat renameat2 resize_file truncate truncate64 ftruncate

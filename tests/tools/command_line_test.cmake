@@ -201,7 +201,7 @@ function(check_man_pages_of_the_other_programs)
 endfunction()
 
 function(check_man_page_of_takes)
-  foreach(command slate circle reject clear collect delete)
+  foreach(command slate circle reject clear clap collect delete)
     expect_options_in_page(v3dctl.1 ${V3DCTL} takes ${command})
   endforeach()
 endfunction()

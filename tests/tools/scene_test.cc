@@ -43,6 +43,10 @@ TEST(SceneFile, contains_the_position_of_every_object) {
   EXPECT_EQ(scene.takes[1].outside, Outside::kHold);
   EXPECT_EQ(scene.takes[0].performer, 2);
   EXPECT_EQ(scene.takes[1].performer, std::nullopt);
+  EXPECT_FALSE(scene.takes[0].sound);
+  EXPECT_EQ(scene.takes[0].sound_shift_s, 0.25);
+  EXPECT_EQ(scene.takes[0].sound_gain_db, -6);
+  EXPECT_TRUE(scene.takes[1].sound);
   ASSERT_EQ(scene.models.size(), 1U);
   const Eigen::Vector3d corner = scene.models[0].place.world_from_own() * Eigen::Vector3d(1, 0, 2);
   EXPECT_LT((corner - Eigen::Vector3d(std::sqrt(0.5), std::sqrt(0.5), 2)).norm(), 1e-9);

@@ -73,6 +73,18 @@ TEST(WatchTable, shows_every_node_with_its_cameras_below) {
   EXPECT_THAT(lines[5], AllOf(HasSubstr("  cam02"), HasSubstr("streaming"), HasSubstr("25.0/s")));
 }
 
+TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
+  StudioState state = studio();
+  auto& values = state.health["cap01"].values;
+  values["sound_open_flag"] = 1;
+  values["sound_peak_1_db"] = -20.2;
+  values["sound_peak_2_db"] = 0;
+  values["sound_xruns"] = 3;
+  EXPECT_THAT(texts(state, false), Contains(HasSubstr("sound peaks (dB)  1: -20  2: 0  xruns: 3")));
+  values["sound_open_flag"] = 0;
+  EXPECT_THAT(texts(state, false), Contains(HasSubstr("sound: the device is not open")));
+}
+
 TEST(WatchTable, has_no_colour_without_a_fault) {
   EXPECT_THAT(texts(studio(), true), Not(Contains(HasSubstr("\033["))));
 }

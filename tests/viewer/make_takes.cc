@@ -5,7 +5,8 @@
 // meshes. DIR/takes/moving has the meshes of the ball and a motion.v3d of two segments. From pulse
 // 5 to 24 a ball moves sideways, red up to pulse 14 and then blue. From pulse 25 to 29 it is
 // smaller and yellow. DIR/takes/person has no meshes but a motion.v3d: a grey person who glides
-// along x for 40 pulses and raises and lowers the left arm twice.
+// along x for 40 pulses and raises and lowers the left arm twice. DIR/takes/sounding has the meshes
+// of the ball and a sound that rises from 0.1 to 0.9 of full scale; its clock is 521 ppm fast.
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -18,6 +19,7 @@
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "tests/recon/figures.h"
+#include "tests/support/sounding_take.h"
 #include "tests/viewer/ball_frames.h"
 
 namespace v3d {
@@ -38,7 +40,8 @@ Rig one_camera() {
            .colour = {}}};
 }
 
-void save_take(const std::filesystem::path& folder, int64_t pulses) {
+void save_take(const std::filesystem::path& folder, int64_t pulses,
+               const std::vector<take::SoundLedger>& sounds = {}) {
   std::filesystem::create_directories(folder);
   const take::TakePaths paths{folder};
   io::throw_if_failed(save_take_info(paths, {.name = folder.filename(),
@@ -52,6 +55,7 @@ void save_take(const std::filesystem::path& folder, int64_t pulses) {
   take::Ledger ledger;
   ledger.take = folder.filename();
   ledger.commanded = pulses;
+  ledger.sounds = sounds;
   io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   save_calib(paths.calib(), one_camera());
 }
@@ -155,6 +159,16 @@ void save_person(const std::filesystem::path& path) {
   io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
 }
 
+/// A ramp, so that the value of a sample is its position.
+take::SoundLedger save_ramp(const take::TakePaths& paths) {
+  constexpr int64_t kSamples = 120'000;
+  constexpr double kFirst = 4800, kSamplesPerPulse = 1921;
+  const sound::PulseMap map{{{0, kFirst}, {kPulses, kFirst + kPulses * kSamplesPerPulse}}};
+  return test::write_sound(paths, map, kSamples, 1, [](int64_t sample, int) {
+    return 0.1 + 0.8 * static_cast<double>(sample) / kSamples;
+  });
+}
+
 }  // namespace
 }  // namespace v3d
 
@@ -167,6 +181,8 @@ int main(int /*argc*/, char** argv) {
   v3d::save_take(takes / "moving", v3d::kPulses);
   v3d::save_meshes(takes / "moving/mesh.v3d");
   v3d::save_motion(takes / "moving/motion.v3d");
+  v3d::save_take(takes / "sounding", v3d::kPulses, {v3d::save_ramp({takes / "sounding"})});
+  v3d::save_meshes(takes / "sounding/mesh.v3d");
   v3d::save_take(takes / "empty", 0);
   v3d::save_take(takes / "person", v3d::kPersonPulses);
   v3d::save_person(takes / "person/motion.v3d");

@@ -335,5 +335,40 @@ TEST(StudioFile, rejects_invalid_settings_of_a_v4l2_camera) {
               HasSubstr("height"));
 }
 
+std::string with_sound(const std::string& fields) {
+  return std::string(kGood) + "[[sound]]\nnode = \"cap01\"\n" + fields;
+}
+
+TEST(StudioFile, reads_the_sound_input_of_a_node) {
+  const Studio studio = parse_studio(
+      with_sound("device = \"hw:CARD=USB\"\nchannels = 4\nrate_hz = 96000\npulse_channel = 3\n"
+                 "timecode_channel = 4\ntimecode_rate = \"29.97df\""),
+      "studio.toml");
+  const StudioSound* const sound = studio.sound_of("cap01");
+  ASSERT_NE(sound, nullptr);
+  EXPECT_EQ(sound->device, "hw:CARD=USB");
+  EXPECT_EQ(sound->channels, 4);
+  EXPECT_EQ(sound->rate_hz, 96'000);
+  EXPECT_EQ(sound->pulse_channel, 3);
+  EXPECT_EQ(sound->timecode_channel, 4);
+  EXPECT_EQ(sound->timecode_rate, "29.97df");
+  EXPECT_EQ(studio.sound_of("recon01"), nullptr);
+}
+
+TEST(StudioFile, rejects_invalid_fields_of_a_sound_input) {
+  const std::string device = "device = \"hw:0\"\n";
+  EXPECT_THAT(message_for(with_sound("")), HasSubstr("sound.device: missing"));
+  EXPECT_THAT(message_for(with_sound(device + "rate_hz = 22050")),
+              HasSubstr("sound.rate_hz: expected 48000, 96000 or 44100, found 22050"));
+  EXPECT_THAT(message_for(with_sound(device + "pulse_channel = 3")),
+              HasSubstr("sound.pulse_channel: expected a whole number from 1 to 2, found 3"));
+  EXPECT_THAT(message_for(with_sound(device + "pulse_channel = 2\ntimecode_channel = 2")),
+              HasSubstr("sound.timecode_channel: is also the pulse_channel"));
+  EXPECT_THAT(message_for(with_sound(device + "timecode_rate = \"23\"")),
+              HasSubstr("sound.timecode_rate: '23' is unknown; known: auto, 24, 25, 29.97"));
+  EXPECT_THAT(message_for(with_sound(device + "[[sound]]\nnode = \"cap01\"\n" + device)),
+              HasSubstr("two tables [[sound]] are of node 'cap01'"));
+}
+
 }  // namespace
 }  // namespace v3d

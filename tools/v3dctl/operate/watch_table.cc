@@ -17,6 +17,7 @@ constexpr double kWarnDiskSeconds = 600;  // of recording
 constexpr double kAlarmDiskSeconds = 60;
 constexpr double kWarnClockOffsetUs = 1000;  // well below the period of the pulses
 constexpr double kWarnCelsius = 85;
+constexpr double kClippingDecibels = -0.1;
 constexpr double kWarnCpuPercent = 95;
 constexpr double kWarnMemoryBytes = 500e6;
 
@@ -177,6 +178,24 @@ std::string shard_text(const wire::HealthMessage& health) {
   return text;
 }
 
+/// Peaks of the sound of a node in dB of full scale, by channel; empty without sound.
+WatchLine sound_line(const wire::HealthMessage& health) {
+  const auto open = find(health, "sound_open_flag");
+  if (!open) return {};
+  if (*open == 0) return {{{"  sound: the device is not open", Highlight::kWarning}}};
+  WatchLine line{{{"  sound peaks (dB)", Highlight::kNone}}};
+  for (int channel = 1;; ++channel) {
+    const auto peak = find(health, "sound_peak_" + std::to_string(channel) + "_db");
+    if (!peak) break;
+    const std::string text =
+        "  " + std::to_string(channel) + ": " + value_text("", std::round(*peak));
+    line.parts.push_back({text, highlight_if(*peak > kClippingDecibels)});
+  }
+  const double xruns = find(health, "sound_xruns").value_or(0);
+  if (xruns > 0) line.parts.push_back({"  xruns: " + value_text("", xruns), Highlight::kWarning});
+  return line;
+}
+
 WatchLine head_line() {
   Row row;
   for (const Column& column : kColumns) row.add(column.head);
@@ -201,6 +220,9 @@ Body body_of(const StudioState& state) {
     if (health == state.health.end()) continue;
     if (!health->second.text.empty()) {
       add({{{"  " + health->second.text, Highlight::kWarning}}}, false);
+    }
+    if (const WatchLine sound = sound_line(health->second); !sound.parts.empty()) {
+      add(sound, false);
     }
     if (const std::string shards = shard_text(health->second); !shards.empty()) {
       add({{{"  " + shards, Highlight::kNone}}}, true);

@@ -16,6 +16,7 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_renderer.h"
+#include "v3dctl/scene/scene_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -103,7 +104,18 @@ take::FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
 
 void draw_video(SceneRenderer& renderer, const Arguments& arguments, take::FrameRange range,
                 ImageSize size) {
-  VideoWriter video(arguments.out, size, renderer.scene().rate_hz);
+  const double rate_hz = renderer.scene().rate_hz;
+  SceneSound sound(renderer.clips(), renderer.scene().time_of(range.begin));
+  for (const std::string& file : sound.unplayed()) {
+    note("v3dctl: " + file + ": has no map of pulses; the video is without this sound");
+  }
+  std::optional<SceneSoundFile> sound_file;
+  if (!sound.is_silent()) {
+    const auto pictures = static_cast<double>(range.end - range.begin);
+    sound_file.emplace(sound, arguments.out, pictures / rate_hz);
+  }
+  VideoWriter video(arguments.out, size, rate_hz,
+                    {.sound = sound_file ? sound_file->path() : fs::path()});
   Progress progress("render", range.end - range.begin);
   for (int64_t frame = range.begin; frame < range.end; ++frame) {
     stop_if_interrupted();

@@ -36,7 +36,8 @@ Outside read_outside(const JsonField& field) {
 
 SceneTake read_take(const JsonField& field) {
   field.expect_object({"take", "move", "turn_deg", "scale", "start_s", "speed", "in_pulse",
-                       "out_pulse", "outside", "performer"});
+                       "out_pulse", "outside", "performer", "sound", "sound_shift_s",
+                       "sound_gain_db"});
   SceneTake take{.take = field.at("take").path("scene"), .place = read_place(field)};
   if (const auto f = field.find("start_s")) take.start_s = f->number(-kMaxSeconds, kMaxSeconds);
   if (const auto f = field.find("speed")) take.speed = f->positive();
@@ -47,6 +48,9 @@ SceneTake read_take(const JsonField& field) {
   }
   if (const auto f = field.find("outside")) take.outside = read_outside(*f);
   if (const auto f = field.find("performer")) take.performer = f->performer();
+  if (const auto f = field.find("sound")) take.sound = f->flag();
+  if (const auto f = field.find("sound_shift_s")) take.sound_shift_s = f->number(-10, 10);
+  if (const auto f = field.find("sound_gain_db")) take.sound_gain_db = f->number(-60, 24);
   return take;
 }
 
@@ -196,11 +200,15 @@ CameraModel camera_model(const CameraKey& key, ImageSize size) {
   return {size, matrix, Distortion{}, look_at(key.eye, key.look)};
 }
 
-std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t first, int64_t last,
-                                double seconds) {
+TakePart part_of(const SceneTake& take, int64_t first, int64_t last) {
   const int64_t in = std::clamp(take.in_pulse.value_or(first), first, last);
   const int64_t out = std::clamp(take.out_pulse.value_or(last), in, last);
-  const int64_t length = out - in + 1;
+  return {.in = in, .length = out - in + 1};
+}
+
+std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t first, int64_t last,
+                                double seconds) {
+  const auto [in, length] = part_of(take, first, last);
   const double position = (seconds - take.start_s) * take.speed * rate_hz;
   const auto n = static_cast<int64_t>(std::floor(position + kTolerance));
   switch (take.outside) {

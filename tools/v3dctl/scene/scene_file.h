@@ -40,6 +40,9 @@ struct SceneTake {
   std::optional<int64_t> out_pulse = std::nullopt;  ///< inclusive
   Outside outside = Outside::kHold;
   std::optional<int> performer = std::nullopt;  ///< the only one that is shown
+  bool sound = true;                            ///< whether it is heard
+  double sound_shift_s = 0;                     ///< sound is later by this, in scene time
+  double sound_gain_db = 0;
 };
 
 struct SceneModel {
@@ -93,9 +96,16 @@ CameraKey camera_at(std::span<const CameraKey> keys, double seconds);
 /// Camera model without distortion, upright.
 CameraModel camera_model(const CameraKey& key, ImageSize size);
 
+/// The pulses of a take that a scene shows.
+struct TakePart {
+  int64_t in = 0;
+  int64_t length = 1;
+};
+/// `first`, `last`: pulses of its meshes, used without an in or out point. Requires first <= last.
+TakePart part_of(const SceneTake& take, int64_t first, int64_t last);
+
 /// Pulse of a take that is shown at a time; empty where the take is hidden. `rate_hz`: pulse rate
-/// of the take. `first`, `last`: pulses of its meshes, used without an in or out point. Requires
-/// first <= last.
+/// of the take. `first`, `last`: as for part_of().
 std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t first, int64_t last,
                                 double seconds);
 

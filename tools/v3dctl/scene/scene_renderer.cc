@@ -68,6 +68,16 @@ SceneRenderer::SceneRenderer(Scene scene, const Options& options)
   }
 }
 
+std::vector<SoundClip> SceneRenderer::clips() const {
+  std::vector<SoundClip> clips;
+  for (const Actor& actor : actors_) {
+    clips.push_back({.take = actor.take,
+                     .rate_hz = actor.rate_hz,
+                     .part = part_of(actor.take, actor.pulses.front(), actor.pulses.back())});
+  }
+  return clips;
+}
+
 Image SceneRenderer::backdrop(const CameraModel& camera, double seconds) {
   if (video_) {
     return video_->picture(static_cast<int64_t>(std::floor(seconds * scene_.rate_hz + 1e-6)));

@@ -8,6 +8,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/scene/model.h"
 #include "v3dctl/scene/scene_file.h"
+#include "v3dctl/scene/scene_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -26,6 +27,8 @@ class SceneRenderer {
   SceneRenderer(Scene scene, const Options& options);
 
   const Scene& scene() const { return scene_; }
+  /// The takes of the scene, to mix their sound.
+  std::vector<SoundClip> clips() const;
   /// Renders one picture, RGB8. With a background video, requires times that do not decrease. Fast
   /// for increasing times.
   Image draw(int64_t frame) { return draw_at(scene_.time_of(frame)); }

@@ -67,20 +67,19 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
                                  "-framerate",
                                  std::to_string(rate_hz),
                                  "-i",
-                                 "pipe:0",
-                                 "-vf",
-                                 "scale=out_color_matrix=bt709:out_range=tv",
-                                 "-pix_fmt",
-                                 "yuv420p",
-                                 "-colorspace",
-                                 "bt709",
-                                 "-color_primaries",
-                                 "bt709",
-                                 "-color_trc",
-                                 "bt709"};
-  for (const auto& more : {codec_words(path, options), key_picture_words(options.key_pictures_s)}) {
+                                 "pipe:0"};
+  const auto add = [&](const std::vector<std::string>& more) {
     words.insert(words.end(), more.begin(), more.end());
+  };
+  if (!options.sound.empty()) {
+    // Matroska states no delay of an AAC encoder.
+    const bool opus = path.extension() == ".webm" || path.extension() == ".mkv";
+    add({"-i", file_word(options.sound), "-c:a", opus ? "libopus" : "aac", "-b:a", "192k"});
   }
+  add({"-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"});
+  add({"-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"});
+  add(codec_words(path, options));
+  add(key_picture_words(options.key_pictures_s));
   words.push_back(file_word(path));
   return words;
 }

@@ -20,6 +20,9 @@ struct VideoOptions {
   int quality = 0;  ///< constant rate factor of the codec, smaller is better; 0: for pictures
   /// Times of pictures that a player can start from, besides those that the codec chooses, seconds.
   std::vector<double> key_pictures_s = {};
+  /// A sound file that becomes the sound of the video: AAC in .mp4 and .mov, otherwise Opus; empty:
+  /// none.
+  std::filesystem::path sound = {};
 };
 
 /// Encodes pictures. One thread.

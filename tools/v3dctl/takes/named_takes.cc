@@ -32,7 +32,8 @@ std::string listing_line(const take::TakeListing& take, size_t name_width) {
       format_bytes(static_cast<double>(take.bytes)), take.info.cameras.size(),
       format_count(take.info.pulses), take.info.rate_hz, mesh_count_text(take));
   const std::string slate = take.slate.text();
-  return text + (take.absent_nodes.empty() ? "" : ", without " + text_of(take.absent_nodes)) +
+  return text + (take.timecode.empty() ? "" : ", timecode " + printable(take.timecode)) +
+         (take.absent_nodes.empty() ? "" : ", without " + text_of(take.absent_nodes)) +
          (slate.empty() ? "" : "  " + slate);
 }
 

@@ -38,6 +38,7 @@ cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
 void add_names_option(cli::Command command, const SharedTakesArguments& arguments);
 
 // Subcommands, each in the file of its name.
+void add_takes_clap(CommandLine& line, cli::Command takes, const SharedTakesArguments& arguments);
 void add_takes_collect(CommandLine& line, cli::Command takes,
                        const SharedTakesArguments& arguments);
 void add_takes_delete(CommandLine& line, cli::Command takes, const SharedTakesArguments& arguments);

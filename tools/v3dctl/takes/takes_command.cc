@@ -146,6 +146,7 @@ void add_takes(CommandLine& line) {
   add_mark(line, command, arguments, "circle", take::Mark::kCircled, "Mark takes as good");
   add_mark(line, command, arguments, "reject", take::Mark::kRejected, "Mark takes as bad");
   add_mark(line, command, arguments, "clear", take::Mark::kNone, "Remove the mark");
+  add_takes_clap(line, command, arguments);
   add_takes_collect(line, command, arguments);
   add_sign(line, command, arguments);
   add_takes_delete(line, command, arguments);

@@ -4,9 +4,11 @@ import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from './mesh_file';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
-import { cameraAt, pulseAt } from './scene_clock';
+import { cameraAt, pulseAt, soundAt } from './scene_clock';
 import type { SceneFile, SceneModel, SceneTake } from './scene_file';
 import { wantsViews } from './shading';
+import { fetchSound } from './sound_file';
+import { type SoundOutput, SoundPlayer } from './sound_player';
 import type { Stage } from './stage';
 import { completed, indicesOfOne } from './surface';
 import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from './worker_messages';
@@ -22,9 +24,12 @@ class Actor {
   private playing = false;
   private frame: ShownFrame | null = null;
   private segment: TrackedSegment | null = null;
+  private sound: SoundPlayer | null = null;
+  private ended = false;
 
   constructor(
     private readonly stage: Stage,
+    output: SoundOutput,
     readonly take: SceneTake,
     readonly url: string,
     readonly rate: number,
@@ -46,6 +51,22 @@ class Actor {
       changed();
     };
     this.send({ kind: 'take', take: 0, url });
+    void fetchSound(takeOfMeshes(url)).then((sources) => {
+      if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, trouble);
+    }, () => undefined);
+  }
+
+  get hasSound(): boolean {
+    return this.sound !== null;
+  }
+
+  /** To call for every picture; `seconds`: the exact time of the scene at `now`. */
+  playSound(seconds: number, playing: boolean, speed: number, now: number): void {
+    const { sound, take, entries } = this;
+    if (!sound || entries.length === 0) return;
+    const at = soundAt(take, this.rate, entries[0].pulse, entries[entries.length - 1].pulse, seconds);
+    sound.gain = 10 ** (take.sound_gain_db / 20);
+    sound.follow({ exact: 0, outPulse: 0, ...at, playing: playing && take.sound && at !== null, speed: speed * take.speed }, now);
   }
 
   /** Number of the shown frame; -1: none. */
@@ -105,6 +126,8 @@ class Actor {
   }
 
   end(): void {
+    this.ended = true;
+    this.sound?.end();
     this.worker.terminate();
     this.views.end();
     this.stage.removePerformer(this.performer);
@@ -154,6 +177,7 @@ export class Composition {
 
   constructor(
     private readonly stage: Stage,
+    private readonly output: SoundOutput,
     readonly scene: SceneFile,
     /** URL of the scene file. */
     readonly base: string,
@@ -202,7 +226,16 @@ export class Composition {
     const name = takeOfMeshes(url);
     const rate = this.rateOf(name);
     if (rate === null) return this.trouble(`There is no take ${name}.`);
-    this.actors.set(take, new Actor(this.stage, take, url, rate, () => this.setTime(this.seconds), this.trouble));
+    this.actors.set(take, new Actor(this.stage, this.output, take, url, rate, () => this.setTime(this.seconds), this.trouble));
+  }
+
+  get hasSound(): boolean {
+    return [...this.actors.values()].some((actor) => actor.hasSound);
+  }
+
+  /** To call for every picture; `seconds`: the exact time of the scene at `now`. */
+  playSound(seconds: number, playing: boolean, speed: number, now: number): void {
+    for (const actor of this.actors.values()) actor.playSound(seconds, playing, speed, now);
   }
 
   private async applyModels(): Promise<void> {

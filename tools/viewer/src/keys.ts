@@ -21,6 +21,7 @@ export interface KeyActions {
   angles(): void;
   similar(): void;
   bend(): void;
+  sound(): void;
   live(): void;
   help(): void;
   follow(): void;
@@ -65,6 +66,7 @@ const KEYS: Key[] = [
   { keys: ['g'], shown: 'G', does: 'plot of the angles of a joint', run: (d) => d.angles() },
   { keys: ['y'], shown: 'Y', does: 'marks of similar poses in the time line', run: (d) => d.similar() },
   { keys: ['h'], shown: 'H', does: 'bend the chosen joint', run: (d) => d.bend() },
+  { keys: ['u'], shown: 'U', does: 'sound of the take, or silence', run: (d) => d.sound() },
   { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
   { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
 ];

@@ -30,6 +30,10 @@ export class Playback {
   get pulse(): number {
     return Math.floor(this.position);
   }
+  /** The position with its fraction: pulse 2.5 is half a period after pulse 2. */
+  get exact(): number {
+    return this.position;
+  }
   /** Number of the mesh to show. */
   get frame(): number {
     return entryAt(this.entries, this.pulse);

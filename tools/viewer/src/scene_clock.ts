@@ -4,6 +4,8 @@ import type { CameraKey, SceneTake, Vector } from './scene_file';
 
 const HARDLY = 1e-6;
 
+const clamp = (n: number, low: number, high: number) => Math.min(high, Math.max(low, n));
+
 const numbersOf = (key: CameraKey) => [...key.eye, ...key.look, key.fov_deg];
 const keyOf = (at_s: number, n: number[]): CameraKey => ({
   at_s,
@@ -34,11 +36,23 @@ export function cameraAt(keys: readonly CameraKey[], seconds: number): CameraKey
     (2 * u3 - 3 * u2 + 1) * p[k] + (u3 - 2 * u2 + u) * span * m[k] + (3 * u2 - 2 * u3) * q[k] + (u3 - u2) * span * n[k]));
 }
 
+/** The part of a take that a scene shows: its in point, and the number of its pulses. */
+function partOf(take: SceneTake, first: number, last: number): { from: number; length: number } {
+  const from = clamp(take.in_pulse ?? first, first, last);
+  return { from, length: clamp(take.out_pulse ?? last, from, last) - from + 1 };
+}
+
+/** Where the sound of a take is, and its last pulse; null where it is silent. The parameters are those of pulseAt(). */
+export function soundAt(take: SceneTake, rate: number, first: number, last: number, seconds: number) {
+  const { from, length } = partOf(take, first, last);
+  const n = (seconds - take.start_s - take.sound_shift_s) * take.speed * rate;
+  if (take.outside !== 'loop' && (n < 0 || n >= length)) return null;
+  return { exact: from + (((n % length) + length) % length), outPulse: from + length - 1 };
+}
+
 /** The shown pulse; null when the take is hidden. `rate`: of the take; `first`, `last`: pulses of its meshes. */
 export function pulseAt(take: SceneTake, rate: number, first: number, last: number, seconds: number): number | null {
-  const clamp = (n: number, low: number, high: number) => Math.min(high, Math.max(low, n));
-  const from = clamp(take.in_pulse ?? first, first, last);
-  const length = clamp(take.out_pulse ?? last, from, last) - from + 1;
+  const { from, length } = partOf(take, first, last);
   const n = Math.floor((seconds - take.start_s) * take.speed * rate + HARDLY);
   if (take.outside === 'hide' && (n < 0 || n >= length)) return null;
   if (take.outside === 'loop') return from + ((n % length) + length) % length;

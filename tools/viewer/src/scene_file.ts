@@ -25,6 +25,10 @@ export interface SceneTake extends Placement {
   outside: Outside;
   /** The only performer that is shown; null: all. */
   performer: number | null;
+  /** Whether it is heard in a rendered video, how much later than its pictures, and how loud. */
+  sound: boolean;
+  sound_shift_s: number;
+  sound_gain_db: number;
 }
 
 export interface SceneModel extends Placement {
@@ -57,6 +61,12 @@ export interface SceneFile {
   camera: { keys: CameraKey[] };
 }
 
+/** A take that is added: all of it, as it was recorded. */
+export const WHOLE_TAKE = {
+  start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold', performer: null,
+  sound: true, sound_shift_s: 0, sound_gain_db: 0,
+} as const;
+
 const MAX_SECONDS = 36_000;
 
 function readPlace(field: Field): Placement {
@@ -73,7 +83,8 @@ function readOutside(field: Field): Outside {
 }
 
 function readTake(field: Field): SceneTake {
-  field.expectObject(['take', 'move', 'turn_deg', 'scale', 'start_s', 'speed', 'in_pulse', 'out_pulse', 'outside', 'performer']);
+  field.expectObject(['take', 'move', 'turn_deg', 'scale', 'start_s', 'speed', 'in_pulse', 'out_pulse', 'outside', 'performer',
+    'sound', 'sound_shift_s', 'sound_gain_db']);
   const outside = field.find('outside');
   const performer = field.find('performer');
   const take: SceneTake = {
@@ -85,6 +96,9 @@ function readTake(field: Field): SceneTake {
     out_pulse: field.find('out_pulse')?.pulse() ?? null,
     outside: outside ? readOutside(outside) : 'hold',
     performer: performer ? performer.performer() : null,
+    sound: field.find('sound')?.flag() ?? true,
+    sound_shift_s: field.find('sound_shift_s')?.number(-10, 10) ?? 0,
+    sound_gain_db: field.find('sound_gain_db')?.number(-60, 24) ?? 0,
   };
   if (take.in_pulse !== null && take.out_pulse !== null && take.out_pulse < take.in_pulse) {
     field.at('out_pulse').reject('expected no pulse before in_pulse');
@@ -190,6 +204,9 @@ export function writeScene(scene: SceneFile): string {
       ...(take.out_pulse !== null && { out_pulse: take.out_pulse }),
       ...(take.outside !== 'hold' && { outside: take.outside }),
       ...(take.performer !== null && { performer: take.performer }),
+      ...(!take.sound && { sound: false }),
+      ...(take.sound_shift_s && { sound_shift_s: take.sound_shift_s }),
+      ...(take.sound_gain_db && { sound_gain_db: take.sound_gain_db }),
     })),
     models: scene.models.map((model) => ({ model: model.model, ...place(model) })),
     camera: {
@@ -210,8 +227,8 @@ export const pictureCount = (scene: SceneFile) => Math.max(1, Math.floor(scene.s
 export function newScene(take: { name: string; rate_hz: number } | null, seconds: number, key: CameraKey): SceneFile {
   return {
     rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
-    takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
-      in_pulse: null, out_pulse: null, outside: 'hold', performer: null }] : [],
+    takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1,
+      ...WHOLE_TAKE }] : [],
     camera: { keys: [key] },
   };
 }

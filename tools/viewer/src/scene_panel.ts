@@ -1,5 +1,5 @@
 // Panel to edit a scene. Every change modifies the scene object and calls change().
-import { OUTSIDES, type Outside, type Placement, type SceneFile, type SceneTake, type Vector } from './scene_file';
+import { OUTSIDES, type Outside, type Placement, type SceneFile, type SceneTake, type Vector, WHOLE_TAKE } from './scene_file';
 
 type Change = () => void;
 
@@ -172,7 +172,7 @@ export class ScenePanel {
     box.append(
       choice('add-take', [['', 'Add a take …'], ...takes], '', (name) => {
         const take = this.actions.pathOf(name);
-        scene.takes.push({ take, ...fresh(), start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold', performer: null });
+        scene.takes.push({ take, ...fresh(), ...WHOLE_TAKE });
         this.again(scene);
       }),
       button('Add a model …', 'add-model', () => {

@@ -1,7 +1,7 @@
 import { Object3D, Vector3 } from 'three';
 import { expect, test } from 'vitest';
 import { place } from '../src/performer';
-import { cameraAt, pulseAt } from '../src/scene_clock';
+import { cameraAt, pulseAt, soundAt } from '../src/scene_clock';
 import shared from '../../../tests/tools/scene_cases.json';
 import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, writeScene } from '../src/scene_file';
 
@@ -18,8 +18,10 @@ const scene = () => parseScene(JSON.stringify(cases.scene));
 test('a scene contains the position of every object', () => {
   expect(pictureCount(scene())).toBe(cases.pictures);
   expect(scene().background).toMatchObject({ colour: '#0a1b2c', sphere: 'sky.jpg', turn_deg: 90 });
-  expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop', performer: 2 });
-  expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold', performer: null });
+  expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop', performer: 2,
+    sound: false, sound_shift_s: 0.25, sound_gain_db: -6 });
+  expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold', performer: null,
+    sound: true, sound_shift_s: 0, sound_gain_db: 0 });
 });
 
 test('a scene that is written reads back the same', () => {
@@ -52,6 +54,15 @@ test('takes are shifted and stretched', () => {
     const take: SceneTake = { ...scene().takes[0], outside };
     expect(pulseAt(take, 25, 0, 99, at_s), `${outside} at ${at_s}`).toBe(pulse);
   }
+});
+
+test('the sound of a take is shifted and stretched with it', () => {
+  const take: SceneTake = { ...scene().takes[0], outside: 'hold' }; // pulses 10 to 19, at half the speed, from 0.5 s on
+  expect(soundAt(take, 25, 0, 99, 0.75)).toEqual({ exact: 10, outPulse: 19 }); // 0.25 s later than the pictures
+  expect(soundAt(take, 25, 0, 99, 0.95)!.exact).toBeCloseTo(12.5, 9);
+  expect(soundAt(take, 25, 0, 99, 0.74)).toBeNull();
+  expect(soundAt(take, 25, 0, 99, 1.56)).toBeNull();
+  expect(soundAt({ ...take, outside: 'loop' }, 25, 0, 99, 1.63)!.exact).toBeCloseTo(11, 9);
 });
 
 test('an object is turned about x, then y, then z', () => {

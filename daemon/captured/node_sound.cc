@@ -1,0 +1,166 @@
+#include "daemon/captured/node_sound.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/core/error.h"
+#include "trigger/simulated_trigger.h"
+
+namespace v3d::captured {
+namespace {
+
+constexpr Duration kReadTimeout = std::chrono::milliseconds(200);
+constexpr Duration kReopenAfter = std::chrono::seconds(1);
+/// Longest wait for the last samples of a take.
+constexpr Duration kMaxTail = std::chrono::milliseconds(500);
+constexpr double kFullScale = 2147483648.0;
+
+/// The edges on the simulated trigger cable. Connects when a server listens.
+class SimulatedPulses {
+ public:
+  explicit SimulatedPulses(std::filesystem::path wire) : path_(std::move(wire)) {}
+
+  std::vector<MonotonicInstant> operator()() {
+    std::vector<MonotonicInstant> pulses;
+    if (path_.empty() || !connect()) return pulses;
+    while (const auto edge = wire_->receive(MonotonicInstant())) {
+      pulses.push_back(from_ns<Monotonic>(edge->edge_monotonic_ns));
+    }
+    return pulses;
+  }
+
+ private:
+  bool connect() {
+    if (wire_ && !wire_->disconnected()) return true;
+    try {
+      wire_ = std::make_shared<trigger::WireSocket>(path_);
+    } catch (const InputError&) {
+      wire_ = nullptr;
+    }
+    return wire_ != nullptr;
+  }
+
+  const std::filesystem::path path_;
+  std::shared_ptr<trigger::WireSocket> wire_;
+};
+
+}  // namespace
+
+NodeSound::NodeSound(const StudioSound& sound, std::filesystem::path wire)
+    : sound_(sound), wire_(std::move(wire)), thread_([this] { run(); }) {}
+
+NodeSound::~NodeSound() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void NodeSound::begin(const take::TakePaths& paths, const std::string& take, double pulse_rate_hz) {
+  constexpr size_t kQueueBlocks = 1000;  // 10 s
+  auto queue = std::make_shared<SoundQueue>(kQueueBlocks);
+  auto started =
+      std::make_shared<SoundTake>(SoundTake::Setup{.sound = sound_,
+                                                   .paths = paths,
+                                                   .take = take,
+                                                   .pulse_rate_hz = pulse_rate_hz,
+                                                   .stamp_uncertainty_s = stamp_uncertainty_s_},
+                                  queue);
+  const std::lock_guard lock(mutex_);
+  queue_ = std::move(queue);
+  take_ = std::move(started);
+}
+
+std::optional<take::SoundLedger> NodeSound::end() {
+  std::shared_ptr<SoundTake> ended;
+  {
+    std::unique_lock lock(mutex_);
+    if (!take_) return std::nullopt;
+    const MonotonicInstant now = Monotonic::now();
+    changed_.wait_for(lock, kMaxTail, [&] { return !is_open_ || delivered_until_ >= now; });
+    queue_ = nullptr;
+    ended = std::exchange(take_, nullptr);
+  }
+  auto ledger = ended->close();
+  const std::lock_guard lock(mutex_);
+  last_take_ = ended->counts();
+  return ledger;
+}
+
+void NodeSound::pulse_at(const capture::PulseEdge& edge) {
+  const std::lock_guard lock(mutex_);
+  if (take_) take_->pulse_at(edge);
+}
+
+NodeSound::Status NodeSound::status() {
+  const std::lock_guard lock(mutex_);
+  Status status{.is_open = is_open_, .fault = fault_};
+  status.peaks = std::exchange(peaks_, {});
+  status.take = take_ ? take_->counts() : last_take_;
+  return status;
+}
+
+void NodeSound::run() {
+  for (;;) {
+    auto input = sound::open_sound_input(sound_, SimulatedPulses(wire_));
+    if (input) {
+      stamp_uncertainty_s_ = (*input)->stamp_uncertainty_s();
+      read_device(**input);
+    } else {
+      set_fault(input.error().message);
+    }
+    if (!wait(kReopenAfter)) return;
+  }
+}
+
+/// Reads until an error, or until the thread has to end.
+void NodeSound::read_device(sound::SoundInput& input) {
+  set_fault("");
+  const int64_t first_position = position_, first_xrun = xruns_;
+  while (wait(Duration(0))) {
+    auto block = input.read(kReadTimeout);
+    if (!block) {
+      ++xruns_;  // samples are lost until the device is open again
+      return set_fault(block.error().message);
+    }
+    if (!*block) continue;
+    (*block)->position += first_position;
+    (*block)->xruns += first_xrun;
+    xruns_ = (*block)->xruns;
+    position_ = (*block)->position + std::ssize((*block)->values) / sound_.channels;
+    deliver(*std::move(*block));
+  }
+}
+
+void NodeSound::deliver(sound::SoundBlock block) {
+  std::vector<double> peaks(static_cast<size_t>(sound_.channels));
+  for (size_t i = 0; i < block.values.size(); ++i) {
+    double& peak = peaks[i % peaks.size()];
+    peak = std::max(peak, std::abs(block.values[i] / kFullScale));
+  }
+  const std::lock_guard lock(mutex_);
+  peaks_.resize(peaks.size());
+  for (size_t i = 0; i < peaks.size(); ++i) peaks_[i] = std::max(peaks_[i], peaks[i]);
+  delivered_until_ = block.at;
+  if (queue_) queue_->push(std::move(block));
+  changed_.notify_all();
+}
+
+void NodeSound::set_fault(const std::string& fault) {
+  const std::lock_guard lock(mutex_);
+  fault_ = fault;
+  is_open_ = fault.empty();
+}
+
+bool NodeSound::wait(Duration duration) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, duration, [&] { return stopping_; });
+  return !stopping_;
+}
+
+}  // namespace v3d::captured

@@ -1,0 +1,142 @@
+// Sound of a capture node: its device, and the recording of a take.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/config/studio_file.h"
+#include "base/io/file.h"
+#include "capture/sync/pulse_times.h"
+#include "daemon/bus/subscription_queue.h"
+#include "sound/sound_input.h"
+#include "sound/sound_track.h"
+#include "sound/wave_file.h"
+#include "take/ledger/sound_ledger.h"
+#include "take/logs/log_files.h"
+#include "take/take.h"
+
+namespace v3d::captured {
+
+using SoundQueue = bus::BoundedQueue<sound::SoundBlock>;
+
+/// Writes the sound of one take, in a thread of its own: <node>.wav, from the first block on. A
+/// fault of the disk ends the sound file, and nothing else.
+class SoundTake {
+ public:
+  struct Setup {
+    StudioSound sound;
+    take::TakePaths paths;
+    std::string take;
+    double pulse_rate_hz = 25;
+    double stamp_uncertainty_s = 1e-3;
+  };
+  /// `queue`: the blocks of the device.
+  SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue);
+  /// Stops without waiting for more blocks.
+  ~SoundTake();
+  SoundTake(const SoundTake&) = delete;
+  SoundTake& operator=(const SoundTake&) = delete;
+
+  /// A pulse of the take. Any thread. Drops pulses that no block follows for minutes.
+  void pulse_at(const capture::PulseEdge& edge);
+
+  struct Counts {
+    int64_t samples = 0;
+    int64_t xruns = 0;
+    std::string error;  ///< of the disk, one line; empty: none
+  };
+  Counts counts() const;  ///< any thread
+
+  /// Writes the blocks that the queue holds, syncs the file and stops the thread. Empty when no
+  /// block came. Only counts() and the destructor may be called afterwards.
+  std::optional<take::SoundLedger> close();
+
+ private:
+  struct Pulse {
+    int64_t number = 0;
+    MonotonicInstant at;
+  };
+
+  void run();
+  void process(const sound::SoundBlock& block);
+  void take_pulses();
+  io::Status create_file(const sound::SoundBlock& first);
+  io::Status write(const sound::SoundBlock& block, int64_t silence);
+  void stop();
+  void describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const;
+
+  const Setup setup_;
+  const std::shared_ptr<SoundQueue> queue_;
+  std::filesystem::path path_;
+  std::optional<sound::WaveWriter> file_;  ///< this and the next six: the thread, until close()
+  std::optional<take::PeriodicSync> syncing_;
+  sound::SoundTrack track_;
+  io::Status written_;
+  std::optional<Pulse> first_pulse_, last_pulse_;
+  mutable std::mutex mutex_;  ///< guards the members below
+  std::deque<Pulse> pulses_;
+  Counts counts_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+/// The sound device of a node, which a thread opens and reads all the time: levels are known before
+/// a take. After an error the device is opened again every second.
+class NodeSound {
+ public:
+  /// `wire`: socket of the simulated trigger, for a simulated device; empty: none.
+  NodeSound(const StudioSound& sound, std::filesystem::path wire);
+  ~NodeSound();
+  NodeSound(const NodeSound&) = delete;
+  NodeSound& operator=(const NodeSound&) = delete;
+
+  /// Records from now on. Call end() before the object is destroyed. One take at a time.
+  void begin(const take::TakePaths& paths, const std::string& take, double pulse_rate_hz);
+  /// Ends the recording, as SoundTake::close() does, with the samples until now: waits for them for
+  /// half a second at most. Empty when begin() was not called.
+  std::optional<take::SoundLedger> end();
+  /// Passes a pulse of the take on. Any thread.
+  void pulse_at(const capture::PulseEdge& edge);
+
+  struct Status {
+    bool is_open = false;
+    std::string fault;            ///< of the device, one line; empty: none
+    std::vector<double> peaks{};  ///< of each channel since the last call, of full scale
+    SoundTake::Counts take{};     ///< of the present take, else of the last one
+  };
+  Status status();
+
+ private:
+  void run();
+  void read_device(sound::SoundInput& input);
+  void deliver(sound::SoundBlock block);
+  void set_fault(const std::string& fault);
+  /// False when the thread has to end.
+  bool wait(Duration duration);
+
+  const StudioSound sound_;
+  const std::filesystem::path wire_;
+  mutable std::mutex mutex_;  ///< guards the members below
+  std::condition_variable changed_;
+  bool stopping_ = false;
+  bool is_open_ = false;
+  std::string fault_;
+  std::vector<double> peaks_;
+  std::shared_ptr<SoundQueue> queue_;  ///< of the present take, else null
+  std::shared_ptr<SoundTake> take_;    ///< the present one, else null
+  SoundTake::Counts last_take_;
+  MonotonicInstant delivered_until_;  ///< time of the last block
+  int64_t position_ = 0, xruns_ = 0;  ///< of all earlier openings; the thread only
+  std::atomic<double> stamp_uncertainty_s_ = 1e-3;
+  std::thread thread_;  ///< last member
+};
+
+}  // namespace v3d::captured

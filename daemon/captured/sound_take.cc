@@ -1,0 +1,183 @@
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <ctime>
+#include <utility>
+
+#include "daemon/captured/node_sound.h"
+#include "sound/timecode.h"
+
+namespace v3d::captured {
+namespace {
+
+constexpr Duration kPollInterval = std::chrono::milliseconds(50);
+/// A second of sound is on the disk one period and the duration of a sync later.
+constexpr Duration kSyncPeriod = std::chrono::milliseconds(500);
+constexpr size_t kMaxPulses = 4096;
+constexpr auto kDefaultTimecode = sound::TimecodeRate::k25;
+
+/// The same instant by the realtime clock, from the current difference of the clocks.
+RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
+
+/// The timecode of the local time of day.
+std::string time_of_day(MonotonicInstant at, sound::TimecodeRate rate) {
+  const int64_t ns = to_ns(to_realtime(at));
+  const auto seconds = static_cast<time_t>(ns / 1'000'000'000);
+  tm local{};
+  localtime_r(&seconds, &local);
+  const double since_midnight = (local.tm_hour * 60.0 + local.tm_min) * 60 + local.tm_sec +
+                                static_cast<double>(ns % 1'000'000'000) * 1e-9;
+  return sound::timecode_text(sound::timecode_of_day(since_midnight, rate), rate);
+}
+
+}  // namespace
+
+SoundTake::SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue)
+    : setup_(std::move(setup)),
+      queue_(std::move(queue)),
+      track_({.sound = setup_.sound,
+              .pulse_rate_hz = setup_.pulse_rate_hz,
+              .stamp_uncertainty_s = setup_.stamp_uncertainty_s}),
+      thread_([this] { run(); }) {}
+
+SoundTake::~SoundTake() { stop(); }
+
+void SoundTake::stop() {
+  stopping_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void SoundTake::pulse_at(const capture::PulseEdge& edge) {
+  const std::lock_guard lock(mutex_);
+  pulses_.push_back({.number = edge.pulse, .at = edge.at});
+  if (pulses_.size() > kMaxPulses) pulses_.pop_front();
+}
+
+SoundTake::Counts SoundTake::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+void SoundTake::run() {
+  for (;;) {
+    const bool is_last_round = stopping_;
+    const auto block =
+        queue_->pop(is_last_round ? Monotonic::now() : Monotonic::now() + kPollInterval);
+    if (block) process(*block);
+    if (!block && is_last_round) return;
+  }
+}
+
+void SoundTake::process(const sound::SoundBlock& block) {
+  take_pulses();
+  if (!written_) return;  // samples after a gap in the file would have wrong positions
+  if (!file_) written_ = create_file(block);
+  if (written_) written_ = write(block, track_.add(block));
+  const std::lock_guard lock(mutex_);
+  counts_.samples = track_.samples();
+  counts_.xruns = track_.xruns();
+  if (!written_) {
+    counts_.error = written_.error().message;
+    spdlog::error("{}", counts_.error);
+  }
+}
+
+void SoundTake::take_pulses() {
+  std::deque<Pulse> pulses;
+  {
+    const std::lock_guard lock(mutex_);
+    pulses.swap(pulses_);
+  }
+  for (const Pulse& pulse : pulses) {
+    track_.add_pulse(pulse.number, pulse.at);
+    if (!first_pulse_) first_pulse_ = pulse;
+    last_pulse_ = pulse;
+  }
+}
+
+io::Status SoundTake::create_file(const sound::SoundBlock& first) {
+  if (auto created = io::create_folders(setup_.paths.sound()); !created) return created;
+  auto path = take::next_sound_file(setup_.paths, setup_.sound.node);
+  if (!path) return tl::make_unexpected(path.error());
+  path_ = *path;
+  const auto samples = static_cast<double>(first.values.size()) / setup_.sound.channels;
+  const MonotonicInstant begin = first.at - from_seconds(samples / setup_.sound.rate_hz);
+  auto created = sound::WaveWriter::create(
+      path_, {.rate_hz = setup_.sound.rate_hz, .channels = setup_.sound.channels},
+      sound::wave_origin(to_realtime(begin), setup_.sound.rate_hz,
+                         "take " + setup_.take + ", node " + setup_.sound.node, "V3D"));
+  if (!created) return tl::make_unexpected(created.error());
+  file_.emplace(*std::move(created));
+  syncing_.emplace(file_->file(), kSyncPeriod);
+  return io::sync_folder(setup_.paths.sound());
+}
+
+io::Status SoundTake::write(const sound::SoundBlock& block, int64_t silence) {
+  const std::vector<int32_t> second(
+      static_cast<size_t>(setup_.sound.rate_hz * setup_.sound.channels));
+  for (int64_t left = silence * setup_.sound.channels; left > 0;) {
+    const auto count = std::min<int64_t>(left, std::ssize(second));
+    const std::span values(second.data(), static_cast<size_t>(count));
+    if (auto done = file_->write(values); !done) return done;
+    left -= count;
+  }
+  if (auto done = file_->write(block.values); !done) return done;
+  syncing_->mark_dirty();
+  return syncing_->pop_error();
+}
+
+std::optional<take::SoundLedger> SoundTake::close() {
+  stop();
+  if (!file_) return std::nullopt;
+  take_pulses();
+  track_.finish();
+  if (auto synced = syncing_->sync(); !synced) {
+    const std::lock_guard lock(mutex_);
+    counts_.error = synced.error().message;
+  }
+  const sound::MappedPulses mapped = track_.pulses();
+  take::SoundLedger ledger;
+  ledger.file = setup_.paths.sound().filename() / path_.filename();
+  ledger.node = setup_.sound.node;
+  ledger.rate_hz = setup_.sound.rate_hz;
+  ledger.channels = setup_.sound.channels;
+  ledger.samples = file_->samples();
+  ledger.xruns = track_.xruns();
+  for (const sound::SoundGap& gap : track_.gaps()) {
+    ledger.gaps.push_back({static_cast<double>(gap.sample), static_cast<double>(gap.samples)});
+    ledger.lost_samples += gap.samples;
+  }
+  ledger.map_source = name(mapped.source);
+  ledger.map = mapped.map;
+  ledger.uncertainty_us = 1e6 * mapped.uncertainty_s;
+  ledger.drift_ppm = mapped.drift_ppm;
+  ledger.missing_edges = setup_.sound.pulse_channel > 0 ? mapped.missing_edges : 0;
+  ledger.extra_edges = mapped.extra_edges;
+  describe_timecode(ledger, mapped.map);
+  syncing_.reset();
+  return ledger;
+}
+
+void SoundTake::describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const {
+  if (!first_pulse_) return;
+  const auto& track = track_.timecode();
+  if (track && track->rate() && map.is_known()) {
+    const auto text_at = [&](const Pulse& pulse) {
+      const auto timecode = track->at(map.sample_of(static_cast<double>(pulse.number)));
+      return timecode ? sound::timecode_text(*timecode, *track->rate()) : "";
+    };
+    ledger.timecode_source = "ltc";
+    ledger.timecode_rate = name(*track->rate());
+    ledger.first_timecode = text_at(*first_pulse_);
+    ledger.last_timecode = text_at(*last_pulse_);
+    ledger.timecode_jumps = track->jumps();
+    return;
+  }
+  const auto rate = sound::timecode_rate_from_name(setup_.sound.timecode_rate);
+  ledger.timecode_source = "time of day";
+  ledger.timecode_rate = name(rate.value_or(kDefaultTimecode));
+  ledger.first_timecode = time_of_day(first_pulse_->at, rate.value_or(kDefaultTimecode));
+  ledger.last_timecode = time_of_day(last_pulse_->at, rate.value_or(kDefaultTimecode));
+}
+
+}  // namespace v3d::captured

@@ -1,0 +1,107 @@
+#include "sound/sound_track.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace v3d::sound {
+namespace {
+
+constexpr double kFullScale = 2147483648.0;
+/// Deviation of a length that is estimated from one time stamp.
+constexpr Duration kEstimate = std::chrono::milliseconds(2);
+/// A longer gap comes from a damaged time stamp.
+constexpr int64_t kMaxGapSeconds = 600;
+
+PulseMapper::Setup mapper_setup(const SoundTrack::Setup& setup) {
+  return {.rate_hz = setup.sound.rate_hz,
+          .pulse_rate_hz = setup.pulse_rate_hz,
+          .has_pulse_channel = setup.sound.pulse_channel > 0,
+          .stamp_uncertainty_s = setup.stamp_uncertainty_s};
+}
+
+}  // namespace
+
+SoundTrack::SoundTrack(const Setup& setup)
+    : setup_(setup),
+      clock_(setup.sound.rate_hz),
+      mapper_(mapper_setup(setup)),
+      edges_(setup.sound.rate_hz),
+      peaks_(static_cast<size_t>(setup.sound.channels)) {
+  if (setup.sound.timecode_channel == 0) return;
+  ltc_.emplace(setup.sound.rate_hz);
+  timecode_.emplace(setup.sound.rate_hz, timecode_rate_from_name(setup.sound.timecode_rate));
+}
+
+int64_t SoundTrack::add(const SoundBlock& block) {
+  const auto length = static_cast<int64_t>(block.values.size()) / setup_.sound.channels;
+  int64_t silence = 0;
+  if (!std::exchange(has_started_, true)) {
+    next_position_ = block.position;
+    device_xruns_ = block.xruns;
+  }
+  if (block.xruns != device_xruns_) {
+    // Unknown before the first stamps: then the gap is closed up.
+    const double expected = clock_.is_known() ? clock_.sample_at(block.at) : 0;
+    silence = std::clamp<int64_t>(std::llround(expected) - length - samples_, 0,
+                                  kMaxGapSeconds * setup_.sound.rate_hz);
+    add_silence(silence, kEstimate);
+  } else if (block.position > next_position_) {
+    silence = block.position - next_position_;
+    add_silence(silence, Duration(0));
+  }
+  device_xruns_ = block.xruns;
+  next_position_ = block.position + length;
+  samples_ += length;
+  clock_.add_stamp(samples_, block.at);
+  mapper_.add_stamp(samples_, block.at);
+  analyse(block.values);
+  return silence;
+}
+
+void SoundTrack::add_silence(int64_t samples, Duration deviation) {
+  ++xruns_;
+  if (gaps_.size() < kMaxGaps) gaps_.push_back({.sample = samples_, .samples = samples});
+  clock_.add_gap(deviation);
+  mapper_.add_gap(samples_, samples, deviation);
+  samples_ += samples;
+  analyse(std::vector<int32_t>(static_cast<size_t>(samples * setup_.sound.channels)));
+}
+
+void SoundTrack::analyse(const std::vector<int32_t>& values) {
+  for (size_t i = 0; i < values.size(); ++i) {
+    double& peak = peaks_[i % peaks_.size()];
+    peak = std::max(peak, std::abs(values[i] / kFullScale));
+  }
+  if (setup_.sound.pulse_channel > 0) {
+    const auto found = edges_.push(channel(values, setup_.sound.pulse_channel));
+    mapper_.add_edges(found, edges_.searched());
+  }
+  if (!ltc_) return;
+  for (const LtcFrame& frame : ltc_->push(channel(values, setup_.sound.timecode_channel))) {
+    timecode_->add(frame);
+  }
+}
+
+std::vector<float> SoundTrack::channel(const std::vector<int32_t>& values, int number) const {
+  std::vector<float> channel;
+  const auto step = static_cast<size_t>(setup_.sound.channels);
+  channel.reserve(values.size() / step);
+  for (size_t i = static_cast<size_t>(number - 1); i < values.size(); i += step) {
+    channel.push_back(static_cast<float>(values[i] / kFullScale));
+  }
+  return channel;
+}
+
+void SoundTrack::finish() {
+  if (setup_.sound.pulse_channel > 0) mapper_.add_edges(edges_.finish(), edges_.searched());
+  mapper_.finish();
+}
+
+std::vector<double> SoundTrack::pop_peaks() {
+  std::vector<double> peaks(peaks_.size());
+  peaks.swap(peaks_);
+  return peaks;
+}
+
+}  // namespace v3d::sound

@@ -1,0 +1,114 @@
+#include "take/take_sound.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "base/core/error.h"
+#include "sound/interpolation.h"
+#include "take/ledger/ledger.h"
+
+namespace v3d::take {
+namespace {
+
+constexpr double kFullScale = 2147483648.0;
+
+/// Consecutive samples of a file, as left and right.
+struct Stereo {
+  int64_t first = 0;
+  std::vector<float> left, right;
+};
+
+void add_channel(const std::vector<int32_t>& values, size_t channels, size_t channel,
+                 std::vector<float>& side) {
+  for (size_t i = 0; i < side.size(); ++i) {
+    side[i] += static_cast<float>(values[i * channels + channel] / kFullScale);
+  }
+}
+
+/// Reads the samples [first, end) of the file that exist.
+Stereo read_stereo(sound::WaveReader& wave, const std::vector<int>& audible, int64_t first,
+                   int64_t end) {
+  Stereo stereo;
+  stereo.first = std::clamp<int64_t>(first, 0, wave.samples());
+  const int64_t count = std::clamp<int64_t>(end, stereo.first, wave.samples()) - stereo.first;
+  const auto values = io::value_or_throw(wave.read(stereo.first, count));
+  const auto channels = static_cast<size_t>(wave.format().channels);
+  stereo.left.resize(values.size() / channels);
+  stereo.right.resize(values.size() / channels);
+  for (size_t i = 0; i < audible.size(); ++i) {
+    const auto channel = static_cast<size_t>(audible[i] - 1);
+    const bool is_single = audible.size() == 1;
+    if (i % 2 == 0) add_channel(values, channels, channel, stereo.left);
+    if (i % 2 == 1 || is_single) add_channel(values, channels, channel, stereo.right);
+  }
+  return stereo;
+}
+
+}  // namespace
+
+std::vector<int> audible_channels(const SoundLedger& sound, const std::optional<Studio>& studio) {
+  const StudioSound* const input = studio ? studio->sound_of(sound.node) : nullptr;
+  std::vector<int> channels;
+  for (int channel = 1; channel <= sound.channels; ++channel) {
+    const bool is_signal =
+        input != nullptr && (channel == input->pulse_channel || channel == input->timecode_channel);
+    if (!is_signal) channels.push_back(channel);
+  }
+  return channels;
+}
+
+TakeSound::TakeSound(const TakePaths& paths) {
+  const auto type = io::value_or_throw(io::entry_type_of(paths.ledger()));
+  if (type == std::filesystem::file_type::not_found) return;
+  const std::vector<SoundLedger> sounds = load_ledger(paths.ledger()).sounds;
+  if (sounds.empty()) return;
+  const std::optional<Studio> studio = load_take_studio(paths);
+  for (const SoundLedger& sound : sounds) {
+    if (!sound.map.is_known()) {
+      files_without_map_.push_back(sound.file);
+      continue;
+    }
+    // A ledger from elsewhere may name any path.
+    const auto path = paths.sound() / std::filesystem::path(sound.file).filename();
+    auto wave = io::value_or_throw(sound::WaveReader::open(path));
+    if (wave.format().channels != sound.channels) {
+      throw InputError(path.string() + ": has " + std::to_string(wave.format().channels) +
+                       " channels; expected " + std::to_string(sound.channels) +
+                       ", as in the ledger");
+    }
+    files_.push_back({std::move(wave), sound.map, audible_channels(sound, studio)});
+  }
+}
+
+std::vector<float> TakeSound::read(double first, double step, int64_t count) {
+  std::vector<float> mix(static_cast<size_t>(2 * count));
+  for (File& file : files_) add(file, first, step, mix);
+  for (float& value : mix) value = std::clamp(value, -1.0F, 1.0F);
+  return mix;
+}
+
+void TakeSound::add(File& file, double first, double step, std::vector<float>& mix) {
+  const auto position = [&](size_t k) {
+    return file.map.sample_of(first + static_cast<double>(k) * step);
+  };
+  const size_t count = mix.size() / 2;
+  if (count == 0) return;
+  // Far outside of the file the positions would not fit into 64 bits.
+  const auto length = static_cast<double>(file.wave.samples());
+  const double begin = std::clamp(position(0), -1e3, length + 1e3);
+  const double end = std::clamp(position(count - 1), -1e3, length + 1e3);
+  const Stereo stereo = read_stereo(file.wave, file.channels,
+                                    static_cast<int64_t>(std::floor(begin)) - sound::kKernel,
+                                    static_cast<int64_t>(std::floor(end)) + sound::kKernel + 2);
+  if (stereo.left.empty()) return;
+  for (size_t k = 0; k < count; ++k) {
+    const double at = position(k);
+    if (at < 0 || at > length - 1) continue;
+    const double index = at - static_cast<double>(stereo.first);
+    mix[2 * k] += static_cast<float>(sound::interpolate(stereo.left, index));
+    mix[2 * k + 1] += static_cast<float>(sound::interpolate(stereo.right, index));
+  }
+}
+
+}  // namespace v3d::take

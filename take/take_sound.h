@@ -1,0 +1,52 @@
+// TakeSound: the sound of a take, read by its pulses.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sound/pulse_map.h"
+#include "sound/wave_file.h"
+#include "take/ledger/sound_ledger.h"
+#include "take/take.h"
+
+namespace v3d::take {
+
+/// The channels of a sound file that have neither pulses nor timecode, from 1, by the studio file
+/// of the take. All channels for a take without a studio file.
+std::vector<int> audible_channels(const SoundLedger& sound, const std::optional<Studio>& studio);
+
+/// The sound of a take in step with its pulses, as two channels: the sum of all its files that have
+/// a map of pulses. Odd audible channels are on the left, even ones on the right; a single one is
+/// on both sides. One thread.
+class TakeSound {
+ public:
+  /// Opens the sound files that the ledger lists. Throws InputError for a file that cannot be read,
+  /// and as load_ledger() does. A take without a ledger, as an imported one, has no sound.
+  explicit TakeSound(const TakePaths& paths);
+
+  /// True when no file has a map.
+  bool is_silent() const { return files_.empty(); }
+  /// The files without a map of pulses: these cannot be played in step.
+  const std::vector<std::string>& files_without_map() const { return files_without_map_; }
+
+  /// `count` samples, left and right in turn, of full scale. Sample k is what was recorded at pulse
+  /// `first` + k * `step`; the leading edge of pulse n is at n. Silence before and after a file.
+  /// The sound is resampled (sound/interpolation.h). Throws InputError when a file cannot be read.
+  std::vector<float> read(double first, double step, int64_t count);
+
+ private:
+  struct File {
+    sound::WaveReader wave;
+    sound::PulseMap map;
+    std::vector<int> channels;
+  };
+
+  static void add(File& file, double first, double step, std::vector<float>& mix);
+
+  std::vector<File> files_;
+  std::vector<std::string> files_without_map_;
+};
+
+}  // namespace v3d::take

@@ -1,0 +1,187 @@
+#include "daemon/captured/node_sound.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+
+#include "sound/wave_file.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+
+namespace v3d::captured {
+namespace {
+
+using testing::AllOf;
+using testing::DoubleNear;
+using testing::Ge;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Le;
+using testing::SizeIs;
+
+constexpr int kRate = 48'000;
+constexpr double kPulseRate = 25;
+
+StudioSound simulated(const std::string& options = "") {
+  return {.node = "cap01",
+          .device = "simulated:" + options,
+          .channels = 3,
+          .pulse_channel = 0,
+          .timecode_channel = 3,
+          .timecode_rate = {}};
+}
+
+class NodeSoundTest : public testing::Test {
+ protected:
+  /// Sends the pulses from now on for a second, and waits until the device has recorded them.
+  void send_pulses(NodeSound& sound) {
+    ASSERT_TRUE(records(sound, kRate / 2));
+    const MonotonicInstant start = Monotonic::now();
+    const int64_t before = sound.status().take.samples;
+    for (int64_t n = 0; n < 25; ++n) {
+      sound.pulse_at({.pulse = n, .at = start + n * period_of(kPulseRate)});
+    }
+    EXPECT_TRUE(test::becomes_true(
+        [&] { return sound.status().take.samples >= before + 3 * kRate / 2; }, test::within(60)));
+  }
+  bool records(NodeSound& sound, int64_t samples) {
+    return test::becomes_true([&] { return sound.status().take.samples >= samples; },
+                              test::within(60));
+  }
+
+  const test::TemporaryFolder folder_;
+  const take::TakePaths take_{folder_ / "kendo-07"};
+};
+
+TEST_F(NodeSoundTest, writes_the_file_that_the_ledger_describes) {
+  NodeSound sound(simulated(), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  send_pulses(sound);
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  EXPECT_EQ(ledger->file, "sound/cap01.wav");
+  const auto wave = sound::WaveReader::open(take_.folder / ledger->file);
+  ASSERT_TRUE(wave) << wave.error().message;
+  EXPECT_EQ(wave->samples(), ledger->samples);
+  EXPECT_EQ(wave->format(), (sound::WaveFormat{.rate_hz = kRate, .channels = 3}));
+  EXPECT_EQ(wave->origin().description, "take kendo-07, node cap01");
+  EXPECT_EQ(ledger->xruns, 0);
+  EXPECT_EQ(ledger->map_source, "time stamps");
+  // Twenty-five pulses, a period apart.
+  const double apart = ledger->map.sample_of(24) - ledger->map.sample_of(0);
+  EXPECT_THAT(apart, DoubleNear(24 * kRate / kPulseRate, 2));
+  EXPECT_EQ(ledger->timecode_source, "ltc");
+  EXPECT_EQ(ledger->timecode_rate, "25");
+  EXPECT_THAT(ledger->first_timecode, HasSubstr("10:00:"));
+}
+
+TEST_F(NodeSoundTest, has_the_time_of_day_where_no_timecode_is_recorded) {
+  StudioSound silent = simulated();
+  silent.timecode_channel = 0;
+  NodeSound sound(silent, {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  send_pulses(sound);
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  EXPECT_EQ(ledger->timecode_source, "time of day");
+  EXPECT_THAT(ledger->first_timecode, SizeIs(11));
+}
+
+TEST_F(NodeSoundTest, marks_xruns_at_their_sample_and_keeps_the_time) {
+  NodeSound sound(simulated("xrun_s=1"), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  ASSERT_TRUE(records(sound, 3 * kRate));
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  ASSERT_THAT(ledger->gaps.size(), Ge(2U));
+  EXPECT_EQ(static_cast<int64_t>(ledger->gaps.size()), ledger->xruns);
+  for (const auto& gap : ledger->gaps) EXPECT_THAT(gap[1], DoubleNear(kRate / 10.0, 5));
+}
+
+TEST_F(NodeSoundTest, records_a_second_take_in_its_own_folder) {
+  NodeSound sound(simulated(), {});
+  for (const std::string take : {"one", "two"}) {
+    sound.begin({folder_ / take}, take, kPulseRate);
+    ASSERT_TRUE(records(sound, kRate / 4));
+    const auto ledger = sound.end();
+    ASSERT_TRUE(ledger);
+    EXPECT_EQ(ledger->xruns, 0) << "what was between the takes is no xrun";
+    EXPECT_TRUE(sound::WaveReader::open(folder_ / take / "sound" / "cap01.wav"));
+  }
+}
+
+TEST_F(NodeSoundTest, continues_a_take_in_a_second_file) {
+  for (const std::string file : {"sound/cap01.wav", "sound/cap01.0001.wav"}) {
+    NodeSound sound(simulated(), {});
+    sound.begin(take_, "kendo-07", kPulseRate);
+    ASSERT_TRUE(records(sound, 1));
+    EXPECT_EQ(sound.end()->file, file);
+  }
+}
+
+TEST_F(NodeSoundTest, reports_a_device_that_cannot_be_opened_and_records_nothing) {
+  StudioSound absent = simulated();
+  absent.device = "hw:CARD=NoSuchCard";
+  NodeSound sound(absent, {});
+  EXPECT_TRUE(test::becomes_true([&] { return !sound.status().fault.empty(); }, test::within(60)));
+  EXPECT_THAT(sound.status().fault, HasSubstr("cannot open hw:CARD=NoSuchCard"));
+  sound.begin(take_, "kendo-07", kPulseRate);
+  EXPECT_FALSE(sound.end());
+}
+
+TEST_F(NodeSoundTest, reports_a_folder_that_cannot_be_written) {
+  test::write_text(folder_ / "kendo-07", "a file where the take's folder would be");
+  NodeSound sound(simulated(), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  EXPECT_TRUE(
+      test::becomes_true([&] { return !sound.status().take.error.empty(); }, test::within(60)));
+  EXPECT_THAT(sound.status().take.error, HasSubstr("kendo-07"));
+  EXPECT_FALSE(sound.end());
+}
+
+/// Kills of the recorder: V3D_SOUND_KILLS=100 for more.
+int kills() {
+  const char* const text = std::getenv("V3D_SOUND_KILLS");
+  return text == nullptr ? 5 : std::atoi(text);
+}
+
+TEST_F(NodeSoundTest, loses_less_than_the_last_second_when_its_process_is_killed) {
+  for (int i = 0; i < kills() && !HasFailure(); ++i) {
+    const take::TakePaths take{folder_ / ("take" + std::to_string(i))};
+    int channel[2];
+    ASSERT_EQ(pipe(channel), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+      prctl(PR_SET_PDEATHSIG, SIGKILL);
+      NodeSound sound(simulated(), {});
+      sound.begin(take, "kendo-07", kPulseRate);
+      for (int64_t samples = 0;;) {  // reports what was written
+        const int64_t before = samples;
+        test::becomes_true([&] { return (samples = sound.status().take.samples) > before; },
+                           test::within(60));
+        if (write(channel[1], &samples, sizeof samples) != sizeof samples) _exit(1);
+      }
+    }
+    close(channel[1]);
+    int64_t delivered = 0;
+    const int64_t until = kRate / 2 + i * 777;
+    while (delivered < until &&
+           read(channel[0], &delivered, sizeof delivered) == sizeof delivered) {
+    }
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    close(channel[0]);
+    const auto wave = sound::WaveReader::open(take.sound() / "cap01.wav");
+    ASSERT_TRUE(wave) << wave.error().message;
+    EXPECT_THAT(wave->samples(), Ge(delivered - kRate));
+    EXPECT_THAT(wave->samples(), Ge(delivered)) << "all that was reported as written is there";
+  }
+}
+
+}  // namespace
+}  // namespace v3d::captured

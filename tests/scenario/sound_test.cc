@@ -1,0 +1,98 @@
+// Sound of a take, recorded by the real daemon from a simulated device.
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include "sound/wave_file.h"
+#include "studio4.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/verify.h"
+
+namespace v3d::test {
+namespace {
+
+using testing::DoubleNear;
+using testing::Ge;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+constexpr int kRate = 48'000;
+constexpr int64_t kPulses = 60;
+
+/// Four cameras and a sound device whose clock is 80 ppm fast.
+class SoundStudio : public Studio4 {
+ protected:
+  explicit SoundStudio(const std::string& device = "simulated:ppm=80")
+      : Studio4({.more = "[[sound]]\nnode = 'cap01'\nchannels = 3\npulse_channel = 2\n"
+                         "timecode_channel = 3\ndevice = '" +
+                         device + "'\n"}) {}
+};
+
+TEST_F(SoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
+  ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
+  arm_and_start(kPulses);
+  ASSERT_TRUE(becomes_idle()) << log();
+  const take::Verification verified = verify_take(take());
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  ASSERT_THAT(verified.ledger.sounds, SizeIs(1));
+  const take::SoundLedger& sound = verified.ledger.sounds[0];
+  EXPECT_EQ(sound.file, "sound/cap01.wav");
+  EXPECT_THAT(sound.samples, Ge(kPulses * kRate / 20));
+  EXPECT_EQ(sound.map_source, "pulse channel");
+  EXPECT_EQ(sound.missing_edges, 0);
+  const double apart = sound.map.sample_of(kPulses - 1) - sound.map.sample_of(0);
+  EXPECT_THAT(apart, DoubleNear((kPulses - 1) * kRate / 20.0 * (1 + 80e-6), 5));
+  EXPECT_EQ(sound.timecode_source, "ltc");
+  EXPECT_THAT(sound.first_timecode, HasSubstr("10:"));
+  // The pulse is where the map says.
+  auto wave = sound::WaveReader::open(take().folder / sound.file);
+  ASSERT_TRUE(wave);
+  ASSERT_EQ(wave->samples(), sound.samples);
+  for (const int64_t pulse : {int64_t{0}, kPulses / 2, kPulses - 1}) {
+    const auto edge = std::llround(sound.map.sample_of(static_cast<double>(pulse)));
+    const auto values = wave->read(edge - 10, 30);
+    ASSERT_TRUE(values);
+    EXPECT_LT((*values)[3 * 0 + 1], 1 << 20) << pulse;
+    EXPECT_GT((*values)[3 * 25 + 1], 1 << 29) << pulse;
+  }
+}
+
+TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
+  ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "sound_samples", 2 * kRate));
+  const auto reported = static_cast<int64_t>(value("cap01", "sound_samples"));
+  captured_->signal(SIGKILL);
+  captured_->wait(within(10));
+  const auto wave = sound::WaveReader::open(take().sound() / "cap01.wav");
+  ASSERT_TRUE(wave) << wave.error().message;
+  EXPECT_THAT(wave->samples(), Ge(reported));
+  start_captured();  // recovers the take: its trigger is here, so the train has ended
+  EXPECT_TRUE(becomes_true(
+      [&] { return load_take_info(take()).state == take::TakeState::kRecovered; }, within(60)));
+  ASSERT_TRUE(becomes_idle()) << log();  // the reconstruction node has closed its mesh file, too
+  const take::Verification verified = verify_take(take());
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  ASSERT_THAT(verified.ledger.sounds, SizeIs(1));
+  EXPECT_EQ(verified.ledger.sounds[0].samples, wave->samples());
+}
+
+class AbsentSoundStudio : public SoundStudio {
+ protected:
+  AbsentSoundStudio() : SoundStudio("hw:CARD=NoSuchCard") {}
+};
+
+TEST_F(AbsentSoundStudio, a_sound_device_that_is_absent_does_not_stop_the_pictures) {
+  EXPECT_TRUE(becomes_true(
+      [&] { return log().find("cannot open hw:CARD=NoSuchCard") != std::string::npos; },
+      within(60)))
+      << "an event names the device";
+  arm_and_start(kPulses);
+  ASSERT_TRUE(becomes_idle()) << log();
+  const take::Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole());
+  EXPECT_THAT(verified.ledger.sounds, IsEmpty());
+}
+
+}  // namespace
+}  // namespace v3d::test

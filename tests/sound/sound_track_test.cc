@@ -1,0 +1,176 @@
+#include "sound/sound_track.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pulse_signal.h"
+#include "sound/sound_input.h"
+
+namespace v3d::sound {
+namespace {
+
+using testing::DoubleNear;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Optional;
+
+constexpr int kRate = 48'000;
+constexpr int64_t kBlock = 480;
+
+StudioSound three_channels() {
+  return {.node = "cap01",
+          .device = "simulated:",
+          .channels = 3,
+          .pulse_channel = 2,
+          .timecode_channel = 3,
+          .timecode_rate = {}};
+}
+
+MonotonicInstant at_sample(double sample) {
+  return from_ns<Monotonic>(std::llround(1e9 * (5 + sample / kRate)));
+}
+
+/// Ten seconds of a device: silence, pulses at 25 Hz from second 1 on, and LTC from 10:00:00:00.
+class Recording {
+ public:
+  Recording() : pulses_(10 * kRate) {
+    for (int n = 0; n < 220; ++n) {
+      edges_.push_back(kRate + 1920.0 * n + 0.25);
+      test::add_pulse(pulses_, edges_.back(), 48, 0.5);
+    }
+    LtcWriter ltc(kRate, TimecodeRate::k25, {10, 0, 0, 0});
+    while (ltc_.size() < pulses_.size()) {
+      const auto frame = ltc.next();
+      ltc_.insert(ltc_.end(), frame.begin(), frame.end());
+    }
+  }
+
+  SoundBlock block(int64_t first, int64_t position, int64_t xruns) const {
+    SoundBlock block{
+        .position = position, .xruns = xruns, .at = at_sample(static_cast<double>(first + kBlock))};
+    for (int64_t s = first; s < first + kBlock; ++s) {
+      block.values.push_back(0);
+      block.values.push_back(value(pulses_[static_cast<size_t>(s)]));
+      block.values.push_back(value(ltc_[static_cast<size_t>(s)]));
+    }
+    return block;
+  }
+  /// Adds all blocks but those from `lost_from` to `lost_until`, samples.
+  void play(SoundTrack& track, int64_t lost_from, int64_t lost_until, bool as_xrun) const {
+    int64_t delivered = 0, xruns = 0;
+    size_t pulse = 0;
+    for (int64_t first = 0; first + kBlock <= std::ssize(pulses_); first += kBlock) {
+      if (as_xrun && first == lost_until) ++xruns;
+      const bool is_lost = first >= lost_from && first < lost_until;
+      for (; pulse < edges_.size() && edges_[pulse] < static_cast<double>(first); ++pulse) {
+        track.add_pulse(static_cast<int64_t>(pulse), at_sample(edges_[pulse]));
+      }
+      if (!is_lost) track.add(block(first, delivered, xruns));
+      if (!is_lost || !as_xrun) delivered += kBlock;
+    }
+    track.finish();
+  }
+  double edge(size_t pulse) const { return edges_[pulse]; }
+
+ private:
+  static int32_t value(float v) { return static_cast<int32_t>(std::lround(v * 8e6)) * 256; }
+
+  std::vector<float> pulses_, ltc_;
+  std::vector<double> edges_;
+};
+
+TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse) {
+  const Recording recording;
+  SoundTrack track({.sound = three_channels()});
+  recording.play(track, 0, 0, false);
+  EXPECT_EQ(track.samples(), 10 * kRate);
+  EXPECT_EQ(track.xruns(), 0);
+  const MappedPulses mapped = track.pulses();
+  ASSERT_EQ(mapped.source, MapSource::kPulseChannel);
+  EXPECT_EQ(mapped.edges, 220);
+  EXPECT_THAT(mapped.map.sample_of(100), DoubleNear(recording.edge(100), 0.1));
+  ASSERT_THAT(track.timecode()->rate(), Optional(TimecodeRate::k25));
+  EXPECT_THAT(track.timecode()->at(mapped.map.sample_of(100)), Optional(Timecode{10, 0, 5, 0}));
+}
+
+TEST(SoundTrack, fills_blocks_that_were_dropped_with_as_many_samples_of_silence) {
+  const Recording recording;
+  SoundTrack track({.sound = three_channels()});
+  recording.play(track, 5 * kRate, 6 * kRate, false);
+  EXPECT_EQ(track.samples(), 10 * kRate);
+  EXPECT_THAT(track.gaps(), ElementsAre(SoundGap{5 * kRate, kRate}));
+  EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 0.1));
+}
+
+TEST(SoundTrack, estimates_the_length_of_an_xrun_from_time_stamps) {
+  const Recording recording;
+  SoundTrack track({.sound = three_channels()});
+  recording.play(track, 5 * kRate, 6 * kRate, true);
+  ASSERT_EQ(track.xruns(), 1);
+  EXPECT_EQ(track.gaps()[0].sample, 5 * kRate);
+  EXPECT_THAT(static_cast<double>(track.gaps()[0].samples), DoubleNear(kRate, 5));
+  EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 5));
+}
+
+TEST(SoundTrack, has_the_peak_of_every_channel_since_the_last_call) {
+  SoundTrack track({.sound = {.node = "", .device = "", .timecode_rate = {}}});
+  track.add({.at = at_sample(2), .values = {1 << 30, 0, -(1 << 29), 256}});
+  EXPECT_THAT(track.pop_peaks(), ElementsAre(0.5, DoubleNear(0, 1e-6)));
+  EXPECT_THAT(track.pop_peaks(), ElementsAre(0, 0));
+}
+
+TEST(SoundInput, rejects_an_unknown_device_with_its_name) {
+  StudioSound sound = three_channels();
+  sound.device = "hw:CARD=NoSuchCard";
+  const auto input = open_sound_input(sound, {});
+  ASSERT_FALSE(input);
+  EXPECT_THAT(input.error().message, HasSubstr("cannot open hw:CARD=NoSuchCard: "));
+}
+
+TEST(SoundInput, records_from_an_alsa_device) {
+  StudioSound sound = three_channels();
+  sound.device = "null";
+  auto input = open_sound_input(sound, {});
+  ASSERT_TRUE(input) << input.error().message;
+  const auto block = (*input)->read(std::chrono::seconds(1));
+  ASSERT_TRUE(block) << block.error().message;
+  ASSERT_TRUE(*block);
+  EXPECT_EQ((*block)->values.size() % 3, 0U);
+}
+
+TEST(SimulatedSound, reads_its_options) {
+  EXPECT_EQ(parse_simulated_sound("hw:0"), std::nullopt);
+  ASSERT_TRUE(parse_simulated_sound("simulated:"));
+  const auto options = parse_simulated_sound("simulated:ppm=-80.5,xrun_s=3");
+  ASSERT_TRUE(options);
+  EXPECT_EQ(options->ppm, -80.5);
+  EXPECT_EQ(options->xrun_s, 3);
+  for (const char* bad : {"simulated:ppm", "simulated:ppm=", "simulated:ppm=1;", "simulated:gain=1",
+                          "simulated:ppm=5000", "simulated:xrun_s=-1"}) {
+    EXPECT_FALSE(parse_simulated_sound(bad)) << bad;
+  }
+}
+
+TEST(SimulatedSound, delivers_consecutive_blocks_with_the_pulses_that_came) {
+  StudioSound sound = three_channels();
+  bool has_come = false;
+  auto input = make_simulated_input(sound, {}, [&]() -> std::vector<MonotonicInstant> {
+    if (std::exchange(has_come, true)) return {};
+    return {Monotonic::now()};
+  });
+  SoundTrack track({.sound = sound});
+  for (int i = 0; i < 40; ++i) {
+    const auto block = input->read(std::chrono::seconds(10));
+    ASSERT_TRUE(block && *block);
+    EXPECT_EQ((*block)->position, i * kBlock);
+    EXPECT_EQ(track.add(**block), 0);
+  }
+  const auto peaks = track.pop_peaks();
+  EXPECT_THAT(peaks[0], DoubleNear(0.1, 0.01));
+  EXPECT_THAT(peaks[1], DoubleNear(0.5, 0.01));
+}
+
+}  // namespace
+}  // namespace v3d::sound

@@ -1,0 +1,132 @@
+#include "v3dctl/scene/scene_sound.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+#include "base/io/file.h"
+#include "common/console.h"
+#include "sound/wave_file.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kBlock = kSceneSoundRate / 10;
+constexpr double kFullScale = 2147483647.0;
+
+int64_t samples_of(double seconds) { return std::llround(seconds * kSceneSoundRate); }
+
+/// `a` modulo `b`, 0 or more.
+int64_t modulo(int64_t a, int64_t b) { return ((a % b) + b) % b; }
+
+}  // namespace
+
+ClipSound::ClipSound(SoundClip clip, take::TakeSound sound, double begin_s)
+    : clip_(std::move(clip)),
+      gain_(static_cast<float>(std::pow(10, clip_.take.sound_gain_db / 20))),
+      pass_(std::max<int64_t>(1, samples_of(static_cast<double>(clip_.part.length) /
+                                            (clip_.rate_hz * clip_.take.speed)))),
+      sound_(std::move(sound)),
+      position_(samples_of(begin_s - clip_.take.start_s - clip_.take.sound_shift_s)) {}
+
+void ClipSound::add_to(std::vector<float>& mix) {
+  for (size_t done = 0; done < mix.size();) {
+    const Run run = next_run(static_cast<int64_t>(mix.size() - done) / 2);
+    if (!run.is_silent) {
+      const std::vector<float> samples = read(run);
+      for (size_t i = 0; i < samples.size(); ++i) mix[done + i] += gain_ * samples[i];
+    }
+    position_ += run.samples;
+    done += 2 * static_cast<size_t>(run.samples);
+  }
+}
+
+ClipSound::Run ClipSound::next_run(int64_t limit) const {
+  const double speed = clip_.take.speed;
+  const bool is_heard = speed >= kMinSpeed && speed <= kMaxSpeed;
+  const int64_t phase = clip_.take.outside == Outside::kLoop ? modulo(position_, pass_) : position_;
+  if (!is_heard || phase >= pass_) return {.samples = limit};
+  if (phase < 0) return {.samples = std::min(limit, -phase)};
+  return {.is_silent = false, .phase = phase, .samples = std::min(limit, pass_ - phase)};
+}
+
+double ClipSound::pulse_at_phase(int64_t phase) const {
+  const double seconds = static_cast<double>(phase) / kSceneSoundRate;
+  return static_cast<double>(clip_.part.in) + seconds * clip_.take.speed * clip_.rate_hz;
+}
+
+std::vector<float> ClipSound::read(const Run& run) {
+  if (clip_.take.speed != 1) return read_stretched(run);
+  return sound_.read(pulse_at_phase(run.phase), clip_.rate_hz / kSceneSoundRate, run.samples);
+}
+
+std::vector<float> ClipSound::read_stretched(const Run& run) {
+  if (!stretcher_ || run.phase != stretched_until_) {
+    stretcher_.emplace(kSceneSoundRate, clip_.take.speed);
+    source_pulse_ =
+        pulse_at_phase(run.phase) - TimeStretch::lead_s(clip_.take.speed) * clip_.rate_hz;
+  }
+  std::vector<float> samples(2 * static_cast<size_t>(run.samples));
+  const double step = clip_.rate_hz / kSceneSoundRate;
+  while (!stretcher_->pop(samples)) {
+    stretcher_->push(sound_.read(source_pulse_, step, kBlock));
+    source_pulse_ += step * kBlock;
+  }
+  stretched_until_ = run.phase + run.samples;
+  return samples;
+}
+
+SceneSound::SceneSound(const std::vector<SoundClip>& clips, double begin_s) {
+  for (const SoundClip& clip : clips) {
+    if (!clip.take.sound) continue;
+    take::TakeSound sound(take::TakePaths{clip.take.take});
+    for (const std::string& file : sound.files_without_map()) {
+      unplayed_.push_back((clip.take.take / file).string());
+    }
+    if (!sound.is_silent()) clips_.emplace_back(clip, std::move(sound), begin_s);
+  }
+}
+
+std::vector<float> SceneSound::next(int64_t samples) {
+  std::vector<float> mix(2 * static_cast<size_t>(samples));
+  for (ClipSound& clip : clips_) clip.add_to(mix);
+  for (float& value : mix) value = std::clamp(value, -1.0F, 1.0F);
+  return mix;
+}
+
+SceneSoundFile::SceneSoundFile(SceneSound& sound, const fs::path& video, double seconds)
+    : path_(video.parent_path() /
+            ("." + video.filename().string() + "." + std::to_string(getpid()) + ".wav")) {
+  try {
+    write(sound, seconds);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove(path_, ignored);
+    throw;
+  }
+}
+
+SceneSoundFile::~SceneSoundFile() {
+  std::error_code ignored;
+  fs::remove(path_, ignored);
+}
+
+void SceneSoundFile::write(SceneSound& sound, double seconds) const {
+  auto file = sound::WaveWriter::create(path_, {.rate_hz = kSceneSoundRate, .channels = 2}, {});
+  io::throw_if_failed(file ? io::Status() : tl::make_unexpected(file.error()));
+  for (int64_t left = samples_of(seconds); left > 0; left -= kBlock) {
+    stop_if_interrupted();
+    std::vector<int32_t> values;
+    for (const float value : sound.next(std::min(left, kBlock))) {
+      values.push_back(static_cast<int32_t>(std::lround(kFullScale * value)));
+    }
+    io::throw_if_failed(file->write(values));
+  }
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,172 @@
+// Plays the sound of a take in step with its pictures, by Web Audio.
+import { PART_S, type Part, partOf, SoundClock } from './sound_clock';
+import { sampleOf, type SoundSource, type Stereo } from './sound_file';
+
+/** Parts are scheduled this long before they are heard, seconds. */
+const AHEAD_S = 1.5;
+const MAX_PARTS = 32;
+
+/** Reported times of which the best counts. */
+const TIMES = 15;
+
+/** The loudspeakers of the PC. Opened by the first sound, because browsers allow that after a click or key only. */
+export class SoundOutput {
+  private opened: AudioContext | null = null;
+  private ahead: number[] = []; // of the context before the page, seconds, as reported
+
+  get context(): AudioContext {
+    return (this.opened ??= new AudioContext({ latencyHint: 'interactive' }));
+  }
+
+  /** Whether the browser allows sound; asks for it. */
+  isRunning(): boolean {
+    const { context } = this;
+    if (context.state === 'running') return true;
+    this.ahead = [];
+    void context.resume();
+    return false;
+  }
+
+  /**
+   * The time of the context that leaves the loudspeaker at a time of the page, milliseconds. A busy PC reports times late,
+   * never early: the earliest of the last reports counts.
+   */
+  heardAt(now: number): number {
+    this.ahead.push(this.reportedAhead());
+    if (this.ahead.length > TIMES) this.ahead.shift();
+    return Math.max(...this.ahead) + now / 1000;
+  }
+
+  private reportedAhead(): number {
+    const { context } = this;
+    const { contextTime, performanceTime } = context.getOutputTimestamp();
+    if (contextTime && performanceTime) return contextTime - performanceTime / 1000;
+    return context.currentTime - (context.outputLatency || context.baseLatency) - performance.now() / 1000;
+  }
+}
+
+/** What a playback does at the moment. */
+export interface Played {
+  /** Position, with its fraction. */
+  exact: number;
+  playing: boolean;
+  speed: number;
+  /** The last pulse that is heard. */
+  outPulse: number;
+}
+
+export type SoundState = 'none' | 'off' | 'muted' | 'blocked' | 'playing';
+
+/** The sound of one take. Silent while paused and at another speed than 1. */
+export class SoundPlayer {
+  state: SoundState = 'none';
+  /** Of the samples, 1: as recorded. */
+  gain = 1;
+  private readonly clock: SoundClock;
+  private readonly playing = new Set<AudioBufferSourceNode>();
+  private readonly parts = new Map<string, Promise<AudioBuffer | null>>(); // the last used is last
+  private next = 0; // the first pulse that is not scheduled
+  private started = 0;
+
+  constructor(
+    private readonly output: SoundOutput,
+    private readonly sources: SoundSource[],
+    /** Pulses per second. */
+    private readonly rate: number,
+    private readonly trouble: (text: string) => void,
+  ) {
+    this.clock = new SoundClock(rate);
+  }
+
+  /** To call for every picture. The playback is at its position at `now`, on the clock of the page, milliseconds. */
+  follow(played: Played, now: number): void {
+    this.state = this.stateFor(played);
+    if (this.state !== 'playing') return this.stop();
+    const { exact } = played;
+    if (this.clock.follow(exact, this.output.heardAt(now))) {
+      this.silence();
+      this.next = exact;
+      ++this.started;
+    }
+    while (this.next <= played.outPulse && this.clock.timeOf(this.next) < this.output.context.currentTime + AHEAD_S) {
+      this.next = this.schedule(this.next, played.outPulse + 1);
+    }
+  }
+
+  end(): void {
+    this.stop();
+  }
+
+  private stateFor(played: Played): SoundState {
+    if (this.sources.length === 0) return 'none';
+    if (!played.playing) return 'off';
+    if (played.speed !== 1) return 'muted';
+    return this.output.isRunning() ? 'playing' : 'blocked';
+  }
+
+  /** Plays the pulses from `from` on, up to the end of their part. Returns the end. */
+  private schedule(from: number, limit: number): number {
+    const pulses = PART_S * this.rate;
+    const index = Math.floor(from / pulses + 1e-9);
+    const to = Math.min(limit, (index + 1) * pulses);
+    const run = this.started;
+    for (const [n, { file }] of this.sources.entries()) {
+      const sampleAt = (pulse: number) => sampleOf(file.map, pulse);
+      const whole = partOf(file, sampleAt, index * pulses, (index + 1) * pulses, this.rate);
+      const part = partOf(file, sampleAt, from, to, this.rate);
+      if (!whole || !part) continue;
+      void this.buffer(n, index, whole).then((buffer) => {
+        if (!buffer || run !== this.started || !this.clock.anchor) return;
+        this.play(buffer, { ...part, offset_s: part.offset_s + (part.first - whole.first) / file.rate_hz }, this.clock.timeOf(from));
+      });
+    }
+    return to;
+  }
+
+  private play(buffer: AudioBuffer, part: Part, at: number): void {
+    const { context } = this.output;
+    const late = Math.max(0, context.currentTime - at);
+    const seconds = part.seconds - late * part.speed;
+    if (seconds <= 0) return;
+    const source = new AudioBufferSourceNode(context, { buffer, playbackRate: part.speed });
+    source.connect(new GainNode(context, { gain: this.gain })).connect(context.destination);
+    source.start(at + late, part.offset_s + late * part.speed, seconds);
+    source.onended = () => this.playing.delete(source);
+    this.playing.add(source);
+  }
+
+  private buffer(n: number, index: number, part: Part): Promise<AudioBuffer | null> {
+    const key = `${n} ${index}`;
+    const known = this.parts.get(key);
+    const buffer = known ?? this.read(this.sources[n], part);
+    this.parts.delete(key);
+    this.parts.set(key, buffer);
+    if (this.parts.size > MAX_PARTS) this.parts.delete(this.parts.keys().next().value!);
+    return buffer;
+  }
+
+  private async read(source: SoundSource, part: Part): Promise<AudioBuffer | null> {
+    try {
+      const stereo: Stereo = await source.read(part.first, part.end);
+      const buffer = new AudioBuffer({ numberOfChannels: 2, length: stereo.left.length, sampleRate: source.file.rate_hz });
+      buffer.copyToChannel(stereo.left, 0);
+      buffer.copyToChannel(stereo.right, 1);
+      return buffer;
+    } catch (error) {
+      this.trouble(`${source.file.file}: ${(error as Error).message}`);
+      return null;
+    }
+  }
+
+  private silence(): void {
+    for (const source of this.playing) source.stop();
+    this.playing.clear();
+  }
+
+  private stop(): void {
+    if (!this.clock.anchor) return;
+    this.silence();
+    this.clock.stop();
+    ++this.started;
+  }
+}
