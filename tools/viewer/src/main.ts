@@ -12,8 +12,7 @@ import { newScene, parseScene, pictureCount, type SceneFile, writeScene } from '
 import { ScenePanel } from './scene_panel';
 import { type Look, LOOKS, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
-import { fetchSound } from './sound_file';
-import { SoundOutput, SoundPlayer } from './sound_player';
+import { SoundControl } from './sound_control';
 import { Stage } from './stage';
 import { fetchScenes, fetchTakes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
@@ -39,9 +38,7 @@ class Viewer {
   private readonly performers = new PerformerList(find('performers'), () => this.draw());
   private readonly motion: MotionPanel;
   private readonly skeleton: SkeletonPanel;
-  private readonly output = new SoundOutput();
-  private sound: SoundPlayer | null = null;
-  private soundOn = true;
+  private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.trouble(text));
   private shownTimes: number[] = [];
   private shownCount = 0;
   private latency: number | null = null;
@@ -90,7 +87,7 @@ class Viewer {
       blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
       motion: () => this.motion.toggle(),
-      sound: () => this.toggleSound(),
+      sound: () => this.sound.toggle(),
       freeze: () => this.motion.toggleFreeze(),
       skeleton: () => this.skeleton.toggle(),
       angles: () => this.skeleton.toggleAngles(),
@@ -200,7 +197,7 @@ class Viewer {
 
   private showScene(scene: SceneFile, url: string, at: number): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
-    this.composition = new Composition(this.stage, this.output, scene, url, rateOf, (text) => this.trouble(text));
+    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, (text) => this.trouble(text));
     this.setScenePlayback(Number.isNaN(at) ? 0 : at);
     this.playback!.playing = Number.isNaN(at);
     this.panel.show(scene);
@@ -277,7 +274,7 @@ class Viewer {
     this.send({ kind: 'nothing' });
     if (location.hash.slice(1).split('&')[0] !== address) history.replaceState(null, '', `#${address}`);
     this.playback = null;
-    this.openSound(take);
+    this.sound.open(take);
     this.shown = null;
     this.performers.clear();
     this.latency = null;
@@ -297,40 +294,6 @@ class Viewer {
     fetchRig(rigUrl).then((rig) => {
       if (number === this.opened) this.setRig(rig);
     });
-  }
-
-  /** The sound of the open take; the takes of a scene have their own. */
-  private openSound(take: Take | null): void {
-    this.sound?.end();
-    this.sound = null;
-    find('sound').hidden = true;
-    const number = this.opened;
-    if (!take) return;
-    void fetchSound(take.name).then((sources) => {
-      if (number !== this.opened || sources.length === 0) return;
-      this.sound = new SoundPlayer(this.output, sources, take.rate_hz, (text) => this.trouble(text));
-      find('sound').hidden = false;
-    }, () => undefined);
-  }
-
-  private toggleSound(): void {
-    this.soundOn = !this.soundOn;
-    press(find('sound'), this.soundOn);
-  }
-
-  private playSound(now: number): void {
-    const { playback, sound, composition } = this;
-    if (!playback) return;
-    const { exact, speed, outPulse } = playback;
-    const playing = playback.playing && this.soundOn;
-    if (composition) {
-      find('sound').hidden = !composition.hasSound;
-      composition.playSound(exact / playback.rate, playing, speed, now);
-    }
-    if (!sound) return;
-    sound.follow({ exact, playing, speed, outPulse }, now);
-    find('canvas').dataset.sound = sound.state; // for the browser tests, as is the position
-    find('canvas').dataset.position = `${now} ${exact}`;
   }
 
   private markOpen(): void {
@@ -460,7 +423,6 @@ class Viewer {
     find('help').addEventListener('click', () => find<HTMLDialogElement>('keys').showModal());
     find('new-scene').addEventListener('click', () => this.newScene());
     find('follow').addEventListener('click', () => this.setFollowing(true));
-    find('sound').addEventListener('click', () => this.toggleSound());
     const file = find<HTMLInputElement>('scene-file');
     file.addEventListener('change', () => {
       if (file.files?.[0]) void this.openFile(file.files[0]);
@@ -486,7 +448,7 @@ class Viewer {
     this.last = now;
     if (this.playback) {
       this.playback.advance(seconds);
-      this.playSound(now);
+      this.sound.follow(this.playback, this.composition, now);
       this.transport.update();
       if (this.playback.frame !== this.wanted) {
         this.wanted = this.playback.frame;
