@@ -32,8 +32,8 @@ struct Placement {
 enum class Outside : uint8_t { kHold, kHide, kLoop };
 
 struct SceneTake {
-  std::filesystem::path take;  ///< folder
-  Placement place;
+  std::filesystem::path take = {};  ///< folder
+  Placement place = {};
   double start_s = 0;  ///< scene time of its in point
   double speed = 1;    ///< above 0
   std::optional<int64_t> in_pulse = std::nullopt;
