@@ -37,8 +37,9 @@ SurfaceTexels surface_texels(const Mesh& mesh, const AtlasLayout& layout,
   for (uint32_t i = 0; i < texels.triangle.size(); ++i) {
     const uint32_t t = texels.triangle[i];
     if (t == AtlasTexels::kNone) continue;
-    const Eigen::Vector2f texel(static_cast<float>(i % static_cast<uint32_t>(layout.side)),
-                                static_cast<float>(i / static_cast<uint32_t>(layout.side)));
+    const auto side = static_cast<uint32_t>(layout.side);
+    const uint32_t column = i % side, row = i / side;
+    const Eigen::Vector2f texel(static_cast<float>(column), static_cast<float>(row));
     surface.index.push_back(i);
     surface.triangle.push_back(t);
     surface.weights.push_back(barycentric(layout.corners[t], texel));
@@ -233,47 +234,53 @@ void set_texel(Image& image, size_t index, const Eigen::Vector3f& colour) {
   }
 }
 
+struct KnownTexels {
+  Image image;
+  std::vector<uint8_t> known;  ///< row by row
+};
+
+/// The image at half its size, rounded up: texels with the mean of their known ones.
+KnownTexels halved(const Image& image, const std::vector<uint8_t>& known) {
+  const int side = image.size.width, half = (side + 1) / 2;
+  KnownTexels coarse{Image({half, half}, PixelFormat::kRGB8),
+                     std::vector<uint8_t>(static_cast<size_t>(half) * half, 0)};
+  for (size_t i = 0; i < coarse.known.size(); ++i) {
+    const int x = 2 * static_cast<int>(i % static_cast<size_t>(half));
+    const int y = 2 * static_cast<int>(i / static_cast<size_t>(half));
+    std::array<int, 3> sum{};
+    int count = 0;
+    for (int k = 0; k < 4; ++k) {
+      const int u = x + k % 2, v = y + k / 2;
+      if (u >= side || v >= side) continue;
+      const size_t at = static_cast<size_t>(v) * side + u;
+      if (!known[at]) continue;
+      for (size_t c = 0; c < 3; ++c) sum[c] += image.bytes[3 * at + c];
+      ++count;
+    }
+    if (count == 0) continue;
+    coarse.known[i] = 1;
+    for (size_t c = 0; c < 3; ++c) {
+      coarse.image.bytes[3 * i + c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
+    }
+  }
+  return coarse;
+}
+
 /// Colours texels without a surface with the mean of known ones around them, in a pyramid of half
 /// the size from level to level. Video encoders need few bits for such an image.
 void fill_background(Image& image, std::vector<uint8_t>& known) {
   const int side = image.size.width;
   if (side < 3) return;  // sample_atlas() needs 2 x 2 texels
-  const int half = (side + 1) / 2;
-  Image coarse({half, half}, PixelFormat::kRGB8);
-  std::vector<uint8_t> coarse_known(static_cast<size_t>(half) * half, 0);
-  bool any = false, all = true;
-  for (int y = 0; y < half; ++y) {
-    for (int x = 0; x < half; ++x) {
-      std::array<int, 3> sum{};
-      int count = 0;
-      for (int k = 0; k < 4; ++k) {
-        const int u = 2 * x + k % 2, v = 2 * y + k / 2;
-        if (u >= side || v >= side) continue;
-        const size_t at = static_cast<size_t>(v) * side + u;
-        if (!known[at]) {
-          all = false;
-          continue;
-        }
-        for (int c = 0; c < 3; ++c) sum[c] += image.bytes[3 * at + c];
-        ++count;
-      }
-      if (count == 0) continue;
-      any = true;
-      const size_t at = static_cast<size_t>(y) * half + x;
-      coarse_known[at] = 1;
-      for (int c = 0; c < 3; ++c) {
-        coarse.bytes[3 * at + c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
-      }
+  if (std::ranges::find(known, 0) == known.end()) return;
+  KnownTexels coarse = halved(image, known);
+  fill_background(coarse.image, coarse.known);
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const size_t i = static_cast<size_t>(y) * side + x;
+      if (known[i]) continue;
+      const Eigen::Vector2f at(static_cast<float>(x), static_cast<float>(y));
+      set_texel(image, i, sample_atlas(coarse.image, at / 2 - Eigen::Vector2f::Constant(0.25F)));
     }
-  }
-  if (!any || all) return;
-  fill_background(coarse, coarse_known);
-  for (size_t i = 0; i < known.size(); ++i) {
-    if (known[i]) continue;
-    const auto x = static_cast<float>(i % static_cast<size_t>(side));
-    const auto y = static_cast<float>(i / static_cast<size_t>(side));
-    set_texel(image, i, sample_atlas(coarse, {x / 2 - 0.25F, y / 2 - 0.25F}));
-    known[i] = 1;
   }
 }
 

@@ -129,7 +129,7 @@ class Labelling {
   uint8_t best_label(uint32_t t, bool with_neighbours) const {
     uint8_t best = 0;
     float min_cost = std::numeric_limits<float>::infinity();
-    for (uint8_t label = 0; label < directions_.size(); ++label) {
+    for (size_t label = 0; label < directions_.size(); ++label) {
       float cost = 1 - smoothed_[t].dot(directions_[label]);
       if (!shows(t, label)) cost += 1;
       for (int k = 0; k < 3 && with_neighbours; ++k) {
@@ -138,13 +138,13 @@ class Labelling {
       }
       if (cost < min_cost) {
         min_cost = cost;
-        best = label;
+        best = static_cast<uint8_t>(label);
       }
     }
     return best;
   }
 
-  bool shows(uint32_t t, uint8_t label) const {
+  bool shows(uint32_t t, size_t label) const {
     return normals_[t].dot(directions_[label]) >= kMinCosine;
   }
 
@@ -187,7 +187,7 @@ class Labelling {
         if (other != kNone && labels_[other] != labels_[t]) ++border[labels_[other]];
       }
     }
-    for (uint8_t label = 0; label < directions_.size(); ++label) {
+    for (size_t label = 0; label < directions_.size(); ++label) {
       const auto is_shown = [&](uint32_t t) { return shows(t, label); };
       if (!std::all_of(part.begin(), part.end(), is_shown)) border[label] = 0;
     }
