@@ -146,9 +146,9 @@ std::string GltfDocument::bytes() {
 }
 
 json accessor_of(const VertexStream& stream, size_t vertices) {
-  json accessor = {{"componentType", static_cast<int>(stream.component)},
-                   {"type", "VEC" + std::to_string(stream.width)},
-                   {"count", vertices}};
+  const std::string type = stream.width == 1 ? "SCALAR" : "VEC" + std::to_string(stream.width);
+  json accessor = {
+      {"componentType", static_cast<int>(stream.component)}, {"type", type}, {"count", vertices}};
   if (stream.normalised) accessor["normalized"] = true;
   return accessor;
 }
