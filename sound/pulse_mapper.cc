@@ -205,7 +205,7 @@ void PulseMapper::add_coarse_points() {
   without_edges_.clear();
 }
 
-/// Applies the gaps before a position. The edges after a gap are searched anew.
+/// Applies the gaps before a position. The edges after a gap are searched again.
 void PulseMapper::apply_gaps(double sample) {
   for (; !gaps_.empty() && gaps_.front().begin < sample; gaps_.pop_front()) {
     const Gap& gap = gaps_.front();

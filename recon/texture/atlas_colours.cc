@@ -291,12 +291,12 @@ AtlasColours colour_atlas(const Mesh& mesh, const AtlasLayout& layout,
                           const AtlasColourOptions& options) {
   AtlasColours atlas;
   atlas.image = Image({layout.side, layout.side}, PixelFormat::kRGB8);
+  atlas.seen.assign(atlas.image.bytes.size() / 3, 0);
   const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
   const SurfaceTexels surface = surface_texels(mesh, layout, normals);
   if (surface.index.empty()) return atlas;
   const std::vector<AtlasCamera> prepared = atlas_cameras(mesh, normals, cameras, options);
-  std::vector<uint8_t> known(atlas.image.bytes.size() / 3, 0);
-  atlas.seen.assign(known.size(), 0);
+  std::vector<uint8_t> known(atlas.seen.size(), 0);
   tbb::parallel_for(size_t{0}, surface.positions.blocks(), [&](size_t block) {
     const size_t first = block * PointArrays::kBlock;
     std::vector<TexelSums> sums(std::min(PointArrays::kBlock, surface.index.size() - first));
@@ -331,7 +331,7 @@ void AtlasFilter::apply(AtlasColours& colours) {
   }
   constexpr float kLeastStep = 1.0F / 7, kNoise = 6, kChange = 40;
   for (size_t i = 0; i < was_seen_.size(); ++i) {
-    const bool is_seen = !colours.seen.empty() && colours.seen[i] != 0;
+    const bool is_seen = colours.seen[i] != 0;
     if (!is_seen && was_seen_[i] != 0) {
       for (size_t c = 3 * i; c < 3 * i + 3; ++c) bytes[c] = static_cast<uint8_t>(shown_[c] + 0.5F);
       continue;

@@ -44,7 +44,8 @@ std::optional<std::vector<Eigen::Vector2i>> pack(const std::vector<FlatChart>& c
   for (size_t i = 0; i < charts.size(); ++i) {
     // One texel more than the distance between the first and the last.
     const auto texels = [&](float metres) {
-      return static_cast<int>(std::ceil(metres * texels_per_m)) + 1 + 2 * options.gutter;
+      const double length = std::min(std::ceil(metres * texels_per_m), double{kMaxAtlasSide});
+      return static_cast<int>(length) + 1 + 2 * options.gutter;
     };
     rects[i].id = static_cast<int>(i);
     rects[i].w = texels(charts[i].size.x());

@@ -3,13 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
-#include <sys/resource.h>
 
-#include <csignal>
 #include <cstdlib>
 #include <fstream>
 
 #include "base/io/file.h"
+#include "support/file_size_limit.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::sound {
@@ -106,33 +105,13 @@ TEST(WaveFile, never_replaces_a_file) {
   EXPECT_EQ(read_file(folder / "cap01.wav"), "footage");
 }
 
-/// Limits the length of the files that this process writes, while it exists.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
-    getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit limit{.rlim_cur = bytes, .rlim_max = before_.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, handler_);
-  }
-  FileSizeLimit(const FileSizeLimit&) = delete;
-  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
-
- private:
-  rlimit before_{};
-  void (*handler_)(int);
-};
-
 TEST(WaveFile, reports_a_disk_that_takes_no_more_and_keeps_the_earlier_samples) {
   const test::TemporaryFolder folder;
   const std::vector<int32_t> values = ramp(2000);
   auto writer = WaveWriter::create(folder / "cap01.wav", kStereo, kOrigin);
   ASSERT_TRUE(writer->write(values));
   {
-    const FileSizeLimit limit(8192);
+    const test::FileSizeLimit limit(8192);
     const auto status = writer->write(values);
     ASSERT_FALSE(status);
     EXPECT_THAT(status.error().message, HasSubstr("cap01.wav: File too large"));

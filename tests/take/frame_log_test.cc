@@ -3,12 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
-#include <sys/resource.h>
-
-#include <csignal>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "support/file_size_limit.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -206,27 +204,6 @@ TEST(FrameLog, reports_a_missing_folder) {
               testing::HasSubstr("/nowhere/cam07.lcmlog: No such file"));
 }
 
-/// Limits the size of files to `bytes` during its lifetime.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    handler_ = std::signal(SIGXFSZ, SIG_IGN);
-    getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit limit{bytes, before_.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, handler_);
-  }
-  FileSizeLimit(const FileSizeLimit&) = delete;
-  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
-
- private:
-  rlimit before_{};
-  void (*handler_)(int);
-};
-
 TEST(FrameLog, keeps_earlier_events_when_the_disk_is_full) {
   const TemporaryFolder folder;
   {
@@ -234,7 +211,7 @@ TEST(FrameLog, keeps_earlier_events_when_the_disk_is_full) {
     ASSERT_TRUE(writer.write(frame_of(0)));
     const int64_t one_event = writer.bytes();
     {
-      const FileSizeLimit limit(static_cast<rlim_t>(one_event + 100));
+      const test::FileSizeLimit limit(static_cast<rlim_t>(one_event + 100));
       EXPECT_FALSE(writer.write(frame_of(1)));
       EXPECT_FALSE(writer.write(frame_of(2)));
       EXPECT_EQ(writer.bytes(), one_event);

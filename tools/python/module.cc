@@ -71,7 +71,7 @@ void bind_take(py::module_& module) {
           "All calibrated cameras by name (calib.toml).")
       .def_property_readonly(
           "ledger", [](const Take& t) { return take::load_ledger(t.paths().ledger()); },
-          "The account of pulses and frames, read anew (ledger.toml).")
+          "The account of pulses and frames, from ledger.toml, which each access reads again.")
       .def(
           "frames",
           [](Take& t, const std::string& camera, int64_t begin, std::optional<int64_t> end,

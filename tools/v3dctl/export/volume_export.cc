@@ -39,9 +39,9 @@ constexpr double kPositionStep = 0.001;
 /// JPEG quality of the still picture in a segment's file, which players do not show.
 constexpr int kStillQuality = 70;
 
-/// Media types for a browser that chooses between the videos. Their levels suffice for
-/// kMaxAtlasSide at 60 pictures a second only where a decoder goes beyond them; browsers use them
-/// to find out about the codec.
+/// Media types, for a browser that chooses between the videos. They state the levels 5.0 (AV1) and
+/// 5.1 (H.264), which include 2048 x 2048 at 25 Hz. A larger atlas needs a higher level than
+/// stated.
 struct TextureVideo {
   const char* file;
   const char* type;

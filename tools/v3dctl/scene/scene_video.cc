@@ -17,26 +17,16 @@ namespace fs = std::filesystem;
 /// Prevents ffmpeg from parsing a relative path that begins with '-' as an option.
 std::string file_word(const fs::path& path) { return "file:" + path.string(); }
 
-VideoOptions::Codec codec_of(const fs::path& path, VideoOptions::Codec codec) {
-  using enum VideoOptions::Codec;
-  if (codec != kByName || path.extension() == ".webm") return codec;
-  return kH264;
-}
-
 std::vector<std::string> codec_words(const fs::path& path, const VideoOptions& options) {
+  using enum VideoOptions::Codec;
   const auto quality = [&](int usual) {
     return std::to_string(options.quality > 0 ? options.quality : usual);
   };
-  switch (codec_of(path, options.codec)) {
-    case VideoOptions::Codec::kH264:
-      return {"-c:v", "libx264", "-crf", quality(18)};
-    case VideoOptions::Codec::kAv1:
-      return {"-c:v", "libaom-av1", "-crf", quality(30), "-b:v",
-              "0",    "-cpu-used",  "6",    "-row-mt",   "1"};
-    case VideoOptions::Codec::kByName:
-      break;
-  }
-  return {"-c:v", "libvpx-vp9", "-crf", quality(24), "-b:v", "0"};
+  VideoOptions::Codec codec = options.codec;
+  if (codec == kByName) codec = path.extension() == ".webm" ? kVp9 : kH264;
+  if (codec == kH264) return {"-c:v", "libx264", "-crf", quality(18)};
+  if (codec == kVp9) return {"-c:v", "libvpx-vp9", "-crf", quality(24), "-b:v", "0"};
+  return {"-c:v", "libaom-av1", "-crf", quality(30), "-b:v", "0", "-cpu-used", "6", "-row-mt", "1"};
 }
 
 /// Words for pictures that a player can start from.

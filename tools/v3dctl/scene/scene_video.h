@@ -14,6 +14,7 @@ struct VideoOptions {
   enum class Codec {
     kByName,  ///< H.264 in .mp4, .mov and .mkv, VP9 in .webm
     kH264,
+    kVp9,
     kAv1
   };
   Codec codec = Codec::kByName;
