@@ -255,9 +255,9 @@ recon::AtlasColours FrameColours::atlas_colours(const Mesh& mesh, const recon::A
   return recon::colour_atlas(mesh, layout, texture_cameras(rig_, set_), options);
 }
 
-recon::TextureAtlas FrameColours::atlas(const Mesh& mesh, int side, const Mesh* whole) const {
+recon::TextureAtlas FrameColours::atlas(const Mesh& mesh, int side) const {
   recon::AtlasLayout layout = atlas_layout(rig_, mesh, side);
-  Image image = atlas_colours(mesh, layout, whole).image;
+  Image image = atlas_colours(mesh, layout).image;
   return {std::move(layout), std::move(image)};
 }
 

@@ -81,7 +81,7 @@ class FrameColours {
   recon::AtlasColours atlas_colours(const Mesh& mesh, const recon::AtlasLayout& layout,
                                     const Mesh* whole = nullptr) const;
   /// An atlas of `mesh` with atlas_layout().
-  recon::TextureAtlas atlas(const Mesh& mesh, int side, const Mesh* whole = nullptr) const;
+  recon::TextureAtlas atlas(const Mesh& mesh, int side) const;
   /// `mesh` with view-dependent colours for the viewpoint `eye` (Algorithm 2).
   Mesh coloured_for(const CameraModel& eye, Mesh mesh) const;
 

@@ -11,6 +11,7 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/take_export.h"
+#include "v3dctl/export/texture_painter.h"
 #include "v3dctl/export/volume_export.h"
 #include "v3dctl/options.h"
 
@@ -82,6 +83,17 @@ int run_take_export(const Arguments& arguments, TakeFormat format) {
                       .surface = parse_surface(arguments.surface)});
 }
 
+/// A texture in place of the colours of vertices, which it removes; empty without triangles.
+/// `whole` is the surface of all performers.
+std::optional<recon::TextureAtlas> take_texture(TexturePainter& painter, int side,
+                                                const Mesh& whole, recon::CompactFrame& content) {
+  if (content.mesh.triangles.empty()) return {};
+  recon::AtlasLayout layout = painter.layout_of(content.mesh, side);
+  Image image = painter.paint(content.mesh, layout, content.pulse, &whole).image;
+  content.mesh.colours.clear();
+  return recon::TextureAtlas{std::move(layout), std::move(image)};
+}
+
 int run(const Arguments& arguments) {
   if (arguments.format == "volume") return run_volume_export(arguments);
   if (arguments.uncompressed) throw InputError("--uncompressed: expected --format volume");
@@ -104,6 +116,8 @@ int run(const Arguments& arguments) {
   }
   std::optional<TakeColours> colours;
   if (arguments.view_dependent) colours.emplace(arguments.take);
+  std::optional<TexturePainter> painter;
+  if (arguments.atlas_side > 0) painter.emplace(arguments.take, "--atlas");
   catch_interrupts();
   Progress progress("export", std::ssize(frames));
   PerformerFilter performer(arguments.take, arguments.performer);
@@ -113,15 +127,10 @@ int run(const Arguments& arguments) {
     recon::CompactFrame content = meshes.read(frame);
     std::vector<ExportedCamera> cameras;
     if (colours) cameras = colours->of(content);
-    std::optional<recorded::FrameColours> photographs;
-    const Mesh whole = arguments.atlas_side > 0 ? content.mesh : Mesh();
-    if (arguments.atlas_side > 0) photographs.emplace(arguments.take, content);
+    const Mesh whole = painter ? content.mesh : Mesh();
     performer.apply(content, cameras);
     std::optional<recon::TextureAtlas> atlas;
-    if (photographs && !content.mesh.triangles.empty()) {
-      atlas = photographs->atlas(content.mesh, arguments.atlas_side, &whole);
-      content.mesh.colours.clear();
-    }
+    if (painter) atlas = take_texture(*painter, arguments.atlas_side, whole, content);
     write_mesh(file, format, content.mesh,
                {.compression = compression,
                 .lattice = content.lattice,
@@ -130,8 +139,9 @@ int run(const Arguments& arguments) {
     progress.advance();
   }
   performer.require_present();
-  const int status =
-      colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
+  const int64_t incomplete =
+      colours ? colours->incomplete() : (painter ? painter->incomplete() : 0);
+  const int status = report_incomplete_frames(incomplete, arguments.take);
   return std::max(status, report_unfinished_meshes(meshes, arguments.take));
 }
 

@@ -18,10 +18,9 @@
 #include "codec/motion_codec.h"
 #include "common/console.h"
 #include "common/partial_folder.h"
-#include "daemon/recorded/mesh_frames.h"
-#include "daemon/recorded/take_frames.h"
 #include "recon/texture/atlas_colours.h"
 #include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/texture_painter.h"
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_video.h"
@@ -142,39 +141,6 @@ class DeliveredSegment {
   std::optional<codec::MotionReader> reader_;
 };
 
-/// The texture of each pulse, from raw frames where the take has them.
-class TexturePainter {
- public:
-  explicit TexturePainter(const fs::path& take) : rig_(take::load_take_calib({take})) {
-    const take::TakePaths paths{take};
-    const auto cameras = take::load_take_info(paths).cameras;
-    const bool recorded = std::ranges::any_of(
-        cameras, [&](const std::string& camera) { return file_exists(paths.frames(camera)); });
-    if (recorded) {
-      frames_.emplace(require_raw_frames(take, "--format volume"), std::vector<std::string>());
-    } else {
-      note("v3dctl: the texture has the colours of vertices: " + take.string() +
-           " has no raw frames");
-    }
-  }
-
-  const Rig& rig() const { return rig_; }
-  /// Number of pulses so far in which a camera was missing or unreadable.
-  int64_t incomplete() const { return incomplete_; }
-
-  recon::AtlasColours paint(const Mesh& mesh, const recon::AtlasLayout& layout, int64_t pulse) {
-    if (!frames_) return recon::colour_atlas(mesh, layout, {}, {});
-    const recorded::FrameColours colours(*frames_, pulse);
-    if (colours.cameras() < rig_.size()) ++incomplete_;
-    return colours.atlas_colours(mesh, layout);
-  }
-
- private:
-  Rig rig_;
-  std::optional<recorded::TakeFrames> frames_;
-  int64_t incomplete_ = 0;
-};
-
 /// The videos of the texture, one picture for each pulse from the first to the last.
 class TextureVideos {
  public:
@@ -239,7 +205,7 @@ class VolumeWriter {
       : request_(request),
         folder_(folder),
         surfaces_(surfaces),
-        painter_(request.take),
+        painter_(request.take, "--format volume"),
         videos_(folder, request.atlas_side, info.rate_hz, segments),
         motion_(codec::MotionWriter::header()) {
     if (request.uncompressed) io::throw_if_failed(io::create_folders(folder / "textures"));
@@ -249,7 +215,7 @@ class VolumeWriter {
     DeliveredSegment segment(surfaces_, places, take::TakePaths{request_.take}.motion());
     motion_.insert(motion_.end(), segment.bytes().begin(), segment.bytes().end());
     const recon::AtlasLayout layout =
-        recorded::atlas_layout(painter_.rig(), segment.surface(segment.key()), request_.atlas_side);
+        painter_.layout_of(segment.surface(segment.key()), request_.atlas_side);
     recon::AtlasFilter filter;
     for (size_t i = 0; i < segment.pulses().size(); ++i) {
       stop_if_interrupted();
