@@ -8,17 +8,20 @@ import { buttonsOf, download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
-import { newScene, parseScene, pictureCount, type SceneFile, writeScene } from './scene_file';
+import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, type Vector, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
 import { type Look, LOOKS, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
 import { SoundControl } from './sound_control';
 import { Stage } from './stage';
-import { fetchScenes, fetchTakes, sceneItem, type Take, takeItem } from './take_list';
+import { TakeBrowser } from './take_browser';
+import { fetchScenes, fetchTakes, sceneItem, type Take } from './take_list';
 import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
 
 const TAKES_EVERY_MS = 5000;
+/** Distance between two compared takes. */
+const APART_M = 1.5;
 
 class Viewer {
   private readonly stage: Stage;
@@ -30,6 +33,7 @@ class Viewer {
   private open: { take: Take | null; scene: string | null; number: number } | null = null;
   private composition: Composition | null = null;
   private readonly panel: ScenePanel;
+  private readonly browser = new TakeBrowser({ open: (name) => this.openTake(name), compare: (name) => this.compare(name) });
   private readonly pictures: Pictures;
   private playback: Playback | null = null;
   private opened = 0;
@@ -124,13 +128,12 @@ class Viewer {
     try {
       this.takes = await fetchTakes();
       scenes = await fetchScenes();
-      note.textContent = this.takes.length ? '' : 'No takes yet. Record one with v3dctl arm, start and stop.';
     } catch {
       note.textContent = 'The studio does not answer. Is v3d-viewd running?';
       return;
     }
     find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => void this.openScene(name, NaN))));
-    find('takes').replaceChildren(...this.takes.map((take) => takeItem(take, (name) => this.openTake(name))));
+    this.browser.list(this.takes);
     this.markOpen();
   }
 
@@ -188,6 +191,23 @@ class Viewer {
     const scene = newScene(take ?? null, seconds, this.stage.eyeAsKey(0));
     this.openAs({ take: null, scene: '' }, '', null);
     this.showScene(scene, this.unsavedUrl(), NaN);
+  }
+
+  /** A scene of the open take and another one beside it, in step. */
+  private compare(name: string): void {
+    const first = this.open?.take;
+    const second = this.takes.find((take) => take.name === name);
+    if (!first || !second) return;
+    const key = this.stage.eyeAsKey(0);
+    const along = [key.look[0] - key.eye[0], key.look[1] - key.eye[1]];
+    const length = Math.hypot(along[0], along[1]) || 1;
+    const right: Vector = [along[1] / length, -along[0] / length, 0];
+    const scene = sideBySide(first, second, Math.max(first.seconds, second.seconds), key, right, APART_M);
+    this.openAs({ take: null, scene: '' }, '', null);
+    this.showScene(scene, this.unsavedUrl(), NaN);
+    this.setFollowing(false);
+    this.stage.frameAll();
+    find('title').textContent = `${first.name} and ${second.name}`;
   }
 
   /** URL of an unsaved scene, as if its folder were beside the takes. */
@@ -297,9 +317,7 @@ class Viewer {
   }
 
   private markOpen(): void {
-    for (const button of document.querySelectorAll<HTMLElement>('[data-take]')) {
-      press(button, button.dataset.take === this.open?.take?.name);
-    }
+    this.browser.mark(this.open?.take ?? null);
     for (const button of document.querySelectorAll<HTMLElement>('[data-scene]')) {
       press(button, button.dataset.scene === this.open?.scene);
     }

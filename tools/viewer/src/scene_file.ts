@@ -232,3 +232,15 @@ export function newScene(take: { name: string; rate_hz: number } | null, seconds
     camera: { keys: [key] },
   };
 }
+
+/**
+ * A scene of two takes in step: both begin at second 0. The second stands `apart` metres beside the first, along `right`, a
+ * direction of length 1 in the world; the sound is that of the first. Pulses follow at the rate of the first.
+ */
+export function sideBySide(first: { name: string; rate_hz: number }, second: { name: string }, seconds: number,
+  key: CameraKey, right: Vector, apart: number): SceneFile {
+  const scene = newScene(first, seconds, key);
+  const moved = right.map((x) => Math.round(1000 * apart * x) / 1000) as Vector;
+  scene.takes.push({ ...scene.takes[0], take: `../${second.name}`, move: moved, sound: false });
+  return scene;
+}
