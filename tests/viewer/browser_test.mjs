@@ -72,7 +72,7 @@ test('finds takes by words and by their state', async () => {
   assert.deepEqual(await listed(), ['ball']);
   await shows('takes-note', `1 of ${all} takes`);
   await page.fill('#take-words', '');
-  await page.selectOption('#take-state', 'incomplete');
+  await page.selectOption('#take-state', 'edited');
   assert.deepEqual(await listed(), []);
   await page.selectOption('#take-state', '');
   assert.equal((await listed()).length, all);
