@@ -6,7 +6,7 @@ import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
 import { buttonsOf, download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
-import { Playback } from './playback';
+import { Playback } from '../player/src/playback';
 import { fetchRig, type RigCamera } from './rig';
 import { newScene, parseScene, pictureCount, type SceneFile, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
@@ -16,7 +16,7 @@ import { SoundControl } from './sound_control';
 import { Stage } from './stage';
 import { fetchScenes, fetchTakes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
-import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
+import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
 
@@ -345,6 +345,8 @@ class Viewer {
         break;
       case 'frame':
         this.show(message.frame);
+        break;
+      case 'no-surface':
         break;
       default:
         this.motion.onMessage(message);
