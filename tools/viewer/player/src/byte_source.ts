@@ -50,7 +50,9 @@ export class HttpSource implements ByteSource {
     return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (answer) => {
       if (answer.status === 404) throw new NoSuchFile('The server answered 404.');
       if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
-      return Number(answer.headers.get('Content-Length') ?? 0);
+      const length = answer.headers.get('Content-Length');
+      if (length === null) throw new Error('The server does not state the length of the file (Content-Length).');
+      return Number(length);
     });
   }
 

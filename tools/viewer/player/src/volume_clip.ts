@@ -159,6 +159,8 @@ export class VolumeClip implements Clip {
   private pending: { picture: Picture; number: number } | null = null;
   private textured: Picture | null = null;
   private failure: string | null = null;
+  /** The video pauses by itself at its end, also in a loop. */
+  private playing = false;
   loop = false;
 
   private constructor(private readonly events: ClipEvents) {
@@ -231,7 +233,7 @@ export class VolumeClip implements Clip {
     return Math.min(this.duration, this.opened.video.video.currentTime);
   }
   get paused(): boolean {
-    return this.opened.video.video.paused;
+    return !this.playing;
   }
   get hasSound(): boolean {
     return this.opened.manifest.hasSound;
@@ -250,10 +252,17 @@ export class VolumeClip implements Clip {
     this.opened.video.video.volume = volume;
   }
 
-  play(): Promise<void> {
-    return this.opened.video.video.play();
+  async play(): Promise<void> {
+    this.playing = true;
+    try {
+      await this.opened.video.video.play();
+    } catch (error) {
+      if ((error as Error).name !== 'AbortError') this.playing = false; // otherwise pause() came first, or a seek
+      throw error;
+    }
   }
   pause(): void {
+    this.playing = false;
     this.opened.video.video.pause();
   }
   seek(seconds: number): void {
@@ -281,15 +290,20 @@ export class VolumeClip implements Clip {
   private fail(text: string): void {
     if (this.failure !== null) return;
     this.failure = text;
+    this.playing = false;
     this.opened?.video.video.pause();
     if (this.opening) this.opening.reject(new Error(text));
     else this.events.failed(text);
   }
 
   private onEnd(): void {
-    if (!this.loop) return this.events.ended();
-    this.seek(0);
-    this.play().catch(() => this.events.ended());
+    if (this.loop && this.playing) {
+      this.seek(0);
+      this.play().catch(() => undefined); // pause() came first
+    } else {
+      this.playing = false;
+      this.events.ended();
+    }
   }
 
   /** A picture became current in the video. It is shown with its surface, and not before. */

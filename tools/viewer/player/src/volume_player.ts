@@ -75,7 +75,8 @@ export class VolumePlayer extends Object3D<VolumePlayerEventMap> {
     }
   }
 
-  private open(src: string, isLate: () => boolean): Promise<Clip> {
+  private async open(src: string, isLate: () => boolean): Promise<Clip> {
+    await Promise.resolve(); // events come after the caller has added its listeners
     const { rate = 25, deadline = 30 } = this.options;
     const events: ClipEvents = {
       shown: () => isLate() || this.announce(),

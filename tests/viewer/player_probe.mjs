@@ -1,0 +1,183 @@
+// A small delivery and single files on a web server of this test, and what the player shows of them in Chromium.
+import { createServer } from 'node:http';
+import { once } from 'node:events';
+import { answerWithFile } from '../../tools/viewer/player/serve.mjs';
+
+/** Pulses of the take `coded` (make_takes.cc); the pulses 25 and 26 have no surface. */
+export const FIRST = 5, LAST = 36, RATE = 25;
+export const SIDE = 256;
+
+/** Serves the example page at /, and folders below their names. An answer in `faults` replaces that of its path. */
+export class PlayerServer {
+  /** [path]: bytes or a text, a status, or a function of the request and the response. */
+  faults = new Map();
+
+  constructor(page, folders) {
+    this.folders = folders;
+    this.server = createServer((request, response) => {
+      const path = new URL(request.url, 'http://localhost').pathname;
+      const fault = this.faults.get(path);
+      if (typeof fault === 'number') return response.writeHead(fault).end();
+      if (typeof fault === 'function') return fault(request, response);
+      if (fault !== undefined) return answerWithBytes(fault, request, response);
+      const name = Object.keys(folders).find((folder) => path.startsWith(`/${folder}/`));
+      if (name) request.url = request.url.slice(name.length + 1);
+      answerWithFile(name ? folders[name] : page, request, response);
+    });
+  }
+
+  async start() {
+    this.server.listen(0, '127.0.0.1');
+    await once(this.server, 'listening');
+    this.address = `http://127.0.0.1:${this.server.address().port}/`;
+  }
+
+  end() {
+    this.server.closeAllConnections();
+    this.server.close();
+  }
+}
+
+/** As answerWithFile(), for bytes. */
+function answerWithBytes(content, request, response) {
+  const bytes = Buffer.from(content);
+  const range = /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
+  const first = range ? Number(range[1]) : 0;
+  const last = Math.min(bytes.length - 1, range && range[2] ? Number(range[2]) : bytes.length - 1);
+  if (range && first > last) return response.writeHead(416, { 'Content-Range': `bytes */${bytes.length}` }).end();
+  if (range) response.setHeader('Content-Range', `bytes ${first}-${last}/${bytes.length}`);
+  response.writeHead(range ? 206 : 200, { 'Content-Length': last - first + 1, 'Accept-Ranges': 'bytes' });
+  response.end(request.method === 'HEAD' ? undefined : bytes.subarray(first, last + 1));
+}
+
+/**
+ * Runs in the page before its scripts. Records events of the player, and at every picture of the screen the pulse that the
+ * player states, that of the colour of its pixels, that of the position of its vertices, and the media time of the video's
+ * picture.
+ */
+export function tapPlayer() {
+  window.events = [];
+  window.seen = [];
+  window.mediaTime = null;
+  window.shown = null;
+  const RealFrame = window.VideoFrame;
+  if (RealFrame) {
+    window.VideoFrame = class extends RealFrame {
+      constructor(...of) {
+        super(...of);
+        window.mediaTime = this.timestamp / 1e6;
+      }
+    };
+  }
+  const listen = (element) => {
+    for (const name of ['loadedmetadata', 'play', 'pause', 'timeupdate', 'ended', 'autoplayblocked', 'error']) {
+      element.addEventListener(name, ({ detail }) => {
+        window.events.push({ name, ...detail });
+        window.reportEvent?.(name);
+        if (name === 'timeupdate') window.shown = { media: window.mediaTime };
+        if (name === 'loadedmetadata') requestAnimationFrame(turn);
+      });
+    }
+  };
+  const create = document.createElement.bind(document);
+  document.createElement = (name) => {
+    const element = create(name);
+    if (name === 'video') window.video = element; // the last one is the player's
+    if (name === 'v3d-player') listen(element);
+    return element;
+  };
+  /** The pulse of a colour, coded() in make_takes.cc, of an sRGB value. */
+  const pulseOfColour = (colour) => colour.reduce((pulse, value) => 4 * pulse + Math.max(0, Math.min(3, Math.round((value - 40) / 60))), 0);
+  const pen = new OffscreenCanvas(64, 64).getContext('2d', { willReadFrequently: true });
+  /** Mean colour of the ball's middle on a canvas; null: there is no ball. */
+  const colourOf = (canvas) => {
+    pen.clearRect(0, 0, 64, 64);
+    pen.drawImage(canvas, canvas.width * 0.25, 0, canvas.width * 0.5, canvas.height, 0, 0, 64, 64);
+    const { data } = pen.getImageData(0, 0, 64, 64);
+    const sum = [0, 0, 0];
+    let count = 0;
+    for (let at = 0; at < data.length; at += 4) {
+      if (data[at + 3] < 255) continue; // behind the ball the canvas is clear
+      for (let k = 0; k < 3; ++k) sum[k] += data[at + k];
+      ++count;
+    }
+    return count < 100 ? null : sum.map((value) => value / count);
+  };
+  const look = () => {
+    const element = document.querySelector('v3d-player');
+    if (!element?.player || element.pulse < 0) return null;
+    const mesh = element.player.children[0].children[0];
+    const colour = mesh?.visible ? colourOf(element.shadowRoot.querySelector('canvas')) : null;
+    const positions = mesh.geometry.getAttribute('position')?.array;
+    let low = Infinity, high = -Infinity;
+    for (let at = 0; positions && at < positions.length; at += 3) {
+      low = Math.min(low, positions[at]);
+      high = Math.max(high, positions[at]);
+    }
+    return { pulse: element.pulse, coded: colour && pulseOfColour(colour), colour, x: (low + high) / 2, media: window.shown.media };
+  };
+  // Follows the player in every picture of the screen, because its callback was registered first. A canvas can be read only
+  // until the picture is on the screen.
+  const turn = () => {
+    const now = window.shown && look();
+    if (now) window.seen.push(now);
+    window.shown = null;
+    requestAnimationFrame(turn);
+  };
+}
+
+/**
+ * Resolves with the first of these events. Nothing is evaluated in the page, which Chromium would take for a gesture of the user.
+ * To call before the page is opened.
+ */
+export async function firstEvent(page, names) {
+  let resolve;
+  const event = new Promise((done) => { resolve = done; });
+  await page.exposeFunction('reportEvent', (name) => names.includes(name) && resolve(name));
+  return { event };
+}
+
+/** A player on the example page. */
+export class PlayerPage {
+  constructor(page, address) {
+    this.page = page;
+    this.address = address;
+  }
+
+  /** `attributes`: of the element; true: without a value. */
+  async open(attributes) {
+    const query = Object.entries(attributes).map(([name, value]) => `${name}=${encodeURIComponent(value === true ? '' : value)}`);
+    await this.page.goto(`${this.address}?${query.join('&')}`);
+  }
+  /** Waits for an event; returns its detail. */
+  async event(name) {
+    await this.page.waitForFunction((n) => window.events.some((event) => event.name === n), name);
+    return this.page.evaluate((n) => window.events.find((event) => event.name === n), name);
+  }
+  async hasEvent(name) {
+    return this.page.evaluate((n) => window.events.some((event) => event.name === n), name);
+  }
+  /** Calls a method of the element. */
+  call(method, ...of) {
+    return this.page.evaluate(([m, a]) => document.querySelector('v3d-player')[m](...a), [method, of]);
+  }
+  get(name) {
+    return this.page.evaluate((n) => document.querySelector('v3d-player')[n], name);
+  }
+  set(name, value) {
+    return this.page.evaluate(([n, v]) => { document.querySelector('v3d-player')[n] = v; }, [name, value]);
+  }
+  /** Shows the pulse and returns what is seen of it. */
+  async seek(pulse) {
+    await this.set('currentTime', (pulse - FIRST) / RATE);
+    return this.showing(pulse);
+  }
+  /** Waits until the screen shows the pulse. */
+  async showing(pulse) {
+    await this.page.waitForFunction((p) => window.seen.at(-1)?.pulse === p, pulse);
+    return this.page.evaluate(() => window.seen.at(-1));
+  }
+  seen() {
+    return this.page.evaluate(() => window.seen);
+  }
+}
