@@ -122,6 +122,11 @@ TEST_F(VolumeExportTake, has_a_manifest_that_names_segments_and_videos) {
   ASSERT_EQ(file["segments"].size(), 2U);
   EXPECT_EQ(file["segments"][0]["last_pulse"], 1) << "the later segment shows pulse 2";
   EXPECT_EQ(file["segments"][1]["first_pulse"], 2);
+  const TrackedSurfaces motion(folder_ / "out/motion.v3d");
+  for (size_t s = 0; s < 2; ++s) {
+    EXPECT_EQ(file["segments"][s]["vertices"], motion.segments()[s].vertices);
+    EXPECT_EQ(file["segments"][s]["triangles"], motion.segments()[s].triangles);
+  }
   for (const auto& segment : file["segments"]) {
     EXPECT_TRUE(fs::exists(folder_ / "out" / segment["surface"].get<std::string>()));
   }

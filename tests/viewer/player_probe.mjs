@@ -137,6 +137,34 @@ export async function firstEvent(page, names) {
   return { event };
 }
 
+/**
+ * Runs in the page: plays the video through Web Audio and records when bursts of its sound leave for the loudspeakers, and when
+ * pulses are drawn, by the clock of the page, seconds.
+ */
+export async function tapSound() {
+  window.bursts = [];
+  window.drawn = [];
+  const context = new AudioContext();
+  const code = `registerProcessor('burst', class extends AudioWorkletProcessor {
+    last = -1;
+    process([[samples]]) {
+      const n = samples?.findIndex((value) => Math.abs(value) > 0.4) ?? -1;
+      if (n >= 0 && currentTime > this.last + 0.1) this.port.postMessage((this.last = currentTime + n / sampleRate));
+      return true;
+    }
+  })`;
+  await context.audioWorklet.addModule(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
+  const worklet = new AudioWorkletNode(context, 'burst');
+  worklet.port.onmessage = ({ data }) => {
+    const { contextTime, performanceTime } = context.getOutputTimestamp();
+    window.bursts.push(performanceTime / 1000 + data - contextTime);
+  };
+  context.createMediaElementSource(window.video).connect(worklet).connect(context.destination);
+  const element = document.querySelector('v3d-player');
+  element.addEventListener('timeupdate', ({ detail }) => window.drawn.push({ pulse: detail.pulse, at: performance.now() / 1000 }));
+  await context.resume();
+}
+
 /** A player on the example page. */
 export class PlayerPage {
   constructor(page, address) {

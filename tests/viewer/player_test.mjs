@@ -5,7 +5,7 @@ import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { FIRST, firstEvent, LAST, PlayerPage, PlayerServer, RATE, SIDE, tapPlayer } from './player_probe.mjs';
+import { FIRST, firstEvent, LAST, PlayerPage, PlayerServer, RATE, SIDE, tapPlayer, tapSound } from './player_probe.mjs';
 import { GL, launchBrowser, TIMEOUT_MS } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
@@ -174,6 +174,7 @@ const DAMAGES = {
   'no motion': () => ({ faults: { 'motion.v3d': 404 }, message: /^motion\.v3d: the server answered 404; expected the motion file/ }),
   'a truncated motion': () => ({ faults: cut('motion.v3d', 0.7), message: /^motion\.v3d: .*is damaged/ }),
   'the motion of another delivery': () => ({ faults: changed((file) => { file.segments.pop(); }), message: /^motion\.v3d: has 2 segments; expected 1, as the manifest/ }),
+  'other counts': () => ({ faults: changed((file) => { file.segments[1].vertices += 1; }), message: /^motion\.v3d: segment 1 has (\d+) vertices and .*; expected \d+ and \d+, as the manifest/ }),
   'no segment': () => ({ faults: { 'segment-000.glb': 404 }, message: /^segment-000\.glb: the server answered 404/ }),
   'a truncated segment': () => ({ faults: cut('segment-000.glb', 0.5), message: /^segment-000\.glb: is incomplete: has \d+ bytes of \d+/ }),
   'another segment': () => ({ faults: { 'segment-000.glb': bytesOf('segment-001.glb') }, message: /^segment-000\.glb: has \d+ triangles; expected \d+, those of the motion file/ }),
@@ -249,5 +250,23 @@ test('has the sound of a pulse at the media time of its picture', async (context
     const offset = times[n] - (pulse - FIRST) / RATE;
     context.diagnostic(`burst of pulse ${pulse}: ${(1000 * offset).toFixed(1)} ms after the start of its picture`);
     assert.ok(offset > -0.5 / RATE && offset < 0.5 / RATE, `burst of pulse ${pulse} ${offset} s beside its picture`);
+  });
+});
+
+test('plays the sound of all pulses while it shows them', async (context) => {
+  await player.open({ src: '/volume/' });
+  await player.event('loadedmetadata');
+  await page.evaluate(tapSound);
+  await player.call('play');
+  await player.event('ended');
+  await page.waitForFunction(() => window.bursts.length === 3);
+  const { bursts, drawn } = await page.evaluate(() => ({ bursts: window.bursts, drawn: window.drawn }));
+  // The times are reported only: on a busy machine without a sound device they say little.
+  bursts.forEach((at, n) => {
+    const pulse = 10 + 10 * n;
+    const { pulse: shown } = drawn.findLast((picture) => picture.at <= at) ?? drawn[0];
+    const start = drawn.find((picture) => picture.pulse >= pulse);
+    const late = start ? `; pulse ${start.pulse} was drawn ${(1000 * (start.at - at) - (1000 * (start.pulse - pulse)) / RATE).toFixed(0)} ms after its sound` : '';
+    context.diagnostic(`sound of pulse ${pulse} with pulse ${shown} on the screen${late}`);
   });
 });

@@ -83,6 +83,17 @@ std::vector<codec::VertexPosition> positions_of(const Mesh& mesh) {
   return positions;
 }
 
+struct SegmentCounts {
+  size_t vertices = 0, triangles = 0;
+};
+
+/// What the manifest states of the written files.
+struct WrittenParts {
+  std::vector<SegmentCounts> counts;  ///< of each segment
+  int64_t incomplete = 0;             ///< pulses without a frame of some camera
+  bool has_sound = false;
+};
+
 /// A delivered segment: geometry as a player decodes it, and colours of vertices.
 class DeliveredSegment {
  public:
@@ -106,6 +117,11 @@ class DeliveredSegment {
   }
 
   const std::vector<int64_t>& pulses() const { return pulses_; }
+  /// Numbers of vertices and triangles, as the motion file has them.
+  SegmentCounts counts() const {
+    const codec::MotionSegmentInfo& segment = reader_->segments().front();
+    return {segment.vertices, segment.triangles};
+  }
   /// Index of the pulse whose surface is in the GLB file.
   size_t key() const { return key_; }
   std::span<const uint8_t> bytes() const { return bytes_; }
@@ -227,7 +243,7 @@ std::string media_type(const TextureVideo& video, bool has_sound) {
 }
 
 Json manifest_of(const take::TakeInfo& info, int side, const std::vector<SegmentPlaces>& segments,
-                 bool has_sound) {
+                 const WrittenParts& parts) {
   const auto [first, pulses] = span_of(segments);
   Json manifest = {{"format", "v3d-volume"},  {"version", 1},         {"take", info.name},
                    {"rate_hz", info.rate_hz}, {"first_pulse", first}, {"pulses", pulses},
@@ -235,16 +251,18 @@ Json manifest_of(const take::TakeInfo& info, int side, const std::vector<Segment
   manifest["texture"]["side"] = side;
   for (const TextureVideo& video : kVideos) {
     manifest["texture"]["videos"].push_back(
-        {{"file", video.file}, {"type", media_type(video, has_sound)}});
+        {{"file", video.file}, {"type", media_type(video, parts.has_sound)}});
   }
-  if (has_sound) {
+  if (parts.has_sound) {
     manifest["sound"] = {{"codec", kSoundCodec}, {"rate_hz", kSceneSoundRate}, {"channels", 2}};
   }
   manifest["segments"] = Json::array();
   for (size_t s = 0; s < segments.size(); ++s) {
     manifest["segments"].push_back({{"first_pulse", segments[s].front().pulse},
                                     {"last_pulse", segments[s].back().pulse},
-                                    {"surface", fmt::format("segment-{:03}.glb", s)}});
+                                    {"surface", fmt::format("segment-{:03}.glb", s)},
+                                    {"vertices", parts.counts[s].vertices},
+                                    {"triangles", parts.counts[s].triangles}});
   }
   return manifest;
 }
@@ -264,7 +282,8 @@ class VolumeWriter {
     if (request.uncompressed) io::throw_if_failed(io::create_folders(folder / "textures"));
   }
 
-  void add(size_t number, const SegmentPlaces& places, Progress& progress) {
+  /// Returns the counts of the segment.
+  SegmentCounts add(size_t number, const SegmentPlaces& places, Progress& progress) {
     DeliveredSegment segment(surfaces_, places, take::TakePaths{request_.take}.motion());
     motion_.insert(motion_.end(), segment.bytes().begin(), segment.bytes().end());
     const recon::AtlasLayout layout =
@@ -284,6 +303,7 @@ class VolumeWriter {
       videos_.add(pulse, std::move(image));
       progress.advance();
     }
+    return segment.counts();
   }
 
   /// Returns the number of pulses without a frame of some camera.
@@ -313,11 +333,6 @@ class VolumeWriter {
   std::vector<uint8_t> motion_;
 };
 
-struct WrittenParts {
-  int64_t incomplete = 0;  ///< pulses without a frame of some camera
-  bool has_sound = false;
-};
-
 /// Writes everything but the manifest.
 WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
                          TrackedSurfaces& surfaces, const std::vector<SegmentPlaces>& segments,
@@ -327,8 +342,13 @@ WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
   for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
   Progress progress("export", pulses);
   VolumeWriter writer(request, folder, surfaces, segments, info, sound.file());
-  for (size_t s = 0; s < segments.size(); ++s) writer.add(s, segments[s], progress);
-  return {.incomplete = writer.finish(), .has_sound = !sound.is_silent()};
+  WrittenParts parts;
+  parts.has_sound = !sound.is_silent();
+  for (size_t s = 0; s < segments.size(); ++s) {
+    parts.counts.push_back(writer.add(s, segments[s], progress));
+  }
+  parts.incomplete = writer.finish();
+  return parts;
 }
 
 }  // namespace
@@ -350,12 +370,11 @@ int export_volume(const VolumeExport& request) {
   }
   PartialFolder folder(request.out);
   catch_interrupts();
-  const auto [incomplete, has_sound] =
-      write_parts(request, folder.path(), surfaces, segments, info);
+  const WrittenParts parts = write_parts(request, folder.path(), surfaces, segments, info);
   replace_file(folder.path() / "manifest.json",
-               manifest_of(info, request.atlas_side, segments, has_sound).dump(2) + "\n");
+               manifest_of(info, request.atlas_side, segments, parts).dump(2) + "\n");
   folder.finish();
-  return report_incomplete_frames(incomplete, request.take);
+  return report_incomplete_frames(parts.incomplete, request.take);
 }
 
 }  // namespace v3d::ctl
