@@ -1,11 +1,33 @@
 // A small delivery and single files on a web server of this test, and what the player shows of them in Chromium.
-import { createServer } from 'node:http';
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { once } from 'node:events';
+import { mkdtempSync, rmSync } from 'node:fs';
+import { createServer } from 'node:http';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
 import { answerWithFile } from '../../tools/viewer/player/serve.mjs';
+import { GL, launchBrowser, TIMEOUT_MS } from './served_studio.mjs';
 
 /** Pulses of the take `coded` (make_takes.cc); the pulses 25 and 26 have no surface. */
 export const FIRST = 5, LAST = 36, RATE = 25;
-export const SIDE = 256;
+const SIDE = 256;
+
+/** Middle of the ball at a pulse, metres (moving_ball() in make_takes.cc). */
+const xOf = (pulse) => 0.005 + 0.1 * Math.sin(0.3 * pulse);
+export const isAt = (x, pulse) => Math.abs(x - xOf(pulse)) < 0.001;
+const hasSurface = (pulse) => pulse < 25 || pulse > 26;
+
+/** The colour, the position and the media time are those of the pulse. */
+export function assertInStep({ pulse, coded, x, media }, what) {
+  if (hasSurface(pulse)) {
+    assert.equal(coded, pulse, `${what}: colour of pulse ${coded} with pulse ${pulse}`);
+    assert.ok(isAt(x, pulse), `${what}: position ${x} at pulse ${pulse}`);
+  } else {
+    assert.equal(coded, null, `${what}: pulse ${pulse} has no surface`);
+  }
+  if (media !== null) assert.equal(FIRST + Math.round(media * RATE), pulse, `${what}: media time ${media}`);
+}
 
 /** Serves the example page at /, and folders below their names. An answer in `faults` replaces that of its path. */
 export class PlayerServer {
@@ -207,5 +229,39 @@ export class PlayerPage {
   }
   seen() {
     return this.page.evaluate(() => window.seen);
+  }
+}
+
+/** A delivery of the take `coded` at /volume/, takes at /takes/, and a page of Chromium. */
+export class PlayerStudio {
+  #build = process.env.V3D_BUILD;
+  folder = mkdtempSync(join(tmpdir(), 'v3d-player-'));
+  volume = join(this.folder, 'volume');
+  takes = join(this.folder, 'takes');
+
+  async start() {
+    execFileSync(join(this.#build, 'tests/viewer_takes'), [this.folder]);
+    const words = ['export', join(this.takes, 'coded'), '--format', 'volume', '--atlas', String(SIDE), this.volume];
+    execFileSync(join(this.#build, 'bin/v3dctl'), words, { stdio: 'ignore' });
+    this.server = new PlayerServer(join(this.#build, 'player-example'), { volume: this.volume, takes: this.takes });
+    await this.server.start();
+    // Chromium without a window otherwise lets everything play.
+    this.browser = await launchBrowser([...GL, '--autoplay-policy=document-user-activation-required']);
+  }
+
+  /** A new page without a gesture, in place of the last one. `prepare`: runs in it before its scripts. */
+  async newPlayer(prepare) {
+    await this.page?.close();
+    this.page = await this.browser.newPage({ viewport: { width: 480, height: 360 } });
+    this.page.setDefaultTimeout(TIMEOUT_MS);
+    if (prepare) await this.page.addInitScript(prepare);
+    await this.page.addInitScript(tapPlayer);
+    return new PlayerPage(this.page, this.server.address);
+  }
+
+  async end() {
+    await this.browser?.close();
+    this.server?.end();
+    rmSync(this.folder, { recursive: true });
   }
 }

@@ -121,8 +121,9 @@ export class VideoFrames {
   /** A truncated file ends before its last picture. After a seek, the position is no longer that of the end. */
   private onEnd(): void {
     this.unwatch();
-    if (this.video.ended && this.number < this.manifest.pulses - 2) this.fail(this.shortText(this.video.currentTime));
-    else this.events.ended();
+    if (this.video.ended && this.number < this.manifest.pulses - 2) return this.fail(this.shortText(this.video.currentTime));
+    this.show(this.video.currentTime); // a slow screen may have left out the last picture
+    this.events.ended();
   }
 
   private errorText(): string {
