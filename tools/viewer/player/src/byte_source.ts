@@ -38,6 +38,14 @@ export async function bodyOf(answer: Response, limit: number): Promise<Uint8Arra
   return bytes;
 }
 
+/** A whole file of at most `limit` bytes. Throws a message. */
+export function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
+  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (answer) => {
+    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+    return bodyOf(answer, limit);
+  });
+}
+
 /** File of a web server that supports range requests. */
 export class HttpSource implements ByteSource {
   /** `deadlineMs`: the longest time for each answer. */

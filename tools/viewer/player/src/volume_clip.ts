@@ -1,29 +1,15 @@
 // A delivery of v3dctl export --format volume: the surfaces of motion.v3d with the texture of a video (docs/export.md).
 import { DoubleSide, Mesh, MeshBasicMaterial, SRGBColorSpace, VideoFrameTexture } from 'three';
-import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
-import { bodyOf, fetchWithin } from './byte_source';
+import { fetchFile } from './byte_source';
 import { type Clip, type ClipEvents, lineOf } from './clip';
-import { type Manifest, type ManifestSegment, MAX_MANIFEST_BYTES, parseManifest } from './manifest';
-import { PulseStore } from './pulse_store';
-import { MAX_SEGMENT_BYTES, readSegment, type SegmentSurface } from './segment_file';
+import { type Manifest, MAX_MANIFEST_BYTES, parseManifest } from './manifest';
+import type { SegmentSurface } from './segment_file';
+import { SegmentStore } from './segment_store';
 import { SurfaceGeometry } from './surface_geometry';
+import { SurfaceQueue } from './surface_queue';
 import { SurfaceWorker } from './surface_worker';
 import { chooseVideo, closePicture, type Picture, VideoFrames } from './video_frames';
 import type { SegmentShape, ShownFrame } from './worker_messages';
-
-/** Number of surfaces that are decoded in advance, and of those that are kept. */
-const AHEAD = 4;
-const KEPT = 10;
-/** Number of pictures that are given up at most when decoding is slow. */
-const MAX_LATE = 8;
-const SEGMENTS_KEPT = 3;
-
-function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
-  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (answer) => {
-    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
-    return bodyOf(answer, limit);
-  });
-}
 
 /** Positions of the vertices of a segment's file, which seams divide. */
 export function spread(positions: Float32Array, numbers: Uint32Array): Float32Array {
@@ -54,97 +40,12 @@ export function matchSegments(manifest: Manifest, shapes: readonly SegmentShape[
   });
 }
 
-/** Fetches segments and keeps the last ones. */
-class SegmentFiles {
-  private readonly store: PulseStore<SegmentSurface>;
-
-  constructor(
-    private readonly base: string,
-    private readonly segments: readonly ManifestSegment[],
-    private readonly shapes: readonly SegmentShape[],
-    private readonly deadlineMs: number,
-    ready: () => void,
-    failed: (text: string) => void,
-  ) {
-    const fetch = (n: number) => this.fetch(n).catch((error: unknown) => {
-      failed(lineOf(segments[n].surface, error, 'the file of the delivery'));
-      return null;
-    });
-    this.store = new PulseStore({ fetch, ready, keep: SEGMENTS_KEPT });
-  }
-
-  /** The surface of a segment, and with it the next one; null: not there yet. */
-  get(n: number): SegmentSurface | null {
-    this.store.want(n, n + 1 < this.segments.length ? [n + 1] : []);
-    return this.store.get(n) ?? null;
-  }
-
-  end(): void {
-    this.store.end();
-  }
-
-  private async fetch(n: number): Promise<SegmentSurface> {
-    const bytes = await fetchFile(new URL(this.segments[n].surface, this.base).href, MAX_SEGMENT_BYTES, this.deadlineMs);
-    await MeshoptDecoder.ready;
-    return readSegment(bytes, MeshoptDecoder, this.shapes[n]);
-  }
-}
-
-/** Surfaces by the numbers of their pictures, decoded in advance. */
-class SurfaceQueue {
-  private readonly store: PulseStore<ShownFrame>;
-  private asked: { picture: number; resolve(frame: ShownFrame | null): void } | null = null;
-
-  constructor(
-    private readonly worker: () => SurfaceWorker,
-    /** Number of the surface of a picture in the motion file; undefined: it has none. */
-    readonly numberOf: ReadonlyMap<number, number>,
-    private readonly manifest: Manifest,
-    ready: () => void,
-  ) {
-    this.store = new PulseStore({ fetch: (picture) => this.fetch(picture), ready, keep: KEPT, atOnce: 1 });
-  }
-
-  get(picture: number): ShownFrame | null | undefined {
-    return this.store.get(picture);
-  }
-
-  /** Requests a picture and, in playback, the next ones. Those that would come too late are requested last. */
-  want(picture: number, playing: boolean, loop: boolean): void {
-    const { pulses, rate } = this.manifest;
-    const isLate = playing && this.store.get(picture) === undefined;
-    const late = isLate ? Math.min(MAX_LATE, Math.ceil((this.store.tookMs / 1000) * rate)) : 0;
-    const count = late + 1 + (playing ? AHEAD : 0);
-    const order = Array.from({ length: count }, (_, n) => picture + ((n + late) % count));
-    const wanted = order.map((n) => (loop ? n % pulses : n)).filter((n) => this.numberOf.has(n));
-    if (wanted.length) this.store.want(wanted[0], wanted.slice(1));
-  }
-
-  /** Answer of the worker. */
-  answer(number: number, frame: ShownFrame | null): void {
-    if (!this.asked || this.numberOf.get(this.asked.picture) !== number) return;
-    this.asked.resolve(frame);
-    this.asked = null;
-  }
-
-  end(): void {
-    this.store.end();
-  }
-
-  private fetch(picture: number): Promise<ShownFrame | null> {
-    return new Promise((resolve) => {
-      this.asked = { picture, resolve };
-      this.worker().want(this.numberOf.get(picture)!);
-    });
-  }
-}
-
 /** What open() has fetched. */
 interface Opened {
   manifest: Manifest;
   video: VideoFrames;
   queue: SurfaceQueue;
-  segments: SegmentFiles;
+  segments: SegmentStore;
 }
 
 export class VolumeClip implements Clip {
@@ -201,7 +102,7 @@ export class VolumeClip implements Clip {
         { picture, ended: () => this.onEnd(), failed });
       this.opened = {
         manifest, video, queue: new SurfaceQueue(() => this.worker, numberOf, manifest, tryToShow),
-        segments: new SegmentFiles(url, manifest.segments, shapes, deadlineMs, tryToShow, failed),
+        segments: new SegmentStore(url, manifest.segments, shapes, deadlineMs, tryToShow, failed),
       };
       this.opened.segments.get(0);
     });
