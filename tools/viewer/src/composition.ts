@@ -1,7 +1,7 @@
 // A scene on the stage: a worker for each take, models and the backdrop, shown at one time.
 import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { entryAt } from './mesh_file';
+import { entryAt } from '../player/src/mesh_file';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
 import { cameraAt, pulseAt, soundAt } from './scene_clock';
@@ -10,8 +10,8 @@ import { wantsViews } from './shading';
 import { fetchSound } from './sound_file';
 import { type SoundOutput, SoundPlayer } from './sound_player';
 import type { Stage } from './stage';
-import { completed, indicesOfOne } from './surface';
-import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from './worker_messages';
+import { completed, indicesOfOne } from '../player/src/surface';
+import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from '../player/src/worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
 class Actor {

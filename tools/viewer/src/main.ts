@@ -6,7 +6,7 @@ import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
 import { buttonsOf, download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
-import { Playback } from './playback';
+import { Playback } from '../player/src/playback';
 import { fetchRig, type RigCamera } from './rig';
 import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, type Vector, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
@@ -17,7 +17,7 @@ import { Stage } from './stage';
 import { TakeBrowser } from './take_browser';
 import { fetchScenes, fetchTakes, sceneItem, type Take } from './take_list';
 import { Transport } from './transport';
-import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
+import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
 /** Distance between two compared takes. */
@@ -363,6 +363,8 @@ class Viewer {
         break;
       case 'frame':
         this.show(message.frame);
+        break;
+      case 'no-surface':
         break;
       default:
         this.motion.onMessage(message);

@@ -1,6 +1,6 @@
 // Fetches the camera views for a performer, if the look needs them and the server has them.
 import type { Performer } from './performer';
-import { fetchThere, PulseStore } from './pulse_store';
+import { fetchThere, PulseStore } from '../player/src/pulse_store';
 import { parseVertexViews, type VertexViews } from './vertex_views';
 
 /** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */

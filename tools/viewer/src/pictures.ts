@@ -2,7 +2,7 @@
 // page.
 import { find } from './page';
 import { PerformerViews, type ViewsState } from './performer_views';
-import { fetchThere, PulseStore } from './pulse_store';
+import { fetchThere, PulseStore } from '../player/src/pulse_store';
 import type { RigCamera } from './rig';
 import { AGREEING, CONFIDENCE_COLOURS, wantsViews } from './shading';
 import type { Stage } from './stage';

@@ -1,6 +1,6 @@
 // Reader and writer of scene files (docs/scene.md). Pure. tools/v3dctl/scene/scene_file.cc has the same rules and messages.
 
-import { type Field, parseJson, type Vector } from './json_field';
+import { type Field, parseJson, type Vector } from '../player/src/json_field';
 
 export type { Vector };
 

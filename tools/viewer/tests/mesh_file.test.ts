@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import type { ByteSource } from '../src/byte_source';
-import { crc32 } from '../src/crc32';
-import { entryAt, FrameStore, keyPulseOf, readEntries } from '../src/mesh_file';
+import type { ByteSource } from '../player/src/byte_source';
+import { crc32 } from '../player/src/crc32';
+import { entryAt, FrameStore, keyPulseOf, readEntries } from '../player/src/mesh_file';
 
 class Bytes implements ByteSource {
   reads = 0;

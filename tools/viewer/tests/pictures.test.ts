@@ -1,8 +1,8 @@
 import { Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { distort, mostRadius2 } from '../src/lens';
-import { Playback } from '../src/playback';
-import { PulseStore } from '../src/pulse_store';
+import { Playback } from '../player/src/playback';
+import { PulseStore } from '../player/src/pulse_store';
 import { projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { parseVertexViews, ROW } from '../src/vertex_views';
 

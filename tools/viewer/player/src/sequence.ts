@@ -1,5 +1,5 @@
 // Decoding of the requested frames of a sequence, with as few other frames as possible.
-import { Decoder, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { Decoder, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../../codec/v3d_decoder.mjs';
 import { entryAt, keyPulseOf, type FrameStore } from './mesh_file';
 import { vertexNormals } from './surface';
 import type { LiveFacts, ShownFrame } from './worker_messages';
