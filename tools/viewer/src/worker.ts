@@ -6,7 +6,7 @@ import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
 import { MotionWork } from './motion_work';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
 import { LiveQueue, shownFrame, TakeSequence } from './sequence';
-import type { FromWorker, LiveFacts, ToWorker, TrailPoint } from './worker_messages';
+import type { FromWorker, ToWorker, TrailPoint } from './worker_messages';
 
 const RECONNECT_MS = 1000;
 const PING_MS = 2000;
@@ -15,9 +15,10 @@ const wasm = WebAssembly.compileStreaming(fetch(moduleUrl));
 const now = () => performance.timeOrigin + performance.now();
 const post = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
 
-function show(take: number, frame: Frame, of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null }) {
+function show(take: number, frame: Frame, of: Parameters<typeof shownFrame>[1]) {
   const shown = shownFrame(frame, of);
   const arrays = [shown.positions, shown.normals, shown.indices, ...(shown.colours ? [shown.colours] : [])];
+  if (shown.views && shown.views !== 'unread') arrays.push(shown.views.texels);
   post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
 }
 
@@ -87,6 +88,12 @@ class TakeWork {
     this.motion.end();
   }
 
+  viewsChanged(): void {
+    if (viewsWanted && this.unread) this.showAgain();
+  }
+  /** The last frame has views that were not decoded. */
+  private unread = false;
+
   /** Shows the wanted frame again, after it is decoded or at once. */
   private showAgain(): void {
     this.stale = true;
@@ -108,11 +115,13 @@ class TakeWork {
         const began = performance.now();
         // In playback, the next frame is requested while this one is decoded. This one is shown, too.
         const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
+        sequence.wantViews(viewsWanted);
         const decoded = await sequence.show(wanted, far);
         this.shown = wanted;
+        this.unread = decoded?.views === 'unread';
         if (!decoded || this.ended) continue;
         const decodeMs = performance.now() - began;
-        show(this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null });
+        show(this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null, views: decoded.views });
       }
     } finally {
       this.shown = this.wanted;
@@ -148,6 +157,7 @@ class LiveWork {
   want(): void {}
   setMotion(): void {}
   setPoints(): void {}
+  viewsChanged(): void {}
 
   end(): void {
     this.ended = true;
@@ -211,12 +221,17 @@ function trouble(take: number, error: unknown): void {
 }
 
 let work: TakeWork | LiveWork | null = null;
+let viewsWanted = false;
 
 self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if (message.kind === 'want') return work?.want(message.frame);
   if (message.kind === 'motion') return work?.setMotion(message.url);
   if (message.kind === 'points') return work?.setPoints(message.points);
+  if (message.kind === 'views') {
+    viewsWanted = message.wanted;
+    return work?.viewsChanged();
+  }
   work?.end();
   work = null;
   if (message.kind === 'nothing') return;
