@@ -111,12 +111,14 @@ before(async () => {
   for (const file of ['take.toml', 'calib.toml', 'mesh.v3d']) {
     cpSync(join(folder, 'takes/four', file), join(folder, 'takes/meshes-alone', file));
   }
-  const toml = join(folder, 'takes/meshes-alone/take.toml');
-  writeFileSync(toml, readFileSync(toml, 'utf8').replace(/^name = .*$/m, "name = 'meshes-alone'"));
   const kept = join(folder, 'takes/kept');
   cpSync(join(folder, 'takes/dome'), kept, { recursive: true });
   run('v3dctl', 'camera-colours', 'takes/kept');
   for (const file of readdirSync(kept)) if (file.endsWith('.lcmlog')) rmSync(join(kept, file));
+  for (const take of ['meshes-alone', 'kept']) {
+    const toml = join(folder, 'takes', take, 'take.toml');
+    writeFileSync(toml, readFileSync(toml, 'utf8').replace(/^name = .*$/m, `name = '${take}'`));
+  }
   mkdirSync(join(folder, 'takes/scene-kept'));
   writeFileSync(join(folder, 'takes/scene-kept/scene.json'), JSON.stringify(scene('kept')));
   await studio.start();
