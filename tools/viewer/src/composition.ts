@@ -50,6 +50,7 @@ class Actor {
       }
       changed();
     };
+    this.send({ kind: 'views', wanted: wantsViews(stage.look) });
     this.send({ kind: 'take', take: 0, url });
     void fetchSound(takeOfMeshes(url)).then((sources) => {
       if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, trouble);
@@ -81,7 +82,7 @@ class Actor {
     const indices = performer === null ? this.frame.indices : indicesOfOne(this.frame, performer);
     this.shownPerformer = performer;
     this.stage.show({ ...this.frame, indices }, this.performer);
-    this.views.show(this.frame.tracked ? -1 : this.frame.pulse, this.next());
+    this.views.show(this.frame.tracked ? -1 : this.frame.pulse, this.next(), this.frame.views);
   }
   private shownPerformer: number | null = null;
 
@@ -108,6 +109,7 @@ class Actor {
   }
 
   lookChanged(): void {
+    this.send({ kind: 'views', wanted: wantsViews(this.stage.look) });
     this.views.apply();
   }
 

@@ -389,7 +389,7 @@ class Viewer {
     if (!this.shown) return;
     this.shown = this.motion.complete(this.shown);
     this.stage.show(this.skeleton.show(this.performers.visible(this.shown)));
-    this.pictures.show(this.shown.pulse, this.shown.tracked !== null);
+    this.pictures.show(this.shown.pulse, this.shown.tracked !== null, this.shown.views);
   }
 
   private setLatency(pulse: number, edgeMs: number): void {
@@ -434,6 +434,7 @@ class Viewer {
     if (document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden) return;
     this.stage.look = look;
     this.composition?.lookChanged();
+    this.send({ kind: 'views', wanted: wantsViews(look) });
     this.pictures.look();
     for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) press(button, button.dataset.look === look);
   }

@@ -7,7 +7,7 @@ import type { Placement } from './scene_file';
 import { NO_VIEWS } from './shading';
 import type { Surface } from '../player/src/surface';
 import { SurfaceGeometry } from '../player/src/surface_geometry';
-import { ROW, type VertexViews } from './vertex_views';
+import { ROW, type VertexViews } from '../player/src/camera_views';
 
 export class Performer {
   private readonly surface = new SurfaceGeometry();

@@ -40,6 +40,7 @@ class LiveWork {
   want(): void {}
   setMotion(): void {}
   setPoints(): void {}
+  wantViews(): void {}
 
   end(): void {
     this.ended = true;
@@ -99,16 +100,22 @@ class LiveWork {
 }
 
 let work: TakeWork | LiveWork | null = null;
+let viewsWanted = false;
 
 self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if (message.kind === 'want') return work?.want(message.frame);
   if (message.kind === 'motion') return work?.setMotion(message.url);
   if (message.kind === 'points') return work?.setPoints(message.points);
+  if (message.kind === 'views') {
+    viewsWanted = message.wanted;
+    return work?.wantViews(viewsWanted);
+  }
   work?.end();
   work = null;
   if (message.kind === 'take') work = new TakeWork(wasm, post, message.take, message.url);
   else if (message.kind === 'live') work = new LiveWork(message.take, message.url);
   else return;
+  work.wantViews(viewsWanted);
   work.open().catch((error) => post(troubleOf(message.take, error)));
 };

@@ -143,6 +143,6 @@ describe('frames and pulses', () => {
     expect(() => keyPulseOf(ofVersion(1))).toThrow('v3dctl reconstruct');
     expect(keyPulseOf(ofVersion(2))).toBe(25);
     expect(keyPulseOf(ofVersion(3))).toBe(25);
-    expect(() => keyPulseOf(ofVersion(4))).toThrow('update V3D');
+    expect(() => keyPulseOf(ofVersion(5))).toThrow('update V3D');
   });
 });

@@ -4,14 +4,13 @@ import { HttpSource, NoSuchFile } from './byte_source';
 import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
 import { MotionWork } from './motion_work';
 import { shownFrame, TakeSequence } from './sequence';
-import type { FromWorker, LiveFacts, Post, TrailPoint } from './worker_messages';
+import type { FromWorker, Post, TrailPoint } from './worker_messages';
 
 /** Sends a decoded frame. */
-export function postFrame(
-  post: Post, take: number, frame: Frame, of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null },
-): void {
+export function postFrame(post: Post, take: number, frame: Frame, of: Parameters<typeof shownFrame>[1]): void {
   const shown = shownFrame(frame, of);
   const arrays = [shown.positions, shown.normals, shown.indices, ...(shown.colours ? [shown.colours] : [])];
+  if (shown.views && shown.views !== 'unread') arrays.push(shown.views.texels);
   post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
 }
 
@@ -98,6 +97,15 @@ export class TakeWork {
     this.showAgain();
   }
 
+  /** Whether the views of cameras are decoded from the next frame on; a shown frame whose views were not is shown again. */
+  wantViews(wanted: boolean): void {
+    this.viewsWanted = wanted;
+    if (wanted && this.unread) this.showAgain();
+  }
+  private viewsWanted = false;
+  /** The last frame has views that were not decoded. */
+  private unread = false;
+
   end(): void {
     this.ended = true;
     this.motion.end();
@@ -126,11 +134,13 @@ export class TakeWork {
         const began = performance.now();
         // In playback, the next frame is requested while this one is decoded. This one is shown, too.
         const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
+        sequence.wantViews(this.viewsWanted);
         const decoded = await sequence.show(wanted, far);
         this.shown = wanted;
+        this.unread = decoded?.views === 'unread';
         if (!decoded || this.ended) continue;
         const decodeMs = performance.now() - began;
-        postFrame(this.post, this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null });
+        postFrame(this.post, this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null, views: decoded.views });
       }
     } finally {
       this.shown = this.wanted;

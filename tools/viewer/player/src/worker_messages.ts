@@ -1,3 +1,4 @@
+import type { CodedViews } from './camera_views';
 import type { Surface } from './surface';
 
 export type ToWorker =
@@ -12,6 +13,8 @@ export type ToWorker =
   /** Shows tracked surfaces of the open take; null: meshes. */
   | { kind: 'motion'; url: string | null }
   | { kind: 'points'; points: TrailPoint[] }
+  /** Whether the next frames are sent with the views of cameras that they have. At first they are not. */
+  | { kind: 'views'; wanted: boolean }
   | { kind: 'nothing' };
 
 /** `take`: the number of the opening. Messages of an earlier opening may still arrive. */
@@ -55,6 +58,8 @@ export interface ShownFrame extends Surface {
   decodeMs: number;
   cameras: number;
   quality: number;
+  /** Views of cameras in the compact frame; absent: none. */
+  views?: CodedViews;
   live: LiveFacts | null;
 }
 
