@@ -226,7 +226,6 @@ TEST(AravisCamera, switches_off_what_changes_the_pictures_by_itself) {
     EXPECT_EQ(sim.fake.read(kWhiteBalanceAuto), 0U);
     EXPECT_EQ(sim.fake.read(kGammaEnable), 0U);
     EXPECT_EQ(sim.fake.read(kReverseX), 0U) << "the studio file does not mirror";
-    camera.stop();
   }
 }
 
@@ -264,12 +263,9 @@ TEST(AravisCamera, lists_what_the_camera_did_otherwise_than_asked) {
     }
     return std::nullopt;
   };
-  ASSERT_TRUE(differs("Gain (dB)"));
-  EXPECT_TRUE(differs("Gain (dB)")->rounded);
-  ASSERT_TRUE(differs("BalanceWhiteAuto"));
-  EXPECT_FALSE(differs("BalanceWhiteAuto")->rounded);
-  EXPECT_EQ(differs("BalanceWhiteAuto")->asked, "Sometimes");
-  EXPECT_EQ(differs("BalanceWhiteAuto")->got, "Off");
+  EXPECT_TRUE(differs("Gain (dB)").value().rounded);
+  EXPECT_EQ(differs("BalanceWhiteAuto").value(),
+            (SettingDifference{"BalanceWhiteAuto", "Sometimes", "Off"}));
   EXPECT_FALSE(differs("BlackLevel"));
   camera.stop();
   wanted.features = {{"BlakLevel", "7"}};
@@ -321,7 +317,7 @@ TEST(AravisCamera, receives_12_bits_in_the_packed_layouts_of_gige_vision) {
     test::GvspSender sender(static_cast<uint16_t>(sim.fake.read(0x0d00)));
     sender.send_image(1, size, sim::packed_samples(samples, format), 8000 - 36,
                       pfnc_code(format).value(), false);
-    const auto frame = camera.wait(in(seconds(10)));
+    auto frame = camera.wait(in(seconds(10)));
     ASSERT_TRUE(frame) << format_name;
     const int low_bits = bits_per_sample(format.image) - 8;
     for (const size_t i : {size_t{0}, size_t{1}, size_t{77}, samples.size() - 1}) {
@@ -329,9 +325,8 @@ TEST(AravisCamera, receives_12_bits_in_the_packed_layouts_of_gige_vision) {
       EXPECT_EQ(sample, samples[i] << low_bits | static_cast<int>(i % (1U << low_bits)))
           << format_name << " " << i;
     }
-    Image reduced = frame->image;
-    reduce_to_8_bits(reduced);
-    EXPECT_EQ(reduced.bytes, samples) << format_name;
+    reduce_to_8_bits(frame->image);
+    EXPECT_EQ(frame->image.bytes, samples) << format_name;
   }
 }
 
