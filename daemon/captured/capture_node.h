@@ -12,6 +12,7 @@
 #include "daemon/bus/event_sender.h"
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
+#include "daemon/captured/camera_settings_file.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
@@ -86,6 +87,8 @@ class CaptureNode : public control::NodeDelegate {
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;
+  /// Writes the file about the cameras, and logs when it cannot.
+  void write_camera_settings();
   /// Sends events about takes that were signed after their recovery.
   void report_signed_takes(wire::HealthMessage& health);
 
@@ -94,6 +97,7 @@ class CaptureNode : public control::NodeDelegate {
   bus::Bus& bus_;
   bus::EventSender events_;
   CameraMonitor camera_monitor_;
+  CameraSettingsFile camera_settings_;
   capture::PulseTimes pulse_times_;  ///< as sensed here
   NodeTrigger trigger_;
   std::unique_ptr<node::DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node
