@@ -1,6 +1,9 @@
 #include "daemon/captured/camera_settings_file.h"
 
+#include <spdlog/spdlog.h>
+
 #include "base/config/toml_file.h"
+#include "base/io/file.h"
 
 namespace v3d::captured {
 
@@ -23,10 +26,11 @@ std::string camera_settings_text(
   return file.written();
 }
 
-io::Status CameraSettingsFile::update(const std::string& text) {
-  if (text == last_) return {};
+void CameraSettingsFile::update(const std::string& text) {
+  if (text == last_) return;
   last_ = text;
-  return io::replace_file(path_, text);
+  const io::Status written = io::replace_file(path_, text);
+  if (!written) spdlog::warn("{}", written.error().message);
 }
 
 }  // namespace v3d::captured

@@ -6,7 +6,6 @@
 #include <map>
 #include <string>
 
-#include "base/io/file.h"
 #include "capture/cameras/camera_worker.h"
 
 namespace v3d::captured {
@@ -21,9 +20,9 @@ class CameraSettingsFile {
  public:
   explicit CameraSettingsFile(std::filesystem::path path) : path_(std::move(path)) {}
 
-  /// Replaces the file when its content would differ from that of the last call. Fails when it
-  /// cannot be written; the next call with another content tries again.
-  [[nodiscard]] io::Status update(const std::string& text);
+  /// Replaces the file when its content would differ from that of the last call. An error is
+  /// logged; the next call with another content tries again.
+  void update(const std::string& text);
 
  private:
   const std::filesystem::path path_;

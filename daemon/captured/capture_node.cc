@@ -1,10 +1,10 @@
 #include "daemon/captured/capture_node.h"
 
 #include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <thread>
 
 #include "base/config/studio_values.h"
@@ -378,16 +378,12 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
   const int64_t due = take_has_ledger() ? std::max<int64_t>(0, counts.commanded - kLatePeriods) : 0;
-  for (const auto& camera : cameras_) camera_monitor_.report(*camera, due, health);
-  write_camera_settings();
-}
-
-void CaptureNode::write_camera_settings() {
   std::map<std::string, capture::CameraWorkerStatus> cameras;
-  for (const auto& camera : cameras_) cameras.emplace(camera->camera(), camera->status());
-  if (cameras.empty()) return;
-  const io::Status written = camera_settings_.update(camera_settings_text(node_, cameras));
-  if (!written) spdlog::warn("{}", written.error().message);
+  for (const auto& camera : cameras_) {
+    camera_monitor_.report(*camera, due, health);
+    cameras.emplace(camera->camera(), camera->status());
+  }
+  if (!cameras.empty()) camera_settings_.update(camera_settings_text(node_, cameras));
 }
 
 void CaptureNode::report_trigger(wire::HealthMessage& health) const {

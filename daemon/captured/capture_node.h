@@ -87,8 +87,6 @@ class CaptureNode : public control::NodeDelegate {
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;
-  /// Writes the file about the cameras, and logs when it cannot.
-  void write_camera_settings();
   /// Sends events about takes that were signed after their recovery.
   void report_signed_takes(wire::HealthMessage& health);
 

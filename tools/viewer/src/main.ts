@@ -4,11 +4,12 @@ import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
-import { buttonsOf, download, find, press } from './page';
+import { download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from '../player/src/playback';
 import { fetchRig, type RigCamera } from './rig';
-import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, type Vector, writeScene } from './scene_file';
+import { RigPanel } from './rig_panel';
+import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
 import { type Look, LOOKS, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
@@ -20,15 +21,14 @@ import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
-/** Distance between two compared takes. */
-const APART_M = 1.5;
+const APART_M = 1.5; // between two compared takes
 
 class Viewer {
   private readonly stage: Stage;
   private readonly transport = new Transport();
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
   private takes: Take[] = [];
-  private rig: RigCamera[] = [];
+  private readonly rig = new RigPanel((camera) => this.stand(camera));
   /** The open content: a take, the live picture, or a scene. */
   private open: { take: Take | null; scene: string | null; number: number } | null = null;
   private composition: Composition | null = null;
@@ -51,7 +51,7 @@ class Viewer {
   constructor() {
     this.stage = new Stage(find<HTMLCanvasElement>('canvas'));
     this.stage.onLeave = () => {
-      this.markStanding(null);
+      this.rig.mark(null);
       this.pictures.stand(null);
       this.setFollowing(false);
     };
@@ -86,7 +86,7 @@ class Viewer {
       fly: () => find('fly').click(),
       frameAll: () => this.stage.frameAll(),
       follow: () => this.setFollowing(true),
-      stand: (steps) => this.standNext(steps),
+      stand: (steps) => this.rig.standNext(steps),
       photograph: () => this.pictures.toggle(),
       blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
@@ -198,11 +198,7 @@ class Viewer {
     const first = this.open?.take;
     const second = this.takes.find((take) => take.name === name);
     if (!first || !second) return;
-    const key = this.stage.eyeAsKey(0);
-    const along = [key.look[0] - key.eye[0], key.look[1] - key.eye[1]];
-    const length = Math.hypot(along[0], along[1]) || 1;
-    const right: Vector = [along[1] / length, -along[0] / length, 0];
-    const scene = sideBySide(first, second, Math.max(first.seconds, second.seconds), key, right, APART_M);
+    const scene = sideBySide(first, second, this.stage.eyeAsKey(0), APART_M);
     this.openAs({ take: null, scene: '' }, '', null);
     this.showScene(scene, this.unsavedUrl(), NaN);
     this.setFollowing(false);
@@ -310,9 +306,9 @@ class Viewer {
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     const number = this.opened;
-    if (rigUrl === null) return this.setRig([]);
+    if (rigUrl === null) return this.showRig([]);
     fetchRig(rigUrl).then((rig) => {
-      if (number === this.opened) this.setRig(rig);
+      if (number === this.opened) this.showRig(rig);
     });
   }
 
@@ -397,31 +393,15 @@ class Viewer {
     find('canvas').dataset.latency = `${pulse} ${this.latency}`; // for tools/bench/latency
   }
 
-  private setRig(rig: RigCamera[]): void {
-    this.rig = rig;
+  private showRig(rig: RigCamera[]): void {
     this.stage.setRig(rig);
-    find('rig-head').hidden = rig.length === 0;
-    find('rig').replaceChildren(...buttonsOf(rig, 'camera', ({ name }) => name, (camera) => this.stand(camera)));
+    this.rig.show(rig);
   }
 
   private stand(camera: RigCamera): void {
     this.stage.standAt(camera);
     this.pictures.stand(camera);
     press(find('fly'), false);
-    this.markStanding(camera.name);
-  }
-
-  private standNext(steps: number): void {
-    if (this.rig.length === 0) return;
-    const at = this.rig.findIndex((camera) => camera.name === this.standing);
-    const from = at < 0 && steps < 0 ? 0 : at;
-    this.stand(this.rig[(from + steps + this.rig.length) % this.rig.length]);
-  }
-
-  private standing: string | null = null;
-  private markStanding(name: string | null): void {
-    this.standing = name;
-    for (const button of find('rig').children) press(button, (button as HTMLElement).dataset.camera === name);
   }
 
   /** Takes without meshes have no camera views. */
@@ -490,7 +470,7 @@ class Viewer {
     frame.hidden = image === null;
     if (!image) return;
     for (const side of ['left', 'top', 'width', 'height'] as const) frame.style[side] = `${image[side]}px`;
-    frame.firstElementChild!.textContent = this.standing;
+    frame.firstElementChild!.textContent = this.rig.standing;
   }
 
   private factsUpdated = 0;

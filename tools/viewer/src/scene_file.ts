@@ -234,13 +234,15 @@ export function newScene(take: { name: string; rate_hz: number } | null, seconds
 }
 
 /**
- * A scene of two takes in step: both begin at second 0. The second stands `apart` metres beside the first, along `right`, a
- * direction of length 1 in the world; the sound is that of the first. Pulses follow at the rate of the first.
+ * A scene of two takes in step: both begin at second 0. The second stands `apart` metres beside the first, to the right for
+ * the camera `key`. The sound is that of the first, and pulses follow at its rate.
  */
-export function sideBySide(first: { name: string; rate_hz: number }, second: { name: string }, seconds: number,
-  key: CameraKey, right: Vector, apart: number): SceneFile {
-  const scene = newScene(first, seconds, key);
-  const moved = right.map((x) => Math.round(1000 * apart * x) / 1000) as Vector;
-  scene.takes.push({ ...scene.takes[0], take: `../${second.name}`, move: moved, sound: false });
+export function sideBySide(first: { name: string; rate_hz: number; seconds: number }, second: { name: string; seconds: number },
+  key: CameraKey, apart: number): SceneFile {
+  const scene = newScene(first, Math.max(first.seconds, second.seconds), key);
+  const [x, y] = [key.look[0] - key.eye[0], key.look[1] - key.eye[1]];
+  const scale = apart / (Math.hypot(x, y) || 1);
+  const millimetres = (metres: number) => Math.round(1000 * metres) / 1000;
+  scene.takes.push({ ...scene.takes[0], take: `../${second.name}`, move: [millimetres(y * scale), millimetres(-x * scale), 0], sound: false });
   return scene;
 }
