@@ -75,8 +75,12 @@ function(v3d_group_sources target)
   target_compile_options(${target} PRIVATE -Wno-shadow $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
 endfunction()
 
-# Groups the sources of all targets in a folder and below.
+# Groups the sources of all targets in a folder and below. Tests and benchmarks are compiled one by one, because their helpers
+# have equal names.
 function(v3d_group_sources_below folder)
+  if(folder MATCHES "^${CMAKE_SOURCE_DIR}/(tests|tools/bench)$")
+    return()
+  endif()
   get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)
   foreach(target IN LISTS targets)
     get_target_property(type ${target} TYPE)
