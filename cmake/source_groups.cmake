@@ -1,4 +1,4 @@
-# Compiles sources in groups of up to eight. A full build then needs a quarter of the compiler's time, because the sources
+# Compiles sources in groups of up to eight. A full build is then faster, because the sources
 # of a group share the headers that they include. A change of one source compiles its whole group: for a fresh clone, not
 # for work on the code.
 option(V3D_SOURCE_GROUPS "Compile sources in groups: a faster full build, slower small ones" OFF)
