@@ -36,16 +36,21 @@ TEST(ViewColours, ignore_cameras_that_do_not_see_a_vertex_and_keep_the_colour_of
   EXPECT_EQ(colours[1], own[1]);
 }
 
-TEST(ViewColours, of_a_camera_leave_out_the_rim_of_the_silhouette) {
-  const Rig rig{
-      {.name = "a", .model = shapes::camera({0, -2, 0}, {0, 0, 0}, {64, 48}, 60), .colour = {}}};
-  const std::vector<CameraColours> colours{{"a", {{5, 6, 7, 255}, {5, 6, 7, 128}, kUnseen}}};
+TEST(ViewColours, leave_out_the_rim_where_another_camera_sees_the_vertex_inside) {
+  const CameraModel model = shapes::camera({0, -2, 0}, {0, 0, 0}, {64, 48}, 60);
+  const Rig rig{{.name = "a", .model = model, .colour = {}},
+                {.name = "b", .model = model, .colour = {}}};
+  constexpr std::array<uint8_t, 4> kInside{5, 6, 7, 255}, kRim{5, 6, 7, 128};
+  const std::vector<CameraColours> colours{{"a", {kInside, kRim, kRim, kUnseen}},
+                                           {"b", {kUnseen, kInside, kUnseen, kUnseen}}};
   const auto views = camera_views(colours, rig);
-  ASSERT_EQ(views.size(), 1U);
+  ASSERT_EQ(views.size(), 2U);
   EXPECT_NEAR(views[0].axis[1], codec::kAxisUnits, 1);
-  EXPECT_EQ(views[0].vertices[0], (std::array<uint8_t, 4>{5, 6, 7, 255}));
+  EXPECT_EQ(views[0].vertices[0], kInside);
   EXPECT_EQ(views[0].vertices[1], kUnseen);
-  EXPECT_EQ(views[0].vertices[2], kUnseen);
+  EXPECT_EQ(views[0].vertices[2], kInside);  // no camera sees it better
+  EXPECT_EQ(views[0].vertices[3], kUnseen);
+  EXPECT_EQ(views[1].vertices[1], kInside);
 }
 
 }  // namespace
