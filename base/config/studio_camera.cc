@@ -139,7 +139,8 @@ void check_consistency(const TomlTable& table, const StudioCamera& camera) {
   }
   check_fields_of_kind(table, camera);
   if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
-    table.fail("gain_db", "a V4L2 gain has no unit; expected 0; set the gain with v4l2-ctl");
+    table.fail("gain_db",
+               "a V4L2 gain has no unit; expected 0, and a control in [camera.features]");
   }
   if ((camera.offset_x != 0 || camera.offset_y != 0) && !camera.size) {
     table.fail(camera.offset_x != 0 ? "offset_x" : "offset_y",

@@ -225,11 +225,14 @@ class Setup {
     if (!wanted) refuse(feature.name, "a whole number, true or false", feature.value);
     v4l2_control value{.id = found->id, .value = *wanted};
     const int error = device_.control(VIDIOC_S_CTRL, &value);
-    if (found->type == V4L2_CTRL_TYPE_BUTTON && error == 0) return;
+    const bool readable =
+        found->type != V4L2_CTRL_TYPE_BUTTON && (found->flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0;
+    if (error == 0 && !readable) return;
     const auto got = value_of(found->id);
     if (error == 0 && got == *wanted) return;
-    differences_.push_back({feature.name, feature.value,
-                            got ? std::to_string(*got) : std::string(std::strerror(error))});
+    const std::string without_value = error != 0 ? std::strerror(error) : "no answer";
+    differences_.push_back(
+        {feature.name, feature.value, got ? std::to_string(*got) : without_value});
   }
 
   void control(const std::string& what, uint32_t id, int32_t wanted, int32_t tolerance = 0) const {

@@ -52,8 +52,10 @@ struct Driver {
   uint32_t colorspace = V4L2_COLORSPACE_SRGB;
   uint32_t clock = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::map<uint32_t, int32_t> controls = {{kTrigger, 0}, {V4L2_CID_EXPOSURE_ABSOLUTE, 333}};
-  bool stores_controls = true;    ///< stores written control values
-  std::set<uint32_t> fixed = {};  ///< controls that it ignores
+  bool stores_controls = true;         ///< stores written control values
+  std::set<uint32_t> fixed = {};       ///< controls that it ignores
+  std::set<uint32_t> unreadable = {};  ///< controls whose value it does not return
+  uint32_t control_flags = 0;          ///< of all controls
   uint32_t parm_capability = V4L2_CAP_TIMEPERFRAME;
   v4l2_fract interval{1, 30};
   std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< Hz; it selects the nearest one
@@ -102,6 +104,7 @@ class ScriptedDevice : public V4l2Device {
       }
       case VIDIOC_G_CTRL: {
         auto& value = *static_cast<v4l2_control*>(argument);
+        if (driver_.unreadable.contains(value.id)) return EACCES;
         if (known(value.id) == 0) value.value = driver_.controls[value.id];
         return known(value.id);
       }
@@ -141,6 +144,7 @@ class ScriptedDevice : public V4l2Device {
     }
     if (found == driver_.controls.end()) return EINVAL;
     control.id = found->first;
+    control.flags = driver_.control_flags;
     const char* const name = found->first == V4L2_CID_WHITE_BALANCE_TEMPERATURE
                                  ? "White Balance Temperature"
                                  : "Other, Control";
@@ -397,6 +401,23 @@ TEST_F(V4l2CameraTest, writes_the_controls_of_the_studio_file_by_their_names) {
   EXPECT_THAT(start_error(), HasSubstr("white_balance: wanted 4600, got a camera without this"));
   settings_.features = {{"white_balance_temperature", "warm"}};
   EXPECT_THAT(start_error(), HasSubstr("wanted a whole number, true or false, got warm"));
+}
+
+TEST_F(V4l2CameraTest, warns_of_a_control_without_a_value_unless_it_is_only_written) {
+  driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = 2800;
+  driver_.controls.erase(V4L2_CID_EXPOSURE_ABSOLUTE);
+  driver_.unreadable = {V4L2_CID_WHITE_BALANCE_TEMPERATURE};
+  settings_.features = {{"white_balance_temperature", "4600"}};
+  const auto silent = camera();
+  silent->start();
+  EXPECT_THAT(silent->differences(), testing::ElementsAre(SettingDifference{
+                                         "white_balance_temperature", "4600", "no answer"}));
+  silent->stop();
+  driver_.control_flags = V4L2_CTRL_FLAG_WRITE_ONLY;
+  const auto written = camera();
+  written->start();
+  EXPECT_EQ(driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE], 4600);
+  EXPECT_TRUE(written->differences().empty());
 }
 
 TEST_F(V4l2CameraTest, converts_yuyv_to_rgb_by_the_colour_space_of_the_driver) {

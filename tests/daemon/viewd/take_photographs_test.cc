@@ -8,7 +8,6 @@
 #include "base/image/image_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "support/child_process.h"
-#include "take/take.h"
 #include "viewed_site.h"
 
 namespace v3d::viewd {
@@ -26,15 +25,7 @@ class PhotographSite : public test::ViewedSite {
 
   PhotographSite() {
     add_frames(take::LogOpening::kNew, 0, 3);
-    io::throw_if_failed(save_take_info(take::TakePaths{folder_ / "takes/kendo-07"},
-                                       {.name = "kendo-07",
-                                        .studio = "dojo",
-                                        .rate_hz = 25,
-                                        .pulses = 3,
-                                        .state = take::TakeState::kComplete,
-                                        .software_version = "test",
-                                        .started = Realtime::now(),
-                                        .cameras = {"cam00", "cam01"}}));
+    save_info({"cam00", "cam01"});
   }
 
   static wire::FrameMessage frame(int64_t pulse) {

@@ -12,7 +12,12 @@ const TYPES = {
 
 /** The file of a path; null: there is none. A folder means its index.html. */
 function fileOf(folder, path) {
-  const inside = normalize(decodeURIComponent(path));
+  let inside;
+  try {
+    inside = normalize(decodeURIComponent(path));
+  } catch {
+    return null; // invalid percent-encoding
+  }
   const file = join(folder, inside.endsWith('/') ? `${inside}index.html` : inside);
   const size = statSync(file, { throwIfNoEntry: false });
   return size?.isFile() ? { file, size: size.size } : null;

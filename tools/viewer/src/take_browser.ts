@@ -3,7 +3,7 @@ import { find, press } from './page';
 import { ALL_TAKES, passes, scenesOf, type TakeFilter } from './take_filter';
 import { type Take, takeItem } from './take_list';
 
-/** What the browser asks of its page. */
+/** Calls of the browser to its page. */
 export interface TakeBrowserPage {
   open(name: string): void;
   /** Shows this take beside the open one. */

@@ -1,4 +1,4 @@
-// What the player plays: a file of surfaces, or a delivery with video.
+// The sources that the player plays: a file of surfaces, or a delivery with video.
 import type { Mesh } from 'three';
 
 /** Calls of a clip to its player. */
@@ -6,7 +6,7 @@ export interface ClipEvents {
   /** Another pulse is shown. */
   shown(): void;
   ended(): void;
-  /** The clip cannot go on. `text`: one line with what, where, and what would be right. */
+  /** The clip cannot continue. `text`: one line with what, where, and what would be right. */
   failed(text: string): void;
 }
 
@@ -33,7 +33,7 @@ export interface Clip {
 }
 
 /** Last part of the path of a URL, for messages. */
-export const fileNameOf = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').pop()!) || url;
+export const fileNameOf = (url: string) => new URL(url).pathname.split('/').pop() || url;
 
 /** One line for an error of a file. Sentences lose their capital and full stop after the name. */
 export function lineOf(file: string, error: unknown, right: string): string {

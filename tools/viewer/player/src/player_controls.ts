@@ -1,4 +1,4 @@
-// What <v3d-player> shows over its picture: buttons, time line, the request for a gesture, and errors.
+// Controls over the picture of <v3d-player>: buttons, time line, the request for a gesture, and errors.
 import { timeCode } from './playback';
 import type { VolumePlayer } from './volume_player';
 

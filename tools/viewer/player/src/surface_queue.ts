@@ -7,7 +7,7 @@ import type { ShownFrame } from './worker_messages';
 /** Number of surfaces that are decoded in advance, and of those that are kept. */
 const AHEAD = 4;
 const KEPT = 10;
-/** Number of pictures that are given up at most when decoding is slow. */
+/** The largest number of pictures that are skipped when decoding is slow. */
 const MAX_LATE = 8;
 
 /** Surfaces by the numbers of their pictures, decoded in advance. */

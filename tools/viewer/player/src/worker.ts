@@ -11,7 +11,7 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if (message.kind === 'decoder') {
     wasm = WebAssembly.compileStreaming(fetch(message.url));
-    wasm.catch(() => undefined); // whoever awaits it reports the error
+    wasm.catch(() => undefined); // reported where the decoder is used
     return;
   }
   if (message.kind === 'want') return work?.want(message.frame);
