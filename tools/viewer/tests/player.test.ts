@@ -225,6 +225,7 @@ describe('the player', () => {
     expect(lineOf('motion.v3d', new Error('The server answered 404.'), 'the file')).toBe('motion.v3d: the server answered 404; expected the file');
     expect(lineOf('a.glb', 'is\nlong; expected less', 'the file')).toBe('a.glb: is long; expected less');
     expect(fileNameOf('http://localhost/takes/a%20b.v3d?x=1')).toBe('a b.v3d');
+    expect(fileNameOf('http://localhost/takes/100%.v3d')).toBe('100%.v3d');
   });
 
   it('reads at most the bytes that it asks for', async () => {

@@ -33,7 +33,14 @@ export interface Clip {
 }
 
 /** Last part of the path of a URL, for messages. */
-export const fileNameOf = (url: string) => new URL(url).pathname.split('/').pop() || url;
+export function fileNameOf(url: string): string {
+  const name = new URL(url).pathname.split('/').pop() || url;
+  try {
+    return decodeURIComponent(name);
+  } catch {
+    return name; // its percent-encoding is invalid
+  }
+}
 
 /** One line for an error of a file. Sentences lose their capital and full stop after the name. */
 export function lineOf(file: string, error: unknown, right: string): string {
