@@ -133,23 +133,26 @@ class NodeUpdate {
     const Health health = link_.health();
     const auto message = health.find(result_.node);
     if (message == health.end() || instance_of(health, result_.node) == instance_) return false;
-    // The PC may have restarted before its report was read; without it, the version is unknown.
-    if (result_.version.empty()) return false;
-    const bool is_new = system_of(message->second) == result_.version;
-    if (is_new && value_of(message->second, "slot_trial_flag", 1) != 0) return false;
-    if (is_new) {
+    // The PC may have restarted before its report was read. The report then has the version.
+    const bool is_new = !result_.version.empty() && system_of(message->second) == result_.version;
+    if (is_new && value_of(message->second, "slot_trial_flag", 1) == 0) {
       end(UpdatedNode::State::kUpdated);
-    } else if (is_restarting_) {
-      end(UpdatedNode::State::kFellBack,
-          "the new system did not start well; it runs " + printable(system_of(message->second)));
+      return true;
     }
-    return is_new || is_restarting_;
+    if (is_new) return false;
+    if (!is_restarting_) {  // the daemon has restarted, not the PC
+      instance_ = instance_of(health, result_.node);
+      return false;
+    }
+    end(UpdatedNode::State::kFellBack,
+        "the new system did not start well; it runs " + printable(system_of(message->second)));
+    return true;
   }
 
   const UpdateRequest& request_;
   UpdateLink& link_;
   UpdatedNode result_;
-  double instance_ = -1;  ///< of the node's process before the update
+  double instance_ = -1;  ///< of the node's process before the restart
   bool is_restarting_ = false;
 };
 
