@@ -64,17 +64,20 @@ confirm_slot() {
 fail_slot() { set_slot "$1" bad 0; }
 
 # with_slots FUNCTION [ARGUMENT]...: reads the file, calls the function, and writes what it has changed. The partition is
-# mounted for this time only.
+# mounted for this time only, and writable only for a change.
 with_slots() (
   boot=${boot_folder:-/run/v3d-boot}
   if [ -z "${boot_folder:-}" ]; then
     mkdir -p "$boot"
     if command -v flock >/dev/null; then exec 9>/run/v3d-boot.lock && flock 9; fi
-    mount -t vfat -o rw,noatime "$(readlink -f /dev/disk/by-partlabel/v3d-boot)" "$boot" || exit 1
+    mount -t vfat -o ro,noatime "$(readlink -f /dev/disk/by-partlabel/v3d-boot)" "$boot" || exit 1
     trap 'umount "$boot"' EXIT
   fi
   read_slots "$boot/grubenv"
   before="$ORDER $A_STATE $A_TRIES $B_STATE $B_TRIES"
   "$@"
-  [ "$before" = "$ORDER $A_STATE $A_TRIES $B_STATE $B_TRIES" ] || write_slots "$boot/grubenv"
+  if [ "$before" != "$ORDER $A_STATE $A_TRIES $B_STATE $B_TRIES" ]; then
+    [ -n "${boot_folder:-}" ] || mount -o remount,rw "$boot"
+    write_slots "$boot/grubenv"
+  fi
 )
