@@ -39,6 +39,12 @@ pkg_check_modules(SODIUM REQUIRED IMPORTED_TARGET libsodium)
 pkg_check_modules(SPNG REQUIRED IMPORTED_TARGET spng)
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)
 pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
+# libyuv has neither a CMake package nor a file for pkg-config.
+find_path(YUV_INCLUDE_DIR libyuv/convert_argb.h REQUIRED)
+find_library(YUV_LIBRARY yuv REQUIRED)
+add_library(YUV::yuv UNKNOWN IMPORTED)
+set_target_properties(YUV::yuv PROPERTIES
+  IMPORTED_LOCATION ${YUV_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${YUV_INCLUDE_DIR})
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash>=0.8)
 find_program(LCM_GEN lcm-gen REQUIRED)
 

@@ -28,20 +28,24 @@ void CodedSurface::make_triangles() {
   }
 }
 
-const LumaChroma* CodedSurface::colour_on(const LatticeEdge& edge) const {
+int64_t CodedSurface::vertex_on(const LatticeEdge& edge) const {
   LatticeEdge in_box = edge;
   for (int axis = 0; axis < 3; ++axis) in_box.voxel[axis] -= kBrickEdge * volume.first[axis];
-  const int64_t vertex = surface.vertex_on(in_box);
-  return vertex < 0 ? nullptr : &colours[static_cast<size_t>(vertex)];
+  return surface.vertex_on(in_box);
+}
+
+int64_t previous_vertex(const CodedSurface& before, const CodedSurface& now, uint32_t vertex) {
+  LatticeEdge edge = edge_at(now.places[vertex]);
+  for (const int move : {0, 1, -2}) {
+    edge.voxel[edge.axis] += move;  // on this edge, then one voxel further, then one voxel back
+    if (const int64_t found = before.vertex_on(edge); found >= 0) return found;
+  }
+  return -1;
 }
 
 const LumaChroma* PreviousFrameColours::at(uint32_t vertex) const {
-  LatticeEdge edge = edge_at(now_.places[vertex]);
-  for (const int move : {0, 1, -2}) {
-    edge.voxel[edge.axis] += move;  // on this edge, then one voxel further, then one voxel back
-    if (const LumaChroma* colour = before_.colour_on(edge)) return colour;
-  }
-  return nullptr;
+  const int64_t found = previous_vertex(before_, now_, vertex);
+  return found < 0 ? nullptr : &before_.colours[static_cast<size_t>(found)];
 }
 
 ValueRange position_range(const FrameHeader& header) {

@@ -33,12 +33,15 @@ struct CodedSurface {
   void make_places();
   void make_triangles();
   void make_known() { known.make(triangles, surface.vertex_count()); }
-  /// The colour of the vertex on an edge of the whole grid; null when the edge has no vertex.
-  const LumaChroma* colour_on(const LatticeEdge& edge) const;
+  /// The vertex on an edge of the whole grid; below 0 when the edge has none.
+  int64_t vertex_on(const LatticeEdge& edge) const;
 };
 
-/// Colours of frame `before` at the vertices of frame `now`: on the same edge, or one voxel along
-/// it. Borrows both.
+/// The vertex of frame `before` from which `vertex` of frame `now` is predicted: on the same edge,
+/// or one voxel along it. Below 0: none.
+int64_t previous_vertex(const CodedSurface& before, const CodedSurface& now, uint32_t vertex);
+
+/// Colours of frame `before` at the vertices of frame `now`, see previous_vertex(). Borrows both.
 class PreviousFrameColours : public PreviousColours {
  public:
   PreviousFrameColours(const CodedSurface& before, const CodedSurface& now)
@@ -52,6 +55,13 @@ class PreviousFrameColours : public PreviousColours {
 
 // Parts shared by the encoder and the decoder of frames.
 
+/// A CameraView relative to the colours of the frame.
+struct CameraResiduals {
+  CameraAxis axis{};
+  /// [vertex]: luma, Co and Cg less those of the frame, and 1 for a vertex that the camera sees.
+  std::vector<LumaChroma> vertices;
+};
+
 /// State of a frame; the next frame is predicted from it.
 struct FrameState {
   FrameHeader header;
@@ -59,7 +69,8 @@ struct FrameState {
   /// [vertex]: position in lattice steps from the origin. Empty: vertices lie where the volume has
   /// them.
   std::vector<VertexValues> numbers;
-  std::vector<uint8_t> labels;  ///< [vertex]: performer; empty: none
+  std::vector<uint8_t> labels;           ///< [vertex]: performer; empty: none
+  std::vector<CameraResiduals> cameras;  ///< of facts.cameras; empty: none
 };
 
 inline constexpr int kMaxDisplacement = 32767;

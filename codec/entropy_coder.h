@@ -157,8 +157,13 @@ class ResidualModel {
 
   template <class Coder>
   int code(Coder& coder, int value) {
+    return code(coder, value, [&](bool negative) { return coder.even_bit(negative); });
+  }
+  /// `sign(negative)` codes the sign.
+  template <class Coder, class Sign>
+  int code(Coder& coder, int value, const Sign& sign) {
     if (!coder.bit(nonzero_, value != 0)) return 0;
-    const bool negative = coder.even_bit(value < 0);
+    const bool negative = sign(value < 0);
     const int wanted = value < 0 ? -value : value;
     int magnitude = 1;
     while (magnitude < kUnary && coder.bit(more_[magnitude - 1], wanted > magnitude)) ++magnitude;

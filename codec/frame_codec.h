@@ -35,6 +35,19 @@ struct FrameContent {
   std::span<const uint8_t> labels;        ///< performer of each vertex, 0: unknown; or empty
 };
 
+/// Units of CameraAxis in 1.
+inline constexpr int kAxisUnits = 32767;
+/// Viewing direction of a camera, world: a unit vector in units of 1 / kAxisUnits.
+using CameraAxis = std::array<int16_t, 3>;
+
+/// What one camera sees of a frame.
+struct CameraView {
+  CameraAxis axis{};
+  /// [vertex]: red, green, blue (sRGB), and 255 for a vertex that the camera sees. All 0 for
+  /// others.
+  std::vector<std::array<uint8_t, 4>> vertices;
+};
+
 struct EncoderOptions {
   /// Period of key frames, pulses: the first encoded frame of each period is a key frame, which can
   /// be decoded alone. So sequences that lack different pulses are identical again from the next
@@ -54,6 +67,8 @@ struct DecodedFrame {
   std::vector<VertexTriangle> triangles;
   std::vector<VertexColour> colours;  ///< one per vertex, or none
   std::vector<uint8_t> labels;        ///< performer of each vertex, 0: unknown; or none
+  /// The view of each camera of facts.cameras, or none; see FrameDecoder::want_cameras().
+  std::vector<CameraView> cameras;
 };
 
 /// Numbers of bytes of the parts of a frame.
@@ -96,6 +111,8 @@ enum class DecodeStatus {
   kNeedsReference,
 };
 
+struct FrameState;
+
 /// Decodes a sequence of frames. Accepts any bytes: the time is at most proportional to their
 /// number plus the limits, and memory stays below 2 GB. One caller at a time.
 class FrameDecoder {
@@ -108,6 +125,13 @@ class FrameDecoder {
   DecodeStatus decode(std::span<const uint8_t> bytes);
   /// The last decoded frame. Valid until the next call of decode().
   const DecodedFrame& frame() const;
+  /// Whether the next frames are decoded with the colours of cameras that they have. At first they
+  /// are not, which takes less time and memory. Colours begin at the next key frame at the latest.
+  void want_cameras(bool wanted);
+
+  /// For the codec: the last decoded frame without its triangles, and the frame before.
+  const FrameState& state() const;
+  const FrameState& state_before() const;
 
  private:
   class Impl;

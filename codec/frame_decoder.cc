@@ -1,5 +1,6 @@
 #include <utility>
 
+#include "codec/camera_colours.h"
 #include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
 #include "codec/vertex_labels.h"
@@ -19,16 +20,23 @@ class FrameDecoder::Impl {
     FrameState& now = states_[1 - last_];
     now.header = *std::move(header);
     if (!decode_shape(bytes, now) || !decode_displacements(bytes, now) ||
-        !decode_colours(bytes, now) || !decode_labels(bytes, now)) {
+        !decode_colours(bytes, now) || !decode_labels(bytes, now) || !decode_cameras(bytes, now)) {
       return DecodeStatus::kMalformed;
     }
     make_mesh(now, frame_);
+    frame_.cameras.clear();
+    for (const CameraResiduals& camera : now.cameras) {
+      frame_.cameras.push_back(view_of(camera, now.surface.colours));
+    }
     frame_.triangles.swap(now.surface.triangles);
     last_ = 1 - last_;
     has_frame_ = true;
     return DecodeStatus::kOk;
   }
   const DecodedFrame& frame() const { return frame_; }
+  const FrameState& state() const { return states_[last_]; }
+  const FrameState& state_before() const { return states_[1 - last_]; }
+  void want_cameras(bool wanted) { cameras_wanted_ = wanted; }
 
  private:
   bool follows(const FrameHeader& header) const {
@@ -101,9 +109,30 @@ class FrameDecoder::Impl {
     return true;
   }
 
+  /// Leaves the frame without these colours when the frame before was decoded without them.
+  bool decode_cameras(std::span<const uint8_t> bytes, FrameState& now) const {
+    now.cameras.clear();
+    if (!cameras_wanted_ || !now.header.is(FrameHeader::kCameras)) return true;
+    const FrameState& before = states_[last_];
+    const bool may_follow = now.header.is(FrameHeader::kInter) &&
+                            before.header.facts.cameras == now.header.facts.cameras;
+    std::vector<uint32_t> vertices;
+    std::optional<PreviousCameras> previous;
+    if (may_follow && !before.cameras.empty()) {
+      vertices = previous_vertices(before.surface, now.surface);
+      previous = {before.cameras, vertices};
+    }
+    const CameraStatus status = v3d::codec::decode_cameras(
+        section(bytes, now.header, kCameras), now.header.cameras,
+        CameraSurface(now, now.surface.triangles), previous ? &*previous : nullptr, now.cameras);
+    if (status != CameraStatus::kOk) now.cameras.clear();
+    return status == CameraStatus::kOk || (status == CameraStatus::kNeedsPrevious && may_follow);
+  }
+
   std::array<FrameState, 2> states_;
   int last_ = 0;            ///< index of the last frame in states_
   bool has_frame_ = false;  ///< states_[last_] holds a frame
+  bool cameras_wanted_ = false;
   DecodedFrame frame_;
 };
 
@@ -111,5 +140,8 @@ FrameDecoder::FrameDecoder() : impl_(std::make_unique<Impl>()) {}
 FrameDecoder::~FrameDecoder() = default;
 DecodeStatus FrameDecoder::decode(std::span<const uint8_t> bytes) { return impl_->decode(bytes); }
 const DecodedFrame& FrameDecoder::frame() const { return impl_->frame(); }
+void FrameDecoder::want_cameras(bool wanted) { impl_->want_cameras(wanted); }
+const FrameState& FrameDecoder::state() const { return impl_->state(); }
+const FrameState& FrameDecoder::state_before() const { return impl_->state_before(); }
 
 }  // namespace v3d::codec

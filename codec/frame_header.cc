@@ -13,7 +13,9 @@ namespace {
 constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
 /// The first version that states FrameMetadata::live_passes, and that has labels.
 constexpr uint16_t kWithPasses = 3;
-constexpr uint16_t kOldest = 2, kNewest = kWithPasses;
+/// The first version that has the colours of cameras.
+constexpr uint16_t kWithCameras = 4;
+constexpr uint16_t kOldest = 2, kNewest = kWithCameras;
 constexpr size_t kChecked = 16;  // the checksum covers everything from here
 
 template <class Array>
@@ -71,12 +73,14 @@ void read_checked_fields(ByteReader& in, FrameHeader& h) {
 
 bool flags_are_valid(const FrameHeader& h) {
   constexpr unsigned kKnown = FrameHeader::kColours | FrameHeader::kDisplaced |
-                              FrameHeader::kInter | FrameHeader::kExplicit | FrameHeader::kLabelled;
+                              FrameHeader::kInter | FrameHeader::kExplicit |
+                              FrameHeader::kLabelled | FrameHeader::kCameras;
   // Without a volume, vertices have no lattice edges that identify them in the previous frame.
   const bool explicit_key = !h.is(FrameHeader::kExplicit) ||
                             (!h.is(FrameHeader::kDisplaced) && !h.is(FrameHeader::kInter));
-  const bool inter_coloured = !h.is(FrameHeader::kInter) || h.is(FrameHeader::kColours);
-  return (h.flags & ~kKnown) == 0 && explicit_key && inter_coloured;
+  const bool coloured =
+      !h.is(FrameHeader::kInter | FrameHeader::kCameras) || h.is(FrameHeader::kColours);
+  return (h.flags & ~kKnown) == 0 && explicit_key && coloured;
 }
 
 bool facts_are_valid(const FrameMetadata& f) {
@@ -102,11 +106,25 @@ bool colours_are_valid(const FrameHeader& h) {
   });
 }
 
-bool sections_are_valid(const FrameHeader& h, size_t bytes) {
+/// End of the first four sections.
+uint64_t end_of_first(const FrameHeader& h) {
   uint64_t sum = FrameHeader::kBytes;
   for (const uint32_t section : h.section_bytes) sum += section;
+  return sum;
+}
+
+/// The bytes behind the first four sections.
+bool rest_is_valid(const FrameHeader& h, uint64_t rest) {
+  const bool has_labels = h.is(FrameHeader::kLabelled);
+  if (!h.is(FrameHeader::kCameras)) return has_labels ? rest > 0 : rest == 0;
+  return (h.label_bytes > 0) == has_labels && rest > sizeof(uint32_t) + uint64_t{h.label_bytes} &&
+         uint64_t{h.vertices} * h.cameras <= FrameLimits::kCameraColours;
+}
+
+bool sections_are_valid(const FrameHeader& h, size_t bytes) {
+  const uint64_t sum = end_of_first(h);
   const bool has_displacements = h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kExplicit);
-  return (h.is(FrameHeader::kLabelled) ? sum < bytes : sum == bytes) &&
+  return sum <= bytes && rest_is_valid(h, bytes - sum) &&
          (h.section_bytes[kDisplacements] > 0) == has_displacements &&
          (h.section_bytes[kColours] > 0) == h.is(FrameHeader::kColours);
 }
@@ -123,11 +141,24 @@ bool is_valid(const FrameHeader& h, size_t bytes) {
 
 /// The lowest version that has all fields of `h`, so that older readers read what they can.
 uint16_t version_of(const FrameHeader& h) {
+  if (h.is(FrameHeader::kCameras)) return kWithCameras;
   return h.facts.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
 }
 
 bool version_is_valid(const FrameHeader& h, uint16_t version) {
   return version_of(h) == version && h.facts.live_passes <= FrameLimits::kPasses;
+}
+
+/// Sets the size of the section of labels. Any number where the frame has no such section.
+void read_label_bytes(std::span<const uint8_t> bytes, FrameHeader& h) {
+  const uint64_t at = end_of_first(h);
+  if (at > bytes.size()) return;
+  const auto rest = bytes.subspan(at);
+  if (!h.is(FrameHeader::kCameras)) {
+    h.label_bytes = static_cast<uint32_t>(rest.size());
+  } else if (rest.size() >= sizeof(uint32_t)) {
+    h.label_bytes = ByteReader(rest).number<uint32_t>();
+  }
 }
 
 }  // namespace
@@ -138,7 +169,11 @@ std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections) 
     header.section_bytes[n] = static_cast<uint32_t>(sections[n].size());
   }
   write_checked_fields(body, header);
-  for (const auto& section : sections) body.bytes(section);
+  header.label_bytes = static_cast<uint32_t>(sections[kLabels].size());
+  for (size_t n = 0; n < header.section_bytes.size(); ++n) body.bytes(sections[n]);
+  if (header.is(FrameHeader::kCameras)) body.number(header.label_bytes);
+  body.bytes(sections[kLabels]);
+  body.bytes(sections[kCameras]);
   const std::vector<uint8_t> checked = body.take();
   header.checksum = crc32(checked);
   ByteWriter out;
@@ -163,6 +198,7 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
   }
   h.checksum = in.number<uint32_t>();
   read_checked_fields(in, h);
+  read_label_bytes(bytes, h);
   if (!version_is_valid(h, version) || !is_valid(h, bytes.size()) ||
       crc32(bytes.subspan(kChecked)) != h.checksum) {
     return std::nullopt;
@@ -173,9 +209,13 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
 std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
                                  Section section) {
   size_t begin = FrameHeader::kBytes;
-  for (int n = 0; n < section; ++n) begin += header.section_bytes[n];
-  return section == kLabels ? bytes.subspan(begin)
-                            : bytes.subspan(begin, header.section_bytes[section]);
+  for (size_t n = 0; n < std::min<size_t>(section, header.section_bytes.size()); ++n) {
+    begin += header.section_bytes[n];
+  }
+  if (section < kLabels) return bytes.subspan(begin, header.section_bytes[section]);
+  if (header.is(FrameHeader::kCameras)) begin += sizeof(header.label_bytes);
+  return section == kLabels ? bytes.subspan(begin, header.label_bytes)
+                            : bytes.subspan(begin + header.label_bytes);
 }
 
 std::vector<uint8_t> encode_names(const std::vector<std::string>& names) {

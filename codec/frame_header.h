@@ -1,4 +1,4 @@
-// Header of a compact frame of version 2 or 3 (docs/compact-frame.md).
+// Header of a compact frame of version 2 to 4 (docs/compact-frame.md).
 #pragma once
 
 #include <array>
@@ -18,6 +18,7 @@ struct FrameLimits {
   static constexpr int kNameBytes = 64;
   static constexpr int kSubdivision = 64;
   static constexpr int kPasses = 3;
+  static constexpr uint64_t kCameraColours = 1U << 24;  ///< vertices times cameras
 };
 
 /// Metadata of a frame.
@@ -37,7 +38,8 @@ struct FrameMetadata {
 
 struct FrameHeader {
   static constexpr size_t kBytes = 128;
-  static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8, kLabelled = 16;
+  static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8, kLabelled = 16,
+                            kCameras = 32;
 
   FrameMetadata facts;  ///< without the names of the cameras
   uint16_t cameras = 0;
@@ -51,17 +53,18 @@ struct FrameHeader {
   uint32_t triangles = 0;
   std::array<uint16_t, 3> first_brick{};
   std::array<uint16_t, 3> bricks{};
-  /// Sizes of the first four sections, bytes. The labels are the rest of the frame.
+  /// Sizes of the first four sections, bytes. The others are the rest of the frame.
   std::array<uint32_t, 4> section_bytes{};
+  uint32_t label_bytes = 0;  ///< size of the section of labels
 
   bool is(uint16_t flag) const { return (flags & flag) != 0; }
 };
 
-enum Section { kNames, kShape, kDisplacements, kColours, kLabels };
-using Sections = std::array<std::vector<uint8_t>, 5>;
+enum Section { kNames, kShape, kDisplacements, kColours, kLabels, kCameras };
+using Sections = std::array<std::vector<uint8_t>, 6>;
 
-/// Returns the whole compact frame with its checksum. Sets header.checksum and
-/// header.section_bytes.
+/// Returns the whole compact frame with its checksum. Sets header.checksum and the sizes of
+/// sections.
 std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections);
 
 /// Empty unless all rules that involve only the header hold and the checksum is right.

@@ -9,11 +9,24 @@
 struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header
   v3d::codec::FrameDecoder decoder;
   std::vector<const char*> names;
+  std::vector<v3d_camera_view> views;
   v3d_frame frame{};
   bool has_frame = false;
 };
 
 namespace {
+
+void fill_views(v3d_decoder& decoder) {
+  decoder.views.clear();
+  for (const v3d::codec::CameraView& from : decoder.decoder.frame().cameras) {
+    v3d_camera_view& to = decoder.views.emplace_back();
+    for (int axis = 0; axis < 3; ++axis) {
+      to.axis[axis] = static_cast<double>(from.axis[axis]) / v3d::codec::kAxisUnits;
+    }
+    to.colours = from.vertices.empty() ? nullptr : from.vertices.front().data();
+  }
+  decoder.frame.views = decoder.views.empty() ? nullptr : decoder.views.data();
+}
 
 void fill_frame(v3d_decoder& decoder) {
   const v3d::codec::DecodedFrame& from = decoder.decoder.frame();
@@ -36,6 +49,7 @@ void fill_frame(v3d_decoder& decoder) {
   to.indices = from.triangles.empty() ? nullptr : from.triangles.front().data();
   to.live_passes = static_cast<size_t>(from.facts.live_passes);
   to.labels = from.labels.empty() ? nullptr : from.labels.data();
+  fill_views(decoder);
   decoder.has_frame = true;
 }
 
@@ -55,7 +69,9 @@ v3d_status status_of(v3d::codec::DecodeStatus status) {
 static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) == 32 &&
               offsetof(v3d_frame, origin_m) == 40 && offsetof(v3d_frame, cameras) == 64 &&
               offsetof(v3d_frame, vertices) == 76 && offsetof(v3d_frame, indices) == 92 &&
-              offsetof(v3d_frame, live_passes) == 96 && offsetof(v3d_frame, labels) == 100);
+              offsetof(v3d_frame, live_passes) == 96 && offsetof(v3d_frame, labels) == 100 &&
+              offsetof(v3d_frame, views) == 104 && sizeof(v3d_camera_view) == 32 &&
+              offsetof(v3d_camera_view, colours) == 24);
 #endif
 
 }  // namespace
@@ -74,6 +90,10 @@ v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t
     return status;
   };
   return v3d::codec::with_memory(decode, V3D_OUT_OF_MEMORY);
+}
+
+void v3d_decoder_want_views(v3d_decoder* decoder, int wanted) {
+  decoder->decoder.want_cameras(wanted != 0);
 }
 
 const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {

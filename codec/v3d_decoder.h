@@ -22,11 +22,17 @@ typedef struct v3d_decoder v3d_decoder;
 
 typedef enum v3d_status {
   V3D_OK = 0,
-  V3D_MALFORMED = 1, /* no compact frame of version 2 or 3, or damaged */
+  V3D_MALFORMED = 1, /* no compact frame of version 2 to 4, or damaged */
   V3D_NEEDS_REFERENCE =
       2, /* its reference is not the last decoded frame; continue at a key frame */
   V3D_OUT_OF_MEMORY = 3
 } v3d_status;
+
+/* What one camera sees of a frame. Since version 2.3. */
+typedef struct v3d_camera_view {
+  double axis[3];         /* viewing direction, world frame, a unit vector within 1e-4 */
+  const uint8_t* colours; /* r, g, b of each vertex (sRGB), and 255; all 0 where it is not seen */
+} v3d_camera_view;
 
 typedef struct v3d_frame {
   int64_t pulse;
@@ -45,6 +51,8 @@ typedef struct v3d_frame {
   const uint32_t* indices; /* three for each triangle, counter-clockwise seen from outside */
   size_t live_passes;      /* passes of the deformation within the live budget, 0 to 3 */
   const uint8_t* labels;   /* performer of each vertex, 0: unknown; NULL: the mesh has none */
+  /* Of each camera, in the order of the names; NULL: none, or not wanted. Since version 2.3. */
+  const v3d_camera_view* views;
 } v3d_frame;
 
 /* Makes a decoder; NULL when memory is exhausted. Release it with v3d_decoder_free(). */
@@ -55,6 +63,11 @@ V3D_API void v3d_decoder_free(v3d_decoder* decoder);
 /* Decodes one compact frame. `bytes` are not needed after the call. Unless the result is V3D_OK,
  * the current frame does not change. Memory stays below 2 GB for any bytes. */
 V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
+
+/* Whether the next frames are decoded with the views of cameras that they have, which takes more
+ * time and memory: at most 0.6 GB. At first they are not. Views begin at the next key frame at the
+ * latest. Since version 2.3. */
+V3D_API void v3d_decoder_want_views(v3d_decoder* decoder, int wanted);
 
 /* The last decoded frame; NULL before the first. */
 V3D_API const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);

@@ -2,12 +2,19 @@
 // JavaScript: a wrapper of v3d_decoder.wasm without other dependencies. It runs in browsers, workers and node.
 
 export const OK = 0;
-/** No compact frame of version 2 or 3, or damaged. */
+/** No compact frame of version 2 to 4, or damaged. */
 export const MALFORMED = 1;
 /** Its reference is not the last decoded frame; continue at a key frame. */
 export const NEEDS_REFERENCE = 2;
 /** Memory is exhausted: make a new decoder. */
 export const OUT_OF_MEMORY = 3;
+
+/**
+ * What one camera sees of a frame.
+ * @typedef {object} CameraView
+ * @property {[number, number, number]} axis  viewing direction, world: a unit vector within 1e-4
+ * @property {Uint8Array} colours  r, g, b of each vertex (sRGB), and 255; all 0 where it is not seen
+ */
 
 /**
  * @typedef {object} Frame
@@ -23,18 +30,22 @@ export const OUT_OF_MEMORY = 3;
  * @property {Float32Array} positions  x, y, z of each vertex: metres, z up
  * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB); null: the mesh has none
  * @property {Uint8Array | null} labels  performer of each vertex, 0: unknown; null: the mesh has none
+ * @property {CameraView[] | null} views  of each camera, in the order of the names; null: none, or not wanted
  * @property {Uint32Array} indices  three for each triangle, counter-clockwise seen from outside
  */
 
 // Offsets of the fields of v3d_frame, bytes.
 const PULSE = 0, EXPOSURE = 8, KEY_PULSE = 16, QUALITY = 24, STEP = 32, ORIGIN = 40, CAMERAS = 64, NAMES = 68,
-  MISSING = 72, VERTICES = 76, POSITIONS = 80, COLOURS = 84, TRIANGLES = 88, INDICES = 92, LIVE_PASSES = 96, LABELS = 100;
+  MISSING = 72, VERTICES = 76, POSITIONS = 80, COLOURS = 84, TRIANGLES = 88, INDICES = 92, LIVE_PASSES = 96, LABELS = 100, VIEWS = 104;
+// Of v3d_camera_view.
+const VIEW_BYTES = 32, VIEW_COLOURS = 24;
 
 /** Decodes the frames of one sequence. */
 export class Decoder {
   #module;
   #c;
   #decoder = 0;
+  #viewsWanted = false;
 
   /** @param {WebAssembly.Module} module of v3d_decoder.wasm */
   constructor(module) {
@@ -46,6 +57,17 @@ export class Decoder {
   #reset() {
     this.#c = instance_of(this.#module);
     this.#decoder = this.#c.v3d_decoder_new();
+    this.wantViews(this.#viewsWanted);
+  }
+
+  /**
+   * Whether the next frames are decoded with the views of cameras that they have, which takes more time and memory. At first
+   * they are not. Views begin at the next key frame at the latest.
+   * @param {boolean} wanted
+   */
+  wantViews(wanted) {
+    this.#viewsWanted = wanted;
+    this.#c.v3d_decoder_want_views(this.#decoder, wanted ? 1 : 0);
   }
 
   /**
@@ -82,6 +104,15 @@ export class Decoder {
     const vertices = word(VERTICES);
     const colours = word(COLOURS);
     const labels = word(LABELS);
+    const views = word(VIEWS);
+    const viewOf = (camera) => {
+      const at = views + VIEW_BYTES * camera;
+      const data = new DataView(memory, at);
+      return {
+        axis: [0, 8, 16].map((axis) => data.getFloat64(axis, true)),
+        colours: new Uint8Array(memory, data.getUint32(VIEW_COLOURS, true), 4 * vertices),
+      };
+    };
     return {
       pulse: Number(view.getBigInt64(PULSE, true)),
       exposureNs: view.getBigInt64(EXPOSURE, true),
@@ -95,6 +126,7 @@ export class Decoder {
       positions: new Float32Array(memory, word(POSITIONS), 3 * vertices),
       colours: colours === 0 ? null : new Uint8Array(memory, colours, 3 * vertices),
       labels: labels === 0 ? null : new Uint8Array(memory, labels, vertices),
+      views: views === 0 ? null : Array.from({ length: word(CAMERAS) }, (_, camera) => viewOf(camera)),
       indices: new Uint32Array(memory, word(INDICES), 3 * word(TRIANGLES)),
     };
   }

@@ -18,7 +18,7 @@ struct Prediction {
   VertexValues spread{};
 };
 
-inline Prediction predict_from(KnownVertices::Four known, std::span<const VertexValues> values) {
+inline Prediction predict_values(KnownVertices::Four known, std::span<const VertexValues> values) {
   constexpr int kLanes = 4;  // separate loops, which the compiler vectorises
   const VertexValues a = values[known[0]], b = values[known[1]];
   const VertexValues c = values[known[2]], d = values[known[3]];
@@ -108,7 +108,7 @@ class ValueCode {
 
 template <class Coder>
 void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, std::span<const VertexValues> wanted) {
-  const Prediction from = predict_from(known_.of(vertex), decoded_);
+  const Prediction from = predict_values(known_.of(vertex), decoded_);
   VertexValues residual{};
   VertexValues& decoded = decoded_[vertex];
   for (int n = 0; n < 3; ++n) {

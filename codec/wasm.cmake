@@ -6,7 +6,7 @@ find_program(WASM_CXX clang++-14 REQUIRED)
 set(options --target=wasm32-wasi -std=c++20 -O2 -DNDEBUG -msimd128 -fno-exceptions -fno-rtti -ffp-contract=off
   -Wall -Wextra -I${CMAKE_SOURCE_DIR})
 set(link -mexec-model=reactor -Wl,--strip-all,--stack-first,-z,stack-size=1048576,--max-memory=2147483648)
-foreach(name new free decode frame)
+foreach(name new free decode frame want_views)
   list(APPEND link -Wl,--export=v3d_decoder_${name})
 endforeach()
 foreach(name open free segments segment_at surface_of decode)

@@ -51,6 +51,9 @@ void require_node(const TomlTable& table, std::string_view key, const Studio& st
 /// The field `node`: the name of a node of the studio.
 std::string read_node(const TomlTable& table, const Studio& studio);
 
+/// The tables [camera_defaults] and [[camera]]. The nodes of the studio are known.
+void read_cameras(const TomlTable& file, Studio& studio);
+
 /// The tables [[sound]]. The nodes of the studio are known.
 void read_sounds(const TomlTable& file, Studio& studio);
 

@@ -18,93 +18,6 @@
 namespace v3d {
 namespace {
 
-PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
-  const std::string word = table.text_or("pixel_format", name(fallback));
-  const auto format = pixel_format_from_name(word);
-  if (!format) {
-    table.fail(
-        "pixel_format",
-        "'" + word + "' is unknown; known: Mono8, BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
-  }
-  return *format;
-}
-
-ChromaKey read_chroma_key(const TomlTable& table, ChromaKey fallback) {
-  const std::string word = table.text_or("chroma_key", name(fallback));
-  const auto key = chroma_key_from_name(word);
-  if (!key) table.fail("chroma_key", "'" + word + "' is unknown; known: none, green, blue");
-  return *key;
-}
-
-/// Settings of V4L2 cameras only; such cameras have no trigger line, packets or gain in dB.
-void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
-  if (table.has("trigger_control")) {
-    const std::string text = table.text("trigger_control");
-    uint32_t id = 0;
-    const bool hex = text.starts_with("0x");
-    const char* end = text.data() + text.size();
-    const auto parsed = std::from_chars(text.data() + (hex ? 2 : 0), end, id, hex ? 16 : 10);
-    if (parsed.ec != std::errc() || parsed.ptr != end) {
-      table.fail("trigger_control",
-                 "expected the id of a V4L2 control as v4l2-ctl -L shows it, "
-                 "such as \"0x009a0914\", found '" +
-                     text + "'");
-    }
-    camera.trigger_control = id;
-  }
-  constexpr int kMaxInt = std::numeric_limits<int>::max();
-  camera.trigger_value =
-      ranged_int(table, "trigger_value", camera.trigger_value, -kMaxInt, kMaxInt);
-  if (table.has("width") || table.has("height")) {
-    const ImageSize old = camera.size.value_or(ImageSize{});
-    camera.size = ImageSize{ranged_int(table, "width", old.width, 1, kMaxImageSide),
-                            ranged_int(table, "height", old.height, 1, kMaxImageSide)};
-  }
-}
-
-/// Reads the settings that [camera_defaults] and [[camera]] share. `camera` holds the defaults on
-/// entry.
-void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCamera& camera) {
-  static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
-      {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
-  static constexpr std::array<std::pair<std::string_view, Edge>, 2> kEdges = {
-      {{"rising", Edge::kRising}, {"falling", Edge::kFalling}}};
-  if (table.has("node")) {
-    camera.node = read_node(table, studio);
-  }
-  camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
-  camera.pixel_format = read_pixel_format(table, camera.pixel_format);
-  camera.chroma_key = read_chroma_key(table, camera.chroma_key);
-  camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
-  camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
-  camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
-  camera.trigger_edge =
-      choice(table, "trigger_edge", kEdges[static_cast<size_t>(camera.trigger_edge)].first, kEdges);
-  camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
-  camera.packet_delay_ns =
-      ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
-  camera.packet_resend = table.boolean_or("packet_resend", camera.packet_resend);
-  camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
-  camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
-  camera.ptp = table.boolean_or("ptp", camera.ptp);
-  camera.chunk_data = table.boolean_or("chunk_data", camera.chunk_data);
-  read_v4l2_settings(table, camera);
-}
-
-/// Checks the combination of defaults and own settings of a camera.
-void check_consistency(const TomlTable& table, const StudioCamera& camera) {
-  if (camera.node.empty()) {
-    table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
-  }
-  if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
-    table.fail("gain_db", "a V4L2 gain has no unit; expected 0; set the gain with v4l2-ctl");
-  }
-  if (camera.chroma_key != ChromaKey::kNone && camera.pixel_format == PixelFormat::kMono8) {
-    table.fail("chroma_key",
-               "a Mono8 picture has no colour; expected none, or a pixel_format with colour");
-  }
-}
-
 /// `made_by`: the command that prints such keys, for the message.
 std::string read_public_key(const TomlTable& table, std::string_view field,
                             const std::string& made_by) {
@@ -129,35 +42,6 @@ void read_nodes(const TomlTable& file, Studio& studio) {
   }
   if (studio.nodes.empty()) {
     file.fail("node", "missing: expected one [[node]] per PC");
-  }
-}
-
-void read_cameras(const TomlTable& file, Studio& studio) {
-  StudioCamera defaults;
-  if (file.has("camera_defaults")) {
-    const TomlTable table = file.table("camera_defaults");
-    read_camera_settings(table, studio, defaults);
-    table.reject_unknown_fields();
-  }
-  for (const TomlTable& table : file.tables("camera")) {
-    StudioCamera camera = defaults;
-    camera.name = read_name(table);
-    if (!is_camera_name(camera.name)) {
-      table.fail("name", "'" + camera.name +
-                             "' is not a valid camera name: " + std::string(kCameraNameRule));
-    }
-    const auto same_name = [&](const StudioCamera& c) { return c.name == camera.name; };
-    if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
-      table.fail("name", "two cameras are named '" + camera.name + "'");
-    }
-    camera.address = table.text("address");
-    read_camera_settings(table, studio, camera);
-    table.reject_unknown_fields();
-    check_consistency(table, camera);
-    studio.cameras.push_back(std::move(camera));
-  }
-  if (studio.cameras.empty()) {
-    file.fail("camera", "missing: expected one [[camera]] per camera");
   }
 }
 

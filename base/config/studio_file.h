@@ -9,6 +9,7 @@
 
 #include "base/config/studio_values.h"
 #include "base/geometry/rigid_transform.h"
+#include "base/image/camera_format.h"
 #include "base/image/image.h"
 
 namespace v3d {
@@ -24,13 +25,22 @@ struct StudioNode {
 enum class CameraKind { kAravis, kV4l2 };
 enum class Edge { kRising, kFalling };
 
+/// A feature (GenICam) or control (V4L2) of a camera, and its value as text: "true", "4600", "0.5".
+struct CameraFeature {
+  std::string name;
+  std::string value;
+  friend bool operator==(const CameraFeature&, const CameraFeature&) = default;
+};
+
 /// [[camera]]. A missing field has the value in [camera_defaults], else the default here.
 struct StudioCamera {
   std::string name;  ///< as in calib.toml
   std::string node;
   CameraKind kind = CameraKind::kAravis;
-  std::string address;  ///< aravis: serial number, or IP address; v4l2: device path
-  PixelFormat pixel_format = PixelFormat::kBayerRG8;
+  /// aravis: serial number, or IP address; v4l2: device path, serial number or bus path
+  /// (base/config/v4l2_address.h).
+  std::string address;
+  CameraFormat pixel_format = PixelFormat::kBayerRG8;
   ChromaKey chroma_key = ChromaKey::kNone;  ///< colour of the background walls that the camera sees
   double exposure_us = 1000;
   double gain_db = 0;
@@ -40,13 +50,24 @@ struct StudioCamera {
   int packet_delay_ns = 0;
   bool packet_resend = true;  ///< request lost packets again
   int buffers = 8;
-  bool packet_socket = true;  ///< receive by packet socket where permitted (CAP_NET_RAW)
-  bool ptp = false;           ///< the camera clock follows PTP (IEEE 1588)
-  bool chunk_data = false;    ///< the camera sends its own metadata with every frame
+  bool packet_socket = true;      ///< receive by packet socket where permitted (CAP_NET_RAW)
+  bool ptp = false;               ///< the camera clock follows PTP (IEEE 1588)
+  bool chunk_data = false;        ///< the camera sends its own metadata with every frame
+  std::optional<ImageSize> size;  ///< `width`, `height`; empty: the camera's current size
+  /// [camera.features], in the order of the file; those of [camera_defaults.features] come first.
+  std::vector<CameraFeature> features;
+  // aravis only.
+  int offset_x = 0;  ///< upper left corner of the region on the sensor, pixels; with `size` only
+  int offset_y = 0;
+  int binning = 1;  ///< pixels of the sensor that make one pixel of the image, in x and in y
+  bool reverse_x = false;
+  bool reverse_y = false;
+  std::optional<double> black_level;  ///< in the camera's unit; empty: as it is
+  std::string strobe_line;            ///< output that is active during the exposure; empty: none
+  std::string user_set;               ///< loaded before all other settings; empty: none
   // v4l2 only. V4L2 has no standard control for the external trigger: its id, and the value to set.
   std::optional<uint32_t> trigger_control;  ///< empty: the camera is free-running
   int trigger_value = 1;
-  std::optional<ImageSize> size;  ///< `width`, `height`; empty: the camera's current size
 
   /// True for a free-running camera: it has no trigger, and each frame gets the sensed pulse
   /// nearest in time.

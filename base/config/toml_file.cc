@@ -230,6 +230,30 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::sub_tables() const {
   return result;
 }
 
+std::vector<std::pair<std::string, std::string>> TomlTable::values() const {
+  std::vector<std::pair<toml::source_position, std::pair<std::string, std::string>>> found;
+  for (const auto& [key, value] : *node_->table) {
+    const std::string name(key.str());
+    std::string text;
+    if (value.is_boolean()) {
+      text = *value.value<bool>() ? "true" : "false";
+    } else if (value.is_integer()) {
+      text = std::to_string(*value.value<int64_t>());
+    } else if (value.is_floating_point()) {
+      text = toml_number(number(name));
+    } else {
+      text = this->text(name);
+    }
+    node_->read_keys.insert(name);
+    found.push_back({key.source().begin, {name, std::move(text)}});
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<std::pair<std::string, std::string>> result;
+  for (auto& entry : found) result.push_back(std::move(entry.second));
+  return result;
+}
+
 void TomlTable::fail(std::string_view key, const std::string& message) const {
   const toml::node* node = node_->find(key);
   node_->fail(node != nullptr ? node->source() : node_->table->source(),

@@ -42,6 +42,10 @@ class TomlTable {
   /// An array of arrays of numbers.
   std::vector<std::vector<double>> rows(std::string_view key) const;
 
+  /// The names of all fields of the table with their values as text ("true", "4600", "0.5"), in the
+  /// order of the file. A value must be a string, a finite number or a boolean.
+  std::vector<std::pair<std::string, std::string>> values() const;
+
   TomlTable table(std::string_view key) const;
   /// The tables [[key]]; empty when there is none.
   std::vector<TomlTable> tables(std::string_view key) const;

@@ -10,27 +10,39 @@
 namespace v3d {
 namespace {
 
-constexpr uint32_t fourcc(char a, char b, char c, char d) {
-  return static_cast<uint32_t>(a) | static_cast<uint32_t>(b) << 8 | static_cast<uint32_t>(c) << 16 |
-         static_cast<uint32_t>(d) << 24;
-}
+using Tile = std::array<int, 4>;
+constexpr Tile kNoTile = {-1, -1, -1, -1};
+constexpr Tile kGR = {1, 0, 2, 1};
+constexpr Tile kRG = {0, 1, 1, 2};
+constexpr Tile kGB = {1, 2, 0, 1};
+constexpr Tile kBG = {2, 1, 1, 0};
 
 struct FormatInfo {
   PixelFormat format;
   std::string_view pfnc_name;
-  uint32_t v4l2_fourcc;
   int bytes_per_pixel;
-  /// Colours of the 2x2 tile, row-major; -1 for formats without a mosaic.
-  std::array<int, 4> tile;
+  int bits_per_sample;
+  Tile tile;  ///< colours of the 2x2 tile, row-major; kNoTile for formats without a mosaic
+  PixelFormat reduced;
 };
 
-constexpr std::array<FormatInfo, 6> kFormats = {{
-    {PixelFormat::kMono8, "Mono8", fourcc('G', 'R', 'E', 'Y'), 1, {-1, -1, -1, -1}},
-    {PixelFormat::kBayerGR8, "BayerGR8", fourcc('G', 'R', 'B', 'G'), 1, {1, 0, 2, 1}},
-    {PixelFormat::kBayerRG8, "BayerRG8", fourcc('R', 'G', 'G', 'B'), 1, {0, 1, 1, 2}},
-    {PixelFormat::kBayerGB8, "BayerGB8", fourcc('G', 'B', 'R', 'G'), 1, {1, 2, 0, 1}},
-    {PixelFormat::kBayerBG8, "BayerBG8", fourcc('B', 'A', '8', '1'), 1, {2, 1, 1, 0}},
-    {PixelFormat::kRGB8, "RGB8", fourcc('R', 'G', 'B', '3'), 3, {-1, -1, -1, -1}},
+constexpr std::array<FormatInfo, 16> kFormats = {{
+    {PixelFormat::kMono8, "Mono8", 1, 8, kNoTile, PixelFormat::kMono8},
+    {PixelFormat::kBayerGR8, "BayerGR8", 1, 8, kGR, PixelFormat::kBayerGR8},
+    {PixelFormat::kBayerRG8, "BayerRG8", 1, 8, kRG, PixelFormat::kBayerRG8},
+    {PixelFormat::kBayerGB8, "BayerGB8", 1, 8, kGB, PixelFormat::kBayerGB8},
+    {PixelFormat::kBayerBG8, "BayerBG8", 1, 8, kBG, PixelFormat::kBayerBG8},
+    {PixelFormat::kRGB8, "RGB8", 3, 8, kNoTile, PixelFormat::kRGB8},
+    {PixelFormat::kMono10, "Mono10", 2, 10, kNoTile, PixelFormat::kMono8},
+    {PixelFormat::kMono12, "Mono12", 2, 12, kNoTile, PixelFormat::kMono8},
+    {PixelFormat::kBayerGR10, "BayerGR10", 2, 10, kGR, PixelFormat::kBayerGR8},
+    {PixelFormat::kBayerRG10, "BayerRG10", 2, 10, kRG, PixelFormat::kBayerRG8},
+    {PixelFormat::kBayerGB10, "BayerGB10", 2, 10, kGB, PixelFormat::kBayerGB8},
+    {PixelFormat::kBayerBG10, "BayerBG10", 2, 10, kBG, PixelFormat::kBayerBG8},
+    {PixelFormat::kBayerGR12, "BayerGR12", 2, 12, kGR, PixelFormat::kBayerGR8},
+    {PixelFormat::kBayerRG12, "BayerRG12", 2, 12, kRG, PixelFormat::kBayerRG8},
+    {PixelFormat::kBayerGB12, "BayerGB12", 2, 12, kGB, PixelFormat::kBayerGB8},
+    {PixelFormat::kBayerBG12, "BayerBG12", 2, 12, kBG, PixelFormat::kBayerBG8},
 }};
 
 const FormatInfo& info_of(PixelFormat format) {
@@ -51,7 +63,8 @@ std::optional<PixelFormat> find_format(Predicate predicate) {
 int bytes_per_pixel(PixelFormat format) { return info_of(format).bytes_per_pixel; }
 bool is_bayer(PixelFormat format) { return info_of(format).tile[0] >= 0; }
 std::string_view name(PixelFormat format) { return info_of(format).pfnc_name; }
-uint32_t v4l2_fourcc(PixelFormat format) { return info_of(format).v4l2_fourcc; }
+int bits_per_sample(PixelFormat format) { return info_of(format).bits_per_sample; }
+PixelFormat reduced_to_8_bits(PixelFormat format) { return info_of(format).reduced; }
 
 std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name) {
   return find_format([&](const FormatInfo& f) { return f.pfnc_name == pfnc_name; });
@@ -60,10 +73,6 @@ std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name) {
 std::optional<PixelFormat> pixel_format_from_code(uint32_t pfnc_code) {
   return find_format(
       [&](const FormatInfo& f) { return static_cast<uint32_t>(f.format) == pfnc_code; });
-}
-
-std::optional<PixelFormat> pixel_format_from_fourcc(uint32_t v4l2_fourcc) {
-  return find_format([&](const FormatInfo& f) { return f.v4l2_fourcc == v4l2_fourcc; });
 }
 
 int bayer_channel(PixelFormat format, int x, int y) {
@@ -75,6 +84,18 @@ Image::Image(ImageSize image_size, PixelFormat pixel_format)
 
 size_t byte_count(ImageSize size, PixelFormat format) {
   return static_cast<size_t>(size.pixels()) * bytes_per_pixel(format);
+}
+
+void reduce_to_8_bits(Image& image) {
+  if (!is_deep(image.format)) return;
+  const int shift = bits_per_sample(image.format) - 8;
+  const size_t samples = image.bytes.size() / 2;
+  for (size_t i = 0; i < samples; ++i) {
+    const int sample = image.bytes[2 * i] | image.bytes[2 * i + 1] << 8;
+    image.bytes[i] = static_cast<uint8_t>(std::min(sample >> shift, 255));
+  }
+  image.bytes.resize(samples);
+  image.format = reduced_to_8_bits(image.format);
 }
 
 Image crop(ImageView source, Rect rect) {

@@ -36,7 +36,9 @@ struct Rect {
 };
 
 /// Pixel formats; the values are those of the Pixel Format Naming Convention (GenICam PFNC 2.4). In
-/// a Bayer format the two letters are the colours of the first two pixels of the first row.
+/// a Bayer format the two letters are the colours of the first two pixels of the first row. The
+/// deep formats have 10 or 12 bits in the low bits of a little-endian 16-bit word. Only cameras and
+/// logs have deep images; all processing has 8 bits (reduce_to_8_bits()).
 enum class PixelFormat : uint32_t {
   kMono8 = 0x01080001,
   kBayerGR8 = 0x01080008,
@@ -44,19 +46,31 @@ enum class PixelFormat : uint32_t {
   kBayerGB8 = 0x0108000A,
   kBayerBG8 = 0x0108000B,
   kRGB8 = 0x02180014,
+  kMono10 = 0x01100003,
+  kMono12 = 0x01100005,
+  kBayerGR10 = 0x0110000C,
+  kBayerRG10 = 0x0110000D,
+  kBayerGB10 = 0x0110000E,
+  kBayerBG10 = 0x0110000F,
+  kBayerGR12 = 0x01100010,
+  kBayerRG12 = 0x01100011,
+  kBayerGB12 = 0x01100012,
+  kBayerBG12 = 0x01100013,
 };
 
 int bytes_per_pixel(PixelFormat format);
+/// Bits of a sample: 8, 10 or 12.
+int bits_per_sample(PixelFormat format);
+/// True for a format with more than 8 bits per sample.
+inline bool is_deep(PixelFormat format) { return bits_per_sample(format) > 8; }
+/// The format with 8 bits and the same colours: BayerRG12 gives BayerRG8.
+PixelFormat reduced_to_8_bits(PixelFormat format);
 bool is_bayer(PixelFormat format);
 /// The PFNC name, e.g. "BayerRG8".
 std::string_view name(PixelFormat format);
 std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name);
 /// Empty when `pfnc_code` is not a supported format.
 std::optional<PixelFormat> pixel_format_from_code(uint32_t pfnc_code);
-/// V4L2 four-character codes (linux/videodev2.h): 'GREY', 'RGGB', 'GRBG', 'GBRG', 'BA81' (BGGR),
-/// 'RGB3'. Empty for any other.
-std::optional<PixelFormat> pixel_format_from_fourcc(uint32_t v4l2_fourcc);
-uint32_t v4l2_fourcc(PixelFormat format);
 
 /// The colour of the filter over a pixel of a Bayer image: 0 red, 1 green, 2 blue. Requires
 /// is_bayer().
@@ -93,6 +107,11 @@ struct Image {
 
 /// Bytes of an image without padding.
 size_t byte_count(ImageSize size, PixelFormat format);
+
+/// Keeps the upper 8 bits of each sample of a deep image; leaves other images as they are.
+/// The lower bits are cut off, not rounded, so that the result is that of the camera's own 8-bit
+/// format. Values above the range of the format give 255.
+void reduce_to_8_bits(Image& image);
 
 /// Copies the part of `source` inside `rect`. Requires: `rect` lies inside the image; for Bayer
 /// formats x0 and y0 are even, so that the part has the same filter pattern as the whole.

@@ -6,7 +6,9 @@
 #include <thread>
 #include <utility>
 
+#include "base/core/text.h"
 #include "capture/cameras/aravis_device.h"
+#include "capture/cameras/pixel_decoder.h"
 
 namespace v3d::capture {
 
@@ -26,6 +28,18 @@ ImageSize image_size(const StudioCamera& settings, ArvCamera* camera) {
   return size;
 }
 
+/// The geometry of the images that the camera sends. Rows have no padding.
+SentLayout sent_layout(const StudioCamera& settings, ArvCamera* camera) {
+  const ImageSize size = image_size(settings, camera);
+  const CameraFormat format = settings.pixel_format;
+  const int step = width_step(format);
+  if (size.width % step != 0) {
+    aravis::refuse(settings, "Width", "a multiple of " + std::to_string(step),
+                   std::to_string(size.width));
+  }
+  return {format, size, row_bytes(format, size.width)};
+}
+
 size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t image_bytes) {
   Problem problem;
   const size_t payload = arv_camera_get_payload(camera, problem);
@@ -34,6 +48,20 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
                    problem.happened() ? problem.text() : std::to_string(payload));
   }
   return payload;
+}
+
+/// "Maker Model, firmware 1.2", as far as the camera reports them.
+std::string device_text(ArvCamera* camera) {
+  const auto read = [&](const char* feature) -> std::string {
+    if (!aravis::has_feature(camera, feature)) return {};
+    Problem problem;
+    const char* text = arv_camera_get_string(camera, feature, problem);
+    return problem.happened() || !text ? std::string() : printable(text);
+  };
+  std::string text = read("DeviceVendorName") + " " + read("DeviceModelName");
+  std::string firmware = read("DeviceFirmwareVersion");
+  if (firmware.empty()) firmware = read("DeviceVersion");
+  return firmware.empty() ? text : text + ", firmware " + firmware;
 }
 
 /// Maximum time that Aravis waits for the missing packets of a frame. Later frames wait as well and
@@ -58,24 +86,18 @@ void set_receiver(ArvStream* stream, size_t payload, bool resend) {
 /// Aravis calls this function on its heartbeat thread.
 void on_control_lost(ArvDevice*, gpointer lost) { *static_cast<std::atomic<bool>*>(lost) = true; }
 
-/// The pixels of a complete buffer. Empty if the buffer is incomplete or has another size or
-/// format.
-std::optional<Image> image_of(ArvBuffer* buffer, ImageSize size, PixelFormat format) {
+/// The image in a complete buffer. Empty if the buffer is incomplete or has another size or format.
+std::optional<Image> image_of(ArvBuffer* buffer, const SentLayout& layout) {
   if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS ||
-      arv_buffer_get_image_width(buffer) != size.width ||
-      arv_buffer_get_image_height(buffer) != size.height ||
-      arv_buffer_get_image_pixel_format(buffer) != static_cast<ArvPixelFormat>(format)) {
+      arv_buffer_get_image_width(buffer) != layout.size.width ||
+      arv_buffer_get_image_height(buffer) != layout.size.height ||
+      arv_buffer_get_image_pixel_format(buffer) != pfnc_code(layout.format)) {
     return {};
   }
   size_t bytes = 0;
   const void* data = arv_buffer_get_image_data(buffer, &bytes);
-  if (!data || bytes < byte_count(size, format)) return {};
-  const auto* first = static_cast<const uint8_t*>(data);
-  Image image;
-  image.size = size;
-  image.format = format;
-  image.bytes.assign(first, first + byte_count(size, format));
-  return image;
+  if (!data) return {};
+  return decode_image(layout, {static_cast<const uint8_t*>(data), bytes});
 }
 
 }  // namespace
@@ -88,12 +110,13 @@ class AravisCamera::Link {
     if (ARV_IS_GV_DEVICE(device) && !arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
       aravis::refuse(settings, "control", "this program", "another program that controls it");
     }
-    aravis::write_settings(settings, camera_.get());
-    size_ = image_size(settings, camera_.get());
-    const size_t image_bytes = byte_count(size_, settings.pixel_format);
+    differences_ = aravis::write_settings(settings, camera_.get());
+    device_ = device_text(camera_.get());
+    has_temperature_ = aravis::has_feature(camera_.get(), "DeviceTemperature");
+    layout_ = sent_layout(settings, camera_.get());
     if (settings.ptp) ptp_ = Ptp::of(camera_.get());
     if (settings.chunk_data) chunks_.reset(arv_camera_create_chunk_parser(camera_.get()));
-    stream(settings, payload_bytes(settings, camera_.get(), image_bytes));
+    stream(settings, payload_bytes(settings, camera_.get(), layout_.byte_count()));
   }
 
   ~Link() {
@@ -104,8 +127,10 @@ class AravisCamera::Link {
     }
   }
 
-  ImageSize size() const { return size_; }
+  const SentLayout& layout() const { return layout_; }
   ArvStream* stream() const { return stream_.get(); }
+  const std::string& device() const { return device_; }
+  const std::vector<SettingDifference>& differences() const { return differences_; }
 
   /// Number of frames of this camera for which there was no buffer.
   int64_t underruns() const {
@@ -114,15 +139,21 @@ class AravisCamera::Link {
     return static_cast<int64_t>(all) - foreign_underruns_;
   }
 
-  /// Offset of the camera's clock from its PTP master. Empty while the clock is not synchronised,
-  /// or if PTP is off. Queries the camera at most every kPtpQueryPeriod and otherwise returns the
-  /// last value.
-  std::optional<Duration> ptp_offset() {
-    if (!ptp_ || Monotonic::now() < next_ptp_query_) return ptp_offset_;
-    next_ptp_query_ = Monotonic::now() + kPtpQueryPeriod;
-    ptp_offset_ = ptp_->offset();
-    return ptp_offset_;
+  /// Queries clock and temperature of the camera, at most every kQueryPeriod.
+  void query() {
+    if (Monotonic::now() < next_query_) return;
+    next_query_ = Monotonic::now() + kQueryPeriod;
+    if (ptp_) ptp_offset_ = ptp_->offset();
+    if (!has_temperature_) return;
+    Problem problem;
+    const double celsius = arv_camera_get_float(camera_.get(), "DeviceTemperature", problem);
+    temperature_celsius_ = problem.happened() ? std::nullopt : std::optional(celsius);
   }
+
+  /// Offset of the camera's clock from its PTP master at the last query. Empty while the clock is
+  /// not synchronised, or if PTP is off.
+  std::optional<Duration> ptp_offset() const { return ptp_offset_; }
+  std::optional<double> temperature_celsius() const { return temperature_celsius_; }
 
   /// Exposure time in microseconds from the chunk data of a frame; empty if it has none.
   std::optional<double> exposure_us(ArvBuffer* buffer) {
@@ -134,7 +165,7 @@ class AravisCamera::Link {
   }
 
  private:
-  static constexpr Duration kPtpQueryPeriod = std::chrono::seconds(2);
+  static constexpr Duration kQueryPeriod = std::chrono::seconds(2);
 
   void stream(const StudioCamera& settings, size_t payload) {
     Problem problem;
@@ -160,10 +191,14 @@ class AravisCamera::Link {
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
   int64_t foreign_underruns_ = 0;  ///< caused by frames of other cameras, before the first buffer
-  ImageSize size_;
+  SentLayout layout_;
   std::optional<Ptp> ptp_;
-  MonotonicInstant next_ptp_query_{};
+  bool has_temperature_ = false;
+  MonotonicInstant next_query_{};
   std::optional<Duration> ptp_offset_;
+  std::optional<double> temperature_celsius_;
+  std::string device_;
+  std::vector<SettingDifference> differences_;
 };
 
 AravisCamera::AravisCamera(StudioCamera settings) : settings_(std::move(settings)) {}
@@ -174,7 +209,7 @@ void AravisCamera::start() {
   lost_ = false;
   counter_ = {};
   link_ = std::make_unique<Link>(settings_, lost_);
-  size_ = link_->size();
+  size_ = link_->layout().size;
 }
 
 void AravisCamera::stop() { link_.reset(); }
@@ -186,14 +221,16 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
         std::chrono::duration_cast<std::chrono::microseconds>(deadline - Monotonic::now());
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
     read_statistics();
+    link_->query();
     store_ptp_offset(link_->ptp_offset());
+    temperature_celsius_ = link_->temperature_celsius().value_or(kNoTemperature);
     if (!buffer) return {};
     CameraFrame frame;
     frame.received = Monotonic::now();
     frame.device_time =
         from_ns<DeviceClock>(static_cast<int64_t>(arv_buffer_get_timestamp(buffer)));
     frame.counter = counter_.unwrap(arv_buffer_get_frame_id(buffer));
-    auto image = image_of(buffer, size_, settings_.pixel_format);
+    auto image = image_of(buffer, link_->layout());
     if (const auto us = link_->exposure_us(buffer)) exposure_us_ = *us;
     arv_stream_push_buffer(stream, buffer);
     if (image) {
@@ -204,6 +241,12 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     ++damaged_;
   }
   return {};
+}
+
+std::string AravisCamera::device() const { return link_ ? link_->device() : std::string(); }
+
+std::vector<SettingDifference> AravisCamera::differences() const {
+  return link_ ? link_->differences() : std::vector<SettingDifference>();
 }
 
 void AravisCamera::store_ptp_offset(std::optional<Duration> offset) {
@@ -230,6 +273,7 @@ CameraStatistics AravisCamera::statistics() const {
                               .packets_missing = packets_missing_};
   if (has_ptp_offset_) statistics.ptp_offset = ptp_offset_.load();
   if (exposure_us_ > 0) statistics.exposure_us = exposure_us_;
+  if (temperature_celsius_ != kNoTemperature) statistics.temperature_celsius = temperature_celsius_;
   return statistics;
 }
 

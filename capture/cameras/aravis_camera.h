@@ -4,6 +4,8 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "base/config/studio_file.h"
 #include "capture/cameras/camera.h"
@@ -51,7 +53,8 @@ class FrameCounter {
 
 /// StudioCamera::address selects the camera: an IP address is opened directly; any other text is a
 /// serial number, for which start() searches the network. start() takes control of the camera,
-/// writes every setting and reads it back. It throws InputError if a value differs. With `ptp` the
+/// writes every setting and reads it back. It throws InputError if a value differs, except for
+/// those in differences(). With `ptp` the
 /// camera streams after its clock is synchronised. With `chunk_data` each frame carries the
 /// exposure time that the camera measured.
 class AravisCamera : public Camera {
@@ -65,11 +68,14 @@ class AravisCamera : public Camera {
   CameraStatistics statistics() const override;
   bool lost() const override { return lost_; }
   ImageSize size() const override { return size_; }
-  PixelFormat format() const override { return settings_.pixel_format; }
+  PixelFormat format() const override { return settings_.pixel_format.image; }
+  std::string device() const override;
+  std::vector<SettingDifference> differences() const override;
 
  private:
   class Link;  ///< the Aravis objects; exists from start() to stop()
   void read_statistics();
+  static constexpr double kNoTemperature = -1000;
   void store_ptp_offset(std::optional<Duration> offset);
 
   const StudioCamera settings_;
@@ -84,6 +90,7 @@ class AravisCamera : public Camera {
   std::atomic<bool> has_ptp_offset_ = false;
   std::atomic<Duration> ptp_offset_ = Duration{};
   std::atomic<double> exposure_us_ = 0;  ///< of the last frame that reported it; 0: none did
+  std::atomic<double> temperature_celsius_ = kNoTemperature;
   std::atomic<bool> lost_ = false;
 };
 

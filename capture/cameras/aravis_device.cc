@@ -6,8 +6,10 @@
 #include <string>
 #include <thread>
 
+#include "base/config/toml_file.h"
 #include "base/core/error.h"
 #include "base/core/time.h"
+#include "capture/cameras/aravis_features.h"
 
 namespace v3d::capture::aravis {
 namespace {
@@ -116,20 +118,25 @@ constexpr Duration kPtpPollPeriod = std::chrono::milliseconds(100);
 /// Writes settings to the camera and reads them back.
 class Setup {
  public:
-  Setup(const StudioCamera& settings, ArvCamera* camera) : settings_(settings), camera_(camera) {}
+  Setup(const StudioCamera& settings, ArvCamera* camera)
+      : settings_(settings), camera_(camera), writer_(settings, camera) {}
 
-  void all() {
+  /// The free features come before the trigger and the stream, which they must not change.
+  std::vector<SettingDifference> all() {
     stop_acquisition();
+    load_user_set(settings_, writer_);
     choose("AcquisitionMode", "Continuous");
     choose("PixelFormat", std::string(name(settings_.pixel_format)));
-    choose_if_supported("ExposureAuto", "Off");
-    choose_if_supported("GainAuto", "Off");
+    write_region(settings_, camera_, writer_);
+    switch_automatic_off(writer_);
     exposure();
     gain();
+    write_features(settings_, writer_);
     trigger();
     if (arv_camera_is_gv_device(camera_)) gigabit();
     if (settings_.chunk_data) chunk_data();
     if (settings_.ptp) follow_ptp();
+    return writer_.differences();
   }
 
  private:
@@ -175,6 +182,7 @@ class Setup {
     if (!(std::abs(got - wanted) <= tolerance)) {
       refuse(feature, std::to_string(wanted), std::to_string(got));
     }
+    if (got != wanted) writer_.add_rounded(feature, toml_number(wanted), toml_number(got));
   }
 
   void exposure() {
@@ -272,6 +280,7 @@ class Setup {
 
   const StudioCamera& settings_;
   ArvCamera* camera_;
+  FeatureWriter writer_;
 };
 
 }  // namespace
@@ -282,8 +291,8 @@ void refuse(const StudioCamera& settings, const std::string& feature, const std:
                    got);
 }
 
-void write_settings(const StudioCamera& settings, ArvCamera* camera) {
-  Setup(settings, camera).all();
+std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera) {
+  return Setup(settings, camera).all();
 }
 
 }  // namespace v3d::capture::aravis

@@ -6,9 +6,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "capture/cameras/camera.h"
 
 namespace v3d::capture::aravis {
 
@@ -85,9 +87,10 @@ class Ptp {
 // Writes the studio file's settings to a camera. For capture/cameras/aravis_*.cc only.
 
 /// Stops acquisition, writes every setting and reads it back. With `ptp` it waits until the
-/// camera's clock is synchronised, at most 20 s. Throws InputError (see refuse()) if a value
-/// differs.
-void write_settings(const StudioCamera& settings, ArvCamera* camera);
+/// camera's clock is synchronised, at most 20 s. Returns rounded values, automatic functions that
+/// stay on, and features of [camera.features] that differ.
+/// Throws InputError (see refuse()) if another value differs.
+std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera);
 
 /// Throws InputError such as "camera cam07: Gain (dB): wanted 3.0, got 1.0".
 [[noreturn]] void refuse(const StudioCamera& settings, const std::string& feature,

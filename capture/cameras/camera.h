@@ -31,6 +31,15 @@ struct CameraFrame {
   std::optional<int64_t> pulse = {};
 };
 
+/// A setting of which a camera has another value than it was asked for, and records all the same.
+struct SettingDifference {
+  std::string setting;  ///< name of the camera's feature or control
+  std::string asked;
+  std::string got;       ///< value read back, or the reason why there is none
+  bool rounded = false;  ///< within the tolerance of the setting: no cause for a warning
+  friend bool operator==(const SettingDifference&, const SettingDifference&) = default;
+};
+
 /// Counters of one camera object, and the latest measured values.
 struct CameraStatistics {
   int64_t completed = 0;  ///< frames that arrived complete
@@ -42,6 +51,7 @@ struct CameraStatistics {
   std::optional<Duration> phase = {};       ///< of a free-running camera: time after its pulse
   std::optional<Duration> ptp_offset = {};  ///< of the camera's clock from its PTP master
   std::optional<double> exposure_us = {};   ///< exposure time in the chunk data
+  std::optional<double> temperature_celsius = {};  ///< of the camera
 };
 /// Sums the counters of two periods in which the camera was open; other values are those of `b`,
 /// the later period.
@@ -64,6 +74,11 @@ class Camera {
   virtual bool lost() const = 0;
   virtual ImageSize size() const = 0;      ///< pixels; requires start()
   virtual PixelFormat format() const = 0;  ///< requires start()
+  /// Model and firmware as the camera reports them: "Maker Model, firmware 1.2". Empty if it does
+  /// not. Requires start().
+  virtual std::string device() const { return {}; }
+  /// What the camera did otherwise than asked at start(). Requires start().
+  virtual std::vector<SettingDifference> differences() const { return {}; }
 };
 
 // Factory of cameras: selects the backend by the studio file.
@@ -109,6 +124,8 @@ class FreeRunningCamera : public Camera {
   bool lost() const override { return lost_ || camera_->lost(); }
   ImageSize size() const override { return camera_->size(); }
   PixelFormat format() const override { return camera_->format(); }
+  std::string device() const override { return camera_->device(); }
+  std::vector<SettingDifference> differences() const override { return camera_->differences(); }
 
  private:
   void follow_train();

@@ -121,6 +121,8 @@ void CameraSession::open() {
     camera_->start();
     counts_.size = camera_->size();
     counts_.format = camera_->format();
+    counts_.device = camera_->device();
+    counts_.differences = camera_->differences();
     damaged_at_last_ = 0;
     if (!missing_) text_.clear();
   } catch (const InputError& error) {

@@ -104,7 +104,8 @@ class CameraSession {
   Duration min_latency_{};     ///< minimum of this train
   size_t latency_frames_ = 0;  ///< number of frames of this train in min_latency_
 
-  /// Valid fields: frames, suspect, losses, last_loss, last_pulse, size, format.
+  /// Valid fields: frames, suspect, losses, last_loss, last_pulse, size, format,
+  /// device, differences.
   CameraWorkerStatus counts_;
 };
 

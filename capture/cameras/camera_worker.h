@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/core/time.h"
 #include "base/image/frame.h"
@@ -37,6 +38,8 @@ struct CameraWorkerStatus {
   int64_t last_pulse = -1;
   ImageSize size;  ///< after the camera was first opened
   PixelFormat format = PixelFormat::kMono8;
+  std::string device;                          ///< Camera::device() of the last start()
+  std::vector<SettingDifference> differences;  ///< Camera::differences() of the last start()
 };
 
 struct CameraWorkerOptions {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
@@ -37,10 +38,15 @@ std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path);
 
 // Camera backend for Linux V4L2: USB Video Class, frame grabbers, on-board sensors.
 
-/// StudioCamera::address is a device path; prefer one in /dev/v4l/by-id/, which stays the same.
-/// start() writes every setting and reads it back. It throws InputError if a value differs. V4L2
-/// has no standard for triggers: the studio file names the control that switches the trigger on.
-/// Without one the camera runs free, at the rate set by run_free().
+/// StudioCamera::address is a device path, a serial number or a bus path (v4l2_device()).
+/// start() writes every setting and reads it back. It throws InputError if a value differs. It
+/// switches off every control with which a camera changes its pictures by itself; differences()
+/// names those that the camera ignores. V4L2 has no standard for triggers: the studio file names
+/// the control that switches the trigger on. Without one the camera runs free, at the rate set by
+/// run_free().
+///
+/// Packed samples become samples of 16 bits, and YUV and JPEG become RGB8 (pixel_decoder.h),
+/// because all other layers process samples and RGB only.
 ///
 /// The device time is the driver's time stamp, of the host's CLOCK_MONOTONIC; start() rejects
 /// another clock. Drivers take it at the start of the exposure or, mostly, at the end of the frame:
@@ -62,7 +68,9 @@ class V4l2Camera : public Camera {
   CameraStatistics statistics() const override;
   bool lost() const override { return lost_; }
   ImageSize size() const override { return size_; }
-  PixelFormat format() const override { return settings_.pixel_format; }
+  PixelFormat format() const override { return settings_.pixel_format.image; }
+  std::string device() const override;
+  std::vector<SettingDifference> differences() const override;
 
  private:
   class Stream;  ///< the open device and its buffers; exists from start() to stop()

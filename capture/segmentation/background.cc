@@ -143,7 +143,9 @@ std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSi
 void load_info(const fs::path& path, BackgroundModel& model) {
   const TomlTable table = TomlTable::parse(read_plate_file(path, kMaxTakeTextBytes), path);
   const auto format = pixel_format_from_name(table.text("pixel_format"));
-  if (!format) table.fail("pixel_format", "is not known; expected e.g. \"BayerRG8\"");
+  if (!format || is_deep(*format)) {
+    table.fail("pixel_format", "is not known; expected e.g. \"BayerRG8\"");
+  }
   const auto key = chroma_key_from_name(table.text_or("chroma_key", name(ChromaKey::kNone)));
   if (!key) table.fail("chroma_key", "is not known; expected none, green or blue");
   table.reject_unknown_fields();

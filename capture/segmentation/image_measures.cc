@@ -129,20 +129,22 @@ double laplacian_variance(const std::vector<Sum>& quads, ImageSize half, double 
 
 }  // namespace
 
-void PictureStatistics::add(ImageView picture) {
+double PictureStatistics::add(ImageView picture) {
   if (pictures_ == 0) {
     size_ = picture.size;
     format_ = picture.format;
     quads_.assign(static_cast<size_t>(half_of(size_).pixels()), 0);
   }
-  if (picture.size != size_ || picture.format != format_) return;
+  if (picture.size != size_ || picture.format != format_) return 0;
   ++pictures_;
+  const int64_t before = sum_;
   for (const uint8_t sample : picture.bytes) {
     clipped_ += sample >= kClipped;
     dark_ += sample <= kDark;
     sum_ += sample;
   }
   add_quads(picture.bytes, size_, bytes_per_pixel(format_), quads_);
+  return static_cast<double>(sum_ - before) / static_cast<double>(picture.bytes.size());
 }
 
 PictureQuality PictureStatistics::result() const {

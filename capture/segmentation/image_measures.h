@@ -37,8 +37,9 @@ struct PictureQuality {
 /// single image would count as detail. Not thread-safe.
 class PictureStatistics {
  public:
-  /// Adds an image. Ignores it if its size or format differs from the first one's.
-  void add(ImageView picture);
+  /// Adds an image. Ignores it if its size or format differs from the first one's. Returns its mean
+  /// grey value; 0 for an ignored image.
+  double add(ImageView picture);
   int64_t pictures() const { return pictures_; }
   /// All zero if there was no image.
   PictureQuality result() const;

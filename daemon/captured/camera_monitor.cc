@@ -40,6 +40,9 @@ void report_last_frame(const std::string& camera, const capture::CameraStatistic
   if (link.ptp_offset) {
     health.values[camera + ".ptp_offset_us"] = 1e6 * to_seconds(*link.ptp_offset);
   }
+  if (link.temperature_celsius) {
+    health.values[camera + ".temperature_celsius"] = *link.temperature_celsius;
+  }
   if (link.exposure_us) health.values[camera + ".exposure_us"] = *link.exposure_us;
 }
 
@@ -57,6 +60,8 @@ void report_counters(const std::string& camera, const capture::CameraWorkerStatu
   value("packets_resent", status.link.packets_resent);
   value("packets_missing", status.link.packets_missing);
   value("losses", status.losses);
+  value("settings_ignored", std::count_if(status.differences.begin(), status.differences.end(),
+                                          [](const auto& d) { return !d.rounded; }));
 }
 
 /// Values of one camera that are also summed over the node; `queue_frames` is the maximum instead.
@@ -88,6 +93,18 @@ void CameraMonitor::report(const capture::CameraWorker& worker, int64_t due,
       rates_.rate(camera, status.frames, Monotonic::now());
   report_missing(camera, missing, due);
   report_suspect(camera, status);
+  report_differences(camera, status);
+}
+
+void CameraMonitor::report_differences(const std::string& camera,
+                                       const capture::CameraWorkerStatus& status) {
+  std::vector<std::string> ignored;
+  for (const capture::SettingDifference& d : status.differences) {
+    if (!d.rounded) ignored.push_back(d.setting + " (asked " + d.asked + ", got " + d.got + ")");
+  }
+  events_.report_condition(wire::Severity::kWarning, camera,
+                           ignored.empty() ? "" : "ignores settings: " + join_names(ignored),
+                           node::advice::kSettingsIgnored);
 }
 
 void CameraMonitor::report_missing(const std::string& camera, int64_t missing, int64_t due) {

@@ -51,8 +51,9 @@ class CameraMonitor {
   void reset();
   /// Sends an event when the camera was lost or came back since the last call. Call it often.
   void update(const capture::CameraWorker& worker);
-  /// Adds the camera's numbers to `health`. Sends events about missing and suspect frames, as often
-  /// as EventThrottle allows. `due`: frames that should have arrived by now.
+  /// Adds the camera's numbers to `health`. Sends events about ignored settings, and about missing
+  /// and suspect frames, as often as EventThrottle allows. `due`: frames that should have arrived
+  /// by now.
   void report(const capture::CameraWorker& worker, int64_t due, wire::HealthMessage& health);
 
  private:
@@ -65,6 +66,7 @@ class CameraMonitor {
   };
 
   void report_missing(const std::string& camera, int64_t missing, int64_t due);
+  void report_differences(const std::string& camera, const capture::CameraWorkerStatus& status);
   void report_suspect(const std::string& camera, const capture::CameraWorkerStatus& status);
 
   bus::EventSender& events_;

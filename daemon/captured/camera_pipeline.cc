@@ -93,7 +93,8 @@ void CameraPipeline::write_only(Frame frame) {
 void CameraPipeline::process(Frame frame) {
   wire::FrameMessage message = make_message(std::move(frame));
   const bool recorded = record(message);
-  const Image& image = message.frame.image;
+  Image& image = message.frame.image;
+  reduce_to_8_bits(image);
   if (image.size != segmenter_.size() || image.format != segmenter_.format()) return;
   const int64_t pulse = message.frame.label.pulse;
   // Learning must not depend on the admission: the offline reconstruction has none.

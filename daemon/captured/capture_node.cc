@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <thread>
 
 #include "base/config/studio_values.h"
@@ -63,6 +64,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
       bus_(bus),
       events_(bus, node),
       camera_monitor_(events_),
+      camera_settings_(studio.storage.takes / (".camera-settings-" + node + ".toml")),
       pulse_times_(period_of(studio.trigger.rate_hz)),
       trigger_(studio, node, bus),
       persisted_commands_(studio, node),
@@ -376,7 +378,12 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
   const int64_t due = take_has_ledger() ? std::max<int64_t>(0, counts.commanded - kLatePeriods) : 0;
-  for (const auto& camera : cameras_) camera_monitor_.report(*camera, due, health);
+  std::map<std::string, capture::CameraWorkerStatus> cameras;
+  for (const auto& camera : cameras_) {
+    camera_monitor_.report(*camera, due, health);
+    cameras.emplace(camera->camera(), camera->status());
+  }
+  if (!cameras.empty()) camera_settings_.update(camera_settings_text(node_, cameras));
 }
 
 void CaptureNode::report_trigger(wire::HealthMessage& health) const {

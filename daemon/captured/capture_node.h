@@ -12,6 +12,7 @@
 #include "daemon/bus/event_sender.h"
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
+#include "daemon/captured/camera_settings_file.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
@@ -94,6 +95,7 @@ class CaptureNode : public control::NodeDelegate {
   bus::Bus& bus_;
   bus::EventSender events_;
   CameraMonitor camera_monitor_;
+  CameraSettingsFile camera_settings_;
   capture::PulseTimes pulse_times_;  ///< as sensed here
   NodeTrigger trigger_;
   std::unique_ptr<node::DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node

@@ -97,7 +97,7 @@ segmentation::BackgroundModel NodeCameras::background_of(
   segmentation::BackgroundModel model =
       segmentation::load_background(studio_.storage.background, worker.camera());
   const capture::CameraWorkerStatus status = worker.status();
-  if (status.size != model.size || status.format != model.format) {
+  if (status.size != model.size || reduced_to_8_bits(status.format) != model.format) {
     throw InputError(worker.camera() +
                      ": its background model has another image size or pixel format; "
                      "run v3dctl background");

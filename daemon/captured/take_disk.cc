@@ -46,7 +46,7 @@ std::string what_fits(const DiskDemand& demand, double free_bytes) {
 int reserve_room(const fs::path& path) {
   // O_NONBLOCK: a FIFO of that name fails and does not block.
   constexpr int kFlags = O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
-  const io::UniqueFd fd(io::uninterrupted([&] { return open(path.c_str(), kFlags, 0644); }));
+  const io::UniqueFd fd(io::uninterrupted([&] { return ::open(path.c_str(), kFlags, 0644); }));
   if (!fd) return errno;
   int error = EINTR;
   while (error == EINTR) error = posix_fallocate(fd.get(), 0, kLedgerBytes);

@@ -65,6 +65,7 @@ void BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
   // All cameras expose at the same time, so waiting for them in turn costs no time.
   auto frame = worker.take(Monotonic::now() + kPollInterval);
   if (!frame) return;
+  reduce_to_8_bits(frame->image);
   PreviewSender& preview = previews_[index];
   if (const int64_t pulse = frame->label.pulse; preview.wants(pulse)) {
     preview.send(pulse, frame->image.view(), nullptr);
@@ -118,7 +119,9 @@ std::optional<segmentation::BackgroundModel> background_of(const capture::Camera
   try {
     segmentation::BackgroundModel model = segmentation::load_background(folder, worker.camera());
     const capture::CameraWorkerStatus status = worker.status();
-    if (model.size != status.size || model.format != status.format) return std::nullopt;
+    if (model.size != status.size || model.format != reduced_to_8_bits(status.format)) {
+      return std::nullopt;
+    }
     return model;
   } catch (const InputError&) {
     return std::nullopt;
@@ -146,11 +149,13 @@ struct CameraCheck::CheckedWorker {
   double foreground = 0;  ///< sum over all images of the foreground share, 0 to 1 each
   std::vector<int64_t> pulses;
   std::vector<int64_t> suspect;
+  std::vector<segmentation::PulseBrightness> brightness;
   std::atomic<int64_t> received = 0;
 };
 
 CameraCheck::CameraCheck(const std::vector<capture::CameraWorker*>& workers, const Setup& setup,
-                         bus::Bus& bus) {
+                         bus::Bus& bus)
+    : rate_hz_(setup.rate_hz) {
   for (capture::CameraWorker* worker : workers) {
     workers_.push_back(std::make_unique<CheckedWorker>(*worker, setup, bus));
   }
@@ -170,7 +175,8 @@ void CameraCheck::run() {
     // All cameras expose at the same time, so waiting for them in turn costs no time.
     const MonotonicInstant until = Monotonic::now() + kCheckPollInterval;
     for (const auto& checked : workers_) {
-      while (const auto frame = checked->worker.take(until)) {
+      while (auto frame = checked->worker.take(until)) {
+        reduce_to_8_bits(frame->image);
         examine(*checked, *frame);
         ++checked->received;
       }
@@ -180,7 +186,8 @@ void CameraCheck::run() {
 
 void CameraCheck::examine(CheckedWorker& checked, const Frame& frame) {
   const ImageView image = frame.image.view();
-  checked.pictures.add(image);
+  const double grey = checked.pictures.add(image);
+  if (!frame.label.suspect) checked.brightness.push_back({frame.label.pulse, grey});
   checked.pulses.push_back(frame.label.pulse);
   if (frame.label.suspect) checked.suspect.push_back(frame.label.pulse);
   std::optional<Mask> mask;
@@ -200,6 +207,20 @@ bool CameraCheck::has_received(int64_t frames) const {
                      [&](const auto& checked) { return checked->received >= frames; });
 }
 
+namespace {
+
+void add_flicker(const std::vector<segmentation::PulseBrightness>& brightness, double rate_hz,
+                 CheckedCamera& camera) {
+  camera.flicker = segmentation::measure_flicker(brightness, rate_hz);
+  if (!camera.flicker) return;
+  // A beat is known to half of the resolution of the series.
+  const double tolerance_hz = rate_hz / (2 * static_cast<double>(brightness.size()));
+  camera.rate_without_flicker =
+      segmentation::rate_without_flicker(camera.flicker->beat_hz, rate_hz, tolerance_hz);
+}
+
+}  // namespace
+
 std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
   stop_thread();
   std::vector<CheckedCamera> cameras;
@@ -213,6 +234,7 @@ std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
     if (checked->segmenter && checked->pictures.pictures() > 0) {
       camera.foreground = checked->foreground / static_cast<double>(checked->pictures.pictures());
     }
+    add_flicker(checked->brightness, rate_hz_, camera);
     cameras.push_back(std::move(camera));
   }
   return cameras;
@@ -235,7 +257,10 @@ std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCame
                        {"mean_grey", c.quality.mean_grey},
                        {"focus", c.quality.focus},
                        {"plates_focus", value_or_null(c.plates_focus)},
-                       {"foreground", value_or_null(c.foreground)}});
+                       {"foreground", value_or_null(c.foreground)},
+                       {"flicker_amplitude", c.flicker ? c.flicker->amplitude : 0.0},
+                       {"beat_hz", c.flicker ? nlohmann::json(c.flicker->beat_hz) : nullptr},
+                       {"rate_without_flicker_hz", value_or_null(c.rate_without_flicker)}});
   }
   const nlohmann::json json = {
       {"pulses", {{"commanded", ledger.commanded}, {"sensed", value_or_null(ledger.sensed)}}},

@@ -13,6 +13,7 @@
 
 #include "base/config/studio_values.h"
 #include "capture/cameras/camera_worker.h"
+#include "capture/segmentation/flicker.h"
 #include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 #include "daemon/bus/bus.h"
@@ -81,6 +82,8 @@ struct CheckedCamera {
   segmentation::PictureQuality quality;
   std::optional<double> plates_focus;  ///< of the background plates; empty without a matching model
   std::optional<double> foreground;    ///< mean share of the image, 0 to 1; empty without a model
+  std::optional<segmentation::Flicker> flicker;  ///< of the lamps; empty under steady light
+  std::optional<double> rate_without_flicker;    ///< of pulses, Hz; empty if none is known
 };
 
 /// Takes frames from its workers in a thread of its own, from construction, and sends previews of
@@ -113,6 +116,7 @@ class CameraCheck {
   static void examine(CheckedWorker& checked, const Frame& frame);
   void stop_thread();
 
+  const double rate_hz_;
   std::vector<std::unique_ptr<CheckedWorker>> workers_;
   node::Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
@@ -120,8 +124,8 @@ class CameraCheck {
 };
 
 /// JSON of a check for the detail of a reply: pulses {commanded, sensed}, checked [{name, received,
-/// missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus, foreground}],
-/// not_ready [names].
+/// missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus, foreground,
+/// flicker_amplitude, beat_hz, rate_without_flicker_hz}], not_ready [names].
 std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCamera>& cameras,
                        const std::vector<std::string>& not_ready);
 

@@ -14,6 +14,9 @@ inline constexpr char kRejoined[] =
 inline constexpr char kFramesSuspect[] =
     "Check the camera's trigger cable, and that nothing else triggers it; v3dctl verify lists the "
     "frames";
+inline constexpr char kSettingsIgnored[] =
+    "The camera may change its pictures by itself: switch this off with its maker's program or "
+    "v4l2-ctl";
 inline constexpr char kDisk[] =
     "Stop the take, then make room (v3dctl takes lists the takes), or check the disk (journalctl "
     "-k)";

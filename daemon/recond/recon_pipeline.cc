@@ -124,6 +124,7 @@ void ReconPipeline::assemble() {
     }
     idle_.on_received(now);
     record_arrival(*message);
+    reduce_to_8_bits(message->frame.image);
     dispatch(assembler_.add(std::move(message->frame), now));
     late_ = assembler_.counters().late;
   }

@@ -14,6 +14,7 @@
 #include "codec/motion_header.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/renderer.h"
+#include "recon/texture/view_colours.h"
 
 namespace v3d::recorded {
 namespace {
@@ -56,6 +57,7 @@ class MeshFrames::Reader {
   /// Empty for a damaged frame. Requires a frame that the file has.
   virtual std::optional<recon::CompactFrame> read(int64_t frame) = 0;
   virtual bool is_unfinished() const { return false; }
+  virtual void want_views(bool /*wanted*/) {}
   /// How to get another file.
   virtual std::string remedy() const = 0;
 };
@@ -67,6 +69,7 @@ class MeshFrames::MeshReader : public MeshFrames::Reader {
 
   const std::vector<int64_t>& pulses() const override { return file_.pulses(); }
   bool is_unfinished() const override { return file_.index_was_rebuilt(); }
+  void want_views(bool wanted) override { decoder_.want_cameras(wanted); }
   std::string remedy() const override { return "reconstruct the take again"; }
 
   std::optional<recon::CompactFrame> read(int64_t frame) override {
@@ -172,6 +175,7 @@ MeshFrames::MeshFrames(MeshFrames&&) noexcept = default;
 MeshFrames& MeshFrames::operator=(MeshFrames&&) noexcept = default;
 
 bool MeshFrames::is_unfinished() const { return reader_->is_unfinished(); }
+void MeshFrames::want_views(bool wanted) { reader_->want_views(wanted); }
 
 std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
   const std::vector<int64_t>& all = reader_->pulses();
@@ -266,6 +270,35 @@ Mesh FrameColours::coloured(Mesh mesh, std::optional<recon::ViewDependence> view
   recon::TextureOptions options = texture_options(mesh);
   options.view = view;
   mesh.colours = colour_vertices(mesh, texture_cameras(rig_, set_), options).colours;
+  return mesh;
+}
+
+ViewSource resolved(ViewSource source, const std::filesystem::path& take) {
+  if (source != ViewSource::kAutomatic) return source;
+  const take::TakePaths paths{take};
+  const std::vector<std::string> cameras = load_take_info(paths).cameras;
+  const bool has_all = std::ranges::all_of(
+      cameras, [&](const std::string& camera) { return file_exists(paths.frames(camera)); });
+  return has_all ? ViewSource::kPhotographs : ViewSource::kMesh;
+}
+
+ViewColours::ViewColours(const std::filesystem::path& take, const recon::CompactFrame& frame,
+                         ViewSource source)
+    : frame_(frame) {
+  if (source != ViewSource::kMesh) {
+    photographs_.emplace(take, frame);
+  } else if (frame.views.empty()) {
+    throw InputError(take::TakePaths{take}.mesh().string() + ": frame " +
+                     std::to_string(frame.pulse) +
+                     " has no colours of cameras; expected a take with raw frames, or one to which "
+                     "v3dctl camera-colours added them");
+  }
+}
+
+Mesh ViewColours::coloured_for(const CameraModel& eye) const {
+  if (photographs_) return photographs_->coloured_for(eye, frame_.mesh);
+  Mesh mesh = frame_.mesh;
+  mesh.colours = recon::blended_views(frame_.mesh.colours, frame_.views, {eye.viewing_direction()});
   return mesh;
 }
 

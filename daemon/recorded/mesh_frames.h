@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
@@ -32,6 +33,9 @@ class MeshFrames {
 
   /// Has the file no index, because it was truncated or its writer did not finish?
   bool is_unfinished() const;
+  /// Whether the next frames are read with the views of cameras that they have. Call it before the
+  /// first read().
+  void want_views(bool wanted);
   /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
   std::vector<int64_t> frames(take::FrameRange range) const;
   /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.
@@ -64,6 +68,16 @@ std::vector<recon::TextureCamera> texture_cameras(const Rig& rig, const recon::F
 /// cameras of `rig` on the surface. Throws InputError as lay_out_atlas() does.
 recon::AtlasLayout atlas_layout(const Rig& rig, const Mesh& mesh, int side);
 
+/// Where view-dependent colours come from.
+enum class ViewSource {
+  kAutomatic,    ///< the raw frames of the take where it has those of all cameras, else its meshes
+  kPhotographs,  ///< the raw frames
+  kMesh,         ///< the views of cameras in its meshes
+};
+/// What kAutomatic means for `take`; any other source as it is. Throws InputError if the folder is
+/// not a take.
+ViewSource resolved(ViewSource source, const std::filesystem::path& take);
+
 /// The images of one pulse, of the cameras that took part in its reconstruction. One thread.
 class FrameColours {
  public:
@@ -90,6 +104,21 @@ class FrameColours {
 
   Rig rig_;
   recon::FrameSet set_;
+};
+
+/// View-dependent colours of one frame (Algorithm 2). One thread.
+class ViewColours {
+ public:
+  /// `source`: resolved(). `frame` is read with its views for kMesh, and borrowed. Throws
+  /// InputError if it has none, or as FrameColours().
+  ViewColours(const std::filesystem::path& take, const recon::CompactFrame& frame,
+              ViewSource source);
+  /// The mesh of the frame with colours for the viewpoint `eye`.
+  Mesh coloured_for(const CameraModel& eye) const;
+
+ private:
+  const recon::CompactFrame& frame_;
+  std::optional<FrameColours> photographs_;  ///< empty: the views of the frame
 };
 
 }  // namespace v3d::recorded

@@ -37,9 +37,7 @@ web::WebAnswer tagged_answer(const web::WebRequest& request, const std::string& 
   return answer;
 }
 
-web::WebAnswer photograph_answer(TakePhotographs& all, const std::string& take, int64_t pulse,
-                                 const std::string& camera) {
-  const auto jpeg = all.read(take, pulse, camera);
+web::WebAnswer jpeg_answer(const std::optional<std::vector<uint8_t>>& jpeg) {
   if (!jpeg) return web::plain_answer(404, "this camera has no frame of this pulse");
   return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
 }
@@ -64,6 +62,7 @@ std::optional<web::WebAnswer> TakePictures::answer(const web::WebRequest& reques
   if (path.size() == 6 && path[3] == "photographs") {
     return photograph(request, path[2], path[4], path[5]);
   }
+  if (path.size() == 4 && path[3] == "thumbnail.jpg") return thumbnail(request, path[2]);
   if (path.size() == 5 && path[3] == "views") return views(request, path[2], path[4]);
   return {};
 }
@@ -82,8 +81,24 @@ web::WebAnswer TakePictures::photograph(const web::WebRequest& request, const st
     const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
     if (!log) return web::plain_answer(404, "there are no frames of this camera in such a take");
     return tagged_answer(request, tag_of(*log),
-                         [&] { return photograph_answer(*all, take, pulse, camera); });
+                         [&] { return jpeg_answer(all->read(take, pulse, camera)); });
   });
+}
+
+web::WebAnswer TakePictures::thumbnail(const web::WebRequest& request,
+                                       const std::string& take) const {
+  if (!is_file_name(take)) return web::plain_answer(404, "there is no such take");
+  return later_answer(
+      web::WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take, take] {
+        const take::TakePaths paths{folder};
+        const auto cameras = load_take_info(paths).cameras;
+        const auto first = std::ranges::find_if(cameras, [&](const std::string& camera) {
+          return stamp_of_log(paths.frames(camera)).has_value();
+        });
+        if (first == cameras.end()) return web::plain_answer(404, "this take has no raw frames");
+        return tagged_answer(request, tag_of(*stamp_of_log(paths.frames(*first))),
+                             [&] { return jpeg_answer(all->thumbnail(take, *first)); });
+      });
 }
 
 web::WebAnswer TakePictures::views(const web::WebRequest& request, const std::string& take,
@@ -114,16 +129,50 @@ ColourResponse response_of(const take::TakePaths& paths, const std::string& came
   return {};
 }
 
+/// The means of blocks of n x n pixels, so that no side exceeds `max_side`. Requires RGB8.
+Image reduced(const Image& picture, int max_side) {
+  const auto [width, height] = picture.size;
+  const int n = (std::max(width, height) + max_side - 1) / max_side;
+  if (std::min(width, height) < n) return picture;
+  Image small({width / n, height / n}, PixelFormat::kRGB8);
+  for (int y = 0; y < small.size.height; ++y) {
+    for (int x = 0; x < 3 * small.size.width; ++x) {
+      const int column = 3 * (x / 3) * n + x % 3;
+      int sum = n * n / 2;
+      for (int dy = 0; dy < n; ++dy) {
+        for (int dx = 0; dx < n; ++dx) sum += picture.row(y * n + dy)[column + 3 * dx];
+      }
+      small.row(y)[x] = static_cast<uint8_t>(sum / (n * n));
+    }
+  }
+  return small;
+}
+
 }  // namespace
 
 std::optional<std::vector<uint8_t>> TakePhotographs::read(const std::string& take, int64_t pulse,
                                                           const std::string& camera) {
-  const std::optional<Frame> raw = frame(take, pulse, camera);
+  const std::optional<Image> whole = picture(frame(take, pulse, camera));
+  if (!whole) return {};
+  return encode_jpeg(whole->view(), kQuality);
+}
+
+std::optional<std::vector<uint8_t>> TakePhotographs::thumbnail(const std::string& take,
+                                                               const std::string& camera) {
+  OpenLog* log = find(take, camera);
+  if (log == nullptr || log->reader.labels().empty()) return {};
+  const auto& labels = log->reader.labels();
+  const std::optional<Image> whole = picture(log->reader.read(labels[labels.size() / 2].pulse));
+  if (!whole) return {};
+  return encode_jpeg(reduced(*whole, kMaxThumbnailSide).view(), kQuality);
+}
+
+std::optional<Image> TakePhotographs::picture(const std::optional<Frame>& raw) const {
   if (!raw || raw->image.size.pixels() == 0) return {};
-  Image picture = to_rgb(raw->image.view());
+  Image rgb = to_rgb(raw->image.view());
   const ColourResponse& colour = logs_.front().colour;
-  if (!colour.is_identity()) correct(picture, colour);
-  return encode_jpeg(picture.view(), kQuality);
+  if (!colour.is_identity()) correct(rgb, colour);
+  return rgb;
 }
 
 std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pulse,

@@ -26,6 +26,7 @@ namespace v3d::viewd {
 
 // HTTP answers from the raw frames of takes:
 //   /api/takes/T/photographs/PULSE/CAM.jpg   a frame (TakePhotographs)
+//   /api/takes/T/thumbnail.jpg               a small picture of the take (TakePhotographs)
 //   /api/takes/T/views/PULSE                 vertex colours by camera (TakeViews)
 
 class TakePhotographs;
@@ -45,6 +46,7 @@ class TakePictures {
  private:
   web::WebAnswer photograph(const web::WebRequest& request, const std::string& take,
                             const std::string& pulse, const std::string& file) const;
+  web::WebAnswer thumbnail(const web::WebRequest& request, const std::string& take) const;
   web::WebAnswer views(const web::WebRequest& request, const std::string& take,
                        const std::string& pulse) const;
 
@@ -59,7 +61,8 @@ class TakePictures {
 /// thread.
 class TakePhotographs {
  public:
-  static constexpr size_t kMaxLogs = 64;  ///< open logs: one take of a large studio
+  static constexpr size_t kMaxLogs = 64;         ///< open logs: one take of a large studio
+  static constexpr int kMaxThumbnailSide = 160;  ///< pixels
 
   /// `takes`: the folder of the takes.
   explicit TakePhotographs(std::filesystem::path takes) : takes_(std::move(takes)) {}
@@ -69,6 +72,10 @@ class TakePhotographs {
   /// holds for both names. Throws InputError if the file is not a log.
   std::optional<std::vector<uint8_t>> read(const std::string& take, int64_t pulse,
                                            const std::string& camera);
+
+  /// JPEG of the frame in the middle of the camera's log, reduced to at most kMaxThumbnailSide.
+  /// Empty, throws and requires as read().
+  std::optional<std::vector<uint8_t>> thumbnail(const std::string& take, const std::string& camera);
 
  private:
   /// Shortest time between two indexings of a growing log, when a frame is not found.
@@ -85,6 +92,8 @@ class TakePhotographs {
   OpenLog* find(const std::string& take, const std::string& camera);
   OpenLog* open(const std::string& take, const std::string& camera, const FileStamp& stamp);
   std::optional<Frame> frame(const std::string& take, int64_t pulse, const std::string& camera);
+  /// RGB8 picture of a frame of the front log. Empty for a frame without pixels.
+  std::optional<Image> picture(const std::optional<Frame>& raw) const;
 
   const std::filesystem::path takes_;
   std::list<OpenLog> logs_;

@@ -39,24 +39,27 @@ std::vector<std::array<uint32_t, 3>> triangles_of_performer(const Mesh& mesh,
   return kept;
 }
 
+Mesh mesh_of(const codec::DecodedFrame& decoded) {
+  Mesh mesh;
+  for (const auto& [x, y, z] : decoded.positions) mesh.vertices.emplace_back(x, y, z);
+  mesh.triangles = decoded.triangles;
+  mesh.colours = rgb_colours(decoded.colours);
+  return mesh;
+}
+
 CompactFrame CompactDecoder::frame() const {
   const codec::DecodedFrame& decoded = decoder_.frame();
   const codec::FrameMetadata& facts = decoded.facts;
-  CompactFrame frame{.pulse = facts.pulse,
-                     .exposure = from_ns<Realtime>(facts.exposure_ns),
-                     .cameras = facts.cameras,
-                     .missing = facts.missing,
-                     .quality = facts.quality,
-                     .live_passes = facts.live_passes,
-                     .performers = decoded.labels,
-                     .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
-                     .mesh = {}};
-  for (const codec::VertexPosition& p : decoded.positions) {
-    frame.mesh.vertices.emplace_back(p[0], p[1], p[2]);
-  }
-  frame.mesh.triangles = decoded.triangles;
-  frame.mesh.colours = rgb_colours(decoded.colours);
-  return frame;
+  return {.pulse = facts.pulse,
+          .exposure = from_ns<Realtime>(facts.exposure_ns),
+          .cameras = facts.cameras,
+          .missing = facts.missing,
+          .quality = facts.quality,
+          .live_passes = facts.live_passes,
+          .performers = decoded.labels,
+          .views = decoded.cameras,
+          .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
+          .mesh = mesh_of(decoded)};
 }
 
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes) {

@@ -23,7 +23,8 @@ struct CompactFrame {
   float quality =
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   int live_passes = 0;  ///< of LivePass, the first so many; 0: none, or another deformation
-  std::vector<uint8_t> performers;  ///< of each vertex, 0: unknown; empty: not stated
+  std::vector<uint8_t> performers;       ///< of each vertex, 0: unknown; empty: not stated
+  std::vector<codec::CameraView> views;  ///< of `cameras`; empty: none, or not wanted
   VertexLattice lattice;
   Mesh mesh;
 };
@@ -32,12 +33,16 @@ struct CompactFrame {
 class CompactDecoder {
  public:
   codec::DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
+  void want_cameras(bool wanted) { decoder_.want_cameras(wanted); }
   /// The last decoded frame.
   CompactFrame frame() const;
 
  private:
   codec::FrameDecoder decoder_;
 };
+
+/// The mesh of a decoded frame.
+Mesh mesh_of(const codec::DecodedFrame& decoded);
 
 /// Decodes one key frame; empty for any other bytes.
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes);

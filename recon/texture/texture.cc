@@ -10,20 +10,21 @@
 #include "recon/visibility/point_depth_buffer.h"
 
 namespace v3d::recon {
-namespace {
 
-Rgb8 rounded(const Eigen::Vector3f& c) {
+Rgb8 rounded_colour(const Eigen::Vector3f& colour) {
   const auto byte = [](float x) {
     return static_cast<uint8_t>(std::clamp(x, 0.0F, 255.0F) + 0.5F);
   };
-  return {byte(c.x()), byte(c.y()), byte(c.z())};
+  return {byte(colour.x()), byte(colour.y()), byte(colour.z())};
 }
+
+namespace {
 
 /// Equations (8) and (9) for the i-th vertex of the block. Empty when no camera sees it.
 std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
   const auto& [r, g, b, weight] = sums[i];
   const Eigen::Vector3f colour(r, g, b);
-  return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
+  return weight > 0 ? std::optional(rounded_colour(colour / weight)) : std::nullopt;
 }
 
 /// Number of blocks that one camera processes before the next camera. Neighbouring blocks are close
@@ -157,14 +158,12 @@ Eigen::Vector3f centroid(const PointArrays& points) {
 /// Resolution of a typical camera on the surface: weights by resolution are about 1.
 constexpr float kUsualPixelsPerMetre = 300;
 
-/// Weight of Algorithm 2, at most 1. It has a constant factor, which equation (7) removes by
-/// normalisation.
-float weight_of(const CameraModel& camera, const ViewDependence& view) {
-  const double cosine = view.direction.dot(camera.viewing_direction());
-  return static_cast<float>(std::pow((cosine + 2) / 3, view.sharpness));
-}
-
 }  // namespace
+
+float blending_weight(const Eigen::Vector3d& axis, const ViewDependence& eye) {
+  const double cosine = eye.direction.dot(axis);
+  return static_cast<float>(std::pow((cosine + 2) / 3, eye.sharpness));
+}
 
 std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
                                          std::vector<TextureCamera> cameras,
@@ -185,7 +184,7 @@ std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
     if (const ColourResponse* colour = cameras[c].colour; colour && !colour->is_identity()) {
       camera.colour = SampleCorrection(*colour);
     }
-    if (options.view) camera.weight = weight_of(model, *options.view);
+    if (options.view) camera.weight = blending_weight(model.viewing_direction(), *options.view);
     if (options.by_resolution) {
       camera.resolution = static_cast<float>(model.matrix()(0, 0)) / kUsualPixelsPerMetre;
     }

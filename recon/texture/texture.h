@@ -40,6 +40,13 @@ struct ViewDependence {
   double sharpness = 10;      ///< m; the paper's value
 };
 
+/// Weight of a camera with the unit viewing direction `axis`, at most 1. It has a constant factor,
+/// which equation (7) removes by normalisation.
+float blending_weight(const Eigen::Vector3d& axis, const ViewDependence& eye);
+
+/// `colour`, grey values, rounded to bytes and clamped.
+Rgb8 rounded_colour(const Eigen::Vector3f& colour);
+
 struct TextureOptions {
   /// A vertex is occluded when the depth buffer is nearer by more than this, metres. About three
   /// voxels: one for the error of the surface, two because the buffer holds points.

@@ -68,6 +68,23 @@ std::string scaled_float(const std::string& name, const char* address, const std
          reg(name + "Register", address);
 }
 
+/// All formats of GenICam cameras that the capture layer knows.
+std::string pixel_formats() {
+  std::string body;
+  for (const CameraFormat format : pfnc_formats()) {
+    body += node("EnumEntry", std::string(name(format)),
+                 text("Value", std::to_string(*pfnc_code(format))));
+  }
+  return node("Enumeration", "PixelFormat", body + text("pValue", "PixelFormatRegister")) +
+         reg("PixelFormatRegister", "0x128");
+}
+
+std::string boolean(const std::string& name, const char* address) {
+  return node("Boolean", name,
+              text("pValue", name + "Register") + text("OnValue", "1") + text("OffValue", "0")) +
+         reg(name + "Register", address);
+}
+
 constexpr const char* kBySelector = "<pIndex Offset=\"0x20\">TriggerSelectorValue</pIndex>";
 
 }  // namespace
@@ -79,15 +96,19 @@ std::string genicam_xml() {
          "SchemaSubMinorVersion=\"0\" MajorVersion=\"1\" MinorVersion=\"0\" SubMinorVersion=\"0\" "
          "ToolTip=\"Simulated camera\" ProductGuid=\"0\" VersionGuid=\"0\" "
          "xmlns=\"http://www.genicam.org/GenApi/Version_1_1\">\n" +
-         category("Root", {"DeviceControl", "ImageFormatControl", "AcquisitionControl",
-                           "AnalogControl", "TransportLayerControl"}) +
-         category("DeviceControl", {"DeviceVendorName", "DeviceModelName", "DeviceManufacturerInfo",
-                                    "DeviceVersion", "DeviceID", "DeviceSerialNumber", "PtpEnable",
-                                    "PtpStatus", "PtpDataSetLatch", "PtpOffsetFromMaster"}) +
+         category("Root",
+                  {"DeviceControl", "ImageFormatControl", "AcquisitionControl", "AnalogControl",
+                   "DigitalIOControl", "UserSetControl", "TransportLayerControl"}) +
+         category("DeviceControl",
+                  {"DeviceVendorName", "DeviceModelName", "DeviceManufacturerInfo", "DeviceVersion",
+                   "DeviceID", "DeviceSerialNumber", "PtpEnable", "PtpStatus", "PtpDataSetLatch",
+                   "PtpOffsetFromMaster", "DeviceFirmwareVersion", "DeviceTemperature"}) +
          string_reg("DeviceVendorName", "0x48", "32") +
          string_reg("DeviceModelName", "0x68", "32") + string_reg("DeviceVersion", "0x88", "32") +
          string_reg("DeviceManufacturerInfo", "0xa8", "48") + string_reg("DeviceID", "0xd8", "16") +
          string_reg("DeviceSerialNumber", "0xd8", "16") +
+         string_reg("DeviceFirmwareVersion", "0x88", "32") +
+         scaled_float("DeviceTemperature", "0x330", "100", "") +
 
          // PTP: a camera that finds its master at once and follows it.
          node("Boolean", "PtpEnable",
@@ -101,21 +122,19 @@ std::string genicam_xml() {
          node("Integer", "PtpOffsetFromMaster", text("pValue", "PtpOffsetRegister")) +
          reg("PtpOffsetRegister", "0x318", "RO") +
 
-         category("ImageFormatControl", {"SensorWidth", "SensorHeight", "OffsetX", "OffsetY",
-                                         "Width", "Height", "PixelFormat"}) +
+         category("ImageFormatControl",
+                  {"SensorWidth", "SensorHeight", "OffsetX", "OffsetY", "Width", "Height",
+                   "PixelFormat", "BinningHorizontal", "BinningVertical", "ReverseX", "ReverseY"}) +
+         // The pictures come from outside, so binning has one value and mirroring no effect.
+         integer("BinningHorizontal", "0x334", "RW", "<Min>1</Min><Max>1</Max>") +
+         integer("BinningVertical", "0x338", "RW", "<Min>1</Min><Max>1</Max>") +
+         boolean("ReverseX", "0x33c") + boolean("ReverseY", "0x340") +
          integer("SensorWidth", "0x11c", "RO", "") + integer("SensorHeight", "0x118", "RO", "") +
          integer("OffsetX", "0x130", "RW", "<Min>0</Min><Max>0</Max>") +
          integer("OffsetY", "0x134", "RW", "<Min>0</Min><Max>0</Max>") +
          integer("Width", "0x100", "RW", "<pMin>SensorWidth</pMin><pMax>SensorWidth</pMax>") +
          integer("Height", "0x104", "RW", "<pMin>SensorHeight</pMin><pMax>SensorHeight</pMax>") +
-         enumeration("PixelFormat",
-                     {{"Mono8", "17301505"},
-                      {"BayerGR8", "17301512"},
-                      {"BayerRG8", "17301513"},
-                      {"BayerGB8", "17301514"},
-                      {"BayerBG8", "17301515"},
-                      {"RGB8", "35127316"}},
-                     "0x128") +
+         pixel_formats() +
 
          category("AcquisitionControl",
                   {"AcquisitionMode", "AcquisitionStart", "AcquisitionStop", "TriggerSelector",
@@ -136,7 +155,21 @@ std::string genicam_xml() {
          scaled_float("ExposureTime", "0x120", "1", "<Min>10</Min><Max>1000000</Max>") +
          enumeration("ExposureAuto", {{"Off", "0"}}, "0x1e0") +
 
-         category("AnalogControl", {"Gain", "GainAuto"}) +
+         category("AnalogControl",
+                  {"Gain", "GainAuto", "BalanceWhiteAuto", "GammaEnable", "BlackLevel"}) +
+         enumeration("BalanceWhiteAuto", {{"Off", "0"}, {"Continuous", "1"}}, "0x344") +
+         boolean("GammaEnable", "0x348") +
+         scaled_float("BlackLevel", "0x34c", "10", "<Min>0</Min><Max>100</Max>") +
+
+         category("DigitalIOControl", {"LineSelector", "LineMode", "LineSource"}) +
+         enumeration("LineSelector", {{"Line1", "0"}, {"Line2", "1"}}, "0x350") +
+         enumeration("LineMode", {{"Input", "0"}, {"Output", "1"}}, "0x354") +
+         enumeration("LineSource", {{"Off", "0"}, {"ExposureActive", "1"}}, "0x358") +
+
+         category("UserSetControl", {"UserSetSelector", "UserSetLoad"}) +
+         enumeration("UserSetSelector", {{"Default", "0"}, {"UserSet1", "1"}}, "0x35c") +
+         command("UserSetLoad", "UserSetRegister", "1") + reg("UserSetRegister", "0x360") +
+
          scaled_float("Gain", "0x110", "100", "<Min>0</Min><Max>24</Max>") +
          enumeration("GainAuto", {{"Off", "1"}}, "0x114") +
 

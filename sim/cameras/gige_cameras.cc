@@ -10,10 +10,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <mutex>
+#include <numbers>
 
 #include "base/core/error.h"
 
@@ -185,7 +187,7 @@ class GigeCameras::Device {
     write(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, height);
     write(ARV_FAKE_CAMERA_REGISTER_WIDTH, width);
     write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, height);
-    write(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT, static_cast<uint32_t>(camera_.format));
+    write(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT, *pfnc_code(camera_.format));
     write(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US, 1000);
     arv_fake_camera_set_fill_pattern(fake_, &Device::fill, this);
     return true;
@@ -320,12 +322,33 @@ class GigeCameras::Device {
     if (queued.exposure.black) {
       std::memset(data, 0, payload);
     } else {
-      const auto image = studio_.picture_(index_, queued.exposure.edge);
+      const auto picture = studio_.picture_(index_, queued.exposure.edge);
+      const auto image = picture_to_send(picture, queued.exposure.edge_time);
       std::memcpy(data, image.data(), std::min(payload, image.size()));
     }
     arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(queued.exposure.device_time)));
     arv_buffer_set_frame_id(buffer, queued.number);
     studio_.report_(queued.exposure);
+  }
+
+  /// The picture under the light at `edge_time`, in the format of the camera. The result is valid
+  /// until the next call.
+  std::span<const uint8_t> picture_to_send(std::span<const uint8_t> picture,
+                                           MonotonicInstant edge_time) {
+    const LampFlicker& lamps = camera_.flicker;
+    if (lamps.amplitude > 0) {
+      const double phase =
+          2 * std::numbers::pi * lamps.hz * to_seconds(edge_time.time_since_epoch());
+      const double light = 1 + lamps.amplitude * std::sin(phase);
+      sent_.assign(picture.begin(), picture.end());
+      for (uint8_t& sample : sent_) {
+        sample = static_cast<uint8_t>(std::clamp(std::lround(sample * light), 0L, 255L));
+      }
+      picture = sent_;
+    }
+    if (!is_deep(camera_.format.image)) return picture;
+    sent_ = packed_samples(picture, camera_.format);
+    return sent_;
   }
 
   const int index_;
@@ -345,7 +368,38 @@ class GigeCameras::Device {
   std::deque<QueuedImage> queue_;
   bool triggered_ = false;  ///< the trigger register holds the first image of the queue
   std::atomic<int64_t> ignored_{0};
+  std::vector<uint8_t> sent_;  ///< the camera's thread only
 };
+
+std::vector<uint8_t> packed_samples(std::span<const uint8_t> samples, CameraFormat format) {
+  if (!is_deep(format.image)) return {samples.begin(), samples.end()};
+  const int bits = bits_per_sample(format.image);
+  const int low_bits = bits - 8;
+  const auto deep = [&](size_t i) {
+    return static_cast<uint32_t>(samples[i] << low_bits | (i & ((1U << low_bits) - 1)));
+  };
+  std::vector<uint8_t> bytes;
+  bytes.reserve(2 * samples.size());
+  const auto add = [&](uint32_t byte) { bytes.push_back(static_cast<uint8_t>(byte)); };
+  uint64_t window = 0;
+  int waiting = 0;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    if (format.layout == PixelLayout::kPlain) {
+      add(deep(i));
+      add(deep(i) >> 8);
+    } else if (format.layout == PixelLayout::kLsbPacked) {
+      window |= uint64_t{deep(i)} << waiting;
+      for (waiting += bits; waiting >= 8; waiting -= 8, window >>= 8)
+        add(static_cast<uint32_t>(window));
+    } else if (i % 2 == 0) {  // GigE Vision: two samples in three bytes
+      const uint32_t low = (1U << low_bits) - 1;
+      add(deep(i) >> low_bits);
+      add((deep(i) & low) | (deep(i + 1) & low) << 4);
+      add(deep(i + 1) >> low_bits);
+    }
+  }
+  return bytes;
+}
 
 GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Report report,
                          uint64_t seed)

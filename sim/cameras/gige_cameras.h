@@ -21,20 +21,33 @@
 #include <vector>
 
 #include "base/core/time.h"
+#include "base/image/camera_format.h"
 #include "base/image/image.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/cameras/exposure_record.h"
 
 namespace v3d::sim {
 
+/// Lamps whose light is mean * (1 + amplitude * sin(2 pi hz t)).
+struct LampFlicker {
+  double amplitude = 0;  ///< 0: steady light
+  double hz = 0;
+};
+
 struct GigeCamera {
   std::string address;  ///< IPv4, on an interface of this host
   std::string serial;   ///< at most 15 characters
   ImageSize size;
-  PixelFormat format = PixelFormat::kBayerRG8;
+  CameraFormat format = PixelFormat::kBayerRG8;  ///< with a PFNC code
   SimulatedClock clock;
   std::vector<Fault> faults;  ///< `pulse` is an edge number; at most one fault per edge
+  LampFlicker flicker = {};   ///< of the light in its images
 };
+
+/// Converts samples of 8 bits to the layout of `format`, whose samples have 10 or 12 bits; the new
+/// low bits are those of a counter, so that tests find them again. A plain format of 8 bits stays
+/// as it is. Requires a format with a PFNC code and whole groups of samples (width_step()).
+std::vector<uint8_t> packed_samples(std::span<const uint8_t> samples, CameraFormat format);
 
 /// "127.0.0.11" for camera 0.
 std::string gige_address(int camera);
@@ -52,7 +65,8 @@ struct Exposure {
 
 class GigeCameras {
  public:
-  /// The image of a camera at an edge; its bytes must stay valid. Called by any thread.
+  /// The image of a camera at an edge, with 8 bits per sample; its bytes must stay valid. Called by
+  /// any thread.
   using Picture = std::function<std::span<const uint8_t>(int camera, int64_t edge)>;
   /// Called by the camera's thread before an image is sent. Must not throw.
   using Report = std::function<void(const Exposure&)>;

@@ -209,7 +209,7 @@ class FrameLogReader::Impl {
     }
   }
 
-  std::optional<Frame> read(int64_t pulse) {
+  std::optional<Frame> read_deep(int64_t pulse) {
     const auto found = first_of_.find(pulse);
     if (found == first_of_.end()) return std::nullopt;
     const auto bytes = read(*found->second, SIZE_MAX);
@@ -251,7 +251,12 @@ const std::vector<FrameLabel>& FrameLogReader::labels() const { return impl_->la
 int64_t FrameLogReader::damaged_events() const { return impl_->damaged(); }
 int64_t FrameLogReader::torn_bytes() const { return impl_->torn_bytes(); }
 const std::vector<std::string>& FrameLogReader::read_errors() const { return impl_->read_errors(); }
-std::optional<Frame> FrameLogReader::read(int64_t pulse) { return impl_->read(pulse); }
+std::optional<Frame> FrameLogReader::read(int64_t pulse) {
+  std::optional<Frame> frame = read_deep(pulse);
+  if (frame) reduce_to_8_bits(frame->image);
+  return frame;
+}
+std::optional<Frame> FrameLogReader::read_deep(int64_t pulse) { return impl_->read_deep(pulse); }
 
 std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path) {
   return read_pulses(EventLogReader(path));

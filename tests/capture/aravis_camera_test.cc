@@ -195,6 +195,141 @@ TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
   EXPECT_FALSE(camera.statistics().ptp_offset) << "the clock is no longer synchronised";
 }
 
+/// A simulated camera with the GenICam description of the simulator.
+struct SimulatedCamera {
+  static StudioCamera settings() {
+    StudioCamera wanted = v3d::capture::settings();
+    wanted.trigger_line = "Line1";
+    return wanted;
+  }
+
+  static std::string description(const std::filesystem::path& path) {
+    std::ofstream(path) << sim::genicam_xml();
+    return path;
+  }
+  const test::TemporaryFolder folder;
+  const FakeCamera fake{description(folder / "genicam.xml").c_str()};
+};
+
+constexpr uint32_t kTemperature = 0x330, kWhiteBalanceAuto = 0x344, kGammaEnable = 0x348,
+                   kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x354,
+                   kLineSource = 0x358, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c;
+
+TEST(AravisCamera, switches_off_what_changes_the_pictures_by_itself) {
+  const SimulatedCamera sim;
+  AravisCamera camera(SimulatedCamera::settings());
+  for (int opened = 0; opened < 2; ++opened) {
+    sim.fake.write(kWhiteBalanceAuto, 1);
+    sim.fake.write(kGammaEnable, 1);
+    sim.fake.write(kReverseX, 1);
+    camera.start();
+    EXPECT_EQ(sim.fake.read(kWhiteBalanceAuto), 0U);
+    EXPECT_EQ(sim.fake.read(kGammaEnable), 0U);
+    EXPECT_EQ(sim.fake.read(kReverseX), 0U) << "the studio file does not mirror";
+  }
+}
+
+TEST(AravisCamera, writes_black_level_strobe_user_set_and_free_features) {
+  const SimulatedCamera sim;
+  StudioCamera wanted = SimulatedCamera::settings();
+  wanted.black_level = 4.5;
+  wanted.strobe_line = "Line2";
+  wanted.user_set = "UserSet1";
+  wanted.reverse_x = true;
+  wanted.features = {{"LineSelector", "Line1"}, {"GammaEnable", "true"}};
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(sim.fake.read(kBlackLevel), 45U);
+  EXPECT_EQ(sim.fake.read(kLineMode), 1U);
+  EXPECT_EQ(sim.fake.read(kLineSource), 1U);
+  EXPECT_EQ(sim.fake.read(kUserSet), 1U);
+  EXPECT_EQ(sim.fake.read(kUserSetLoad), 1U);
+  EXPECT_EQ(sim.fake.read(kReverseX), 1U);
+  EXPECT_EQ(sim.fake.read(kLineSelector), 0U) << "free features come after the strobe output";
+  EXPECT_EQ(sim.fake.read(kGammaEnable), 1U) << "free features come after the defaults";
+  EXPECT_TRUE(camera.differences().empty());
+}
+
+TEST(AravisCamera, lists_what_the_camera_did_otherwise_than_asked) {
+  const SimulatedCamera sim;
+  StudioCamera wanted = SimulatedCamera::settings();
+  wanted.gain_db = 3.0051;  // its steps are 0.01 dB
+  wanted.features = {{"BlackLevel", "7"}, {"BalanceWhiteAuto", "Sometimes"}};
+  AravisCamera camera(wanted);
+  camera.start();
+  const auto differs = [&](const std::string& setting) -> std::optional<SettingDifference> {
+    for (const SettingDifference& d : camera.differences()) {
+      if (d.setting == setting) return d;
+    }
+    return std::nullopt;
+  };
+  EXPECT_TRUE(differs("Gain (dB)").value().rounded);
+  EXPECT_EQ(differs("BalanceWhiteAuto").value(),
+            (SettingDifference{"BalanceWhiteAuto", "Sometimes", "Off"}));
+  EXPECT_FALSE(differs("BlackLevel"));
+  camera.stop();
+  wanted.features = {{"BlakLevel", "7"}};
+  EXPECT_THAT(start_error(wanted), AllOf(HasSubstr("cam07: BlakLevel: wanted 7"),
+                                         HasSubstr("a camera without this feature")));
+}
+
+TEST(AravisCamera, reports_model_firmware_and_temperature) {
+  const SimulatedCamera sim;
+  sim.fake.write(kTemperature, 4150);
+  AravisCamera camera(SimulatedCamera::settings());
+  camera.start();
+  EXPECT_THAT(camera.device(), HasSubstr(", firmware "));
+  camera.wait(in(milliseconds(1)));
+  ASSERT_TRUE(camera.statistics().temperature_celsius);
+  EXPECT_NEAR(*camera.statistics().temperature_celsius, 41.5, 0.01);
+}
+
+TEST(AravisCamera, reads_a_region_of_the_sensor) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.size = ImageSize{256, 128};
+  wanted.offset_x = 64;
+  wanted.offset_y = 32;
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(camera.size(), (ImageSize{256, 128}));
+  fake.trigger();
+  const auto frame = camera.wait(in(seconds(10)));
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes.size(), 256U * 128);
+}
+
+TEST(AravisCamera, receives_12_bits_in_the_packed_layouts_of_gige_vision) {
+  for (const char* format_name : {"BayerRG12Packed", "BayerRG12p", "BayerRG10Packed"}) {
+    const SimulatedCamera sim;
+    sim.fake.write(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, 64);
+    sim.fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 64);
+    StudioCamera wanted = SimulatedCamera::settings();
+    wanted.packet_socket = false;
+    const CameraFormat format = camera_format_from_name(format_name).value();
+    wanted.pixel_format = format;
+    AravisCamera camera(wanted);
+    camera.start();
+    EXPECT_EQ(camera.format(), format.image);
+    const ImageSize size = camera.size();
+    std::vector<uint8_t> samples(static_cast<size_t>(size.pixels()));
+    for (size_t i = 0; i < samples.size(); ++i) samples[i] = static_cast<uint8_t>(i * 7);
+    test::GvspSender sender(static_cast<uint16_t>(sim.fake.read(0x0d00)));
+    sender.send_image(1, size, sim::packed_samples(samples, format), 8000 - 36,
+                      pfnc_code(format).value(), false);
+    auto frame = camera.wait(in(seconds(10)));
+    ASSERT_TRUE(frame) << format_name;
+    const int low_bits = bits_per_sample(format.image) - 8;
+    for (const size_t i : {size_t{0}, size_t{1}, size_t{77}, samples.size() - 1}) {
+      const int sample = frame->image.bytes[2 * i] | frame->image.bytes[2 * i + 1] << 8;
+      EXPECT_EQ(sample, samples[i] << low_bits | static_cast<int>(i % (1U << low_bits)))
+          << format_name << " " << i;
+    }
+    reduce_to_8_bits(frame->image);
+    EXPECT_EQ(frame->image.bytes, samples) << format_name;
+  }
+}
+
 constexpr uint32_t kChunkModeActive = 0x320;
 constexpr uint32_t kChunkEnable = 0x324;
 constexpr uint32_t kExposureChunk = 0x1003;

@@ -9,13 +9,16 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <deque>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "base/core/error.h"
+#include "base/image/image_files.h"
 #include "support/message_of.h"
 
 namespace v3d::capture {
@@ -26,6 +29,7 @@ using testing::HasSubstr;
 
 constexpr uint32_t kTrigger = 0x009a0914;
 constexpr uint32_t kStride = 8;  ///< of images 6 wide
+constexpr size_t kBufferBytes = 1024;
 
 /// Result of one VIDIOC_DQBUF call.
 struct Delivery {
@@ -33,7 +37,8 @@ struct Delivery {
   int64_t us = 0;
   uint32_t flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   uint32_t bytes = kStride * 4;
-  int error = 0;  ///< of VIDIOC_DQBUF
+  std::vector<uint8_t> content = {};  ///< empty: all bytes have the value `sequence`
+  int error = 0;                      ///< of VIDIOC_DQBUF
 };
 
 /// State of the simulated driver; it outlives the opened devices.
@@ -43,16 +48,21 @@ struct Driver {
   uint32_t width = 6;
   uint32_t height = 4;
   std::vector<uint32_t> formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_GREY};
+  uint32_t stride = kStride;
+  uint32_t colorspace = V4L2_COLORSPACE_SRGB;
   uint32_t clock = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::map<uint32_t, int32_t> controls = {{kTrigger, 0}, {V4L2_CID_EXPOSURE_ABSOLUTE, 333}};
-  bool stores_controls = true;  ///< stores written control values
+  bool stores_controls = true;         ///< stores written control values
+  std::set<uint32_t> fixed = {};       ///< controls that it ignores
+  std::set<uint32_t> unreadable = {};  ///< controls whose value it does not return
+  uint32_t control_flags = 0;          ///< of all controls
   uint32_t parm_capability = V4L2_CAP_TIMEPERFRAME;
   v4l2_fract interval{1, 30};
   std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< Hz; it selects the nearest one
   int queue_error = 0;
 
   std::deque<Delivery> deliveries;
-  std::array<std::array<uint8_t, kStride * 4>, 8> memory{};
+  std::array<std::array<uint8_t, kBufferBytes>, 8> memory{};
   std::deque<uint32_t> queued;
   bool streaming = false;
   int open = 0;  ///< number of open devices
@@ -84,15 +94,17 @@ class ScriptedDevice : public V4l2Device {
         return 0;
       }
       case VIDIOC_QUERYCTRL:
-        return known(static_cast<v4l2_queryctrl*>(argument)->id);
+        return query(*static_cast<v4l2_queryctrl*>(argument));
       case VIDIOC_S_CTRL: {
         const auto& value = *static_cast<v4l2_control*>(argument);
-        if (driver_.stores_controls && known(value.id) == 0)
+        if (driver_.stores_controls && known(value.id) == 0 && !driver_.fixed.contains(value.id)) {
           driver_.controls[value.id] = value.value;
+        }
         return known(value.id);
       }
       case VIDIOC_G_CTRL: {
         auto& value = *static_cast<v4l2_control*>(argument);
+        if (driver_.unreadable.contains(value.id)) return EACCES;
         if (known(value.id) == 0) value.value = driver_.controls[value.id];
         return known(value.id);
       }
@@ -104,7 +116,7 @@ class ScriptedDevice : public V4l2Device {
         return 0;
       case VIDIOC_QUERYBUF: {
         auto& buffer = *static_cast<v4l2_buffer*>(argument);
-        buffer.length = kStride * 4;
+        buffer.length = kBufferBytes;
         buffer.m.offset = buffer.index;
         buffer.flags = driver_.clock;
         return 0;
@@ -125,6 +137,21 @@ class ScriptedDevice : public V4l2Device {
   }
 
  private:
+  int query(v4l2_queryctrl& control) const {
+    auto found = driver_.controls.find(control.id);
+    if ((control.id & V4L2_CTRL_FLAG_NEXT_CTRL) != 0) {
+      found = driver_.controls.upper_bound(control.id & ~V4L2_CTRL_FLAG_NEXT_CTRL);
+    }
+    if (found == driver_.controls.end()) return EINVAL;
+    control.id = found->first;
+    control.flags = driver_.control_flags;
+    const char* const name = found->first == V4L2_CID_WHITE_BALANCE_TEMPERATURE
+                                 ? "White Balance Temperature"
+                                 : "Other, Control";
+    std::strncpy(reinterpret_cast<char*>(control.name), name, sizeof control.name - 1);
+    return 0;
+  }
+
   int known(uint32_t id) const { return driver_.controls.contains(id) ? 0 : EINVAL; }
 
   int rate(v4l2_captureparm& parameters, bool set) {
@@ -149,7 +176,8 @@ class ScriptedDevice : public V4l2Device {
     format.fmt.pix.width = driver_.width;
     format.fmt.pix.height = driver_.height;
     format.fmt.pix.pixelformat = driver_.format;
-    format.fmt.pix.bytesperline = kStride;
+    format.fmt.pix.bytesperline = driver_.stride;
+    format.fmt.pix.colorspace = driver_.colorspace;
     return 0;
   }
 
@@ -159,7 +187,9 @@ class ScriptedDevice : public V4l2Device {
     if (next.error != 0) return next.error;
     buffer.index = driver_.queued.front();
     driver_.queued.pop_front();
-    driver_.memory.at(buffer.index).fill(static_cast<uint8_t>(next.sequence));
+    auto& memory = driver_.memory.at(buffer.index);
+    memory.fill(static_cast<uint8_t>(next.sequence));
+    std::copy(next.content.begin(), next.content.end(), memory.begin());
     buffer.sequence = next.sequence;
     buffer.flags = next.flags;
     buffer.bytesused = next.bytes;
@@ -319,6 +349,133 @@ TEST_F(V4l2CameraTest, is_lost_if_the_driver_does_not_take_a_buffer_back) {
   driver_.queue_error = EINVAL;
   EXPECT_TRUE(c->wait({})) << "this frame is complete";
   EXPECT_TRUE(c->lost());
+}
+
+TEST_F(V4l2CameraTest, switches_every_automatic_control_off) {
+  const std::map<uint32_t, int32_t> automatic = {
+      {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_APERTURE_PRIORITY},
+      {V4L2_CID_EXPOSURE_AUTO_PRIORITY, 1},
+      {V4L2_CID_AUTOGAIN, 1},
+      {V4L2_CID_AUTO_WHITE_BALANCE, 1},
+      {V4L2_CID_FOCUS_AUTO, 1},
+      {V4L2_CID_POWER_LINE_FREQUENCY, V4L2_CID_POWER_LINE_FREQUENCY_50HZ}};
+  const auto c = camera();
+  for (int opened = 0; opened < 2; ++opened) {  // another program may switch them on in between
+    for (const auto& [id, value] : automatic) driver_.controls[id] = value;
+    c->start();
+    for (const auto& [id, value] : automatic) {
+      EXPECT_EQ(driver_.controls[id], id == V4L2_CID_EXPOSURE_AUTO ? V4L2_EXPOSURE_MANUAL : 0)
+          << std::hex << id;
+    }
+    EXPECT_TRUE(c->differences().empty());
+    c->stop();
+  }
+}
+
+TEST_F(V4l2CameraTest, warns_of_an_automatic_control_that_the_camera_ignores) {
+  driver_.controls[V4L2_CID_AUTO_WHITE_BALANCE] = 1;
+  driver_.controls[V4L2_CID_FOCUS_AUTO] = 1;
+  driver_.fixed = {V4L2_CID_AUTO_WHITE_BALANCE};
+  const auto c = camera();
+  c->start();
+  EXPECT_THAT(c->differences(),
+              testing::ElementsAre(SettingDifference{"white_balance_automatic", "0", "1"}));
+  EXPECT_EQ(driver_.controls[V4L2_CID_FOCUS_AUTO], 0);
+  EXPECT_TRUE(driver_.streaming) << "the pulses of the frames are certain all the same";
+}
+
+TEST_F(V4l2CameraTest, writes_the_controls_of_the_studio_file_by_their_names) {
+  driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = 2800;
+  settings_.features = {{"white_balance_temperature", "4600"}};
+  const auto c = camera();
+  c->start();
+  EXPECT_EQ(driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE], 4600);
+  EXPECT_TRUE(c->differences().empty());
+  driver_.fixed = {V4L2_CID_WHITE_BALANCE_TEMPERATURE};
+  settings_.features = {{"white_balance_temperature", "5200"}};
+  const auto stubborn = camera();
+  stubborn->start();
+  EXPECT_THAT(stubborn->differences(),
+              testing::ElementsAre(SettingDifference{"white_balance_temperature", "5200", "4600"}));
+  settings_.features = {{"white_balance", "4600"}};
+  EXPECT_THAT(start_error(), HasSubstr("white_balance: wanted 4600, got a camera without this"));
+  settings_.features = {{"white_balance_temperature", "warm"}};
+  EXPECT_THAT(start_error(), HasSubstr("wanted a whole number, true or false, got warm"));
+}
+
+TEST_F(V4l2CameraTest, warns_of_a_control_without_a_value_unless_it_is_only_written) {
+  driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = 2800;
+  driver_.controls.erase(V4L2_CID_EXPOSURE_ABSOLUTE);
+  driver_.unreadable = {V4L2_CID_WHITE_BALANCE_TEMPERATURE};
+  settings_.features = {{"white_balance_temperature", "4600"}};
+  const auto silent = camera();
+  silent->start();
+  EXPECT_THAT(silent->differences(), testing::ElementsAre(SettingDifference{
+                                         "white_balance_temperature", "4600", "no answer"}));
+  silent->stop();
+  driver_.control_flags = V4L2_CTRL_FLAG_WRITE_ONLY;
+  const auto written = camera();
+  written->start();
+  EXPECT_EQ(driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE], 4600);
+  EXPECT_TRUE(written->differences().empty());
+}
+
+TEST_F(V4l2CameraTest, converts_yuyv_to_rgb_by_the_colour_space_of_the_driver) {
+  settings_.pixel_format = {PixelFormat::kRGB8, PixelLayout::kYuyv};
+  driver_.stride = 16;
+  driver_.colorspace = V4L2_COLORSPACE_REC709;
+  std::vector<uint8_t> red;
+  for (int i = 0; i < 16; ++i) red.insert(red.end(), {63, 102, 63, 240});
+  driver_.deliveries = {{.bytes = 64, .content = red}};
+  const auto c = camera();
+  c->start();
+  EXPECT_EQ(driver_.format, V4L2_PIX_FMT_YUYV);
+  EXPECT_EQ(c->format(), PixelFormat::kRGB8);
+  const auto frame = c->wait({});
+  ASSERT_TRUE(frame);
+  ASSERT_EQ(frame->image.bytes.size(), 3U * 6 * 4);
+  const uint8_t* pixel = frame->image.row(3) + size_t{3} * 5;
+  EXPECT_GE(pixel[0], 252);
+  EXPECT_LE(pixel[1], 3);
+  EXPECT_LE(pixel[2], 3);
+}
+
+TEST_F(V4l2CameraTest, carries_12_bits_of_a_packed_bayer_format) {
+  settings_.pixel_format = {PixelFormat::kBayerRG12, PixelLayout::kMipi};
+  driver_.formats = {V4L2_PIX_FMT_SRGGB12P};
+  driver_.stride = 10;
+  driver_.deliveries = {{.bytes = 40, .content = {0xab, 0x12, 0x3c}}};
+  const auto c = camera();
+  c->start();
+  EXPECT_EQ(c->format(), PixelFormat::kBayerRG12);
+  const auto frame = c->wait({});
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.format, PixelFormat::kBayerRG12);
+  EXPECT_EQ(frame->image.bytes[0] | frame->image.bytes[1] << 8, 0xabc);
+  EXPECT_EQ(frame->image.bytes[2] | frame->image.bytes[3] << 8, 0x123);
+}
+
+TEST_F(V4l2CameraTest, rejects_a_width_that_splits_packed_samples) {
+  settings_.pixel_format = {PixelFormat::kMono10, PixelLayout::kMipi};
+  driver_.formats = {V4L2_PIX_FMT_Y10P};
+  EXPECT_THAT(start_error(), HasSubstr("width: wanted a multiple of 4, got 6"));
+}
+
+TEST_F(V4l2CameraTest, decodes_motion_jpeg_and_counts_a_cut_image_as_damaged) {
+  settings_.pixel_format = {PixelFormat::kRGB8, PixelLayout::kJpeg};
+  driver_.formats = {V4L2_PIX_FMT_MJPEG};
+  driver_.stride = 0;
+  Image grey({6, 4}, PixelFormat::kRGB8);
+  std::fill(grey.bytes.begin(), grey.bytes.end(), uint8_t{90});
+  const auto jpeg = encode_jpeg(grey.view(), 90);
+  const auto bytes = static_cast<uint32_t>(jpeg.size());
+  driver_.deliveries = {{.bytes = bytes - 20, .content = jpeg}, {.bytes = bytes, .content = jpeg}};
+  const auto c = camera();
+  c->start();
+  const auto frame = c->wait({});
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes, grey.bytes);
+  EXPECT_EQ(c->statistics().damaged, 1);
 }
 
 TEST_F(V4l2CameraTest, names_the_camera_and_the_rejected_setting) {

@@ -5,6 +5,7 @@ import { Decoder } from '../../codec/v3d_decoder.mjs';
 
 const [module, file] = process.argv.slice(2);
 const decoder = new Decoder(await WebAssembly.compile(readFileSync(module)));
+decoder.wantViews(true);
 const bytes = readFileSync(file);
 const write = (array) => {
   const pending = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
@@ -17,4 +18,5 @@ for (let at = 0; at < bytes.length; ) {
   const frame = decoder.frame();
   write(new Uint8Array([frame?.livePasses ?? 0]));
   if (frame) for (const array of [frame.positions, frame.indices, frame.colours, frame.labels]) if (array) write(array);
+  for (const view of frame?.views ?? []) write(view.colours);
 }

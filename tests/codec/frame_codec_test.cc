@@ -9,7 +9,7 @@
 
 #include "codec/byte_stream.h"
 #include "codec/frame_header.h"
-#include "codec/frame_labeller.h"
+#include "codec/frame_reviser.h"
 #include "codec/occupancy.h"
 #include "tests/codec/coded_scene.h"
 
@@ -299,9 +299,9 @@ std::vector<uint8_t> alternating_labels(size_t vertices, size_t period) {
   return labels;
 }
 
-TEST(FrameLabeller, adds_labels_to_a_sequence_and_keeps_the_rest) {
+TEST(FrameReviser, adds_labels_to_a_sequence_and_keeps_the_rest) {
   const auto given = moving_ball(6);
-  FrameLabeller labeller, again;
+  FrameReviser labeller, again;
   FrameDecoder before, after;
   for (const auto& frame : given) {
     ASSERT_EQ(labeller.decode(frame), DecodeStatus::kOk);
@@ -316,8 +316,8 @@ TEST(FrameLabeller, adds_labels_to_a_sequence_and_keeps_the_rest) {
   }
 }
 
-TEST(FrameLabeller, replaces_labels) {
-  FrameLabeller labeller;
+TEST(FrameReviser, replaces_labels) {
+  FrameReviser labeller;
   ASSERT_EQ(labeller.decode(moving_ball(1)[0]), DecodeStatus::kOk);
   const size_t vertices = labeller.frame().positions.size();
   const auto first = labeller.labelled(alternating_labels(vertices, 10));

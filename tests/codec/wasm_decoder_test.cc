@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "codec/frame_reviser.h"
 #include "tests/codec/coded_scene.h"
 
 namespace v3d::codec {
@@ -15,8 +16,28 @@ std::vector<uint8_t> labels_of(const Scene& scene) {
   return labels;
 }
 
-/// A sequence with a lost frame, a damaged frame, labelled vertices displaced in two passes, and a
-/// frame whose reference is missing.
+/// Frames with the colours of two cameras that see all that faces them.
+std::vector<std::vector<uint8_t>> frames_with_views() {
+  std::vector<std::vector<uint8_t>> all;
+  FrameReviser reviser;
+  for (const auto& frame : moving_ball(3)) {
+    EXPECT_EQ(reviser.decode(frame), DecodeStatus::kOk);
+    std::vector<CameraView> views(2);
+    views[0].axis = {20000, -20000, 16000};
+    views[1].axis = {-20000, 20000, -16000};
+    for (uint32_t c = 0; c < 2; ++c) {
+      for (uint32_t v = 0; v < reviser.frame().positions.size(); ++v) {
+        const auto level = static_cast<uint8_t>(hash(v / 5, c));
+        views[c].vertices.push_back({level, 128, 90, 255});
+      }
+    }
+    all.push_back(reviser.with_cameras(views, 4000));
+  }
+  return all;
+}
+
+/// A sequence with a lost frame, a damaged frame, labelled vertices displaced in two passes, a
+/// frame whose reference is missing, and colours of cameras.
 std::vector<std::vector<uint8_t>> frames() {
   std::vector<std::vector<uint8_t>> all = moving_ball(9);
   all.erase(all.begin() + 5);
@@ -29,6 +50,7 @@ std::vector<std::vector<uint8_t>> frames() {
   const std::vector<uint8_t> labels = labels_of(scene);
   deformed.labels = labels;
   all.push_back(FrameEncoder({}).encode(deformed).value());
+  for (auto& frame : frames_with_views()) all.push_back(std::move(frame));
   return all;
 }
 
@@ -40,6 +62,7 @@ void append(std::string& text, const Numbers& numbers) {
 /// Decodes natively; the format is that of decode.mjs.
 std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   FrameDecoder decoder;
+  decoder.want_cameras(true);
   std::string text;
   for (const auto& frame : frames) {
     text.push_back(static_cast<char>(decoder.decode(frame)));
@@ -48,6 +71,7 @@ std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
     append(text, decoder.frame().triangles);
     append(text, decoder.frame().colours);
     append(text, decoder.frame().labels);
+    for (const CameraView& view : decoder.frame().cameras) append(text, view.vertices);
   }
   return text;
 }

@@ -1,5 +1,5 @@
-// Fuzz target: compact frames, a key frame and one that references it. Each is
-// rejected or gives a valid mesh. The target corrects the checksums, as an attacker would.
+// Fuzz target: compact frames with the colours of cameras, a key frame and one that references it.
+// Each is rejected or gives a valid mesh. The target corrects the checksums, as an attacker would.
 #include <cstring>
 #include <vector>
 
@@ -29,6 +29,10 @@ void check(const v3d::codec::DecodedFrame& frame) {
   }
   v3d::test::must(frame.labels.empty() || frame.labels.size() == frame.positions.size());
   v3d::test::must(frame.colours.empty() || frame.colours.size() == frame.positions.size());
+  v3d::test::must(frame.cameras.empty() || frame.cameras.size() == frame.facts.cameras.size());
+  for (const auto& camera : frame.cameras) {
+    v3d::test::must(camera.vertices.size() == frame.positions.size());
+  }
 }
 
 }  // namespace
@@ -39,6 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto rest = input.bytes(size);
   std::vector<uint8_t> first(bytes.begin(), bytes.end()), second(rest.begin(), rest.end());
   v3d::codec::FrameDecoder decoder;
+  decoder.want_cameras(true);
   const uint32_t checksum = set_checksum(first);
   const bool has_first = decoder.decode(first) == v3d::codec::DecodeStatus::kOk;
   if (has_first) {

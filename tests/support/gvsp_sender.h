@@ -48,14 +48,14 @@ class GvspSender {
   GvspSender(const GvspSender&) = delete;
   GvspSender& operator=(const GvspSender&) = delete;
 
-  /// Sends `payload`, a Mono8 image followed by its chunks, in packets of at most `packet_bytes`
-  /// bytes of payload. Throws std::runtime_error.
+  /// Sends `payload`, an image, followed by its chunks with `has_chunks`, in packets of at most
+  /// `packet_bytes` bytes of payload. `pfnc`: code of the pixel format, Mono8 by default. Throws
+  /// std::runtime_error.
   void send_image(uint16_t frame, ImageSize size, std::span<const uint8_t> payload,
-                  size_t packet_bytes) {
-    constexpr uint16_t kImageWithChunks = 0x4001;
-    constexpr uint32_t kMono8 = 0x01080001;
+                  size_t packet_bytes, uint32_t pfnc = 0x01080001, bool has_chunks = true) {
+    const uint16_t type = has_chunks ? 0x4001 : 0x0001;
     NetworkBytes leader;
-    leader.u16(0).u16(kImageWithChunks).u32(0).u32(1000U * frame).u32(kMono8);
+    leader.u16(0).u16(type).u32(0).u32(1000U * frame).u32(pfnc);
     leader.u32(static_cast<uint32_t>(size.width)).u32(static_cast<uint32_t>(size.height));
     leader.u32(0).u32(0).u32(0);
     uint32_t packet = 0;
@@ -64,7 +64,7 @@ class GvspSender {
       send(frame, kPayload, packet++, payload.first(std::min(packet_bytes, payload.size())));
     }
     NetworkBytes trailer;
-    trailer.u32(kImageWithChunks).u32(static_cast<uint32_t>(size.height));
+    trailer.u32(type).u32(static_cast<uint32_t>(size.height));
     send(frame, kTrailer, packet, trailer.bytes());
   }
 

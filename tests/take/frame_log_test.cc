@@ -55,6 +55,27 @@ TEST(FrameLog, returns_every_frame_by_its_pulse) {
   EXPECT_FALSE(reader.read(4));
 }
 
+TEST(FrameLog, keeps_all_bits_of_a_deep_image_and_returns_8_of_them) {
+  const TemporaryFolder folder;
+  wire::FrameMessage message = frame_of(0);
+  message.frame.image = Image({16, 8}, PixelFormat::kBayerRG12);
+  for (size_t i = 0; i < message.frame.image.bytes.size(); i += 2) {
+    message.frame.image.bytes[i] = static_cast<uint8_t>(i);
+    message.frame.image.bytes[i + 1] = 0x0a;
+  }
+  ASSERT_TRUE(EventLogWriter(folder / "cam07.lcmlog").write(message));
+  FrameLogReader reader(folder / "cam07.lcmlog");
+  const auto deep = reader.read_deep(0);
+  ASSERT_TRUE(deep);
+  EXPECT_EQ(deep->image.format, PixelFormat::kBayerRG12);
+  EXPECT_EQ(deep->image.bytes, message.frame.image.bytes);
+  const auto frame = reader.read(0);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.format, PixelFormat::kBayerRG8);
+  ASSERT_EQ(frame->image.bytes.size(), 16U * 8);
+  EXPECT_EQ(frame->image.bytes[40], (0x0a00 + 80) >> 4);
+}
+
 TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {
   const TemporaryFolder folder;
   write_frames(folder / "cam07.lcmlog", {0, 1, 2});

@@ -61,12 +61,31 @@ TEST(CameraCheck, reports_every_fault_with_its_remedy) {
          [](CameraMeasurement& s) { s.clipped = 0.2; });
   expect(Grade::kBad, "99 % black", "lens cap", [](CameraMeasurement& s) { s.dark = 0.99; });
   expect(Grade::kBad, "sharpness 20 %", "focus", [](CameraMeasurement& s) { s.focus = 10.2; });
+  expect(Grade::kLook, "light flickers by 3.0 % at 5 Hz", "rate_hz = 24 under [trigger]",
+         [](CameraMeasurement& s) {
+           s.flicker_amplitude = 0.03;
+           s.beat_hz = 5;
+           s.rate_without_flicker_hz = 24;
+         });
+  expect(Grade::kBad, "light flickers by 8.0 % at 7 Hz", "lamps without flicker",
+         [](CameraMeasurement& s) {
+           s.flicker_amplitude = 0.08;
+           s.beat_hz = 7;
+         });
   expect(Grade::kLook, "no background", "v3dctl background",
          [](CameraMeasurement& s) { s.foreground.reset(); });
   expect(Grade::kLook, "4.0 % foreground", "unless a person",
          [](CameraMeasurement& s) { s.foreground = 0.04; });
   expect(Grade::kBad, "60 % foreground", "v3dctl background",
          [](CameraMeasurement& s) { s.foreground = 0.6; });
+}
+
+TEST(CameraCheck, tolerates_a_flicker_that_no_picture_shows) {
+  const CameraVerdict verdict = verdict_with([](CameraMeasurement& camera) {
+    camera.flicker_amplitude = 0.005;
+    camera.beat_hz = 5;
+  });
+  EXPECT_EQ(verdict.grade, Grade::kGood);
 }
 
 TEST(CameraCheck, reports_all_faults_and_the_remedy_of_the_worst) {
@@ -99,6 +118,19 @@ TEST(CameraCheck, parses_the_replies_of_nodes) {
   EXPECT_FALSE(report.cameras[1].ready);
   EXPECT_TRUE(report.unreadable.empty());
   EXPECT_FALSE(all_good(report));
+}
+
+TEST(CameraCheck, reads_the_flicker_of_each_camera) {
+  std::string reply(kReply);
+  const std::string last = "\"foreground\":null";
+  reply.replace(reply.find(last), last.size(),
+                last +
+                    ",\"flicker_amplitude\":0.02,\"beat_hz\":5.0,"
+                    "\"rate_without_flicker_hz\":null");
+  const auto json = check_json(parse_check_replies(answer_with(reply)));
+  EXPECT_EQ(json["cameras"][0]["flicker_amplitude"], 0.02);
+  EXPECT_EQ(json["cameras"][0]["beat_hz"], 5.0);
+  EXPECT_TRUE(json["cameras"][0]["rate_without_flicker_hz"].is_null());
 }
 
 TEST(CameraCheck, names_a_node_whose_reply_cannot_be_parsed) {

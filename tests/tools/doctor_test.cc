@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <fstream>
 #include <thread>
 
 #include "support/temporary_folder.h"
@@ -117,6 +118,41 @@ TEST(Doctor, finds_a_camera_that_replies) {
   camera.name = "cam01";
   camera.address = "127.0.1.77";
   EXPECT_EQ(check_cameras({camera})[0].verdict, Verdict::kGood);
+}
+
+TEST(Doctor, names_a_v4l2_camera_that_is_not_connected) {
+  StudioCamera camera;
+  camera.name = "cam01";
+  camera.kind = CameraKind::kV4l2;
+  camera.address = "NO-SUCH-SERIAL";
+  const auto findings = check_cameras({camera});
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].verdict, Verdict::kBad);
+  EXPECT_NE(findings[0].text.find("NO-SUCH-SERIAL"), std::string::npos) << findings[0].text;
+  EXPECT_NE(findings[0].remedy.find("/dev/v4l/by-id"), std::string::npos);
+}
+
+TEST(Doctor, shows_firmware_and_ignored_settings_of_the_cameras_on_this_pc) {
+  const test::TemporaryFolder folder;
+  Studio studio;
+  studio.storage.takes = folder.path();
+  StudioCamera camera;
+  camera.name = "cam01";
+  camera.node = "cap01";
+  EXPECT_TRUE(check_camera_settings(studio, {camera}).empty()) << "no node ran here";
+  std::ofstream(folder / ".camera-settings-cap01.toml")
+      << "[[camera]]\nname = \"cam01\"\ndevice = \"Maker Model, firmware 1.2\"\n"
+         "[[camera]]\nname = \"cam02\"\ndevice = \"Maker Model, firmware 1.1\"\n"
+         "[[difference]]\ncamera = \"cam02\"\nsetting = \"GammaEnable\"\nasked = \"false\"\n"
+         "got = \"true\"\nrounded = false\n"
+         "[[difference]]\ncamera = \"cam01\"\nsetting = \"Gain\"\nasked = \"3.005\"\n"
+         "got = \"3.0\"\nrounded = true\n";
+  const auto findings = check_camera_settings(studio, {camera});
+  ASSERT_EQ(findings.size(), 2U);
+  EXPECT_EQ(findings[0].verdict, Verdict::kGood) << "a rounded value is as asked";
+  EXPECT_NE(findings[0].text.find("firmware 1.2"), std::string::npos);
+  EXPECT_EQ(findings[1].verdict, Verdict::kBad);
+  EXPECT_NE(findings[1].text.find("GammaEnable (asked false, got true)"), std::string::npos);
 }
 
 TEST(Doctor, has_no_verdict_about_a_camera_with_a_serial_number) {

@@ -8,6 +8,7 @@
 
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "tools/decoded_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -120,17 +121,6 @@ TEST_F(SceneSoundTest, names_the_files_that_cannot_be_played_in_step) {
   EXPECT_THAT(sound.unplayed(), ElementsAre((folder_ / "torn" / "sound/cap01.wav").string()));
 }
 
-/// The samples that ffmpeg decodes of a file, left and right in turn.
-std::vector<float> decoded(const std::filesystem::path& path, int64_t samples) {
-  const ProcessStream ffmpeg({"ffmpeg", "-loglevel", "error", "-i", path.string(), "-f", "f32le",
-                              "-ar", "48000", "-ac", "2", "pipe:1"},
-                             ProcessStream::End::kStdout);
-  std::vector<float> values(2 * static_cast<size_t>(samples));
-  const std::span bytes(reinterpret_cast<uint8_t*>(values.data()), values.size() * sizeof(float));
-  EXPECT_TRUE(ffmpeg.read(bytes)) << path;
-  return values;
-}
-
 TEST_F(SceneSoundTest, is_in_step_with_the_pictures_of_a_video) {
   if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   write_burst();
@@ -146,7 +136,7 @@ TEST_F(SceneSoundTest, is_in_step_with_the_pictures_of_a_video) {
       video.close();
     }
     // Players apply the delay of the encoder, as ffmpeg does.
-    const double heard = test::centre_of_sound(decoded(path, 2.9 * kRate)) / kRate;
+    const double heard = test::centre_of_sound(test::decoded_sound(path, 2.9 * kRate)) / kRate;
     EXPECT_THAT(heard, DoubleNear(0.1 + 50.5 / 25, 0.005)) << ending;
   }
   std::vector<std::string> left;

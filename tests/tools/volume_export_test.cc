@@ -13,11 +13,14 @@
 #include "codec/motion_codec.h"
 #include "recon/shapes.h"
 #include "support/message_of.h"
+#include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "tools/decoded_sound.h"
 #include "tools/glb.h"
 #include "tools/test_images.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/motion/tracked_surfaces.h"
+#include "v3dctl/scene/scene_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -31,6 +34,7 @@ namespace fs = std::filesystem;
 class VolumeExportTake : public testing::Test {
  protected:
   static constexpr int kPulses = 5;
+  static constexpr double kFirstSample = 4800, kPeriod = 1920;
 
   VolumeExportTake() {
     save_calib(folder_ / "calib.toml", rig_);
@@ -48,6 +52,18 @@ class VolumeExportTake : public testing::Test {
     import.masks = folder_ / "masks";
     import_take(import);
     test::write_text(take::TakePaths{take_}.motion(), motion());
+  }
+
+  /// Gives the take a sound: a burst at pulse 3. `map`: whether its pulses are known.
+  void add_sound(bool map = true) {
+    const sound::PulseMap pulses{{{0, kFirstSample}, {kPulses, kFirstSample + kPulses * kPeriod}}};
+    const take::TakePaths paths{take_};
+    take::Ledger ledger{.take = "take", .commanded = kPulses, .sensed = {}, .cameras = {}};
+    ledger.sounds.push_back(test::write_sound(
+        paths, map ? pulses : sound::PulseMap(), 48'000, 1, [](int64_t sample, int) {
+          return test::burst(static_cast<double>(sample), kFirstSample + 3 * kPeriod);
+        }));
+    io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   }
 
   int exported(take::FrameRange frames = {}, bool uncompressed = false) {
@@ -102,9 +118,15 @@ TEST_F(VolumeExportTake, has_a_manifest_that_names_segments_and_videos) {
   EXPECT_EQ(file["first_pulse"], 0);
   EXPECT_EQ(file["pulses"], kPulses);
   EXPECT_EQ(file["texture"]["side"], 128);
+  EXPECT_FALSE(file.contains("sound")) << "the take has none";
   ASSERT_EQ(file["segments"].size(), 2U);
   EXPECT_EQ(file["segments"][0]["last_pulse"], 1) << "the later segment shows pulse 2";
   EXPECT_EQ(file["segments"][1]["first_pulse"], 2);
+  const TrackedSurfaces motion(folder_ / "out/motion.v3d");
+  for (size_t s = 0; s < 2; ++s) {
+    EXPECT_EQ(file["segments"][s]["vertices"], motion.segments()[s].vertices);
+    EXPECT_EQ(file["segments"][s]["triangles"], motion.segments()[s].triangles);
+  }
   for (const auto& segment : file["segments"]) {
     EXPECT_TRUE(fs::exists(folder_ / "out" / segment["surface"].get<std::string>()));
   }
@@ -214,6 +236,31 @@ TEST_F(VolumeExportTake, shows_the_colours_of_vertices_for_a_take_without_raw_fr
     ASSERT_LT(texture.bytes[i], 12);
     ASSERT_NEAR(texture.bytes[i + 1], 90, 12);
   }
+}
+
+TEST_F(VolumeExportTake, has_the_sound_of_its_pulses_in_every_video) {
+  add_sound();
+  EXPECT_EQ(exported({1, 5}), kExitDone);
+  const nlohmann::json file = manifest();
+  EXPECT_EQ(file["sound"]["codec"], "mp4a.40.2");
+  for (const auto& video : file["texture"]["videos"]) {
+    EXPECT_THAT(video["type"].get<std::string>(), HasSubstr(", mp4a.40.2\""));
+    const auto path = folder_ / "out" / video["file"].get<std::string>();
+    const double heard = test::centre_of_sound(test::decoded_sound(path, 4 * kPeriod));
+    EXPECT_NEAR(heard, 2 * kPeriod + 96, 0.005 * kSceneSoundRate) << "pulse 3 is picture 2";
+  }
+  for (const auto& entry : fs::directory_iterator(folder_ / "out")) {
+    EXPECT_NE(entry.path().extension(), ".wav") << "the sound beside the videos is removed";
+  }
+}
+
+TEST_F(VolumeExportTake, names_no_sound_where_none_is_in_step_with_the_pulses) {
+  add_sound(false);
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(exported(), kExitDone);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("sound/cap01.wav: has no map of pulses; the delivery is without this"));
+  EXPECT_FALSE(manifest().contains("sound"));
 }
 
 TEST_F(VolumeExportTake, contains_the_pulses_of_the_range) {

@@ -7,6 +7,9 @@
 // smaller and yellow. DIR/takes/person has no meshes but a motion.v3d: a grey person who glides
 // along x for 40 pulses and raises and lowers the left arm twice. DIR/takes/sounding has the meshes
 // of the ball and a sound that rises from 0.1 to 0.9 of full scale; its clock is 521 ppm fast.
+// DIR/takes/coded has no meshes but a motion.v3d: from pulse 5 to 24 and from 27 to 36 a ball moves
+// sideways, whose colour states its pulse (player_probe.mjs reads it). Its sound has a burst at the
+// pulses 10, 20 and 30.
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -109,19 +112,40 @@ codec::MotionSegment moving_ball(double radius_voxels, int64_t first, int64_t en
   return segment;
 }
 
-void save_motion(const std::filesystem::path& path) {
+void write_motion(const std::filesystem::path& path,
+                  const std::vector<codec::MotionSegment>& segments) {
   codec::MotionWriter writer({.colour_steps = {1, 1, 1}});
   std::vector<uint8_t> bytes = codec::MotionWriter::header();
+  for (const codec::MotionSegment& segment : segments) {
+    const codec::EncodedMotion encoded = writer.add(segment).value();
+    bytes.insert(bytes.end(), encoded.bytes.begin(), encoded.bytes.end());
+  }
+  io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
+}
+
+void save_motion(const std::filesystem::path& path) {
   codec::MotionSegment two_colours = moving_ball(20, 5, 25), one_colour = moving_ball(14, 25, 30);
   const size_t vertices = two_colours.positions[0].size();
   for (const int64_t pulse : two_colours.pulses)
     two_colours.colours.emplace_back(vertices, pulse < 15 ? kRed : kBlue);
   one_colour.colours.emplace_back(one_colour.positions[0].size(), kYellow);
-  for (const codec::MotionSegment& segment : {two_colours, one_colour}) {
-    const codec::EncodedMotion encoded = writer.add(segment).value();
-    bytes.insert(bytes.end(), encoded.bytes.begin(), encoded.bytes.end());
+  write_motion(path, {two_colours, one_colour});
+}
+
+/// The last three digits of a pulse to the base 4, from red to blue.
+codec::VertexColour coded(int64_t pulse) {
+  const auto value = [](int64_t digit) { return static_cast<uint8_t>(40 + 60 * (digit % 4)); };
+  return {value(pulse / 16), value(pulse / 4), value(pulse)};
+}
+
+void save_coded_motion(const std::filesystem::path& path) {
+  std::vector<codec::MotionSegment> segments{moving_ball(20, 5, 25), moving_ball(14, 27, 37)};
+  for (codec::MotionSegment& segment : segments) {
+    for (const int64_t pulse : segment.pulses) {
+      segment.colours.emplace_back(segment.positions[0].size(), coded(pulse));
+    }
   }
-  io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
+  write_motion(path, segments);
 }
 
 /// The place of a vertex of figures::person(70, 70) at a pulse: the left arm turns about the
@@ -153,20 +177,29 @@ void save_person(const std::filesystem::path& path) {
     }
   }
   segment.colours.emplace_back(person.vertices.size(), kGrey);
-  std::vector<uint8_t> bytes = codec::MotionWriter::header();
-  const codec::EncodedMotion encoded = codec::MotionWriter({}).add(segment).value();
-  bytes.insert(bytes.end(), encoded.bytes.begin(), encoded.bytes.end());
-  io::throw_if_failed(io::replace_file(path, std::string(bytes.begin(), bytes.end())));
+  write_motion(path, {segment});
+}
+
+constexpr int64_t kSamples = 120'000;
+constexpr double kFirstSample = 4800, kSamplesPerPulse = 1921;
+
+take::SoundLedger save_sound(const take::TakePaths& paths, const test::Signal& signal) {
+  const sound::PulseMap map{
+      {{0, kFirstSample}, {kPulses, kFirstSample + kPulses * kSamplesPerPulse}}};
+  return test::write_sound(paths, map, kSamples, 1, signal);
 }
 
 /// A ramp, so that the value of a sample is its position.
-take::SoundLedger save_ramp(const take::TakePaths& paths) {
-  constexpr int64_t kSamples = 120'000;
-  constexpr double kFirst = 4800, kSamplesPerPulse = 1921;
-  const sound::PulseMap map{{{0, kFirst}, {kPulses, kFirst + kPulses * kSamplesPerPulse}}};
-  return test::write_sound(paths, map, kSamples, 1, [](int64_t sample, int) {
-    return 0.1 + 0.8 * static_cast<double>(sample) / kSamples;
-  });
+double ramp(int64_t sample, int /*channel*/) {
+  return 0.1 + 0.8 * static_cast<double>(sample) / kSamples;
+}
+
+double bursts(int64_t sample, int /*channel*/) {
+  double value = 0;
+  for (const int pulse : {10, 20, 30}) {
+    value += test::burst(static_cast<double>(sample), kFirstSample + pulse * kSamplesPerPulse);
+  }
+  return value;
 }
 
 }  // namespace
@@ -181,9 +214,12 @@ int main(int /*argc*/, char** argv) {
   v3d::save_take(takes / "moving", v3d::kPulses);
   v3d::save_meshes(takes / "moving/mesh.v3d");
   v3d::save_motion(takes / "moving/motion.v3d");
-  v3d::save_take(takes / "sounding", v3d::kPulses, {v3d::save_ramp({takes / "sounding"})});
+  v3d::save_take(takes / "sounding", v3d::kPulses,
+                 {v3d::save_sound({takes / "sounding"}, v3d::ramp)});
   v3d::save_meshes(takes / "sounding/mesh.v3d");
   v3d::save_take(takes / "empty", 0);
+  v3d::save_take(takes / "coded", v3d::kPulses, {v3d::save_sound({takes / "coded"}, v3d::bursts)});
+  v3d::save_coded_motion(takes / "coded/motion.v3d");
   v3d::save_take(takes / "person", v3d::kPersonPulses);
   v3d::save_person(takes / "person/motion.v3d");
   return 0;

@@ -1,8 +1,9 @@
 // Browser tests of photographs over the view, view-dependent colours and confidence. They use two simulated takes with raw
-// frames, of 15 and of 4 cameras, and one take without raw frames.
+// frames, of 15 and of 4 cameras, one take without raw frames, and one whose meshes keep the colours
+// of cameras instead.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { cpSync, mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { PageProbe } from './eyes.mjs';
@@ -110,8 +111,16 @@ before(async () => {
   for (const file of ['take.toml', 'calib.toml', 'mesh.v3d']) {
     cpSync(join(folder, 'takes/four', file), join(folder, 'takes/meshes-alone', file));
   }
-  const toml = join(folder, 'takes/meshes-alone/take.toml');
-  writeFileSync(toml, readFileSync(toml, 'utf8').replace(/^name = .*$/m, "name = 'meshes-alone'"));
+  const kept = join(folder, 'takes/kept');
+  cpSync(join(folder, 'takes/dome'), kept, { recursive: true });
+  run('v3dctl', 'camera-colours', 'takes/kept');
+  for (const file of readdirSync(kept)) if (file.endsWith('.lcmlog')) rmSync(join(kept, file));
+  for (const take of ['meshes-alone', 'kept']) {
+    const toml = join(folder, 'takes', take, 'take.toml');
+    writeFileSync(toml, readFileSync(toml, 'utf8').replace(/^name = .*$/m, `name = '${take}'`));
+  }
+  mkdirSync(join(folder, 'takes/scene-kept'));
+  writeFileSync(join(folder, 'takes/scene-kept/scene.json'), JSON.stringify(scene('kept')));
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1100, height: 720 } });
@@ -172,7 +181,8 @@ test('removes the photograph when the view moves away', async () => {
   await page.waitForSelector('#blend', { state: 'hidden' });
 });
 
-for (const take of ['dome', 'four']) {
+// The takes dome and four have raw frames. The meshes of the take kept have the colours of cameras.
+for (const take of ['dome', 'four', 'kept']) {
   test(`renders view-dependent colours of ${take} like the native renderer`, async (story) => {
     await open(`scene=scene-${take}&at=0`);
     await shows('title', `scene-${take}`);
@@ -188,6 +198,24 @@ for (const take of ['dome', 'four']) {
     assert.ok(right >= 0.9 && right > wrong, `SSIM ${right.toFixed(4)}, ${wrong.toFixed(4)}`);
   });
 }
+
+test('shows the colours of cameras that the meshes keep, without the server', async () => {
+  const asked = [];
+  page.on('request', (request) => asked.push(request.url()));
+  await open('take=kept&pulse=1');
+  await shows('facts', 'pulse 1 ');
+  await settled();
+  const plain = await picture();
+  await page.keyboard.press('4');
+  await settled();
+  const shaded = await picture();
+  assert.equal(await hidden('look-note'), true);
+  assert.ok(alike(shaded, plain) < 0.999, 'the colours changed');
+  await page.keyboard.press('1');
+  await settled();
+  assert.ok(alike(await picture(), plain) > 0.999, 'the colours of the mesh are shown again');
+  assert.deepEqual(asked.filter((url) => url.includes('/views/')), []);
+});
 
 /** Part of the picture in the colour of at least six agreeing cameras: yellow, with any shading. */
 async function confidentPart() {

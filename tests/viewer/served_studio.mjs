@@ -11,7 +11,7 @@ export const TIMEOUT_MS = 60_000;
 
 export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
 
-const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
+export const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
 
 /** Debian's Chromium, which renders on the processor. */

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "capture/cameras/pixel_decoder.h"
 #include "capture/sync/pulse_matcher.h"
 #include "rates.h"
 #include "take/logs/frame_log.h"
@@ -44,6 +45,40 @@ void match(benchmark::State& state) {
   });
 }
 
+/// Bytes of an XGA image as a camera sends it.
+std::vector<uint8_t> sent_image(CameraFormat format) {
+  std::vector<uint8_t> bytes(row_bytes(format, kSize.width) * kSize.height);
+  for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<uint8_t>(i * 37);
+  return bytes;
+}
+
+/// Copies an image of 8 bits out of the buffer of the driver: the least that receiving takes.
+void copy_image(benchmark::State& state) {
+  const std::vector<uint8_t> bytes = sent_image(PixelFormat::kBayerRG8);
+  measure(state, 1, static_cast<double>(bytes.size()), [&] {
+    Image image;
+    image.bytes.assign(bytes.begin(), bytes.end());
+    benchmark::DoNotOptimize(image.bytes.data());
+  });
+}
+
+/// What the capture threads do with an image in addition to recording: decode, then 8 bits.
+void receive_image(benchmark::State& state, const char* format_name) {
+  const CameraFormat format = *camera_format_from_name(format_name);
+  const capture::SentLayout layout{format, kSize, row_bytes(format, kSize.width)};
+  const std::vector<uint8_t> bytes = sent_image(format);
+  measure(state, 1, static_cast<double>(bytes.size()), [&] {
+    auto image = capture::decode_image(layout, bytes);
+    reduce_to_8_bits(*image);
+    benchmark::DoNotOptimize(image->bytes.data());
+  });
+}
+
+BENCHMARK(copy_image)->Name("receive/XGA/copy");
+BENCHMARK_CAPTURE(receive_image, BayerRG8, "BayerRG8")->Name("receive/XGA/BayerRG8");
+BENCHMARK_CAPTURE(receive_image, BayerRG12, "BayerRG12")->Name("receive/XGA/BayerRG12");
+BENCHMARK_CAPTURE(receive_image, Packed, "BayerRG12Packed")->Name("receive/XGA/BayerRG12Packed");
+BENCHMARK_CAPTURE(receive_image, Yuyv, "YUYV")->Name("receive/XGA/YUYV");
 BENCHMARK(segment)->Name("segment/15xXGA")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK(match)->Name("match/frames");
 

@@ -70,7 +70,9 @@ std::string studio_text(const Rig& rig, const StudioText& options) {
       "[camera_defaults]\n"
       "node = \"cap01\"\n"
       "kind = \"aravis\"\n"
-      "pixel_format = \"BayerRG8\"\n"
+      "pixel_format = \"" +
+      options.pixel_format +
+      "\"\n"
       "exposure_us = 1000.0\n"
       "trigger_line = \"Line1\"\n"
       "packet_size = 60000\n"

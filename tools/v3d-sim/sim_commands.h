@@ -43,6 +43,7 @@ Rig rig_of(const StudioOptions& options);
 struct StudioText {
   double rate_hz = 25;
   double voxel_m = 0.01;
+  std::string pixel_format = "BayerRG8";
 };
 
 /// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and

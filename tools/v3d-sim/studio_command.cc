@@ -30,7 +30,29 @@ struct Arguments {
   int64_t empty_pulses = 0;
   std::string voxel = "10mm";
   std::string faults;
+  std::string format = "BayerRG8";
+  std::string flicker;
 };
+
+/// A format with the filter pattern of the rendered images.
+CameraFormat read_format(const std::string& name) {
+  const auto format = camera_format_from_name(name);
+  const bool is_known =
+      format && pfnc_code(*format) && reduced_to_8_bits(format->image) == PixelFormat::kBayerRG8;
+  if (is_known) return *format;
+  throw InputError("--format " + name +
+                   ": expected BayerRG8, or a 10 or 12 bit format such as BayerRG12Packed");
+}
+
+/// Parses "0.05@120": amplitude and frequency.
+LampFlicker read_flicker(const std::string& text) {
+  if (text.empty()) return {};
+  LampFlicker lamps;
+  char rest = 0;
+  const int read = std::sscanf(text.c_str(), "%lf@%lf%c", &lamps.amplitude, &lamps.hz, &rest);
+  if (read == 2 && lamps.amplitude >= 0 && lamps.amplitude <= 1 && lamps.hz > 0) return lamps;
+  throw InputError("--flicker " + text + ": expected AMPLITUDE@HZ, like 0.05@120");
+}
 
 /// Blocks SIGTERM and SIGINT in all threads; the program polls them or waits for them.
 class StopSignals {
@@ -112,9 +134,11 @@ std::vector<GigeCamera> network_cameras(const Rig& rig, const std::vector<Fault>
   std::vector<GigeCamera> cameras;
   for (int i = 0; i < static_cast<int>(rig.size()); ++i) {
     const RigCamera& camera = rig[static_cast<size_t>(i)];
-    cameras.push_back({gige_address(i), gige_serial(i), camera.model.size(), PixelFormat::kBayerRG8,
+    cameras.push_back({gige_address(i), gige_serial(i), camera.model.size(),
+                       read_format(arguments.format),
                        simulated_clock(i, arguments.studio.seed, origin),
-                       faults_at_edges(faults, camera.name, arguments.empty_pulses)});
+                       faults_at_edges(faults, camera.name, arguments.empty_pulses),
+                       read_flicker(arguments.flicker)});
   }
   return cameras;
 }
@@ -129,7 +153,9 @@ int run(Arguments arguments) {
   const Rig rig = rig_of(arguments.studio);
   const std::vector<Fault> faults =
       arguments.faults.empty() ? std::vector<Fault>() : load_faults(arguments.faults, rig, {});
-  const StudioText text{rate, parse_length(arguments.voxel)};
+  read_flicker(arguments.flicker);  // rejects it before the images are rendered
+  const StudioText text{rate, parse_length(arguments.voxel),
+                        std::string(name(read_format(arguments.format)))};
   std::filesystem::create_directories(folder);
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
@@ -186,6 +212,14 @@ void add_studio_command(cli::Command app, int& status) {
       .show_default();
   command.add_option("--voxel", arguments->voxel, "Voxel size for studio.toml, with a unit")
       .show_default();
+  command
+      .add_option(
+          "--format", arguments->format,
+          "Pixel format that the cameras send; with 10 or 12 bits the low bits count pixels")
+      .show_default();
+  command.add_option("--flicker", arguments->flicker,
+                     "Lamps that flicker, AMPLITUDE@HZ: 0.05@120 varies the light by 5 % up and "
+                     "down, 120 times a second");
   command.add_option("--faults", arguments->faults,
                      "TOML file of faults: [[fault]] camera, pulse (from the first "
                      "after --empty-pulses), kind = drop|missed|duplicate|delay|freeze|unplug|"

@@ -67,6 +67,7 @@ void add_update(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_verify(CommandLine& line);
 void add_reconstruct(CommandLine& line);  ///< and reconstruct-shards, which is not in the help
+void add_camera_colours(CommandLine& line);
 void add_performers(CommandLine& line);
 void add_skeleton(CommandLine& line);
 void add_edit(CommandLine& line);

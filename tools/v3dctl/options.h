@@ -10,6 +10,7 @@
 
 #include "base/core/text.h"
 #include "cli/command.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -36,5 +37,10 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 
 void add_frames_option(cli::Command command, std::string& value);
 void add_json_flag(cli::Command command, bool& value);
+
+/// Adds --view-source; resolved_view_source() understands its value.
+void add_view_source_option(cli::Command command, std::string& value);
+recorded::ViewSource resolved_view_source(const std::string& value,
+                                          const std::filesystem::path& take);
 
 }  // namespace v3d::ctl

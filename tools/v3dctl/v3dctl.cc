@@ -20,6 +20,7 @@ void add_all_commands(CommandLine& line) {
   add_external(line, "plan", "Propose positions and lenses of cameras for a space");
   add_external(line, "calibrate", "Calibrate lenses, poses and colours of the cameras");
   add_reconstruct(line);
+  add_camera_colours(line);
   add_performers(line);
   add_track(line);
   add_skeleton(line);

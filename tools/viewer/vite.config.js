@@ -1,16 +1,15 @@
 import { fileURLToPath } from 'node:url';
 import { defineConfig } from 'vitest/config';
+import { decoderAlias } from './decoder_alias.js';
 
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 
-// CMake builds the decoder and passes its path; tests do not need it.
-const decoder = process.env.V3D_DECODER_WASM ?? here('../../build/release/codec/v3d_decoder.wasm');
 // `npx vite` beside a running v3d-viewd: all requests other than pages go to the daemon.
 const daemon = 'http://127.0.0.1:8330';
 
 export default defineConfig({
   base: './',
-  resolve: { alias: { 'v3d_decoder.wasm?url': `${decoder}?url` } },
+  resolve: { alias: decoderAlias },
   worker: { format: 'es' },
   build: {
     outDir: process.env.V3D_VIEWER_OUT ?? 'dist',

@@ -10,8 +10,8 @@ root = pathlib.Path(sys.argv[1])
 page = (root / "docs/man/v3d-studio.toml.5").read_text()
 documented = set(re.findall(r"[a-z_0-9]+", " ".join(re.findall(r"^\.(?:B|BR|SS) (.*)$", page, re.MULTILINE))))
 read = set()
-for name in ("studio_file.cc", "studio_fields.cc", "studio_sound.cc"):
-    source = (root / "base/config" / name).read_text()
+for path in sorted((root / "base/config").glob("studio_*.cc")):
+    source = path.read_text()
     read |= set(re.findall(r"(?:table|file|gate)\.(?:has|is_text|text|text_or|number|number_or|integer|integer_or|boolean_or|"
                            r"numbers|integers|texts|rows|table|tables)\(\"(\w+)\"", source))
     read |= set(re.findall(r"(?:ranged|ranged_int|choice|read_point|read_public_key|read_channel)\(\s*table,\s*\"(\w+)\"", source))

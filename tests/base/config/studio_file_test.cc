@@ -9,7 +9,9 @@
 namespace v3d {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr std::string_view kGood = R"(name = "kyoto"
 
@@ -201,9 +203,10 @@ TEST(StudioFile, rejects_values_out_of_range_and_reports_the_range) {
             "2, found 3");
   EXPECT_EQ(message_for(with("max = [1.5, 1.5, 2]", "max = [1.5, 1.5, 0]")),
             "/etc/v3d/studio.toml:32: space.max: expected values above min in x, y and z");
-  EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
-            "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
-            "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  EXPECT_THAT(message_for(with("\"Mono8\"", "\"Mono14\"")),
+              AllOf(HasSubstr("/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono14' is unknown; "
+                              "known: Mono8, BayerGR8"),
+                    HasSubstr("BayerRG12Packed"), Not(HasSubstr("MJPEG"))));
   EXPECT_EQ(message_for(with("exposure_us = 800", "chroma_key = \"pink\"")),
             "/etc/v3d/studio.toml:9: camera_defaults.chroma_key: 'pink' is unknown; known: none, "
             "green, blue");
@@ -304,6 +307,80 @@ TEST(StudioFile, reads_the_trigger_settings_of_a_v4l2_camera) {
   EXPECT_EQ(camera.trigger_value, 2);
   EXPECT_EQ(camera.trigger_edge, Edge::kFalling);
   EXPECT_EQ(camera.size, (ImageSize{640, 480}));
+}
+
+TEST(StudioFile, reads_the_pixel_formats_of_both_kinds_of_cameras) {
+  const auto format_of = [](const std::string& lines) {
+    return parse_studio(with("address = \"V3D-SIM-01\"", lines), "studio.toml")
+        .cameras[0]
+        .pixel_format;
+  };
+  EXPECT_EQ(format_of("address = \"V3D-SIM-01\"\npixel_format = \"BayerRG12Packed\""),
+            CameraFormat(PixelFormat::kBayerRG12, PixelLayout::kGigePacked));
+  EXPECT_EQ(format_of("address = \"V3D-SIM-01\"\npixel_format = \"Mono10p\""),
+            CameraFormat(PixelFormat::kMono10, PixelLayout::kLsbPacked));
+  const std::string v4l2 = "address = \"A1B2\"\nkind = \"v4l2\"\ntrigger_control = \"1\"\n";
+  EXPECT_EQ(format_of(v4l2 + "pixel_format = \"MJPEG\""),
+            CameraFormat(PixelFormat::kRGB8, PixelLayout::kJpeg));
+  EXPECT_EQ(format_of(v4l2 + "pixel_format = \"BayerGB10MIPI\""),
+            CameraFormat(PixelFormat::kBayerGB10, PixelLayout::kMipi));
+}
+
+TEST(StudioFile, reads_the_features_of_a_camera_in_the_order_of_the_file) {
+  const std::string text = with(
+      "packet_size = 8000",
+      "packet_size = 8000\n[camera_defaults.features]\nZoom = 2\nGamma = 0.45\nAlpha = \"On\"");
+  const std::string own = "address = \"V3D-SIM-01\"";
+  std::string both = text;
+  both.replace(both.find(own), own.size(), own + "\n[camera.features]\nNight = true\nGamma = 1.0");
+  const Studio studio = parse_studio(both, "studio.toml");
+  EXPECT_EQ(studio.cameras[1].features,
+            (std::vector<CameraFeature>{{"Zoom", "2"}, {"Gamma", "0.45"}, {"Alpha", "On"}}));
+  EXPECT_EQ(studio.cameras[0].features,
+            (std::vector<CameraFeature>{
+                {"Zoom", "2"}, {"Alpha", "On"}, {"Night", "true"}, {"Gamma", "1.0"}}));
+  EXPECT_THAT(message_for(with("packet_size = 8000",
+                               "packet_size = 8000\n[camera_defaults.features]\nLut = [1, 2]")),
+              HasSubstr("camera_defaults.features.Lut: expected a string"));
+}
+
+TEST(StudioFile, reads_the_region_and_the_image_settings_of_a_genicam_camera) {
+  const std::string address = "address = \"V3D-SIM-01\"";
+  const StudioCamera camera =
+      parse_studio(
+          with(address, address + "\nwidth = 640\nheight = 480\noffset_x = 16\noffset_y = 8\n"
+                                  "binning = 2\nreverse_y = true\nblack_level = 4.5\n"
+                                  "strobe_line = \"Line2\"\nuser_set = \"Default\""),
+          "studio.toml")
+          .cameras[0];
+  EXPECT_EQ(camera.size, (ImageSize{640, 480}));
+  EXPECT_EQ(camera.offset_x, 16);
+  EXPECT_EQ(camera.offset_y, 8);
+  EXPECT_EQ(camera.binning, 2);
+  EXPECT_FALSE(camera.reverse_x);
+  EXPECT_TRUE(camera.reverse_y);
+  EXPECT_EQ(camera.black_level, 4.5);
+  EXPECT_EQ(camera.strobe_line, "Line2");
+  EXPECT_EQ(camera.user_set, "Default");
+  EXPECT_THAT(message_for(with(address, address + "\noffset_y = 8")),
+              HasSubstr("camera.offset_y: expected width and height of the region, too"));
+  EXPECT_THAT(message_for(with(address, address + "\nkind = \"v4l2\"\ntrigger_control = \"1\"\n"
+                                                  "binning = 2")),
+              HasSubstr("camera.binning: a V4L2 camera has no such setting"));
+}
+
+TEST(StudioFile, rejects_a_pixel_format_that_the_kind_of_camera_lacks) {
+  const std::string address = "address = \"V3D-SIM-01\"";
+  EXPECT_THAT(message_for(with(address, address + "\npixel_format = \"YUYV\"")),
+              AllOf(HasSubstr("camera.pixel_format: GenICam has no YUYV; expected one of Mono8"),
+                    HasSubstr("BayerRG10p")));
+  EXPECT_THAT(message_for(with(address, address + "\nkind = \"v4l2\"\ntrigger_control = \"1\"\n"
+                                                  "pixel_format = \"BayerRG12Packed\"")),
+              AllOf(HasSubstr("camera.pixel_format: V4L2 has no BayerRG12Packed; expected one of"),
+                    HasSubstr("BayerRG12MIPI"), HasSubstr("MJPEG")));
+  EXPECT_THAT(message_for(with("pixel_format = \"Mono8\"",
+                               "chroma_key = \"green\"\npixel_format = \"Mono12p\"")),
+              HasSubstr("a Mono12p picture has no colour"));
 }
 
 TEST(StudioFile, reports_the_requirements_of_a_free_running_camera) {

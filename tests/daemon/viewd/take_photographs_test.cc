@@ -21,9 +21,12 @@ using testing::Not;
 /// A take whose cam01 has frames of the pulses 0 to 2, each of one grey.
 class PhotographSite : public test::ViewedSite {
  protected:
-  static constexpr ImageSize kSize{64, 48};
+  static constexpr ImageSize kSize{320, 240};
 
-  PhotographSite() { add_frames(take::LogOpening::kNew, 0, 3); }
+  PhotographSite() {
+    add_frames(take::LogOpening::kNew, 0, 3);
+    save_info({"cam00", "cam01"});
+  }
 
   static wire::FrameMessage frame(int64_t pulse) {
     wire::FrameMessage message;
@@ -118,6 +121,29 @@ TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
   add_frames(take::LogOpening::kContinue, 3, 5);
   EXPECT_TRUE(test::becomes_true([&] { return done(site.answer(request)).status == 200; },
                                  test::within(20)));
+}
+
+TEST_F(PhotographSite, serves_the_middle_frame_of_a_take_as_a_small_picture) {
+  const web::WebAnswer answer = get("/api/takes/kendo-07/thumbnail.jpg");
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  EXPECT_EQ(answer.type, "image/jpeg");
+  const std::span bytes(reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size());
+  const auto size = jpeg_size(bytes);
+  ASSERT_TRUE(size);
+  EXPECT_LE(std::max(size->width, size->height), TakePhotographs::kMaxThumbnailSide);
+  EXPECT_EQ(size->width * kSize.height, size->height * kSize.width);
+  const auto picture = decode_jpeg(bytes, *size);
+  ASSERT_TRUE(picture);
+  EXPECT_NEAR(picture->row(size->height / 2)[3 * (size->width / 2)], 50 + 40 * 1, 2);
+}
+
+TEST_F(PhotographSite, answers_404_for_a_thumbnail_without_frames) {
+  std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
+  for (const std::string take : {"kendo-07", "none", "%2e%2e"}) {
+    const web::WebAnswer answer = get("/api/takes/" + take + "/thumbnail.jpg");
+    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << take;
+    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+  }
 }
 
 TEST_F(PhotographSite, survives_a_damaged_log) {

@@ -28,14 +28,7 @@ class ViewedBall : public test::ViewedSite {
 
   ViewedBall() {
     const take::TakePaths paths{folder_ / "takes/kendo-07"};
-    EXPECT_TRUE(save_take_info(paths, {.name = "kendo-07",
-                                       .studio = "dojo",
-                                       .rate_hz = 25,
-                                       .pulses = 3,
-                                       .state = take::TakeState::kComplete,
-                                       .software_version = "test",
-                                       .started = Realtime::now(),
-                                       .cameras = {"left", "right"}}));
+    save_info({"left", "right"});
     save_calib(paths.calib(), {camera("left", {-3, 0, 1}), camera("right", {3, 0, 1})});
     save_frames(paths, "left", kLeft);
     save_frames(paths, "right", kRight);

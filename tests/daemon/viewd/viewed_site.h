@@ -6,9 +6,11 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "daemon/viewd/web_site.h"
 #include "support/temporary_folder.h"
+#include "take/take.h"
 
 namespace v3d::test {
 
@@ -44,6 +46,19 @@ class ViewedSite : public testing::Test {
   static web::WebAnswer done(web::WebAnswer answer) { return answer.work ? answer.work() : answer; }
   viewd::WebSite site() {
     return {studio_, web::WebAccess(""), viewd::find_page_files(folder_ / "page"), commands_};
+  }
+
+  /// Writes the take.toml of kendo-07: a complete take of three pulses.
+  void save_info(const std::vector<std::string>& cameras) const {
+    io::throw_if_failed(save_take_info(take::TakePaths{folder_ / "takes/kendo-07"},
+                                       {.name = "kendo-07",
+                                        .studio = "dojo",
+                                        .rate_hz = 25,
+                                        .pulses = 3,
+                                        .state = take::TakeState::kComplete,
+                                        .software_version = "test",
+                                        .started = Realtime::now(),
+                                        .cameras = cameras}));
   }
 
   const TemporaryFolder folder_;

@@ -74,7 +74,9 @@ struct HeldOutReport {
 
 struct HeldOutRequest {
   std::vector<std::string> cameras;
-  bool view_dependent = false;    ///< render with view-dependent colours for the camera
+  bool view_dependent = false;  ///< render with view-dependent colours for the camera
+  /// Of these colours; resolved().
+  recorded::ViewSource view_source = recorded::ViewSource::kPhotographs;
   std::filesystem::path truth{};  ///< as for evaluate_truth(); empty: none
   int atlas_side = 0;             ///< texels of the atlas to compare with; 0: none
 };

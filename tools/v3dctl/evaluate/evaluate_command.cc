@@ -23,6 +23,7 @@ struct Arguments {
   std::filesystem::path report;
   std::string held_out;
   bool view_dependent = false;
+  std::string view_source = "automatic";
   int atlas_side = 0;
   bool json = false;
 };
@@ -113,6 +114,10 @@ void print_motion(const MotionReport& report) {
   }
 }
 
+recorded::ViewSource view_source_of(const Arguments& arguments) {
+  return resolved_view_source(arguments.view_source, arguments.take);
+}
+
 EvaluationColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
                          const std::string& name, const EvaluatedMeshes& evaluated) {
   EvaluationColumn column{.name = name, .evaluated = evaluated, .truth = {}, .held_out = {}};
@@ -123,6 +128,7 @@ EvaluationColumn measure(const Arguments& arguments, const std::vector<std::stri
   if (!cameras.empty()) {
     column.held_out = evaluate_held_out(evaluated, {.cameras = cameras,
                                                     .view_dependent = arguments.view_dependent,
+                                                    .view_source = view_source_of(arguments),
                                                     .truth = arguments.truth,
                                                     .atlas_side = arguments.atlas_side});
   }
@@ -190,6 +196,7 @@ int run(const Arguments& arguments) {
                                                     .truth = arguments.truth,
                                                     .held_out = cameras,
                                                     .view_dependent = arguments.view_dependent,
+                                                    .view_source = view_source_of(arguments),
                                                     .atlas_side = arguments.atlas_side}));
   }
   return all ? kExitDone : kExitIncomplete;
@@ -217,6 +224,7 @@ void add_evaluate(CommandLine& line) {
       .type_name("CAM,...");
   command.add_flag("--view-dependent", arguments->view_dependent,
                    "Render with the colours for the viewpoint of the held-out camera");
+  add_view_source_option(command, arguments->view_source);
   command
       .add_option("--atlas", arguments->atlas_side,
                   "With --held-out: compare also with a texture atlas of this size, from the raw "

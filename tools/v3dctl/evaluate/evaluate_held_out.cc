@@ -86,6 +86,7 @@ std::optional<Mesh> read_resampled_truth(const Mesh& mesh, const std::filesystem
 std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request) {
   recorded::MeshFrames meshes = open_meshes(evaluated);
+  meshes.want_views(request.view_dependent);
   recorded::TakeFrames recorded(evaluated.take, request.cameras);
   std::vector<HeldOutSamples> samples(request.cameras.size());
   const std::vector<int64_t> frames = meshes.frames({});
@@ -97,8 +98,10 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
     const auto views = recorded.read(frame);
     const auto truth = read_resampled_truth(compact.mesh, request.truth, frame);
     std::optional<recorded::FrameColours> colours;
-    if (request.view_dependent || request.atlas_side > 0 || truth) {
-      colours.emplace(evaluated.take, compact);
+    if (request.atlas_side > 0 || truth) colours.emplace(evaluated.take, compact);
+    std::optional<recorded::ViewColours> views_of_mesh;
+    if (request.view_dependent) {
+      views_of_mesh.emplace(evaluated.take, compact, request.view_source);
     }
     std::optional<recon::TextureAtlas> atlas;
     if (request.atlas_side > 0 && !compact.mesh.triangles.empty()) {
@@ -110,8 +113,7 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
       const HeldOutView view(camera, *views[i]);
       if (view.inside().count() == 0) continue;
       samples[i].add(
-          view,
-          request.view_dependent ? colours->coloured_for(camera.model, compact.mesh) : compact.mesh,
+          view, request.view_dependent ? views_of_mesh->coloured_for(camera.model) : compact.mesh,
           camera.model);
       if (atlas) samples[i].add_atlas(view, compact.mesh, *atlas);
       if (!truth) continue;

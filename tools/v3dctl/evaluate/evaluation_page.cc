@@ -158,7 +158,9 @@ std::string error_scale() {
 std::vector<recon::CompactFrame> meshes_of(const EvaluationPage& page, int64_t frame) {
   std::vector<recon::CompactFrame> meshes;
   for (const EvaluationColumn& column : page.columns) {
-    meshes.push_back(open_meshes(column.evaluated).read(frame));
+    recorded::MeshFrames frames = open_meshes(column.evaluated);
+    frames.want_views(page.view_dependent);
+    meshes.push_back(frames.read(frame));
   }
   return meshes;
 }
@@ -182,8 +184,9 @@ std::string photograph_and_renderings(const EvaluationPage& page,
   std::string renderings, differences;
   for (size_t i = 0; i < meshes.size(); ++i) {
     const EvaluationColumn& column = page.columns[i];
-    const Mesh mesh = page.view_dependent ? recorded::FrameColours(column.evaluated.take, meshes[i])
-                                                .coloured_for(camera.model, meshes[i].mesh)
+    const Mesh mesh = page.view_dependent ? recorded::ViewColours(column.evaluated.take, meshes[i],
+                                                                  page.view_source)
+                                                .coloured_for(camera.model)
                                           : meshes[i].mesh;
     renderings +=
         figure(view.render(mesh),

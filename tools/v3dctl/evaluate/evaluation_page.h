@@ -26,7 +26,8 @@ struct EvaluationPage {
   std::vector<EvaluationColumn> columns;  ///< of the same take; at least one
   std::filesystem::path truth;            ///< empty: none
   std::vector<std::string> held_out;      ///< cameras
-  bool view_dependent = false;
+  bool view_dependent = false;            ///< as in HeldOutRequest
+  recorded::ViewSource view_source = recorded::ViewSource::kPhotographs;
   int atlas_side = 0;  ///< as in HeldOutRequest
 };
 

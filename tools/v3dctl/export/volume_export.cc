@@ -23,6 +23,7 @@
 #include "v3dctl/export/texture_painter.h"
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
+#include "v3dctl/scene/scene_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -38,19 +39,21 @@ constexpr double kPositionStep = 0.001;
 /// JPEG quality of the still picture in a segment's file, which players do not show.
 constexpr int kStillQuality = 70;
 
-/// Media types, for a browser that chooses between the videos. They state the levels 5.0 (AV1) and
+/// Sound is AAC, which browsers and other players read in .mp4 everywhere; Opus in .mp4 is newer.
+constexpr const char* kSoundCodec = "mp4a.40.2";
+
+/// Video codecs for a browser that chooses between the videos. They state the levels 5.0 (AV1) and
 /// 5.1 (H.264), which include 2048 x 2048 at 25 Hz. A larger atlas needs a higher level than
 /// stated.
 struct TextureVideo {
   const char* file;
-  const char* type;
+  const char* video_codec;
   VideoOptions::Codec codec;
   int quality;
 };
-constexpr TextureVideo kVideos[] = {{"texture-av1.mp4", "video/mp4; codecs=\"av01.0.12M.08\"",
-                                     VideoOptions::Codec::kAv1, kAv1Quality},
-                                    {"texture-h264.mp4", "video/mp4; codecs=\"avc1.640033\"",
-                                     VideoOptions::Codec::kH264, kH264Quality}};
+constexpr TextureVideo kVideos[] = {
+    {"texture-av1.mp4", "av01.0.12M.08", VideoOptions::Codec::kAv1, kAv1Quality},
+    {"texture-h264.mp4", "avc1.640033", VideoOptions::Codec::kH264, kH264Quality}};
 
 /// The pulses of one segment of the file that are delivered: ascending, not empty.
 using SegmentPlaces = std::vector<TrackedSurfaces::Place>;
@@ -80,6 +83,17 @@ std::vector<codec::VertexPosition> positions_of(const Mesh& mesh) {
   return positions;
 }
 
+struct SegmentCounts {
+  size_t vertices = 0, triangles = 0;
+};
+
+/// What the manifest states of the written files.
+struct WrittenParts {
+  std::vector<SegmentCounts> counts;  ///< of each segment
+  int64_t incomplete = 0;             ///< pulses without a frame of some camera
+  bool has_sound = false;
+};
+
 /// A delivered segment: geometry as a player decodes it, and colours of vertices.
 class DeliveredSegment {
  public:
@@ -103,6 +117,11 @@ class DeliveredSegment {
   }
 
   const std::vector<int64_t>& pulses() const { return pulses_; }
+  /// Numbers of vertices and triangles, as the motion file has them.
+  SegmentCounts counts() const {
+    const codec::MotionSegmentInfo& segment = reader_->segments().front();
+    return {segment.vertices, segment.triangles};
+  }
   /// Index of the pulse whose surface is in the GLB file.
   size_t key() const { return key_; }
   std::span<const uint8_t> bytes() const { return bytes_; }
@@ -141,20 +160,58 @@ class DeliveredSegment {
   std::optional<codec::MotionReader> reader_;
 };
 
+/// Pulses of a delivery: all from the first to the last that has a surface.
+struct Span {
+  int64_t first = 0, pulses = 0;
+};
+Span span_of(const std::vector<SegmentPlaces>& segments) {
+  const int64_t first = segments.front().front().pulse;
+  return {first, segments.back().back().pulse - first + 1};
+}
+
+/// The sound of a take, as a file for the encoder of the videos. The file exists as long as the
+/// object.
+class DeliverySound {
+ public:
+  /// The file lies in `folder`. Reports sound files that cannot be played in step.
+  DeliverySound(const fs::path& take, const fs::path& folder, Span span, double rate_hz) {
+    SceneTake whole{.take = take};
+    SceneSound sound({{.take = std::move(whole),
+                       .rate_hz = rate_hz,
+                       .part = {.in = span.first, .length = span.pulses}}},
+                     0);
+    for (const std::string& file : sound.unplayed()) {
+      note("v3dctl: " + file + ": has no map of pulses; the delivery is without this sound");
+    }
+    if (sound.is_silent()) return;
+    file_.emplace(sound, folder / "sound", static_cast<double>(span.pulses) / rate_hz);
+  }
+
+  bool is_silent() const { return !file_; }
+  fs::path file() const { return file_ ? file_->path() : fs::path(); }
+
+ private:
+  std::optional<SceneSoundFile> file_;
+};
+
 /// The videos of the texture, one picture for each pulse from the first to the last.
 class TextureVideos {
  public:
+  /// `sound`: a file with the sound of these pulses; empty: none.
   TextureVideos(const fs::path& folder, int side, double rate_hz,
-                const std::vector<SegmentPlaces>& segments) {
+                const std::vector<SegmentPlaces>& segments, const fs::path& sound) {
     first_ = next_ = segments.front().front().pulse;
     std::vector<double> keys;
     for (const SegmentPlaces& segment : segments) {
       keys.push_back(static_cast<double>(segment.front().pulse - first_) / rate_hz);
     }
     for (const TextureVideo& video : kVideos) {
-      writers_.push_back(std::make_unique<VideoWriter>(
-          folder / video.file, ImageSize{side, side}, rate_hz,
-          VideoOptions{.codec = video.codec, .quality = video.quality, .key_pictures_s = keys}));
+      writers_.push_back(std::make_unique<VideoWriter>(folder / video.file, ImageSize{side, side},
+                                                       rate_hz,
+                                                       VideoOptions{.codec = video.codec,
+                                                                    .quality = video.quality,
+                                                                    .key_pictures_s = keys,
+                                                                    .sound = sound}));
     }
   }
 
@@ -179,20 +236,33 @@ class TextureVideos {
   std::vector<std::unique_ptr<VideoWriter>> writers_;
 };
 
-Json manifest_of(const take::TakeInfo& info, int side, const std::vector<SegmentPlaces>& segments) {
-  const int64_t first = segments.front().front().pulse, last = segments.back().back().pulse;
+/// Media type of a video, for the function canPlayType() of browsers.
+std::string media_type(const TextureVideo& video, bool has_sound) {
+  const std::string sound = has_sound ? std::string(", ") + kSoundCodec : "";
+  return std::string("video/mp4; codecs=\"") + video.video_codec + sound + "\"";
+}
+
+Json manifest_of(const take::TakeInfo& info, int side, const std::vector<SegmentPlaces>& segments,
+                 const WrittenParts& parts) {
+  const auto [first, pulses] = span_of(segments);
   Json manifest = {{"format", "v3d-volume"},  {"version", 1},         {"take", info.name},
-                   {"rate_hz", info.rate_hz}, {"first_pulse", first}, {"pulses", last - first + 1},
+                   {"rate_hz", info.rate_hz}, {"first_pulse", first}, {"pulses", pulses},
                    {"motion", "motion.v3d"}};
   manifest["texture"]["side"] = side;
   for (const TextureVideo& video : kVideos) {
-    manifest["texture"]["videos"].push_back({{"file", video.file}, {"type", video.type}});
+    manifest["texture"]["videos"].push_back(
+        {{"file", video.file}, {"type", media_type(video, parts.has_sound)}});
+  }
+  if (parts.has_sound) {
+    manifest["sound"] = {{"codec", kSoundCodec}, {"rate_hz", kSceneSoundRate}, {"channels", 2}};
   }
   manifest["segments"] = Json::array();
   for (size_t s = 0; s < segments.size(); ++s) {
     manifest["segments"].push_back({{"first_pulse", segments[s].front().pulse},
                                     {"last_pulse", segments[s].back().pulse},
-                                    {"surface", fmt::format("segment-{:03}.glb", s)}});
+                                    {"surface", fmt::format("segment-{:03}.glb", s)},
+                                    {"vertices", parts.counts[s].vertices},
+                                    {"triangles", parts.counts[s].triangles}});
   }
   return manifest;
 }
@@ -201,17 +271,19 @@ Json manifest_of(const take::TakeInfo& info, int side, const std::vector<Segment
 class VolumeWriter {
  public:
   VolumeWriter(const VolumeExport& request, const fs::path& folder, TrackedSurfaces& surfaces,
-               const std::vector<SegmentPlaces>& segments, const take::TakeInfo& info)
+               const std::vector<SegmentPlaces>& segments, const take::TakeInfo& info,
+               const fs::path& sound)
       : request_(request),
         folder_(folder),
         surfaces_(surfaces),
         painter_(request.take, "--format volume"),
-        videos_(folder, request.atlas_side, info.rate_hz, segments),
+        videos_(folder, request.atlas_side, info.rate_hz, segments, sound),
         motion_(codec::MotionWriter::header()) {
     if (request.uncompressed) io::throw_if_failed(io::create_folders(folder / "textures"));
   }
 
-  void add(size_t number, const SegmentPlaces& places, Progress& progress) {
+  /// Returns the counts of the segment.
+  SegmentCounts add(size_t number, const SegmentPlaces& places, Progress& progress) {
     DeliveredSegment segment(surfaces_, places, take::TakePaths{request_.take}.motion());
     motion_.insert(motion_.end(), segment.bytes().begin(), segment.bytes().end());
     const recon::AtlasLayout layout =
@@ -231,6 +303,7 @@ class VolumeWriter {
       videos_.add(pulse, std::move(image));
       progress.advance();
     }
+    return segment.counts();
   }
 
   /// Returns the number of pulses without a frame of some camera.
@@ -260,6 +333,24 @@ class VolumeWriter {
   std::vector<uint8_t> motion_;
 };
 
+/// Writes everything but the manifest.
+WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
+                         TrackedSurfaces& surfaces, const std::vector<SegmentPlaces>& segments,
+                         const take::TakeInfo& info) {
+  const DeliverySound sound(request.take, folder, span_of(segments), info.rate_hz);
+  int64_t pulses = 0;
+  for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
+  Progress progress("export", pulses);
+  VolumeWriter writer(request, folder, surfaces, segments, info, sound.file());
+  WrittenParts parts;
+  parts.has_sound = !sound.is_silent();
+  for (size_t s = 0; s < segments.size(); ++s) {
+    parts.counts.push_back(writer.add(s, segments[s], progress));
+  }
+  parts.incomplete = writer.finish();
+  return parts;
+}
+
 }  // namespace
 
 int export_volume(const VolumeExport& request) {
@@ -279,16 +370,11 @@ int export_volume(const VolumeExport& request) {
   }
   PartialFolder folder(request.out);
   catch_interrupts();
-  int64_t pulses = 0;
-  for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
-  Progress progress("export", pulses);
-  VolumeWriter writer(request, folder.path(), surfaces, segments, info);
-  for (size_t s = 0; s < segments.size(); ++s) writer.add(s, segments[s], progress);
-  const int64_t incomplete = writer.finish();
+  const WrittenParts parts = write_parts(request, folder.path(), surfaces, segments, info);
   replace_file(folder.path() / "manifest.json",
-               manifest_of(info, request.atlas_side, segments).dump(2) + "\n");
+               manifest_of(info, request.atlas_side, segments, parts).dump(2) + "\n");
   folder.finish();
-  return report_incomplete_frames(incomplete, request.take);
+  return report_incomplete_frames(parts.incomplete, request.take);
 }
 
 }  // namespace v3d::ctl

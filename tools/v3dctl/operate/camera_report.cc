@@ -22,6 +22,7 @@ using Grade = CameraVerdict::Grade;
 constexpr double kLookClipped = 0.01, kBadClipped = 0.10;
 constexpr double kLookDark = 0.30, kBadDark = 0.70;
 constexpr double kLookFocus = 0.7, kBadFocus = 0.4;  // of the focus of the background plates
+constexpr double kLookFlicker = 0.01, kBadFlicker = 0.05;
 constexpr double kLookForeground = 0.005, kBadForeground = 0.40;
 
 std::string percent(double share) {
@@ -72,6 +73,13 @@ void judge_pulses(const CameraMeasurement& camera, VerdictBuilder& builder) {
               "check its trigger cable, and that nothing else triggers it");
 }
 
+std::string remedy_of_flicker(const CameraMeasurement& camera) {
+  const std::string lamps = "lamps without flicker; measure in an empty studio";
+  if (!camera.rate_without_flicker_hz) return lamps;
+  return fmt::format("rate_hz = {:.6g} under [trigger], or ", *camera.rate_without_flicker_hz) +
+         lamps;
+}
+
 void judge_images(const CameraMeasurement& camera, VerdictBuilder& builder) {
   if (camera.received == 0) return;
   builder.add(grade_above(camera.clipped, kLookClipped, kBadClipped),
@@ -86,6 +94,12 @@ void judge_images(const CameraMeasurement& camera, VerdictBuilder& builder) {
                 "sharpness " + percent(ratio) + " of that of the background",
                 "check its focus; after a change of focus or light: v3dctl background");
   }
+  if (camera.beat_hz) {
+    builder.add(grade_above(camera.flicker_amplitude, kLookFlicker, kBadFlicker),
+                fmt::format("light flickers by {} at {:.2g} Hz", percent(camera.flicker_amplitude),
+                            *camera.beat_hz),
+                remedy_of_flicker(camera));
+  }
   if (!camera.foreground) {
     builder.add(Grade::kLook, "no background model", "clear the studio, then v3dctl background");
   } else {
@@ -97,8 +111,9 @@ void judge_images(const CameraMeasurement& camera, VerdictBuilder& builder) {
 
 CameraMeasurement parse_measurement(const Json& entry, const std::string& node, int64_t pulses) {
   const auto optional_value = [&](const char* key) -> std::optional<double> {
-    if (entry.at(key).is_null()) return std::nullopt;
-    return entry.at(key).get<double>();
+    const Json value = entry.value(key, Json());
+    if (value.is_null()) return std::nullopt;
+    return value.get<double>();
   };
   return {.node = node,
           .camera = entry.at("name").get<std::string>(),
@@ -111,7 +126,10 @@ CameraMeasurement parse_measurement(const Json& entry, const std::string& node, 
           .dark = entry.at("dark").get<double>(),
           .focus = entry.at("focus").get<double>(),
           .plates_focus = optional_value("plates_focus"),
-          .foreground = optional_value("foreground")};
+          .foreground = optional_value("foreground"),
+          .flicker_amplitude = entry.value("flicker_amplitude", 0.0),
+          .beat_hz = optional_value("beat_hz"),
+          .rate_without_flicker_hz = optional_value("rate_without_flicker_hz")};
 }
 
 /// Throws a Json exception if the detail is no result of a check.
@@ -148,7 +166,10 @@ Json to_json(const CameraMeasurement& camera) {
                {"dark", camera.dark},
                {"focus", camera.focus},
                {"plates_focus", optional_value(camera.plates_focus)},
-               {"foreground", optional_value(camera.foreground)}});
+               {"foreground", optional_value(camera.foreground)},
+               {"flicker_amplitude", camera.flicker_amplitude},
+               {"beat_hz", optional_value(camera.beat_hz)},
+               {"rate_without_flicker_hz", optional_value(camera.rate_without_flicker_hz)}});
   return json;
 }
 

@@ -29,6 +29,9 @@ struct CameraMeasurement {
   double focus = 0;                    ///< variance of the Laplacian
   std::optional<double> plates_focus;  ///< the same of the background plates
   std::optional<double> foreground;    ///< share of pixels, 0 to 1
+  double flicker_amplitude = 0;        ///< of the brightness over the pulses, share of its mean
+  std::optional<double> beat_hz;       ///< of the lamps with the pulses; empty under steady light
+  std::optional<double> rate_without_flicker_hz;  ///< of pulses; empty if none is known
 };
 
 struct CheckReport {

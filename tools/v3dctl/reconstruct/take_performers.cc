@@ -7,7 +7,7 @@
 
 #include "base/core/error.h"
 #include "base/io/process.h"
-#include "codec/frame_labeller.h"
+#include "codec/frame_reviser.h"
 #include "common/console.h"
 #include "recon/performers/performer_labels.h"
 #include "recon/performers/performer_tracker.h"
@@ -101,7 +101,7 @@ class Labeller {
   }
 
   const recon::VoxelGrid grid_;
-  codec::FrameLabeller codec_;
+  codec::FrameReviser codec_;
   recon::PerformerTracker tracker_;
   recon::VertexLabels vertices_;
   std::map<int, PerformerPulses> performers_;

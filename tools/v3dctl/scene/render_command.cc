@@ -37,23 +37,27 @@ struct Arguments {
   std::string camera;
   int turntable = 0;
   bool view_dependent = false;
+  std::string view_source = "automatic";
 };
 
 /// Renders a frame, with view-dependent colours if requested.
 class FrameRenderer {
  public:
-  FrameRenderer(const Arguments& arguments, recon::CompactFrame frame)
-      : mesh_(std::move(frame.mesh)) {
-    if (arguments.view_dependent) colours_.emplace(arguments.take, frame);
+  /// `frame` is borrowed.
+  FrameRenderer(const Arguments& arguments, const recon::CompactFrame& frame) : mesh_(frame.mesh) {
+    if (arguments.view_dependent) {
+      colours_.emplace(arguments.take, frame,
+                       resolved_view_source(arguments.view_source, arguments.take));
+    }
   }
   const Mesh& mesh() const { return mesh_; }
   Image draw(const CameraModel& camera, const recon::DrawOptions& options) const {
-    return draw_mesh(colours_ ? colours_->coloured_for(camera, mesh_) : mesh_, camera, options);
+    return draw_mesh(colours_ ? colours_->coloured_for(camera) : mesh_, camera, options);
   }
 
  private:
-  Mesh mesh_;
-  std::optional<recorded::FrameColours> colours_;
+  const Mesh& mesh_;
+  std::optional<recorded::ViewColours> colours_;
 };
 
 Image render_camera(const Arguments& arguments, const FrameRenderer& renderer) {
@@ -152,8 +156,9 @@ int run_scene(const Arguments& arguments) {
   const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
   const take::FrameRange range = frames_of(arguments, scene);
-  SceneRenderer renderer(std::move(scene),
-                         {.size = size, .view_dependent = arguments.view_dependent});
+  SceneRenderer renderer(std::move(scene), {.size = size,
+                                            .view_dependent = arguments.view_dependent,
+                                            .view_source = arguments.view_source});
   catch_interrupts();
   if (picture) {
     write_png(arguments.out, renderer.draw_at(*arguments.at_s).view());
@@ -174,7 +179,9 @@ int run_take(const Arguments& arguments) {
   }
   recorded::MeshFrames meshes(arguments.take);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
-  const FrameRenderer renderer(arguments, meshes.read(frame));
+  meshes.want_views(arguments.view_dependent);
+  const recon::CompactFrame compact = meshes.read(frame);
+  const FrameRenderer renderer(arguments, compact);
   const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)
                                                : render_camera(arguments, renderer);
   write_png(arguments.out, drawn.view());
@@ -232,6 +239,7 @@ void add_render(CommandLine& line) {
       "--view-dependent", arguments->view_dependent,
       "View-dependent colours: images of cameras with a similar direction have the most "
       "weight");
+  add_view_source_option(command, arguments->view_source);
   line.on_run(command, [arguments] { return run(*arguments); });
 }
 

@@ -8,6 +8,7 @@
 #include "base/image/image_files.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
+#include "v3dctl/options.h"
 
 namespace v3d::ctl {
 namespace {
@@ -51,8 +52,12 @@ SceneRenderer::SceneRenderer(Scene scene, const Options& options)
   for (const SceneTake& take : scene_.takes) {
     auto meshes = std::make_unique<recorded::MeshFrames>(take.take);
     auto pulses = meshes->frames({});
+    const auto source = options.view_dependent
+                            ? resolved_view_source(options.view_source, take.take)
+                            : recorded::ViewSource::kPhotographs;
+    meshes->want_views(options.view_dependent && source == recorded::ViewSource::kMesh);
     actors_.push_back({take, std::move(meshes), std::move(pulses),
-                       load_take_info(take::TakePaths{take.take}).rate_hz});
+                       load_take_info(take::TakePaths{take.take}).rate_hz, source});
   }
   for (const SceneModel& model : scene_.models) {
     append(models_, lit_model(load_model(model.model), model.place.world_from_own()));
@@ -95,12 +100,12 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double sec
   if (!pulse) return;
   // A pulse without a mesh shows the previous mesh.
   const auto next = std::ranges::upper_bound(actor.pulses, *pulse);
-  recon::CompactFrame frame = actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
-  Mesh mesh = std::move(frame.mesh);
-  if (options_.view_dependent) {
-    mesh = recorded::FrameColours(actor.take.take, frame)
-               .coloured_for(camera_in_take(camera, actor.take.place), std::move(mesh));
-  }
+  const recon::CompactFrame frame =
+      actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
+  Mesh mesh = options_.view_dependent
+                  ? recorded::ViewColours(actor.take.take, frame, actor.view_source)
+                        .coloured_for(camera_in_take(camera, actor.take.place))
+                  : frame.mesh;
   if (actor.take.performer) {
     mesh.triangles = recon::triangles_of_performer(mesh, frame.performers, *actor.take.performer);
   }

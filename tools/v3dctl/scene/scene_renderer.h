@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/image/image.h"
@@ -18,8 +19,9 @@ class SceneRenderer {
  public:
   struct Options {
     ImageSize size{1280, 720};
-    /// View-dependent colours of takes for the camera of the scene; needs their raw frames.
+    /// View-dependent colours of takes for the camera of the scene.
     bool view_dependent = false;
+    std::string view_source = "automatic";  ///< as for resolved_view_source()
   };
 
   /// Opens all files of the scene. Throws InputError for a file that is missing or of a wrong
@@ -40,6 +42,7 @@ class SceneRenderer {
     std::unique_ptr<recorded::MeshFrames> meshes;
     std::vector<int64_t> pulses;
     double rate_hz;
+    recorded::ViewSource view_source;  ///< without meaning where colours are not view-dependent
   };
 
   void add_take(Actor& actor, const CameraModel& camera, double seconds, Mesh& all) const;

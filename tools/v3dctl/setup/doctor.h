@@ -34,6 +34,10 @@ Finding check_packet_socket();
 /// Replies of cameras with an IP address to a GigE Vision register read, and access to V4L2
 /// devices.
 std::vector<Finding> check_cameras(const std::vector<StudioCamera>& cameras);
+/// Models, firmware and ignored settings of the cameras, from the files that the capture nodes on
+/// this PC wrote to the folder of takes. Nothing for nodes without a file.
+std::vector<Finding> check_camera_settings(const Studio& studio,
+                                           const std::vector<StudioCamera>& cameras);
 /// MTU of each interface with a route to a camera, against the packet size of its cameras.
 std::vector<Finding> check_mtu(const std::vector<StudioCamera>& cameras);
 /// The same for one interface; sizes in bytes.

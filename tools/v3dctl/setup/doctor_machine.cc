@@ -40,7 +40,8 @@ double data_rate(const Studio& studio, const std::vector<StudioCamera>& cameras)
       const int index = find_camera(rig, camera.name);
       if (index < 0) continue;
       const ImageSize size = rig[static_cast<size_t>(index)].model.size();
-      bytes += static_cast<double>(byte_count(size, camera.pixel_format)) * studio.trigger.rate_hz;
+      bytes +=
+          static_cast<double>(byte_count(size, camera.pixel_format.image)) * studio.trigger.rate_hz;
     }
     return bytes;
   } catch (const InputError&) {

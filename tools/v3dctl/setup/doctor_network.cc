@@ -14,8 +14,11 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "base/config/studio_values.h"
+#include "base/config/toml_file.h"
+#include "base/config/v4l2_address.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "v3dctl/setup/doctor.h"
@@ -160,6 +163,24 @@ Finding check_packet_socket() {
       "the unit v3d-captured@.service grants it; by hand: sudo setcap cap_net_raw+ep v3d-captured"};
 }
 
+namespace {
+
+Finding check_v4l2(const StudioCamera& camera) {
+  try {
+    const std::string path = v4l2_device(camera);
+    if (access(path.c_str(), R_OK | W_OK) == 0) {
+      return {Verdict::kGood, camera.name, path + " can be opened", ""};
+    }
+    return {Verdict::kBad, camera.name, errno_message(path),
+            "check the cable, and that the user is in group video"};
+  } catch (const InputError& error) {
+    return {Verdict::kBad, camera.name, error.what(),
+            "check the cable; ls -l /dev/v4l/by-id /dev/v4l/by-path lists the cameras"};
+  }
+}
+
+}  // namespace
+
 std::vector<Finding> check_cameras(const std::vector<StudioCamera>& cameras) {
   std::vector<sockaddr_in> addresses;
   for (const StudioCamera& camera : cameras) {
@@ -172,11 +193,7 @@ std::vector<Finding> check_cameras(const std::vector<StudioCamera>& cameras) {
   for (const StudioCamera& camera : cameras) {
     sockaddr_in address{};
     if (camera.kind == CameraKind::kV4l2) {
-      const bool accessible = access(camera.address.c_str(), R_OK | W_OK) == 0;
-      findings.push_back(
-          {accessible ? Verdict::kGood : Verdict::kBad, camera.name, errno_message(camera.address),
-           accessible ? "" : "check the cable, and that the user is in group video"});
-      if (accessible) findings.back().text = camera.address + " can be opened";
+      findings.push_back(check_v4l2(camera));
     } else if (!parse_address(camera.address, kControlPort, address)) {
       findings.push_back({Verdict::kUnknown, camera.name,
                           "has a serial number, " + camera.address + ", and no address",
@@ -187,6 +204,52 @@ std::vector<Finding> check_cameras(const std::vector<StudioCamera>& cameras) {
       findings.push_back(
           {Verdict::kBad, camera.name, camera.address + " does not reply",
            "check its power and cable, and that this PC has an address in its subnet"});
+    }
+  }
+  return findings;
+}
+
+namespace {
+
+/// One finding for each camera in the file.
+std::vector<Finding> read_camera_settings(const std::filesystem::path& path) {
+  std::map<std::string, std::string> ignored;  // by camera
+  const TomlTable file = TomlTable::load(path);
+  for (const TomlTable& difference : file.tables("difference")) {
+    if (difference.boolean_or("rounded", false)) continue;
+    std::string& text = ignored[difference.text("camera")];
+    text += (text.empty() ? "" : ", ") + difference.text("setting") + " (asked " +
+            difference.text("asked") + ", got " + difference.text("got") + ")";
+  }
+  std::vector<Finding> findings;
+  for (const TomlTable& camera : file.tables("camera")) {
+    const std::string name = camera.text("name");
+    const std::string& settings = ignored[name];
+    const std::string device = camera.text_or("device", "");
+    findings.push_back({settings.empty() ? Verdict::kGood : Verdict::kBad, name,
+                        device + (settings.empty() ? "; all settings as asked"
+                                                   : "; ignores settings: " + settings),
+                        settings.empty() ? "" : "correct the studio file, or the camera"});
+  }
+  return findings;
+}
+
+}  // namespace
+
+std::vector<Finding> check_camera_settings(const Studio& studio,
+                                           const std::vector<StudioCamera>& cameras) {
+  std::set<std::string> nodes;
+  for (const StudioCamera& camera : cameras) nodes.insert(camera.node);
+  std::vector<Finding> findings;
+  for (const std::string& node : nodes) {
+    const auto path = studio.storage.takes / (".camera-settings-" + node + ".toml");
+    std::error_code error;
+    if (!std::filesystem::exists(path, error)) continue;
+    try {
+      const auto more = read_camera_settings(path);
+      findings.insert(findings.end(), more.begin(), more.end());
+    } catch (const InputError& damaged) {
+      findings.push_back({Verdict::kUnknown, node, damaged.what(), "restart v3d-captured@" + node});
     }
   }
   return findings;
@@ -223,7 +286,8 @@ std::vector<Finding> check_network(const Studio& studio, const std::vector<Studi
   for (const std::string& url : studio.network.frame_groups) {
     findings.push_back(check_multicast(url));
   }
-  for (const auto& more : {check_mtu(cameras), check_cameras(cameras)}) {
+  for (const auto& more :
+       {check_mtu(cameras), check_cameras(cameras), check_camera_settings(studio, cameras)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
   return findings;

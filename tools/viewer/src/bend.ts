@@ -1,6 +1,6 @@
 // Bends of joints over a range of frames, as `v3dctl edit` makes them (docs/editing.md): of the skeleton, and of the surface by
 // linear blend skinning.
-import { parseJson } from './json_field';
+import { parseJson } from '../player/src/json_field';
 import { aboutAxis, hangingOn, product, type Quaternion, rotated, rotationOf } from './pose';
 import { type Joint, PARTS, type Pose, type Skeleton, type Skin } from './skeleton_file';
 

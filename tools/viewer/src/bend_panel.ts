@@ -4,8 +4,8 @@ import { download, find } from './page';
 import { aboutAxis, type Quaternion, rotationOf, TURNS } from './pose';
 import type { Pose, Skeleton } from './skeleton_file';
 import type { Stage } from './stage';
-import { vertexNormals } from './surface';
-import type { ShownFrame } from './worker_messages';
+import { vertexNormals } from '../player/src/surface';
+import type { ShownFrame } from '../player/src/worker_messages';
 
 const input = (id: string) => find<HTMLInputElement>(id);
 

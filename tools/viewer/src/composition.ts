@@ -1,7 +1,7 @@
 // A scene on the stage: a worker for each take, models and the backdrop, shown at one time.
 import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { entryAt } from './mesh_file';
+import { entryAt } from '../player/src/mesh_file';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
 import { cameraAt, pulseAt, soundAt } from './scene_clock';
@@ -10,8 +10,8 @@ import { wantsViews } from './shading';
 import { fetchSound } from './sound_file';
 import { type SoundOutput, SoundPlayer } from './sound_player';
 import type { Stage } from './stage';
-import { completed, indicesOfOne } from './surface';
-import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from './worker_messages';
+import { completed, indicesOfOne } from '../player/src/surface';
+import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from '../player/src/worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
 class Actor {
@@ -50,6 +50,7 @@ class Actor {
       }
       changed();
     };
+    this.send({ kind: 'views', wanted: wantsViews(stage.look) });
     this.send({ kind: 'take', take: 0, url });
     void fetchSound(takeOfMeshes(url)).then((sources) => {
       if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, trouble);
@@ -81,7 +82,7 @@ class Actor {
     const indices = performer === null ? this.frame.indices : indicesOfOne(this.frame, performer);
     this.shownPerformer = performer;
     this.stage.show({ ...this.frame, indices }, this.performer);
-    this.views.show(this.frame.tracked ? -1 : this.frame.pulse, this.next());
+    this.views.show(this.frame.tracked ? -1 : this.frame.pulse, this.next(), this.frame.views);
   }
   private shownPerformer: number | null = null;
 
@@ -108,6 +109,7 @@ class Actor {
   }
 
   lookChanged(): void {
+    this.send({ kind: 'views', wanted: wantsViews(this.stage.look) });
     this.views.apply();
   }
 

@@ -1,6 +1,6 @@
 // The facts about the shown picture, in the bar on top: pulse, triangles, rate, latency.
 import { formatBytes } from './take_list';
-import type { ShownFrame } from './worker_messages';
+import type { ShownFrame } from '../player/src/worker_messages';
 
 const count = (number: number) => number.toLocaleString('en');
 

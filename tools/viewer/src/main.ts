@@ -4,32 +4,36 @@ import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
-import { buttonsOf, download, find, press } from './page';
+import { download, find, press } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
-import { Playback } from './playback';
+import { Playback } from '../player/src/playback';
 import { fetchRig, type RigCamera } from './rig';
-import { newScene, parseScene, pictureCount, type SceneFile, writeScene } from './scene_file';
+import { RigPanel } from './rig_panel';
+import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
 import { type Look, LOOKS, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
 import { SoundControl } from './sound_control';
 import { Stage } from './stage';
-import { fetchScenes, fetchTakes, sceneItem, type Take, takeItem } from './take_list';
+import { TakeBrowser } from './take_browser';
+import { fetchScenes, fetchTakes, sceneItem, type Take } from './take_list';
 import { Transport } from './transport';
-import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
+import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
+const APART_M = 1.5; // between two compared takes
 
 class Viewer {
   private readonly stage: Stage;
   private readonly transport = new Transport();
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
   private takes: Take[] = [];
-  private rig: RigCamera[] = [];
+  private readonly rig = new RigPanel((camera) => this.stand(camera));
   /** The open content: a take, the live picture, or a scene. */
   private open: { take: Take | null; scene: string | null; number: number } | null = null;
   private composition: Composition | null = null;
   private readonly panel: ScenePanel;
+  private readonly browser = new TakeBrowser({ open: (name) => this.openTake(name), compare: (name) => this.compare(name) });
   private readonly pictures: Pictures;
   private playback: Playback | null = null;
   private opened = 0;
@@ -47,7 +51,7 @@ class Viewer {
   constructor() {
     this.stage = new Stage(find<HTMLCanvasElement>('canvas'));
     this.stage.onLeave = () => {
-      this.markStanding(null);
+      this.rig.mark(null);
       this.pictures.stand(null);
       this.setFollowing(false);
     };
@@ -82,7 +86,7 @@ class Viewer {
       fly: () => find('fly').click(),
       frameAll: () => this.stage.frameAll(),
       follow: () => this.setFollowing(true),
-      stand: (steps) => this.standNext(steps),
+      stand: (steps) => this.rig.standNext(steps),
       photograph: () => this.pictures.toggle(),
       blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
@@ -124,13 +128,12 @@ class Viewer {
     try {
       this.takes = await fetchTakes();
       scenes = await fetchScenes();
-      note.textContent = this.takes.length ? '' : 'No takes yet. Record one with v3dctl arm, start and stop.';
     } catch {
       note.textContent = 'The studio does not answer. Is v3d-viewd running?';
       return;
     }
     find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => void this.openScene(name, NaN))));
-    find('takes').replaceChildren(...this.takes.map((take) => takeItem(take, (name) => this.openTake(name))));
+    this.browser.list(this.takes);
     this.markOpen();
   }
 
@@ -188,6 +191,19 @@ class Viewer {
     const scene = newScene(take ?? null, seconds, this.stage.eyeAsKey(0));
     this.openAs({ take: null, scene: '' }, '', null);
     this.showScene(scene, this.unsavedUrl(), NaN);
+  }
+
+  /** A scene of the open take and another one beside it, in step. */
+  private compare(name: string): void {
+    const first = this.open?.take;
+    const second = this.takes.find((take) => take.name === name);
+    if (!first || !second) return;
+    const scene = sideBySide(first, second, this.stage.eyeAsKey(0), APART_M);
+    this.openAs({ take: null, scene: '' }, '', null);
+    this.showScene(scene, this.unsavedUrl(), NaN);
+    this.setFollowing(false);
+    this.stage.frameAll();
+    find('title').textContent = `${first.name} and ${second.name}`;
   }
 
   /** URL of an unsaved scene, as if its folder were beside the takes. */
@@ -290,16 +306,14 @@ class Viewer {
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     const number = this.opened;
-    if (rigUrl === null) return this.setRig([]);
+    if (rigUrl === null) return this.showRig([]);
     fetchRig(rigUrl).then((rig) => {
-      if (number === this.opened) this.setRig(rig);
+      if (number === this.opened) this.showRig(rig);
     });
   }
 
   private markOpen(): void {
-    for (const button of document.querySelectorAll<HTMLElement>('[data-take]')) {
-      press(button, button.dataset.take === this.open?.take?.name);
-    }
+    this.browser.mark(this.open?.take ?? null);
     for (const button of document.querySelectorAll<HTMLElement>('[data-scene]')) {
       press(button, button.dataset.scene === this.open?.scene);
     }
@@ -346,6 +360,8 @@ class Viewer {
       case 'frame':
         this.show(message.frame);
         break;
+      case 'no-surface':
+        break;
       default:
         this.motion.onMessage(message);
     }
@@ -369,7 +385,7 @@ class Viewer {
     if (!this.shown) return;
     this.shown = this.motion.complete(this.shown);
     this.stage.show(this.skeleton.show(this.performers.visible(this.shown)));
-    this.pictures.show(this.shown.pulse, this.shown.tracked !== null);
+    this.pictures.show(this.shown.pulse, this.shown.tracked !== null, this.shown.views);
   }
 
   private setLatency(pulse: number, edgeMs: number): void {
@@ -377,31 +393,15 @@ class Viewer {
     find('canvas').dataset.latency = `${pulse} ${this.latency}`; // for tools/bench/latency
   }
 
-  private setRig(rig: RigCamera[]): void {
-    this.rig = rig;
+  private showRig(rig: RigCamera[]): void {
     this.stage.setRig(rig);
-    find('rig-head').hidden = rig.length === 0;
-    find('rig').replaceChildren(...buttonsOf(rig, 'camera', ({ name }) => name, (camera) => this.stand(camera)));
+    this.rig.show(rig);
   }
 
   private stand(camera: RigCamera): void {
     this.stage.standAt(camera);
     this.pictures.stand(camera);
     press(find('fly'), false);
-    this.markStanding(camera.name);
-  }
-
-  private standNext(steps: number): void {
-    if (this.rig.length === 0) return;
-    const at = this.rig.findIndex((camera) => camera.name === this.standing);
-    const from = at < 0 && steps < 0 ? 0 : at;
-    this.stand(this.rig[(from + steps + this.rig.length) % this.rig.length]);
-  }
-
-  private standing: string | null = null;
-  private markStanding(name: string | null): void {
-    this.standing = name;
-    for (const button of find('rig').children) press(button, (button as HTMLElement).dataset.camera === name);
   }
 
   /** Takes without meshes have no camera views. */
@@ -414,6 +414,7 @@ class Viewer {
     if (document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden) return;
     this.stage.look = look;
     this.composition?.lookChanged();
+    this.send({ kind: 'views', wanted: wantsViews(look) });
     this.pictures.look();
     for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) press(button, button.dataset.look === look);
   }
@@ -469,7 +470,7 @@ class Viewer {
     frame.hidden = image === null;
     if (!image) return;
     for (const side of ['left', 'top', 'width', 'height'] as const) frame.style[side] = `${image[side]}px`;
-    frame.firstElementChild!.textContent = this.standing;
+    frame.firstElementChild!.textContent = this.rig.standing;
   }
 
   private factsUpdated = 0;

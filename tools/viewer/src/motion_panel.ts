@@ -1,8 +1,8 @@
 // The tracked surface of a take: its switch, its colours and its trails.
 import { find } from './page';
 import type { Stage } from './stage';
-import { completed } from './surface';
-import type { MotionMessage, ShownFrame, ToWorker, TrackedSegment, TrailPoint } from './worker_messages';
+import { completed } from '../player/src/surface';
+import type { MotionMessage, ShownFrame, ToWorker, TrackedSegment, TrailPoint } from '../player/src/worker_messages';
 
 const MAX_TRAILS = 20;
 

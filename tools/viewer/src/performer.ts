@@ -1,15 +1,17 @@
 // A performer on the stage: its present surface, placement and camera views.
 import {
-  type Box3, BufferAttribute, BufferGeometry, type Camera, DataArrayTexture, MathUtils, Matrix4, Mesh, NoColorSpace, type Object3D,
+  type Box3, type Camera, DataArrayTexture, MathUtils, Matrix4, Mesh, NoColorSpace, type Object3D,
   type Raycaster, type ShaderMaterial, Vector3,
 } from 'three';
 import type { Placement } from './scene_file';
 import { NO_VIEWS } from './shading';
-import type { Surface } from './surface';
-import { ROW, type VertexViews } from './vertex_views';
+import type { Surface } from '../player/src/surface';
+import { SurfaceGeometry } from '../player/src/surface_geometry';
+import { ROW, type VertexViews } from '../player/src/camera_views';
 
 export class Performer {
-  private readonly geometry = new BufferGeometry();
+  private readonly surface = new SurfaceGeometry();
+  private readonly geometry = this.surface.geometry;
   private views: VertexViews | null = null;
   private texture: DataArrayTexture | null = null;
   readonly mesh: Mesh;
@@ -25,33 +27,19 @@ export class Performer {
   /** Shows a surface. Its camera views are unknown until setViews(). The same array of indices is not uploaded again. */
   show(surface: Surface): void {
     const tint = surface.colours ?? new Uint8Array(surface.positions.length).fill(180);
-    if (this.geometry.getIndex()?.array === surface.indices) {
-      this.update('position', surface.positions);
-      this.update('normal', surface.normals);
-      this.update('tint', tint);
-    } else {
-      this.geometry.dispose(); // frees the buffers on the graphics card; new ones are made for the new arrays
-      this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
-      this.geometry.setAttribute('normal', new BufferAttribute(surface.normals, 3));
-      this.geometry.setAttribute('tint', new BufferAttribute(tint, 3, true));
-      this.geometry.setIndex(new BufferAttribute(surface.indices, 1));
-      ++this.indexUploads;
-    }
-    this.geometry.boundingBox = null;
-    this.geometry.boundingSphere = null;
+    this.surface.show(surface.indices, {
+      position: { values: surface.positions, size: 3 },
+      normal: { values: surface.normals, size: 3 },
+      tint: { values: tint, size: 3, normalized: true },
+    });
     this.mesh.visible = true;
     this.setViews(null);
   }
 
-  /** Uploads new values into the buffer on the graphics card. */
-  private update(name: string, values: Float32Array | Uint8Array): void {
-    const attribute = this.geometry.getAttribute(name) as BufferAttribute;
-    if (attribute.array === values) return;
-    attribute.array = values;
-    attribute.needsUpdate = true;
-  }
   /** Number of surfaces whose triangles were uploaded. */
-  indexUploads = 0;
+  get indexUploads(): number {
+    return this.surface.indexUploads;
+  }
 
   /** Number of the vertex that is nearest to the first point of the surface on the ray; null: the ray misses it. */
   vertexAt(ray: Raycaster): number | null {
@@ -105,7 +93,7 @@ export class Performer {
 
   dispose(): void {
     this.setViews(null);
-    this.geometry.dispose();
+    this.surface.dispose();
   }
 }
 

@@ -1,7 +1,7 @@
 // The performers of a take: buttons that hide them, and the file of what is visible.
 import { BufferAttribute, BufferGeometry, Mesh, MeshStandardMaterial } from 'three';
 import { GLTFExporter } from 'three/addons/exporters/GLTFExporter.js';
-import { indicesOf, performersOf, type Surface } from './surface';
+import { indicesOf, performersOf, type Surface } from '../player/src/surface';
 
 export class PerformerList {
   private readonly hidden = new Set<number>();

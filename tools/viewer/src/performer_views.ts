@@ -1,7 +1,8 @@
-// Fetches the camera views for a performer, if the look needs them and the server has them.
+// Camera views for a performer, if the look needs them: those of its compact frame, otherwise those of the server.
+import type { CodedViews, VertexViews } from '../player/src/camera_views';
 import type { Performer } from './performer';
-import { fetchThere, PulseStore } from './pulse_store';
-import { parseVertexViews, type VertexViews } from './vertex_views';
+import { fetchThere, PulseStore } from '../player/src/pulse_store';
+import { parseVertexViews } from './vertex_views';
 
 /** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */
 export const takeOfMeshes = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
@@ -21,6 +22,7 @@ export class PerformerViews {
   private readonly store: PulseStore<VertexViews>;
   private shown = -1;
   private ahead: number[] = [];
+  private coded: CodedViews = null;
 
   constructor(
     take: string,
@@ -37,8 +39,9 @@ export class PerformerViews {
     });
   }
 
-  /** To call when the performer shows this pulse; `ahead`: the next pulses, if known. */
-  show(pulse: number, ahead: number[] = []): void {
+  /** To call when the performer shows this pulse; `ahead`: the next pulses, if known; `coded`: views of its frame. */
+  show(pulse: number, ahead: number[] = [], coded: CodedViews = null): void {
+    this.coded = coded;
     this.shown = pulse;
     this.ahead = ahead;
     this.apply();
@@ -47,13 +50,14 @@ export class PerformerViews {
   /** To call after every show(), and when the look has changed. */
   apply(): void {
     if (this.shown < 0 || !this.wanted()) return;
-    this.store.want(this.shown, this.ahead);
-    this.performer.setViews(this.store.get(this.shown) ?? null);
+    if (this.coded === null) this.store.want(this.shown, this.ahead);
+    this.performer.setViews(this.coded === 'unread' ? null : (this.coded ?? this.store.get(this.shown) ?? null));
     this.changed();
   }
 
   get state(): ViewsState {
     if (this.performer.hasViews) return 'here';
+    if (this.coded !== null) return this.coded === 'unread' ? 'coming' : 'none';
     return this.store.get(this.shown) === undefined ? 'coming' : 'none';
   }
 

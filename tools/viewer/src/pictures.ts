@@ -1,8 +1,9 @@
 // Photographs and camera views of the open take: the photograph over the view from a camera, and the notes about them on the
 // page.
 import { find } from './page';
+import type { CodedViews } from '../player/src/camera_views';
 import { PerformerViews, type ViewsState } from './performer_views';
-import { fetchThere, PulseStore } from './pulse_store';
+import { fetchThere, PulseStore } from '../player/src/pulse_store';
 import type { RigCamera } from './rig';
 import { AGREEING, CONFIDENCE_COLOURS, wantsViews } from './shading';
 import type { Stage } from './stage';
@@ -75,11 +76,14 @@ export class Pictures {
     this.lay();
   }
 
-  /** To call when the surface of this pulse is shown. `tracked`: it is no mesh, so that it has no views. */
-  show(pulse: number, tracked: boolean): void {
+  /**
+   * To call when the surface of this pulse is shown. `tracked`: it is no mesh, so that it has no views. `coded`: the views of
+   * its compact frame.
+   */
+  show(pulse: number, tracked: boolean, coded: CodedViews = null): void {
     this.shown = pulse;
     this.tracked = tracked;
-    this.views?.show(tracked ? -1 : pulse, tracked ? [] : this.ahead(this.views.tookMs));
+    this.views?.show(tracked ? -1 : pulse, tracked ? [] : this.ahead(this.views.tookMs), tracked ? null : coded);
     this.lay();
   }
 
@@ -153,7 +157,7 @@ export class Pictures {
     const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
     if (state === 'here') return '';
     if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;
-    if (state === 'none') return `${instead}: the raw frames, which show what each camera sees, are not on this PC.`;
+    if (state === 'none') return `${instead}: the raw frames, which show what each camera sees, are not on this PC, and the take keeps no colours of cameras.`;
     return this.views ? '' : `${instead}: what each camera sees is known of recorded takes only.`;
   }
 }

@@ -1,6 +1,6 @@
 // Reader and writer of scene files (docs/scene.md). Pure. tools/v3dctl/scene/scene_file.cc has the same rules and messages.
 
-import { type Field, parseJson, type Vector } from './json_field';
+import { type Field, parseJson, type Vector } from '../player/src/json_field';
 
 export type { Vector };
 
@@ -231,4 +231,18 @@ export function newScene(take: { name: string; rate_hz: number } | null, seconds
       ...WHOLE_TAKE }] : [],
     camera: { keys: [key] },
   };
+}
+
+/**
+ * A scene of two takes in step: both begin at second 0. The second stands `apart` metres beside the first, to the right for
+ * the camera `key`. The sound is that of the first, and pulses follow at its rate.
+ */
+export function sideBySide(first: { name: string; rate_hz: number; seconds: number }, second: { name: string; seconds: number },
+  key: CameraKey, apart: number): SceneFile {
+  const scene = newScene(first, Math.max(first.seconds, second.seconds), key);
+  const [x, y] = [key.look[0] - key.eye[0], key.look[1] - key.eye[1]];
+  const scale = apart / (Math.hypot(x, y) || 1);
+  const millimetres = (metres: number) => Math.round(1000 * metres) / 1000;
+  scene.takes.push({ ...scene.takes[0], take: `../${second.name}`, move: [millimetres(y * scale), millimetres(-x * scale), 0], sound: false });
+  return scene;
 }

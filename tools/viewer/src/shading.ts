@@ -1,7 +1,7 @@
 // Shading of performers. The cameras' views of each vertex are in a texture with a layer for each camera
 // (vertex_views.ts), so any number of cameras uses one texture unit.
 import { DataArrayTexture, DoubleSide, GLSL3, ShaderMaterial, Vector3 } from 'three';
-import { MAX_CAMERAS } from './vertex_views';
+import { MAX_CAMERAS } from '../player/src/camera_views';
 
 /** In the order of their keys. */
 export const LOOKS = ['colour', 'normals', 'clay', 'view', 'confidence'] as const;

@@ -1,5 +1,5 @@
 // Reader of skeleton.json (docs/skeleton.md): joints, poses, and the skin of tracked surfaces.
-import { type Field, MAX_METRES, parseJson } from './json_field';
+import { type Field, MAX_METRES, parseJson } from '../player/src/json_field';
 
 /** Largest file that the page reads, bytes. */
 export const MAX_SKELETON_BYTES = 128 << 20;

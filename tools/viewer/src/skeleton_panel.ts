@@ -3,12 +3,12 @@ import { AnglePlot } from './angle_plot';
 import { movesSurface, readOperations } from './bend';
 import { BendPanel } from './bend_panel';
 import { find } from './page';
-import type { Playback } from './playback';
+import type { Playback } from '../player/src/playback';
 import { similarPoses, turnCurves } from './pose';
 import { MAX_SKELETON_BYTES, parseSkeleton, type Pose, type Skeleton } from './skeleton_file';
 import type { Stage } from './stage';
 import type { Transport } from './transport';
-import type { ShownFrame } from './worker_messages';
+import type { ShownFrame } from '../player/src/worker_messages';
 
 /** Similar poses are at least this far from one another, seconds. */
 const APART_S = 0.5;

@@ -1,7 +1,7 @@
 // The sound of the open take or scene, and the button that switches it.
 import type { Composition } from './composition';
 import { press } from './page';
-import type { Playback } from './playback';
+import type { Playback } from '../player/src/playback';
 import { fetchSound } from './sound_file';
 import { SoundOutput, SoundPlayer } from './sound_player';
 import type { Take } from './take_list';

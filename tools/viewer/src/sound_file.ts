@@ -1,5 +1,5 @@
 // Sound files of a take: their pulses, and their samples, read by ranges. Pure, apart from the requests.
-import { type ByteSource, HttpSource } from './byte_source';
+import { type ByteSource, HttpSource } from '../player/src/byte_source';
 
 /** A sound file of a take that has a map of pulses (sound_json of v3d-viewd). */
 export interface SoundFile {

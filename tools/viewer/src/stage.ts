@@ -14,7 +14,7 @@ import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './
 import type { CameraKey, Vector } from './scene_file';
 import { type Look, LOOKS, makeShading } from './shading';
 import { type DrawnSkeleton, SkeletonOverlay } from './skeleton_overlay';
-import type { Surface } from './surface';
+import type { Surface } from '../player/src/surface';
 import { type DrawnTrail, Trails } from './trails';
 
 const NEAR = 0.02;

@@ -1,6 +1,6 @@
 // The bar below the stage: buttons, time line, speed.
 import { find } from './page';
-import { type Playback, SPEEDS, timeCode } from './playback';
+import { type Playback, SPEEDS, timeCode } from '../player/src/playback';
 
 export type Action = 'first' | 'back' | 'play' | 'forward' | 'in' | 'out' | 'clear' | 'loop' | 'slower' | 'faster' | 'last' | 'second-back' | 'second-on';
 

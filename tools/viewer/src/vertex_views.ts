@@ -1,31 +1,8 @@
 // Colour and visibility of the vertices of a mesh in every camera (daemon/viewd/view_json.h, vertex_views_message()).
+import { MAX_CAMERAS, ROW, type VertexViews } from '../player/src/camera_views';
 import { splitMessage } from './message';
 
-/** Maximum number of cameras in the shader. */
-export const MAX_CAMERAS = 64;
-/** Width of a texture with one vertex a texel; WebGL 2 supports twice this width. */
-export const ROW = 1024;
-
-export interface ViewingCamera {
-  name: string;
-  /** Unit vector of its optical axis, world: the paper's V_c. */
-  axis: [number, number, number];
-}
-
-interface Head {
-  pulse: number;
-  vertices: number;
-  cameras: ViewingCamera[];
-}
-
-export interface VertexViews extends Head {
-  rows: number;
-  /**
-   * For each camera `rows` rows of ROW texels: red, green, blue, and the visibility of the vertex in the camera: 0 not,
-   * 128 at the rim of the silhouette, where the colour may be the background's, 255 inside.
-   */
-  texels: Uint8Array;
-}
+type Head = Pick<VertexViews, 'pulse' | 'vertices' | 'cameras'>;
 
 const SIGHTS = [0, 128, 255, 0];
 

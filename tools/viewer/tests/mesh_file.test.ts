@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import type { ByteSource } from '../src/byte_source';
-import { crc32 } from '../src/crc32';
-import { entryAt, FrameStore, keyPulseOf, readEntries } from '../src/mesh_file';
+import type { ByteSource } from '../player/src/byte_source';
+import { crc32 } from '../player/src/crc32';
+import { entryAt, FrameStore, keyPulseOf, readEntries } from '../player/src/mesh_file';
 
 class Bytes implements ByteSource {
   reads = 0;
@@ -143,6 +143,6 @@ describe('frames and pulses', () => {
     expect(() => keyPulseOf(ofVersion(1))).toThrow('v3dctl reconstruct');
     expect(keyPulseOf(ofVersion(2))).toBe(25);
     expect(keyPulseOf(ofVersion(3))).toBe(25);
-    expect(() => keyPulseOf(ofVersion(4))).toThrow('update V3D');
+    expect(() => keyPulseOf(ofVersion(5))).toThrow('update V3D');
   });
 });

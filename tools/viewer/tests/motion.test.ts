@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { placeOf, pulsesOf } from '../src/motion_file';
+import { placeOf, pulsesOf } from '../player/src/motion_file';
 
 const segments = [{ pulses: [5, 6, 8] }, { pulses: [9] }, { pulses: [20, 21] }];
 

@@ -1,10 +1,12 @@
 import { Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
+import { ROW } from '../player/src/camera_views';
+import { codedViews, hasCodedViews } from '../player/src/coded_views';
 import { distort, mostRadius2 } from '../src/lens';
-import { Playback } from '../src/playback';
-import { PulseStore } from '../src/pulse_store';
+import { Playback } from '../player/src/playback';
+import { PulseStore } from '../player/src/pulse_store';
 import { projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
-import { parseVertexViews, ROW } from '../src/vertex_views';
+import { parseVertexViews } from '../src/vertex_views';
 
 const camera = (distortion: number[], skew = 0): RigCamera => ({
   name: 'cam07', width: 1024, height: 768, matrix: [[900, skew, 500], [0, 910, 390], [0, 0, 1]], distortion,
@@ -52,6 +54,37 @@ describe('a lens', () => {
     const clip = new Vector4(0.3, -0.2, 1.5, 1).applyMatrix4(worldFromCamera(leaning).invert())
       .applyMatrix4(projectionOf(leaning, 1024, 768, 0.02, 200));
     expect((0.5 + clip.x / clip.w / 2) * 1024).toBeCloseTo(900 * 0.2 + 12 * (-0.2 / 1.5) + 500 + 0.5, 3);
+  });
+});
+
+describe('views in a compact frame', () => {
+  const frame = (vertices: number) => ({
+    pulse: 7, cameras: ['a', 'b'], positions: new Float32Array(3 * vertices),
+    views: [new Uint8Array(4 * vertices).fill(1), new Uint8Array(4 * vertices).fill(2)].map((colours) =>
+      ({ axis: [0, 0, 1] as [number, number, number], colours })),
+  });
+
+  it('become a layer of texels for each camera', () => {
+    const views = codedViews(frame(ROW + 1))!;
+    expect(views.rows).toBe(2);
+    expect(views.vertices).toBe(ROW + 1);
+    expect(views.cameras.map(({ name }) => name)).toEqual(['a', 'b']);
+    expect(views.texels.length).toBe(2 * 2 * ROW * 4);
+    expect([...views.texels.subarray(4 * ROW, 4 * ROW + 5)]).toEqual([1, 1, 1, 1, 0]);
+    expect(views.texels[2 * ROW * 4]).toBe(2);
+  });
+
+  it('are none where the frame has none', () => {
+    expect(codedViews({ ...frame(3), views: null })).toBeNull();
+    const head = new Uint8Array(128);
+    expect(hasCodedViews(head)).toBe(false);
+    head[16] = 32;
+    expect(hasCodedViews(head)).toBe(true);
+  });
+
+  it('are not shown for more cameras than the shader has', () => {
+    const { views } = frame(3);
+    expect(codedViews({ ...frame(3), views: Array.from({ length: 65 }, () => views[0]) })).toBeNull();
   });
 });
 

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { Playback, timeCode } from '../src/playback';
+import { Playback, timeCode } from '../player/src/playback';
 
 const take = (pulses: number[] = Array.from({ length: 100 }, (_, n) => n)) =>
   new Playback(pulses.map((pulse) => ({ pulse })), 25);

@@ -3,7 +3,7 @@ import { expect, test } from 'vitest';
 import { place } from '../src/performer';
 import { cameraAt, pulseAt, soundAt } from '../src/scene_clock';
 import shared from '../../../tests/tools/scene_cases.json';
-import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, writeScene } from '../src/scene_file';
+import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, sideBySide, writeScene } from '../src/scene_file';
 
 // The same cases as in tests/tools/scene_test.cc.
 const cases = shared as unknown as {
@@ -71,4 +71,13 @@ test('an object is turned about x, then y, then z', () => {
   thing.updateMatrixWorld();
   const up = new Vector3(0, 0, 1).applyMatrix4(thing.matrixWorld); // about x to -y, about z to +x
   expect(up.distanceTo(new Vector3(3, 0, 0))).toBeLessThan(1e-9);
+});
+
+test('a compared take stands to the right of the first and begins with it', () => {
+  const key = { at_s: 0, eye: [0, -3, 1], look: [0, 0, 1], fov_deg: 40 } as CameraKey;
+  const both = parseScene(writeScene(sideBySide({ name: 'a', rate_hz: 50, seconds: 2 }, { name: 'b', seconds: 3 }, key, 1.5)));
+  expect(both).toMatchObject({ rate_hz: 50, seconds: 3 });
+  expect(both.takes.map(({ take, move, start_s, sound }) => ({ take, move, start_s, sound }))).toEqual([
+    { take: '../a', move: [0, 0, 0], start_s: 0, sound: true }, { take: '../b', move: [1.5, 0, 0], start_s: 0, sound: false },
+  ].map((wanted) => ({ ...wanted, move: wanted.move.map((x) => expect.closeTo(x, 9)) })));
 });

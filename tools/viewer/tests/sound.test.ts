@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import type { ByteSource } from '../src/byte_source';
+import type { ByteSource } from '../player/src/byte_source';
 import { partOf, SoundClock } from '../src/sound_clock';
 import { dataOffset, sampleOf, type SoundFile, SoundSource, stereoOf } from '../src/sound_file';
 

@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { indicesOf, indicesOfOne, performersOf, type Surface } from '../src/surface';
+import { indicesOf, indicesOfOne, performersOf, type Surface } from '../player/src/surface';
 
 /** Four triangles in a strip over six vertices. The first two belong to performer 3, the last to performer 1. */
 const strip: Surface = {

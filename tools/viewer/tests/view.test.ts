@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { factsOf, judgeCamera } from '../src/judge';
 import { eachForegroundRun, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
-import { vertexNormals } from '../src/surface';
+import { vertexNormals } from '../player/src/surface';
 import { slateText } from '../src/take_list';
 
 const camera: RigCamera = {

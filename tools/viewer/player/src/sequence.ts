@@ -1,5 +1,7 @@
 // Decoding of the requested frames of a sequence, with as few other frames as possible.
-import { Decoder, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { Decoder, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../../codec/v3d_decoder.mjs';
+import type { CodedViews } from './camera_views';
+import { codedViews, hasCodedViews } from './coded_views';
 import { entryAt, keyPulseOf, type FrameStore } from './mesh_file';
 import { vertexNormals } from './surface';
 import type { LiveFacts, ShownFrame } from './worker_messages';
@@ -13,6 +15,14 @@ export class TakeSequence {
     private readonly store: FrameStore,
   ) {}
 
+  /** Whether show() decodes the views of cameras. */
+  wantViews(wanted: boolean): void {
+    if (wanted && !this.views) this.last = -1; // they begin at a key frame
+    this.views = wanted;
+    this.decoder.wantViews(wanted);
+  }
+  private views = false;
+
   get length(): number {
     return this.store.entries.length;
   }
@@ -21,7 +31,7 @@ export class TakeSequence {
    * Decodes frame n and the frames it depends on. Returns null when `obsolete()`, called between frames, is true.
    * Throws when a frame is missing or damaged.
    */
-  async show(n: number, obsolete: () => boolean): Promise<{ frame: Frame; bytes: number } | null> {
+  async show(n: number, obsolete: () => boolean): Promise<{ frame: Frame; bytes: number; views: CodedViews } | null> {
     const bytes = await this.store.frame(n);
     const key = this.keyOf(bytes);
     const from = this.last >= key && this.last < n ? this.last + 1 : key;
@@ -33,7 +43,8 @@ export class TakeSequence {
       if (obsolete()) return null;
     }
     this.store.lookAhead(n);
-    return { frame: this.decoder.frame()!, bytes: bytes.length };
+    const frame = this.decoder.frame()!;
+    return { frame, bytes: bytes.length, views: !hasCodedViews(bytes) ? null : this.views ? codedViews(frame) : 'unread' };
   }
 
   private keyOf(bytes: Uint8Array): number {
@@ -73,7 +84,7 @@ export class LiveQueue<Head> {
 /** Copies a decoded frame for the screen. */
 export function shownFrame(
   frame: Frame,
-  of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null },
+  of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null; views?: CodedViews },
 ): ShownFrame {
   return {
     ...of,

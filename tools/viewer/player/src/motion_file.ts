@@ -1,8 +1,9 @@
 // Tracked surfaces of a take, motion.v3d (docs/motion-format.md), for the worker: surfaces of single pulses, and the paths of
 // vertices over the last pulses.
-import { Motion } from '../../../codec/v3d_decoder.mjs';
+import { Motion } from '../../../../codec/v3d_decoder.mjs';
+import { HttpSource } from './byte_source';
 import { vertexNormals } from './surface';
-import type { ShownFrame, TrackedSegment, Trail, TrailPoint } from './worker_messages';
+import type { SegmentShape, ShownFrame, TrackedSegment, Trail, TrailPoint } from './worker_messages';
 
 /** The decoder needs the whole file in memory. */
 const MAX_BYTES = 512 << 20;
@@ -10,19 +11,15 @@ const CHUNK = 4 << 20;
 /** Number of pulses of a trail, with the shown one. */
 export const TRAIL_PULSES = 25;
 
-/** Reads the whole file in parts. Throws a message for the page. */
-export async function fetchMotion(url: string, ended: () => boolean): Promise<Uint8Array | null> {
-  const head = await fetch(url, { method: 'HEAD', cache: 'no-cache' });
-  if (!head.ok) throw new Error(`The server answered ${head.status}.`);
-  const size = Number(head.headers.get('Content-Length') ?? 0);
+/** Reads the whole file in parts; null after `ended()`. Throws a message for the page. */
+export async function fetchMotion(url: string, ended: () => boolean, deadlineMs = Infinity): Promise<Uint8Array | null> {
+  const source = new HttpSource(url, deadlineMs);
+  const size = await source.size();
   if (size > MAX_BYTES) throw new Error(`motion.v3d has ${size} bytes; a browser can play at most ${MAX_BYTES}.`);
   const bytes = new Uint8Array(size);
   for (let at = 0; at < size; at += CHUNK) {
     if (ended()) return null;
-    const range = `bytes=${at}-${Math.min(at + CHUNK, size) - 1}`;
-    const answer = await fetch(url, { headers: { Range: range } });
-    if (answer.status !== 206) throw new Error(`The server answered ${answer.status} instead of 206 (partial content).`);
-    const part = new Uint8Array(await answer.arrayBuffer());
+    const part = await source.read(at, Math.min(CHUNK, size - at));
     if (part.length > size - at) throw new Error('motion.v3d was replaced during the download.');
     bytes.set(part, at);
   }
@@ -60,6 +57,10 @@ export class TrackedTake {
 
   get segments(): number {
     return this.motion.segments.length;
+  }
+
+  get shapes(): SegmentShape[] {
+    return this.motion.segments.map(({ pulses, vertices, triangles }) => ({ pulses, vertices, triangles }));
   }
 
   /** All pulses that have a tracked surface. */

@@ -1,22 +1,42 @@
+import type { CodedViews } from './camera_views';
 import type { Surface } from './surface';
 
 export type ToWorker =
-  | { kind: 'take'; take: number; url: string }
+  /** Address of v3d_decoder.wasm, first. Bundlers find addresses in the module of the page, not in that of a worker. */
+  | { kind: 'decoder'; url: string }
+  /** `deadlineMs`: the longest time that an answer of the server may take; default: any. */
+  | { kind: 'take'; take: number; url: string; deadlineMs?: number }
+  /** A single motion file. */
+  | { kind: 'tracked'; take: number; url: string; deadlineMs?: number }
   | { kind: 'want'; frame: number }
   | { kind: 'live'; take: number; url: string }
   /** Shows tracked surfaces of the open take; null: meshes. */
   | { kind: 'motion'; url: string | null }
   | { kind: 'points'; points: TrailPoint[] }
+  /** Whether the next frames are sent with the views of cameras that they have. At first they are not. */
+  | { kind: 'views'; wanted: boolean }
   | { kind: 'nothing' };
 
 /** `take`: the number of the opening. Messages of an earlier opening may still arrive. */
 export type FromWorker =
   /** `tracked`: the take has no meshes, as an edited one; its frames are tracked surfaces. */
-  | { kind: 'opened'; take: number; pulses: number[]; tracked: boolean }
+  | { kind: 'opened'; take: number; pulses: number[]; tracked: boolean; segments: SegmentShape[] }
   | { kind: 'trouble'; take: number; text: string }
   | { kind: 'link'; take: number; link: 'connecting' | 'open' }
   | { kind: 'frame'; take: number; frame: ShownFrame }
+  /** Answers a request in place of a frame: the surface is damaged, and there is no mesh. */
+  | { kind: 'no-surface'; take: number; number: number }
   | MotionMessage;
+
+/** Sends a message from the worker. `moved`: the buffers that go with it without a copy. */
+export type Post = (message: FromWorker, moved?: Transferable[]) => void;
+
+/** A segment of a motion file, without its surfaces. */
+export interface SegmentShape {
+  pulses: number[];
+  vertices: number;
+  triangles: number;
+}
 
 export type MotionMessage =
   /** The file was read. */
@@ -38,6 +58,8 @@ export interface ShownFrame extends Surface {
   decodeMs: number;
   cameras: number;
   quality: number;
+  /** Views of cameras in the compact frame; absent: none. */
+  views?: CodedViews;
   live: LiveFacts | null;
 }
 

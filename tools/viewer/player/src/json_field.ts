@@ -14,8 +14,10 @@ export class Field {
   reject(what: string): never {
     throw new Error(this.where ? `${this.where}: ${what}` : what);
   }
-  expectObject(known: string[]): void {
+  /** `known`: all keys that may be there; undefined: others, too. */
+  expectObject(known?: string[]): void {
     if (typeof this.value !== 'object' || this.value === null || Array.isArray(this.value)) this.reject('expected an object');
+    if (!known) return;
     for (const key of Object.keys(this.value).sort()) if (!known.includes(key)) this.reject(`there is no key '${key}'`);
   }
   find(key: string): Field | null {
@@ -44,6 +46,10 @@ export class Field {
     if (typeof this.value === 'number' && this.value > 0 && this.value <= 1000) return this.value;
     return this.reject('expected a number above 0, at most 1000');
   }
+  integer(min: number, max: number): number {
+    const number = this.value as number;
+    return Number.isInteger(number) && number >= min && number <= max ? number : this.reject(`expected a whole number from ${min} to ${max}`);
+  }
   pulse(): number {
     if (Number.isSafeInteger(this.value) && (this.value as number) >= 0) return this.value as number;
     return this.reject('expected the number of a pulse');
@@ -70,6 +76,12 @@ export class Field {
       this.reject('expected a path from the folder of the scene, without any of : ? # % and backslash');
     }
     return name;
+  }
+  /** The name of a file in the same folder. */
+  fileName(): string {
+    const name = this.text();
+    if (/^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$/.test(name)) return name;
+    return this.reject('expected the name of a file in the same folder, of letters, digits, ".", "_" and "-"');
   }
   colour(): string {
     const name = this.text();

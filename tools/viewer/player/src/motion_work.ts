@@ -1,8 +1,6 @@
 // The part of the worker that shows tracked surfaces of the open take.
 import { fetchMotion, TrackedTake } from './motion_file';
-import type { FromWorker, TrackedSegment, TrailPoint } from './worker_messages';
-
-type Post = (message: FromWorker, moved?: Transferable[]) => void;
+import type { Post, SegmentShape, TrackedSegment, TrailPoint } from './worker_messages';
 
 export class MotionWork {
   private tracked: TrackedTake | null = null;
@@ -19,7 +17,13 @@ export class MotionWork {
     private readonly take: number,
     private readonly post: Post,
     private readonly changed: () => void,
+    private readonly deadlineMs = Infinity,
   ) {}
+
+  /** Segments of the open file. */
+  get segments(): SegmentShape[] {
+    return this.tracked?.shapes ?? [];
+  }
 
   /** Reads the file and shows its surfaces; null: shows meshes. */
   async open(url: string | null): Promise<void> {
@@ -29,7 +33,7 @@ export class MotionWork {
     this.segment = null;
     this.reported = false;
     try {
-      const bytes = url === null ? null : await fetchMotion(url, obsolete);
+      const bytes = url === null ? null : await fetchMotion(url, obsolete, this.deadlineMs);
       const module = await this.module;
       if (obsolete()) return;
       if (bytes) {
@@ -47,7 +51,7 @@ export class MotionWork {
     this.hasMeshes = false;
     const opening = ++this.opening;
     try {
-      const bytes = await fetchMotion(url, () => opening !== this.opening);
+      const bytes = await fetchMotion(url, () => opening !== this.opening, this.deadlineMs);
       if (!bytes) return [];
       this.tracked = new TrackedTake(await this.module, bytes);
       return this.tracked.pulses;

@@ -1,0 +1,63 @@
+// Test of the built package @v3d/player: its size, its parts, and its types for a program that uses it.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { gzipSync } from 'node:zlib';
+
+const built = join(process.env.V3D_BUILD, 'player');
+const modules = fileURLToPath(new URL('../../tools/viewer/node_modules', import.meta.url));
+/** Minified JavaScript besides three.js and the decoder, bytes (docs/player.md). */
+const MAX_BYTES = 60_000;
+
+test('has at most 60 kB of JavaScript besides three.js and the decoder', (context) => {
+  const files = readdirSync(built).filter((name) => name.endsWith('.js'));
+  assert.deepEqual(files.sort(), ['v3d-player-worker.js', 'v3d-player.js']);
+  const sizes = files.map((name) => ({ name, bytes: readFileSync(join(built, name)) }));
+  for (const { name, bytes } of sizes) context.diagnostic(`${name}: ${bytes.length} bytes, gzip ${gzipSync(bytes).length}`);
+  const sum = sizes.reduce((all, { bytes }) => all + bytes.length, 0);
+  assert.ok(sum > 10_000 && sum <= MAX_BYTES, `${sum} bytes`);
+});
+
+test('leaves three.js to its user', () => {
+  const { peerDependencies } = JSON.parse(readFileSync(join(built, 'package.json'), 'utf8'));
+  assert.deepEqual(Object.keys(peerDependencies), ['three']);
+  const imported = [...readFileSync(join(built, 'v3d-player.js'), 'utf8').matchAll(/from"([^"]+)"/g)].map(([, name]) => name);
+  assert.ok(imported.includes('three'));
+  for (const name of imported) assert.match(name, /^three($|\/addons\/)/);
+});
+
+test('is found by bundlers with its worker and its decoder', () => {
+  const module = readFileSync(join(built, 'v3d-player.js'), 'utf8');
+  for (const file of ['v3d-player-worker.js', 'v3d_decoder.wasm']) {
+    assert.ok(module.includes(`new URL("${file}",import.meta.url)`), file);
+    assert.ok(readdirSync(built).includes(file));
+  }
+});
+
+test('has types for a program that uses it', () => {
+  const folder = mkdtempSync(join(tmpdir(), 'v3d-player-types-'));
+  try {
+    mkdirSync(join(folder, 'node_modules/@v3d'), { recursive: true });
+    symlinkSync(built, join(folder, 'node_modules/@v3d/player'));
+    for (const name of ['three', '@types']) symlinkSync(join(modules, name), join(folder, 'node_modules', name));
+    const compile = (text) => {
+      writeFileSync(join(folder, 'program.ts'), text);
+      const flags = ['--noEmit', '--strict', '--skipLibCheck', '--preserveSymlinks', '--module', 'ESNext', '--moduleResolution', 'Bundler', '--target', 'ES2022'];
+      execFileSync('node', [join(modules, 'typescript/bin/tsc'), ...flags, '--types', 'three', 'program.ts'], { cwd: folder, encoding: 'utf8' });
+    };
+    compile(`import { VolumePlayer, V3dPlayerElement } from '@v3d/player';
+      const player = new VolumePlayer({ rate: 25, deadline: 10 });
+      player.addEventListener('error', ({ message }) => console.log(message.length));
+      player.addEventListener('timeupdate', ({ pulse }) => player.seek(pulse / 25));
+      void player.load('kendo/').then(() => player.play());
+      const element: V3dPlayerElement = new V3dPlayerElement();
+      element.currentTime = player.duration + player.position.x;`);
+    assert.throws(() => compile(`import { VolumePlayer } from '@v3d/player'; new VolumePlayer().seek('start');`), ({ stdout }) => stdout.includes('Argument of type'));
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+});

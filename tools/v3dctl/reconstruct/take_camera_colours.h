@@ -1,0 +1,35 @@
+// Colours of every camera in the meshes of a take.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+
+namespace v3d::ctl {
+
+struct CameraColourReport {
+  int64_t frames = 0;
+  int64_t undecodable = 0;  ///< frames that stay as they were: damaged, or without their reference
+  /// Frames without colours of cameras: a camera has no readable raw frame, or the frame is too
+  /// large (codec::FrameLimits::kCameraColours).
+  int64_t without = 0;
+  /// Means over all frames, bytes.
+  double mean_bytes = 0;        ///< of the colours of cameras
+  double mean_frame_bytes = 0;  ///< of the whole frames
+  double mean_step = 0;         ///< of luma, grey values, over the frames with these colours
+};
+
+/// Calls after each frame.
+using FrameCallback = std::function<void()>;
+
+/// Replaces mesh.v3d of `take` by one whose frames also have the colours that each of their cameras
+/// sees at the vertices, in at most `max_bytes` bytes a frame. They come from the raw frames. 0:
+/// none, which needs no raw frames. Throws InputError for a take without meshes, and for one
+/// without raw frames; std::runtime_error for errors of the disk and after an interrupt. Then the
+/// old mesh.v3d stays.
+CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t max_bytes,
+                                      const std::function<void(int64_t frames)>& on_begin,
+                                      const FrameCallback& on_frame);
+
+}  // namespace v3d::ctl

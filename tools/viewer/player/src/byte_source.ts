@@ -1,0 +1,74 @@
+/** Source of bytes that are read in parts. */
+export interface ByteSource {
+  /** Total number of bytes. */
+  size(): Promise<number>;
+  /** Reads bytes [first, first + size); fewer only at the end. */
+  read(first: number, size: number): Promise<Uint8Array>;
+}
+
+/** The server has no file at the address. */
+export class NoSuchFile extends Error {}
+
+/** fetch(), and `use` of its answer, within a time. Throws a message when it takes longer. */
+export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs: number, use: (answer: Response) => Promise<T>): Promise<T> {
+  if (deadlineMs === Infinity) return use(await fetch(url, init));
+  try {
+    return await use(await fetch(url, { ...init, signal: AbortSignal.timeout(deadlineMs) }));
+  } catch (error) {
+    if (!(error instanceof DOMException && error.name === 'TimeoutError')) throw error;
+    throw new Error(`The server did not answer within ${deadlineMs / 1000} s.`);
+  }
+}
+
+/** The body of an answer. Throws a message when it has more than `limit` bytes. */
+export async function bodyOf(answer: Response, limit: number): Promise<Uint8Array> {
+  const parts: Uint8Array[] = [];
+  let size = 0;
+  const reader = answer.body!.getReader();
+  for (let part = await reader.read(); !part.done; part = await reader.read()) {
+    size += part.value.length;
+    if (size > limit) {
+      void reader.cancel();
+      throw new Error(`The server sent more than ${limit} bytes.`);
+    }
+    parts.push(part.value);
+  }
+  const bytes = new Uint8Array(size);
+  parts.reduce((at, part) => (bytes.set(part, at), at + part.length), 0);
+  return bytes;
+}
+
+/** A whole file of at most `limit` bytes. Throws a message. */
+export function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
+  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (answer) => {
+    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+    return bodyOf(answer, limit);
+  });
+}
+
+/** File of a web server that supports range requests. */
+export class HttpSource implements ByteSource {
+  /** `deadlineMs`: the longest time for each answer. */
+  constructor(
+    private readonly url: string,
+    private readonly deadlineMs = Infinity,
+  ) {}
+
+  size(): Promise<number> {
+    return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (answer) => {
+      if (answer.status === 404) throw new NoSuchFile('The server answered 404.');
+      if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+      const length = answer.headers.get('Content-Length');
+      if (length === null) throw new Error('The server does not state the length of the file (Content-Length).');
+      return Number(length);
+    });
+  }
+
+  read(first: number, size: number): Promise<Uint8Array> {
+    const range = `bytes=${first}-${first + size - 1}`;
+    return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (answer) => {
+      if (answer.status !== 206) throw new Error(`The server answered ${answer.status} instead of 206 (partial content).`);
+      return bodyOf(answer, size);
+    });
+  }
+}

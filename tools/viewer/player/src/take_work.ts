@@ -1,0 +1,150 @@
+// The part of a worker that fetches and decodes the surfaces of a take, in any order.
+import { Decoder, type Frame } from '../../../../codec/v3d_decoder.mjs';
+import { HttpSource, NoSuchFile } from './byte_source';
+import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
+import { MotionWork } from './motion_work';
+import { shownFrame, TakeSequence } from './sequence';
+import type { FromWorker, Post, TrailPoint } from './worker_messages';
+
+/** Sends a decoded frame. */
+export function postFrame(post: Post, take: number, frame: Frame, of: Parameters<typeof shownFrame>[1]): void {
+  const shown = shownFrame(frame, of);
+  const arrays = [shown.positions, shown.normals, shown.indices, ...(shown.colours ? [shown.colours] : [])];
+  if (shown.views && shown.views !== 'unread') arrays.push(shown.views.texels);
+  post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
+}
+
+export const troubleOf = (take: number, error: unknown): FromWorker =>
+  ({ kind: 'trouble', take, text: error instanceof Error ? error.message : String(error) });
+
+function noneWithoutFile(error: unknown): FrameEntry[] {
+  if (error instanceof NoSuchFile) return [];
+  throw error;
+}
+
+/**
+ * Shows the requested frames of a take, or of a single file. A new request replaces an older one that has not started. Fetches and
+ * decodes in the thread of its caller, a worker.
+ */
+export class TakeWork {
+  private wanted = -1;
+  private shown = -1;
+  private busy = false;
+  private ended = false;
+  private sequence: TakeSequence | null = null;
+  private pulses: number[] = [];
+  private readonly motion: MotionWork;
+
+  /** `url`: its mesh.v3d, beside which motion.v3d may lie. Of a single motion file, its own URL. */
+  constructor(
+    private readonly wasm: Promise<WebAssembly.Module>,
+    private readonly post: Post,
+    private readonly take: number,
+    private readonly url: string,
+    private readonly deadlineMs = Infinity,
+  ) {
+    this.motion = new MotionWork(wasm, take, post, () => this.showAgain(), deadlineMs);
+  }
+
+  /** Opens a take: its meshes, or without meshes its tracked surfaces. */
+  async open(): Promise<void> {
+    const source = new HttpSource(this.url, this.deadlineMs);
+    const entries = await readEntries(source).catch(noneWithoutFile);
+    if (entries.length > 0) {
+      this.pulses = entries.map(({ pulse }) => pulse);
+      this.sequence = new TakeSequence(new Decoder(await this.wasm), new FrameStore(source, entries));
+    } else {
+      await this.openTracked();
+    }
+    this.begin();
+  }
+
+  /** Opens a single motion file. */
+  async openMotion(): Promise<void> {
+    this.pulses = await this.motion.openAlone(this.url);
+    this.begin();
+  }
+
+  private begin(): void {
+    this.opened = true;
+    const tracked = this.sequence === null;
+    this.post({ kind: 'opened', take: this.take, pulses: this.pulses, tracked, segments: tracked ? this.motion.segments : [] });
+    if (this.wanted >= 0) this.want(this.wanted);
+  }
+  private opened = false;
+
+  /** Opens motion.v3d beside the missing meshes. */
+  private async openTracked(): Promise<void> {
+    const url = new URL('motion.v3d', this.url).href;
+    const { status } = await fetch(url, { method: 'HEAD', cache: 'no-cache' });
+    if (status === 404) throw new Error('This take has no meshes yet.');
+    this.pulses = await this.motion.openAlone(url);
+    if (this.pulses.length === 0) throw new Error('This take has no meshes, and motion.v3d has no surface.');
+  }
+
+  want(frame: number): void {
+    this.wanted = frame;
+    if (!this.busy && this.opened) this.work().catch((error) => this.post(troubleOf(this.take, error)));
+  }
+
+  /** Shows tracked surfaces from this file; null: meshes. */
+  setMotion(url: string | null): void {
+    void this.motion.open(url);
+  }
+
+  setPoints(points: TrailPoint[]): void {
+    this.motion.points = points;
+    this.showAgain();
+  }
+
+  /** Whether the views of cameras are decoded from the next frame on; a shown frame whose views were not is shown again. */
+  wantViews(wanted: boolean): void {
+    this.viewsWanted = wanted;
+    if (wanted && this.unread) this.showAgain();
+  }
+  private viewsWanted = false;
+  /** The last frame has views that were not decoded. */
+  private unread = false;
+
+  end(): void {
+    this.ended = true;
+    this.motion.end();
+  }
+
+  /** Shows the wanted frame again, after it is decoded or at once. */
+  private showAgain(): void {
+    this.stale = true;
+    if (this.wanted >= 0) this.want(this.wanted);
+  }
+  private stale = false;
+
+  private async work(): Promise<void> {
+    this.busy = true;
+    try {
+      while ((this.shown !== this.wanted || this.stale) && !this.ended) {
+        const wanted = this.wanted;
+        this.stale = false;
+        const { sequence } = this;
+        const isTracked = await this.motion.show(wanted, this.pulses[wanted], () => this.ended || this.stale || this.wanted !== wanted);
+        if (isTracked || !sequence) {
+          this.shown = wanted;
+          if (!isTracked) this.post({ kind: 'no-surface', take: this.take, number: wanted });
+          continue;
+        }
+        const began = performance.now();
+        // In playback, the next frame is requested while this one is decoded. This one is shown, too.
+        const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
+        sequence.wantViews(this.viewsWanted);
+        const decoded = await sequence.show(wanted, far);
+        this.shown = wanted;
+        this.unread = decoded?.views === 'unread';
+        if (!decoded || this.ended) continue;
+        const decodeMs = performance.now() - began;
+        postFrame(this.post, this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null, views: decoded.views });
+      }
+    } finally {
+      this.shown = this.wanted;
+      this.busy = false;
+    }
+  }
+}
