@@ -6,10 +6,12 @@
 pc=
 pc_address=10.77.0.2
 # switch_on NAME OPTION...: starts the PC and sets $pc to its process ID. Its console goes to NAME.txt.
+# Without erms the kernel clears a page by 512 writes instead of 4096. QEMU needs up to 20 s for so many writes to a page whose
+# instructions it has translated, and the kernel reports a stall.
 switch_on() {
   local name=$1
   shift
-  qemu-system-x86_64 -machine q35 -cpu max,avx2=off -accel tcg,thread=multi -smp 2 -m 1536 -nodefaults -no-user-config \
+  qemu-system-x86_64 -machine q35 -cpu max,avx2=off,erms=off,fsrm=off -accel tcg,thread=multi -smp 2 -m 1536 -nodefaults -no-user-config \
     -display none -serial "file:$name.txt" -drive file=disk,format=raw,if=none,id=disk -device virtio-blk-pci,drive=disk \
     -netdev tap,id=net,ifname=lab0,script=no,downscript=no -device virtio-net-pci,netdev=net "$@" &
   pc=$!
