@@ -63,7 +63,7 @@ with_slots show
 PC
 }
 version_of_pc() { on_pc 'sed -n s/^IMAGE_VERSION=//p /etc/os-release'; }
-# a_simulated_studio: starts cameras and a trigger cable in the PC; takes can be recorded.
+# a_simulated_studio: starts cameras, a trigger cable and a reconstruction node in the PC; takes can be recorded.
 a_simulated_studio() {
   on_pc <<'PC'
 for i in 11 12; do ip address add "127.0.0.$i/32" dev lo; done
@@ -72,6 +72,7 @@ mkfifo /run/ready
 setpriv --reuid v3d --regid v3d --init-groups v3d-sim studio /run/sim --cameras 2 --rate 5 --size 160x120 \
   --loop-frames 5 --empty-pulses 8 --voxel 50mm >/run/ready 2>/run/sim.log &
 read -r ready </run/ready
+systemctl -q enable --now v3d-recond@recon01
 until v3dctl status >/dev/null; do sleep 0.5; done
 PC
 }
