@@ -20,10 +20,12 @@ constexpr int kPulses = 20;
 
 class MonitoredStudio : public test::Studio4 {
  protected:
+  using Studio4::Studio4;
   /// Runs `v3dctl ARGUMENTS`, expects exit status `status`, and returns the output.
   std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
     std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
     line.insert(line.end(), arguments.begin(), arguments.end());
+    std::filesystem::remove(folder_ / "v3dctl.log");  // of an earlier call
     test::ChildProcess v3dctl(line, folder_ / "v3dctl.log");
     EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
     return v3dctl.output();
@@ -76,6 +78,29 @@ TEST_F(MonitoredStudio, checks_its_cameras_without_recording_and_sends_previews)
     EXPECT_GT(camera["foreground"], 0) << "the performer is in the image: " << camera;
   }
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
+}
+
+/// Lamps at 60 Hz mains. Pulses at 18 Hz meet their light of 120 Hz with a beat of 6 Hz.
+class FlickeringStudio : public MonitoredStudio {
+ protected:
+  FlickeringStudio() : MonitoredStudio({.rate = "18", .simulator = {"--flicker", "0.08@120"}}) {}
+};
+
+TEST_F(FlickeringStudio, is_advised_by_the_check_to_use_a_rate_at_which_the_light_is_steady) {
+  const auto check = nlohmann::json::parse(run_v3dctl({"check", "--json"}, 3));
+  ASSERT_EQ(check["cameras"].size(), 4U);
+  for (const auto& camera : check["cameras"]) {
+    EXPECT_EQ(camera["verdict"], "bad") << camera;
+    EXPECT_NEAR(camera["flicker_amplitude"], 0.08, 0.02) << camera;
+    EXPECT_NEAR(camera["beat_hz"], 6, 0.1) << camera;
+    ASSERT_TRUE(camera["rate_without_flicker_hz"].is_number()) << camera;
+    EXPECT_NEAR(camera["rate_without_flicker_hz"], 120.0 / 7, 1e-6) << camera;
+  }
+  const auto steady = nlohmann::json::parse(
+      run_v3dctl({"check", "--json", "--rate", std::to_string(120.0 / 7)}, 0));
+  // The performer who moves changes the brightness, too.
+  for (const auto& camera : steady["cameras"])
+    EXPECT_LT(camera["flicker_amplitude"], 0.01) << camera;
 }
 
 TEST_F(MonitoredStudio, records_a_short_take_when_it_is_calibrated_live) {

@@ -29,11 +29,12 @@ struct Studio4Options {
   std::string voxel = "40mm";
   /// Lines appended to the studio file, whose last section is [reconstruction].
   std::string more{};
-  std::string network{};    ///< lines added to the section [network]
-  std::string faults{};     ///< text of a fault script; empty: no faults
-  std::string rate = "20";  ///< trigger, Hz
-  std::string takes = ".";  ///< folder of the takes
-  bool is_signed = false;   ///< every node signs its takes
+  std::string network{};                 ///< lines added to the section [network]
+  std::string faults{};                  ///< text of a fault script; empty: no faults
+  std::string rate = "20";               ///< trigger, Hz
+  std::vector<std::string> simulator{};  ///< further options of v3d-sim
+  std::string takes = ".";               ///< folder of the takes
+  bool is_signed = false;                ///< every node signs its takes
   /// The studio has a member list with the nodes and two operators. cap02 has its own key.
   bool has_members = false;
   bool two_nodes = false;  ///< cam03 and cam04 belong to cap02, whose storage folder is cap02/
@@ -166,6 +167,7 @@ class Studio4 : public testing::Test {
                                         std::to_string(kEmptyPulses),
                                         "--voxel",
                                         options.voxel};
+    command.insert(command.end(), options.simulator.begin(), options.simulator.end());
     if (!options.faults.empty()) {
       std::ofstream(folder_ / "faults.toml") << options.faults;
       command.insert(command.end(), {"--faults", folder_ / "faults.toml"});
