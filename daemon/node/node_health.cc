@@ -3,10 +3,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <fstream>
 #include <sstream>
+#include <string_view>
 #include <vector>
 
+#include "base/core/text.h"
 #include "wire/messages.h"
 #include "wire/secret_keys.h"
 
@@ -107,6 +111,18 @@ void MachineHealth::update_processor_time() {
   last_ = now;
 }
 
+void MachineHealth::report_appliance(std::map<std::string, double>& values) const {
+  constexpr std::array<std::string_view, 6> kNames = {
+      "slot_number",     "slot_trial_flag",        "boot_count",
+      "watchdog_resets", "disk_smart_failed_flag", "disk_wear_percent"};
+  std::ifstream file(root_ / "run/v3d-appliance/health");
+  std::string name;
+  for (double value = 0; file >> name >> value;) {
+    const bool known = std::find(kNames.begin(), kNames.end(), name) != kNames.end();
+    if (known && std::isfinite(value)) values[name] = value;
+  }
+}
+
 void MachineHealth::report(std::map<std::string, double>& values) {
   const auto add = [&](const char* name, std::optional<double> value) {
     if (value) values[name] = *value;
@@ -119,6 +135,24 @@ void MachineHealth::report(std::map<std::string, double>& values) {
   auto temperature = hottest("sys/class/thermal", "temp", "temp");
   if (!temperature) temperature = hottest("sys/class/hwmon", "temp", "_input");
   add("temperature_max_celsius", temperature);
+  report_appliance(values);
+}
+
+std::string appliance_version(const fs::path& root) {
+  constexpr std::string_view kKey = "IMAGE_VERSION=";
+  std::ifstream file(root / "etc/os-release");
+  std::string version;
+  bool is_appliance = false;
+  for (std::string line; std::getline(file, line);) {
+    is_appliance = is_appliance || line == "IMAGE_ID=v3d-appliance";
+    if (line.starts_with(kKey)) version = line.substr(kKey.size());
+  }
+  return is_appliance ? printable(version) : "";
+}
+
+std::string version_with_appliance(std::string program, const fs::path& root) {
+  const std::string system = appliance_version(root);
+  return system.empty() ? program : program + "+" + system;
 }
 
 namespace {

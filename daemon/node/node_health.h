@@ -15,7 +15,8 @@
 
 namespace v3d::node {
 
-// Health of the machine: processor, memory and temperature, from /proc and /sys.
+// Health of the machine: processor, memory and temperature, from /proc and /sys; on the appliance,
+// what its programs count.
 
 /// Values that cannot be read are omitted. One thread.
 class MachineHealth {
@@ -29,6 +30,13 @@ class MachineHealth {
   ///   memory_daemon_bytes       resident set of this process
   ///   memory_available_bytes    available without swapping
   ///   temperature_max_celsius   of the hottest thermal zone, else of the hottest hwmon sensor
+  /// On the appliance, from the lines "name value" of run/v3d-appliance/health (docs/appliance.md):
+  ///   slot_number               the slot that runs: 1 for A, 2 for B
+  ///   slot_trial_flag           1 until the slot has started well after an update
+  ///   boot_count                starts since the data partition was made
+  ///   watchdog_resets           how many of them followed a reset by the hardware watchdog
+  ///   disk_smart_failed_flag    1 when a disk reports by SMART that it fails
+  ///   disk_wear_percent         share of the rated writes that the most worn disk has had
   /// Processor values are absent at the first call. Calls less than half a second apart repeat
   /// them.
   void report(std::map<std::string, double>& values);
@@ -47,12 +55,19 @@ class MachineHealth {
   void update_processor_time();
   std::optional<double> hottest(const std::string& folder, const std::string& prefix,
                                 const std::string& suffix) const;
+  void report_appliance(std::map<std::string, double>& values) const;
 
   const std::filesystem::path root_;
   std::optional<Ticks> last_;
   std::optional<double> machine_percent_;
   std::optional<double> daemon_percent_;
 };
+
+/// Version of the appliance's system: IMAGE_VERSION of os-release(5) where IMAGE_ID is
+/// v3d-appliance. Empty on another machine. `root`: the folder with etc/.
+std::string appliance_version(const std::filesystem::path& root = "/");
+/// `program`, on the appliance with its system as build metadata (semver.org): "1.4.0+SYSTEM".
+std::string version_with_appliance(std::string program, const std::filesystem::path& root = "/");
 
 // Duplicate name detection: finds another process that sends health under this node's name.
 

@@ -31,6 +31,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, bus::Bus& bus, control::NodeDelegate& 
                   return filter_.admit(in.bytes, Monotonic::now());
                 }),
       name_monitor_(bus, identity_.node),
+      version_(version_with_appliance(V3D_VERSION)),
       metrics_(serve_metrics(identity_.metrics)),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
@@ -127,7 +128,7 @@ void NodeLoop::publish_health() {
   check_clock(health);
   health.sent = Realtime::now();
   health.program = identity_.program;
-  health.version = V3D_VERSION;
+  health.version = version_;
   machine_.report(health.values);
   clock_.report(health.values);
   ptp_.report(health.values);

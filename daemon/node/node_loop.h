@@ -78,6 +78,7 @@ class NodeLoop {
   int64_t clock_steps_ = 0;
   Duration reported_step_{};
   MachineHealth machine_;
+  const std::string version_;  ///< version_with_appliance()
   control::ClockMonitor clock_;
   control::PtpMonitor ptp_;
   const std::unique_ptr<MetricsServer> metrics_;  ///< or null

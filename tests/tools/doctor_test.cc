@@ -24,6 +24,38 @@ TEST(Doctor, requires_a_receive_buffer_for_a_burst_of_frames) {
   EXPECT_EQ(check_receive_buffer(-1).verdict, Verdict::kUnknown);
 }
 
+TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
+  wire::HealthMessage good;
+  good.node = "cap01";
+  good.state = wire::NodeState::kIdle;
+  good.version = "1.0.0+7";
+  good.values = {
+      {"cameras", 4},           {"cameras_streaming", 4}, {"disk_free_bytes", 900e9},
+      {"disk_wear_percent", 3}, {"clock_offset_us", -12}, {"temperature_max_celsius", 60}};
+  std::map<std::string, wire::HealthMessage> health = {{"cap01", good}};
+  for (const Finding& finding : check_nodes({"cap01"}, health)) {
+    EXPECT_EQ(finding.verdict, Verdict::kGood) << finding.subject << ": " << finding.text;
+  }
+  wire::HealthMessage& other = health["cap02"] = good;
+  other.node = "cap02";
+  other.version = "1.0.0+8";
+  other.values = {{"cameras", 4},
+                  {"cameras_streaming", 3},
+                  {"disk_free_bytes", 1e9},
+                  {"disk_wear_percent", 97},
+                  {"clock_offset_us", -1200},
+                  {"slot_trial_flag", 1}};
+  std::vector<std::string> bad;
+  for (const Finding& finding : check_nodes({"cap01", "cap02", "cap03"}, health)) {
+    if (finding.verdict == Verdict::kGood) continue;
+    bad.push_back(finding.subject);
+    EXPECT_FALSE(finding.remedy.empty()) << finding.subject;
+  }
+  EXPECT_EQ(bad,
+            (std::vector<std::string>{"cap02 cameras", "cap02 disk space", "cap02 disk wear",
+                                      "cap02 clock offset", "cap02 update", "cap03", "versions"}));
+}
+
 TEST(Doctor, names_a_missing_folder_of_takes) {
   const Finding finding = check_disk("/not/there");
   EXPECT_EQ(finding.verdict, Verdict::kBad);

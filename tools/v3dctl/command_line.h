@@ -63,6 +63,7 @@ void add_key(CommandLine& line);
 /// key authority, operator, enroll, revoke, members.
 void add_member_commands(CommandLine& line, cli::Command key);
 void add_doctor(CommandLine& line);
+void add_update(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_verify(CommandLine& line);
 void add_reconstruct(CommandLine& line);  ///< and reconstruct-shards, which is not in the help

@@ -13,6 +13,7 @@ void add_all_commands(CommandLine& line) {
   add_watch(line);
   add_key(line);
   add_doctor(line);
+  add_update(line);
   add_takes(line);
   add_verify(line);
   add_external(line, "import", "Make a take from recordings of other sources");

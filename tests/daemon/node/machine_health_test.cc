@@ -70,6 +70,30 @@ TEST(MachineHealth, reports_the_hottest_zone_or_else_the_hottest_sensor) {
   EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 56);
 }
 
+TEST(MachineHealth, reports_what_the_appliance_counts_and_ignores_other_lines) {
+  Machine machine;
+  std::filesystem::create_directories(machine.root() / "run/v3d-appliance");
+  write_text(machine.root() / "run/v3d-appliance/health",
+             "slot_number 2\nslot_trial_flag 0\ncpu_machine_percent 1\nboot_count 12\n"
+             "watchdog_resets 1\ndisk_wear_percent x\nboot_count 99\n");
+  const auto values = machine.report();
+  EXPECT_EQ(values.at("slot_number"), 2);
+  EXPECT_EQ(values.at("slot_trial_flag"), 0);
+  EXPECT_EQ(values.at("boot_count"), 12);
+  EXPECT_EQ(values.at("watchdog_resets"), 1);
+  EXPECT_FALSE(values.contains("cpu_machine_percent")) << "not a value of the appliance";
+  EXPECT_FALSE(values.contains("disk_wear_percent")) << "not a number";
+}
+
+TEST(ApplianceVersion, is_the_version_of_the_image_and_absent_on_other_machines) {
+  const test::TemporaryFolder root;
+  std::filesystem::create_directories(root / "etc");
+  write_text(root / "etc/os-release", "ID=debian\nIMAGE_VERSION=7\n");
+  EXPECT_EQ(version_with_appliance("1.4.0", root.path()), "1.4.0");
+  write_text(root / "etc/os-release", "ID=debian\nIMAGE_ID=v3d-appliance\nIMAGE_VERSION=1.4.0-5\n");
+  EXPECT_EQ(version_with_appliance("1.4.0", root.path()), "1.4.0+1.4.0-5");
+}
+
 TEST(MachineHealth, omits_values_that_it_cannot_read) {
   const test::TemporaryFolder empty;
   MachineHealth health(empty.path());

@@ -85,6 +85,13 @@ std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
 /// without health messages: its finding is kUnknown.
 std::vector<Finding> examine_keys(const Studio& studio);
 
+// --- all nodes: doctor_nodes.cc
+
+/// Findings about each node, from the values of its health: state, cameras, disk, temperature,
+/// memory, clock, update; and whether all have the same version. A node without an entry is kBad.
+std::vector<Finding> check_nodes(const std::vector<std::string>& nodes,
+                                 const std::map<std::string, wire::HealthMessage>& health);
+
 // Reads the member list that a studio file names, and verifies its signature.
 
 /// The public key of the authority. Throws InputError where the studio file contains none or an

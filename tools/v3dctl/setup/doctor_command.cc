@@ -6,6 +6,7 @@
 #include "base/core/error.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"
+#include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/doctor.h"
 #include "wire/secret_keys.h"
@@ -47,6 +48,17 @@ void require_node(const Studio& studio, const std::string& node) {
     throw InputError("doctor " + node + ": no such node in " + studio.path.string());
 }
 
+/// Nodes send health once a second; the first message of a node is not accepted
+/// (ChannelKind::needs_answer).
+constexpr Duration kListen = std::chrono::seconds(3);
+
+/// Findings about all nodes. Receives health for up to three seconds.
+std::vector<Finding> check_all_nodes(const Studio& studio) {
+  control::OperatorClient client(studio);
+  report_if_not_verified(client);
+  return check_nodes(client.nodes(), client.health(Monotonic::now() + kListen));
+}
+
 /// `node`: checks only its cameras; empty: all cameras of the studio. Takes up to five seconds.
 std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
@@ -62,18 +74,24 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
 
 void add_doctor(CommandLine& line) {
   cli::Command command = line.add("doctor", "Check the requirements of this PC and print remedies",
-                                  {"v3dctl doctor", "v3dctl doctor cap07"});
+                                  {"v3dctl doctor", "v3dctl doctor cap07", "v3dctl doctor --all"});
   struct Arguments {
     std::string node;
+    bool all = false;
     bool json = false;
   };
   auto arguments = std::make_shared<Arguments>();
   command.add_option("NODE", arguments->node, "Check only the cameras of this node");
+  command.add_flag("--all", arguments->all, "Check all nodes instead, from the health they send");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments]() -> int {
     const Studio studio = line.studio();
     require_node(studio, arguments->node);
-    const std::vector<Finding> findings = check_all(studio, arguments->node);
+    if (arguments->all && !arguments->node.empty()) {
+      throw InputError("doctor: give NODE or --all");
+    }
+    const std::vector<Finding> findings =
+        arguments->all ? check_all_nodes(studio) : check_all(studio, arguments->node);
     if (arguments->json) {
       print_json(findings);
     } else {
@@ -85,14 +103,6 @@ void add_doctor(CommandLine& line) {
     return bad ? kExitIncomplete : kExitDone;
   });
 }
-
-namespace {
-
-/// Nodes send health once a second; the first message of a node is not accepted
-/// (ChannelKind::needs_answer).
-constexpr Duration kListen = std::chrono::seconds(3);
-
-}  // namespace
 
 Finding check_key_file(const std::filesystem::path& key) {
   try {

@@ -27,25 +27,6 @@ void remove_copies(const fs::path& folder) {
   if (error) throw fs::filesystem_error("cannot remove", folder, error);
 }
 
-/// Calls rsync with the common options.
-class Rsync {
- public:
-  explicit Rsync(std::string rsh) : rsh_(std::move(rsh)) {}
-
-  ProcessResult run(const std::vector<std::string>& options, const std::string& from,
-                    const std::string& to, Output output) const {
-    std::vector<std::string> words = {"rsync", "--recursive", "--times"};
-    if (!rsh_.empty()) words.insert(words.end(), {"--rsh", rsh_});
-    words.insert(words.end(), options.begin(), options.end());
-    words.push_back(from + "/");
-    if (!to.empty()) words.push_back(to + "/");
-    return run_process(words, output);
-  }
-
- private:
-  const std::string rsh_;
-};
-
 /// Name of the take in a line of rsync --list-only, or "". The path is the last word:
 /// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
 std::string take_in_listing(const std::string& line) {
@@ -62,7 +43,7 @@ class Collector {
 
   std::vector<CollectedTake> run() {
     io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
-    for (const TakeSource& source : request_.sources) list(source);
+    for (const NodeFolder& source : request_.sources) list(source);
     require_takes();
     std::vector<CollectedTake> collected;
     for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
@@ -70,7 +51,7 @@ class Collector {
   }
 
  private:
-  using Sources = std::vector<const TakeSource*>;
+  using Sources = std::vector<const NodeFolder*>;
 
   fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
   /// The leading dot excludes a collision with the folder of a node.
@@ -81,13 +62,13 @@ class Collector {
     return names.empty() || std::find(names.begin(), names.end(), take) != names.end();
   }
 
-  void list(const TakeSource& source) {
+  void list(const NodeFolder& source) {
     // The first pattern has no slash at its end: rsync omits without a message what it cannot
     // examine and what is excluded as a file.
     const ProcessResult listed =
-        rsync_.run({"--list-only", "--include=/*", "--include=/*/take.toml",
+        rsync_.run({"--recursive", "--list-only", "--include=/*", "--include=/*/take.toml",
                     "--include=/*/mesh.v3d", "--exclude=*"},
-                   source.place, "", Output::kCapture);
+                   {source.place + "/"}, Output::kCapture);
     if (listed.status != 0) {
       throw InputError("cannot list the takes of " + source.node + " at " + source.place +
                        " (rsync ended with status " + std::to_string(listed.status) +
@@ -119,7 +100,7 @@ class Collector {
     }
     try {
       std::vector<take::TakePaths> parts;
-      for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
+      for (const NodeFolder* source : sources) parts.push_back(fetch(take, *source));
       require_capture_nodes(parts);
       const take::MeshPart meshes = part_with_most_meshes(parts);
       if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
@@ -138,7 +119,7 @@ class Collector {
     for (const take::TakePaths& recorded : parts) {
       const std::optional<Studio> studio = load_take_studio(recorded);
       if (!studio || !file_exists(recorded.info())) continue;
-      for (const TakeSource& source : request_.sources) {
+      for (const NodeFolder& source : request_.sources) {
         const bool captures =
             !studio->cameras_of(source.node).empty() || studio->trigger.node == source.node;
         const bool has_part = std::ranges::any_of(parts, [&](const take::TakePaths& part) {
@@ -153,7 +134,7 @@ class Collector {
   }
 
   /// Copies the part of one node.
-  take::TakePaths fetch(const std::string& take, const TakeSource& source) {
+  take::TakePaths fetch(const std::string& take, const NodeFolder& source) {
     const take::TakePaths part{stage(take) / source.node};
     io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
     const std::string from = source.place + "/" + take;
@@ -172,10 +153,11 @@ class Collector {
 
   /// Compares the content of every file, because size and time do not prove a file of an earlier
   /// run.
-  void copy(const TakeSource& source, std::vector<std::string> options, const std::string& from,
+  void copy(const NodeFolder& source, std::vector<std::string> options, const std::string& from,
             const take::TakePaths& part) {
-    options.push_back("--ignore-times");
-    const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
+    options.insert(options.end(), {"--recursive", "--ignore-times"});
+    const ProcessResult copied =
+        rsync_.run(options, {from + "/", part.folder.string() + "/"}, Output::kShow);
     if (copied.status != 0) {
       throw std::runtime_error("rsync from " + source.node + " ended with status " +
                                std::to_string(copied.status) + "; repeat the command to continue");
@@ -192,10 +174,10 @@ class Collector {
   bool equal_nodes(const std::string& take, const Sources& sources,
                    const std::vector<take::TakePaths>& parts) const {
     for (size_t i = 0; i < parts.size(); ++i) {
-      const ProcessResult compared =
-          rsync_.run({"--checksum", "--dry-run", "--itemize-changes", "--exclude=/verified.toml",
-                      "--exclude=/.*"},
-                     sources[i]->place + "/" + take, parts[i].folder, Output::kCapture);
+      const ProcessResult compared = rsync_.run(
+          {"--recursive", "--checksum", "--dry-run", "--itemize-changes",
+           "--exclude=/verified.toml", "--exclude=/.*"},
+          {sources[i]->place + "/" + take + "/", parts[i].folder.string() + "/"}, Output::kCapture);
       if (compared.status != 0 || compared.output.find(">f") != std::string::npos) return false;
     }
     return true;
@@ -243,15 +225,14 @@ class Collector {
 
 }  // namespace
 
-std::vector<TakeSource> sources_of(const Studio& studio) {
-  std::vector<TakeSource> sources;
-  const std::string host = host_name();
-  const std::string folder = fs::absolute(studio.storage.takes).lexically_normal();
+std::vector<NodeFolder> sources_of(const Studio& studio) {
+  std::vector<NodeFolder> sources;
+  const fs::path folder = fs::absolute(studio.storage.takes).lexically_normal();
   for (const StudioNode& node : studio.nodes) {
     const bool has_takes = !studio.cameras_of(node.name).empty() ||
                            studio.trigger.node == node.name || studio.reconstructs(node.name);
     if (!has_takes) continue;
-    sources.push_back({node.name, node.name == host ? folder : node.name + ":" + folder});
+    sources.push_back(node_folder(node.name, folder));
   }
   return sources;
 }

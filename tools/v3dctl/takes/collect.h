@@ -7,17 +7,12 @@
 
 #include "base/config/studio_file.h"
 #include "take/ledger/verify.h"
+#include "v3dctl/node_folder.h"
 
 namespace v3d::ctl {
 
-/// A node and its folder of takes in the syntax of rsync: a folder, or "cap01:/var/lib/v3d/takes".
-struct TakeSource {
-  std::string node;
-  std::string place;
-};
-
 struct CollectRequest {
-  std::vector<TakeSource> sources;
+  std::vector<NodeFolder> sources;  ///< folders of takes
   std::filesystem::path to;        ///< folder of the copies; created if missing
   std::vector<std::string> takes;  ///< empty: all that the nodes have and `to` has not
   std::string rsh;                 ///< remote shell of rsync; empty: ssh
@@ -33,7 +28,7 @@ struct CollectedTake {
 
 /// The nodes of the studio that have takes, accessed by node name over the remote shell. The node
 /// of this PC is accessed as a folder.
-std::vector<TakeSource> sources_of(const Studio& studio);
+std::vector<NodeFolder> sources_of(const Studio& studio);
 
 /// Copies the parts of each take into `to`/.collect and continues copies that were interrupted.
 /// Joins the parts, verifies the whole by reading it back from the disk past the page cache, and

@@ -289,12 +289,12 @@ struct CollectArguments {
   std::string rsh;
 };
 
-TakeSource parse_source(const std::string& text) {
+NodeFolder parse_source(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
     throw InputError("--from " + text + ": expected NODE=PLACE, such as cap01=/mnt/cap01/takes");
   }
-  const TakeSource source{text.substr(0, equals), text.substr(equals + 1)};
+  const NodeFolder source{text.substr(0, equals), text.substr(equals + 1)};
   if (!is_file_name(source.node)) {
     throw InputError("--from " + text + ": '" + source.node + "' cannot be the name of a node");
   }

@@ -1,0 +1,186 @@
+#include "v3dctl/setup/update.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <stdexcept>
+
+namespace v3d::ctl {
+namespace {
+
+using State = UpdatedNode::State;
+
+std::string report(const std::string& request, const std::string& state,
+                   const std::string& message = "") {
+  return R"({"request": ")" + request + R"(", "state": ")" + state +
+         R"(", "version": "2-new", "message": ")" + message + "\"}";
+}
+
+/// PCs that install a bundle. Each wait() lets a second pass.
+class SimulatedStudio final : public UpdateLink {
+ public:
+  enum class Pc {
+    kUpdates,
+    kFallsBack,
+    kRefuses,
+    kRestartsItsDaemonOnly,
+    kNeverReturns,
+    kNoAppliance
+  };
+
+  void add(const std::string& node, Pc pc) {
+    pcs_[node] = pc;
+    wire::HealthMessage message;
+    message.node = node;
+    message.state = wire::NodeState::kIdle;
+    message.version = pc == Pc::kNoAppliance ? "1.0.0" : "1.0.0+1-old";
+    message.values = {{"instance", 1}, {"slot_trial_flag", 0}};
+    health_[node] = message;
+  }
+  wire::HealthMessage& health_of(const std::string& node) { return health_.at(node); }
+  const std::vector<std::string>& copied() const { return copied_; }
+
+  std::map<std::string, wire::HealthMessage> health() override { return health_; }
+  void send_bundle(const std::string& node, const std::filesystem::path& /*bundle*/) override {
+    copied_.push_back(node);
+  }
+  void send_request(const std::string& node, const std::string& request) override {
+    if (is_unreachable_) throw std::runtime_error("rsync to " + node + " ended with status 255");
+    node_ = node;
+    request_ = request;
+    seconds_ = 0;
+  }
+  std::string install_report(const std::string& node) override {
+    if (seconds_ < 2) return report("an earlier request", "refused", "too old");
+    if (pcs_.at(node) == Pc::kRefuses) return report(request_, "refused", "no valid signature");
+    return report(request_, seconds_ < 5 ? "installing" : "restarting");
+  }
+  MonotonicInstant wait() override {
+    now_ += std::chrono::seconds(1);
+    ++seconds_;
+    if (!node_.empty()) change_health();
+    return now_;
+  }
+  bool is_unreachable_ = false;
+
+ private:
+  void restart(const std::string& system, double trial) {
+    wire::HealthMessage& message = health_[node_];
+    message.version = "1.0.0+" + system;
+    message.values = {{"instance", 1.0 + seconds_}, {"slot_trial_flag", trial}};
+  }
+  void change_health() {
+    const Pc pc = pcs_.at(node_);
+    if (pc == Pc::kRestartsItsDaemonOnly && seconds_ == 4) restart("1-old", 0);
+    if (pc == Pc::kNeverReturns && seconds_ == 8) health_.erase(node_);
+    if (pc == Pc::kUpdates || pc == Pc::kRestartsItsDaemonOnly) {
+      if (seconds_ == 10) restart("2-new", 1);
+      if (seconds_ == 12) restart("2-new", 0);
+    }
+    if (pc == Pc::kFallsBack) {
+      if (seconds_ == 10) restart("2-new", 1);
+      if (seconds_ == 20) restart("1-old", 0);
+    }
+  }
+
+  std::map<std::string, Pc> pcs_;
+  std::map<std::string, wire::HealthMessage> health_;
+  std::vector<std::string> copied_;
+  std::string node_, request_;
+  int seconds_ = 0;
+  MonotonicInstant now_ = Monotonic::now();
+};
+using Pc = SimulatedStudio::Pc;
+
+class Update : public ::testing::Test {
+ protected:
+  std::vector<UpdatedNode> update(const std::vector<std::string>& nodes) {
+    return update_nodes({"new.raucb", nodes, std::chrono::seconds(60)}, studio_);
+  }
+  SimulatedStudio studio_;
+};
+
+TEST_F(Update, of_a_node_is_done_when_the_new_system_has_ended_its_trial) {
+  studio_.add("cap01", Pc::kUpdates);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kUpdated) << nodes.at(0).message;
+  EXPECT_EQ(nodes.at(0).version, "2-new");
+  EXPECT_EQ(studio_.health_of("cap01").values.at("slot_trial_flag"), 0) << "not before its trial";
+}
+
+TEST_F(Update, goes_from_node_to_node_and_stops_at_the_first_that_falls_back) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.add("cap02", Pc::kFallsBack);
+  studio_.add("cap03", Pc::kUpdates);
+  const auto nodes = update({"cap01", "cap02", "cap03"});
+  EXPECT_EQ(nodes.at(0).state, State::kUpdated);
+  EXPECT_EQ(nodes.at(1).state, State::kFellBack);
+  EXPECT_NE(nodes.at(1).message.find("1-old"), std::string::npos) << nodes.at(1).message;
+  EXPECT_EQ(nodes.at(2).state, State::kNotTried);
+  EXPECT_EQ(studio_.copied(), (std::vector<std::string>{"cap01", "cap02"}));
+}
+
+TEST_F(Update, is_refused_before_anything_is_copied_while_a_node_has_a_take) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.add("cap02", Pc::kUpdates);
+  for (const auto state :
+       {wire::NodeState::kArmed, wire::NodeState::kRecording, wire::NodeState::kDraining}) {
+    studio_.health_of("cap02").state = state;
+    EXPECT_THROW(update({"cap01"}), std::runtime_error);
+  }
+  EXPECT_TRUE(studio_.copied().empty());
+}
+
+TEST_F(Update, reports_why_a_pc_refuses_a_bundle_and_ignores_earlier_reports) {
+  studio_.add("cap01", Pc::kRefuses);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kRefused);
+  EXPECT_EQ(nodes.at(0).message, "no valid signature");
+}
+
+TEST_F(Update, does_not_mistake_a_restarted_daemon_for_a_restarted_pc) {
+  studio_.add("cap01", Pc::kRestartsItsDaemonOnly);
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
+}
+
+TEST_F(Update, fails_when_a_pc_does_not_return) {
+  studio_.add("cap01", Pc::kNeverReturns);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kFailed);
+  EXPECT_EQ(nodes.at(0).message, "it does not report after the restart");
+}
+
+TEST_F(Update, copies_nothing_to_silent_nodes_and_other_systems) {
+  studio_.add("cap01", Pc::kNoAppliance);
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kRefused);
+  EXPECT_EQ(update({"cap09"}).at(0).state, State::kSilent);
+  EXPECT_TRUE(studio_.copied().empty());
+}
+
+TEST_F(Update, reports_a_failed_copy) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.is_unreachable_ = true;
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kFailed);
+  EXPECT_EQ(nodes.at(0).message, "rsync to cap01 ended with status 255");
+}
+
+TEST(InstallReports, are_rejected_when_damaged_or_of_another_request) {
+  EXPECT_TRUE(parse_install_report(report("7", "failed"), "7"));
+  EXPECT_FALSE(parse_install_report(report("8", "failed"), "7"));
+  EXPECT_FALSE(parse_install_report(report("7", "done"), "7")) << "no such state";
+  for (const char* text : {"", "{", "[]", "7", R"({"request": 7, "state": "failed"})"}) {
+    EXPECT_FALSE(parse_install_report(text, "7")) << text;
+  }
+}
+
+TEST(InstallReports, show_control_characters_of_a_message_as_text) {
+  const auto parsed = parse_install_report(
+      R"({"request": "7", "state": "failed", "message": "a\u001b[2Jb\nc"})", "7");
+  ASSERT_TRUE(parsed);
+  EXPECT_EQ(parsed->message.find('\033'), std::string::npos);
+  EXPECT_EQ(parsed->message.find('\n'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace v3d::ctl

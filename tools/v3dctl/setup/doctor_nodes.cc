@@ -1,0 +1,103 @@
+// Checks of every node of the studio, from the health that it sends.
+#include <fmt/core.h>
+
+#include <cmath>
+#include <set>
+
+#include "v3dctl/operate/health_text.h"
+#include "v3dctl/setup/doctor.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Verdict = Finding::Verdict;
+using Health = std::map<std::string, wire::HealthMessage>;
+
+/// Limit of one health value. The alerts of tools/monitoring have the same limits.
+struct ValueCheck {
+  const char* value;
+  const char* subject;
+  bool (*is_bad)(double);
+  const char* remedy;
+};
+
+constexpr ValueCheck kValueChecks[] = {
+    {"disk_free_bytes", "disk space", [](double v) { return v < 50e9; },
+     "v3dctl takes collect, then v3dctl takes delete"},
+    {"disk_full_flag", "disk of the last take", [](double v) { return v != 0; },
+     "v3dctl takes collect, then v3dctl takes delete"},
+    {"disk_smart_failed_flag", "disk health", [](double v) { return v != 0; },
+     "collect the takes, and replace the disk"},
+    {"disk_wear_percent", "disk wear", [](double v) { return v >= 90; }, "order a new disk"},
+    {"temperature_max_celsius", "temperature", [](double v) { return v > 85; },
+     "check its fans and filters"},
+    {"memory_available_bytes", "memory", [](double v) { return v < 500e6; },
+     "v3dctl health shows what the daemon uses"},
+    {"clock_synchronised_flag", "clock", [](double v) { return v == 0; }, "chronyc sources there"},
+    {"clock_offset_us", "clock offset", [](double v) { return std::abs(v) > 1000; },
+     "sudo chronyc makestep there, before the next take"},
+    {"slot_trial_flag", "update", [](double v) { return v != 0; },
+     "wait for the end of its trial; systemctl status v3d-slot-check there"},
+};
+
+void add_values(const wire::HealthMessage& health, std::vector<Finding>& findings) {
+  for (const ValueCheck& check : kValueChecks) {
+    const auto value = health.values.find(check.value);
+    if (value == health.values.end()) continue;
+    const bool is_bad = check.is_bad(value->second);
+    findings.push_back({is_bad ? Verdict::kBad : Verdict::kGood, health.node + " " + check.subject,
+                        std::string(check.value) + " is " + value_text(check.value, value->second),
+                        is_bad ? check.remedy : ""});
+  }
+}
+
+Finding check_cameras_of(const wire::HealthMessage& health, double cameras) {
+  const auto streaming = health.values.find("cameras_streaming");
+  const double count = streaming == health.values.end() ? 0 : streaming->second;
+  const std::string text = fmt::format("{:.0f} of {:.0f} cameras send frames", count, cameras);
+  if (count >= cameras) return {Verdict::kGood, health.node + " cameras", text, ""};
+  return {Verdict::kBad, health.node + " cameras", text, "v3dctl doctor " + health.node + " there"};
+}
+
+Finding check_state(const wire::HealthMessage& health) {
+  const std::string text = health.program + " " + health.version +
+                           (health.text.empty() ? ", no problem" : ": " + health.text);
+  const bool is_bad = health.state == wire::NodeState::kFault;
+  return {is_bad ? Verdict::kBad : Verdict::kGood, health.node, text,
+          is_bad ? "journalctl -u 'v3d-*' there" : ""};
+}
+
+Finding check_versions(const Health& health) {
+  std::set<std::string> versions;
+  std::string text;
+  for (const auto& [node, message] : health) {
+    if (!versions.insert(message.version).second) continue;
+    text += (text.empty() ? "" : ", ") + node + " has " + message.version;
+  }
+  if (versions.size() <= 1) return {Verdict::kGood, "versions", "all nodes have the same", ""};
+  return {Verdict::kBad, "versions", text, "v3dctl update BUNDLE --all"};
+}
+
+}  // namespace
+
+std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const Health& health) {
+  std::vector<Finding> findings;
+  for (const std::string& node : nodes) {
+    const auto message = health.find(node);
+    if (message == health.end()) {
+      findings.push_back({Verdict::kBad, node, "no health message received",
+                          "check that the PC is on and connected"});
+      continue;
+    }
+    findings.push_back(check_state(message->second));
+    const auto cameras = message->second.values.find("cameras");
+    if (cameras != message->second.values.end()) {
+      findings.push_back(check_cameras_of(message->second, cameras->second));
+    }
+    add_values(message->second, findings);
+  }
+  findings.push_back(check_versions(health));
+  return findings;
+}
+
+}  // namespace v3d::ctl

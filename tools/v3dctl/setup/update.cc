@@ -1,0 +1,209 @@
+#include "v3dctl/setup/update.h"
+
+#include <fmt/core.h>
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "base/core/text.h"
+#include "common/console.h"
+#include "wire/secret_keys.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Health = std::map<std::string, wire::HealthMessage>;
+
+constexpr std::array<std::pair<std::string_view, InstallReport::State>, 6> kReportStates = {{
+    {"checking", InstallReport::State::kChecking},
+    {"installing", InstallReport::State::kInstalling},
+    {"waiting", InstallReport::State::kWaiting},
+    {"restarting", InstallReport::State::kRestarting},
+    {"refused", InstallReport::State::kRefused},
+    {"failed", InstallReport::State::kFailed},
+}};
+
+/// A string field, without line breaks and other control characters; empty where there is none.
+std::string text_field(const nlohmann::json& object, const char* key) {
+  const auto field = object.find(key);
+  if (field == object.end() || !field->is_string()) return "";
+  return printable(field->get_ref<const std::string&>());
+}
+
+/// The node, state and name of a take that is armed, recorded or closed; empty where there is none.
+std::string active_take(const Health& health) {
+  for (const auto& [node, message] : health) {
+    const bool has_take = message.state == wire::NodeState::kArmed ||
+                          message.state == wire::NodeState::kRecording ||
+                          message.state == wire::NodeState::kDraining;
+    if (!has_take) continue;
+    return node + " is " + std::string(name(message.state)) + " for take " +
+           printable(message.take) + "; update when v3dctl stop has closed it";
+  }
+  return "";
+}
+
+double value_of(const wire::HealthMessage& health, const std::string& value, double otherwise) {
+  const auto found = health.values.find(value);
+  return found == health.values.end() ? otherwise : found->second;
+}
+
+/// The random number of the process that sent the health (node::NameMonitor::kInstance).
+double instance_of(const Health& health, const std::string& node) {
+  const auto message = health.find(node);
+  return message == health.end() ? -1 : value_of(message->second, "instance", -1);
+}
+
+/// Version of the appliance's system: behind the '+' of the program's version.
+std::string system_of(const wire::HealthMessage& health) {
+  const size_t plus = health.version.find('+');
+  return plus == std::string::npos ? "" : health.version.substr(plus + 1);
+}
+
+class NodeUpdate {
+ public:
+  NodeUpdate(const UpdateRequest& request, UpdateLink& link, std::string node)
+      : request_(request), link_(link) {
+    result_.node = std::move(node);
+  }
+
+  UpdatedNode run() {
+    const Health health = link_.health();
+    if (!health.contains(result_.node)) {
+      end(UpdatedNode::State::kSilent, "it sends no health; is the PC on?");
+      return result_;
+    }
+    if (system_of(health.at(result_.node)).empty()) {
+      end(UpdatedNode::State::kRefused, "its PC is not the appliance; use apt there");
+      return result_;
+    }
+    if (const std::string take = active_take(health); !take.empty()) {
+      end(UpdatedNode::State::kRefused, take);
+      return result_;
+    }
+    instance_ = instance_of(health, result_.node);
+    try {
+      link_.send_bundle(result_.node, request_.bundle);
+      install();
+    } catch (const std::runtime_error& error) {
+      end(UpdatedNode::State::kFailed, error.what());
+    }
+    return result_;
+  }
+
+ private:
+  void end(UpdatedNode::State state, std::string message = "") {
+    result_.state = state;
+    result_.message = std::move(message);
+  }
+
+  void install() {
+    const std::string number = fmt::format("{:016x}", static_cast<uint64_t>(wire::random_nonce()));
+    link_.send_request(result_.node, number);
+    const MonotonicInstant deadline = link_.wait() + request_.timeout;
+    while (link_.wait() < deadline) {
+      stop_if_interrupted();
+      if (read_report(number) || read_health()) return;
+    }
+    end(UpdatedNode::State::kFailed,
+        is_restarting_ ? "it does not report after the restart" : "the installation does not end");
+  }
+
+  /// True when the report ends the update.
+  bool read_report(const std::string& number) {
+    if (is_restarting_) return false;
+    const auto report = parse_install_report(link_.install_report(result_.node), number);
+    if (!report) return false;
+    if (!report->version.empty()) result_.version = report->version;
+    is_restarting_ = report->state == InstallReport::State::kRestarting;
+    if (report->state == InstallReport::State::kRefused) {
+      end(UpdatedNode::State::kRefused, report->message);
+    } else if (report->state == InstallReport::State::kFailed) {
+      end(UpdatedNode::State::kFailed, report->message);
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  /// True when the health of the new process ends the update.
+  bool read_health() {
+    const Health health = link_.health();
+    const auto message = health.find(result_.node);
+    if (message == health.end() || instance_of(health, result_.node) == instance_) return false;
+    // The PC may have restarted before its report was read. The report then has the version.
+    const bool is_new = !result_.version.empty() && system_of(message->second) == result_.version;
+    if (is_new && value_of(message->second, "slot_trial_flag", 1) == 0) {
+      end(UpdatedNode::State::kUpdated);
+      return true;
+    }
+    if (is_new) return false;
+    if (!is_restarting_) {  // the daemon has restarted, not the PC
+      instance_ = instance_of(health, result_.node);
+      return false;
+    }
+    end(UpdatedNode::State::kFellBack,
+        "the new system did not start well; it runs " + printable(system_of(message->second)));
+    return true;
+  }
+
+  const UpdateRequest& request_;
+  UpdateLink& link_;
+  UpdatedNode result_;
+  double instance_ = -1;  ///< of the node's process before the restart
+  bool is_restarting_ = false;
+};
+
+}  // namespace
+
+std::optional<InstallReport> parse_install_report(std::string_view json,
+                                                  const std::string& request) {
+  if (json.size() > kMaxInstallReportBytes) return std::nullopt;
+  const nlohmann::json object = nlohmann::json::parse(json, nullptr, false);
+  if (!object.is_object() || text_field(object, "request") != request) return std::nullopt;
+  const std::string state = text_field(object, "state");
+  for (const auto& [text, value] : kReportStates) {
+    if (text != state) continue;
+    return InstallReport{value, text_field(object, "version"), text_field(object, "message")};
+  }
+  return std::nullopt;
+}
+
+std::string_view name(UpdatedNode::State state) {
+  switch (state) {
+    case UpdatedNode::State::kUpdated:
+      return "updated";
+    case UpdatedNode::State::kRefused:
+      return "refused";
+    case UpdatedNode::State::kFailed:
+      return "failed";
+    case UpdatedNode::State::kFellBack:
+      return "fell back";
+    case UpdatedNode::State::kSilent:
+      return "silent";
+    case UpdatedNode::State::kNotTried:
+      return "not tried";
+  }
+  return "";
+}
+
+std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& link) {
+  if (const std::string take = active_take(link.health()); !take.empty()) {
+    throw std::runtime_error("refused: " + take);
+  }
+  std::vector<UpdatedNode> nodes;
+  bool continues = true;
+  for (const std::string& node : request.nodes) {
+    if (continues) {
+      nodes.push_back(NodeUpdate(request, link, node).run());
+    } else {
+      nodes.push_back({node, UpdatedNode::State::kNotTried, "", ""});
+    }
+    continues = nodes.back().state == UpdatedNode::State::kUpdated;
+  }
+  return nodes;
+}
+
+}  // namespace v3d::ctl

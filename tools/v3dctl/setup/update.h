@@ -1,0 +1,76 @@
+// Update of appliances: copies a bundle to the PC of each node, has it installed, and waits for the
+// new system.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/core/time.h"
+#include "wire/messages.h"
+
+namespace v3d::ctl {
+
+/// What the PC of a node reports about the installation (result.json of the appliance's program
+/// install-update).
+struct InstallReport {
+  enum class State { kChecking, kInstalling, kWaiting, kRestarting, kRefused, kFailed };
+  State state = State::kChecking;
+  std::string version;  ///< of the bundle; empty before its signature is verified
+  std::string message;  ///< one line, or empty
+};
+
+/// Maximum size of a report, bytes.
+inline constexpr size_t kMaxInstallReportBytes = 1 << 16;
+
+/// Parses a report. Empty where the text is no report on the request with this number: an earlier
+/// one, or damaged. Any bytes are allowed.
+std::optional<InstallReport> parse_install_report(std::string_view json,
+                                                  const std::string& request);
+
+/// Connection to the studio's nodes. One thread.
+class UpdateLink {
+ public:
+  UpdateLink() = default;
+  virtual ~UpdateLink() = default;
+  UpdateLink(const UpdateLink&) = delete;
+  UpdateLink& operator=(const UpdateLink&) = delete;
+
+  /// The last health of each node that has sent one in the last seconds.
+  virtual std::map<std::string, wire::HealthMessage> health() = 0;
+  /// Copies the bundle to the PC of the node, then the request, which starts the installation.
+  /// Throws std::runtime_error when that fails.
+  virtual void send_bundle(const std::string& node, const std::filesystem::path& bundle) = 0;
+  virtual void send_request(const std::string& node, const std::string& request) = 0;
+  /// The text of the PC's report. Empty while there is none, or while the PC does not reply.
+  virtual std::string install_report(const std::string& node) = 0;
+  /// The present time. Each call may wait for a moment, so that loops do not spin.
+  virtual MonotonicInstant wait() = 0;
+};
+
+struct UpdateRequest {
+  std::filesystem::path bundle;
+  std::vector<std::string> nodes;  ///< in this order
+  Duration timeout{};              ///< of one node, after the copy
+};
+
+struct UpdatedNode {
+  enum class State { kUpdated, kRefused, kFailed, kFellBack, kSilent, kNotTried };
+  std::string node;
+  State state = State::kNotTried;
+  std::string version;  ///< of the bundle; empty where the PC did not report it
+  std::string message;  ///< why it is not updated
+};
+std::string_view name(UpdatedNode::State state);
+
+/// Updates the nodes one after the other, and stops at the first that is not updated, so that a bad
+/// bundle stops one PC at most. A node is updated when its health, sent by a process that has
+/// started since, has the version of the bundle and its slot is confirmed (slot_trial_flag 0).
+/// It fell back when such health has another version.
+/// Throws std::runtime_error, before anything is copied, where a take is armed, recorded or closed.
+std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& link);
+
+}  // namespace v3d::ctl
