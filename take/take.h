@@ -19,7 +19,7 @@ namespace v3d::take {
 
 // A take on disk: the files of its folder and its description, take.toml (docs/takes.md).
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
-//   sound/<node>.wav  mesh.v3d  repaired.<node>.txt  slate.toml  verified.toml
+//   sound/<node>.wav  mesh.v3d  proxy.v3d  repaired.<node>.txt  slate.toml  verified.toml
 //   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...,
 //   sound/<node>.0001.wav, ...
 
@@ -59,6 +59,8 @@ struct TakePaths {
   /// Sound of the nodes: <node>.wav; after a restart in the take also <node>.0001.wav, ...
   std::filesystem::path sound() const { return folder / "sound"; }
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
+  /// The pulses of mesh.v3d with coarser voxels, for previews. Absent unless requested.
+  std::filesystem::path proxy() const { return folder / "proxy.v3d"; }
   std::filesystem::path motion() const { return folder / "motion.v3d"; }
   /// The operations of an edited take (docs/editing.md). Recordings have none.
   std::filesystem::path edit() const { return folder / "edit.json"; }

@@ -127,7 +127,7 @@ bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
          std::ranges::any_of(std::array{paths.ledger(), paths.verified(), paths.slate(),
-                                        paths.mesh(), paths.motion()},
+                                        paths.mesh(), paths.proxy(), paths.motion()},
                              [&](const fs::path& path) { return path == name; });
 }
 

@@ -35,6 +35,12 @@ int64_t bytes_in(const fs::path& folder) {
   return bytes;
 }
 
+/// Size of a file; 0 when it is absent.
+int64_t bytes_of(const fs::path& file) {
+  struct stat status {};
+  return lstat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode) ? status.st_size : 0;
+}
+
 void count_meshes(TakeListing& take) {
   if (take.edited) {
     take.meshes = take.info.pulses;
@@ -69,6 +75,7 @@ TakeListing read_take_listing(const TakePaths& paths) {
   }
   take.edited = is_edited(paths);
   count_meshes(take);
+  take.proxy_bytes = bytes_of(paths.proxy());
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();
   take.verified = verified && verified->agrees;

@@ -58,7 +58,8 @@ struct TakeListing {
   /// Number of meshes, of an edited take that of its pulses; 0 without mesh.v3d; empty when it
   /// cannot be read.
   std::optional<int64_t> meshes;
-  std::string mesh_error;  ///< why mesh.v3d cannot be read, with its path; otherwise empty
+  int64_t proxy_bytes = 0;  ///< size of proxy.v3d; 0 without
+  std::string mesh_error;   ///< why mesh.v3d cannot be read, with its path; otherwise empty
   Slate slate;
 
   double seconds() const { return static_cast<double>(info.pulses) / info.rate_hz; }

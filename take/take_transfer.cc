@@ -182,6 +182,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   for (const TakePaths& part : parts) link_shared_files(part, into);
   if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
+    link_if_present(meshes->proxy(), into.proxy());
     link_if_present(meshes->motion(), into.motion());
   }
   for (const TakePaths& part : parts) link_if_present(part.motion(), into.motion());
@@ -205,9 +206,10 @@ std::set<int64_t> pulses_in(const TakePaths& take) {
   return pulses;
 }
 
-/// Pulses with an undamaged mesh. Throws InputError when a mesh cannot be read from the disk.
-std::set<int64_t> meshes_in(const TakePaths& take) {
-  MeshFileReader meshes(take.mesh());
+/// Pulses with an undamaged mesh in a mesh file. Throws InputError when a mesh cannot be read from
+/// the disk.
+std::set<int64_t> meshes_in(const fs::path& path) {
+  MeshFileReader meshes(path);
   std::set<int64_t> pulses;
   for (const int64_t pulse : meshes.pulses()) {
     if (io::value_or_throw(meshes.read(pulse))) pulses.insert(pulse);
@@ -312,8 +314,9 @@ class CopyCheck {
       if (name == original_.pulses().filename()) {
         return std::ranges::includes(pulses_in(copy_), pulses_in(original_));
       }
-      return name == original_.mesh().filename() &&
-             std::ranges::includes(meshes_in(copy_), meshes_in(original_));
+      return (name == original_.mesh().filename() || name == original_.proxy().filename()) &&
+             std::ranges::includes(meshes_in(copy_.folder / name),
+                                   meshes_in(original_.folder / name));
     } catch (const InputError& error) {
       lines_.emplace_back(error.what());
       return false;

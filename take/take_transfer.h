@@ -15,12 +15,12 @@ namespace v3d::take {
 /// has the name of its node.
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
-/// that sensed the most pulses, the meshes of part_with_most_meshes() and one ledger (merge()). Its
-/// motion.v3d is that of the same part, otherwise that of the first part that has one.
-/// The ledger names the capture nodes of the take's studio file that have neither a part, nor a
-/// camera or signature in another part.
-/// Files are hard-linked where the file system permits it, and copied elsewhere; the parts do not
-/// change. A part of a node that only reconstructs has no take.toml.
+/// that sensed the most pulses, mesh.v3d and proxy.v3d of part_with_most_meshes() and one ledger
+/// (merge()). Its motion.v3d is that of the same part, otherwise that of the first part that has
+/// one. The ledger names the capture nodes of the take's studio file that have neither a part, nor
+/// a camera or signature in another part. Files are hard-linked where the file system permits it,
+/// and copied elsewhere; the parts do not change. A part of a node that only reconstructs has no
+/// take.toml.
 ///
 /// Throws InputError when no part has a take.toml, when a part has logs of cameras and no
 /// take.toml, when a part contains a symbolic link, and when the parts contradict each other:
@@ -51,7 +51,8 @@ MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts);
 /// - take.toml and ledger.toml of a collected take are joined from those of all nodes. They are
 /// read
 ///   from disk too. The take's name, its cameras and the account of each camera are compared.
-/// - pulses.lcmlog and mesh.v3d may come from another node if they contain every pulse and every
+/// - pulses.lcmlog, mesh.v3d and proxy.v3d may come from another node if they contain every pulse
+/// and every
 ///   mesh of the original.
 /// - The slate may differ. If the original has one, the copy must have one that can be read.
 /// Throws InputError when `copy` is not a take, or its file system cannot be synced.

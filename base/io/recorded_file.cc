@@ -11,9 +11,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// TakePaths (take/take.h) has these names, too; tests/take/removal_test.cc compares them.
-constexpr std::array<std::string_view, 8> kTakeFiles{"take.toml",   "ledger.toml",  "calib.toml",
-                                                     "studio.toml", "mesh.v3d",     "motion.v3d",
-                                                     "slate.toml",  "verified.toml"};
+constexpr std::array<std::string_view, 9> kTakeFiles{"take.toml",   "ledger.toml", "calib.toml",
+                                                     "studio.toml", "mesh.v3d",    "proxy.v3d",
+                                                     "motion.v3d",  "slate.toml",  "verified.toml"};
 
 bool is_log(std::string_view name) {
   return name.ends_with(".lcmlog") || name.ends_with(".lcmlog.index");

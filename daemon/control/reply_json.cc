@@ -28,6 +28,7 @@ nlohmann::ordered_json take_json(const take::TakeListing& take) {
       {"seconds", take.seconds()},
       {"bytes", take.bytes},
       {"mesh_bytes", error ? 0 : mesh_bytes},
+      {"proxy_bytes", take.proxy_bytes},
       {"cameras", take.info.cameras},
       {"meshes", take.meshes ? nlohmann::ordered_json(*take.meshes) : nullptr},
       {"slate",

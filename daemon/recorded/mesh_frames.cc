@@ -22,8 +22,9 @@ namespace {
 std::filesystem::path mesh_of(const take::TakePaths& paths, const std::filesystem::path& file) {
   load_take_info(paths);  // throws if the folder is not a take
   if (!file_exists(file)) {
+    const std::string option = file == paths.proxy() ? " --proxy LEN" : "";
     throw InputError(file.string() + ": is not there: run v3dctl reconstruct " +
-                     paths.folder.string() + " first");
+                     paths.folder.string() + option + " first");
   }
   return file;
 }
@@ -169,6 +170,9 @@ MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem:
   } else {
     reader_ = std::make_unique<MeshReader>(path_);
   }
+}
+MeshFrames MeshFrames::of_proxy(const std::filesystem::path& take) {
+  return {take, take::TakePaths{take}.proxy()};
 }
 MeshFrames::~MeshFrames() = default;
 MeshFrames::MeshFrames(MeshFrames&&) noexcept = default;

@@ -27,10 +27,13 @@ class MeshFrames {
   /// Reads `file` instead: a copy of the take's mesh.v3d, or a motion file of it. The frames of a
   /// motion file name all cameras of the take.
   MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
+  /// Reads proxy.v3d of the take. Throws InputError if the folder is not a take, or has no proxy.
+  static MeshFrames of_proxy(const std::filesystem::path& take);
   ~MeshFrames();
   MeshFrames(MeshFrames&&) noexcept;
   MeshFrames& operator=(MeshFrames&&) noexcept;
 
+  const std::filesystem::path& path() const { return path_; }
   /// Has the file no index, because it was truncated or its writer did not finish?
   bool is_unfinished() const;
   /// Whether the next frames are read with the views of cameras that they have. Call it before the

@@ -107,7 +107,8 @@ bool is_skeleton_of_performer(std::string_view file) {
 }
 
 bool is_served(const std::string& file) {
-  constexpr std::array kFiles{"mesh.v3d", "motion.v3d", "calib.toml", "skeleton.json", "edit.json"};
+  constexpr std::array kFiles{"mesh.v3d",   "proxy.v3d",     "motion.v3d",
+                              "calib.toml", "skeleton.json", "edit.json"};
   return std::ranges::find(kFiles, file) != kFiles.end() || is_skeleton_of_performer(file);
 }
 

@@ -10,7 +10,7 @@
 //                                (command_endpoint.h), the only request that changes anything
 //   /api/takes/T/photographs/... images of the cameras (take_pictures.h)
 //   /api/live, /api/studio       WebSockets: live meshes, and the state of the studio
-//   /takes/T/FILE                mesh.v3d, motion.v3d, calib.toml, skeleton.json,
+//   /takes/T/FILE                mesh.v3d, proxy.v3d, motion.v3d, calib.toml, skeleton.json,
 //                                skeleton.performerK.json or edit.json of a take, or scene.json
 //                                and its files (served_files.h); HTTP ranges
 #pragma once

@@ -99,7 +99,7 @@ class Verifier {
     count_sounds(stored);
     check_calib();
     if (reads_files) files.finish();
-    check_mesh();
+    check_meshes();
     if (stored && stored->files.empty() && reads_files) {
       result_.notes.push_back(
           "ledger.toml: has no checksums of files (written by an older version): frames were "
@@ -270,32 +270,48 @@ class Verifier {
     if (!file_exists(paths_.calib())) disagree(paths_.calib(), "missing");
   }
 
-  void check_mesh() {
-    if (!file_exists(paths_.mesh())) return;  // reconstruction is optional
+  /// Reconstruction is optional, and so is a proxy.
+  void check_meshes() {
+    const auto meshes = check_mesh_file(paths_.mesh()), proxies = check_mesh_file(paths_.proxy());
+    if (!file_exists(paths_.proxy())) return;
+    if (!file_exists(paths_.mesh())) {
+      disagree(paths_.proxy(),
+               "is the proxy of a missing mesh.v3d; expected both, as v3dctl "
+               "reconstruct --proxy makes them");
+    } else if (meshes && proxies && *meshes != *proxies) {
+      disagree(paths_.proxy(),
+               "has other pulses than mesh.v3d; expected those of one v3dctl "
+               "reconstruct --proxy");
+    }
+  }
+
+  /// Pulses of the file; empty when it is absent or is not a mesh file.
+  std::optional<std::vector<int64_t>> check_mesh_file(const std::filesystem::path& path) {
+    if (!file_exists(path)) return std::nullopt;
     try {
-      MeshFileReader meshes(paths_.mesh());
-      check_meshes(meshes);
+      MeshFileReader meshes(path);
+      read_meshes(meshes, path);
       if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
-        disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
-                                    format_count(std::ssize(meshes.pulses())) +
-                                    " meshes can be read");
+        disagree(path, "ends without its index: truncated, or not finished; " +
+                           format_count(std::ssize(meshes.pulses())) + " meshes can be read");
       }
+      return meshes.pulses();
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
+      return std::nullopt;
     }
   }
 
   /// Reads every mesh. A read error is no error of the ledger, which does not count meshes.
-  void check_meshes(MeshFileReader& meshes) {
+  void read_meshes(MeshFileReader& meshes, const std::filesystem::path& path) {
     int64_t damaged = 0, unreadable = 0;
     for (const int64_t pulse : meshes.pulses()) {
       const auto mesh = meshes.read(pulse);
       if (mesh && !*mesh) ++damaged;
       if (!mesh && ++unreadable == 1) result_.disagreements.push_back(mesh.error().message);
     }
-    if (unreadable > 0)
-      disagree(paths_.mesh(), format_count(unreadable) + " meshes cannot be read");
-    if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+    if (unreadable > 0) disagree(path, format_count(unreadable) + " meshes cannot be read");
+    if (damaged > 0) disagree(path, format_count(damaged) + " damaged meshes");
   }
 
   const TakePaths paths_;

@@ -50,9 +50,10 @@ void recount_pulses(const PulseEvidence& evidence, const std::optional<Ledger>& 
 ///
 /// Disagreements are: a file that differs from the ledger or is missing; a file that programs read
 /// as part of the take and the ledger does not list; a missing or damaged log, whose camera then
-/// misses every pulse that cannot be read. mesh.v3d has checksums of its own
-/// (docs/compact-frame.md). `exposed`, `received` and `published` come from the stored ledger if it
-/// exists. Throws InputError when the folder is not a take.
+/// misses every pulse that cannot be read. mesh.v3d and proxy.v3d have checksums of their own
+/// (docs/compact-frame.md); a proxy must have the pulses of mesh.v3d. `exposed`, `received` and
+/// `published` come from the stored ledger if it exists. Throws InputError when the folder is not a
+/// take.
 Verification verify_take(const TakePaths& paths, ReadFrom from = ReadFrom::kPageCache);
 
 /// What recover_take() does with a take that has read errors.

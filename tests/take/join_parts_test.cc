@@ -162,6 +162,27 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   EXPECT_EQ(part_with_most_meshes(unreadable).part, unreadable.data()) << "no other has meshes";
 }
 
+TEST_F(JoinParts, has_the_proxy_of_its_meshes_and_no_other) {
+  const auto reconstruct = [&](const std::string& node, int64_t meshes) {
+    std::filesystem::create_directories(part(node).folder);
+    MeshFileWriter file(part(node).mesh());
+    for (int64_t pulse = 0; pulse < meshes; ++pulse)
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
+    EXPECT_TRUE(file.close());
+  };
+  reconstruct("recon02", 2);
+  reconstruct("recon03", 3);
+  test::write_text(part("recon02").proxy(), "of two meshes");
+  const std::vector<TakePaths> parts = {part("cap01"), part("cap02"), part("recon02"),
+                                        part("recon03")};
+  join_parts(parts, whole_);
+  EXPECT_FALSE(std::filesystem::exists(whole_.proxy()));
+  std::filesystem::remove_all(whole_.folder);
+  test::write_text(part("recon03").proxy(), "of three meshes");
+  join_parts(parts, whole_);
+  EXPECT_EQ(read_file(whole_.proxy()), "of three meshes");
+}
+
 TEST_F(JoinParts, has_the_tracked_surfaces_of_its_meshes) {
   test::write_text(part("cap01").motion(), "of cap01");
   join();

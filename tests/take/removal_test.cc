@@ -27,8 +27,8 @@ TEST(RecordedFile, is_every_file_that_a_take_has) {
        {paths.info(), paths.ledger(), paths.calib(), paths.studio(), paths.pulses(),
         paths.frames("cam07"), segment_path(paths.frames("cam07"), 1),
         segment_index_path(paths.frames("cam07")), paths.background() / "cam07.mean.png",
-        paths.mesh(), paths.motion(), paths.slate(), paths.reserve(), paths.verified(),
-        paths.folder / "signature.cap01.toml"}) {
+        paths.mesh(), paths.proxy(), paths.motion(), paths.slate(), paths.reserve(),
+        paths.verified(), paths.folder / "signature.cap01.toml"}) {
     fs::create_directories(path.parent_path());
     test::write_text(path, "");
   }

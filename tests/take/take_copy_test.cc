@@ -145,6 +145,21 @@ TEST_F(TakeCopy, accepts_pulses_and_meshes_of_a_node_with_more) {
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("mesh.v3d: has")));
 }
 
+TEST_F(TakeCopy, needs_the_proxy_of_the_original_with_its_pulses) {
+  const auto make_proxy = [](const TakePaths& take, std::vector<int64_t> pulses, uint8_t byte) {
+    fs::remove(take.proxy());
+    MeshFileWriter file(take.proxy());
+    for (const int64_t pulse : pulses) EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{byte}));
+  };
+  make_proxy(node_, {0, 1}, 1);
+  verify();
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("proxy.v3d: No such file")));
+  make_proxy(archive_, {0}, 1);
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("proxy.v3d: has")));
+  make_proxy(archive_, {0, 1}, 2);
+  EXPECT_THAT(missing(), IsEmpty());
+}
+
 TEST_F(TakeCopy, is_not_enough_while_a_mesh_of_the_original_cannot_be_read) {
   const auto reconstruct = [](const TakePaths& take, const std::vector<int64_t>& pulses) {
     MeshFileWriter file(take.mesh());

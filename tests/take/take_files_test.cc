@@ -85,6 +85,7 @@ TEST_F(TakeFiles, are_dropped_from_the_page_cache_before_a_read_from_disk) {
 
 TEST(TakeFilesAfterTheLedger, are_results_that_no_ledger_lists) {
   EXPECT_TRUE(is_written_after_ledger("mesh.v3d"));
+  EXPECT_TRUE(is_written_after_ledger("proxy.v3d"));
   EXPECT_TRUE(is_written_after_ledger("motion.v3d"));
   EXPECT_FALSE(is_written_after_ledger("cam01.lcmlog"));
 }

@@ -183,6 +183,29 @@ TEST_F(VerifyTake, reports_an_invalid_mesh_file) {
   EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is not a mesh file")));
 }
 
+void write_meshes(const std::filesystem::path& path, int64_t count) {
+  std::filesystem::remove(path);
+  MeshFileWriter meshes(path);
+  for (int64_t pulse = 0; pulse < count; ++pulse) {
+    EXPECT_TRUE(meshes.append(pulse, std::vector<uint8_t>(100, 1)));
+  }
+  EXPECT_TRUE(meshes.close());
+}
+
+TEST_F(VerifyTake, reports_a_proxy_that_does_not_belong_to_the_meshes) {
+  write_meshes(paths_.proxy(), 3);
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              ElementsAre(HasSubstr("proxy.v3d: is the proxy of a missing mesh.v3d")));
+  write_meshes(paths_.mesh(), 2);
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              ElementsAre(HasSubstr("proxy.v3d: has other pulses than mesh.v3d")));
+  write_meshes(paths_.mesh(), 3);
+  EXPECT_THAT(verify_take(paths_).disagreements, IsEmpty());
+  test::write_text(paths_.proxy(), "proxy");
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              ElementsAre(HasSubstr("proxy.v3d: is not a mesh file")));
+}
+
 /// The same take, with a file list in the ledger.
 class VerifyListedTake : public VerifyTake {
  protected:

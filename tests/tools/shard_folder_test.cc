@@ -38,7 +38,7 @@ class FinishedShard : public testing::Test {
     made.vertices = {53'000, 2};
     made.silhouette_iou = {0.5, 0.25, 1e-9};
     made.camera_iou = {{0.5, 0.25}, {1e-9}};
-    made.quality = {{25, {0.7, 0.8, 2}}, {26, {0.1, 0.2, 1}}};
+    made.frame_quality = {{25, {0.7, 0.8, 2}}, {26, {0.1, 0.2, 1}}};
     made.silhouette_faults = {
         {26, "cam02", {1, recon::SilhouetteFaultKind::kPulseLate, {4, 5, 6, 7}, 89}}};
     made.stages[1].ms = {12.5, 1.0 / 7};
@@ -71,7 +71,7 @@ TEST_F(FinishedShard, is_found_with_all_measurements) {
   ASSERT_TRUE(found);
   EXPECT_EQ(samples_to_json(*found), samples_to_json(made_));
   EXPECT_EQ(found->silhouette_faults[0].camera, "cam02");
-  EXPECT_EQ(found->quality[1].second.coverage, 0.2);
+  EXPECT_EQ(found->frame_quality[1].second.coverage, 0.2);
 }
 
 TEST_F(FinishedShard, is_not_used_when_it_is_damaged) {
@@ -89,6 +89,33 @@ TEST_F(FinishedShard, is_not_used_when_its_report_is_damaged) {
 
 TEST_F(FinishedShard, is_not_used_when_it_has_other_pulses) {
   EXPECT_FALSE(folder_.find({1, {25, 26, 27}}, empty_));
+}
+
+TEST_F(FinishedShard, has_its_proxy_or_is_not_used_where_one_is_requested) {
+  ReconstructReport empty = empty_, made = made_;
+  empty.proxy = {empty_};
+  made.proxy = {made_};
+  made.proxy[0].vertices = {400, 500};
+  EXPECT_FALSE(folder_.find(shard_, empty)) << "no proxy";
+  {
+    take::MeshFileWriter file(folder_.proxy(shard_));
+    for (const int64_t pulse : shard_.pulses)
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 8)));
+    EXPECT_TRUE(file.close());
+  }
+  folder_.save(shard_, made);
+  const auto found = folder_.find(shard_, empty);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(samples_to_json(*found), samples_to_json(made));
+  EXPECT_THAT(found->proxy[0].vertices, ElementsAre(400, 500));
+  ReconstructReport whole = empty;
+  append(whole, *found);
+  append(whole, *found);
+  EXPECT_THAT(whole.proxy[0].vertices, ElementsAre(400, 500, 400, 500));
+  damage(folder_.proxy(shard_), 70);
+  EXPECT_FALSE(folder_.find(shard_, empty));
+  folder_.drop(shard_);
+  EXPECT_FALSE(std::filesystem::exists(folder_.proxy(shard_)));
 }
 
 TEST_F(FinishedShard, is_missing_after_it_was_dropped) {

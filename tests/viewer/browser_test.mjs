@@ -98,6 +98,49 @@ test('shows another take beside the open one', async () => {
   await becomes(isBall, 'the pair at the right', someIn(0.5, 0.9));
 });
 
+test('shows the proxy of a take until the full meshes are chosen', async () => {
+  const YELLOW = [200, 200, 40];
+  const isOn = () => page.getAttribute('#proxy', 'aria-pressed');
+  await open('take=proxied&pulse=12');
+  await showsPulse(12);
+  await middleBecomes(YELLOW);
+  assert.equal(await isOn(), 'true');
+  assert.ok(await page.locator('[data-look=view]').isHidden(), 'views of cameras are those of the full meshes');
+  await page.keyboard.press('ArrowRight');
+  await showsPulse(13);
+  await page.click('#proxy');
+  await middleBecomes(GREEN);
+  assert.equal(await shownPulse(), 13, 'the pulse stays');
+  assert.equal(await isOn(), 'false');
+  assert.ok(await page.locator('[data-look=view]').isVisible());
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+  assert.ok(await page.locator('#proxy').isHidden(), 'a take without a proxy');
+  await open('take=proxied&pulse=14');
+  await showsPulse(14);
+  await middleBecomes(GREEN);
+  await page.keyboard.press('z');
+  await middleBecomes(YELLOW);
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+  await open('take=proxied&pulse=15&mesh=master');
+  await showsPulse(15);
+  await middleBecomes(GREEN);
+});
+
+test('reports a damaged proxy, and shows the full meshes without it', async () => {
+  const file = join(folder, 'takes/proxied/proxy.v3d');
+  const whole = readFileSync(file);
+  writeFileSync(file, 'no mesh file, but longer than its header');
+  await open('take=ball&pulse=12');
+  await open('take=proxied&pulse=12&mesh=proxy');
+  await shows('trouble', 'proxy.v3d: This is not a mesh file. Switch Proxy off to see mesh.v3d.');
+  await page.click('#proxy');
+  await showsPulse(12);
+  await middleBecomes(GREEN);
+  writeFileSync(file, whole);
+});
+
 test('hides a performer, shows one alone, and saves what is visible', async () => {
   await open('take=pair');
   await page.waitForSelector('#performers:not([hidden])');

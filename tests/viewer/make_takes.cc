@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "base/config/calib_file.h"
 #include "base/io/file.h"
@@ -63,13 +64,14 @@ void save_take(const std::filesystem::path& folder, int64_t pulses,
   save_calib(paths.calib(), one_camera());
 }
 
-void save_meshes(const std::filesystem::path& path) {
+/// `only`: the colour of all pulses; otherwise green, then blue.
+void save_meshes(const std::filesystem::path& path, std::optional<codec::VertexColour> only = {}) {
   codec::Scene scene(codec::ball(20));
   codec::FrameEncoder encoder({.key_every = 10});
   take::MeshFileWriter file(path);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
     if (pulse >= kFirstMissing && pulse < kFirstBlue) continue;
-    const codec::VertexColour colour = pulse < kFirstMissing ? kGreen : kBlue;
+    const codec::VertexColour colour = only.value_or(pulse < kFirstMissing ? kGreen : kBlue);
     io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
   io::throw_if_failed(file.close());
@@ -209,6 +211,9 @@ int main(int /*argc*/, char** argv) {
   const std::filesystem::path takes = std::filesystem::path(argv[1]) / "takes";
   v3d::save_take(takes / "ball", v3d::kPulses);
   v3d::save_meshes(takes / "ball/mesh.v3d");
+  v3d::save_take(takes / "proxied", v3d::kPulses);
+  v3d::save_meshes(takes / "proxied/mesh.v3d");
+  v3d::save_meshes(takes / "proxied/proxy.v3d", v3d::kYellow);
   v3d::save_take(takes / "pair", 1);
   v3d::save_pair(takes / "pair/mesh.v3d");
   v3d::save_take(takes / "moving", v3d::kPulses);

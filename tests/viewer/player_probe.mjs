@@ -187,6 +187,57 @@ export async function tapSound() {
   await context.resume();
 }
 
+/**
+ * Runs in the page before its scripts. Records all samples that are sent to the loudspeakers by Web Audio, in a list for each
+ * context.
+ */
+export function tapOutput() {
+  window.recordings = [];
+  const code = `registerProcessor('record', class extends AudioWorkletProcessor {
+    process([[samples]]) {
+      this.port.postMessage(samples ? samples.slice() : new Float32Array(128));
+      return true;
+    }
+  })`;
+  const { connect } = AudioNode.prototype;
+  const record = async (node) => {
+    const { context } = node;
+    const recording = { sampleRate: context.sampleRate, blocks: [] };
+    window.recordings.push(recording);
+    await context.audioWorklet.addModule(URL.createObjectURL(new Blob([code], { type: 'text/javascript' })));
+    const worklet = new AudioWorkletNode(context, 'record');
+    worklet.port.onmessage = ({ data }) => recording.blocks.push(data);
+    connect.call(node, worklet);
+    connect.call(worklet, context.destination); // it writes silence
+  };
+  AudioNode.prototype.connect = function (to, ...more) {
+    if (to instanceof AudioDestinationNode) void record(this);
+    return connect.call(this, to, ...more);
+  };
+}
+
+/** Runs in the page: sends the sound of the video element through Web Audio, too, so that tapOutput() records it. */
+export async function tapElement() {
+  const context = new AudioContext();
+  context.createMediaElementSource(window.video).connect(context.destination);
+  await context.resume();
+}
+
+/** Runs in the page: samples of the recording that has `bursts` bursts, and the first sample of each; null: none has them yet. */
+export function recordedBursts(bursts) {
+  for (const { sampleRate, blocks } of window.recordings) {
+    const starts = [];
+    for (let n = 0; n < 128 * blocks.length; ++n) {
+      if (Math.abs(blocks[n >> 7][n & 127]) < 0.4) continue;
+      starts.push(n);
+      n += 0.1 * sampleRate; // beyond the burst
+    }
+    if (starts.length < bursts) continue;
+    return { sampleRate, starts, samples: blocks.flatMap((block) => Array.from(block)) };
+  }
+  return null;
+}
+
 /** A player on the example page. */
 export class PlayerPage {
   constructor(page, address) {

@@ -1,7 +1,7 @@
 // Browser tests of the player, @v3d/player: its example page in Chromium, and a delivery of v3dctl export --format volume.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { assertInStep, FIRST, firstEvent, isAt, LAST, PlayerStudio, RATE, tapSound } from './player_probe.mjs';
+import { assertInStep, FIRST, firstEvent, isAt, LAST, PlayerStudio, RATE, recordedBursts, tapElement, tapOutput, tapSound } from './player_probe.mjs';
 
 const studio = new PlayerStudio();
 let player;
@@ -150,4 +150,33 @@ test('plays the sound of all pulses while it shows them', async (context) => {
     const late = start ? `; pulse ${start.pulse} was drawn ${(1000 * (start.at - at) - (1000 * (start.pulse - pulse)) / RATE).toFixed(0)} ms after its sound` : '';
     context.diagnostic(`sound of pulse ${pulse} with pulse ${shown} on the screen${late}`);
   });
+});
+
+test('repeats the sound of a loop without a missing or repeated sample', async (context) => {
+  player = await studio.newPlayer(tapOutput);
+  await player.open({ src: '/volume/', loop: true });
+  await player.event('loadedmetadata');
+  await studio.page.evaluate(tapElement);
+  await player.call('play');
+  // Three bursts in a pass; the fourth to the ninth are two passes and the ends between them.
+  const bursts = 10;
+  await studio.page.waitForFunction(recordedBursts, bursts);
+  const { sampleRate, starts, samples } = await studio.page.evaluate(recordedBursts, bursts);
+  const pass = Math.round(((LAST - FIRST + 1) / RATE) * sampleRate);
+  const begin = starts[3] - Math.round(0.1 * sampleRate);
+  context.diagnostic(`bursts after ${starts.slice(1).map((start, n) => start - starts[n]).join(', ')} samples; a pass has ${pass}`);
+  let difference = 0;
+  for (let n = begin; n < begin + pass; ++n) difference = Math.max(difference, Math.abs(samples[n + pass] - samples[n]));
+  assert.ok(difference < 1e-4, `a sample of the next pass differs by ${difference}`);
+  for (const look of await player.seen()) assertInStep(look, 'in a loop with sound');
+  assert.equal(await player.hasEvent('ended'), false);
+  await player.set('loop', false);
+  await player.event('ended');
+});
+
+test('waits for a gesture before the sound of a loop', async () => {
+  player = await studio.newPlayer();
+  const { event } = await firstEvent(studio.page, ['autoplayblocked', 'play']);
+  await player.open({ src: '/volume/', autoplay: true, loop: true });
+  assert.equal(await event, 'autoplayblocked');
 });

@@ -38,6 +38,11 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 void add_frames_option(cli::Command command, std::string& value);
 void add_json_flag(cli::Command command, bool& value);
 
+/// Adds --proxy: read proxy.v3d in place of mesh.v3d.
+cli::Option add_proxy_flag(cli::Command command, bool& value);
+/// The meshes of a take; `proxy`: the value of --proxy. Throws as MeshFrames.
+recorded::MeshFrames open_meshes(const std::filesystem::path& take, bool proxy);
+
 /// Adds --view-source; resolved_view_source() understands its value.
 void add_view_source_option(cli::Command command, std::string& value);
 recorded::ViewSource resolved_view_source(const std::string& value,

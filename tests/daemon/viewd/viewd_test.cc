@@ -163,6 +163,12 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
+TEST_F(ViewedSite, serves_the_proxy_of_a_take) {
+  EXPECT_EQ(get("/takes/kendo-07/proxy.v3d").status, 404) << "it has none";
+  write(folder_ / "takes/kendo-07/proxy.v3d", "012");
+  EXPECT_EQ(get("/takes/kendo-07/proxy.v3d").file->size, 3);
+}
+
 TEST_F(ViewedSite, serves_requested_parts_of_a_motion_file) {
   EXPECT_EQ(get("/takes/kendo-07/motion.v3d").status, 404);
   write(folder_ / "takes/kendo-07/motion.v3d", "0123456");

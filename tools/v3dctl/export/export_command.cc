@@ -31,6 +31,7 @@ struct Arguments {
   std::string surface = "automatic";  ///< see parse_surface()
   int atlas_side = 0;                 ///< texels; 0: none, or that of VolumeExport
   bool uncompressed = false;
+  bool proxy = false;
 };
 
 std::string file_name(int64_t frame, MeshFormat format) {
@@ -54,6 +55,9 @@ void expect_mesh_options_unused(const Arguments& arguments) {
 
 int run_volume_export(const Arguments& arguments) {
   expect_mesh_options_unused(arguments);
+  if (arguments.proxy) {
+    throw InputError("--proxy: --format volume contains tracked surfaces; expected no --proxy");
+  }
   if (arguments.performer > 0) {
     throw InputError("--performer: tracked surfaces state no performers; expected no --performer");
   }
@@ -75,12 +79,13 @@ int run_volume_export(const Arguments& arguments) {
 int run_take_export(const Arguments& arguments, TakeFormat format) {
   expect_mesh_options_unused(arguments);
   if (arguments.atlas_side > 0) throw InputError("--atlas: expected --format glb or volume");
-  return export_take({.take = arguments.take,
-                      .out = arguments.out,
-                      .format = format,
-                      .frames = parse_frame_range(arguments.frames),
-                      .performer = arguments.performer,
-                      .surface = parse_surface(arguments.surface)});
+  return export_take(
+      {.take = arguments.take,
+       .out = arguments.out,
+       .format = format,
+       .frames = parse_frame_range(arguments.frames),
+       .performer = arguments.performer,
+       .surface = arguments.proxy ? Surface::kProxy : parse_surface(arguments.surface)});
 }
 
 /// A texture in place of the colours of vertices, which it removes; empty without triangles.
@@ -106,7 +111,7 @@ int run(const Arguments& arguments) {
   const MeshFormat format = parse_mesh_format(arguments.format);
   const Compression compression = parse_compression(arguments.compression);
   check_options(format, compression, arguments.view_dependent, arguments.atlas_side > 0);
-  recorded::MeshFrames meshes(arguments.take);
+  recorded::MeshFrames meshes = open_meshes(arguments.take, arguments.proxy);
   const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
   const bool to_file = is_file(arguments, format, frames.size());
   std::error_code error;
@@ -142,7 +147,7 @@ int run(const Arguments& arguments) {
   const int64_t incomplete =
       colours ? colours->incomplete() : (painter ? painter->incomplete() : 0);
   const int status = report_incomplete_frames(incomplete, arguments.take);
-  return std::max(status, report_unfinished_meshes(meshes, arguments.take));
+  return std::max(status, report_unfinished_meshes(meshes));
 }
 
 }  // namespace
@@ -157,6 +162,7 @@ void add_export(CommandLine& line) {
        "v3dctl export dancer --format glb --compress draco --view-dependent meshes/",
        "v3dctl export dancer --format glb --atlas 2048 --frames 12 dancer.glb",
        "v3dctl export dancer --format glb-sequence dancer.glb",
+       "v3dctl export dancer --format glb-sequence --proxy preview.glb",
        "v3dctl export dancer --format volume dancer-volume",
        "v3dctl export dancer --format colmap --frames 12 training/"});
   auto arguments = std::make_shared<Arguments>();
@@ -190,18 +196,20 @@ void add_export(CommandLine& line) {
       .check(cli::integer_in(recon::kMinAtlasSide, recon::kMaxAtlasSide));
   command.add_flag("--uncompressed", arguments->uncompressed,
                    "volume: also the texture of every pulse as a PNG file, textures/FRAME.png");
-  command
-      .add_option("--performer", arguments->performer,
-                  "One performer alone, of a take after v3dctl performers")
-      .type_name("N")
-      .check(cli::integer_in(1, 255));
-  command
-      .add_option(
-          "--surface", arguments->surface,
-          "glb-sequence, usda: mesh.v3d, or motion.v3d, with constant triangles; automatic: "
-          "motion.v3d where it exists")
-      .type_name("automatic|meshes|tracked")
-      .show_default();
+  cli::Option performer = command
+                              .add_option("--performer", arguments->performer,
+                                          "One performer alone, of a take after v3dctl performers")
+                              .type_name("N")
+                              .check(cli::integer_in(1, 255));
+  cli::Option surface =
+      command
+          .add_option(
+              "--surface", arguments->surface,
+              "glb-sequence, usda: mesh.v3d, or motion.v3d, with constant triangles; automatic: "
+              "motion.v3d where it exists")
+          .type_name("automatic|meshes|tracked")
+          .show_default();
+  add_proxy_flag(command, arguments->proxy).excludes(performer).excludes(surface);
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

@@ -188,9 +188,9 @@ const fs::path& require_raw_frames(const fs::path& take, const std::string& opti
   return take;
 }
 
-int report_unfinished_meshes(const recorded::MeshFrames& meshes, const fs::path& take) {
+int report_unfinished_meshes(const recorded::MeshFrames& meshes) {
   if (!meshes.is_unfinished()) return kExitDone;
-  note("v3dctl: " + take::TakePaths{take}.mesh().string() +
+  note("v3dctl: " + meshes.path().string() +
        ": has no index: it is truncated or not finished; frames may be missing");
   return kExitIncomplete;
 }

@@ -93,8 +93,8 @@ class PerformerFilter {
 const std::filesystem::path& require_raw_frames(const std::filesystem::path& take,
                                                 const std::string& option);
 
-/// Reports on stderr when mesh.v3d of the take has no index. Returns kExitDone or kExitIncomplete.
-int report_unfinished_meshes(const recorded::MeshFrames& meshes, const std::filesystem::path& take);
+/// Reports on stderr when the file of `meshes` has no index. Returns kExitDone or kExitIncomplete.
+int report_unfinished_meshes(const recorded::MeshFrames& meshes);
 
 // Vertex colours of reconstructed frames in each camera, from the raw frames of the take.
 

@@ -61,6 +61,7 @@ void check_request(const TakeExport& request) {
   if (is_training(request.format)) {
     const std::string rule = ": expected --format ply, obj, glb, glb-sequence or usda";
     if (request.performer > 0) throw InputError("--performer" + rule);
+    if (request.surface == Surface::kProxy) throw InputError("--proxy" + rule);
     if (request.surface != Surface::kAutomatic) {
       throw InputError("--surface: expected --format glb-sequence or usda");
     }
@@ -123,6 +124,7 @@ int export_sequence(const TakeExport& request, const take::TakeInfo& info,
 /// The file with the surfaces.
 fs::path surfaces_of(const TakeExport& request) {
   const take::TakePaths paths{request.take};
+  if (request.surface == Surface::kProxy) return paths.proxy();
   const bool can_be_tracked = !is_training(request.format) && request.performer == 0;
   const bool tracked =
       request.surface == Surface::kTracked ||
@@ -163,7 +165,7 @@ int export_take(const TakeExport& request) {
   catch_interrupts();
   const int status = is_training(request.format) ? export_training(request, meshes, pulses)
                                                  : export_sequence(request, info, meshes, pulses);
-  return std::max(status, report_unfinished_meshes(meshes, request.take));
+  return std::max(status, report_unfinished_meshes(meshes));
 }
 
 }  // namespace v3d::ctl

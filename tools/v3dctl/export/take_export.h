@@ -20,11 +20,12 @@ enum class TakeFormat {
 /// Parses "glb-sequence", "usda", "colmap" and "nerfstudio"; empty for other text.
 std::optional<TakeFormat> parse_take_format(std::string_view text);
 
-/// Which surfaces kGlbSequence and kUsda contain.
+/// Which surfaces kGlbSequence and kUsda contain. Training sets contain kMeshes.
 enum class Surface {
   kAutomatic,  ///< kTracked where the take has motion.v3d and all performers are exported
   kMeshes,     ///< mesh.v3d
   kTracked,    ///< motion.v3d: constant triangles over many pulses
+  kProxy,      ///< proxy.v3d
 };
 
 /// Parses "automatic", "meshes" and "tracked". Throws InputError for other text.

@@ -45,14 +45,18 @@ Json stages_json(const ReconstructReport& report) {
   return stages;
 }
 
+Json iou_json(const ReconstructReport& report) {
+  return {{"mean", mean(report.silhouette_iou)}, {"min", min_of(report.silhouette_iou)}};
+}
+
 Json silhouettes_json(const ReconstructReport& report) {
   Json cameras = Json::object();
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     cameras[report.cameras[i]] = mean(report.camera_iou[i]);
   }
-  return {{"mean", mean(report.silhouette_iou)},
-          {"min", min_of(report.silhouette_iou)},
-          {"cameras", cameras}};
+  Json json = iou_json(report);
+  json["cameras"] = cameras;
+  return json;
 }
 
 Json faults_json(const std::vector<PulseFault>& faults) {
@@ -70,13 +74,24 @@ Json faults_json(const std::vector<PulseFault>& faults) {
 
 Json quality_json(const ReconstructReport& report) {
   Json list = Json::array();
-  for (const auto& [pulse, quality] : report.quality) {
+  for (const auto& [pulse, quality] : report.frame_quality) {
     list.push_back({{"pulse", pulse},
                     {"silhouette_iou", quality.silhouette_iou},
                     {"coverage", quality.coverage},
                     {"cameras", quality.cameras}});
   }
   return list;
+}
+
+Json proxy_json(const ReconstructReport& proxy) {
+  return {{"voxel_m", proxy.voxel_m},
+          {"quality", name(proxy.quality)},
+          {"volume_m3", median(proxy.volume_m3)},
+          {"vertices", median(proxy.vertices)},
+          {"triangles", median(proxy.triangles)},
+          {"silhouette_iou", iou_json(proxy)},
+          {"stages_ms", stages_json(proxy)},
+          {"bytes_per_frame", mean(proxy.bytes)}};
 }
 
 /// Of the frames that this run made.
@@ -108,7 +123,8 @@ Json to_json(const ReconstructReport& report) {
       {"stages_ms", stages_json(report)},
       {"frames_per_second", frames_per_second(report)},
       {"bytes_per_frame", mean(report.bytes)},
-      {"peak_rss_mb", report.peak_rss_mb}};
+      {"peak_rss_mb", report.peak_rss_mb},
+      {"proxy", report.proxy.empty() ? Json(nullptr) : proxy_json(report.proxy.front())}};
 }
 
 // A much lower agreement than that of the others suggests a displaced camera.
@@ -122,6 +138,34 @@ void print_worst_camera(const ReconstructReport& report) {
               mean(*worst));
 }
 
+void print_mesh(const char* what, const ReconstructReport& report) {
+  std::printf("%-12s %s vertices, %s triangles, %s a frame\n", what,
+              format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
+              format_count(static_cast<int64_t>(median(report.triangles))).c_str(),
+              format_bytes(mean(report.bytes)).c_str());
+}
+
+void print_silhouettes(const ReconstructReport& report) {
+  std::printf("silhouettes  IoU %.3f (mean), %.3f (minimum)\n", mean(report.silhouette_iou),
+              min_of(report.silhouette_iou));
+}
+
+void print_stages(const ReconstructReport& report) {
+  for (const StageSamples& stage : report.stages) {
+    if (stage.ms.empty()) continue;
+    std::printf("%-12s %.1f ms (median), %.1f ms (99th percentile)\n", stage.name.c_str(),
+                percentile(stage.ms, 0.50), percentile(stage.ms, 0.99));
+  }
+}
+
+void print_proxy(const ReconstructReport& proxy) {
+  std::printf("\nproxy, voxel %s, %s quality; segmentation is shared\n",
+              format_length(proxy.voxel_m).c_str(), std::string(name(proxy.quality)).c_str());
+  print_mesh("mesh", proxy);
+  print_silhouettes(proxy);
+  print_stages(proxy);
+}
+
 void print_text(const ReconstructReport& report) {
   std::printf("%s, %s, voxel %s, min. %d views\n", count_of(report.frames, "frame").c_str(),
               count_of(std::ssize(report.cameras), "camera").c_str(),
@@ -129,21 +173,14 @@ void print_text(const ReconstructReport& report) {
   std::printf("volume       %.4g m3 (median)\n", median(report.volume_m3));
   if (const int64_t ghosts = sum(report.ghosts); ghosts > 0)
     std::printf("ghosts       %s removed\n", format_count(ghosts).c_str());
-  std::printf("mesh         %s vertices, %s triangles, %s a frame\n",
-              format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
-              format_count(static_cast<int64_t>(median(report.triangles))).c_str(),
-              format_bytes(mean(report.bytes)).c_str());
-  std::printf("silhouettes  IoU %.3f (mean), %.3f (minimum)\n", mean(report.silhouette_iou),
-              min_of(report.silhouette_iou));
+  print_mesh("mesh", report);
+  print_silhouettes(report);
   print_worst_camera(report);
   for (const std::string& line : fault_lines(report.silhouette_faults)) {
     std::printf("repaired     %s\n", line.c_str());
   }
-  for (const StageSamples& stage : report.stages) {
-    if (stage.ms.empty()) continue;
-    std::printf("%-12s %.1f ms (median), %.1f ms (99th percentile)\n", stage.name.c_str(),
-                percentile(stage.ms, 0.50), percentile(stage.ms, 0.99));
-  }
+  print_stages(report);
+  for (const ReconstructReport& proxy : report.proxy) print_proxy(proxy);
   std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
               frames_per_second(report), report.threads, report.peak_rss_mb);
 }
@@ -233,6 +270,7 @@ void add_reconstruct(CommandLine& line) {
       line.add("reconstruct", "Make the meshes of a take (mesh.v3d)",
                {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
                 "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json",
+                "v3dctl reconstruct kendo-07 --voxel 5mm --proxy 10mm",
                 "v3dctl reconstruct kendo-07 --quality high --slurm --partition night"});
   auto arguments = std::make_shared<ReconstructArguments>();
   add_reconstruct_options(command, *arguments);

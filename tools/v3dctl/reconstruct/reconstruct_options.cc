@@ -56,13 +56,6 @@ void set_value(recon::DeformOptions& options, const std::string& part) {
   }
 }
 
-Quality parse_quality(const std::string& text) {
-  if (text == "live") return Quality::kLive;
-  if (text == "medium") return Quality::kMedium;
-  if (text == "high") return Quality::kHigh;
-  throw InputError("--quality " + text + ": expected live, medium or high");
-}
-
 }  // namespace
 
 namespace {
@@ -78,6 +71,20 @@ void add_repair_options(cli::Command& command, ReconstructArguments& arguments) 
                   "live: those that it repaired in this take")
       .type_name("live|N,A:B,...")
       .excludes(repair);
+}
+
+void add_proxy_options(cli::Command& command, ReconstructArguments& arguments) {
+  cli::Option proxy =
+      command
+          .add_option("--proxy", arguments.proxy,
+                      "Also make proxy.v3d in the same run: the same pulses with these larger "
+                      "voxels, for previews and slow PCs")
+          .type_name("LEN");
+  command
+      .add_option("--proxy-quality", arguments.proxy_quality,
+                  "Quality of the proxy (otherwise that of the mesh), not higher than --quality")
+      .type_name("live|medium|high")
+      .needs(proxy);
 }
 
 }  // namespace
@@ -106,6 +113,7 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
                   "live: the visual hull; medium: deformed within the live budget; high: slower "
                   "and finer")
       .type_name("live|medium|high");
+  add_proxy_options(command, arguments);
   command
       .add_option("--passes", arguments.passes,
                   "With medium quality: 1 coarse depth search; 2 also a fine one; 3 also removes "
@@ -157,7 +165,11 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
   ReconstructRequest request = arguments.request;
   if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
   if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
-  if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
+  if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality, "--quality");
+  if (!arguments.proxy.empty()) request.proxy_voxel_m = parse_length(arguments.proxy);
+  if (!arguments.proxy_quality.empty()) {
+    request.proxy_quality = parse_quality(arguments.proxy_quality, "--proxy-quality");
+  }
   request.deform = parse_deform(arguments.deform);
   if (!arguments.passes.empty()) parse_passes(arguments.passes, {request.take}, request);
   if (arguments.min_views > 0) request.min_views = arguments.min_views;

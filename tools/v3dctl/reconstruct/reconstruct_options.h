@@ -12,7 +12,7 @@ namespace v3d::ctl {
 
 struct ReconstructArguments {
   ReconstructRequest request;
-  std::string voxel, bounds, quality, deform, frames, leave_out;
+  std::string voxel, bounds, quality, proxy, proxy_quality, deform, frames, leave_out;
   std::string partition, repair_pulses, passes;
   int min_views = 0;
   int processes = 0;

@@ -46,19 +46,22 @@ PulseFault fault_from_json(const Json& json) {
 
 }  // namespace
 
-ReconstructReport empty_report(const Rig& rig, const recon::ReconstructOptions& options,
-                               bool repaired) {
+ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complete, int threads) {
   ReconstructReport report;
   for (const RigCamera& camera : rig) report.cameras.push_back(camera.name);
   report.camera_iou.resize(rig.size());
-  report.bounds = options.bounds;
-  report.voxel_m = options.voxel_m;
-  report.min_views = options.min_views;
-  report.threads = options.threads;
-  report.repaired = repaired;
+  report.bounds = *complete.bounds;
+  report.voxel_m = *complete.voxel_m;
+  report.quality = *complete.quality;
+  report.min_views = *complete.min_views;
+  report.threads = threads;
+  report.repaired = complete.repair || complete.repair_pulses;
   for (const char* stage : {"segment", "intersect", "mesh", "deform", "steady", "texture", "encode",
                             "quality", "total"}) {
     report.stages.push_back({stage, {}});
+  }
+  if (complete.proxy_voxel_m) {
+    report.proxy.push_back(empty_report(rig, proxy_request(complete), threads));
   }
   return report;
 }
@@ -71,12 +74,13 @@ void append(ReconstructReport& whole, const ReconstructReport& part) {
   for (size_t c = 0; c < whole.camera_iou.size(); ++c) {
     append_all(whole.camera_iou[c], part.camera_iou[c]);
   }
-  append_all(whole.quality, part.quality);
+  append_all(whole.frame_quality, part.frame_quality);
   append_all(whole.silhouette_faults, part.silhouette_faults);
   for (size_t s = 0; s < whole.stages.size(); ++s) {
     append_all(whole.stages[s].ms, part.stages[s].ms);
   }
   whole.peak_rss_mb = std::max(whole.peak_rss_mb, part.peak_rss_mb);
+  for (size_t p = 0; p < whole.proxy.size(); ++p) append(whole.proxy[p], part.proxy[p]);
 }
 
 Json samples_to_json(const ReconstructReport& part) {
@@ -85,7 +89,7 @@ Json samples_to_json(const ReconstructReport& part) {
   for (const FrameSamples& of : kFrameSamples) json[of.name] = part.*of.values;
   json["camera_iou"] = part.camera_iou;
   json["quality"] = Json::array();
-  for (const auto& [pulse, quality] : part.quality) {
+  for (const auto& [pulse, quality] : part.frame_quality) {
     json["quality"].push_back({pulse, quality.silhouette_iou, quality.coverage, quality.cameras});
   }
   json["faults"] = Json::array();
@@ -95,6 +99,8 @@ Json samples_to_json(const ReconstructReport& part) {
   json["stages_ms"] = Json::array();
   for (const StageSamples& stage : part.stages) json["stages_ms"].push_back(stage.ms);
   json["peak_rss_mb"] = part.peak_rss_mb;
+  json["proxy"] = Json::array();
+  for (const ReconstructReport& proxy : part.proxy) json["proxy"].push_back(samples_to_json(proxy));
   return json;
 }
 
@@ -109,7 +115,7 @@ void read_samples(const Json& json, ReconstructReport& part) {
     part.camera_iou[c] = json.at("camera_iou").at(c).get<std::vector<double>>();
   }
   for (const Json& of : json.at("quality")) {
-    part.quality.emplace_back(of.at(0), recon::FrameQuality{of.at(1), of.at(2), of.at(3)});
+    part.frame_quality.emplace_back(of.at(0), recon::FrameQuality{of.at(1), of.at(2), of.at(3)});
   }
   for (const Json& fault : json.at("faults"))
     part.silhouette_faults.push_back(fault_from_json(fault));
@@ -117,6 +123,8 @@ void read_samples(const Json& json, ReconstructReport& part) {
     part.stages[s].ms = json.at("stages_ms").at(s).get<std::vector<double>>();
   }
   part.peak_rss_mb = json.at("peak_rss_mb");
+  for (size_t p = 0; p < part.proxy.size(); ++p)
+    read_samples(json.at("proxy").at(p), part.proxy[p]);
 }
 
 }  // namespace v3d::ctl

@@ -9,7 +9,7 @@
 
 #include "base/geometry/rigid_transform.h"
 #include "recon/metrics/frame_quality.h"
-#include "recon/pipeline/reconstructor.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
 #include "v3dctl/reconstruct/take_silhouette_repair.h"
 
 namespace v3d::ctl {
@@ -24,6 +24,7 @@ struct ReconstructReport {
   std::vector<std::string> cameras;
   Box bounds;
   double voxel_m = 0;
+  Quality quality = Quality::kLive;
   int min_views = 0;
   int threads = 0;  ///< of all processes; of a Slurm job, of one task
   int64_t frames = 0;
@@ -36,7 +37,7 @@ struct ReconstructReport {
   std::vector<double> silhouette_iou;
   std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
   std::vector<std::pair<int64_t, recon::FrameQuality>>
-      quality;                                ///< by pulse, as live meshes have it
+      frame_quality;                          ///< by pulse, as live meshes have it
   bool repaired = false;                      ///< silhouette repair was requested
   std::vector<PulseFault> silhouette_faults;  ///< repaired ones
   std::vector<StageSamples> stages;  ///< segment intersect mesh deform steady texture encode
@@ -45,11 +46,13 @@ struct ReconstructReport {
   int processes = 1;                 ///< at a time; 0: of a cluster
   int64_t frames_kept = 0;           ///< part of `frames` that an earlier run made
   double peak_rss_mb = 0;            ///< of this process or the largest task, 10^6 bytes
+  /// One report of the proxy; empty without one. It has the values of each frame and camera, except
+  /// `incomplete`, faults and read errors, which are those of the mesh.
+  std::vector<ReconstructReport> proxy;
 };
 
-/// A report without frames.
-ReconstructReport empty_report(const Rig& rig, const recon::ReconstructOptions& options,
-                               bool repaired);
+/// A report without frames, of a complete request.
+ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complete, int threads);
 
 /// Appends the frames of `part` to `whole`. Requires equal arguments of their empty_report().
 void append(ReconstructReport& whole, const ReconstructReport& part);

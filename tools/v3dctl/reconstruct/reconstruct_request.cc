@@ -8,10 +8,12 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/core/text.h"
 #include "common/console.h"
 
 namespace v3d::ctl {
@@ -50,7 +52,40 @@ recon::DeformOptions deform_from_json(const Json& json) {
   return deform;
 }
 
+/// Lowest quality first.
+constexpr std::array<std::pair<std::string_view, Quality>, 3> kQualities{
+    {{"live", Quality::kLive}, {"medium", Quality::kMedium}, {"high", Quality::kHigh}}};
+
+auto entry_of(Quality quality) {
+  return std::ranges::find(kQualities, quality, &std::pair<std::string_view, Quality>::second);
+}
+
+/// Sets the quality of a requested proxy, and checks it against the mesh.
+void complete_proxy(ReconstructRequest& request) {
+  if (!request.proxy_voxel_m) return;
+  if (*request.proxy_voxel_m <= *request.voxel_m) {
+    throw InputError("--proxy " + format_length(*request.proxy_voxel_m) + ": expected more than " +
+                     format_length(*request.voxel_m) + ", the voxels of the mesh (--voxel)");
+  }
+  if (!request.proxy_quality) request.proxy_quality = request.quality;
+  if (entry_of(*request.proxy_quality) > entry_of(*request.quality)) {
+    throw InputError("--proxy-quality " + std::string(name(*request.proxy_quality)) +
+                     ": expected at most " + std::string(name(*request.quality)) +
+                     ", the quality of the mesh (--quality)");
+  }
+}
+
 }  // namespace
+
+std::string_view name(Quality quality) { return entry_of(quality)->first; }
+
+Quality parse_quality(std::string_view text, std::string_view option) {
+  for (const auto& [name, quality] : kQualities) {
+    if (text == name) return quality;
+  }
+  throw InputError(std::string(option) + " " + std::string(text) +
+                   ": expected live, medium or high");
+}
 
 recorded::TakeFrames open_take(const ReconstructRequest& request) {
   return {request.take, cameras_without(take::load_take_info({request.take}), request.leave_out)};
@@ -89,11 +124,26 @@ ReconstructRequest with_defaults(const ReconstructRequest& request,
     throw InputError("--min-views " + std::to_string(*complete.min_views) + ": expected at most " +
                      std::to_string(cameras) + " cameras, the number that takes part");
   }
+  complete_proxy(complete);
   if (!request.bounds) {
     complete.bounds =
         studio ? studio->space.bounds : reported_default_bounds(take.rig(), *complete.min_views);
   }
   return complete;
+}
+
+ReconstructRequest proxy_request(const ReconstructRequest& complete) {
+  ReconstructRequest proxy = complete;
+  proxy.voxel_m = complete.proxy_voxel_m;
+  proxy.quality = complete.proxy_quality;
+  proxy.proxy_voxel_m.reset();
+  proxy.proxy_quality.reset();
+  return proxy;
+}
+
+std::optional<std::filesystem::path> proxy_path(const ReconstructRequest& complete,
+                                                const take::TakePaths& take) {
+  return complete.proxy_voxel_m ? std::optional(take.proxy()) : std::nullopt;
 }
 
 recon::ReconstructOptions options_of(const ReconstructRequest& complete, int threads) {
@@ -115,6 +165,9 @@ Json request_to_json(const ReconstructRequest& complete) {
       {"voxel_m", *complete.voxel_m},
       {"min_views", *complete.min_views},
       {"quality", static_cast<int>(*complete.quality)},
+      {"proxy_voxel_m", complete.proxy_voxel_m ? Json(*complete.proxy_voxel_m) : Json(nullptr)},
+      {"proxy_quality",
+       complete.proxy_quality ? Json(static_cast<int>(*complete.proxy_quality)) : Json(nullptr)},
       {"live_passes", complete.live_passes},
       {"pulse_passes", complete.pulse_passes},
       {"deform", deform_to_json(complete.deform)},
@@ -132,6 +185,10 @@ ReconstructRequest request_from_json(const Json& json) {
   request.voxel_m = json.at("voxel_m").get<double>();
   request.min_views = json.at("min_views").get<int>();
   request.quality = static_cast<Quality>(json.at("quality").get<int>());
+  if (const Json& voxel = json.at("proxy_voxel_m"); !voxel.is_null()) {
+    request.proxy_voxel_m = voxel.get<double>();
+    request.proxy_quality = static_cast<Quality>(json.at("proxy_quality").get<int>());
+  }
   request.live_passes = json.at("live_passes").get<int>();
   request.pulse_passes = json.at("pulse_passes").get<std::map<int64_t, int>>();
   request.deform = deform_from_json(json.at("deform"));

@@ -7,6 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/config/studio_file.h"
@@ -19,6 +20,11 @@
 
 namespace v3d::ctl {
 
+/// "live", "medium" or "high".
+std::string_view name(Quality quality);
+/// The quality of this name. Throws InputError for another one; `option`: for the message.
+Quality parse_quality(std::string_view text, std::string_view option);
+
 // Request to reconstruct a take: its frames, cameras, bounds and quality.
 
 struct ReconstructRequest {
@@ -27,6 +33,9 @@ struct ReconstructRequest {
   std::optional<double> voxel_m;   ///< otherwise the studio's, otherwise 10 mm
   std::optional<int> min_views;    ///< otherwise the studio's, otherwise default_min_views()
   std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
+  /// A second mesh of each pulse, in proxy.v3d; larger than `voxel_m`. Empty: none.
+  std::optional<double> proxy_voxel_m;
+  std::optional<Quality> proxy_quality;  ///< at most `quality`; otherwise `quality`
   /// With medium quality: ReconstructOptions::live_passes.
   int live_passes = recon::kDefaultLivePasses;
   std::map<int64_t, int> pulse_passes;  ///< instead of live_passes, of single pulses
@@ -51,7 +60,7 @@ std::vector<std::string> cameras_without(const take::TakeInfo& info,
 
 /// Sets all optional values of the request to their defaults, so that every process uses the same.
 /// Prints default_bounds() on stderr where they are used. Throws InputError for more views than
-/// cameras.
+/// cameras, and for a proxy with no larger voxels or a higher quality than the mesh.
 ReconstructRequest with_defaults(const ReconstructRequest& request,
                                  const recorded::TakeFrames& take);
 
@@ -59,6 +68,14 @@ ReconstructRequest with_defaults(const ReconstructRequest& request,
 
 /// Options of the reconstructor for a complete request.
 recon::ReconstructOptions options_of(const ReconstructRequest& complete, int threads);
+
+/// The request that makes the proxy of a complete request alone, as the mesh. Requires
+/// proxy_voxel_m.
+ReconstructRequest proxy_request(const ReconstructRequest& complete);
+
+/// Path of the proxy of a complete request; empty without one.
+std::optional<std::filesystem::path> proxy_path(const ReconstructRequest& complete,
+                                                const take::TakePaths& take);
 
 /// A complete request as JSON, without the take, and back. The second throws
 /// nlohmann::json::exception for other JSON.

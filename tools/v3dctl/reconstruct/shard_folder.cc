@@ -18,7 +18,7 @@
 #include "common/console.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
-#include "v3dctl/reconstruct/take_reconstruction.h"
+#include "v3dctl/reconstruct/pending_mesh_file.h"
 
 namespace v3d::ctl {
 namespace {
@@ -35,7 +35,7 @@ std::span<const uint8_t> bytes_of(const std::string& text) {
 std::string hex(uint64_t value) { return fmt::format("{:016x}", value); }
 
 std::string checksum_of(std::initializer_list<std::span<const uint8_t>> parts) {
-  return hex(checksum(parts));
+  return hex(v3d::checksum(parts));
 }
 
 /// Version and checksum of this program: another build may produce other bytes.
@@ -137,23 +137,34 @@ ReconstructRequest ShardFolder::request() const {
 }
 
 fs::path ShardFolder::mesh(const Shard& shard) const { return path_ / name_of(shard, ".v3d"); }
+fs::path ShardFolder::proxy(const Shard& shard) const {
+  return path_ / name_of(shard, ".proxy.v3d");
+}
 fs::path ShardFolder::report(const Shard& shard) const { return path_ / name_of(shard, ".json"); }
 
 void ShardFolder::save(const Shard& shard, const ReconstructReport& report) const {
   const Json samples = samples_to_json(report);
-  const std::string sum = checksum_of({bytes_of(read_file(mesh(shard))), bytes_of(samples.dump())});
+  const std::string sum = checksum(shard, samples, !report.proxy.empty());
   replace_file(this->report(shard), Json{{"checksum", sum}, {"samples", samples}}.dump());
+}
+
+std::string ShardFolder::checksum(const Shard& shard, const Json& samples, bool with_proxy) const {
+  const std::string text = samples.dump(), meshes = read_file(mesh(shard));
+  const std::string proxies = with_proxy ? read_file(proxy(shard)) : "";
+  return checksum_of({bytes_of(meshes), bytes_of(proxies), bytes_of(text)});
 }
 
 std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
                                                    const ReconstructReport& empty) const {
+  const bool with_proxy = !empty.proxy.empty();
   if (!fs::exists(report(shard)) || !fs::exists(mesh(shard))) return std::nullopt;
+  if (with_proxy && !fs::exists(proxy(shard))) return std::nullopt;
   try {
     const Json json = Json::parse(read_file(report(shard)));
     const Json& samples = json.at("samples");
-    const std::string sum =
-        checksum_of({bytes_of(read_file(mesh(shard))), bytes_of(samples.dump())});
-    if (json.at("checksum") != sum || take::MeshFileReader(mesh(shard)).pulses() != shard.pulses) {
+    if (json.at("checksum") != checksum(shard, samples, with_proxy) ||
+        take::MeshFileReader(mesh(shard)).pulses() != shard.pulses ||
+        (with_proxy && take::MeshFileReader(proxy(shard)).pulses() != shard.pulses)) {
       return std::nullopt;
     }
     ReconstructReport found = empty;
@@ -170,6 +181,7 @@ void ShardFolder::drop(const Shard& shard) const {
   std::error_code absent;
   fs::remove(report(shard), absent);
   fs::remove(mesh(shard), absent);
+  fs::remove(proxy(shard), absent);
 }
 
 std::set<int64_t> ShardFolder::saved() const {

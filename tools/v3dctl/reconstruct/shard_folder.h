@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -28,7 +29,8 @@ std::vector<Shard> shards_of(const std::vector<int64_t>& pulses);
 /// TAKE/.shards-DIGEST:
 ///   request.json        everything that the result depends on; DIGEST is its checksum
 ///   shard-000012.v3d    meshes of a finished shard
-///   shard-000012.json   its measurements, and a checksum of both files
+///   shard-000012.proxy.v3d   its proxy, where one was requested
+///   shard-000012.json   its measurements, and a checksum of these files
 ///   error-*             an error that a retry cannot resolve, one line
 ///   task-*.log          stderr of the tasks
 /// The digest prevents joining shards of other takes, options or programs. Files are replaced
@@ -48,8 +50,9 @@ class ShardFolder {
   ReconstructRequest request() const;
 
   std::filesystem::path mesh(const Shard& shard) const;
-  /// Saves the measurements of a shard after its mesh file. Throws std::runtime_error for errors of
-  /// the disk.
+  std::filesystem::path proxy(const Shard& shard) const;
+  /// Saves the measurements of a shard after its mesh file and proxy. Throws std::runtime_error for
+  /// errors of the disk.
   void save(const Shard& shard, const ReconstructReport& report) const;
   /// Measurements of a finished shard; empty if it is missing or damaged. `empty`: empty_report()
   /// of the request.
@@ -70,6 +73,9 @@ class ShardFolder {
 
  private:
   std::filesystem::path report(const Shard& shard) const;
+  /// Of the files of a shard and `samples`, the JSON of its measurements.
+  std::string checksum(const Shard& shard, const nlohmann::ordered_json& samples,
+                       bool with_proxy) const;
 
   std::filesystem::path path_;
 };

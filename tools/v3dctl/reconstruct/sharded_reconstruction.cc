@@ -63,8 +63,8 @@ class ShardedRun {
              const recorded::TakeFrames& take)
       : complete_(with_defaults(request, take)),
         shards_(shards_of(pulses_of(request, take))),
-        mesh_(take.paths().mesh()),
-        empty_(empty_report(take.rig(), options_of(complete_, threads), request.repair)),
+        paths_(take.paths()),
+        empty_(empty_report(take.rig(), complete_, threads)),
         report_(empty_),
         folder_(ShardFolder::create(complete_, take)),
         lock_(folder_),
@@ -163,23 +163,29 @@ class ShardedRun {
   }
 
   void join() {
-    PendingMeshFile file(mesh_);
+    PendingMeshes files(paths_.mesh(), proxy_path(complete_, paths_));
     for (const Shard& shard : shards_) {
-      take::MeshFileReader meshes(folder_.mesh(shard));
-      for (const int64_t pulse : shard.pulses) {
-        const auto compact = meshes.read(pulse);
-        if (!compact) throw std::runtime_error(compact.error().message);
-        if (!*compact) throw std::runtime_error(folder_.mesh(shard).string() + ": has changed");
-        file.append(pulse, **compact);
-      }
+      append_shard(shard, folder_.mesh(shard), files.master);
+      if (files.proxy) append_shard(shard, folder_.proxy(shard), *files.proxy);
       append(report_, found_.at(shard.number));
     }
-    file.finish();
+    replace_meshes(files, paths_);
+  }
+
+  /// Appends the meshes of `path`, a file of `shard`.
+  static void append_shard(const Shard& shard, const fs::path& path, PendingMeshFile& file) {
+    take::MeshFileReader meshes(path);
+    for (const int64_t pulse : shard.pulses) {
+      const auto compact = meshes.read(pulse);
+      if (!compact) throw std::runtime_error(compact.error().message);
+      if (!*compact) throw std::runtime_error(path.string() + ": has changed");
+      file.append(pulse, **compact);
+    }
   }
 
   const ReconstructRequest complete_;
   const std::vector<Shard> shards_;
-  const fs::path mesh_;
+  const take::TakePaths paths_;
   const ReconstructReport empty_;
   ReconstructReport report_;
   const ShardFolder folder_;
@@ -206,15 +212,17 @@ void reconstruct_shards(const ShardFolder& folder, take::FrameRange range, int t
     const ReconstructRequest request = folder.request();
     recorded::TakeFrames take = open_take(request);
     const std::vector<Shard> shards = shards_of(pulses_of(request, take));
-    const ReconstructReport empty =
-        empty_report(take.rig(), options_of(request, threads), request.repair);
+    const ReconstructReport empty = empty_report(take.rig(), request, threads);
     TakeReconstruction reconstruction(request, threads, std::move(take));
     for (size_t n = 0; n < shards.size(); ++n) {
       if (!range.contains(static_cast<int64_t>(n)) || folder.find(shards[n], empty)) continue;
-      PendingMeshFile file(folder.mesh(shards[n]));
-      const ReconstructReport report = reconstruction.make(shards[n].pulses, file, [] {});
-      file.finish();
-      folder.save(shards[n], report);
+      const Shard& shard = shards[n];
+      const bool with_proxy = request.proxy_voxel_m.has_value();
+      PendingMeshes files(folder.mesh(shard),
+                          with_proxy ? std::optional(folder.proxy(shard)) : std::nullopt);
+      const ReconstructReport report = reconstruction.make(shard.pulses, files, [] {});
+      files.finish();
+      folder.save(shard, report);
     }
   } catch (const InputError& error) {
     folder.save_error(error.what());

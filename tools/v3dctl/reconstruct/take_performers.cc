@@ -14,7 +14,7 @@
 #include "recon/pipeline/frame_volume.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
-#include "v3dctl/reconstruct/take_reconstruction.h"
+#include "v3dctl/reconstruct/pending_mesh_file.h"
 
 namespace v3d::ctl {
 namespace {

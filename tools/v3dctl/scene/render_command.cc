@@ -38,17 +38,26 @@ struct Arguments {
   int turntable = 0;
   bool view_dependent = false;
   std::string view_source = "automatic";
+  bool proxy = false;
 };
+
+/// Throws InputError for a proxy without raw frames.
+recorded::ViewSource view_source(const Arguments& arguments) {
+  const recorded::ViewSource source = resolved_view_source(arguments.view_source, arguments.take);
+  if (arguments.proxy && source == recorded::ViewSource::kMesh) {
+    throw InputError("--view-dependent: " + take::TakePaths{arguments.take}.proxy().string() +
+                     " has no colours of cameras; expected the raw frames of the take, or no "
+                     "--proxy");
+  }
+  return source;
+}
 
 /// Renders a frame, with view-dependent colours if requested.
 class FrameRenderer {
  public:
   /// `frame` is borrowed.
   FrameRenderer(const Arguments& arguments, const recon::CompactFrame& frame) : mesh_(frame.mesh) {
-    if (arguments.view_dependent) {
-      colours_.emplace(arguments.take, frame,
-                       resolved_view_source(arguments.view_source, arguments.take));
-    }
+    if (arguments.view_dependent) colours_.emplace(arguments.take, frame, view_source(arguments));
   }
   const Mesh& mesh() const { return mesh_; }
   Image draw(const CameraModel& camera, const recon::DrawOptions& options) const {
@@ -177,7 +186,7 @@ int run_take(const Arguments& arguments) {
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": expected a name that ends in .png");
   }
-  recorded::MeshFrames meshes(arguments.take);
+  recorded::MeshFrames meshes = open_meshes(arguments.take, arguments.proxy);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
   meshes.want_views(arguments.view_dependent);
   const recon::CompactFrame compact = meshes.read(frame);
@@ -206,6 +215,7 @@ void add_render(CommandLine& line) {
       line.add("render", "Draw a reconstructed frame, or a scene, as pictures or a video",
                {"v3dctl render dancer --frame 12 --camera cam03 cam03.png",
                 "v3dctl render dancer --frame 12 --turntable 8 round.png",
+                "v3dctl render dancer --frame 12 --proxy --camera cam03 preview.png",
                 "v3dctl render --scene duel/scene.json --at 2.5 duel.png",
                 "v3dctl render --scene duel/scene.json --size 1920x1080 duel.mp4"});
   auto arguments = std::make_shared<Arguments>();
@@ -214,10 +224,11 @@ void add_render(CommandLine& line) {
   command.add_option("OUT", arguments->out,
                      "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
                      "ffmpeg) or a folder for 000000.png ...");
-  command
-      .add_option("--scene", arguments->scene,
-                  "A scene file: takes, models and a camera path (docs/scene.md)")
-      .type_name("SCENE.json");
+  cli::Option scene =
+      command
+          .add_option("--scene", arguments->scene,
+                      "A scene file: takes, models and a camera path (docs/scene.md)")
+          .type_name("SCENE.json");
   command.add_option("--at", arguments->at_s, "One picture, at this time of the scene")
       .type_name("SECONDS")
       .check(cli::number_in(0, 36'000));
@@ -240,6 +251,7 @@ void add_render(CommandLine& line) {
       "View-dependent colours: images of cameras with a similar direction have the most "
       "weight");
   add_view_source_option(command, arguments->view_source);
+  add_proxy_flag(command, arguments->proxy).excludes(scene);
   line.on_run(command, [arguments] { return run(*arguments); });
 }
 

@@ -21,7 +21,8 @@ std::string length_text(double seconds) {
 }
 
 std::string mesh_count_text(const take::TakeListing& take) {
-  return take.meshes ? format_count(*take.meshes) + " meshes" : "mesh.v3d cannot be read";
+  const std::string proxy = take.proxy_bytes > 0 ? " and proxy" : "";
+  return (take.meshes ? format_count(*take.meshes) + " meshes" : "mesh.v3d cannot be read") + proxy;
 }
 
 std::string listing_line(const take::TakeListing& take, size_t name_width) {

@@ -7,6 +7,8 @@ export interface KeyActions {
   look(look: Look): void;
   wireframe(): void;
   cameras(): void;
+  /** proxy() changes between the meshes and their proxy. */
+  proxy(): void;
   fly(): void;
   frameAll(): void;
   stand(steps: number): void;
@@ -53,6 +55,7 @@ const KEYS: Key[] = [
   { keys: ['5'], shown: '5', does: 'confidence: how many cameras see it and agree', run: (d) => d.look('confidence') },
   { keys: ['x'], shown: 'X', does: 'wireframe', run: (d) => d.wireframe() },
   { keys: ['c'], shown: 'C', does: 'show the cameras of the studio', run: (d) => d.cameras() },
+  { keys: ['z'], shown: 'Z', does: 'coarser meshes of the proxy, or the full ones', run: (d) => d.proxy() },
   { keys: [',', '.'], shown: ', .', does: 'view from the previous, the next camera',
     run: (d, key) => d.stand(key === ',' ? -1 : 1) },
   { keys: ['b'], shown: 'B', does: "that camera's photograph over the view, or not", run: (d) => d.photograph() },

@@ -4,9 +4,10 @@ import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
-import { download, find, press } from './page';
+import { bindToggle, download, find, press, showStartError } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from '../player/src/playback';
+import { ProxyChoice } from './proxy_choice';
 import { fetchRig, type RigCamera } from './rig';
 import { RigPanel } from './rig_panel';
 import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, writeScene } from './scene_file';
@@ -42,6 +43,7 @@ class Viewer {
   private readonly performers = new PerformerList(find('performers'), () => this.draw());
   private readonly motion: MotionPanel;
   private readonly skeleton: SkeletonPanel;
+  private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile());
   private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.trouble(text));
   private shownTimes: number[] = [];
   private shownCount = 0;
@@ -72,7 +74,7 @@ class Viewer {
       change: () => this.sceneChanged(),
       keyHere: () => this.keyHere(),
       seek: (seconds) => this.seekScene(seconds),
-      save: () => this.saveScene(),
+      save: () => download(new Blob([writeScene(this.composition!.scene)], { type: 'application/json' }), 'scene.json'),
       takes: () => this.takes.filter((take) => (take.meshes ?? 0) > 0).map((take) => take.name),
       pathOf: (take) => `../${take}`,
     });
@@ -83,6 +85,7 @@ class Viewer {
       look: (look) => this.setLook(look),
       wireframe: () => find('wireframe').click(),
       cameras: () => find('cameras').click(),
+      proxy: () => this.proxy.toggle(),
       fly: () => find('fly').click(),
       frameAll: () => this.stage.frameAll(),
       follow: () => this.setFollowing(true),
@@ -112,14 +115,14 @@ class Viewer {
     setInterval(() => this.listTakes(), TAKES_EVERY_MS);
   }
 
-  /** #live, #take=kendo-07, #take=kendo-07&pulse=12, #scene=duel, #scene=duel&at=2.5 */
+  /** #live, #take=kendo-07, #take=kendo-07&pulse=12&mesh=master (or proxy), #scene=duel, #scene=duel&at=2.5 */
   private followAddress(): void {
     const wish = new URLSearchParams(location.hash.slice(1));
     const name = wish.get('take');
     const scene = wish.get('scene');
     if (wish.has('live')) this.openLive();
     else if (scene && this.open?.scene !== scene) void this.openScene(scene, Number(wish.get('at') ?? NaN));
-    else if (name && this.open?.take?.name !== name) this.openTake(name, Number(wish.get('pulse') ?? NaN));
+    else if (name && this.open?.take?.name !== name) this.openTake(name, Number(wish.get('pulse') ?? NaN), wish.get('mesh'));
   }
 
   private async listTakes(): Promise<void> {
@@ -141,14 +144,30 @@ class Viewer {
     this.worker.postMessage(message);
   }
 
-  private openTake(name: string, pulse = NaN): void {
+  private openTake(name: string, pulse = NaN, mesh: string | null = null): void {
     const take = this.takes.find((t) => t.name === name);
     if (!take) return this.trouble(`There is no take ${name}.`);
     this.openAs({ take, scene: null }, `take=${name}`, `api/takes/${name}/rig`);
     this.startAt = pulse;
-    this.send({ kind: 'take', take: this.opened, url: new URL(`takes/${name}/mesh.v3d`, location.href).href });
+    this.proxy.open(take, mesh);
+    this.sendTake(name);
   }
   private startAt = NaN;
+
+  private sendTake(name: string): void {
+    this.send({ kind: 'take', take: this.opened, url: new URL(`takes/${name}/${this.proxy.file}`, location.href).href });
+  }
+
+  /** Shows the other file of the open take at the same pulse. */
+  private changeFile(): void {
+    const name = this.open?.take?.name;
+    if (!name) return;
+    this.open!.number = ++this.opened;
+    this.performers.clear();
+    this.wanted = -1;
+    this.sendTake(name);
+    this.motion.resume();
+  }
 
   private openLive(): void {
     if (this.open && !this.open.take && this.open.scene === null) return;
@@ -270,10 +289,6 @@ class Viewer {
     }
   }
 
-  private saveScene(): void {
-    download(new Blob([writeScene(this.composition!.scene)], { type: 'application/json' }), 'scene.json');
-  }
-
   /** What is visible of the shown pulse. */
   private async saveMesh(): Promise<void> {
     if (!this.shown) return;
@@ -297,6 +312,7 @@ class Viewer {
     this.wanted = -1;
     this.transport.set(null);
     this.stage.clear();
+    this.proxy.open(null);
     this.pictures.open(take?.name ?? null);
     this.offerViews(true);
     const folder = take && new URL(`takes/${take.name}/`, location.href).href;
@@ -334,20 +350,16 @@ class Viewer {
     if (message.take !== this.opened) return;
     switch (message.kind) {
       case 'opened': {
-        const rate = this.open?.take?.rate_hz ?? 25;
-        this.playback = new Playback(message.pulses.map((pulse) => ({ pulse })), rate);
-        if (Number.isNaN(this.startAt)) this.playback.playing = true;
-        else this.playback.seek(this.startAt);
-        this.transport.set(this.playback);
+        if (!this.playback?.isOf(message.pulses)) this.setTakePlayback(message.pulses);
         if (message.tracked) {
           this.motion.setAlone();
           this.pictures.open(null);
         }
-        this.offerViews(!message.tracked);
+        this.offerViews(!message.tracked && !this.proxy.isOn);
         break;
       }
       case 'trouble':
-        this.trouble(message.text);
+        this.trouble(this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
         break;
       case 'link':
         find('open-live').dataset.link = message.link;
@@ -365,6 +377,13 @@ class Viewer {
       default:
         this.motion.onMessage(message);
     }
+  }
+
+  private setTakePlayback(pulses: number[]): void {
+    this.playback = new Playback(pulses.map((pulse) => ({ pulse })), this.open?.take?.rate_hz ?? 25);
+    if (Number.isNaN(this.startAt)) this.playback.playing = true;
+    else this.playback.seek(this.startAt);
+    this.transport.set(this.playback);
   }
 
   private show(frame: ShownFrame): void {
@@ -433,14 +452,9 @@ class Viewer {
     for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) {
       button.addEventListener('click', () => this.setLook(button.dataset.look as Look));
     }
-    const toggle = (id: string, flip: () => boolean) =>
-      find(id).addEventListener('click', () => {
-        press(find(id), flip());
-        find('canvas').focus();
-      });
-    toggle('wireframe', () => (this.stage.wireframe = !this.stage.wireframe));
-    toggle('cameras', () => (this.stage.rigShown = !this.stage.rigShown));
-    toggle('fly', () => (this.stage.flying = !this.stage.flying));
+    bindToggle('wireframe', () => (this.stage.wireframe = !this.stage.wireframe));
+    bindToggle('cameras', () => (this.stage.rigShown = !this.stage.rigShown));
+    bindToggle('fly', () => (this.stage.flying = !this.stage.flying));
   }
 
   private turn(now: number): void {
@@ -460,17 +474,8 @@ class Viewer {
     this.skeleton.turn();
     this.stage.render(seconds);
     find('canvas').dataset.settled = String(this.composition?.settled ?? (this.shown !== null && this.pictures.settled));
-    this.placeImageFrame();
+    this.stage.placeImageFrame(find('image-frame'), this.rig.standing);
     this.updateFacts(now);
-  }
-
-  private placeImageFrame(): void {
-    const image = this.stage.imageFrame();
-    const frame = find('image-frame');
-    frame.hidden = image === null;
-    if (!image) return;
-    for (const side of ['left', 'top', 'width', 'height'] as const) frame.style[side] = `${image[side]}px`;
-    frame.firstElementChild!.textContent = this.rig.standing;
   }
 
   private factsUpdated = 0;
@@ -491,10 +496,5 @@ class Viewer {
 try {
   void new Viewer().begin();
 } catch (error) {
-  const trouble = find('trouble');
-  const lacks = error instanceof Error && error.message === 'no WebGL 2';
-  trouble.textContent = lacks
-    ? 'This browser has no WebGL 2, which the viewer needs. Browsers since 2021 have it, if the graphics driver supports it.'
-    : `The viewer could not start: ${error instanceof Error ? error.message : String(error)}`;
-  trouble.hidden = false;
+  showStartError(error);
 }

@@ -46,6 +46,13 @@ export class MotionPanel {
     if (url === this.url) find('motion').hidden = !answer?.ok;
   }
 
+  /** To call when the worker has opened the meshes of the same take again. */
+  resume(): void {
+    if (!this.on) return;
+    this.send({ kind: 'motion', url: this.url });
+    this.send({ kind: 'points', points: this.points });
+  }
+
   /** To call for a take whose only frames are tracked surfaces; the worker has opened them. */
   setAlone(): void {
     this.on = this.alone = true;

@@ -5,6 +5,14 @@ export const find = <E extends HTMLElement>(id: string) => document.getElementBy
 
 export const press = (button: Element, on: boolean) => button.setAttribute('aria-pressed', String(on));
 
+/** A click on the button changes a state, which `flip` returns; the canvas then has the focus. */
+export function bindToggle(id: string, flip: () => boolean): void {
+  find(id).addEventListener('click', () => {
+    press(find(id), flip());
+    find('canvas').focus();
+  });
+}
+
 /** Buttons that carry their text as data-NAME. */
 export function buttonsOf<T>(things: readonly T[], name: string, textOf: (thing: T) => string, click: (thing: T) => void): HTMLElement[] {
   return things.map((thing) => {
@@ -13,6 +21,15 @@ export function buttonsOf<T>(things: readonly T[], name: string, textOf: (thing:
     button.addEventListener('click', () => click(thing));
     return button;
   });
+}
+
+/** Reports on the page that it could not start. */
+export function showStartError(error: unknown): void {
+  const lacks = error instanceof Error && error.message === 'no WebGL 2';
+  find('trouble').textContent = lacks
+    ? 'This browser has no WebGL 2, which the viewer needs. Browsers since 2021 have it, if the graphics driver supports it.'
+    : `The viewer could not start: ${error instanceof Error ? error.message : String(error)}`;
+  find('trouble').hidden = false;
 }
 
 /** Saves a file as a download of the browser. */

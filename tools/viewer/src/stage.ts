@@ -259,8 +259,17 @@ export class Stage {
   }
 
   /** The rectangle of the camera's image on the canvas; null when the viewpoint is not that of a camera. */
-  imageFrame(): { left: number; top: number; width: number; height: number } | null {
+  private imageFrame(): { left: number; top: number; width: number; height: number } | null {
     return this.standing && imageOnScreen(this.standing, this.canvas.clientWidth, this.canvas.clientHeight);
+  }
+
+  /** Lays `frame` around the image of the camera that the view is from, with its name; hides it without one. */
+  placeImageFrame(frame: HTMLElement, camera: string | null): void {
+    const image = this.imageFrame();
+    frame.hidden = image === null;
+    if (!image) return;
+    for (const side of ['left', 'top', 'width', 'height'] as const) frame.style[side] = `${image[side]}px`;
+    frame.firstElementChild!.textContent = camera;
   }
 
   private leave(): void {

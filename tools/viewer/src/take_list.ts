@@ -11,6 +11,8 @@ export interface Take {
   seconds: number;
   bytes: number;
   mesh_bytes: number;
+  /** 0: the take has no proxy.v3d. */
+  proxy_bytes: number;
   cameras: string[];
   /** null: mesh.v3d cannot be read, for the reason `mesh_error`. */
   meshes: number | null;
@@ -51,7 +53,8 @@ export function slateText(slate: Take['slate']): string {
 
 function meshText(take: Take): string {
   if (take.meshes === null) return 'meshes cannot be read';
-  return take.meshes ? `${take.meshes} meshes, ${formatBytes(take.mesh_bytes)}` : 'no meshes';
+  const proxy = take.proxy_bytes ? `, proxy ${formatBytes(take.proxy_bytes)}` : '';
+  return take.meshes ? `${take.meshes} meshes, ${formatBytes(take.mesh_bytes)}${proxy}` : 'no meshes';
 }
 
 function part(tag: string, text: string, look = ''): HTMLElement {

@@ -5,6 +5,12 @@ const take = (pulses: number[] = Array.from({ length: 100 }, (_, n) => n)) =>
   new Playback(pulses.map((pulse) => ({ pulse })), 25);
 
 describe('playback', () => {
+  it('is of the same pulses alone', () => {
+    expect(take([3, 4, 7]).isOf([3, 4, 7])).toBe(true);
+    expect(take([3, 4, 7]).isOf([3, 5, 7])).toBe(false);
+    expect(take([3, 4, 7]).isOf([3, 4])).toBe(false);
+  });
+
   it('advances with the clock, at the rate of the take', () => {
     const p = take();
     p.advance(1);

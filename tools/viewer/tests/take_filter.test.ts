@@ -3,7 +3,7 @@ import { ALL_TAKES, passes, scenesOf } from '../src/take_filter';
 import type { Take } from '../src/take_list';
 
 const take = (name: string, slate: Partial<Take['slate']> = {}, state: Take['state'] = 'complete'): Take => ({
-  name, studio: 'dojo', started_ns: 0, state, verified: false, rate_hz: 25, pulses: 9, seconds: 1, bytes: 1, mesh_bytes: 1,
+  name, studio: 'dojo', started_ns: 0, state, verified: false, rate_hz: 25, pulses: 9, seconds: 1, bytes: 1, mesh_bytes: 1, proxy_bytes: 0,
   cameras: ['cam01'], meshes: 9, slate: { scene: '', take: '', note: '', mark: '', ...slate },
 });
 const duel = take('kendo-07', { scene: '12', take: '3', note: 'The sword slips', mark: 'circled' });

@@ -21,6 +21,11 @@ export class Playback {
     this.outPulse = this.last;
   }
 
+  /** Whether these are all its pulses. */
+  isOf(pulses: readonly number[]): boolean {
+    return pulses.length === this.entries.length && this.entries.every(({ pulse }, n) => pulse === pulses[n]);
+  }
+
   get first(): number {
     return this.entries.length ? this.entries[0].pulse : 0;
   }

@@ -2,6 +2,7 @@
 import { DoubleSide, Mesh, MeshBasicMaterial, SRGBColorSpace, VideoFrameTexture } from 'three';
 import { fetchFile } from './byte_source';
 import { type Clip, type ClipEvents, lineOf } from './clip';
+import { DeliverySound } from './delivery_sound';
 import { type Manifest, MAX_MANIFEST_BYTES, parseManifest } from './manifest';
 import type { SegmentSurface } from './segment_file';
 import { SegmentStore } from './segment_store';
@@ -44,6 +45,7 @@ export function matchSegments(manifest: Manifest, shapes: readonly SegmentShape[
 interface Opened {
   manifest: Manifest;
   video: VideoFrames;
+  sound: DeliverySound;
   queue: SurfaceQueue;
   segments: SegmentStore;
 }
@@ -62,7 +64,6 @@ export class VolumeClip implements Clip {
   private failure: string | null = null;
   /** The video pauses by itself at its end, also in a loop. */
   private playing = false;
-  loop = false;
 
   private constructor(private readonly events: ClipEvents) {
     this.texture.colorSpace = SRGBColorSpace;
@@ -98,10 +99,12 @@ export class VolumeClip implements Clip {
       const tryToShow = () => this.tryToShow();
       const failed = (text: string) => this.fail(text);
       const picture = (picture: Picture, number: number) => this.receive(picture, number);
-      const video = new VideoFrames(new URL(choice.file, url).href, choice.file, manifest, deadlineMs,
-        { picture, ended: () => this.onEnd(), failed });
+      const file = new URL(choice.file, url).href;
+      const video = new VideoFrames(file, choice.file, manifest, deadlineMs, { picture, ended: () => this.onEnd(), failed });
+      const pulseSeconds = 1 / manifest.rate;
+      const sound = new DeliverySound({ video: video.video, url: file, seconds: manifest.pulses * pulseSeconds, pulseSeconds, deadlineMs });
       this.opened = {
-        manifest, video, queue: new SurfaceQueue(() => this.worker, numberOf, manifest, tryToShow),
+        manifest, video, sound, queue: new SurfaceQueue(() => this.worker, numberOf, manifest, tryToShow),
         segments: new SegmentStore(url, manifest.segments, shapes, deadlineMs, tryToShow, failed),
       };
       this.opened.segments.get(0);
@@ -139,24 +142,31 @@ export class VolumeClip implements Clip {
   get hasSound(): boolean {
     return this.opened.manifest.hasSound;
   }
+  get loop(): boolean {
+    return this.opened.sound.loop;
+  }
+  set loop(on: boolean) {
+    this.opened.sound.loop = on;
+  }
   get muted(): boolean {
-    return this.opened.video.video.muted;
+    return this.opened.sound.muted;
   }
   /** A video without sound counts as muted, so that browsers let it start. */
   set muted(on: boolean) {
-    this.opened.video.video.muted = on || !this.hasSound;
+    this.opened.sound.muted = on || !this.hasSound;
   }
   get volume(): number {
-    return this.opened.video.video.volume;
+    return this.opened.sound.volume;
   }
   set volume(volume: number) {
-    this.opened.video.video.volume = volume;
+    this.opened.sound.volume = volume;
   }
 
   async play(): Promise<void> {
     this.playing = true;
     try {
       await this.opened.video.video.play();
+      this.opened.sound.playing = this.playing;
     } catch (error) {
       if ((error as Error).name !== 'AbortError') this.playing = false; // otherwise pause() came first, or a seek
       throw error;
@@ -164,20 +174,27 @@ export class VolumeClip implements Clip {
   }
   pause(): void {
     this.playing = false;
+    this.opened.sound.playing = false;
     this.opened.video.video.pause();
   }
   seek(seconds: number): void {
+    this.opened.sound.seek(seconds);
+    this.seekPicture(seconds);
+  }
+  private seekPicture(seconds: number): void {
     const { video, manifest } = this.opened;
     video.seek(Math.min(manifest.pulses - 1, Math.max(0, Math.floor(seconds * manifest.rate + 1e-6))));
   }
 
   update(): void {
+    this.opened.sound.update();
     this.opened.video.update();
   }
 
   dispose(): void {
     this.failure ??= '';
     this.worker.end();
+    this.opened?.sound.dispose();
     this.opened?.video.dispose();
     this.opened?.queue.end();
     this.opened?.segments.end();
@@ -192,6 +209,7 @@ export class VolumeClip implements Clip {
     if (this.failure !== null) return;
     this.failure = text;
     this.playing = false;
+    this.opened?.sound.dispose();
     this.opened?.video.video.pause();
     if (this.opening) this.opening.reject(new Error(text));
     else this.events.failed(text);
@@ -199,10 +217,11 @@ export class VolumeClip implements Clip {
 
   private onEnd(): void {
     if (this.loop && this.playing) {
-      this.seek(0);
+      this.seekPicture(this.opened.sound.restart);
       this.play().catch(() => undefined); // pause() came first
     } else {
       this.playing = false;
+      this.opened.sound.playing = false;
       this.events.ended();
     }
   }

@@ -1,0 +1,61 @@
+// Mesh files of a take that get their names when they are complete.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "take/logs/mesh_file.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+/// Mesh file with a temporary name until finish(). The destructor removes an unfinished file. One
+/// thread.
+class PendingMeshFile {
+ public:
+  /// `path`: the final path. Throws InputError when the file cannot be created.
+  explicit PendingMeshFile(const std::filesystem::path& path);
+  ~PendingMeshFile();
+  PendingMeshFile(const PendingMeshFile&) = delete;
+  PendingMeshFile& operator=(const PendingMeshFile&) = delete;
+
+  /// Requires increasing pulses. Throws std::runtime_error with path and cause for errors of the
+  /// disk.
+  void append(int64_t pulse, const std::vector<uint8_t>& compact);
+  /// Writes the index and syncs the file; append() must not follow. Throws as append().
+  void close();
+  /// close() and renames the file. Throws as append().
+  void finish();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_path_;
+  take::MeshFileWriter file_;
+  bool finished_ = false;
+};
+
+/// A mesh file and, on request, its proxy: the same pulses with coarser voxels. One thread.
+struct PendingMeshes {
+  /// Final paths; `proxy_path` empty: no proxy. Throws as PendingMeshFile.
+  PendingMeshes(const std::filesystem::path& master_path,
+                const std::optional<std::filesystem::path>& proxy_path);
+
+  /// Both files are closed before one is renamed. Throws as PendingMeshFile.
+  void finish();
+
+  PendingMeshFile master;
+  std::optional<PendingMeshFile> proxy;
+};
+
+/// finish() for mesh.v3d and proxy.v3d of `take`. Removes the earlier proxy before mesh.v3d is
+/// replaced, so that no proxy of other meshes remains after an interruption. Reports on stderr a
+/// proxy that has no successor. Throws std::runtime_error for errors of the disk.
+void replace_meshes(PendingMeshes& meshes, const take::TakePaths& take);
+
+/// Suffix of temporary names: host and process.
+std::string process_suffix();
+
+}  // namespace v3d::ctl
