@@ -22,6 +22,8 @@ constexpr float kMinPeak = 1e-3F;
 /// Decay of the measured peak in each block of kGainBlock samples.
 constexpr float kPeakDecay = 0.9F;
 constexpr size_t kGainBlock = 512;
+constexpr int kFrameBytes = 10;
+constexpr double kMaxStretch = 2;
 
 LTC_TV_STANDARD standard_of(TimecodeRate rate) {
   if (rate == TimecodeRate::k24) return LTC_TV_FILM_24;
@@ -99,11 +101,15 @@ LtcWriter::LtcWriter(double rate_hz, TimecodeRate rate, const Timecode& start)
   impl_->encoder.reset(
       ltc_encoder_create(rate_hz, frames_per_second(rate), standard_of(rate), LTC_BGF_DONT_TOUCH));
   if (!impl_->encoder) throw std::bad_alloc();
+  const double longest = frames_per_second(rate) / (kMaxStretch + 0.5);
+  if (ltc_encoder_set_buffersize(impl_->encoder.get(), rate_hz, longest) != 0) {
+    throw std::bad_alloc();
+  }
 }
 
 LtcWriter::~LtcWriter() = default;
 
-std::vector<float> LtcWriter::next() {
+std::vector<float> LtcWriter::next(double stretch) {
   const Timecode t = timecode_of(impl_->number++, impl_->rate);
   LTCEncoder* const encoder = impl_->encoder.get();
   LTCFrame bits;
@@ -119,7 +125,7 @@ std::vector<float> LtcWriter::next() {
   bits.dfbit = impl_->rate == TimecodeRate::k2997Drop ? 1 : 0;
   ltc_frame_set_parity(&bits, standard_of(impl_->rate));
   ltc_encoder_set_frame(encoder, &bits);
-  ltc_encoder_encode_frame(encoder);
+  for (int byte = 0; byte < kFrameBytes; ++byte) ltc_encoder_encode_byte(encoder, byte, stretch);
   ltcsnd_sample_t* bytes = nullptr;
   const int count = ltc_encoder_get_bufferptr(encoder, &bytes, 1);
   std::vector<float> samples(static_cast<size_t>(std::max(0, count)));

@@ -38,8 +38,9 @@ class LtcWriter {
   LtcWriter(const LtcWriter&) = delete;
   LtcWriter& operator=(const LtcWriter&) = delete;
 
-  /// The samples of the next frame, at -3 dB of full scale.
-  std::vector<float> next();
+  /// The samples of the next frame, at -3 dB of full scale. `stretch`: its length, of the nominal
+  /// one; 0.5 to 2.
+  std::vector<float> next(double stretch = 1);
 
  private:
   struct Impl;

@@ -30,4 +30,9 @@ double SampleClock::sample_at(MonotonicInstant at) const {
   return rate_hz_ * filter_.at(seconds(at));
 }
 
+MonotonicInstant SampleClock::instant_of(double sample) const {
+  const double at_start = filter_.at(0);
+  return start_ + from_seconds((sample / rate_hz_ - at_start) / (1 + filter_.drift()));
+}
+
 }  // namespace v3d::sound

@@ -25,6 +25,8 @@ class SampleClock {
   bool is_known() const { return is_settled_; }
   /// The position that was recorded at an instant. Requires is_known().
   double sample_at(MonotonicInstant at) const;
+  /// The inverse.
+  MonotonicInstant instant_of(double sample) const;
   /// Drift of the sample clock against the host's clock, 1e-6; positive where it is fast.
   double drift_ppm() const { return 1e6 * filter_.drift(); }
   /// Standard deviation of a time stamp, s.

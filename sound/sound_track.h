@@ -13,7 +13,7 @@
 #include "sound/pulse_mapper.h"
 #include "sound/sample_clock.h"
 #include "sound/sound_input.h"
-#include "sound/timecode.h"
+#include "sound/timecode_track.h"
 
 namespace v3d::sound {
 

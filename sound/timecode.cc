@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -100,89 +99,6 @@ std::optional<Timecode> parse_timecode(std::string_view text, TimecodeRate rate)
 Timecode timecode_of_day(double seconds_since_midnight, TimecodeRate rate) {
   return timecode_of(std::llround(std::floor(seconds_since_midnight * frames_per_second(rate))),
                      rate);
-}
-
-// --- track --------------------------------------------------------------------------------------
-
-TimecodeTrack::TimecodeTrack(int rate_hz, std::optional<TimecodeRate> rate)
-    : rate_hz_(rate_hz), rate_(rate) {}
-
-void TimecodeTrack::add(const LtcFrame& frame) {
-  ++frames_;
-  if (rate_) return append(frame);
-  pending_.push_back(frame);
-  if (pending_.size() < kRateFrames) return;
-  find_rate();
-  for (const LtcFrame& first : pending_) append(first);
-  pending_.clear();
-}
-
-/// The rate whose frames have the length nearest to the median.
-void TimecodeTrack::find_rate() {
-  std::vector<int64_t> spans;  // of ten frames, which is exact to a tenth of a sample
-  constexpr size_t kSpan = 10;
-  for (size_t i = kSpan; i < pending_.size(); ++i) {
-    spans.push_back(pending_[i].sample - pending_[i - kSpan].sample);
-  }
-  std::ranges::sort(spans);
-  const double fps = kSpan * static_cast<double>(rate_hz_) /
-                     static_cast<double>(std::max<int64_t>(1, spans[spans.size() / 2]));
-  const bool is_drop = pending_.back().is_drop;
-  double nearest = INFINITY;
-  for (const TimecodeRate rate : kTimecodeRates) {
-    if (drops(rate) != is_drop) continue;
-    const double distance = std::abs(frames_per_second(rate) - fps);
-    if (distance < nearest) rate_ = rate;
-    nearest = std::min(nearest, distance);
-  }
-}
-
-void TimecodeTrack::append(const LtcFrame& frame) {
-  if (!is_valid(frame.timecode, *rate_)) {
-    ++jumps_;
-    return;
-  }
-  const int64_t number = frame_number(frame.timecode, *rate_);
-  if (!runs_.empty()) {
-    Run& run = runs_.back();
-    const int64_t step = frame.is_reverse ? -1 : 1;
-    const int64_t day = frames_per_day(*rate_);
-    const bool follows = ((run.last_number + step) % day + day) % day == number;
-    if (follows && run.last_number + step == number) {
-      run.last_number = number;
-      run.last_sample = frame.sample;
-      return;
-    }
-    if (!follows) ++jumps_;  // midnight starts a run, too, but is no jump
-  }
-  if (runs_.size() < kMaxRuns) {
-    runs_.push_back({number, number, frame.sample, frame.sample});
-  }
-}
-
-double TimecodeTrack::pitch(const Run& run) const {
-  if (run.last_number == run.first_number) return rate_hz_ / frames_per_second(*rate_);
-  return static_cast<double>(run.last_sample - run.first_sample) /
-         static_cast<double>(run.last_number - run.first_number);
-}
-
-std::optional<Timecode> TimecodeTrack::at(double sample) const {
-  const Run* nearest = nullptr;
-  double least = rate_hz_;  // a second
-  for (const Run& run : runs_) {
-    const double before = static_cast<double>(run.first_sample) - sample;
-    const double after = sample - static_cast<double>(run.last_sample) - std::abs(pitch(run));
-    const double distance = std::max({0.0, before, after});
-    if (distance < least || (distance == 0 && least == 0)) {
-      nearest = &run;
-      least = distance;
-    }
-  }
-  if (nearest == nullptr) return std::nullopt;
-  const double frames = (sample - static_cast<double>(nearest->first_sample)) / pitch(*nearest);
-  // A position within half a sample of a frame is that frame: positions of frames are rounded.
-  const double half = 0.5 / std::abs(pitch(*nearest));
-  return timecode_of(nearest->first_number + std::llround(std::floor(frames + half)), *rate_);
 }
 
 }  // namespace v3d::sound

@@ -1,4 +1,4 @@
-// Timecode: arithmetic, and the timecode of positions in a recording.
+// Timecode: arithmetic.
 #pragma once
 
 #include <array>
@@ -6,7 +6,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 namespace v3d::sound {
 
@@ -59,47 +58,6 @@ struct LtcFrame {
   bool is_reverse = false;  ///< the tape ran backwards
   int64_t sample = 0;       ///< of its first bit
   int64_t samples = 0;      ///< length
-};
-
-/// The timecode of every position of a recording, from the frames that were read. Stores runs of
-/// consecutive frames, kMaxRuns at most: memory does not depend on the length. One thread.
-class TimecodeTrack {
- public:
-  static constexpr size_t kMaxRuns = 1000;
-
-  /// `rate`: empty to derive it from the length of the first kRateFrames frames and their flag, at
-  /// normal speed.
-  TimecodeTrack(int rate_hz, std::optional<TimecodeRate> rate);
-
-  void add(const LtcFrame& frame);
-
-  /// Empty until it is known.
-  std::optional<TimecodeRate> rate() const { return rate_; }
-  /// The timecode at a position: of the frame there, or the nearest run's, continued for up to a
-  /// second. Empty elsewhere.
-  std::optional<Timecode> at(double sample) const;
-  /// Places where a frame does not follow the one before it: jumps of the source, and gaps.
-  int64_t jumps() const { return jumps_; }
-  int64_t frames() const { return frames_; }
-
- private:
-  static constexpr size_t kRateFrames = 12;
-
-  struct Run {
-    int64_t first_number = 0, last_number = 0;
-    int64_t first_sample = 0, last_sample = 0;
-  };
-
-  void find_rate();
-  void append(const LtcFrame& frame);
-  /// Samples per frame within a run.
-  double pitch(const Run& run) const;
-
-  const int rate_hz_;
-  std::optional<TimecodeRate> rate_;
-  std::vector<LtcFrame> pending_;  ///< before the rate is known
-  std::vector<Run> runs_;
-  int64_t frames_ = 0, jumps_ = 0;
 };
 
 }  // namespace v3d::sound

@@ -332,6 +332,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_reconstruction(file, studio);
   read_viewer(file, studio);
   read_sounds(file, studio);
+  read_timecode_output(file, studio);
   file.reject_unknown_fields();
   return studio;
 }

@@ -194,6 +194,15 @@ struct StudioSound {
   std::string timecode_rate;  ///< name of a TimecodeRate; empty: derived from the signal
 };
 
+/// [timecode_output]: longitudinal timecode (LTC) that the trigger's node plays.
+struct StudioTimecodeOutput {
+  std::string device;  ///< ALSA name
+  int channels = 2;    ///< all play the timecode
+  int rate_hz = 48'000;
+  std::string timecode_rate = "25";  ///< name of a TimecodeRate
+  std::string start;  ///< timecode at the start of the daemon, "10:00:00:00"; empty: time of day
+};
+
 struct Studio {
   std::string name;
   std::filesystem::path path;  ///< the studio file
@@ -206,6 +215,7 @@ struct Studio {
   StudioReconstruction reconstruction;
   StudioViewer viewer;
   std::vector<StudioSound> sounds;
+  std::optional<StudioTimecodeOutput> timecode_output;
 
   /// The cameras that are connected to a node.
   std::vector<StudioCamera> cameras_of(std::string_view node) const;

@@ -1,4 +1,4 @@
-// [[sound]] of a studio file.
+// [[sound]] and [timecode_output] of a studio file.
 #include <algorithm>
 #include <array>
 
@@ -6,6 +6,8 @@
 
 namespace v3d {
 namespace {
+
+constexpr int kMaxChannels = 64;
 
 int read_rate(const TomlTable& table, int fallback) {
   static constexpr std::array<int64_t, 3> kRates = {48'000, 96'000, 44'100};
@@ -21,17 +23,50 @@ int read_channel(const TomlTable& table, std::string_view key, int channels) {
   return table.has(key) ? ranged_int(table, key, 0, 1, channels) : 0;
 }
 
+// The names of sound/timecode.h, which tests compare.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 6> kTimecodeRates = {
+    {{"24", "24"},
+     {"25", "25"},
+     {"29.97", "29.97"},
+     {"29.97df", "29.97df"},
+     {"30", "30"},
+     {"auto", ""}}};
+
 /// The name of a rate of timecode, or empty.
 std::string read_timecode_rate(const TomlTable& table) {
-  // The names of sound/timecode.h, which tests compare.
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 6> kRates = {
-      {{"auto", ""},
-       {"24", "24"},
-       {"25", "25"},
-       {"29.97", "29.97"},
-       {"29.97df", "29.97df"},
-       {"30", "30"}}};
-  return std::string(choice(table, "timecode_rate", "auto", kRates));
+  return std::string(choice(table, "timecode_rate", "auto", kTimecodeRates));
+}
+
+/// The same, where no signal tells the rate.
+std::string read_output_rate(const TomlTable& table) {
+  std::array<std::pair<std::string_view, std::string_view>, kTimecodeRates.size() - 1> rates;
+  std::copy_n(kTimecodeRates.begin(), rates.size(), rates.begin());
+  return std::string(choice(table, "timecode_rate", "25", rates));
+}
+
+/// A timecode that exists at the rate; empty for "time of day". sound/timecode.h has the rules.
+std::string read_start(const TomlTable& table, const std::string& rate) {
+  const std::string text = table.text_or("start", "time of day");
+  if (text == "time of day") return "";
+  const bool drops = rate == "29.97df";
+  const int frames = rate == "24" || rate == "25" ? std::stoi(rate) : 30;
+  std::array<int, 4> parts{};
+  const auto expect = [&](bool is_right) {
+    if (is_right) return;
+    table.fail("start", "expected \"time of day\" or a timecode of " + rate +
+                            " frames per second as " + (drops ? "10:00:00;00" : "10:00:00:00") +
+                            ", found '" + text + "'");
+  };
+  expect(text.size() == 11 && text[2] == ':' && text[5] == ':' && text[8] == (drops ? ';' : ':'));
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const char tens = text[3 * i], units = text[3 * i + 1];
+    expect(tens >= '0' && tens <= '9' && units >= '0' && units <= '9');
+    parts[i] = (tens - '0') * 10 + units - '0';
+  }
+  const auto [hour, minute, second, frame] = parts;
+  expect(hour < 24 && minute < 60 && second < 60 && frame < frames);
+  expect(!drops || frame > 1 || second > 0 || minute % 10 == 0);
+  return text;
 }
 
 StudioSound read_sound(const TomlTable& table, const Studio& studio) {
@@ -49,7 +84,6 @@ StudioSound read_sound(const TomlTable& table, const Studio& studio) {
   if (sound.device.empty()) {
     table.fail("device", "expected the name of an ALSA device, as arecord -L lists them");
   }
-  constexpr int kMaxChannels = 64;
   sound.channels = ranged_int(table, "channels", sound.channels, 1, kMaxChannels);
   sound.rate_hz = read_rate(table, sound.rate_hz);
   sound.pulse_channel = read_channel(table, "pulse_channel", sound.channels);
@@ -62,12 +96,31 @@ StudioSound read_sound(const TomlTable& table, const Studio& studio) {
   return sound;
 }
 
+StudioTimecodeOutput read_output(const TomlTable& table) {
+  StudioTimecodeOutput output;
+  output.device = table.text("device");
+  if (output.device.empty()) {
+    table.fail("device", "expected the name of an ALSA device, as aplay -L lists them");
+  }
+  output.channels = ranged_int(table, "channels", output.channels, 1, kMaxChannels);
+  output.rate_hz = read_rate(table, output.rate_hz);
+  output.timecode_rate = read_output_rate(table);
+  output.start = read_start(table, output.timecode_rate);
+  table.reject_unknown_fields();
+  return output;
+}
+
 }  // namespace
 
 void read_sounds(const TomlTable& file, Studio& studio) {
   for (const TomlTable& table : file.tables("sound")) {
     studio.sounds.push_back(read_sound(table, studio));
   }
+}
+
+void read_timecode_output(const TomlTable& file, Studio& studio) {
+  if (file.has("timecode_output"))
+    studio.timecode_output = read_output(file.table("timecode_output"));
 }
 
 }  // namespace v3d

@@ -77,8 +77,13 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
   }
   plan_.train.rate_hz = studio.trigger.rate_hz;
+  TimecodeSource timecode;
+  if (trigger_.is_here() && studio.timecode_output) {
+    timecode_ = std::make_unique<TimecodeOutput>(*studio.timecode_output);
+    timecode = [output = timecode_.get()] { return output->clock(); };
+  }
   if (const StudioSound* const sound = studio.sound_of(node)) {
-    sound_ = std::make_unique<NodeSound>(*sound, studio.trigger.wire);
+    sound_ = std::make_unique<NodeSound>(*sound, studio.trigger.wire, std::move(timecode));
   }
   if (trigger_.is_here()) {
     disk_monitor_ = std::make_unique<node::DiskMonitor>(bus, other_capture_nodes(studio, node));
@@ -115,6 +120,7 @@ void CaptureNode::reset_for_order(const wire::CommandMessage& order,
                      .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
                      .count = pulses}};
   pulse_times_.begin(period_of(plan_.train.rate_hz));
+  if (timecode_) timecode_->begin_train(plan_.train.rate_hz);
   camera_monitor_.reset();
   disk_is_full_ = false;
   cameras_armed_ = false;
@@ -205,6 +211,7 @@ void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
   pulse_times_.add(edge.pulse, edge.at);
   cameras_.pulse_at(edge);
   if (sound_) sound_->pulse_at(edge);
+  if (timecode_) timecode_->pulse_at(edge);
 }
 
 // --- phases -------------------------------------------------------------------------------------
@@ -373,6 +380,7 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   report_signed_takes(health);
   report_trigger(health);
   report_sound(health);
+  report_timecode(health);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
@@ -407,6 +415,22 @@ void CaptureNode::report_sound(wire::HealthMessage& health) {
     loudest = std::max(loudest, status.peaks[i]);
   }
   report_sound_conditions(status, loudest);
+}
+
+void CaptureNode::report_timecode(wire::HealthMessage& health) {
+  if (!timecode_) return;
+  const TimecodeOutput::Status status = timecode_->status();
+  health.values["timecode_output_open_flag"] = status.is_open ? 1 : 0;
+  health.values["timecode_output_underruns"] = static_cast<double>(status.underruns);
+  const auto report = [&](const char* subject, const std::string& text, const char* advice) {
+    events_.report_condition(wire::Severity::kWarning, subject, text, advice);
+  };
+  report("timecode output", status.fault, node::advice::kTimecodeOutput);
+  report("timecode output underruns",
+         status.underruns == 0
+             ? ""
+             : format_count(status.underruns) + " underruns: the timecode was interrupted",
+         node::advice::kTimecodeUnderruns);
 }
 
 void CaptureNode::report_sound_conditions(const NodeSound::Status& status, double loudest) {

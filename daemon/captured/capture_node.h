@@ -17,6 +17,7 @@
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
 #include "daemon/captured/take_signers.h"
+#include "daemon/captured/timecode_output.h"
 #include "daemon/control/node_protocol.h"
 #include "daemon/node/node_health.h"
 #include "daemon/node/peer_health.h"
@@ -82,6 +83,7 @@ class CaptureNode : public control::NodeDelegate {
   void report_trigger(wire::HealthMessage& health) const;
   /// Levels and counts of the sound, and events about it.
   void report_sound(wire::HealthMessage& health);
+  void report_timecode(wire::HealthMessage& health);
   void report_sound_conditions(const NodeSound::Status& status, double loudest);
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
@@ -102,7 +104,8 @@ class CaptureNode : public control::NodeDelegate {
   node::PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;
-  std::unique_ptr<NodeSound> sound_;  ///< null: the node has no sound input
+  std::unique_ptr<TimecodeOutput> timecode_;  ///< null: the node plays no timecode
+  std::unique_ptr<NodeSound> sound_;          ///< null: the node has no sound input
   NodeSigner signer_;
   RecoveredTakeSigner recovered_takes_;
 

@@ -49,8 +49,11 @@ class SimulatedPulses {
 
 }  // namespace
 
-NodeSound::NodeSound(const StudioSound& sound, std::filesystem::path wire)
-    : sound_(sound), wire_(std::move(wire)), thread_([this] { run(); }) {}
+NodeSound::NodeSound(const StudioSound& sound, std::filesystem::path wire, TimecodeSource timecode)
+    : sound_(sound),
+      wire_(std::move(wire)),
+      timecode_(std::move(timecode)),
+      thread_([this] { run(); }) {}
 
 NodeSound::~NodeSound() {
   {
@@ -69,7 +72,8 @@ void NodeSound::begin(const take::TakePaths& paths, const std::string& take, dou
                                                    .paths = paths,
                                                    .take = take,
                                                    .pulse_rate_hz = pulse_rate_hz,
-                                                   .stamp_uncertainty_s = stamp_uncertainty_s_},
+                                                   .stamp_uncertainty_s = stamp_uncertainty_s_,
+                                                   .timecode = timecode_},
                                   queue);
   const std::lock_guard lock(mutex_);
   queue_ = std::move(queue);

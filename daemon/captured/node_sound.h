@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -18,6 +19,7 @@
 #include "daemon/bus/subscription_queue.h"
 #include "sound/sound_input.h"
 #include "sound/sound_track.h"
+#include "sound/timecode_clock.h"
 #include "sound/wave_file.h"
 #include "take/ledger/sound_ledger.h"
 #include "take/logs/log_files.h"
@@ -26,6 +28,8 @@
 namespace v3d::captured {
 
 using SoundQueue = bus::BoundedQueue<sound::SoundBlock>;
+/// The timecode that this node puts out; empty: none. Any thread.
+using TimecodeSource = std::function<sound::TimecodeClock()>;
 
 /// Writes the sound of one take, in a thread of its own: <node>.wav, from the first block on. A
 /// fault of the disk ends the sound file, and nothing else.
@@ -37,6 +41,7 @@ class SoundTake {
     std::string take;
     double pulse_rate_hz = 25;
     double stamp_uncertainty_s = 1e-3;
+    TimecodeSource timecode = {};
   };
   /// `queue`: the blocks of the device.
   SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue);
@@ -72,6 +77,7 @@ class SoundTake {
   io::Status write(const sound::SoundBlock& block, int64_t silence);
   void stop();
   void describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const;
+  void describe_generated(take::SoundLedger& ledger, const sound::PulseMap& map) const;
 
   const Setup setup_;
   const std::shared_ptr<SoundQueue> queue_;
@@ -92,8 +98,9 @@ class SoundTake {
 /// a take. After an error the device is opened again every second.
 class NodeSound {
  public:
-  /// `wire`: socket of the simulated trigger, for a simulated device; empty: none.
-  NodeSound(const StudioSound& sound, std::filesystem::path wire);
+  /// `wire`: socket of the simulated trigger, for a simulated device; empty: none. `timecode`: for
+  /// takes without LTC in their sound.
+  NodeSound(const StudioSound& sound, std::filesystem::path wire, TimecodeSource timecode = {});
   ~NodeSound();
   NodeSound(const NodeSound&) = delete;
   NodeSound& operator=(const NodeSound&) = delete;
@@ -124,6 +131,7 @@ class NodeSound {
 
   const StudioSound sound_;
   const std::filesystem::path wire_;
+  const TimecodeSource timecode_;
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
   bool stopping_ = false;

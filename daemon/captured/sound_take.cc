@@ -1,11 +1,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <ctime>
+#include <cmath>
 #include <utility>
 
 #include "daemon/captured/node_sound.h"
+#include "daemon/captured/time_of_day.h"
 #include "sound/timecode.h"
+#include "sound/timecode_map.h"
+#include "take/take_timecode.h"
 
 namespace v3d::captured {
 namespace {
@@ -16,18 +19,15 @@ constexpr Duration kSyncPeriod = std::chrono::milliseconds(500);
 constexpr size_t kMaxPulses = 4096;
 constexpr auto kDefaultTimecode = sound::TimecodeRate::k25;
 
-/// The same instant by the realtime clock, from the current difference of the clocks.
-RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
-
-/// The timecode of the local time of day.
-std::string time_of_day(MonotonicInstant at, sound::TimecodeRate rate) {
-  const int64_t ns = to_ns(to_realtime(at));
-  const auto seconds = static_cast<time_t>(ns / 1'000'000'000);
-  tm local{};
-  localtime_r(&seconds, &local);
-  const double since_midnight = (local.tm_hour * 60.0 + local.tm_min) * 60 + local.tm_sec +
-                                static_cast<double>(ns % 1'000'000'000) * 1e-9;
-  return sound::timecode_text(sound::timecode_of_day(since_midnight, rate), rate);
+/// The run of frames through two positions of a recording: at `sample` the timecode has `frames`,
+/// with their fraction, since midnight.
+sound::TimecodeRun run_through(double sample, double frames, double later_sample,
+                               double later_frames) {
+  const double pitch = (later_sample - sample) / (later_frames - frames);
+  return {.first_sample = sample - (frames - std::floor(frames)) * pitch,
+          .first_frame = std::llround(std::floor(frames)),
+          .last_sample = later_sample - (later_frames - std::floor(later_frames)) * pitch,
+          .last_frame = std::llround(std::floor(later_frames))};
 }
 
 }  // namespace
@@ -171,13 +171,33 @@ void SoundTake::describe_timecode(take::SoundLedger& ledger, const sound::PulseM
     ledger.first_timecode = text_at(*first_pulse_);
     ledger.last_timecode = text_at(*last_pulse_);
     ledger.timecode_jumps = track->jumps();
+    ledger.timecode_runs = track->runs();
     return;
   }
-  const auto rate = sound::timecode_rate_from_name(setup_.sound.timecode_rate);
-  ledger.timecode_source = "time of day";
-  ledger.timecode_rate = name(rate.value_or(kDefaultTimecode));
-  ledger.first_timecode = time_of_day(first_pulse_->at, rate.value_or(kDefaultTimecode));
-  ledger.last_timecode = time_of_day(last_pulse_->at, rate.value_or(kDefaultTimecode));
+  describe_generated(ledger, map);
+}
+
+void SoundTake::describe_generated(take::SoundLedger& ledger, const sound::PulseMap& map) const {
+  const auto day_rate = sound::timecode_rate_from_name(setup_.sound.timecode_rate);
+  const sound::TimecodeClock clock =
+      setup_.timecode ? setup_.timecode()
+                      : day_clock(day_rate.value_or(kDefaultTimecode), first_pulse_->at);
+  const sound::TimecodeRate rate = clock.rate();
+  const double first = clock.frames_at(first_pulse_->at);
+  const double last = clock.frames_at(last_pulse_->at);
+  // Rounded as by timecode_frames_at().
+  const double half_sample = 0.5 * sound::frames_per_second(rate) / setup_.sound.rate_hz;
+  const auto text = [&](double frames) {
+    return take::PulseTimecode{.rate = rate, .frames = frames + half_sample}.text();
+  };
+  ledger.timecode_source = setup_.timecode ? "output" : "time of day";
+  ledger.timecode_rate = name(rate);
+  ledger.first_timecode = text(first);
+  ledger.last_timecode = text(last);
+  if (!map.is_known() || first_pulse_->number >= last_pulse_->number) return;
+  ledger.timecode_runs = {
+      run_through(map.sample_of(static_cast<double>(first_pulse_->number)), first,
+                  map.sample_of(static_cast<double>(last_pulse_->number)), last)};
 }
 
 }  // namespace v3d::captured

@@ -60,6 +60,11 @@ inline constexpr char kSoundFile[] =
     "Pictures are recorded, but no more sound; check the disk (journalctl -k) before the next take";
 inline constexpr char kSoundXruns[] =
     "The file has silence there, and ledger.toml lists the places; close other programs on this PC";
+inline constexpr char kTimecodeOutput[] =
+    "Pictures are recorded; check the device's cable, and device under [timecode_output] (aplay -L "
+    "lists the devices)";
+inline constexpr char kTimecodeUnderruns[] =
+    "Devices that follow the timecode may have lost it; close other programs on this PC";
 inline constexpr char kSoundLevel[] =
     "Check the gain of the input, the microphones and their power";
 

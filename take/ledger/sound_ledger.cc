@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 
 #include "base/core/text.h"
 #include "sound/wave_file.h"
@@ -39,6 +40,24 @@ sound::PulseMap read_map(const TomlTable& table) {
   return map;
 }
 
+std::vector<sound::TimecodeRun> read_runs(const TomlTable& table) {
+  if (!table.has("timecode_runs")) return {};
+  constexpr double kMaxFrames = 1e9;  // a year
+  std::vector<sound::TimecodeRun> runs;
+  for (const std::vector<double>& row : table.rows("timecode_runs")) {
+    const bool is_run = row.size() == 4 && row[2] >= row[0] && std::abs(row[1]) <= kMaxFrames &&
+                        std::abs(row[3]) <= kMaxFrames;
+    if (!is_run) {
+      table.fail("timecode_runs", "expected rows [sample, frame, later sample, frame]");
+    }
+    runs.push_back({.first_sample = row[0],
+                    .first_frame = std::llround(row[1]),
+                    .last_sample = row[2],
+                    .last_frame = std::llround(row[3])});
+  }
+  return runs;
+}
+
 /// The node in a file name: "cap01" in "cap01.wav" and "cap01.0001.wav".
 std::string node_of(const std::filesystem::path& file) {
   std::string name = file.stem();
@@ -74,6 +93,7 @@ SoundLedger read_sound_ledger(const TomlTable& table) {
   sound.first_timecode = table.text_or("first_timecode", "");
   sound.last_timecode = table.text_or("last_timecode", "");
   sound.timecode_jumps = read_count(table, "timecode_jumps");
+  sound.timecode_runs = read_runs(table);
   table.reject_unknown_fields();
   return sound;
 }
@@ -81,6 +101,11 @@ SoundLedger read_sound_ledger(const TomlTable& table) {
 void write_sound_ledger(const SoundLedger& sound, TomlWriter& file) {
   std::vector<std::vector<double>> map;
   for (const auto& knot : sound.map.knots) map.push_back({knot.pulse, knot.sample});
+  std::vector<std::vector<double>> runs;
+  for (const sound::TimecodeRun& run : sound.timecode_runs) {
+    runs.push_back({run.first_sample, static_cast<double>(run.first_frame), run.last_sample,
+                    static_cast<double>(run.last_frame)});
+  }
   file.element("sound")
       .text("file", sound.file)
       .text("node", sound.node)
@@ -100,7 +125,8 @@ void write_sound_ledger(const SoundLedger& sound, TomlWriter& file) {
       .text("timecode_rate", sound.timecode_rate)
       .text("first_timecode", sound.first_timecode)
       .text("last_timecode", sound.last_timecode)
-      .integer("timecode_jumps", sound.timecode_jumps);
+      .integer("timecode_jumps", sound.timecode_jumps)
+      .rows("timecode_runs", runs);
 }
 
 std::string contents_of(const SoundLedger& sound) {
@@ -123,13 +149,15 @@ std::string problem_line(const SoundLedger& sound) {
   return parts.empty() ? "" : sound.file + ": " + join_names(parts);
 }
 
+int timecode_rank(const SoundLedger& sound) {
+  return sound.timecode_source == "ltc" ? 2 : sound.timecode_source == "output" ? 1 : 0;
+}
+
 std::string timecode_text(const std::vector<SoundLedger>& sounds) {
   const SoundLedger* best = nullptr;
   for (const SoundLedger& sound : sounds) {
     if (sound.first_timecode.empty() || sound.last_timecode.empty()) continue;
-    if (best == nullptr || (sound.timecode_source == "ltc" && best->timecode_source != "ltc")) {
-      best = &sound;
-    }
+    if (best == nullptr || timecode_rank(sound) > timecode_rank(*best)) best = &sound;
   }
   return best == nullptr ? "" : best->first_timecode + " to " + best->last_timecode;
 }

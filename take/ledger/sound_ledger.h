@@ -8,6 +8,7 @@
 #include "base/config/toml_file.h"
 #include "base/io/file.h"
 #include "sound/pulse_map.h"
+#include "sound/timecode_map.h"
 #include "take/take.h"
 
 namespace v3d::take {
@@ -31,11 +32,13 @@ struct SoundLedger {
   double drift_ppm = 0;       ///< of the sound clock against the pulses (MappedPulses::drift_ppm)
   int64_t missing_edges = 0;  ///< pulses without an edge in the pulse channel
   int64_t extra_edges = 0;    ///< edges without a pulse
-  std::string timecode_source = "none";  ///< "ltc", "time of day" or "none"
-  std::string timecode_rate = {};        ///< "29.97df", a name of sound::TimecodeRate
-  std::string first_timecode = {};       ///< of the first pulse; empty: unknown
-  std::string last_timecode = {};        ///< of the last pulse
+  /// "ltc" in the sound, "output": what the trigger's node put out, "time of day" or "none".
+  std::string timecode_source = "none";
+  std::string timecode_rate = {};   ///< "29.97df", a name of sound::TimecodeRate
+  std::string first_timecode = {};  ///< of the first pulse; empty: unknown
+  std::string last_timecode = {};   ///< of the last pulse
   int64_t timecode_jumps = 0;
+  std::vector<sound::TimecodeRun> timecode_runs = {};  ///< timecode of the samples
 
   friend bool operator==(const SoundLedger&, const SoundLedger&) = default;
 };
@@ -49,7 +52,10 @@ std::string contents_of(const SoundLedger& sound);
 /// Xruns, a jump of the timecode and a map without edges, on one line; empty without any.
 std::string problem_line(const SoundLedger& sound);
 
-/// Timecode of the first and the last pulse of a take, from LTC where a file has it:
+/// The rank of a source of timecode: that of "ltc" is the highest, then "output", then others.
+int timecode_rank(const SoundLedger& sound);
+
+/// Timecode of the first and the last pulse of a take, from the source of the highest rank:
 /// "10:00:00:00 to 10:01:00:00". Empty when it is unknown.
 std::string timecode_text(const std::vector<SoundLedger>& sounds);
 

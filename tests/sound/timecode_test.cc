@@ -9,6 +9,7 @@
 
 #include "pulse_signal.h"
 #include "sound/ltc.h"
+#include "sound/timecode_track.h"
 
 namespace v3d::sound {
 namespace {

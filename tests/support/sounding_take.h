@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <functional>
 #include <numbers>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "base/io/file.h"
@@ -49,6 +51,30 @@ inline void write_sounding_take(const take::TakePaths& paths, const sound::Pulse
   take::Ledger ledger{.take = "kendo-07", .commanded = 0, .sensed = {}, .cameras = {}};
   ledger.sounds.push_back(write_sound(paths, map, samples, channels, signal));
   io::throw_if_failed(save_take_info(paths, begun_take({})));
+  io::throw_if_failed(save_ledger(paths.ledger(), ledger));
+}
+
+/// The ledger's entry of 48 kHz sound with timecode: pulse 0 is at sample 1000.
+inline take::SoundLedger timecoded_sound(const std::string& source, const std::string& rate,
+                                         std::vector<sound::TimecodeRun> runs) {
+  return {.file = "sound/cap01.wav",
+          .node = "cap01",
+          .rate_hz = 48'000,
+          .channels = 1,
+          .samples = 200'000,
+          .map_source = "pulse channel",
+          .map = {{{0, 1000}, {100, 1000 + 100 * 48'000 / kSoundingPulseRate}}},
+          .timecode_source = source,
+          .timecode_rate = rate,
+          .timecode_runs = std::move(runs)};
+}
+
+/// Writes a ledger with these sounds into the folder of a take, without their files.
+inline void write_sounds_of_ledger(const take::TakePaths& paths,
+                                   std::vector<take::SoundLedger> sounds) {
+  take::Ledger ledger{.take = "kendo-07", .commanded = 100, .sensed = {}, .cameras = {}};
+  ledger.sounds = std::move(sounds);
+  std::filesystem::create_directories(paths.folder);
   io::throw_if_failed(save_ledger(paths.ledger(), ledger));
 }
 

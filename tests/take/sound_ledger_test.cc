@@ -41,7 +41,11 @@ SoundLedger ledger_entry() {
           .timecode_rate = "25",
           .first_timecode = "10:00:00:00",
           .last_timecode = "10:00:00:02",
-          .timecode_jumps = 0};
+          .timecode_jumps = 0,
+          .timecode_runs = {{.first_sample = 100.25,
+                             .first_frame = 900'000,
+                             .last_sample = 3940,
+                             .last_frame = 900'002}}};
 }
 
 void write_sound(const TakePaths& paths, const std::string& name, int64_t samples) {
@@ -87,6 +91,13 @@ TEST(SoundLedger, with_a_map_that_descends_is_rejected) {
   EXPECT_THAT(test::message_of<InputError>(
                   [&] { read_sound_ledger(TomlTable::parse(text, "ledger.toml")); }),
               HasSubstr("ledger.toml:3: map: expected ascending pairs"));
+}
+
+TEST(SoundLedger, with_a_run_of_timecode_that_ends_before_it_begins_is_rejected) {
+  const std::string text = "file = 'sound/a.wav'\nnode = 'a'\ntimecode_runs = [[10, 0, 5, 1]]\n";
+  EXPECT_THAT(test::message_of<InputError>(
+                  [&] { read_sound_ledger(TomlTable::parse(text, "ledger.toml")); }),
+              HasSubstr("ledger.toml:3: timecode_runs: expected rows"));
 }
 
 TEST(SoundLedger, reports_xruns_as_a_problem_of_the_take) {

@@ -432,6 +432,44 @@ TEST(StudioFile, reads_the_sound_input_of_a_node) {
   EXPECT_EQ(studio.sound_of("recon01"), nullptr);
 }
 
+std::string with_output(const std::string& fields) {
+  return std::string(kGood) + "[timecode_output]\n" + fields;
+}
+
+TEST(StudioFile, reads_the_output_of_timecode) {
+  EXPECT_FALSE(parse(kGood).timecode_output);
+  const auto defaults = parse(with_output("device = \"hw:CARD=USB\"\n")).timecode_output;
+  ASSERT_TRUE(defaults);
+  EXPECT_EQ(defaults->timecode_rate, "25");
+  EXPECT_EQ(defaults->start, "") << "time of day";
+  const auto output = parse(with_output("device = \"hw:CARD=USB\"\nchannels = 1\nrate_hz = 96000\n"
+                                        "timecode_rate = \"29.97df\"\nstart = \"10:01:00;02\"\n"))
+                          .timecode_output;
+  ASSERT_TRUE(output);
+  EXPECT_EQ(output->device, "hw:CARD=USB");
+  EXPECT_EQ(output->channels, 1);
+  EXPECT_EQ(output->rate_hz, 96'000);
+  EXPECT_EQ(output->timecode_rate, "29.97df");
+  EXPECT_EQ(output->start, "10:01:00;02");
+}
+
+TEST(StudioFile, rejects_invalid_fields_of_the_output_of_timecode) {
+  const std::string device = "device = \"null\"\n";
+  EXPECT_THAT(message_for(with_output("")), HasSubstr("timecode_output.device: missing"));
+  EXPECT_THAT(message_for(with_output(device + "timecode_rate = \"auto\"")),
+              HasSubstr("timecode_output.timecode_rate: 'auto' is unknown; known: 24, 25"));
+  for (const std::string start :
+       {"10:00:00", "24:00:00:00", "10:00:00:25", "10:00:00;00", "noon"}) {
+    EXPECT_THAT(message_for(with_output(device + "start = \"" + start + "\"")),
+                HasSubstr("timecode_output.start: expected \"time of day\" or a timecode of 25"))
+        << start;
+  }
+  EXPECT_THAT(message_for(with_output(device + "timecode_rate = \"29.97df\"\n"
+                                               "start = \"10:01:00;00\"")),
+              HasSubstr("as 10:00:00;00"))
+      << "a number that is dropped";
+}
+
 TEST(StudioFile, rejects_invalid_fields_of_a_sound_input) {
   const std::string device = "device = \"hw:0\"\n";
   EXPECT_THAT(message_for(with_sound("")), HasSubstr("sound.device: missing"));

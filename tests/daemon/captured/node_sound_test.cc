@@ -11,7 +11,9 @@
 
 #include "sound/wave_file.h"
 #include "support/child_process.h"
+#include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "take/take_timecode.h"
 
 namespace v3d::captured {
 namespace {
@@ -49,6 +51,12 @@ class NodeSoundTest : public testing::Test {
     EXPECT_TRUE(test::becomes_true(
         [&] { return sound.status().take.samples >= before + 3 * kRate / 2; }, test::within(60)));
   }
+  /// The timecode of a pulse, by the ledger of the take.
+  std::string timecode_at(int64_t pulse, const take::SoundLedger& sound) {
+    test::write_sounds_of_ledger(take_, {sound});
+    const auto timecode = take::TakeTimecode(take_).at(pulse);
+    return timecode ? timecode->text() : "none";
+  }
   bool records(NodeSound& sound, int64_t samples) {
     return test::becomes_true([&] { return sound.status().take.samples >= samples; },
                               test::within(60));
@@ -78,6 +86,8 @@ TEST_F(NodeSoundTest, writes_the_file_that_the_ledger_describes) {
   EXPECT_EQ(ledger->timecode_source, "ltc");
   EXPECT_EQ(ledger->timecode_rate, "25");
   EXPECT_THAT(ledger->first_timecode, HasSubstr("10:00:"));
+  EXPECT_EQ(timecode_at(0, *ledger), ledger->first_timecode);
+  EXPECT_EQ(timecode_at(24, *ledger), ledger->last_timecode);
 }
 
 TEST_F(NodeSoundTest, has_the_time_of_day_where_no_timecode_is_recorded) {
@@ -90,6 +100,8 @@ TEST_F(NodeSoundTest, has_the_time_of_day_where_no_timecode_is_recorded) {
   ASSERT_TRUE(ledger);
   EXPECT_EQ(ledger->timecode_source, "time of day");
   EXPECT_THAT(ledger->first_timecode, SizeIs(11));
+  EXPECT_EQ(timecode_at(0, *ledger), ledger->first_timecode);
+  EXPECT_EQ(timecode_at(24, *ledger), ledger->last_timecode);
 }
 
 TEST_F(NodeSoundTest, marks_xruns_at_their_sample_and_keeps_the_time) {

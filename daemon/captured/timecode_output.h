@@ -1,0 +1,57 @@
+// Timecode output of the trigger's node.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "base/config/studio_file.h"
+#include "capture/sync/pulse_times.h"
+#include "sound/sound_output.h"
+#include "sound/timecode_clock.h"
+
+namespace v3d::captured {
+
+/// Plays longitudinal timecode on a sound device, in step with the pulses (sound/ltc_player.h), in
+/// a thread of its own. After an error the device is opened again every second; the timecode counts
+/// on. Any thread may call the functions; none waits for the device.
+class TimecodeOutput {
+ public:
+  /// The timecode starts now, at the time of day or at StudioTimecodeOutput::start.
+  explicit TimecodeOutput(const StudioTimecodeOutput& output);
+  ~TimecodeOutput();
+  TimecodeOutput(const TimecodeOutput&) = delete;
+  TimecodeOutput& operator=(const TimecodeOutput&) = delete;
+
+  /// The next pulse is the first of a train of this rate.
+  void begin_train(double pulse_rate_hz);
+  void pulse_at(const capture::PulseEdge& edge);
+
+  struct Status {
+    bool is_open = false;
+    std::string fault;      ///< of the device, one line; empty: none
+    int64_t underruns = 0;  ///< since begin_train(), before the first one since the start
+  };
+  Status status() const;
+  /// The state of the clock now.
+  sound::TimecodeClock clock() const;
+
+ private:
+  void run();
+  void play(sound::SoundOutput& device);
+  void set_fault(const std::string& fault);
+  /// False when the thread has to end.
+  bool wait(Duration duration);
+
+  const StudioTimecodeOutput output_;
+  mutable std::mutex mutex_;  ///< guards the members below
+  std::condition_variable changed_;
+  bool stopping_ = false;
+  Status status_;
+  sound::TimecodeClock clock_;
+  std::thread thread_;  ///< last member
+};
+
+}  // namespace v3d::captured
