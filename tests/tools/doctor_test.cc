@@ -66,6 +66,25 @@ TEST(Doctor, has_no_verdict_about_a_bus_that_is_not_udp) {
   EXPECT_EQ(check_multicast("memq://").verdict, Verdict::kUnknown);
 }
 
+TEST(Doctor, opens_the_sound_devices_of_a_node) {
+  Studio studio;
+  studio.trigger.node = "cap01";
+  studio.sounds = {{.node = "cap01", .device = "null", .timecode_rate = {}},
+                   {.node = "cap02", .device = "hw:CARD=NoSuchCard", .timecode_rate = {}}};
+  studio.timecode_output = {.device = "null"};
+  const auto good = check_sound_devices(studio, "cap01");
+  ASSERT_EQ(good.size(), 2U);
+  EXPECT_EQ(good[0].verdict, Verdict::kGood) << good[0].text;
+  EXPECT_EQ(good[1].subject, "timecode output");
+  EXPECT_EQ(good[1].verdict, Verdict::kGood) << good[1].text;
+  const auto bad = check_sound_devices(studio, "cap02");
+  ASSERT_EQ(bad.size(), 1U);
+  EXPECT_EQ(bad[0].verdict, Verdict::kBad);
+  EXPECT_NE(bad[0].text.find("NoSuchCard"), std::string::npos);
+  EXPECT_FALSE(bad[0].remedy.empty());
+  EXPECT_EQ(check_sound_devices(studio, "")[1].verdict, Verdict::kUnknown) << "on another PC";
+}
+
 TEST(Doctor, has_a_remedy_for_a_camera_that_does_not_reply) {
   StudioCamera camera;
   camera.name = "cam01";

@@ -114,6 +114,18 @@ ExportedCamera camera_that_saw(const std::string& name, size_t vertices) {
   return camera;
 }
 
+TEST_F(MeshExport, glb_has_pulse_and_timecode_where_they_are_known) {
+  EXPECT_FALSE(test::parse_glb(written(MeshFormat::kGlb, tetrahedron()))
+                   .scene["nodes"][0]
+                   .contains("extras"));
+  const take::PulseTimecode timecode{.rate = sound::TimecodeRate::k25, .frames = 900'012.25};
+  write_mesh(folder_ / "mesh", MeshFormat::kGlb, tetrahedron(), {.pulse = 7, .timecode = timecode});
+  const auto extras = test::parse_glb(read_file(folder_ / "mesh")).scene["nodes"][0]["extras"];
+  EXPECT_EQ(extras["pulse"], 7);
+  EXPECT_EQ(extras["timecode"], "10:00:00:12");
+  EXPECT_EQ(extras["timecode_rate"], "25");
+}
+
 TEST_F(MeshExport, ply_has_the_colours_of_each_camera_after_the_vertex_colours) {
   const Mesh mesh = tetrahedron();
   const std::vector<ExportedCamera> cameras{camera_that_saw("cam01", 4), camera_that_saw("a b", 4)};

@@ -93,9 +93,28 @@ TEST_F(GlbSequence, has_names_the_rate_and_without_animation_the_first_surface) 
   EXPECT_EQ(root["extras"]["take"], "kendo-07");
   EXPECT_EQ(root["extras"]["rate_hz"], 12.5);
   EXPECT_EQ(root["extras"]["pulses"], json({3, 5}));
+  EXPECT_FALSE(root["extras"].contains("first_timecode"));
   EXPECT_EQ(gltf["nodes"][root["children"][0].get<size_t>()].value("scale", json()), json());
   EXPECT_EQ(gltf["nodes"][root["children"][1].get<size_t>()]["scale"], json({0, 0, 0}));
   EXPECT_EQ(gltf["nodes"][root["children"][1].get<size_t>()]["name"], "000005");
+}
+
+TEST_F(GlbSequence, has_the_timecode_of_its_pulses_where_it_is_known) {
+  sequence_ =
+      make_glb_sequence({"kendo-07", 25, [](int64_t pulse) {
+                           return take::PulseTimecode{.rate = sound::TimecodeRate::k2997Drop,
+                                                      .frames = static_cast<double>(pulse)};
+                         }});
+  add(3, tetrahedron(1));
+  add(1800, other_triangles(2));
+  finished();
+  const json gltf = scene();
+  const json& root = gltf["nodes"][gltf["scenes"][0]["nodes"][0].get<size_t>()];
+  EXPECT_EQ(root["extras"]["first_timecode"], "00:00:00;03");
+  EXPECT_EQ(root["extras"]["timecode_rate"], "29.97df");
+  const json& second = gltf["nodes"][root["children"][1].get<size_t>()];
+  EXPECT_EQ(second["extras"]["pulse"], 1800);
+  EXPECT_EQ(second["extras"]["timecode"], "00:01:00;02");
 }
 
 TEST_F(GlbSequence, morphs_surfaces_with_equal_triangles_linearly_from_pulse_to_pulse) {

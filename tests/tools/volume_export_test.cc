@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <meshoptimizer.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "base/config/calib_file.h"
@@ -56,6 +57,10 @@ class VolumeExportTake : public testing::Test {
 
   /// Gives the take a sound: a burst at pulse 3. `map`: whether its pulses are known.
   void add_sound(bool map = true) {
+    add_sound(map, [](take::SoundLedger&) {});
+  }
+  /// `change`: changes the ledger's entry.
+  void add_sound(bool map, const std::function<void(take::SoundLedger&)>& change) {
     const sound::PulseMap pulses{{{0, kFirstSample}, {kPulses, kFirstSample + kPulses * kPeriod}}};
     const take::TakePaths paths{take_};
     take::Ledger ledger{.take = "take", .commanded = kPulses, .sensed = {}, .cameras = {}};
@@ -63,6 +68,7 @@ class VolumeExportTake : public testing::Test {
         paths, map ? pulses : sound::PulseMap(), 48'000, 1, [](int64_t sample, int) {
           return test::burst(static_cast<double>(sample), kFirstSample + 3 * kPeriod);
         }));
+    change(ledger.sounds.back());
     io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   }
 
@@ -119,6 +125,7 @@ TEST_F(VolumeExportTake, has_a_manifest_that_names_segments_and_videos) {
   EXPECT_EQ(file["pulses"], kPulses);
   EXPECT_EQ(file["texture"]["side"], 128);
   EXPECT_FALSE(file.contains("sound")) << "the take has none";
+  EXPECT_FALSE(file.contains("first_timecode"));
   ASSERT_EQ(file["segments"].size(), 2U);
   EXPECT_EQ(file["segments"][0]["last_pulse"], 1) << "the later segment shows pulse 2";
   EXPECT_EQ(file["segments"][1]["first_pulse"], 2);
@@ -252,6 +259,20 @@ TEST_F(VolumeExportTake, has_the_sound_of_its_pulses_in_every_video) {
   for (const auto& entry : fs::directory_iterator(folder_ / "out")) {
     EXPECT_NE(entry.path().extension(), ".wav") << "the sound beside the videos is removed";
   }
+}
+
+TEST_F(VolumeExportTake, has_the_timecode_of_its_first_pulse_and_of_the_surfaces) {
+  add_sound(true, [](take::SoundLedger& sound) {
+    sound.timecode_source = "ltc";
+    sound.timecode_rate = "25";
+    sound.timecode_runs = {{kFirstSample, 100, kFirstSample + 9 * kPeriod, 109}};
+  });
+  EXPECT_EQ(exported({1, 5}), kExitDone);
+  EXPECT_EQ(manifest()["first_timecode"], "00:00:04:01");
+  EXPECT_EQ(manifest()["timecode_rate"], "25");
+  const test::Glb segment = test::parse_glb(read_file(folder_ / "out/segment-001.glb"));
+  EXPECT_EQ(segment.scene["nodes"][0]["extras"]["pulse"], 3);
+  EXPECT_EQ(segment.scene["nodes"][0]["extras"]["timecode"], "00:00:04:03");
 }
 
 TEST_F(VolumeExportTake, names_no_sound_where_none_is_in_step_with_the_pulses) {

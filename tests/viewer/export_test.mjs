@@ -1,7 +1,7 @@
 // Tests of exported GLB files with Khronos' validator and three.js.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { appendFileSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
@@ -65,6 +65,34 @@ for (const compress of ['none', 'meshopt']) {
 test('a segment of a delivery is a valid file with a texture', async () => {
   run('v3dctl', 'export', 'take', '--format', 'volume', '--atlas', '256', 'volume');
   await withTexture(readFileSync(join(folder, 'volume/segment-000.glb')), 'meshopt');
+});
+
+/** Adds an account of sound with timecode to the ledger of a take: frame 900000 at pulse 0. */
+const addTimecode = (take) => appendFileSync(join(folder, take, 'ledger.toml'), `
+[[sound]]
+file = 'sound/cap01.wav'
+node = 'cap01'
+rate_hz = 48000
+map = [[0.0, 0.0], [100.0, 192000.0]]
+timecode_source = 'ltc'
+timecode_rate = '25'
+timecode_runs = [[0.0, 900000.0, 192000.0, 900100.0]]
+`);
+const nodeExtras = (bytes) => JSON.parse(bytes.subarray(20, 20 + bytes.readUInt32LE(12))).nodes.map(({ extras }) => extras);
+
+test('a file with timecode is valid', async () => {
+  run('v3d-sim', 'take', 'timed', '--frames', '2', '--cameras', '4', '--size', '320x240');
+  run('v3dctl', 'reconstruct', 'timed', '--voxel', '30mm');
+  addTimecode('timed');
+  run('v3dctl', 'export', 'timed', '--format', 'glb', '--frames', '1', 'timed.glb');
+  run('v3dctl', 'export', 'timed', '--format', 'glb-sequence', 'timed-all.glb');
+  const [one, all] = ['timed.glb', 'timed-all.glb'].map((file) => readFileSync(join(folder, file)));
+  for (const bytes of [one, all]) {
+    const { issues } = await validator.validateBytes(new Uint8Array(bytes), { format: 'glb', maxIssues: 0 });
+    assert.deepEqual(issues.messages, []);
+  }
+  assert.deepEqual(nodeExtras(one)[0], { pulse: 1, timecode: '10:00:00:01', timecode_rate: '25' });
+  assert.equal(nodeExtras(all)[0].first_timecode, '10:00:00:00');
 });
 
 test('the validator reports a damaged file', async () => {

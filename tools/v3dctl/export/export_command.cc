@@ -8,6 +8,7 @@
 #include "base/core/text.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
+#include "take/take_timecode.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/take_export.h"
@@ -126,6 +127,7 @@ int run(const Arguments& arguments) {
   catch_interrupts();
   Progress progress("export", std::ssize(frames));
   PerformerFilter performer(arguments.take, arguments.performer);
+  const take::TakeTimecode timecodes({arguments.take});
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
@@ -140,7 +142,9 @@ int run(const Arguments& arguments) {
                {.compression = compression,
                 .lattice = content.lattice,
                 .cameras = cameras,
-                .atlas = atlas ? &*atlas : nullptr});
+                .atlas = atlas ? &*atlas : nullptr,
+                .pulse = frame,
+                .timecode = timecodes.at(frame)});
     progress.advance();
   }
   performer.require_present();

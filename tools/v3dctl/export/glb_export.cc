@@ -105,6 +105,9 @@ class Document {
     }
     VertexStreams streams = streams_of(mesh, options, grid, textured ? &*textured : nullptr);
     add_node();
+    if (options.timecode) {
+      gltf()["nodes"][0]["extras"] = timecode_extras(options.pulse, *options.timecode);
+    }
     switch (options.compression) {
       case Compression::kNone:
         add_plain(streams);

@@ -103,8 +103,15 @@ class GlbSequence : public SurfaceSequence {
     const std::string name = name_of(group.pulses.front());
     json node = {{"name", name}, {"mesh", add_mesh(group, name)}};
     if (shown_.size() > 1) node["scale"] = {0, 0, 0};
+    const int64_t pulse = group.pulses.front();
+    if (const auto timecode = timecode_of(pulse))
+      node["extras"] = timecode_extras(pulse, *timecode);
     shown.node = out_.add("nodes", std::move(node));
     out_.gltf()["nodes"][root_]["children"].push_back(*shown.node);
+  }
+
+  std::optional<take::PulseTimecode> timecode_of(int64_t pulse) const {
+    return options_.timecode ? options_.timecode(pulse) : std::nullopt;
   }
 
   size_t add_mesh(const MorphGroup& group, const std::string& name) {
@@ -183,6 +190,10 @@ class GlbSequence : public SurfaceSequence {
     extras = {{"take", options_.take}, {"rate_hz", options_.rate_hz}, {"pulses", json::array()}};
     for (const ShownNode& shown : shown_) {
       for (const int64_t pulse : shown.pulses) extras["pulses"].push_back(pulse);
+    }
+    if (const auto timecode = timecode_of(shown_.front().pulses.front())) {
+      extras["first_timecode"] = timecode->text();
+      extras["timecode_rate"] = name(timecode->rate);
     }
     if (!material_) out_.gltf().erase("buffers");  // no surface at all
   }

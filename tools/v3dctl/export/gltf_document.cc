@@ -157,6 +157,10 @@ json accessor_of_indices(size_t count) {
   return {{"componentType", kUnsignedInt}, {"type", "SCALAR"}, {"count", count}};
 }
 
+json timecode_extras(int64_t pulse, const take::PulseTimecode& timecode) {
+  return {{"pulse", pulse}, {"timecode", timecode.text()}, {"timecode_rate", name(timecode.rate)}};
+}
+
 json y_up_rotation() {
   const double half = std::numbers::sqrt2 / 2;
   return {-half, 0, 0, half};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
+#include "take/take_timecode.h"
 #include "v3dctl/export/vertex_streams.h"
 
 namespace v3d::ctl {
@@ -63,6 +64,9 @@ class GltfDocument {
 /// Accessors without a view.
 nlohmann::json accessor_of(const VertexStream& stream, size_t vertices);
 nlohmann::json accessor_of_indices(size_t count);
+
+/// Extras of a node for a pulse with timecode: `pulse`, `timecode` and `timecode_rate`.
+nlohmann::json timecode_extras(int64_t pulse, const take::PulseTimecode& timecode);
 
 /// The rotation of a node from z up to the y up of glTF, a quaternion x, y, z, w.
 nlohmann::json y_up_rotation();

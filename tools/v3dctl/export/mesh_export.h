@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "recon/pipeline/compact_frame.h"
 #include "recon/texture/texture.h"
 #include "recon/texture/texture_atlas.h"
+#include "take/take_timecode.h"
 
 namespace v3d::ctl {
 
@@ -43,6 +45,9 @@ struct MeshFileOptions {
   int atlas_quality = 92;  ///< of JPEG, 1 to 100
   /// With `atlas`: the attribute _VERTEX has the number of each vertex before seams divided it.
   bool number_vertices = false;
+  /// GLB: the pulse of the surface and its timecode, for the extras of the node; empty: none.
+  int64_t pulse = 0;
+  std::optional<take::PulseTimecode> timecode = std::nullopt;
 };
 
 /// The camera's name with '_' for characters other than ASCII letters and digits.
@@ -66,8 +71,8 @@ void write_obj(const std::filesystem::path& path, const Mesh& mesh);
 
 /// glTF 2.0 binary: POSITION, COLOR_0 (linear light), _<CAMERA>_COLOR, or with an atlas POSITION
 /// and TEXCOORD_0; unlit. A node rotates z up to the y up of the standard. A mesh without triangles
-/// gives an empty scene. Compression quantises positions to the lattice of the options and reorders
-/// triangles and vertices.
+/// gives an empty scene. The extras of the node are timecode_extras(). Compression quantises
+/// positions to the lattice of the options and reorders triangles and vertices.
 void write_glb(const std::filesystem::path& path, const Mesh& mesh, const MeshFileOptions& options);
 
 /// Removes all performers but one from frames of a take. One thread.

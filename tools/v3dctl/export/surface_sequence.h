@@ -2,16 +2,21 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/geometry/mesh.h"
+#include "take/take_timecode.h"
 
 namespace v3d::ctl {
 
 struct SequenceOptions {
   std::string take;    ///< name of the take
   double rate_hz = 0;  ///< pulses per second
+  /// The timecode of a pulse where it is known; may be empty.
+  std::function<std::optional<take::PulseTimecode>(int64_t pulse)> timecode = {};
 };
 
 /// Writer of one file. It keeps the content in memory. One thread.
@@ -32,7 +37,8 @@ class SurfaceSequence {
 /// first pulse as in "000012", are shown in turn: a STEP animation of their scale, 0 or 1. A
 /// surface stays until the next pulse that was added. Without animation the first surface shows.
 /// The parent of the nodes has the name of the take, rotates z up to y up, and has the extras
-/// `take`, `rate_hz` and `pulses`.
+/// `take`, `rate_hz` and `pulses`; with timecode also `first_timecode`, that of the first pulse,
+/// and `timecode_rate`. The nodes then have the extras of timecode_extras() for their first pulse.
 /// Source: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 std::unique_ptr<SurfaceSequence> make_glb_sequence(const SequenceOptions& options);
 

@@ -13,6 +13,7 @@
 #include "common/console.h"
 #include "common/partial_folder.h"
 #include "daemon/recorded/mesh_frames.h"
+#include "take/take_timecode.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/surface_sequence.h"
 #include "v3dctl/export/training_pulse.h"
@@ -102,7 +103,9 @@ int export_training(const TakeExport& request, recorded::MeshFrames& meshes,
 
 int export_sequence(const TakeExport& request, const take::TakeInfo& info,
                     recorded::MeshFrames& meshes, const std::vector<int64_t>& pulses) {
-  const SequenceOptions options{info.name, info.rate_hz};
+  const take::TakeTimecode timecodes({request.take});
+  const SequenceOptions options{info.name, info.rate_hz,
+                                [&](int64_t pulse) { return timecodes.at(pulse); }};
   const std::unique_ptr<SurfaceSequence> sequence = request.format == TakeFormat::kUsda
                                                         ? make_usda_sequence(options)
                                                         : make_glb_sequence(options);

@@ -19,6 +19,7 @@
 #include "common/console.h"
 #include "common/partial_folder.h"
 #include "recon/texture/atlas_colours.h"
+#include "take/take_timecode.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/texture_painter.h"
 #include "v3dctl/motion/tracked_surfaces.h"
@@ -92,6 +93,7 @@ struct WrittenParts {
   std::vector<SegmentCounts> counts;  ///< of each segment
   int64_t incomplete = 0;             ///< pulses without a frame of some camera
   bool has_sound = false;
+  std::optional<take::PulseTimecode> timecode;  ///< of the first pulse
 };
 
 /// A delivered segment: geometry as a player decodes it, and colours of vertices.
@@ -248,6 +250,10 @@ Json manifest_of(const take::TakeInfo& info, int side, const std::vector<Segment
   Json manifest = {{"format", "v3d-volume"},  {"version", 1},         {"take", info.name},
                    {"rate_hz", info.rate_hz}, {"first_pulse", first}, {"pulses", pulses},
                    {"motion", "motion.v3d"}};
+  if (parts.timecode) {
+    manifest["first_timecode"] = parts.timecode->text();
+    manifest["timecode_rate"] = name(parts.timecode->rate);
+  }
   manifest["texture"]["side"] = side;
   for (const TextureVideo& video : kVideos) {
     manifest["texture"]["videos"].push_back(
@@ -272,10 +278,11 @@ class VolumeWriter {
  public:
   VolumeWriter(const VolumeExport& request, const fs::path& folder, TrackedSurfaces& surfaces,
                const std::vector<SegmentPlaces>& segments, const take::TakeInfo& info,
-               const fs::path& sound)
+               const take::TakeTimecode& timecodes, const fs::path& sound)
       : request_(request),
         folder_(folder),
         surfaces_(surfaces),
+        timecodes_(timecodes),
         painter_(request.take, "--format volume"),
         videos_(folder, request.atlas_side, info.rate_hz, segments, sound),
         motion_(codec::MotionWriter::header()) {
@@ -296,7 +303,7 @@ class VolumeWriter {
       recon::AtlasColours colours = painter_.paint(mesh, layout, pulse);
       filter.apply(colours);
       Image image = std::move(colours.image);
-      if (i == segment.key()) write_surface(number, mesh, {layout, image});
+      if (i == segment.key()) write_surface(number, pulse, mesh, {layout, image});
       if (request_.uncompressed) {
         write_png(folder_ / "textures" / fmt::format("{:06}.png", pulse), image.view());
       }
@@ -315,19 +322,23 @@ class VolumeWriter {
   }
 
  private:
-  void write_surface(size_t number, const Mesh& mesh, const recon::TextureAtlas& atlas) const {
+  void write_surface(size_t number, int64_t pulse, const Mesh& mesh,
+                     const recon::TextureAtlas& atlas) const {
     Mesh plain = mesh;
     plain.colours.clear();
     write_glb(folder_ / fmt::format("segment-{:03}.glb", number), plain,
               {.compression = Compression::kMeshopt,
                .atlas = &atlas,
                .atlas_quality = kStillQuality,
-               .number_vertices = true});
+               .number_vertices = true,
+               .pulse = pulse,
+               .timecode = timecodes_.at(pulse)});
   }
 
   const VolumeExport& request_;
   const fs::path folder_;
   TrackedSurfaces& surfaces_;
+  const take::TakeTimecode& timecodes_;
   TexturePainter painter_;
   TextureVideos videos_;
   std::vector<uint8_t> motion_;
@@ -336,14 +347,15 @@ class VolumeWriter {
 /// Writes everything but the manifest.
 WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
                          TrackedSurfaces& surfaces, const std::vector<SegmentPlaces>& segments,
-                         const take::TakeInfo& info) {
+                         const take::TakeInfo& info, const take::TakeTimecode& timecodes) {
   const DeliverySound sound(request.take, folder, span_of(segments), info.rate_hz);
   int64_t pulses = 0;
   for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
   Progress progress("export", pulses);
-  VolumeWriter writer(request, folder, surfaces, segments, info, sound.file());
+  VolumeWriter writer(request, folder, surfaces, segments, info, timecodes, sound.file());
   WrittenParts parts;
   parts.has_sound = !sound.is_silent();
+  parts.timecode = timecodes.at(span_of(segments).first);
   for (size_t s = 0; s < segments.size(); ++s) {
     parts.counts.push_back(writer.add(s, segments[s], progress));
   }
@@ -370,7 +382,9 @@ int export_volume(const VolumeExport& request) {
   }
   PartialFolder folder(request.out);
   catch_interrupts();
-  const WrittenParts parts = write_parts(request, folder.path(), surfaces, segments, info);
+  const take::TakeTimecode timecodes(paths);
+  const WrittenParts parts =
+      write_parts(request, folder.path(), surfaces, segments, info, timecodes);
   replace_file(folder.path() / "manifest.json",
                manifest_of(info, request.atlas_side, segments, parts).dump(2) + "\n");
   folder.finish();

@@ -17,6 +17,7 @@
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_renderer.h"
 #include "v3dctl/scene/scene_sound.h"
+#include "v3dctl/scene/scene_timecode.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -127,8 +128,15 @@ void draw_video(SceneRenderer& renderer, const Arguments& arguments, take::Frame
     const auto pictures = static_cast<double>(range.end - range.begin);
     sound_file.emplace(sound, arguments.out, pictures / rate_hz);
   }
-  VideoWriter video(arguments.out, size, rate_hz,
-                    {.sound = sound_file ? sound_file->path() : fs::path()});
+  const SceneTimecode timecode =
+      scene_timecode(renderer.clips(), renderer.scene().time_of(range.begin), rate_hz);
+  if (!timecode.problem.empty()) {
+    note("v3dctl: " + arguments.scene.string() + ": its takes have no single timecode: " +
+         timecode.problem + "; the video is without timecode");
+  }
+  VideoWriter video(
+      arguments.out, size, rate_hz,
+      {.sound = sound_file ? sound_file->path() : fs::path(), .timecode = timecode.text});
   Progress progress("render", range.end - range.begin);
   for (int64_t frame = range.begin; frame < range.end; ++frame) {
     stop_if_interrupted();

@@ -70,6 +70,7 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
   add({"-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"});
   add(codec_words(path, options));
   add(key_picture_words(options.key_pictures_s));
+  if (!options.timecode.empty()) add({"-timecode", options.timecode});
   // The index comes first, so that a browser starts before it has the whole file.
   if (path.extension() == ".mp4" || path.extension() == ".mov") add({"-movflags", "+faststart"});
   words.push_back(file_word(path));

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "base/image/image.h"
@@ -24,6 +25,9 @@ struct VideoOptions {
   /// A sound file that becomes the sound of the video: AAC in .mp4 and .mov, otherwise Opus; empty:
   /// none.
   std::filesystem::path sound = {};
+  /// Timecode of the first picture, counted in pictures ("10:00:03:12", with dropped numbers
+  /// "10:00:03;12"): a track of .mp4 and .mov, a tag of other files; empty: none.
+  std::string timecode = {};
 };
 
 /// Encodes pictures. One thread.

@@ -45,6 +45,13 @@ Finding check_mtu(const std::string& interface, int mtu, int packet_size);
 /// IP address of this PC on the route to `address`; 0 when there is none.
 uint32_t source_address_to(const std::string& address);
 
+// --- sound: doctor_sound.cc
+
+/// Whether the sound devices of the studio open, the inputs of [[sound]] and that of
+/// [timecode_output]; a device that a daemon uses is good. `node`: only those of this node, on this
+/// PC; empty: those of all nodes, where one that does not open may be on another PC.
+std::vector<Finding> check_sound_devices(const Studio& studio, const std::string& node);
+
 // --- clock: doctor_machine.cc
 
 /// Asks chronyd, systemd-timesyncd and ptp4l, up to 200 ms.

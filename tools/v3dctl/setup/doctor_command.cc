@@ -64,6 +64,8 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   std::vector<Finding> findings = check_network(studio, cameras);
   findings.push_back(check_clock());
+  const std::vector<Finding> sounds = check_sound_devices(studio, node);
+  findings.insert(findings.end(), sounds.begin(), sounds.end());
   for (const auto& more : {check_machine(studio, cameras), examine_keys(studio)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
