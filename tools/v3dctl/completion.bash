@@ -26,7 +26,7 @@ _v3dctl() {
   done
   COMPREPLY=()
   case $previous in
-    --format) COMPREPLY=($(compgen -W "ply obj glb glb-sequence usda colmap nerfstudio" -- "$current")); return ;;
+    --format) COMPREPLY=($(compgen -W "ply obj glb glb-sequence usda volume colmap nerfstudio flac" -- "$current")); return ;;
     --compress) COMPREPLY=($(compgen -W "none draco meshopt" -- "$current")); return ;;
     --surface) COMPREPLY=($(compgen -W "automatic meshes tracked" -- "$current")); return ;;
     --role) COMPREPLY=($(compgen -W "operator capture reconstruction viewer" -- "$current")); return ;;

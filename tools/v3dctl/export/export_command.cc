@@ -11,6 +11,7 @@
 #include "take/take_timecode.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/sound_export.h"
 #include "v3dctl/export/take_export.h"
 #include "v3dctl/export/texture_painter.h"
 #include "v3dctl/export/volume_export.h"
@@ -77,6 +78,19 @@ int run_volume_export(const Arguments& arguments) {
   return export_volume(request);
 }
 
+int run_flac_export(const Arguments& arguments) {
+  expect_mesh_options_unused(arguments);
+  if (arguments.atlas_side > 0) throw InputError("--atlas: expected --format glb or volume");
+  if (arguments.performer > 0) throw InputError("--performer: --format flac has no surfaces");
+  if (parse_surface(arguments.surface) != Surface::kAutomatic) {
+    throw InputError("--surface: expected --format glb-sequence or usda");
+  }
+  if (!arguments.frames.empty()) {
+    throw InputError("--frames: --format flac writes whole sound files; expected no --frames");
+  }
+  return export_flac(arguments.take, arguments.out);
+}
+
 int run_take_export(const Arguments& arguments, TakeFormat format) {
   expect_mesh_options_unused(arguments);
   if (arguments.atlas_side > 0) throw InputError("--atlas: expected --format glb or volume");
@@ -103,6 +117,7 @@ std::optional<recon::TextureAtlas> take_texture(TexturePainter& painter, int sid
 int run(const Arguments& arguments) {
   if (arguments.format == "volume") return run_volume_export(arguments);
   if (arguments.uncompressed) throw InputError("--uncompressed: expected --format volume");
+  if (arguments.format == "flac") return run_flac_export(arguments);
   if (const auto format = parse_take_format(arguments.format)) {
     return run_take_export(arguments, *format);
   }
@@ -160,7 +175,7 @@ void add_export(CommandLine& line) {
   cli::Command command = line.add(
       "export",
       "Write meshes for other programs: a file for each frame, one for all, a delivery with video "
-      "texture, or training sets",
+      "texture, training sets, or sound",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
        "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
        "v3dctl export dancer --format glb --compress draco --view-dependent meshes/",
@@ -168,19 +183,21 @@ void add_export(CommandLine& line) {
        "v3dctl export dancer --format glb-sequence dancer.glb",
        "v3dctl export dancer --format glb-sequence --proxy preview.glb",
        "v3dctl export dancer --format volume dancer-volume",
-       "v3dctl export dancer --format colmap --frames 12 training/"});
+       "v3dctl export dancer --format colmap --frames 12 training/",
+       "v3dctl export dancer --format flac sound/"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   command
       .add_option(
           "OUT", arguments->out,
           "A folder for FRAME.ply and so on, or a file for one frame; glb-sequence and usda: a "
-          "file; volume, colmap and nerfstudio: a new folder")
+          "file; volume, colmap, nerfstudio and flac: a new folder")
       .required();
   command
       .add_option("--format", arguments->format,
-                  "The file format; all have colours, metres, z up (glb, glb-sequence: y up)")
-      .type_name("ply|obj|glb|glb-sequence|usda|volume|colmap|nerfstudio")
+                  "The file format; surfaces have colours, metres, z up (glb, glb-sequence: y up); "
+                  "flac: the take's sound")
+      .type_name("ply|obj|glb|glb-sequence|usda|volume|colmap|nerfstudio|flac")
       .required();
   command
       .add_option("--compress", arguments->compression,

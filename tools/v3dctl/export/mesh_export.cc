@@ -19,8 +19,9 @@ MeshFormat parse_mesh_format(std::string_view text) {
   if (text == "ply") return MeshFormat::kPly;
   if (text == "obj") return MeshFormat::kObj;
   if (text == "glb") return MeshFormat::kGlb;
-  throw InputError("--format " + std::string(text) +
-                   ": expected ply, obj, glb, glb-sequence, usda, volume, colmap or nerfstudio");
+  throw InputError(
+      "--format " + std::string(text) +
+      ": expected ply, obj, glb, glb-sequence, usda, volume, colmap, nerfstudio or flac");
 }
 
 Compression parse_compression(std::string_view text) {

@@ -1,0 +1,101 @@
+#include "v3dctl/export/sound_export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <cstring>
+
+#include "base/core/error.h"
+#include "base/io/child_process.h"
+#include "support/message_of.h"
+#include "support/sounding_take.h"
+#include "support/temporary_folder.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::HasSubstr;
+
+class FlacExport : public testing::Test {
+ protected:
+  static constexpr int64_t kSamples = 48'000;
+
+  void SetUp() override {
+    if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
+  }
+  /// A take of two channels with noise in all 24 bits.
+  void write_take() {
+    const take::SoundLedger sound{.file = "sound/cap01.wav",
+                                  .node = "cap01",
+                                  .rate_hz = 48'000,
+                                  .channels = 2,
+                                  .samples = kSamples};
+    test::write_sounds_of_ledger(take_, {sound});
+    io::throw_if_failed(save_take_info(take_, test::begun_take({})));
+    std::filesystem::create_directories(take_.sound());
+    auto writer = io::value_or_throw(
+        sound::WaveWriter::create(take_.sound() / "cap01.wav", {.rate_hz = 48'000, .channels = 2},
+                                  {.description = "take kendo-07, node cap01",
+                                   .originator = "V3D",
+                                   .date = "2026-11-27",
+                                   .time = "15:04:05",
+                                   .samples_since_midnight = 2'604'245'678}));
+    uint32_t state = 1;
+    for (int64_t i = 0; i < 2 * kSamples; ++i) {
+      state = state * 1'664'525 + 1'013'904'223;
+      values_.push_back(static_cast<int32_t>(state & 0xFFFFFF00));
+    }
+    io::throw_if_failed(writer.write(values_));
+  }
+  /// The samples of a file, as ffmpeg decodes them to 32 bits.
+  static std::vector<int32_t> decoded(const std::filesystem::path& path) {
+    const ProcessStream ffmpeg(
+        {"ffmpeg", "-loglevel", "error", "-i", path.string(), "-f", "s32le", "pipe:1"},
+        ProcessStream::End::kStdout);
+    std::vector<int32_t> values(2 * kSamples + 1);
+    const std::span bytes(reinterpret_cast<uint8_t*>(values.data()), 4 * (values.size() - 1));
+    EXPECT_TRUE(ffmpeg.read(bytes));
+    EXPECT_FALSE(ffmpeg.read({reinterpret_cast<uint8_t*>(&values.back()), 1})) << "it ends there";
+    values.pop_back();
+    return values;
+  }
+
+  const test::TemporaryFolder folder_;
+  const take::TakePaths take_{folder_ / "kendo-07"};
+  std::vector<int32_t> values_;
+};
+
+TEST_F(FlacExport, has_every_bit_of_every_sample) {
+  write_take();
+  EXPECT_EQ(export_flac(take_.folder, folder_ / "out"), kExitDone);
+  EXPECT_EQ(decoded(folder_ / "out/cap01.flac"), values_);
+  EXPECT_LT(static_cast<int64_t>(std::filesystem::file_size(folder_ / "out/cap01.flac")),
+            4 * 2 * kSamples)
+      << "24 bits, not 32";
+}
+
+TEST_F(FlacExport, keeps_the_time_reference_as_a_tag) {
+  write_take();
+  export_flac(take_.folder, folder_ / "out");
+  const ProcessResult tags = run_process({"ffprobe", "-v", "error", "-show_entries", "format_tags",
+                                          (folder_ / "out/cap01.flac").string()},
+                                         Output::kCapture);
+  EXPECT_THAT(tags.output, HasSubstr("TAG:time_reference=2604245678"));
+  EXPECT_THAT(tags.output, HasSubstr("2026-11-27"));
+}
+
+TEST_F(FlacExport, is_refused_for_a_take_without_sound_and_for_nine_channels) {
+  test::write_sounds_of_ledger(take_, {});
+  io::throw_if_failed(save_take_info(take_, test::begun_take({})));
+  const auto rejection = [&] {
+    return test::message_of<InputError>([&] { export_flac(take_.folder, folder_ / "out"); });
+  };
+  EXPECT_THAT(rejection(), HasSubstr("has no sound"));
+  test::write_sounds_of_ledger(take_, {{.file = "sound/a.wav", .node = "a", .channels = 9}});
+  EXPECT_THAT(rejection(), HasSubstr("sound/a.wav: has 9 channels; FLAC has at most 8"));
+}
+
+}  // namespace
+}  // namespace v3d::ctl
