@@ -51,7 +51,7 @@ equal() {
 boots() {
   local start=$SECONDS
   switch_on "$@"
-  until_true 300 on_pc systemctl is-active v3d-studio.target v3d-captured@cap01
+  until_true 600 on_pc systemctl is-active v3d-studio.target v3d-captured@cap01
   echo "$1: the studio runs after $((SECONDS - start)) s"
 }
 # slots: what the PC knows about its slots: the one that runs, and the variables of the boot menu.
