@@ -3,13 +3,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <thread>
 
 #include "base/config/studio_values.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "daemon/captured/sound_health.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
@@ -28,13 +28,6 @@ constexpr int64_t kMinPlates = 2;
 constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
 /// A frame that is this many periods late counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
-/// Peaks above this share of full scale are reported as clipping.
-constexpr double kClipping = 0.999;
-constexpr double kMinDecibels = -150;
-
-double decibels(double share) {
-  return share > 0 ? std::max(kMinDecibels, 20 * std::log10(share)) : kMinDecibels;
-}
 
 /// Rejects implausible values, because commands come from the network.
 void check_order(const wire::CommandMessage& order) {
@@ -379,8 +372,8 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   report_warnings(counts);
   report_signed_takes(health);
   report_trigger(health);
-  report_sound(health);
-  report_timecode(health);
+  if (sound_) report_sound(sound_->status(), health, events_);
+  if (timecode_) report_timecode_output(timecode_->status(), health, events_);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
@@ -401,54 +394,6 @@ void CaptureNode::report_trigger(wire::HealthMessage& health) const {
   health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
   health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
   health.values["trigger_late"] = static_cast<double>(pulses->late);
-}
-
-void CaptureNode::report_sound(wire::HealthMessage& health) {
-  if (!sound_) return;
-  const NodeSound::Status status = sound_->status();
-  health.values["sound_open_flag"] = status.is_open ? 1 : 0;
-  health.values["sound_samples"] = static_cast<double>(status.take.samples);
-  health.values["sound_xruns"] = static_cast<double>(status.take.xruns);
-  double loudest = 0;
-  for (size_t i = 0; i < status.peaks.size(); ++i) {
-    health.values["sound_peak_" + std::to_string(i + 1) + "_db"] = decibels(status.peaks[i]);
-    loudest = std::max(loudest, status.peaks[i]);
-  }
-  report_sound_conditions(status, loudest);
-}
-
-void CaptureNode::report_timecode(wire::HealthMessage& health) {
-  if (!timecode_) return;
-  const TimecodeOutput::Status status = timecode_->status();
-  health.values["timecode_output_open_flag"] = status.is_open ? 1 : 0;
-  health.values["timecode_output_underruns"] = static_cast<double>(status.underruns);
-  const auto report = [&](const char* subject, const std::string& text, const char* advice) {
-    events_.report_condition(wire::Severity::kWarning, subject, text, advice);
-  };
-  report("timecode output", status.fault, node::advice::kTimecodeOutput);
-  report("timecode output underruns",
-         status.underruns == 0
-             ? ""
-             : format_count(status.underruns) + " underruns: the timecode was interrupted",
-         node::advice::kTimecodeUnderruns);
-}
-
-void CaptureNode::report_sound_conditions(const NodeSound::Status& status, double loudest) {
-  const auto report = [&](const char* subject, const std::string& text, const char* advice) {
-    events_.report_condition(wire::Severity::kWarning, subject, text, advice);
-  };
-  report("sound", status.fault, node::advice::kSound);
-  report("sound file", status.take.error, node::advice::kSoundFile);
-  const int64_t xruns = status.take.xruns;
-  report("sound xruns", xruns == 0 ? "" : format_count(xruns) + " xruns: samples of sound are lost",
-         node::advice::kSoundXruns);
-  const bool clips = loudest > kClipping;
-  const bool is_silent = status.is_open && !status.peaks.empty() && loudest == 0;
-  report("sound level",
-         clips       ? "sound clips"
-         : is_silent ? "sound is silent"
-                     : "",
-         node::advice::kSoundLevel);
 }
 
 void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& health) const {

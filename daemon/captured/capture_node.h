@@ -82,9 +82,6 @@ class CaptureNode : public control::NodeDelegate {
   void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
   void report_trigger(wire::HealthMessage& health) const;
   /// Levels and counts of the sound, and events about it.
-  void report_sound(wire::HealthMessage& health);
-  void report_timecode(wire::HealthMessage& health);
-  void report_sound_conditions(const NodeSound::Status& status, double loudest);
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
   void report_warnings(const TakeCounts& counts);

@@ -71,7 +71,7 @@ TEST(Doctor, opens_the_sound_devices_of_a_node) {
   studio.trigger.node = "cap01";
   studio.sounds = {{.node = "cap01", .device = "null", .timecode_rate = {}},
                    {.node = "cap02", .device = "hw:CARD=NoSuchCard", .timecode_rate = {}}};
-  studio.timecode_output = {.device = "null"};
+  studio.timecode_output = {.device = "null", .start = ""};
   const auto good = check_sound_devices(studio, "cap01");
   ASSERT_EQ(good.size(), 2U);
   EXPECT_EQ(good[0].verdict, Verdict::kGood) << good[0].text;

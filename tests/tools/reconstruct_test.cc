@@ -188,7 +188,8 @@ TEST_F(Reconstruct, is_compared_with_the_true_surface_in_the_same_colours) {
   const Mesh mesh = recorded::MeshFrames(request_.take).read(0).mesh;
   const auto figures_of = [&](const Mesh& truth) {
     write_ply(folder_ / "truth/000000.ply", truth);
-    return *evaluate_held_out({request_.take}, {.cameras = {"c"}, .truth = folder_ / "truth"})[0].true_surface;
+    return *evaluate_held_out({request_.take}, {.cameras = {"c"}, .truth = folder_ / "truth"})[0]
+                .true_surface;
   };
   const auto itself = evaluate_held_out({request_.take}, {{"c"}})[0].inside;
   // The compact frame rounds colours, and the pictures are demosaiced.

@@ -437,14 +437,17 @@ std::string with_output(const std::string& fields) {
 }
 
 TEST(StudioFile, reads_the_output_of_timecode) {
-  EXPECT_FALSE(parse(kGood).timecode_output);
-  const auto defaults = parse(with_output("device = \"hw:CARD=USB\"\n")).timecode_output;
+  const auto read = [](const std::string& text) {
+    return parse_studio(text, "studio.toml").timecode_output;
+  };
+  EXPECT_FALSE(read(std::string(kGood)));
+  const auto defaults = read(with_output("device = \"hw:CARD=USB\"\n"));
   ASSERT_TRUE(defaults);
   EXPECT_EQ(defaults->timecode_rate, "25");
   EXPECT_EQ(defaults->start, "") << "time of day";
-  const auto output = parse(with_output("device = \"hw:CARD=USB\"\nchannels = 1\nrate_hz = 96000\n"
-                                        "timecode_rate = \"29.97df\"\nstart = \"10:01:00;02\"\n"))
-                          .timecode_output;
+  const auto output =
+      read(with_output("device = \"hw:CARD=USB\"\nchannels = 1\nrate_hz = 96000\n"
+                       "timecode_rate = \"29.97df\"\nstart = \"10:01:00;02\"\n"));
   ASSERT_TRUE(output);
   EXPECT_EQ(output->device, "hw:CARD=USB");
   EXPECT_EQ(output->channels, 1);

@@ -163,20 +163,16 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
-TEST_F(ViewedSite, serves_the_proxy_of_a_take) {
-  EXPECT_EQ(get("/takes/kendo-07/proxy.v3d").status, 404) << "it has none";
-  write(folder_ / "takes/kendo-07/proxy.v3d", "012");
-  EXPECT_EQ(get("/takes/kendo-07/proxy.v3d").file->size, 3);
-}
-
-TEST_F(ViewedSite, serves_requested_parts_of_a_motion_file) {
-  EXPECT_EQ(get("/takes/kendo-07/motion.v3d").status, 404);
-  write(folder_ / "takes/kendo-07/motion.v3d", "0123456");
-  EXPECT_EQ(get("/takes/kendo-07/motion.v3d").file->size, 7);
-  const web::WebAnswer part = get("/takes/kendo-07/motion.v3d", "bytes=2-4");
-  EXPECT_EQ(part.status, 206);
-  EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/7");
-  EXPECT_EQ(get("/takes/kendo-07/motion.v3d", "bytes=7-").status, 416);
+TEST_F(ViewedSite, serves_requested_parts_of_a_proxy_and_of_a_motion_file) {
+  for (const std::string name : {"proxy.v3d", "motion.v3d"}) {
+    EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404) << "the take has none";
+    write(folder_ / "takes/kendo-07" / name, "0123456");
+    EXPECT_EQ(get("/takes/kendo-07/" + name).file->size, 7);
+    const web::WebAnswer part = get("/takes/kendo-07/" + name, "bytes=2-4");
+    EXPECT_EQ(part.status, 206);
+    EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/7");
+    EXPECT_EQ(get("/takes/kendo-07/" + name, "bytes=7-").status, 416);
+  }
 }
 
 TEST_F(ViewedSite, serves_the_skeletons_of_performers_and_the_operations_of_an_edited_take) {

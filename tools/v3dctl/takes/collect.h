@@ -13,9 +13,9 @@ namespace v3d::ctl {
 
 struct CollectRequest {
   std::vector<NodeFolder> sources;  ///< folders of takes
-  std::filesystem::path to;        ///< folder of the copies; created if missing
-  std::vector<std::string> takes;  ///< empty: all that the nodes have and `to` has not
-  std::string rsh;                 ///< remote shell of rsync; empty: ssh
+  std::filesystem::path to;         ///< folder of the copies; created if missing
+  std::vector<std::string> takes;   ///< empty: all that the nodes have and `to` has not
+  std::string rsh;                  ///< remote shell of rsync; empty: ssh
 };
 
 struct CollectedTake {
