@@ -15,11 +15,7 @@ void TimecodeClock::begin_train(double pulse_rate_hz) {
 
 void TimecodeClock::add_pulse(int64_t pulse, MonotonicInstant at) {
   if (awaits_train_) {
-    const double offset = offset_at(at);
-    train_.emplace();
-    train_->first_pulse = pulse;
-    train_->first = train_->last = at;
-    train_->offset = offset;
+    train_ = Train{.first_pulse = pulse, .first = at, .last = at, .offset = offset_at(at)};
     awaits_train_ = false;
   }
   if (!train_ || at < train_->last) return;
