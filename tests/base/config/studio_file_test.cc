@@ -482,8 +482,9 @@ TEST(StudioFile, rejects_invalid_fields_of_a_sound_input) {
               HasSubstr("sound.pulse_channel: expected a whole number from 1 to 2, found 3"));
   EXPECT_THAT(message_for(with_sound(device + "pulse_channel = 2\ntimecode_channel = 2")),
               HasSubstr("sound.timecode_channel: is also the pulse_channel"));
-  EXPECT_THAT(message_for(with_sound(device + "timecode_rate = \"23\"")),
-              HasSubstr("sound.timecode_rate: '23' is unknown; known: auto, 24, 25, 29.97"));
+  EXPECT_THAT(
+      message_for(with_sound(device + "timecode_rate = \"23\"")),
+      HasSubstr("sound.timecode_rate: '23' is unknown; known: 24, 25, 29.97, 29.97df, 30, auto"));
   EXPECT_THAT(message_for(with_sound(device + "[[sound]]\nnode = \"cap01\"\n" + device)),
               HasSubstr("two tables [[sound]] are of node 'cap01'"));
 }

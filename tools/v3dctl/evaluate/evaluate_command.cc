@@ -9,6 +9,7 @@
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/evaluate/evaluation_json.h"
 #include "v3dctl/evaluate/evaluation_page.h"
+#include "v3dctl/mesh_options.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

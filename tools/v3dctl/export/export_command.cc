@@ -15,6 +15,7 @@
 #include "v3dctl/export/take_export.h"
 #include "v3dctl/export/texture_painter.h"
 #include "v3dctl/export/volume_export.h"
+#include "v3dctl/mesh_options.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

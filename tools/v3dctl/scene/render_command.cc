@@ -14,6 +14,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "recon/render/renderer.h"
 #include "v3dctl/command_line.h"
+#include "v3dctl/mesh_options.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_renderer.h"
 #include "v3dctl/scene/scene_sound.h"

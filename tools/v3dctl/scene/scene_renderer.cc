@@ -8,7 +8,7 @@
 #include "base/image/image_files.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
-#include "v3dctl/options.h"
+#include "v3dctl/mesh_options.h"
 
 namespace v3d::ctl {
 namespace {
