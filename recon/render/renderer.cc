@@ -7,7 +7,6 @@
 
 #include "base/geometry/rigid_transform.h"
 #include "recon/render/rasteriser.h"
-#include "recon/visibility/depth_buffer.h"
 
 namespace v3d::recon {
 namespace {
@@ -257,14 +256,12 @@ Image draw_mesh(const Mesh& mesh, const CameraModel& camera, const DrawOptions& 
 }
 
 Mask draw_silhouette(const Mesh& mesh, const CameraModel& camera) {
-  const DepthBuffer depth = draw_depth(mesh, camera);
-  const auto [width, height] = depth.size;
-  Mask mask(depth.size);
-  for (int y = 0; y < height; ++y) {
-    const float* z = depth.z.data() + static_cast<size_t>(y) * width;
-    const std::span<uint64_t> words = mask.row(y);
-    for (int x = 0; x < width; ++x) words[x / 64] |= uint64_t{std::isfinite(z[x])} << (x % 64);
-  }
+  Mask mask(camera.size());
+  const Band whole{camera.size().width, 0, camera.size().height};
+  const auto fill = [&](int y, int x_begin, int x_end) { mask.fill_row(y, x_begin, x_end); };
+  for_each_screen_triangle(
+      mesh, camera, project_vertices(mesh, camera),
+      [&](uint32_t, const ScreenTriangle& t) { for_each_span(t.corner, whole, fill); });
   return mask;
 }
 

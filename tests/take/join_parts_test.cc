@@ -37,6 +37,15 @@ class JoinParts : public testing::Test {
 
   TakePaths part(const std::string& node) const { return {folder_ / node}; }
 
+  /// Writes a mesh file of the node with pulses 0 to `meshes` - 1.
+  void reconstruct(const std::string& node, int64_t meshes) const {
+    std::filesystem::create_directories(part(node).folder);
+    MeshFileWriter file(part(node).mesh());
+    for (int64_t pulse = 0; pulse < meshes; ++pulse)
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
+    EXPECT_TRUE(file.close());
+  }
+
   void record(const std::string& node, const std::vector<std::string>& cameras, int64_t pulses) {
     const TakePaths paths = part(node);
     std::filesystem::remove_all(paths.folder);
@@ -139,13 +148,6 @@ TEST_F(JoinParts, rejects_parts_with_symbolic_links) {
 }
 
 TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
-  const auto reconstruct = [&](const std::string& node, int64_t meshes) {
-    std::filesystem::create_directories(part(node).folder);
-    MeshFileWriter file(part(node).mesh());
-    for (int64_t pulse = 0; pulse < meshes; ++pulse)
-      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
-    EXPECT_TRUE(file.close());
-  };
   reconstruct("recon02", 2);
   reconstruct("recon03", 3);
   reconstruct("recon04", 3);
@@ -163,13 +165,6 @@ TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
 }
 
 TEST_F(JoinParts, has_the_proxy_of_its_meshes_and_no_other) {
-  const auto reconstruct = [&](const std::string& node, int64_t meshes) {
-    std::filesystem::create_directories(part(node).folder);
-    MeshFileWriter file(part(node).mesh());
-    for (int64_t pulse = 0; pulse < meshes; ++pulse)
-      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
-    EXPECT_TRUE(file.close());
-  };
   reconstruct("recon02", 2);
   reconstruct("recon03", 3);
   test::write_text(part("recon02").proxy(), "of two meshes");

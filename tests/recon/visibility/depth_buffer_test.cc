@@ -153,24 +153,12 @@ Mesh soup(uint32_t seed) {
   return mesh;
 }
 
-/// Reference for the pixels that a mesh covers: the spans of all triangles.
-Mask covered_pixels(const Mesh& mesh, const CameraModel& eye) {
-  Mask mask(eye.size());
-  const auto fill = [&](int y, int x_begin, int x_end) { mask.fill_row(y, x_begin, x_end); };
-  for_each_screen_triangle(
-      mesh, eye, project_vertices(mesh, eye), [&](uint32_t, const ScreenTriangle& t) {
-        for_each_span(t.corner, {eye.size().width, 0, eye.size().height}, fill);
-      });
-  return mask;
-}
-
 const CameraModel kAmidTheSoup = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, {-0.1, 0.02});
 
 RC_GTEST_PROP(DepthBufferTest, covers_the_pixels_that_spans_say_for_triangles_of_every_size, ()) {
   Mesh mesh = soup(*rc::gen::arbitrary<uint32_t>());
   mesh.triangles.resize(*rc::gen::inRange<size_t>(1, 40));
-  const Mask mask = covered_pixels(mesh, kAmidTheSoup);
-  RC_ASSERT(draw_silhouette(mesh, kAmidTheSoup) == mask);
+  const Mask mask = draw_silhouette(mesh, kAmidTheSoup);
   const DepthBuffer depth = draw_depth(mesh, kAmidTheSoup);
   for (int y = 0; y < depth.size.height; ++y) {
     for (int x = 0; x < depth.size.width; ++x) {
@@ -343,12 +331,17 @@ TEST(Silhouette, of_a_sphere_is_the_expected_disc) {
   EXPECT_GT(intersection_over_union(mask, disc), 0.99);
 }
 
-TEST(Silhouette, is_what_the_triangles_cover) {
+TEST(Silhouette, is_what_the_depth_buffer_covers) {
   const CameraModel eye = camera({1, -2, 1}, {0, 0, 0}, {120, 90}, 100, {-0.25, 0.1, 0.001, 0.002});
   Mesh mesh = shapes::box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F});
   shapes::append(mesh, shapes::sphere({0.8F, 0, 0.8F}, 0.4F, 12));  // cut by the border
   const Mask mask = draw_silhouette(mesh, eye);
-  EXPECT_EQ(mask, covered_pixels(mesh, eye));
+  const DepthBuffer depth = draw_depth(mesh, eye);
+  for (int y = 0; y < 90; ++y) {
+    for (int x = 0; x < 120; ++x) {
+      EXPECT_EQ(mask.get(x, y), depth.at(x, y) != kNothing);
+    }
+  }
   EXPECT_GT(mask.count(), 1000);
   EXPECT_EQ(draw_silhouettes(mesh, std::vector{eye, eye})[1], mask);
 }
