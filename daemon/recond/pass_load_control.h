@@ -11,8 +11,10 @@ namespace v3d::recond {
 /// Decides by the length of the queue of frame sets (LiveQueue), and by no clock. A take begins
 /// with all passes.
 ///   - When kGrowth more sets wait than before, or when the queue has not become shorter for
-///     kPatience pulses (LiveQueue allows 10 s), the next pulses get one pass less. Without passes,
-///     a pulse costs what the visual hull costs. So no pulse is dropped for a pass.
+///     kPatience pulses (LiveQueue allows 10 s), the pulses get one pass less from now on. Until
+///     the queue is empty they get none, so that the live picture is late for some pulses, not for
+///     seconds. Without passes, a pulse costs what the visual hull costs. So no pulse is dropped
+///     for a pass.
 ///   - After a pause of some pulses, and when no set waits, they get one pass more. The pause is
 ///     kFirstPause at first. It doubles, up to kLongestPause, when the pass has to be given up
 ///     again, and is kFirstPause again when the pass was kept for kLongestPause pulses. So a PC
@@ -21,7 +23,7 @@ namespace v3d::recond {
 /// One thread.
 class PassLoadControl {
  public:
-  static constexpr size_t kGrowth = 3;
+  static constexpr size_t kGrowth = 2;
   static constexpr int64_t kPatience = 20;
   static constexpr int64_t kFirstPause = 25;
   static constexpr int64_t kLongestPause = 1600;
@@ -40,13 +42,14 @@ class PassLoadControl {
       ++since_least_;
     }
     const bool is_slow = waiting >= least_ + kGrowth || since_least_ >= kPatience;
+    is_late_ = waiting > 0 && (is_late_ || is_slow);
     if (passes_ > 0 && (behind || is_slow)) {
       if (was_raised_) pause_ = std::min(2 * pause_, kLongestPause);
       change_to(behind ? 0 : passes_ - 1, waiting);
     } else if (passes_ < most_ && waiting == 0 && !behind && since_change_ >= pause_) {
       change_to(passes_ + 1, waiting);
     }
-    return passes_;
+    return is_late_ ? 0 : passes_;
   }
 
   /// Sets that wait at the next pulse do not count: something else than the passes took the time.
@@ -64,7 +67,8 @@ class PassLoadControl {
   int passes_;
   bool was_raised_ = false;                     ///< by the last change
   int64_t since_change_ = 0, since_least_ = 0;  ///< pulses
-  size_t least_ = 0;  ///< sets that waited at least, since the last change
+  size_t least_ = 0;      ///< sets that waited at least, since the last change
+  bool is_late_ = false;  ///< until the queue is empty
   bool is_other_load_ = false;
   int64_t pause_ = kFirstPause;  ///< pulses
 };
