@@ -58,6 +58,7 @@ class Attacker {
  public:
   /// `url`: an LCM URL (udpm).
   Attacker(const std::string& url, const AttackedPorts& ports) : network_(url), ports_(ports) {
+    network_.ignore_own();
     thread_ = std::thread([this] { run(); });
   }
   ~Attacker() { stop(); }
@@ -95,16 +96,13 @@ class Attacker {
     }
   }
 
-  /// Records datagrams of the studio: those with a MAC that are newer than all recorded ones. This
-  /// skips the attacker's own datagrams, which the group returns.
+  /// Records datagrams of the studio, which have a MAC.
   void record() {
     for (int i = 0; i < 64; ++i) {
       RawDatagram datagram = network_.receive(Duration::zero());
       if (datagram.empty()) return;
       if (datagram.size() <= wire::kMacTrailerSize) continue;
-      const auto trailer = wire::read_trailer(std::span(datagram).last<wire::kMacTrailerSize>());
-      if (!trailer || trailer->sent <= newest_) continue;
-      newest_ = trailer->sent;
+      if (!wire::read_trailer(std::span(datagram).last<wire::kMacTrailerSize>())) continue;
       recorded_[recordings_++ % recorded_.size()] = std::move(datagram);
     }
   }
@@ -225,7 +223,6 @@ class Attacker {
   const wire::StudioKey other_key_ = wire::StudioKey::make();
   std::array<RawDatagram, 256> recorded_;
   size_t recordings_ = 0;
-  RealtimeInstant newest_{};
   std::vector<io::UniqueFd> half_open_, half_open_metrics_;
   std::array<std::atomic<int64_t>, kAttackNames.size()> sent_{};
   std::atomic<int64_t> total_ = 0, connections_ = 0;
