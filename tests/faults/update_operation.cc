@@ -34,13 +34,15 @@ fs::path slot(const FaultyWorkplace& place, const std::string& name) {
 
 std::vector<std::string> steps(const FaultyWorkplace& place,
                                const std::vector<std::string>& words) {
-  std::vector<std::string> command = {"/usr/bin/env",
-                                      "DISK=" + place.disk().string(),
-                                      "WORK=" + work(place).string(),
-                                      "DRIVER=" V3D_UPDATE_DRIVER,
-                                      "LIB=" V3D_SOURCE_DIR
-                                      "/tools/appliance/root/usr/lib/v3d-appliance",
-                                      V3D_SOURCE_DIR "/tests/faults/appliance/steps"};
+  const std::string source = V3D_SOURCE_DIR;
+  const std::string driver = V3D_UPDATE_DRIVER;
+  std::vector<std::string> command = {
+      "/usr/bin/env",
+      "DISK=" + place.disk().string(),
+      "WORK=" + work(place).string(),
+      "DRIVER=" + driver,
+      "LIB=" + source + "/tools/appliance/root/usr/lib/v3d-appliance",
+      source + "/tests/faults/appliance/steps"};
   command.insert(command.end(), words.begin(), words.end());
   return command;
 }
