@@ -15,6 +15,7 @@
 #include "fault_operations.h"
 #include "power_cut_disk.h"
 #include "support/temporary_folder.h"
+#include "update_operation.h"
 
 namespace v3d::test {
 namespace {
@@ -60,7 +61,9 @@ class PowerCut : public testing::TestWithParam<const char*> {
 };
 
 TEST_P(PowerCut, before_any_change_keeps_all_reported_data) {
-  const FaultOperation operation = fault_operation(GetParam(), V3D_BIN);
+  const std::string name = GetParam();
+  const FaultOperation operation =
+      name == "update" ? update_operation() : fault_operation(name, V3D_BIN);
   const TemporaryFolder folder{"/dev/shm"};
   const FaultyWorkplace place(folder.path() / "place");
   PowerCutDisk disk(folder / "files", place.disk());
@@ -98,7 +101,7 @@ TEST_P(PowerCut, before_any_change_keeps_all_reported_data) {
 INSTANTIATE_TEST_SUITE_P(Ext4, PowerCut,
                          testing::Values("record", "restart", "quarantine", "verify", "recover",
                                          "reconstruct", "collect", "collect_rsync", "slate",
-                                         "delete", "delete_copied", "key", "serial"),
+                                         "delete", "delete_copied", "key", "serial", "update"),
                          [](const auto& operation) { return std::string(operation.param); });
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <memory>
 
+#include "take/ledger/verify.h"
 #include "viewed_studio.h"
 
 namespace v3d {
@@ -15,6 +16,7 @@ using test::Connection;
 using test::served_port;
 using test::ViewedStudio;
 using test::within;
+using test::write_text;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -37,6 +39,36 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   EXPECT_TRUE(get("/takes/kendo-07/cam01.lcmlog")->receives("404 Not Found"));
   EXPECT_TRUE(get("/api/takes/kendo-07/photographs/39/cam04.jpg")->receives("JFIF"));
   EXPECT_TRUE(get("/api/takes/kendo-07/photographs/40/cam04.jpg")->receives("404 Not Found"));
+}
+
+/// For each file that the daemons read: a take that a crash left open, and whose file is a FIFO.
+TEST_F(ViewedStudio, starts_again_and_records_beside_open_takes_whose_files_are_fifos) {
+  arm_and_start(5);
+  ASSERT_TRUE(becomes_idle()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
+  for (const char* file : {"take.toml", "calib.toml", "studio.toml", "slate.toml", "verified.toml",
+                           "ledger.toml", "mesh.v3d", "pulses.lcmlog", "cam01.lcmlog"}) {
+    const std::filesystem::path trap = folder_ / ("trap-" + std::string(file));
+    std::filesystem::copy(take().folder, trap, std::filesystem::copy_options::recursive);
+    std::string info = read_file(trap / "take.toml");
+    replace(info, "'complete'", "'recording'");
+    write_text(trap / "take.toml", info);
+    std::filesystem::remove(trap / file);
+    ASSERT_EQ(mkfifo((trap / file).c_str(), 0666), 0);
+  }
+  captured_.reset();
+  recond_.reset();
+  start_captured();
+  start_recond();
+  client_.emplace(studio_);
+  take_name_ = "kendo-08";
+  ASSERT_TRUE(becomes_true([&] { return command(wire::CommandVerb::kArm, 5).done(); }, within(60)))
+      << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(becomes_idle()) << log();
+  ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict() << log();
+  EXPECT_TRUE(get("/api/takes")->receives("kendo-08"));
 }
 
 TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_never_read) {

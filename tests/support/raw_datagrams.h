@@ -2,11 +2,13 @@
 #pragma once
 
 #include <arpa/inet.h>
+#include <linux/filter.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -81,6 +83,26 @@ class RawSocket {
   }
   RawSocket(const RawSocket&) = delete;
   RawSocket& operator=(const RawSocket&) = delete;
+
+  /// The kernel drops what this object sends before it reaches receive(), where it could displace
+  /// datagrams of others. Throws std::runtime_error.
+  void ignore_own() const {
+    sockaddr_in own{};
+    own.sin_family = AF_INET;
+    socklen_t size = sizeof own;
+    auto* const address = reinterpret_cast<sockaddr*>(&own);
+    // The filter gets the UDP header, which begins with the source port.
+    std::array<sock_filter, 4> filter = {{{BPF_LD | BPF_H | BPF_ABS, 0, 0, 0},
+                                          {BPF_JMP | BPF_JEQ | BPF_K, 0, 1, 0},
+                                          {BPF_RET | BPF_K, 0, 0, 0},
+                                          {BPF_RET | BPF_K, 0, 0, UINT32_MAX}}};
+    bool is_done = bind(sender_, address, size) == 0 && getsockname(sender_, address, &size) == 0;
+    filter[1].k = ntohs(own.sin_port);
+    const sock_fprog program = {filter.size(), filter.data()};
+    is_done = is_done &&
+              setsockopt(listener_, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) == 0;
+    if (!is_done) throw std::runtime_error("cannot filter the datagrams of a socket");
+  }
 
   void send(const RawDatagram& bytes) const {
     sendto(sender_, bytes.data(), bytes.size(), 0, generic(), sizeof group_);

@@ -24,6 +24,7 @@ class SimulatedStudio final : public UpdateLink {
     kFallsBack,
     kRefuses,
     kRestartsItsDaemonOnly,
+    kLosesARequest,
     kNeverReturns,
     kNoAppliance
   };
@@ -39,6 +40,7 @@ class SimulatedStudio final : public UpdateLink {
   }
   wire::HealthMessage& health_of(const std::string& node) { return health_.at(node); }
   const std::vector<std::string>& copied() const { return copied_; }
+  const std::vector<std::string>& requests() const { return requests_; }
 
   std::map<std::string, wire::HealthMessage> health() override { return health_; }
   void send_bundle(const std::string& node, const std::filesystem::path& /*bundle*/) override {
@@ -46,12 +48,17 @@ class SimulatedStudio final : public UpdateLink {
   }
   void send_request(const std::string& node, const std::string& request) override {
     if (is_unreachable_) throw std::runtime_error("rsync to " + node + " ended with status 255");
+    requests_.push_back(request);
+    if (pcs_.at(node) == Pc::kLosesARequest) {
+      if (requests_.size() == 1) return;
+      if (requests_.size() == 2) throw std::runtime_error("the PC starts");
+    }
     node_ = node;
     request_ = request;
     seconds_ = 0;
   }
   std::string install_report(const std::string& node) override {
-    if (seconds_ < 2) return report("an earlier request", "refused", "too old");
+    if (seconds_ < 2 || node_.empty()) return report("an earlier request", "refused", "too old");
     if (pcs_.at(node) == Pc::kRefuses) return report(request_, "refused", "no valid signature");
     return report(request_, seconds_ < 5 ? "installing" : "restarting");
   }
@@ -73,7 +80,7 @@ class SimulatedStudio final : public UpdateLink {
     const Pc pc = pcs_.at(node_);
     if (pc == Pc::kRestartsItsDaemonOnly && seconds_ == 4) restart("1-old", 0);
     if (pc == Pc::kNeverReturns && seconds_ == 8) health_.erase(node_);
-    if (pc == Pc::kUpdates || pc == Pc::kRestartsItsDaemonOnly) {
+    if (pc == Pc::kUpdates || pc == Pc::kRestartsItsDaemonOnly || pc == Pc::kLosesARequest) {
       if (seconds_ == 10) restart("2-new", 1);
       if (seconds_ == 12) restart("2-new", 0);
     }
@@ -85,7 +92,7 @@ class SimulatedStudio final : public UpdateLink {
 
   std::map<std::string, Pc> pcs_;
   std::map<std::string, wire::HealthMessage> health_;
-  std::vector<std::string> copied_;
+  std::vector<std::string> copied_, requests_;
   std::string node_, request_;
   int seconds_ = 0;
   MonotonicInstant now_ = Monotonic::now();
@@ -95,7 +102,7 @@ using Pc = SimulatedStudio::Pc;
 class Update : public ::testing::Test {
  protected:
   std::vector<UpdatedNode> update(const std::vector<std::string>& nodes) {
-    return update_nodes({"new.raucb", nodes, std::chrono::seconds(60)}, studio_);
+    return update_nodes({"new.raucb", nodes, std::chrono::seconds(100)}, studio_);
   }
   SimulatedStudio studio_;
 };
@@ -143,11 +150,19 @@ TEST_F(Update, does_not_mistake_a_restarted_daemon_for_a_restarted_pc) {
   EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
 }
 
+TEST_F(Update, repeats_a_request_that_a_pc_lost_until_there_is_a_report_on_it) {
+  studio_.add("cap01", Pc::kLosesARequest);
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
+  ASSERT_EQ(studio_.requests().size(), 3U);
+  EXPECT_EQ(studio_.requests().front(), studio_.requests().back()) << "installed once";
+}
+
 TEST_F(Update, fails_when_a_pc_does_not_return) {
   studio_.add("cap01", Pc::kNeverReturns);
   const auto nodes = update({"cap01"});
   EXPECT_EQ(nodes.at(0).state, State::kFailed);
   EXPECT_EQ(nodes.at(0).message, "it does not report after the restart");
+  EXPECT_EQ(studio_.requests().size(), 1U) << "there is a report on it";
 }
 
 TEST_F(Update, copies_nothing_to_silent_nodes_and_other_systems) {

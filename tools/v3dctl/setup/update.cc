@@ -16,6 +16,9 @@ namespace {
 
 using Health = std::map<std::string, wire::HealthMessage>;
 
+/// A request is repeated after this time until there is a report on it.
+constexpr Duration kRequestPeriod = std::chrono::seconds(30);
+
 constexpr std::array<std::pair<std::string_view, InstallReport::State>, 6> kReportStates = {{
     {"checking", InstallReport::State::kChecking},
     {"installing", InstallReport::State::kInstalling},
@@ -102,13 +105,26 @@ class NodeUpdate {
   void install() {
     const std::string number = fmt::format("{:016x}", static_cast<uint64_t>(wire::random_nonce()));
     link_.send_request(result_.node, number);
-    const MonotonicInstant deadline = link_.wait() + request_.timeout;
-    while (link_.wait() < deadline) {
+    MonotonicInstant now = link_.wait();
+    const MonotonicInstant deadline = now + request_.timeout;
+    next_request_ = now + kRequestPeriod;
+    while ((now = link_.wait()) < deadline) {
       stop_if_interrupted();
       if (read_report(number) || read_health()) return;
+      if (!has_report_ && now >= next_request_) repeat_request(number, now);
     }
     end(UpdatedNode::State::kFailed,
         is_restarting_ ? "it does not report after the restart" : "the installation does not end");
+  }
+
+  /// A PC that loses its power may lose a request, too. Its number makes the PC obey it once.
+  void repeat_request(const std::string& number, MonotonicInstant now) {
+    next_request_ = now + kRequestPeriod;
+    try {
+      link_.send_request(result_.node, number);
+    } catch (const std::runtime_error&) {
+      // The PC starts again; the deadline ends the attempts.
+    }
   }
 
   /// True when the report ends the update.
@@ -116,6 +132,7 @@ class NodeUpdate {
     if (is_restarting_) return false;
     const auto report = parse_install_report(link_.install_report(result_.node), number);
     if (!report) return false;
+    has_report_ = true;
     if (!report->version.empty()) result_.version = report->version;
     is_restarting_ = report->state == InstallReport::State::kRestarting;
     if (report->state == InstallReport::State::kRefused) {
@@ -153,7 +170,9 @@ class NodeUpdate {
   UpdateLink& link_;
   UpdatedNode result_;
   double instance_ = -1;  ///< of the node's process before the restart
+  bool has_report_ = false;
   bool is_restarting_ = false;
+  MonotonicInstant next_request_;
 };
 
 }  // namespace

@@ -41,8 +41,8 @@ class UpdateLink {
 
   /// The last health of each node that has sent one in the last seconds.
   virtual std::map<std::string, wire::HealthMessage> health() = 0;
-  /// Copies the bundle to the PC of the node, then the request, which starts the installation.
-  /// Throws std::runtime_error when that fails.
+  /// Copies the bundle to the PC of the node, then the request, which starts the installation. The
+  /// PC obeys a repeated request once. Throws std::runtime_error when that fails.
   virtual void send_bundle(const std::string& node, const std::filesystem::path& bundle) = 0;
   virtual void send_request(const std::string& node, const std::string& request) = 0;
   /// The text of the PC's report. Empty while there is none, or while the PC does not reply.

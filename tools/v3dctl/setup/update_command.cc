@@ -3,19 +3,16 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
-#include "base/io/file.h"
 #include "common/console.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/node_folder.h"
 #include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/update.h"
+#include "v3dctl/setup/update_folder.h"
 
 namespace v3d::ctl {
 namespace {
@@ -23,59 +20,28 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kUpdatesFolder = "/var/lib/v3d/updates";
 constexpr Duration kReportPeriod = std::chrono::seconds(2);
-
-/// A new folder in $TMPDIR. The destructor removes it.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = fs::temp_directory_path() / "v3dctl-update-XXXXXX";
-    if (mkdtemp(name.data()) == nullptr) throw InputError(errno_message(name));
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code error;
-    fs::remove_all(path_, error);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 /// Health by the studio's bus, files by rsync over the remote shell, as `takes collect` has them.
 class StudioLink final : public UpdateLink {
  public:
-  StudioLink(const Studio& studio, std::string rsh) : monitor_(studio), rsync_(std::move(rsh)) {}
+  StudioLink(const Studio& studio, std::string rsh) : monitor_(studio), folder_(std::move(rsh)) {}
 
   std::map<std::string, wire::HealthMessage> health() override { return monitor_.state().health; }
 
   void send_bundle(const std::string& node, const fs::path& bundle) override {
     note(node + ": copying " + bundle.filename().string());
-    // --inplace: an interrupted copy continues in its file.
-    std::vector<std::string> options = {"--inplace", "--no-whole-file"};
-    if (on_terminal()) options.emplace_back("--info=progress2");
-    send(node, bundle, "bundle.raucb", std::move(options));
+    folder_.send_bundle(node, bundle);
   }
 
   void send_request(const std::string& node, const std::string& request) override {
-    const fs::path file = scratch_.path() / "request";
-    replace_file(file, request + "\n");
-    send(node, file, "request", {"--ignore-times"});
+    folder_.send_request(node, request);
   }
 
   std::string install_report(const std::string& node) override {
     if (Monotonic::now() < next_report_) return "";
     next_report_ = Monotonic::now() + kReportPeriod;
-    const fs::path file = scratch_.path() / "result.json";
-    const ProcessResult fetched =
-        rsync_.run({"--ignore-times", "--max-size=" + std::to_string(kMaxInstallReportBytes)},
-                   {place(node, "result.json"), file}, Output::kCaptureBoth);
-    if (fetched.status != 0) return "";
-    return io::read_file(file, kMaxInstallReportBytes).value_or("");
+    return folder_.report(node);
   }
 
   MonotonicInstant wait() override {
@@ -84,22 +50,8 @@ class StudioLink final : public UpdateLink {
   }
 
  private:
-  static std::string place(const std::string& node, const std::string& file) {
-    return node_folder(node, fs::path(kUpdatesFolder) / file).place;
-  }
-
-  void send(const std::string& node, const fs::path& file, const std::string& name,
-            std::vector<std::string> options) const {
-    const ProcessResult sent =
-        rsync_.run(options, {fs::absolute(file), place(node, name)}, Output::kShow);
-    if (sent.status == 0) return;
-    throw std::runtime_error("rsync to " + place(node, name) + " ended with status " +
-                             std::to_string(sent.status) + "; try: ssh " + node);
-  }
-
   StudioMonitor monitor_;
-  const Rsync rsync_;
-  const ScratchFolder scratch_;
+  const UpdateFolder folder_;
   MonotonicInstant next_report_;
 };
 
