@@ -2,6 +2,7 @@
 #include <cmath>
 #include <deque>
 #include <numbers>
+#include <random>
 #include <thread>
 
 #include "base/core/text.h"
@@ -18,6 +19,8 @@ constexpr double kXrunSeconds = 0.1;
 constexpr double kToneHz = 440;
 constexpr double kToneLevel = 0.1;  // -20 dB
 constexpr double kPulseLevel = 0.5;
+constexpr double kClapLevel = 0.9;
+constexpr double kClapSeconds = 20e-3;
 
 class SimulatedInput : public SoundInput {
  public:
@@ -66,6 +69,9 @@ class SimulatedInput : public SoundInput {
     if (!pulse_source_) return;
     for (const MonotonicInstant at : pulse_source_()) {
       edges_.push_back(to_seconds(at - start_) * samples_per_second());
+      if (++pulses_seen_ == std::llround(options_.clap_edge)) {
+        clap_ = edges_.back() + 1e-3 * options_.clap_ms * samples_per_second();
+      }
     }
     const double width = kPulseSeconds * sound_.rate_hz;
     while (!edges_.empty() && edges_.front() + 2 * width < static_cast<double>(next_)) {
@@ -82,7 +88,7 @@ class SimulatedInput : public SoundInput {
     ltc_samples_.pop_front();
     for (int channel = 1; channel <= sound_.channels; ++channel) {
       double value = 0;
-      if (channel == 1) value = tone();
+      if (channel == 1) value = tone() + clap();
       if (channel == sound_.pulse_channel) value = pulses();
       if (channel == sound_.timecode_channel) value = ltc;
       values.push_back(static_cast<int32_t>(std::lround(value * 8'388'607)) * 256);
@@ -93,6 +99,13 @@ class SimulatedInput : public SoundInput {
   double tone() const {
     return kToneLevel *
            std::sin(2 * std::numbers::pi * kToneHz * static_cast<double>(next_) / sound_.rate_hz);
+  }
+  /// Noise that decays.
+  double clap() {
+    const double t = static_cast<double>(next_) - clap_.value_or(1e300);
+    if (t < 0) return 0;
+    return (random_() % 2 == 0 ? kClapLevel : -kClapLevel) *
+           std::exp(-t / (kClapSeconds * sound_.rate_hz));
   }
   double pulses() const {
     double value = 0;
@@ -109,7 +122,10 @@ class SimulatedInput : public SoundInput {
   LtcWriter ltc_;
   std::deque<float> ltc_samples_;
   std::deque<double> edges_;  ///< samples
-  int64_t next_ = 0;          ///< samples of the virtual converter
+  int64_t pulses_seen_ = 0;
+  std::optional<double> clap_;  ///< sample of its onset
+  std::mt19937 random_{1};
+  int64_t next_ = 0;  ///< samples of the virtual converter
   int64_t delivered_ = 0;
   int64_t xruns_ = 0;
 };
@@ -132,12 +148,17 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
     if (equals == std::string_view::npos) return std::nullopt;
     const std::string_view key = rest.substr(0, equals);
     rest.remove_prefix(equals + 1);
-    double* const value = key == "ppm" ? &options.ppm : key == "xrun_s" ? &options.xrun_s : nullptr;
+    double* const value = key == "ppm"         ? &options.ppm
+                          : key == "xrun_s"    ? &options.xrun_s
+                          : key == "clap_edge" ? &options.clap_edge
+                          : key == "clap_ms"   ? &options.clap_ms
+                                               : nullptr;
     if (value == nullptr || !take_number(rest, *value)) return std::nullopt;
     if (!rest.empty() && rest.front() != ',') return std::nullopt;
     if (!rest.empty()) rest.remove_prefix(1);
   }
-  const bool is_plausible = std::abs(options.ppm) <= 1000 && options.xrun_s >= 0;
+  const bool is_plausible = std::abs(options.ppm) <= 1000 && options.xrun_s >= 0 &&
+                            options.clap_edge >= 0 && options.clap_ms >= 0;
   return is_plausible ? std::optional(options) : std::nullopt;
 }
 

@@ -50,15 +50,17 @@ using PulseSource = std::function<std::vector<MonotonicInstant>()>;
 
 /// Options of a simulated device: "simulated:ppm=80,xrun_s=3".
 struct SimulatedSound {
-  double ppm = 0;     ///< its clock is fast by this, 1e-6
-  double xrun_s = 0;  ///< 0.1 s are lost once in this time; 0: never
+  double ppm = 0;        ///< its clock is fast by this, 1e-6
+  double xrun_s = 0;     ///< 0.1 s are lost once in this time; 0: never
+  double clap_edge = 0;  ///< a clap sounds after this pulse, from 1 for the first; 0: none
+  double clap_ms = 0;    ///< after its leading edge
 };
 /// Empty when `device` names no simulated device, or has another option.
 std::optional<SimulatedSound> parse_simulated_sound(const std::string& device);
 
 /// A device in the time of this host. Its first channel has a tone of 440 Hz at -20 dB, the pulse
 /// channel the pulses of `pulses`, the timecode channel LTC of 25 frames per second, from
-/// 10:00:00:00 on.
+/// 10:00:00:00 on. A clap is in the first channel.
 std::unique_ptr<SoundInput> make_simulated_input(const StudioSound& sound,
                                                  const SimulatedSound& options, PulseSource pulses);
 

@@ -22,6 +22,25 @@ PulseMapper::Setup mapper_setup(const SoundTrack::Setup& setup) {
 
 }  // namespace
 
+std::vector<int> audible_channels(const StudioSound& sound) {
+  std::vector<int> channels;
+  for (int channel = 1; channel <= sound.channels; ++channel) {
+    const bool is_signal = channel == sound.pulse_channel || channel == sound.timecode_channel;
+    if (!is_signal) channels.push_back(channel);
+  }
+  return channels;
+}
+
+std::vector<float> channel_of(std::span<const int32_t> values, int channels, int channel) {
+  std::vector<float> samples;
+  const auto step = static_cast<size_t>(channels);
+  samples.reserve(values.size() / step);
+  for (size_t i = static_cast<size_t>(channel - 1); i < values.size(); i += step) {
+    samples.push_back(static_cast<float>(values[i] / kFullScale));
+  }
+  return samples;
+}
+
 SoundTrack::SoundTrack(const Setup& setup)
     : setup_(setup),
       clock_(setup.sound.rate_hz),
@@ -73,24 +92,16 @@ void SoundTrack::analyse(const std::vector<int32_t>& values) {
     double& peak = peaks_[i % peaks_.size()];
     peak = std::max(peak, std::abs(values[i] / kFullScale));
   }
+  const int channels = setup_.sound.channels;
   if (setup_.sound.pulse_channel > 0) {
-    const auto found = edges_.push(channel(values, setup_.sound.pulse_channel));
+    const auto found = edges_.push(channel_of(values, channels, setup_.sound.pulse_channel));
     mapper_.add_edges(found, edges_.searched());
   }
   if (!ltc_) return;
-  for (const LtcFrame& frame : ltc_->push(channel(values, setup_.sound.timecode_channel))) {
+  for (const LtcFrame& frame :
+       ltc_->push(channel_of(values, channels, setup_.sound.timecode_channel))) {
     timecode_->add(frame);
   }
-}
-
-std::vector<float> SoundTrack::channel(const std::vector<int32_t>& values, int number) const {
-  std::vector<float> channel;
-  const auto step = static_cast<size_t>(setup_.sound.channels);
-  channel.reserve(values.size() / step);
-  for (size_t i = static_cast<size_t>(number - 1); i < values.size(); i += step) {
-    channel.push_back(static_cast<float>(values[i] / kFullScale));
-  }
-  return channel;
 }
 
 void SoundTrack::finish() {

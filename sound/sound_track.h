@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,12 @@ struct SoundGap {
   int64_t samples = 0;
   friend bool operator==(const SoundGap&, const SoundGap&) = default;
 };
+
+/// The channels of an input that have neither pulses nor timecode, from 1.
+std::vector<int> audible_channels(const StudioSound& sound);
+
+/// The values of one channel, from 1, of interleaved ones; of full scale.
+std::vector<float> channel_of(std::span<const int32_t> values, int channels, int channel);
 
 /// Analyses the blocks of a device on their way to the file. Xruns and blocks that were dropped
 /// before become gaps: their length is known from the block's position, or estimated from its time
@@ -57,7 +64,6 @@ class SoundTrack {
  private:
   void add_silence(int64_t samples, Duration deviation);
   void analyse(const std::vector<int32_t>& values);
-  std::vector<float> channel(const std::vector<int32_t>& values, int number) const;
 
   const Setup setup_;
   SampleClock clock_;

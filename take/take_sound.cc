@@ -6,6 +6,7 @@
 
 #include "base/core/error.h"
 #include "sound/interpolation.h"
+#include "sound/sound_track.h"
 #include "take/ledger/ledger.h"
 
 namespace v3d::take {
@@ -49,13 +50,9 @@ Stereo read_stereo(sound::WaveReader& wave, const std::vector<int>& audible, int
 
 std::vector<int> audible_channels(const SoundLedger& sound, const std::optional<Studio>& studio) {
   const StudioSound* const input = studio ? studio->sound_of(sound.node) : nullptr;
-  std::vector<int> channels;
-  for (int channel = 1; channel <= sound.channels; ++channel) {
-    const bool is_signal =
-        input != nullptr && (channel == input->pulse_channel || channel == input->timecode_channel);
-    if (!is_signal) channels.push_back(channel);
-  }
-  return channels;
+  StudioSound recorded = input != nullptr ? *input : StudioSound{};
+  recorded.channels = sound.channels;
+  return sound::audible_channels(recorded);
 }
 
 TakeSound::TakeSound(const TakePaths& paths) {
@@ -77,8 +74,15 @@ TakeSound::TakeSound(const TakePaths& paths) {
                        " channels; expected " + std::to_string(sound.channels) +
                        ", as in the ledger");
     }
-    files_.push_back({std::move(wave), sound.map, audible_channels(sound, studio)});
+    files_.push_back(
+        {std::move(wave), sound.map, audible_channels(sound, studio), 1e-6 * sound.uncertainty_us});
   }
+}
+
+double TakeSound::uncertainty_s() const {
+  double greatest = 0;
+  for (const File& file : files_) greatest = std::max(greatest, file.uncertainty_s);
+  return greatest;
 }
 
 std::vector<float> TakeSound::read(double first, double step, int64_t count) {

@@ -31,6 +31,10 @@ class TakeSound {
   /// The files without a map of pulses: these cannot be played in step.
   const std::vector<std::string>& files_without_map() const { return files_without_map_; }
 
+  /// Uncertainty of the positions of pulses, s: one standard deviation, of the file with the
+  /// greatest.
+  double uncertainty_s() const;
+
   /// `count` samples, left and right in turn, of full scale. Sample k is what was recorded at pulse
   /// `first` + k * `step`; the leading edge of pulse n is at n. Silence before and after a file.
   /// The sound is resampled (sound/interpolation.h). Throws InputError when a file cannot be read.
@@ -41,6 +45,7 @@ class TakeSound {
     sound::WaveReader wave;
     sound::PulseMap map;
     std::vector<int> channels;
+    double uncertainty_s = 0;
   };
 
   static void add(File& file, double first, double step, std::vector<float>& mix);

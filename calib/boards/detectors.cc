@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/image/colour.h"
+#include "calib/boards/saddle_fit.h"
 
 namespace v3d::calib {
 namespace {
@@ -69,22 +70,33 @@ Markers find_markers(const cv::Mat& grey, const cv::Ptr<aruco::Dictionary>& dict
   return markers;
 }
 
+/// Distance, pixels, from each corner of a chessboard to the nearest of its neighbours.
+std::vector<float> spacings_of(const std::vector<cv::Point2f>& points, cv::Size pattern) {
+  std::vector<float> spacings(points.size(), 1e9F);
+  const auto compare = [&](size_t a, size_t b) {
+    const auto distance = static_cast<float>(cv::norm(points[a] - points[b]));
+    spacings[a] = std::min(spacings[a], distance);
+    spacings[b] = std::min(spacings[b], distance);
+  };
+  const auto columns = static_cast<size_t>(pattern.width);
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (i % columns > 0) compare(i, i - 1);
+    if (i >= columns) compare(i, i - columns);
+  }
+  return spacings;
+}
+
 /// All corners of a chessboard in OpenCV's order; empty where it finds none.
 std::vector<cv::Point2f> find_grid(const cv::Mat& grey, cv::Size pattern) {
   std::vector<cv::Point2f> points;
   const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_ACCURACY;
-  if (cv::findChessboardCornersSB(grey, pattern, points, flags)) return points;
   const int fast =
       cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK;
-  if (!cv::findChessboardCorners(grey, pattern, points, fast)) return {};
-  // The search window must not include a neighbouring corner.
-  float nearest = 1e9F;
-  for (size_t i = 1; i < points.size(); ++i) {
-    nearest = std::min(nearest, static_cast<float>(cv::norm(points[i] - points[i - 1])));
+  if (!cv::findChessboardCornersSB(grey, pattern, points, flags) &&
+      !cv::findChessboardCorners(grey, pattern, points, fast)) {
+    return {};
   }
-  const int half = std::clamp(static_cast<int>(0.4F * nearest), 2, 11);
-  cv::cornerSubPix(grey, points, {half, half}, {-1, -1},
-                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 0.001});
+  refine_saddles(grey, spacings_of(points, pattern), kChessSaddles, points);
   return points;
 }
 
@@ -197,6 +209,21 @@ struct BoardDetector::Charuco {
         columns(b.corner_columns),
         rows(b.corner_rows) {}
 
+  /// Distance, pixels, from each corner to the nearest of its neighbours; 0 without one.
+  std::vector<float> spacings_between(const std::vector<cv::Point2f>& points,
+                                      const std::vector<int>& ids) const {
+    std::vector<float> spacings(points.size(), 0);
+    for (size_t i = 0; i < points.size(); ++i) {
+      for (size_t j = 0; j < points.size(); ++j) {
+        const int apart = std::abs(ids[i] % columns - ids[j] % columns) +
+                          std::abs(ids[i] / columns - ids[j] / columns);
+        const auto distance = static_cast<float>(cv::norm(points[i] - points[j]));
+        if (apart == 1 && (spacings[i] == 0 || distance < spacings[i])) spacings[i] = distance;
+      }
+    }
+    return spacings;
+  }
+
   BoardObservation find(const cv::Mat& grey) const {
     const Markers markers = find_markers(grey, dictionary);
     BoardObservation observation;
@@ -204,6 +231,7 @@ struct BoardDetector::Charuco {
     std::vector<cv::Point2f> points;
     std::vector<int> ids;
     aruco::interpolateCornersCharuco(markers.corners, markers.ids, grey, board, points, ids);
+    refine_saddles(grey, spacings_between(points, ids), kCharucoSaddles, points);
     std::vector<std::pair<int, Eigen::Vector2d>> corners;
     for (size_t i = 0; i < ids.size(); ++i) {
       corners.emplace_back(from_below(ids[i]), Eigen::Vector2d(points[i].x, points[i].y));

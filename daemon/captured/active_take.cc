@@ -94,12 +94,23 @@ void ActiveTake::resume_recording(int64_t commanded) {
 void ActiveTake::start_check() {
   const std::vector<capture::CameraWorker*> ready = context_.cameras.ready();
   start_pulse_recorder({});
+  if (context_.sound != nullptr) {
+    context_.sound->begin_check(plan_.train.rate_hz);
+    listens_ = true;
+  }
   check_ = std::make_unique<CameraCheck>(
       ready,
       CameraCheck::Setup{.rate_hz = plan_.train.rate_hz,
                          .background = context_.studio.storage.background},
       context_.bus);
 }
+
+std::optional<CheckedSound> ActiveTake::end_sound_check() {
+  if (!std::exchange(listens_, false)) return std::nullopt;
+  return context_.sound->end_check();
+}
+
+ActiveTake::~ActiveTake() { end_sound_check(); }
 
 void ActiveTake::start_pulse_recorder(const std::filesystem::path& log,
                                       std::optional<PulseRecorder::Resume> resume) {
@@ -188,6 +199,7 @@ TakeResult ActiveTake::close() {
   ledger.commanded_is_minimum =
       !context_.trigger.end_is_known() && plan_.train.count != ledger.commanded;
   if (check_) result.checked = check_->close(ledger.commanded);
+  result.sound = end_sound_check();
   if (sensed_count_is_known(ledger.commanded)) pulses_->fill_ledger(ledger, ledger.commanded);
   if (recording_) recording_->stop_pipelines(ledger);
   result.counts = counts();

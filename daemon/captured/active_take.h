@@ -31,6 +31,7 @@ struct TakeResult {
   take::Ledger ledger;                 ///< without cameras where nothing was recorded
   TakeCloseReport close_report;        ///< empty where nothing was recorded
   std::vector<CheckedCamera> checked;  ///< empty unless this was a check
+  std::optional<CheckedSound> sound;   ///< of a check on a node with sound input
   TakeCounts counts;
 };
 
@@ -63,6 +64,10 @@ class ActiveTake {
   /// The disk space and rate that a take of these cameras needs.
   static DiskDemand disk_demand(const NodeCameras& cameras, const Plan& plan);
 
+  ~ActiveTake();
+  ActiveTake(const ActiveTake&) = delete;
+  ActiveTake& operator=(const ActiveTake&) = delete;
+
   /// Call before the first pulse.
   void start();
   /// Call after the last pulse. Idempotent.
@@ -93,6 +98,7 @@ class ActiveTake {
   void start_recording();
   void resume_recording(int64_t commanded);
   void start_check();
+  std::optional<CheckedSound> end_sound_check();
   /// Writes no log where `log` is empty.
   void start_pulse_recorder(const std::filesystem::path& log,
                             std::optional<PulseRecorder::Resume> resume = {});
@@ -108,6 +114,7 @@ class ActiveTake {
   std::unique_ptr<NodeTake> recording_;    ///< at most one of these three is not null
   std::unique_ptr<CameraCheck> check_;
   std::unique_ptr<BackgroundLearner> learner_;
+  bool listens_ = false;  ///< the sound input listens for a clap
 };
 
 }  // namespace v3d::captured

@@ -313,7 +313,11 @@ control::NodeReport CaptureNode::check_report(const TakeResult& result) const {
   }
   return {.event = control::Input::kDrained,
           .text = "checked " + std::to_string(result.checked.size()) + " cameras",
-          .detail = check_json(result.ledger, result.checked, not_ready)};
+          .detail = check_json({.ledger = result.ledger,
+                                .rate_hz = plan_.train.rate_hz,
+                                .cameras = result.checked,
+                                .not_ready = not_ready,
+                                .sound = result.sound})};
 }
 
 // --- disks and readiness ------------------------------------------------------------------------

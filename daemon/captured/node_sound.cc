@@ -14,6 +14,7 @@ namespace {
 
 constexpr Duration kReadTimeout = std::chrono::milliseconds(200);
 constexpr Duration kReopenAfter = std::chrono::seconds(1);
+constexpr size_t kQueueBlocks = 1000;  // 10 s
 /// Longest wait for the last samples of a take.
 constexpr Duration kMaxTail = std::chrono::milliseconds(500);
 constexpr double kFullScale = 2147483648.0;
@@ -65,7 +66,6 @@ NodeSound::~NodeSound() {
 }
 
 void NodeSound::begin(const take::TakePaths& paths, const std::string& take, double pulse_rate_hz) {
-  constexpr size_t kQueueBlocks = 1000;  // 10 s
   auto queue = std::make_shared<SoundQueue>(kQueueBlocks);
   auto started =
       std::make_shared<SoundTake>(SoundTake::Setup{.sound = sound_,
@@ -85,9 +85,7 @@ std::optional<take::SoundLedger> NodeSound::end() {
   {
     std::unique_lock lock(mutex_);
     if (!take_) return std::nullopt;
-    const MonotonicInstant now = Monotonic::now();
-    changed_.wait_for(lock, kMaxTail, [&] { return !is_open_ || delivered_until_ >= now; });
-    queue_ = nullptr;
+    end_queue(lock);
     ended = std::exchange(take_, nullptr);
   }
   auto ledger = ended->close();
@@ -96,9 +94,42 @@ std::optional<take::SoundLedger> NodeSound::end() {
   return ledger;
 }
 
+void NodeSound::begin_check(double pulse_rate_hz) {
+  auto queue = std::make_shared<SoundQueue>(kQueueBlocks);
+  auto started = std::make_shared<SoundCheck>(
+      sound::SoundTrack::Setup{.sound = sound_,
+                               .pulse_rate_hz = pulse_rate_hz,
+                               .stamp_uncertainty_s = stamp_uncertainty_s_},
+      queue);
+  const std::lock_guard lock(mutex_);
+  queue_ = std::move(queue);
+  check_ = std::move(started);
+}
+
+CheckedSound NodeSound::end_check() {
+  std::shared_ptr<SoundCheck> ended;
+  std::string fault;
+  {
+    std::unique_lock lock(mutex_);
+    end_queue(lock);
+    ended = std::exchange(check_, nullptr);
+    fault = fault_;
+  }
+  CheckedSound checked = ended->close();
+  if (!fault.empty()) checked.fault = fault;
+  return checked;
+}
+
+void NodeSound::end_queue(std::unique_lock<std::mutex>& lock) {
+  const MonotonicInstant now = Monotonic::now();
+  changed_.wait_for(lock, kMaxTail, [&] { return !is_open_ || delivered_until_ >= now; });
+  queue_ = nullptr;
+}
+
 void NodeSound::pulse_at(const capture::PulseEdge& edge) {
   const std::lock_guard lock(mutex_);
   if (take_) take_->pulse_at(edge);
+  if (check_) check_->pulse_at(edge);
 }
 
 NodeSound::Status NodeSound::status() {

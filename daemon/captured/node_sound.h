@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <condition_variable>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -16,7 +15,8 @@
 #include "base/config/studio_file.h"
 #include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
-#include "daemon/bus/subscription_queue.h"
+#include "daemon/captured/sound_check.h"
+#include "daemon/captured/sound_receiver.h"
 #include "sound/sound_input.h"
 #include "sound/sound_track.h"
 #include "sound/timecode_clock.h"
@@ -27,7 +27,6 @@
 
 namespace v3d::captured {
 
-using SoundQueue = bus::BoundedQueue<sound::SoundBlock>;
 /// The timecode that this node puts out; empty: none. Any thread.
 using TimecodeSource = std::function<sound::TimecodeClock()>;
 
@@ -45,13 +44,9 @@ class SoundTake {
   };
   /// `queue`: the blocks of the device.
   SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue);
-  /// Stops without waiting for more blocks.
-  ~SoundTake();
-  SoundTake(const SoundTake&) = delete;
-  SoundTake& operator=(const SoundTake&) = delete;
 
-  /// A pulse of the take. Any thread. Drops pulses that no block follows for minutes.
-  void pulse_at(const capture::PulseEdge& edge);
+  /// A pulse of the take. Any thread.
+  void pulse_at(const capture::PulseEdge& edge) { receiver_.pulse_at(edge); }
 
   struct Counts {
     int64_t samples = 0;
@@ -65,33 +60,23 @@ class SoundTake {
   std::optional<take::SoundLedger> close();
 
  private:
-  struct Pulse {
-    int64_t number = 0;
-    MonotonicInstant at;
-  };
-
-  void run();
   void process(const sound::SoundBlock& block);
   void take_pulses();
   io::Status create_file(const sound::SoundBlock& first);
   io::Status write(const sound::SoundBlock& block, int64_t silence);
-  void stop();
   void describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const;
   void describe_generated(take::SoundLedger& ledger, const sound::PulseMap& map) const;
 
   const Setup setup_;
-  const std::shared_ptr<SoundQueue> queue_;
   std::filesystem::path path_;
   std::optional<sound::WaveWriter> file_;  ///< this and the next six: the thread, until close()
   std::optional<take::PeriodicSync> syncing_;
   sound::SoundTrack track_;
   io::Status written_;
-  std::optional<Pulse> first_pulse_, last_pulse_;
-  mutable std::mutex mutex_;  ///< guards the members below
-  std::deque<Pulse> pulses_;
+  std::optional<capture::PulseEdge> first_pulse_, last_pulse_;
+  mutable std::mutex mutex_;  ///< guards the next member
   Counts counts_;
-  std::atomic<bool> stopping_ = false;
-  std::thread thread_;
+  SoundReceiver receiver_;  ///< last member
 };
 
 /// The sound device of a node, which a thread opens and reads all the time: levels are known before
@@ -110,7 +95,12 @@ class NodeSound {
   /// Ends the recording, as SoundTake::close() does, with the samples until now: waits for them for
   /// half a second at most. Empty when begin() was not called.
   std::optional<take::SoundLedger> end();
-  /// Passes a pulse of the take on. Any thread.
+  /// Listens for a clap from now on; records nothing. Not during a take. Call end_check() before
+  /// the object is destroyed.
+  void begin_check(double pulse_rate_hz);
+  /// Ends the check, with the samples until now, as end(). Requires begin_check().
+  CheckedSound end_check();
+  /// Passes a pulse of the take or check on. Any thread.
   void pulse_at(const capture::PulseEdge& edge);
 
   struct Status {
@@ -126,6 +116,8 @@ class NodeSound {
   void read_device(sound::SoundInput& input);
   void deliver(sound::SoundBlock block);
   void set_fault(const std::string& fault);
+  /// Waits for the samples until now, half a second at most, and ends the queue. `lock`: of mutex_.
+  void end_queue(std::unique_lock<std::mutex>& lock);
   /// False when the thread has to end.
   bool wait(Duration duration);
 
@@ -138,8 +130,9 @@ class NodeSound {
   bool is_open_ = false;
   std::string fault_;
   std::vector<double> peaks_;
-  std::shared_ptr<SoundQueue> queue_;  ///< of the present take, else null
+  std::shared_ptr<SoundQueue> queue_;  ///< of the present take or check, else null
   std::shared_ptr<SoundTake> take_;    ///< the present one, else null
+  std::shared_ptr<SoundCheck> check_;  ///< the present one, else null
   SoundTake::Counts last_take_;
   MonotonicInstant delivered_until_;  ///< time of the last block
   int64_t position_ = 0, xruns_ = 0;  ///< of all earlier openings; the thread only

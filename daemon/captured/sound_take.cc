@@ -13,10 +13,8 @@
 namespace v3d::captured {
 namespace {
 
-constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 /// A second of sound is on the disk one period and the duration of a sync later.
 constexpr Duration kSyncPeriod = std::chrono::milliseconds(500);
-constexpr size_t kMaxPulses = 4096;
 constexpr auto kDefaultTimecode = sound::TimecodeRate::k25;
 
 /// The run of frames through two positions of a recording: at `sample` the timecode has `frames`,
@@ -34,38 +32,14 @@ sound::TimecodeRun run_through(double sample, double frames, double later_sample
 
 SoundTake::SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue)
     : setup_(std::move(setup)),
-      queue_(std::move(queue)),
       track_({.sound = setup_.sound,
               .pulse_rate_hz = setup_.pulse_rate_hz,
               .stamp_uncertainty_s = setup_.stamp_uncertainty_s}),
-      thread_([this] { run(); }) {}
-
-SoundTake::~SoundTake() { stop(); }
-
-void SoundTake::stop() {
-  stopping_ = true;
-  if (thread_.joinable()) thread_.join();
-}
-
-void SoundTake::pulse_at(const capture::PulseEdge& edge) {
-  const std::lock_guard lock(mutex_);
-  pulses_.push_back({.number = edge.pulse, .at = edge.at});
-  if (pulses_.size() > kMaxPulses) pulses_.pop_front();
-}
+      receiver_(std::move(queue), [this](const sound::SoundBlock& block) { process(block); }) {}
 
 SoundTake::Counts SoundTake::counts() const {
   const std::lock_guard lock(mutex_);
   return counts_;
-}
-
-void SoundTake::run() {
-  for (;;) {
-    const bool is_last_round = stopping_;
-    const auto block =
-        queue_->pop(is_last_round ? Monotonic::now() : Monotonic::now() + kPollInterval);
-    if (block) process(*block);
-    if (!block && is_last_round) return;
-  }
 }
 
 void SoundTake::process(const sound::SoundBlock& block) {
@@ -83,13 +57,8 @@ void SoundTake::process(const sound::SoundBlock& block) {
 }
 
 void SoundTake::take_pulses() {
-  std::deque<Pulse> pulses;
-  {
-    const std::lock_guard lock(mutex_);
-    pulses.swap(pulses_);
-  }
-  for (const Pulse& pulse : pulses) {
-    track_.add_pulse(pulse.number, pulse.at);
+  for (const capture::PulseEdge& pulse : receiver_.pop_pulses()) {
+    track_.add_pulse(pulse.pulse, pulse.at);
     if (!first_pulse_) first_pulse_ = pulse;
     last_pulse_ = pulse;
   }
@@ -127,7 +96,7 @@ io::Status SoundTake::write(const sound::SoundBlock& block, int64_t silence) {
 }
 
 std::optional<take::SoundLedger> SoundTake::close() {
-  stop();
+  receiver_.stop();
   if (!file_) return std::nullopt;
   take_pulses();
   track_.finish();
@@ -162,8 +131,8 @@ void SoundTake::describe_timecode(take::SoundLedger& ledger, const sound::PulseM
   if (!first_pulse_) return;
   const auto& track = track_.timecode();
   if (track && track->rate() && map.is_known()) {
-    const auto text_at = [&](const Pulse& pulse) {
-      const auto timecode = track->at(map.sample_of(static_cast<double>(pulse.number)));
+    const auto text_at = [&](const capture::PulseEdge& pulse) {
+      const auto timecode = track->at(map.sample_of(static_cast<double>(pulse.pulse)));
       return timecode ? sound::timecode_text(*timecode, *track->rate()) : "";
     };
     ledger.timecode_source = "ltc";
@@ -194,10 +163,10 @@ void SoundTake::describe_generated(take::SoundLedger& ledger, const sound::Pulse
   ledger.timecode_rate = name(rate);
   ledger.first_timecode = text(first);
   ledger.last_timecode = text(last);
-  if (!map.is_known() || first_pulse_->number >= last_pulse_->number) return;
-  ledger.timecode_runs = {
-      run_through(map.sample_of(static_cast<double>(first_pulse_->number)), first,
-                  map.sample_of(static_cast<double>(last_pulse_->number)), last)};
+  if (!map.is_known() || first_pulse_->pulse >= last_pulse_->pulse) return;
+  ledger.timecode_runs = {run_through(map.sample_of(static_cast<double>(first_pulse_->pulse)),
+                                      first, map.sample_of(static_cast<double>(last_pulse_->pulse)),
+                                      last)};
 }
 
 }  // namespace v3d::captured

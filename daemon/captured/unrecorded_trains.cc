@@ -150,6 +150,7 @@ struct CameraCheck::CheckedWorker {
   std::vector<int64_t> pulses;
   std::vector<int64_t> suspect;
   std::vector<segmentation::PulseBrightness> brightness;
+  segmentation::MotionSeries motion;
   std::atomic<int64_t> received = 0;
 };
 
@@ -187,7 +188,10 @@ void CameraCheck::run() {
 void CameraCheck::examine(CheckedWorker& checked, const Frame& frame) {
   const ImageView image = frame.image.view();
   const double grey = checked.pictures.add(image);
-  if (!frame.label.suspect) checked.brightness.push_back({frame.label.pulse, grey});
+  if (!frame.label.suspect) {
+    checked.brightness.push_back({frame.label.pulse, grey});
+    checked.motion.add(frame.label.pulse, image);
+  }
   checked.pulses.push_back(frame.label.pulse);
   if (frame.label.suspect) checked.suspect.push_back(frame.label.pulse);
   std::optional<Mask> mask;
@@ -235,18 +239,28 @@ std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
       camera.foreground = checked->foreground / static_cast<double>(checked->pictures.pictures());
     }
     add_flicker(checked->brightness, rate_hz_, camera);
+    camera.motion_stops = checked->motion.stops(rate_hz_);
     cameras.push_back(std::move(camera));
   }
   return cameras;
 }
 
-std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCamera>& cameras,
-                       const std::vector<std::string>& not_ready) {
+namespace {
+
+nlohmann::json stops_json(const std::vector<segmentation::MotionStop>& stops) {
+  nlohmann::json json = nlohmann::json::array();
+  for (const segmentation::MotionStop& stop : stops) json.push_back({stop.pulse, stop.change});
+  return json;
+}
+
+}  // namespace
+
+std::string check_json(const CheckResult& result) {
   const auto value_or_null = [](const auto& value) {
     return value ? nlohmann::json(*value) : nlohmann::json();
   };
   nlohmann::json checked = nlohmann::json::array();
-  for (const CheckedCamera& c : cameras) {
+  for (const CheckedCamera& c : result.cameras) {
     checked.push_back({{"name", c.pulses.name},
                        {"received", c.pulses.received},
                        {"missing", c.pulses.missing},
@@ -260,12 +274,22 @@ std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCame
                        {"foreground", value_or_null(c.foreground)},
                        {"flicker_amplitude", c.flicker ? c.flicker->amplitude : 0.0},
                        {"beat_hz", c.flicker ? nlohmann::json(c.flicker->beat_hz) : nullptr},
-                       {"rate_without_flicker_hz", value_or_null(c.rate_without_flicker)}});
+                       {"rate_without_flicker_hz", value_or_null(c.rate_without_flicker)},
+                       {"motion_stops", stops_json(c.motion_stops)}});
   }
-  const nlohmann::json json = {
-      {"pulses", {{"commanded", ledger.commanded}, {"sensed", value_or_null(ledger.sensed)}}},
-      {"checked", checked},
-      {"not_ready", not_ready}};
+  nlohmann::json sound;
+  if (result.sound) {
+    sound = {{"fault", result.sound->fault},
+             {"clap_pulse", value_or_null(result.sound->clap_pulse)},
+             {"uncertainty_us", 1e6 * result.sound->uncertainty_s}};
+  }
+  const nlohmann::json json = {{"pulses",
+                                {{"commanded", result.ledger.commanded},
+                                 {"sensed", value_or_null(result.ledger.sensed)},
+                                 {"rate_hz", result.rate_hz}}},
+                               {"checked", checked},
+                               {"not_ready", result.not_ready},
+                               {"sound", sound}};
   return json.dump();
 }
 

@@ -15,9 +15,11 @@
 #include "capture/cameras/camera_worker.h"
 #include "capture/segmentation/flicker.h"
 #include "capture/segmentation/image_measures.h"
+#include "capture/segmentation/motion_stops.h"
 #include "capture/segmentation/segmenter.h"
 #include "daemon/bus/bus.h"
 #include "daemon/captured/preview.h"
+#include "daemon/captured/sound_check.h"
 #include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 
@@ -84,6 +86,7 @@ struct CheckedCamera {
   std::optional<double> foreground;    ///< mean share of the image, 0 to 1; empty without a model
   std::optional<segmentation::Flicker> flicker;  ///< of the lamps; empty under steady light
   std::optional<double> rate_without_flicker;    ///< of pulses, Hz; empty if none is known
+  std::vector<segmentation::MotionStop> motion_stops;
 };
 
 /// Takes frames from its workers in a thread of its own, from construction, and sends previews of
@@ -123,10 +126,19 @@ class CameraCheck {
   std::thread thread_;  ///< not started without workers
 };
 
-/// JSON of a check for the detail of a reply: pulses {commanded, sensed}, checked [{name, received,
-/// missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus, foreground,
-/// flicker_amplitude, beat_hz, rate_without_flicker_hz}], not_ready [names].
-std::string check_json(const take::Ledger& ledger, const std::vector<CheckedCamera>& cameras,
-                       const std::vector<std::string>& not_ready);
+/// What a node found in a check.
+struct CheckResult {
+  const take::Ledger& ledger;
+  double rate_hz;  ///< of the pulses
+  const std::vector<CheckedCamera>& cameras;
+  const std::vector<std::string>& not_ready;
+  const std::optional<CheckedSound>& sound;  ///< empty: the node has no sound input
+};
+
+/// JSON of a check for the detail of a reply: pulses {commanded, sensed, rate_hz}, checked [{name,
+/// received, missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus,
+/// foreground, flicker_amplitude, beat_hz, rate_without_flicker_hz, motion_stops [[pulse,
+/// change]]}], not_ready [names], sound {fault, clap_pulse, uncertainty_us} or null.
+std::string check_json(const CheckResult& result);
 
 }  // namespace v3d::captured

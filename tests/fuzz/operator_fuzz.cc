@@ -30,6 +30,7 @@ void read_replies(const std::string& text, const std::string& detail) {
   v3d::ctl::to_json(account.ledger).dump();
   const v3d::ctl::CheckReport report = v3d::ctl::parse_check_replies(answer);
   v3d::ctl::check_lines(report.cameras);
+  v3d::ctl::sound_lines(report.sounds);
   v3d::ctl::check_json(report).dump();
 }
 

@@ -21,15 +21,6 @@ constexpr int kPulses = 20;
 class MonitoredStudio : public test::Studio4 {
  protected:
   using Studio4::Studio4;
-  /// Runs `v3dctl ARGUMENTS`, expects exit status `status`, and returns the output.
-  std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
-    std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
-    line.insert(line.end(), arguments.begin(), arguments.end());
-    std::filesystem::remove(folder_ / "v3dctl.log");  // of an earlier call
-    test::ChildProcess v3dctl(line, folder_ / "v3dctl.log");
-    EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
-    return v3dctl.output();
-  }
   /// Runs a live calibration, which records a take and fails because no board is visible.
   void calibrate_live() {
     EXPECT_THAT(run_v3dctl({"calibrate", "rig", "--board", "chess:9x6:25mm", "--live", "1", "--out",

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <nlohmann/json.hpp>
+
 #include "sound/wave_file.h"
 #include "studio4.h"
 #include "take/ledger/ledger.h"
@@ -22,10 +24,12 @@ constexpr int64_t kPulses = 60;
 /// Four cameras and a sound device whose clock is 80 ppm fast.
 class SoundStudio : public Studio4 {
  protected:
-  explicit SoundStudio(const std::string& device = "simulated:ppm=80")
+  explicit SoundStudio(const std::string& device = "simulated:ppm=80",
+                       const std::vector<std::string>& simulator = {})
       : Studio4({.more = "[[sound]]\nnode = 'cap01'\nchannels = 3\npulse_channel = 2\n"
                          "timecode_channel = 3\ndevice = '" +
-                         device + "'\n"}) {}
+                         device + "'\n",
+                 .simulator = simulator}) {}
 };
 
 TEST_F(SoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
@@ -77,6 +81,35 @@ TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
   EXPECT_EQ(verified.ledger.sounds[0].samples, wave->samples());
 }
 
+/// The performer stops 0.4 periods, 20 ms, after pulse 30 of the first train after the background;
+/// a clap sounds 57 ms after this pulse.
+class ClapStudio : public SoundStudio {
+ protected:
+  ClapStudio()
+      : SoundStudio("simulated:clap_ms=57,clap_edge=" + std::to_string(kEmptyPulses + 31),
+                    {"--clap", "30.4"}) {}
+};
+
+TEST_F(ClapStudio, is_told_by_the_check_how_much_later_the_sound_is_than_the_pictures) {
+  ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
+  const std::string text = run_v3dctl({"check", "--json", "--pulses", "60"}, 0);
+  const auto check = nlohmann::json::parse(text.substr(text.find('{')));
+  ASSERT_THAT(check["sounds"], SizeIs(1)) << text;
+  const auto& sound = check["sounds"][0];
+  EXPECT_EQ(sound["node"], "cap01");
+  ASSERT_TRUE(sound["sound_pulse"].is_number()) << text;
+  EXPECT_NEAR(sound["sound_pulse"], 30 + 57.0 / 50, 0.05);
+  EXPECT_THAT(sound["cameras"], SizeIs(4)) << text;
+  const double uncertainty_ms = sound["uncertainty_ms"];
+  EXPECT_NEAR(uncertainty_ms, 25, 1);
+  EXPECT_NEAR(sound["offset_ms"], 37, uncertainty_ms);
+  for (const auto& camera : sound["cameras"]) {
+    EXPECT_NEAR(camera["offset_ms"], 37, 50) << "within a pulse: " << camera;
+  }
+  EXPECT_THAT(run_v3dctl({"check", "--pulses", "20"}, 0),
+              HasSubstr("sound of cap01: no clap heard"));
+}
+
 class AbsentSoundStudio : public SoundStudio {
  protected:
   AbsentSoundStudio() : SoundStudio("hw:CARD=NoSuchCard") {}
@@ -92,6 +125,8 @@ TEST_F(AbsentSoundStudio, a_sound_device_that_is_absent_does_not_stop_the_pictur
   const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole());
   EXPECT_THAT(verified.ledger.sounds, IsEmpty());
+  EXPECT_THAT(run_v3dctl({"check", "--pulses", "20"}, 0),
+              HasSubstr("sound of cap01: cannot open hw:CARD=NoSuchCard"));
 }
 
 }  // namespace

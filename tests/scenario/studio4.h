@@ -240,6 +240,16 @@ class Studio4 : public testing::Test {
     ASSERT_TRUE(started.done()) << text_of(started) << log();
   }
 
+  /// Runs `v3dctl ARGUMENTS`, expects exit status `status`, and returns the output.
+  std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
+    std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
+    line.insert(line.end(), arguments.begin(), arguments.end());
+    std::filesystem::remove(folder_ / "v3dctl.log");  // of an earlier call
+    ChildProcess v3dctl(line, folder_ / "v3dctl.log");
+    EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
+    return v3dctl.output();
+  }
+
   double value(const std::string& node, const std::string& name) {
     const auto health = client_->health(within(5));
     const auto found = health.find(node);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "pulse_signal.h"
+#include "sound/clap.h"
 #include "sound/sound_input.h"
 
 namespace v3d::sound {
@@ -148,9 +149,34 @@ TEST(SimulatedSound, reads_its_options) {
   EXPECT_EQ(options->ppm, -80.5);
   EXPECT_EQ(options->xrun_s, 3);
   for (const char* bad : {"simulated:ppm", "simulated:ppm=", "simulated:ppm=1;", "simulated:gain=1",
-                          "simulated:ppm=5000", "simulated:xrun_s=-1"}) {
+                          "simulated:ppm=5000", "simulated:xrun_s=-1", "simulated:clap_ms=-1"}) {
     EXPECT_FALSE(parse_simulated_sound(bad)) << bad;
   }
+}
+
+TEST(SimulatedSound, claps_at_its_time_after_a_pulse) {
+  const auto options = parse_simulated_sound("simulated:clap_edge=2,clap_ms=50");
+  ASSERT_TRUE(options);
+  const MonotonicInstant begin = Monotonic::now();
+  bool has_come = false;
+  auto input = make_simulated_input(three_channels(), *options, [&] {
+    std::vector<MonotonicInstant> pulses;
+    if (!std::exchange(has_come, true)) {
+      pulses = {begin + std::chrono::milliseconds(100), begin + std::chrono::milliseconds(140)};
+    }
+    return pulses;
+  });
+  ClapFinder finder(three_channels().rate_hz);
+  MonotonicInstant end;
+  for (int i = 0; i < 40; ++i) {
+    const auto block = input->read(std::chrono::seconds(10));
+    ASSERT_TRUE(block && *block);
+    finder.push(channel_of((*block)->values, 3, 1));
+    end = (*block)->at;
+  }
+  ASSERT_TRUE(finder.clap());
+  const double before_end_s = (40 * kBlock - finder.clap()->sample) / three_channels().rate_hz;
+  EXPECT_THAT(to_seconds(end - begin) - before_end_s, DoubleNear(0.190, 0.002));
 }
 
 TEST(SimulatedSound, delivers_consecutive_blocks_with_the_pulses_that_came) {

@@ -133,6 +133,51 @@ TEST(CameraCheck, reads_the_flicker_of_each_camera) {
   EXPECT_TRUE(json["cameras"][0]["rate_without_flicker_hz"].is_null());
 }
 
+/// Sound at cap02, and motion that stops before cam01 at cap01.
+CheckReport report_with_sound(const std::string& sound) {
+  std::string reply(kReply);
+  const std::string last = "\"foreground\":null";
+  reply.replace(reply.find(last), last.size(),
+                last + ",\"motion_stops\":[[1.5,9.0],[11.5,2.0],[12.0,1.0]]");
+  control::Answer answer = answer_with(reply);
+  answer.replies["cap02"].detail =
+      R"({"pulses":{"commanded":20,"sensed":20,"rate_hz":20.0},"not_ready":[],"checked":[],"sound":)" +
+      sound + "}";
+  return parse_check_replies(answer);
+}
+
+TEST(CameraCheck, compares_a_clap_with_the_pictures_of_all_nodes) {
+  const CheckReport report =
+      report_with_sound(R"({"fault":"","clap_pulse":12.0,"uncertainty_us":1000.0})");
+  EXPECT_THAT(report.unreadable, ElementsAre());
+  EXPECT_THAT(sound_lines(report.sounds),
+              ElementsAre("sound of cap02: clap at pulse 12.00; the sound is 25 ms later than the "
+                          "pictures, +-26 ms, by 1 camera (cam01 +25 ms)"));
+  const auto json = check_json(report)["sounds"][0];
+  EXPECT_EQ(json["node"], "cap02");
+  EXPECT_NEAR(json["offset_ms"], 25, 1e-9);
+  EXPECT_NEAR(json["uncertainty_ms"], 26, 1e-9);
+  EXPECT_EQ(json["cameras"][0]["name"], "cam01");
+  EXPECT_NEAR(json["cameras"][0]["offset_ms"], 25, 1e-9);
+}
+
+TEST(CameraCheck, states_that_it_heard_no_clap_or_could_hear_none) {
+  const CheckReport silent =
+      report_with_sound(R"({"fault":"","clap_pulse":null,"uncertainty_us":0.0})");
+  EXPECT_THAT(sound_lines(silent.sounds), ElementsAre("sound of cap02: no clap heard"));
+  EXPECT_TRUE(check_json(silent)["sounds"][0]["offset_ms"].is_null());
+  EXPECT_EQ(all_good(silent), all_good(parse_check_replies(answer_with(kReply))))
+      << "a clap is no condition of a take";
+  const CheckReport faulty = report_with_sound(
+      R"({"fault":"no sound came from hw:0","clap_pulse":null,"uncertainty_us":0})");
+  EXPECT_THAT(sound_lines(faulty.sounds), ElementsAre("sound of cap02: no sound came from hw:0"));
+  const CheckReport unseen =
+      report_with_sound(R"({"fault":"","clap_pulse":50.0,"uncertainty_us":0})");
+  EXPECT_THAT(sound_lines(unseen.sounds),
+              ElementsAre(HasSubstr("no camera shows a motion that stops there")));
+  EXPECT_THAT(report_with_sound("7").unreadable, ElementsAre("cap02"));
+}
+
 TEST(CameraCheck, names_a_node_whose_reply_cannot_be_parsed) {
   for (const char* malformed : {"{", "[]", "7", "{\"checked\":[]}",
                                 "{\"pulses\":{\"commanded\":1},\"checked\":[{\"name\":7}],"

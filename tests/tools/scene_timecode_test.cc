@@ -6,9 +6,9 @@
 
 #include <cstdlib>
 
-#include "base/io/child_process.h"
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "tools/probed_timecode.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -89,23 +89,13 @@ TEST(VideoTimecode, drops_numbers_where_the_video_has_the_rate_for_it) {
   EXPECT_EQ(video_timecode(at, 25), "10:01:00:01");
 }
 
-/// The timecode of a video, as ffprobe reads it from its track or its tag.
-std::string probed_timecode(const std::filesystem::path& path) {
-  ProcessStream ffprobe({"ffprobe", "-v", "error", "-show_entries",
-                         "stream=codec_tag_string:stream_tags:format_tags", path.string()},
-                        ProcessStream::End::kStdout);
-  std::string text;
-  for (uint8_t byte = 0; ffprobe.read({&byte, 1});) text += static_cast<char>(byte);
-  return text;
-}
-
 TEST_F(SceneTimecodeTest, is_in_the_video) {
   if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   const auto probed = [&](const std::string& file, double rate_hz, const std::string& timecode) {
     VideoWriter video(folder_ / file, {64, 48}, rate_hz, {.timecode = timecode});
     for (int n = 0; n < 3; ++n) video.add(Image({64, 48}, PixelFormat::kRGB8));
     video.close();
-    return probed_timecode(folder_ / file);
+    return test::probed_timecode(folder_ / file);
   };
   EXPECT_THAT(probed("a.mp4", 25, "10:00:03:12"), HasSubstr("timecode=10:00:03:12"));
   EXPECT_THAT(probed("a.mp4", 25, "10:00:03:12"), HasSubstr("codec_tag_string=tmcd"));

@@ -18,6 +18,7 @@
 #include "support/temporary_folder.h"
 #include "tools/decoded_sound.h"
 #include "tools/glb.h"
+#include "tools/probed_timecode.h"
 #include "tools/test_images.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/motion/tracked_surfaces.h"
@@ -28,6 +29,7 @@ namespace v3d::ctl {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 namespace fs = std::filesystem;
 
 /// A take of a ball with five pulses, tracked in two segments: pulses 0 to 2 and 2 to 4, of which
@@ -254,6 +256,7 @@ TEST_F(VolumeExportTake, has_the_sound_of_its_pulses_in_every_video) {
     EXPECT_THAT(video["type"].get<std::string>(), HasSubstr(", mp4a.40.2\""));
     const auto path = folder_ / "out" / video["file"].get<std::string>();
     const double heard = test::centre_of_sound(test::decoded_sound(path, 4 * kPeriod));
+    EXPECT_THAT(test::probed_timecode(path), Not(HasSubstr("timecode")));
     EXPECT_NEAR(heard, 2 * kPeriod + 96, 0.005 * kSceneSoundRate) << "pulse 3 is picture 2";
   }
   for (const auto& entry : fs::directory_iterator(folder_ / "out")) {
@@ -261,7 +264,7 @@ TEST_F(VolumeExportTake, has_the_sound_of_its_pulses_in_every_video) {
   }
 }
 
-TEST_F(VolumeExportTake, has_the_timecode_of_its_first_pulse_and_of_the_surfaces) {
+TEST_F(VolumeExportTake, has_the_timecode_of_its_first_pulse_in_every_video_and_of_the_surfaces) {
   add_sound(true, [](take::SoundLedger& sound) {
     sound.timecode_source = "ltc";
     sound.timecode_rate = "25";
@@ -270,6 +273,12 @@ TEST_F(VolumeExportTake, has_the_timecode_of_its_first_pulse_and_of_the_surfaces
   EXPECT_EQ(exported({1, 5}), kExitDone);
   EXPECT_EQ(manifest()["first_timecode"], "00:00:04:01");
   EXPECT_EQ(manifest()["timecode_rate"], "25");
+  for (const auto& video : manifest()["texture"]["videos"]) {
+    const std::string tags =
+        test::probed_timecode(folder_ / "out" / video["file"].get<std::string>());
+    EXPECT_THAT(tags, HasSubstr("TAG:timecode=00:00:04:01"));
+    EXPECT_THAT(tags, HasSubstr("codec_tag_string=tmcd")) << "a track";
+  }
   const test::Glb segment = test::parse_glb(read_file(folder_ / "out/segment-001.glb"));
   EXPECT_EQ(segment.scene["nodes"][0]["extras"]["pulse"], 3);
   EXPECT_EQ(segment.scene["nodes"][0]["extras"]["timecode"], "00:00:04:03");

@@ -85,6 +85,19 @@ TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
   EXPECT_THAT(texts(state, false), Contains(HasSubstr("sound: the device is not open")));
 }
 
+TEST(WatchTable, shows_the_state_of_the_timecode_output) {
+  StudioState state = studio();
+  EXPECT_THAT(texts(state, false), Not(Contains(HasSubstr("timecode output"))));
+  auto& values = state.health["cap01"].values;
+  values["timecode_output_open_flag"] = 1;
+  values["timecode_output_underruns"] = 0;
+  EXPECT_THAT(texts(state, false), Contains("  timecode output plays"));
+  values["timecode_output_underruns"] = 2;
+  EXPECT_THAT(texts(state, false), Contains("  timecode output plays  underruns: 2"));
+  values["timecode_output_open_flag"] = 0;
+  EXPECT_THAT(texts(state, false), Contains("  timecode output: the device is not open"));
+}
+
 TEST(WatchTable, has_no_colour_without_a_fault) {
   EXPECT_THAT(texts(studio(), true), Not(Contains(HasSubstr("\033["))));
 }

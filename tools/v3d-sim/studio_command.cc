@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -32,6 +33,7 @@ struct Arguments {
   std::string faults;
   std::string format = "BayerRG8";
   std::string flicker;
+  double clap = 0;  ///< pulse at which the performer stops; 0: never
 };
 
 /// A format with the filter pattern of the rendered images.
@@ -80,9 +82,13 @@ class StopSignals {
 struct RenderedImages {
   std::vector<std::vector<Image>> plates;  ///< [i][camera]: the empty studio, with different noise
   std::vector<std::vector<Image>> loop;    ///< [i][camera]: the performer
+  int64_t repeated_from = 0;               ///< the images from here on are repeated
 
   int64_t image_index(int64_t edge, int64_t empty_pulses) const {
-    return edge < empty_pulses ? -1 : (edge - empty_pulses) % static_cast<int64_t>(loop.size());
+    const int64_t index = edge - empty_pulses;
+    if (index < 0) return -1;
+    if (index < repeated_from) return index;
+    return repeated_from + (index - repeated_from) % (std::ssize(loop) - repeated_from);
   }
   const Image& picture(int camera, int64_t edge, int64_t empty_pulses) const {
     const int64_t index = image_index(edge, empty_pulses);
@@ -112,6 +118,7 @@ std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments&
   options.seed = arguments.studio.seed;
   BatchRenderer renderer(rig, options);
   RenderedImages rendered;
+  if (arguments.clap > 0) rendered.repeated_from = arguments.loop_frames - kPlates;
   Progress progress("render", total);
   for (int64_t i = 0; i < total; ++i) {
     if (stop.arrived()) {
@@ -120,7 +127,9 @@ std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments&
     if (i < kPlates) {
       rendered.plates.push_back(renderer.render_all({}, static_cast<uint64_t>(i)));
     } else {
-      const double seconds = static_cast<double>(i - kPlates) / arguments.studio.rate_hz;
+      auto pulse = static_cast<double>(i - kPlates);
+      if (arguments.clap > 0) pulse = std::min(pulse, arguments.clap);
+      const double seconds = pulse / arguments.studio.rate_hz;
       rendered.loop.push_back(renderer.render_all(seconds, static_cast<uint64_t>(i)));
     }
     progress.advance();
@@ -147,7 +156,10 @@ int run(Arguments arguments) {
   const StopSignals stop;  // before any thread, so that all inherit the mask
   const std::filesystem::path folder = arguments.folder;
   const double rate = arguments.studio.rate_hz;
-  if (arguments.loop_frames == 0) {
+  if (arguments.clap > 0) {
+    // The images of the motion, and some of the performer who stands, with different noise.
+    arguments.loop_frames = static_cast<int64_t>(std::ceil(arguments.clap)) + kPlates;
+  } else if (arguments.loop_frames == 0) {
     arguments.loop_frames = std::max(1L, std::lround(kActionPeriodSeconds * rate));
   }
   const Rig rig = rig_of(arguments.studio);
@@ -220,6 +232,11 @@ void add_studio_command(cli::Command app, int& status) {
   command.add_option("--flicker", arguments->flicker,
                      "Lamps that flicker, AMPLITUDE@HZ: 0.05@120 varies the light by 5 % up and "
                      "down, 120 times a second");
+  command
+      .add_option("--clap", arguments->clap,
+                  "Pulse, from the first after --empty-pulses and with a fraction, at which the "
+                  "performer stops as at a clap and stands still; --loop-frames is ignored")
+      .check(cli::number_in(1, 10'000));
   command.add_option("--faults", arguments->faults,
                      "TOML file of faults: [[fault]] camera, pulse (from the first "
                      "after --empty-pulses), kind = drop|missed|duplicate|delay|freeze|unplug|"

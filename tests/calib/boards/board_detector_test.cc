@@ -90,7 +90,25 @@ TEST(BoardDetector, finds_every_corner_of_a_chessboard_within_a_tenth_of_a_pixel
       sum += nearest * nearest;
     }
   }
+  RecordProperty("rms_px", std::to_string(std::sqrt(sum / 54)));
   EXPECT_LT(std::sqrt(sum / 54), 0.1);
+}
+
+TEST(BoardDetector, finds_corners_between_markers_within_a_tenth_of_a_pixel) {
+  const BoardDetector detector(parse_board(kCharuco));
+  const Photo photo = photograph(print_charuco(4, 5));
+  const auto found = detector.find(to_image(photo.grey).view());
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->count(), 12);
+  double sum = 0;
+  for (int i = 0; i < found->count(); ++i) {
+    const int column = found->corners[i] % 3, row_from_top = 3 - found->corners[i] / 3;
+    const Eigen::Vector2d truth =
+        in_photo(photo, (column + 2) * kSquare, (row_from_top + 2) * kSquare);
+    sum += (found->pixels[i] - truth).squaredNorm();
+  }
+  RecordProperty("rms_px", std::to_string(std::sqrt(sum / 12)));
+  EXPECT_LT(std::sqrt(sum / 12), 0.1);
 }
 
 TEST(BoardDetector, starts_at_the_same_corner_when_the_image_is_rotated_by_half_a_turn) {

@@ -25,6 +25,7 @@
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_sound.h"
+#include "v3dctl/scene/scene_timecode.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
@@ -199,21 +200,24 @@ class DeliverySound {
 /// The videos of the texture, one picture for each pulse from the first to the last.
 class TextureVideos {
  public:
-  /// `sound`: a file with the sound of these pulses; empty: none.
+  /// `sound`: a file with the sound of these pulses; empty: none. `timecode`: of the first one.
   TextureVideos(const fs::path& folder, int side, double rate_hz,
-                const std::vector<SegmentPlaces>& segments, const fs::path& sound) {
+                const std::vector<SegmentPlaces>& segments, const fs::path& sound,
+                const std::optional<take::PulseTimecode>& timecode) {
     first_ = next_ = segments.front().front().pulse;
     std::vector<double> keys;
     for (const SegmentPlaces& segment : segments) {
       keys.push_back(static_cast<double>(segment.front().pulse - first_) / rate_hz);
     }
+    const std::string first_picture = timecode ? video_timecode(*timecode, rate_hz) : "";
     for (const TextureVideo& video : kVideos) {
       writers_.push_back(std::make_unique<VideoWriter>(folder / video.file, ImageSize{side, side},
                                                        rate_hz,
                                                        VideoOptions{.codec = video.codec,
                                                                     .quality = video.quality,
                                                                     .key_pictures_s = keys,
-                                                                    .sound = sound}));
+                                                                    .sound = sound,
+                                                                    .timecode = first_picture}));
     }
   }
 
@@ -284,7 +288,8 @@ class VolumeWriter {
         surfaces_(surfaces),
         timecodes_(timecodes),
         painter_(request.take, "--format volume"),
-        videos_(folder, request.atlas_side, info.rate_hz, segments, sound),
+        videos_(folder, request.atlas_side, info.rate_hz, segments, sound,
+                timecodes.at(span_of(segments).first)),
         motion_(codec::MotionWriter::header()) {
     if (request.uncompressed) io::throw_if_failed(io::create_folders(folder / "textures"));
   }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/image/image_files.h"
@@ -25,6 +26,7 @@ struct CheckOptions {
 
 void print_text(const CheckReport& report) {
   for (const std::string& line : check_lines(report.cameras)) std::printf("%s\n", line.c_str());
+  for (const std::string& line : sound_lines(report.sounds)) std::printf("%s\n", line.c_str());
   for (const std::string& node : report.unreadable) {
     note("v3dctl: cannot read the reply of " + node);
   }
@@ -34,7 +36,11 @@ int run_check(const CommandLine& line, const CheckOptions& options) {
   const Studio studio = line.studio();
   control::OperatorClient client(studio);
   catch_interrupts();
-  const control::Answer answer = run_train(client, studio, options.train, [] {});
+  bool may_clap = !studio.sounds.empty();
+  const auto ask_once = [&] {
+    if (std::exchange(may_clap, false)) note("clap once now to compare sound and pictures");
+  };
+  const control::Answer answer = run_train(client, studio, options.train, ask_once);
   const CheckReport report = parse_check_replies(answer);
   if (options.json) {
     std::printf("%s\n", check_json(report).dump(2).c_str());

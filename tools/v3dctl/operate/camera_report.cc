@@ -6,6 +6,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -109,6 +110,14 @@ void judge_images(const CameraMeasurement& camera, VerdictBuilder& builder) {
   }
 }
 
+std::vector<segmentation::MotionStop> parse_stops(const Json& entry) {
+  std::vector<segmentation::MotionStop> stops;
+  for (const Json& stop : entry.value("motion_stops", Json::array())) {
+    stops.push_back({stop.at(0).get<double>(), stop.at(1).get<double>()});
+  }
+  return stops;
+}
+
 CameraMeasurement parse_measurement(const Json& entry, const std::string& node, int64_t pulses) {
   const auto optional_value = [&](const char* key) -> std::optional<double> {
     const Json value = entry.value(key, Json());
@@ -129,11 +138,12 @@ CameraMeasurement parse_measurement(const Json& entry, const std::string& node, 
           .foreground = optional_value("foreground"),
           .flicker_amplitude = entry.value("flicker_amplitude", 0.0),
           .beat_hz = optional_value("beat_hz"),
-          .rate_without_flicker_hz = optional_value("rate_without_flicker_hz")};
+          .rate_without_flicker_hz = optional_value("rate_without_flicker_hz"),
+          .motion_stops = parse_stops(entry)};
 }
 
 /// Throws a Json exception if the detail is no result of a check.
-std::vector<CameraMeasurement> parse_node(const Json& detail, const std::string& node) {
+void parse_node(const Json& detail, const std::string& node, CheckReport& report) {
   std::vector<CameraMeasurement> cameras;
   const auto pulses = detail.at("pulses").at("commanded").get<int64_t>();
   for (const Json& entry : detail.at("checked")) {
@@ -145,7 +155,9 @@ std::vector<CameraMeasurement> parse_node(const Json& detail, const std::string&
     camera.camera = entry.get<std::string>();
     camera.ready = false;
   }
-  return cameras;
+  auto sound = parse_sound(detail, node);
+  if (sound) report.sounds.push_back(*std::move(sound));
+  std::ranges::move(cameras, std::back_inserter(report.cameras));
 }
 
 Json to_json(const CameraMeasurement& camera) {
@@ -180,12 +192,14 @@ CheckReport parse_check_replies(const control::Answer& answer) {
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;  // of a reconstruction node
     try {
-      const auto cameras = parse_node(Json::parse(reply.detail), node);
-      report.cameras.insert(report.cameras.end(), cameras.begin(), cameras.end());
+      parse_node(Json::parse(reply.detail), node, report);
     } catch (const Json::exception&) {
       report.unreadable.push_back(node);
     }
   }
+  CameraStops stops;
+  for (const CameraMeasurement& camera : report.cameras) stops[camera.camera] = camera.motion_stops;
+  compare_with_pictures(stops, report.sounds);
   return report;
 }
 
@@ -219,7 +233,10 @@ std::vector<std::string> check_lines(const std::vector<CameraMeasurement>& camer
 nlohmann::ordered_json check_json(const CheckReport& report) {
   Json cameras = Json::array();
   for (const CameraMeasurement& camera : report.cameras) cameras.push_back(to_json(camera));
-  return {{"good", all_good(report)}, {"cameras", cameras}, {"unreadable", report.unreadable}};
+  return {{"good", all_good(report)},
+          {"cameras", cameras},
+          {"sounds", sounds_json(report.sounds)},
+          {"unreadable", report.unreadable}};
 }
 
 bool all_good(const CheckReport& report) {

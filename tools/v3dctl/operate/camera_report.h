@@ -9,6 +9,7 @@
 #include "base/image/image.h"
 #include "base/image/mask.h"
 #include "daemon/control/operator_client.h"
+#include "v3dctl/operate/check_sound.h"
 
 namespace v3d::ctl {
 
@@ -32,10 +33,12 @@ struct CameraMeasurement {
   double flicker_amplitude = 0;        ///< of the brightness over the pulses, share of its mean
   std::optional<double> beat_hz;       ///< of the lamps with the pulses; empty under steady light
   std::optional<double> rate_without_flicker_hz;  ///< of pulses; empty if none is known
+  std::vector<segmentation::MotionStop> motion_stops;
 };
 
 struct CheckReport {
   std::vector<CameraMeasurement> cameras;  ///< in the order of nodes
+  std::vector<NodeSoundCheck> sounds;      ///< of the nodes with sound input, in their order
   std::vector<std::string> unreadable;     ///< nodes whose reply cannot be parsed
 };
 
@@ -51,7 +54,8 @@ CameraVerdict judge(const CameraMeasurement& camera);
 
 /// One line for each camera: grade, frames, faults and remedy.
 std::vector<std::string> check_lines(const std::vector<CameraMeasurement>& cameras);
-/// {"good", "cameras" [{"name", "node", "verdict", "text", "remedy", measurements}], "unreadable"}
+/// {"good", "cameras" [{"name", "node", "verdict", "text", "remedy", measurements}], "sounds"
+/// (sounds_json()), "unreadable"}
 nlohmann::ordered_json check_json(const CheckReport& report);
 /// Whether no camera is bad and all replies were readable.
 bool all_good(const CheckReport& report);

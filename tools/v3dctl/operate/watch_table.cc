@@ -196,6 +196,19 @@ WatchLine sound_line(const wire::HealthMessage& health) {
   return line;
 }
 
+/// State of the timecode output of a node; empty without one.
+WatchLine timecode_line(const wire::HealthMessage& health) {
+  const auto open = find(health, "timecode_output_open_flag");
+  if (!open) return {};
+  if (*open == 0) return {{{"  timecode output: the device is not open", Highlight::kWarning}}};
+  WatchLine line{{{"  timecode output plays", Highlight::kNone}}};
+  const double underruns = find(health, "timecode_output_underruns").value_or(0);
+  if (underruns > 0) {
+    line.parts.push_back({"  underruns: " + value_text("", underruns), Highlight::kWarning});
+  }
+  return line;
+}
+
 WatchLine head_line() {
   Row row;
   for (const Column& column : kColumns) row.add(column.head);
@@ -221,8 +234,8 @@ Body body_of(const StudioState& state) {
     if (!health->second.text.empty()) {
       add({{{"  " + health->second.text, Highlight::kWarning}}}, false);
     }
-    if (const WatchLine sound = sound_line(health->second); !sound.parts.empty()) {
-      add(sound, false);
+    for (const WatchLine& line : {sound_line(health->second), timecode_line(health->second)}) {
+      if (!line.parts.empty()) add(line, false);
     }
     if (const std::string shards = shard_text(health->second); !shards.empty()) {
       add({{{"  " + shards, Highlight::kNone}}}, true);

@@ -1,11 +1,9 @@
 #include "v3dctl/takes/clap.h"
 
-#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "base/core/error.h"
-#include "base/core/statistics.h"
+#include "capture/segmentation/motion_stops.h"
 #include "sound/clap.h"
 #include "take/logs/frame_log.h"
 #include "take/take_sound.h"
@@ -15,11 +13,9 @@ namespace {
 
 constexpr int kRateHz = 48'000;
 constexpr int64_t kBlock = kRateHz;
-constexpr int kRowStep = 4;
-constexpr double kSearchSeconds = 0.5;
-constexpr double kMinRatio = 5;
-constexpr double kStillShare = 0.25;  // of the pictures; the others may show motion
-constexpr double kLeastChange = 0.2;  // of 255: the noise of a still picture
+/// Frames that are read before and after the sound: the motion is compared with half a second
+/// around its stop, which is within half a second of the sound.
+constexpr double kReadSeconds = 1;
 
 /// The clap in the sound, in pulses.
 std::optional<double> clap_in_sound(take::TakeSound& sound, const take::TakeInfo& info) {
@@ -39,52 +35,21 @@ std::optional<double> clap_in_sound(take::TakeSound& sound, const take::TakeInfo
 }
 
 /// The stop of a motion in the frames of one camera, near a pulse.
-std::optional<double> stop_in_frames(const std::filesystem::path& log, double pulse,
-                                     double rate_hz) {
+std::optional<segmentation::MotionStop> stop_in_frames(const std::filesystem::path& log,
+                                                       double pulse, double rate_hz) {
   take::FrameLogReader frames(log);
-  const auto first = static_cast<int64_t>(std::floor(pulse - kSearchSeconds * rate_hz));
-  const auto last = static_cast<int64_t>(std::ceil(pulse + kSearchSeconds * rate_hz));
-  std::vector<double> changes;
-  std::optional<Frame> before;
+  const auto first = static_cast<int64_t>(std::floor(pulse - kReadSeconds * rate_hz));
+  const auto last = static_cast<int64_t>(std::ceil(pulse + kReadSeconds * rate_hz));
+  segmentation::MotionSeries series;
   for (int64_t n = std::max<int64_t>(0, first); n <= last; ++n) {
-    auto frame = frames.read(n);
-    const bool is_comparable = frame && before && frame->image.size == before->image.size &&
-                               frame->image.format == before->image.format;
-    if (n > first && before && !is_comparable) return std::nullopt;  // a gap
-    changes.push_back(is_comparable ? image_change(before->image.view(), frame->image.view()) : 0);
-    before = std::move(frame);
+    if (const auto frame = frames.read(n)) series.add(n, frame->image.view());
   }
-  const auto stop = stop_of_motion(changes);
-  if (!stop) return std::nullopt;
-  return static_cast<double>(std::max<int64_t>(0, first)) + *stop;
+  return stop_near(series.stops(rate_hz), pulse, rate_hz);
 }
 
 }  // namespace
 
-double image_change(ImageView a, ImageView b) {
-  int64_t sum = 0, count = 0;
-  const int bytes = a.size.width * bytes_per_pixel(a.format);
-  for (int y = 0; y < a.size.height; y += kRowStep) {
-    for (int x = 0; x < bytes; ++x, ++count) sum += std::abs(a.row(y)[x] - b.row(y)[x]);
-  }
-  return count > 0 ? static_cast<double>(sum) / static_cast<double>(count) : 0;
-}
-
-std::optional<double> stop_of_motion(std::span<const double> changes) {
-  if (changes.size() < 4) return std::nullopt;
-  const std::vector<double> all(changes.begin() + 1, changes.end());
-  const double still = std::max(kLeastChange, percentile(all, kStillShare));
-  size_t stop = 1;
-  const auto drop = [&](size_t k) { return changes[k] - changes[k + 2]; };
-  for (size_t k = 1; k + 2 < changes.size(); ++k) {
-    if (drop(k) > drop(stop)) stop = k;
-  }
-  if (drop(stop) < kMinRatio * still) return std::nullopt;
-  const double part = (changes[stop + 1] - changes[stop + 2]) / drop(stop);
-  return static_cast<double>(stop) + std::clamp(part, 0.0, 1.0);
-}
-
-std::optional<TakeClap> find_take_clap(const take::TakePaths& paths) {
+std::optional<ClapOffset> find_take_clap(const take::TakePaths& paths) {
   const take::TakeInfo info = load_take_info(paths);
   take::TakeSound sound(paths);
   if (sound.is_silent()) {
@@ -94,14 +59,12 @@ std::optional<TakeClap> find_take_clap(const take::TakePaths& paths) {
   }
   const auto heard = clap_in_sound(sound, info);
   if (!heard) return std::nullopt;
-  TakeClap clap{.sound_pulse = *heard, .picture_pulse = {}, .rate_hz = info.rate_hz};
-  std::vector<double> stops;
+  ClapOffset clap{
+      .sound_pulse = *heard, .sound_uncertainty_s = sound.uncertainty_s(), .rate_hz = info.rate_hz};
   for (const std::string& camera : info.cameras) {
     const auto stop = stop_in_frames(paths.frames(camera), *heard, info.rate_hz);
-    if (stop) stops.push_back(*stop);
+    if (stop) clap.cameras.push_back({camera, stop->pulse});
   }
-  clap.cameras = std::ssize(stops);
-  if (!stops.empty()) clap.picture_pulse = upper_median(stops);
   return clap;
 }
 

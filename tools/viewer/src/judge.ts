@@ -11,6 +11,7 @@ const ALARM_DISK_S = 60;
 const WARNING_DISK_S = 600;
 const DISPLACED_PX = 1.5;
 const DEEP_QUEUE = 8;
+const CLIPPING_DB = -0.1;
 
 const plural = (n: number, one: string) => `${n.toLocaleString('en')} ${one}${n === 1 ? '' : 's'}`;
 
@@ -49,6 +50,43 @@ const percent = (v: number) => `${v.toFixed(0)} %`;
 const size = (v: number) => (v >= 1e12 ? `${(v / 1e12).toFixed(1)} TB` : `${(v / 1e9).toFixed(v < 1e10 ? 1 : 0)} GB`);
 const duration = (s: number) => (s >= 36_000 ? `${(s / 3600).toFixed(0)} h` : s >= 600 ? `${(s / 60).toFixed(0)} min` : `${s.toFixed(0)} s`);
 
+/** Peaks of all channels of an open sound device, dB of full scale. */
+function peaksOf(node: NodeState): number[] {
+  const peaks: number[] = [];
+  for (let channel = 1; ; ++channel) {
+    const peak = valueOf(node, `sound_peak_${channel}_db`);
+    if (peak === undefined) return peaks;
+    peaks.push(peak);
+  }
+}
+
+const NOT_OPEN = 'the device is not open';
+
+/** Levels and xruns of the sound input. */
+function soundOf(node: NodeState): Fact[] {
+  const open = valueOf(node, 'sound_open_flag');
+  if (open === undefined) return [];
+  if (open === 0) return [{ name: 'sound', value: NOT_OPEN, grade: 'warning' }];
+  const peaks = peaksOf(node);
+  const xruns = valueOf(node, 'sound_xruns') ?? 0;
+  const facts: Fact[] = [];
+  if (peaks.length > 0) {
+    const value = peaks.map((peak) => peak.toFixed(0)).join(', ') + ' dB';
+    facts.push({ name: 'sound', value, grade: Math.max(...peaks) > CLIPPING_DB ? 'warning' : 'good' });
+  }
+  if (xruns > 0) facts.push({ name: 'sound lost', value: plural(xruns, 'xrun'), grade: 'warning' });
+  return facts;
+}
+
+/** State of the timecode output. */
+function timecodeOutputOf(node: NodeState): Fact[] {
+  const open = valueOf(node, 'timecode_output_open_flag');
+  if (open === undefined) return [];
+  const underruns = valueOf(node, 'timecode_output_underruns') ?? 0;
+  const value = open === 0 ? NOT_OPEN : underruns > 0 ? plural(underruns, 'underrun') : 'plays';
+  return [{ name: 'timecode', value, grade: value === 'plays' ? 'good' : 'warning' }];
+}
+
 /** The most important values of a node; unreported ones are omitted. */
 export function factsOf(node: NodeState): Fact[] {
   const facts: Fact[] = [];
@@ -72,5 +110,5 @@ export function factsOf(node: NodeState): Fact[] {
   add('disk free', 'disk_free_bytes', size);
   add('processor', 'cpu_machine_percent', percent, (v) => (v > 95 ? 'warning' : 'good'));
   add('hottest', 'temperature_max_celsius', (v) => `${v.toFixed(0)} °C`, (v) => (v > 85 ? 'warning' : 'good'));
-  return facts;
+  return [...facts, ...soundOf(node), ...timecodeOutputOf(node)];
 }

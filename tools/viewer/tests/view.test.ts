@@ -119,6 +119,22 @@ describe('the studio in words', () => {
     expect(factsOf(node({ disk_seconds_left: 30 }))).toEqual([{ name: 'disk for', value: '30 s', grade: 'alarm' }]);
   });
 
+  it('shows the levels of the sound and what is wrong with it', () => {
+    const open = { sound_open_flag: 1, sound_peak_1_db: -20.4, sound_peak_2_db: -12 };
+    expect(factsOf(node(open))).toEqual([{ name: 'sound', value: '-20, -12 dB', grade: 'good' }]);
+    expect(factsOf(node({ ...open, sound_peak_2_db: 0, sound_xruns: 2 }))).toEqual([
+      { name: 'sound', value: '-20, 0 dB', grade: 'warning' }, { name: 'sound lost', value: '2 xruns', grade: 'warning' }]);
+    expect(factsOf(node({ sound_open_flag: 0 }))).toEqual([{ name: 'sound', value: 'the device is not open', grade: 'warning' }]);
+  });
+
+  it('shows the state of the timecode output', () => {
+    const shown = (open: number, underruns: number) =>
+      factsOf(node({ timecode_output_open_flag: open, timecode_output_underruns: underruns }));
+    expect(shown(1, 0)).toEqual([{ name: 'timecode', value: 'plays', grade: 'good' }]);
+    expect(shown(1, 1)).toEqual([{ name: 'timecode', value: '1 underrun', grade: 'warning' }]);
+    expect(shown(0, 0)).toEqual([{ name: 'timecode', value: 'the device is not open', grade: 'warning' }]);
+  });
+
   it('formats a slate', () => {
     expect(slateText({ scene: '12', take: '3', note: '', mark: 'circled' })).toBe('scene 12, take 3');
   });

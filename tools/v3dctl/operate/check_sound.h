@@ -1,0 +1,39 @@
+// Claps that `v3dctl check` has heard, and their offset from the pictures.
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/segmentation/motion_stops.h"
+#include "v3dctl/takes/clap_offset.h"
+
+namespace v3d::ctl {
+
+/// The ends of motions that each camera has seen, by its name.
+using CameraStops = std::map<std::string, std::vector<segmentation::MotionStop>>;
+
+/// What a node has heard during the check, from "sound" in the detail of its reply.
+struct NodeSoundCheck {
+  std::string node;
+  std::string fault;               ///< why it could hear no clap; empty: none
+  std::optional<ClapOffset> clap;  ///< empty: no clap
+};
+
+/// Empty for a node without sound input. The clap has no cameras yet. Throws a Json exception when
+/// the detail is no result of a check.
+std::optional<NodeSoundCheck> parse_sound(const nlohmann::ordered_json& detail,
+                                          const std::string& node);
+
+/// Adds the cameras of all nodes whose motion stops within half a second of a clap.
+void compare_with_pictures(const CameraStops& stops, std::vector<NodeSoundCheck>& sounds);
+
+/// One line for each node with sound input.
+std::vector<std::string> sound_lines(const std::vector<NodeSoundCheck>& sounds);
+/// [{node, fault, sound_pulse, picture_pulse, cameras [{name, offset_ms}], offset_ms,
+/// uncertainty_ms}]
+nlohmann::ordered_json sounds_json(const std::vector<NodeSoundCheck>& sounds);
+
+}  // namespace v3d::ctl

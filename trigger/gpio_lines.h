@@ -1,0 +1,50 @@
+// GPIO lines: outputs and inputs. gpio_lines_1.cc implements them with libgpiod 1.6,
+// gpio_lines_2.cc with libgpiod 2; CMake compiles the one for the library that is installed.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
+
+namespace v3d::trigger {
+
+/// A line that this process drives. Threads: one caller at a time.
+class OutputLine {
+ public:
+  virtual ~OutputLine() = default;
+  /// Returns false where the line does not work any more, for example because its chip was
+  /// unplugged.
+  virtual bool set(bool active) = 0;
+};
+
+struct LineEdge {
+  bool active = true;   ///< level after the edge
+  MonotonicInstant at;  ///< time stamp of the kernel's interrupt handler
+};
+
+/// A line whose edges this process reads. Threads: one.
+class InputLine {
+ public:
+  virtual ~InputLine() = default;
+  /// Waits for the next edge until `deadline`; empty when none came. The kernel keeps 16 edges and
+  /// drops further ones.
+  virtual std::optional<LineEdge> wait(MonotonicInstant deadline) = 0;
+  /// Whether the line does not work any more.
+  virtual bool gone() const = 0;
+};
+
+/// "TRIGGER of gpiochip0", for messages.
+std::string line_text(const StudioLine& line);
+
+/// The number of a line on its chip, for a line that is given by its number; else empty.
+std::optional<unsigned> number_of(const StudioLine& line);
+
+/// Request a line for this process until the object is destroyed; an output starts inactive. Throw
+/// InputError for an unknown chip or line, a line in use, and missing permission.
+std::unique_ptr<OutputLine> open_output_line(const StudioLine& line);
+std::unique_ptr<InputLine> open_input_line(const StudioLine& line);
+
+}  // namespace v3d::trigger
