@@ -85,8 +85,9 @@ std::vector<Duration> measure_wakeups(const HostClock& clock, int cycles, Durati
 /// priority of the trigger. Without it, a lateness above the limit proves nothing: kUnknown.
 Finding judge_wakeups(const std::vector<Duration>& lateness, bool is_realtime, Duration limit);
 /// 10,000 cycles of 1 ms with the priority and on the processor of the trigger's thread: 10 s. The
-/// limit is max_pulse_lateness() at the studio's rate.
-Finding check_wakeups(const Studio& studio);
+/// limit is max_pulse_lateness() at the studio's rate. `is_trigger_here`: this PC has the trigger.
+/// Otherwise, or where that is unknown, no lateness is a fault.
+Finding check_wakeups(const Studio& studio, bool is_trigger_here);
 
 // Checks of keys: the studio key of every PC of the studio, and the member list of this PC.
 

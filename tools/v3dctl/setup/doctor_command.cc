@@ -73,7 +73,9 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
   // Where the trigger may be. Alone, so that the other checks do not delay its thread.
-  if (node.empty() || node == studio.trigger.node) findings.push_back(check_wakeups(studio));
+  if (node.empty() || node == studio.trigger.node) {
+    findings.push_back(check_wakeups(studio, !node.empty()));
+  }
   return findings;
 }
 

@@ -66,7 +66,7 @@ Finding judge_wakeups(const std::vector<Duration>& lateness, bool is_realtime, D
   return finding;
 }
 
-Finding check_wakeups(const Studio& studio) {
+Finding check_wakeups(const Studio& studio, bool is_trigger_here) {
   std::vector<Duration> lateness;
   bool is_realtime = false;
   std::thread([&] {
@@ -74,8 +74,13 @@ Finding check_wakeups(const Studio& studio) {
     is_realtime = sched_getscheduler(0) == SCHED_FIFO;
     lateness = measure_wakeups({}, kCycles, kPeriod);
   }).join();
-  return judge_wakeups(lateness, is_realtime,
-                       max_pulse_lateness(from_seconds(1 / studio.trigger.rate_hz)));
+  Finding finding = judge_wakeups(lateness, is_realtime,
+                                  max_pulse_lateness(from_seconds(1 / studio.trigger.rate_hz)));
+  if (!is_trigger_here && finding.verdict == Verdict::kBad) {
+    finding.verdict = Verdict::kUnknown;
+    finding.remedy = "it matters on the PC with the trigger: v3dctl doctor " + studio.trigger.node;
+  }
+  return finding;
 }
 
 }  // namespace v3d::ctl
