@@ -1,9 +1,7 @@
 #include "trigger/paced_train.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <ctime>
 
 #include "base/io/process.h"
 
@@ -12,8 +10,6 @@ namespace {
 
 /// The thread notices stop() within this time.
 constexpr Duration kMaxSleep = std::chrono::milliseconds(20);
-/// A pulse that is later than period / kLateDivisor counts as late.
-constexpr int kLateDivisor = 10;
 
 }  // namespace
 
@@ -50,7 +46,7 @@ void PacedTrain::reset_counters() {
   commanded_ = skipped_ = 0;
   first_.reset();
   output_failed_ = false;
-  lateness_ = Lateness(plan_.period / kLateDivisor);
+  lateness_ = Lateness(max_pulse_lateness(plan_.period));
 }
 
 void PacedTrain::join() {
@@ -146,17 +142,6 @@ std::string PacedTrain::fault() const {
   if (skipped_ == 0) return {};
   return std::to_string(skipped_) + " pulses skipped: this host was up to " +
          std::to_string(lateness_.max() / std::chrono::milliseconds(1)) + " ms late";
-}
-
-timespec to_timespec(Duration d) {
-  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(d);
-  return {seconds.count(), (d - seconds).count()};
-}
-
-void sleep_until(MonotonicInstant instant) {
-  const timespec until = to_timespec(instant.time_since_epoch());
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
-  }
 }
 
 void Lateness::add(Duration lateness) {

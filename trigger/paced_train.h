@@ -1,31 +1,17 @@
-// Train paced by this host, its clock and lateness.
+// Train paced by this host, and its lateness.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <ctime>
-#include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
 
+#include "base/core/host_clock.h"
 #include "base/core/time.h"
 #include "trigger/pulse_generator.h"
 
 namespace v3d::trigger {
-
-// Clock of the triggers: reads CLOCK_MONOTONIC and sleeps. Tests replace it.
-
-/// Sleeps until an instant; returns at once when it has passed.
-void sleep_until(MonotonicInstant instant);
-
-struct HostClock {
-  std::function<MonotonicInstant()> now = Monotonic::now;
-  std::function<void(MonotonicInstant)> sleep_until = v3d::trigger::sleep_until;
-};
-
-/// Converts a duration, which must not be negative.
-timespec to_timespec(Duration d);
 
 // Lateness statistics of a pulse train: a histogram of constant size. The percentiles of
 // base/core/statistics.h need all values; a train of days at 1000 Hz has too many, and the thread

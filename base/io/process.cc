@@ -10,6 +10,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <charconv>
 #include <csignal>
 #include <cstdint>
 #include <fstream>
@@ -165,7 +167,47 @@ struct SchedulingAttributes {
 
 }  // namespace
 
+std::vector<int> parse_processor_list(std::string_view text) {
+  constexpr int kMaxProcessor = 4095;
+  std::vector<int> processors;
+  while (!text.empty()) {
+    int range[2] = {};
+    const char* const end = text.data() + text.size();
+    auto parsed = std::from_chars(text.data(), end, range[0]);
+    if (parsed.ec != std::errc()) return {};
+    range[1] = range[0];
+    if (parsed.ptr != end && *parsed.ptr == '-') {
+      parsed = std::from_chars(parsed.ptr + 1, end, range[1]);
+      if (parsed.ec != std::errc()) return {};
+    }
+    if (parsed.ptr != end && *parsed.ptr != ',') return {};
+    if (range[0] < 0 || range[1] < range[0] || range[1] > kMaxProcessor) return {};
+    for (int i = range[0]; i <= range[1]; ++i) processors.push_back(i);
+    text.remove_prefix(static_cast<size_t>(std::min(parsed.ptr + 1, end) - text.data()));
+  }
+  return processors;
+}
+
+std::vector<int> processors_for(IsolatedTask task, std::vector<int> isolated) {
+  if (isolated.empty()) return {};
+  if (task == IsolatedTask::kTrigger) return {isolated.back()};
+  isolated.pop_back();
+  return isolated;
+}
+
+void use_isolated_processors(IsolatedTask task) {
+  std::string text;
+  std::getline(std::ifstream("/sys/devices/system/cpu/isolated"), text);
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  for (const int processor : processors_for(task, parse_processor_list(text))) {
+    if (processor < CPU_SETSIZE) CPU_SET(processor, &set);
+  }
+  if (CPU_COUNT(&set) > 0) pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+}
+
 void make_thread_realtime() {
+  use_isolated_processors(IsolatedTask::kTrigger);
   sched_param parameters{};
   parameters.sched_priority = kPriority;
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0) return;

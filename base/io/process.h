@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace v3d {
@@ -58,7 +59,20 @@ void lock_memory();
 // Real-time scheduling and locked memory, for threads that do little work but must start it on
 // time.
 
-/// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes.
+/// Parses a list of processors as the kernel writes it: "2-3,6". Empty for any other text.
+std::vector<int> parse_processor_list(std::string_view text);
+
+/// What a thread on isolated processors does.
+enum class IsolatedTask : uint8_t { kTrigger, kPackets };
+/// The processors for a task, of those that the kernel keeps free of other work (isolcpus=): the
+/// trigger has the last one, packets have the others. Empty: none is left, the task shares.
+std::vector<int> processors_for(IsolatedTask task, std::vector<int> isolated);
+/// Moves the calling thread to these processors of this PC. Without isolated processors, or where
+/// the process may not, nothing changes.
+void use_isolated_processors(IsolatedTask task);
+
+/// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes. Moves
+/// it to the isolated processor of the trigger, if there is one.
 /// Uses real-time scheduling (SCHED_FIFO) where the process may (RLIMIT_RTPRIO). Otherwise it
 /// requests the shortest time slice: Linux 6.12 and later schedule it before longer ones and need
 /// no permission. On older kernels the request has no effect.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/core/text.h"
+#include "base/io/process.h"
 #include "capture/cameras/aravis_device.h"
 #include "capture/cameras/pixel_decoder.h"
 
@@ -165,11 +166,16 @@ class AravisCamera::Link {
   }
 
  private:
+  /// Called by the thread that receives the packets of this camera.
+  static void on_stream(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* /*buffer*/) {
+    if (type == ARV_STREAM_CALLBACK_TYPE_INIT) use_isolated_processors(IsolatedTask::kPackets);
+  }
+
   static constexpr Duration kQueryPeriod = std::chrono::seconds(2);
 
   void stream(const StudioCamera& settings, size_t payload) {
     Problem problem;
-    stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, problem));
+    stream_.reset(arv_camera_create_stream(camera_.get(), on_stream, nullptr, problem));
     if (!stream_ || problem.happened())
       aravis::refuse(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);

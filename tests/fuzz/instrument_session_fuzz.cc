@@ -55,8 +55,8 @@ v3d::StudioTrigger trigger_of(uint8_t dialect) {
 
 void run_generator(FuzzInput& input) {
   v3d::MonotonicInstant now;
-  const v3d::trigger::HostClock clock{.now = [&] { return now += std::chrono::milliseconds(10); },
-                                      .sleep_until = [&](v3d::MonotonicInstant to) { now = to; }};
+  const v3d::HostClock clock{.now = [&] { return now += std::chrono::milliseconds(10); },
+                             .sleep_until = [&](v3d::MonotonicInstant to) { now = to; }};
   const auto open = [&](const v3d::StudioInstrument&) {
     return std::make_unique<v3d::trigger::Usbtmc>(std::make_unique<HostilePort>(input));
   };

@@ -56,6 +56,50 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
                                       "cap02 clock offset", "cap02 update", "cap03", "versions"}));
 }
 
+/// A host on which the timer of cycle i fires late by delays[i].
+class DelayedHost {
+ public:
+  explicit DelayedHost(std::vector<Duration> delays) : delays_(std::move(delays)) {}
+  HostClock clock() {
+    return {.now = [this] { return now_; },
+            .sleep_until =
+                [this](MonotonicInstant due) { now_ = std::max(now_, due) + delays_.at(next_++); }};
+  }
+
+ private:
+  std::vector<Duration> delays_;
+  size_t next_ = 0;
+  MonotonicInstant now_{std::chrono::hours(1)};
+};
+
+TEST(Doctor, measures_how_late_each_timer_wakes) {
+  using std::chrono::microseconds;
+  const std::vector<Duration> delays = {microseconds(5), microseconds(900), microseconds(2500),
+                                        microseconds(7)};
+  DelayedHost host(delays);
+  EXPECT_EQ(measure_wakeups(host.clock(), 4, std::chrono::milliseconds(1)), delays);
+}
+
+TEST(Doctor, compares_the_latest_timer_with_a_tenth_of_the_period_of_the_pulses) {
+  std::vector<Duration> lateness(10'000, std::chrono::microseconds(10));
+  std::fill_n(lateness.begin(), 150, std::chrono::microseconds(80));
+  lateness.back() = std::chrono::microseconds(4100);
+  const Duration limit = max_pulse_lateness(std::chrono::milliseconds(40));
+  const Finding late = judge_wakeups(lateness, true, limit);
+  EXPECT_EQ(late.verdict, Verdict::kBad);
+  EXPECT_NE(late.remedy, "");
+  const std::vector<std::pair<std::string, double>> values = {
+      {"cycles", 10'000},       {"lateness_p50_us", 10},   {"lateness_p99_us", 80},
+      {"lateness_p999_us", 80}, {"lateness_max_us", 4100}, {"limit_us", 4000},
+      {"realtime_flag", 1}};
+  EXPECT_EQ(late.values, values);
+  EXPECT_EQ(judge_wakeups(lateness, false, limit).verdict, Verdict::kUnknown)
+      << "not measured at the priority of the trigger";
+  lateness.back() = limit;
+  EXPECT_EQ(judge_wakeups(lateness, true, limit).verdict, Verdict::kGood);
+  EXPECT_EQ(judge_wakeups(lateness, false, limit).verdict, Verdict::kGood);
+}
+
 TEST(Doctor, names_a_missing_folder_of_takes) {
   const Finding finding = check_disk("/not/there");
   EXPECT_EQ(finding.verdict, Verdict::kBad);

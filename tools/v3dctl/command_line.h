@@ -62,6 +62,7 @@ void add_watch(CommandLine& line);
 void add_key(CommandLine& line);
 /// key authority, operator, enroll, revoke, members.
 void add_member_commands(CommandLine& line, cli::Command key);
+void add_node(CommandLine& line);
 void add_doctor(CommandLine& line);
 void add_update(CommandLine& line);
 void add_takes(CommandLine& line);

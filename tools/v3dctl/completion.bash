@@ -21,7 +21,7 @@ _v3dctl() {
       --studio) ((i++)) ;;
       -*) ;;
       *) if [[ -z $command ]]; then command=${COMP_WORDS[i]}; else under=${COMP_WORDS[i]}; fi
-         [[ $command =~ ^(takes|calibrate|key)$ && -z $under ]] || break ;;
+         [[ $command =~ ^(takes|calibrate|key|node)$ && -z $under ]] || break ;;
     esac
   done
   COMPREPLY=()
@@ -35,9 +35,9 @@ _v3dctl() {
   esac
   if [[ -z $command ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program")" -- "$current"))
-  elif [[ $command =~ ^(takes|calibrate|key)$ && -z $under && $current != -* ]]; then
+  elif [[ $command =~ ^(takes|calibrate|key|node)$ && -z $under && $current != -* ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command")" -- "$current"
-      [[ $command =~ ^(calibrate|key)$ ]] || compgen -f -- "$current"))
+      [[ $command =~ ^(calibrate|key|node)$ ]] || compgen -f -- "$current"))
   elif [[ $current == -* ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command" $under)" -- "$current"))
   else

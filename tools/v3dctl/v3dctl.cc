@@ -12,6 +12,7 @@ void add_all_commands(CommandLine& line) {
   add_health(line);
   add_watch(line);
   add_key(line);
+  add_node(line);
   add_doctor(line);
   add_update(line);
   add_takes(line);

@@ -139,5 +139,22 @@ TEST_F(Process, poll_does_not_block_and_kill_ends_the_process) {
   kill_process(-1);
 }
 
+TEST(IsolatedProcessors, are_read_as_the_kernel_writes_them) {
+  EXPECT_EQ(parse_processor_list("2-4,7"), (std::vector<int>{2, 3, 4, 7}));
+  EXPECT_EQ(parse_processor_list("3"), std::vector<int>{3});
+  for (const char* text : {"", "2-", "-2", "3-2", "2,x", "2;3", "1-99999", "nohz"}) {
+    EXPECT_TRUE(parse_processor_list(text).empty()) << text;
+  }
+}
+
+TEST(IsolatedProcessors, give_the_trigger_one_of_its_own) {
+  EXPECT_EQ(processors_for(IsolatedTask::kTrigger, {2, 3, 5}), std::vector<int>{5});
+  EXPECT_EQ(processors_for(IsolatedTask::kPackets, {2, 3, 5}), (std::vector<int>{2, 3}));
+  EXPECT_EQ(processors_for(IsolatedTask::kTrigger, {3}), std::vector<int>{3});
+  EXPECT_TRUE(processors_for(IsolatedTask::kPackets, {3}).empty())
+      << "packets must not delay the trigger";
+  EXPECT_TRUE(processors_for(IsolatedTask::kTrigger, {}).empty());
+}
+
 }  // namespace
 }  // namespace v3d

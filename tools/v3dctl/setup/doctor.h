@@ -4,12 +4,11 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/core/error.h"
-#include "base/io/file.h"
-#include "wire/member_list.h"
+#include "base/core/host_clock.h"
 #include "wire/messages.h"
 
 namespace v3d::ctl {
@@ -19,6 +18,8 @@ struct Finding {
   std::string subject;  ///< "receive buffer"
   std::string text;     ///< what was found
   std::string remedy;   ///< what to do; empty without a fault
+  /// Measured values with their units in the names, for --json; mostly none.
+  std::vector<std::pair<std::string, double>> values = {};
 };
 
 // --- network: doctor_network.cc
@@ -74,6 +75,20 @@ Finding check_realtime(unsigned long limit, bool root);
 /// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.
 Finding check_usb_memory(long mb, bool has_usb_cameras);
 
+// --- lateness of timers: doctor_wakeups.cc
+
+/// Sleeps `cycles` times until the next multiple of `period`. Returns how much later than its timer
+/// the calling thread ran each time. After a delay of more than a period, the multiples count from
+/// there.
+std::vector<Duration> measure_wakeups(const HostClock& clock, int cycles, Duration period);
+/// Percentiles and maximum, with the limit of a late pulse. `is_realtime`: the thread had the
+/// priority of the trigger. Without it, a lateness above the limit proves nothing: kUnknown.
+Finding judge_wakeups(const std::vector<Duration>& lateness, bool is_realtime, Duration limit);
+/// 10,000 cycles of 1 ms with the priority and on the processor of the trigger's thread: 10 s. The
+/// limit is max_pulse_lateness() at the studio's rate. `is_trigger_here`: this PC has the trigger.
+/// Otherwise, or where that is unknown, no lateness is a fault.
+Finding check_wakeups(const Studio& studio, bool is_trigger_here);
+
 // Checks of keys: the studio key of every PC of the studio, and the member list of this PC.
 
 /// Finding: the file exists, contains a key, and other users cannot read it.
@@ -98,22 +113,5 @@ std::vector<Finding> examine_keys(const Studio& studio);
 /// memory, clock, update; and whether all have the same version. A node without an entry is kBad.
 std::vector<Finding> check_nodes(const std::vector<std::string>& nodes,
                                  const std::map<std::string, wire::HealthMessage>& health);
-
-// Reads the member list that a studio file names, and verifies its signature.
-
-/// The public key of the authority. Throws InputError where the studio file contains none or an
-/// invalid one (PublicKey::parse()).
-inline wire::PublicKey authority_of(const Studio& studio) {
-  return wire::PublicKey::parse(studio.network.authority,
-                                studio.path.string() + ": network.authority");
-}
-
-/// The verified member list. Throws InputError when the file cannot be read, and like
-/// parse_member_list().
-inline wire::MemberList load_member_list(const Studio& studio) {
-  const std::filesystem::path& path = studio.network.members;
-  const std::string text = io::value_or_throw(io::read_file(path, wire::kMaxMemberListBytes));
-  return parse_member_list(text, path, authority_of(studio), studio.name);
-}
 
 }  // namespace v3d::ctl

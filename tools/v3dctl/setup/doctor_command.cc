@@ -9,6 +9,7 @@
 #include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/doctor.h"
+#include "v3dctl/setup/member_list_file.h"
 #include "wire/secret_keys.h"
 
 namespace v3d::ctl {
@@ -32,10 +33,12 @@ void print_text(const std::vector<Finding>& findings) {
 void print_json(const std::vector<Finding>& findings) {
   Json list = Json::array();
   for (const Finding& finding : findings) {
-    list.push_back({{"verdict", verdict_name(finding.verdict)},
-                    {"subject", finding.subject},
-                    {"text", finding.text},
-                    {"remedy", finding.remedy}});
+    Json json = {{"verdict", verdict_name(finding.verdict)},
+                 {"subject", finding.subject},
+                 {"text", finding.text},
+                 {"remedy", finding.remedy}};
+    for (const auto& [name, value] : finding.values) json[name] = value;
+    list.push_back(json);
   }
   std::printf("%s\n", Json({{"findings", list}}).dump(2).c_str());
 }
@@ -59,7 +62,7 @@ std::vector<Finding> check_all_nodes(const Studio& studio) {
   return check_nodes(client.nodes(), client.health(Monotonic::now() + kListen));
 }
 
-/// `node`: checks only its cameras; empty: all cameras of the studio. Takes up to five seconds.
+/// `node`: checks only its cameras; empty: all cameras of the studio. Takes up to 15 s.
 std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   std::vector<Finding> findings = check_network(studio, cameras);
@@ -68,6 +71,10 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   findings.insert(findings.end(), sounds.begin(), sounds.end());
   for (const auto& more : {check_machine(studio, cameras), examine_keys(studio)}) {
     findings.insert(findings.end(), more.begin(), more.end());
+  }
+  // Where the trigger may be. Alone, so that the other checks do not delay its thread.
+  if (node.empty() || node == studio.trigger.node) {
+    findings.push_back(check_wakeups(studio, !node.empty()));
   }
   return findings;
 }

@@ -9,7 +9,7 @@
 #include "base/io/file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/setup/doctor.h"
+#include "v3dctl/setup/member_list_file.h"
 #include "wire/member_list.h"
 #include "wire/secret_keys.h"
 #include "wire/signatures.h"
@@ -90,36 +90,14 @@ struct Options {
   bool json = false;
 };
 
-/// Path of the member list, from the studio file. Throws InputError where the file names none.
-std::filesystem::path list_path(const CommandLine& line, const Studio& studio) {
-  if (studio.network.members.empty()) {
-    throw InputError(line.studio_path().string() +
-                     ": [network] members is missing; name the file of the list there, and the "
-                     "public key of the authority");
-  }
-  return studio.network.members;
-}
-
 /// Applies `change` to the current list, signs it with the next serial number, and writes it.
-template <class Change>
-int change_list(const CommandLine& line, const Options& options, Change change) {
+int change_list(const CommandLine& line, const Options& options,
+                const std::function<void(wire::MemberList&)>& change) {
   const Studio studio = line.studio();
-  const std::filesystem::path path = list_path(line, studio);
-  const wire::SigningKey authority = wire::SigningKey::load(options.authority, wire::kAuthorityKey);
-  if (authority.public_key() != authority_of(studio)) {
-    throw InputError(options.authority.string() + ": its public key is " +
-                     authority.public_key().text() + ", but " + studio.path.string() +
-                     " has a different key for [network] authority");
-  }
-  wire::MemberList list{.studio = studio.name, .serial = 0, .members = {}};
-  if (std::filesystem::exists(path)) list = load_member_list(studio);
-  change(list);
-  ++list.serial;
-  const std::string text = sign_member_list(list, authority);
-  parse_member_list(text, path, authority.public_key(), studio.name);
-  replace_file(path, text);
-  std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n", path.c_str(),
-              static_cast<long long>(list.serial));
+  const ChangedMemberList changed = changed_member_list(studio, options.authority, change);
+  replace_file(studio.network.members, changed.text);
+  std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n",
+              studio.network.members.c_str(), static_cast<long long>(changed.serial));
   return kExitDone;
 }
 
@@ -148,7 +126,7 @@ int run_revoke(const CommandLine& line, const Options& options) {
 
 int run_members(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
-  list_path(line, studio);
+  require_member_list(studio);
   const wire::MemberList list = load_member_list(studio);
   if (options.json) {
     nlohmann::ordered_json json = {{"serial", list.serial},

@@ -34,20 +34,27 @@ install_setting() {
   : >"$3.new" && chmod "$2" "$3.new" && tr -d '\r' <"$1" >>"$3.new" && mv "$3.new" "$3"
 }
 
-# setting NAME MODE DESTINATION REMOVAL: copies the file NAME of the folder $settings to the destination when it changed since
-# it was copied; so it does not undo what changed on this PC, such as a new key. $records/NAME has the hashes of both files.
-# REMOVAL says what happens with the copy when NAME is gone: it "stays"; it is removed "unless-changed" on this PC; it is
+# source_of NAME: the file of a setting, or nothing. What a stick has set (take-setup) precedes the folder of V3D-BOOT.
+source_of() {
+  for folder in "$data/setup/current" "$settings"; do
+    if [ -f "$folder/$1" ]; then echo "$folder/$1" && return; fi
+  done
+}
+
+# setting NAME MODE DESTINATION REMOVAL: copies the setting NAME to the destination when it changed since it was copied; so it
+# does not undo what changed on this PC, such as a new key. $records/NAME has the hashes of both files. REMOVAL says what happens with the copy when NAME is gone: it "stays"; it is removed "unless-changed" on this PC; it is
 # removed "always".
 setting() {
   from='' installed=''
   if [ -f "$records/$1" ]; then read -r from installed <"$records/$1"; fi
-  if [ -f "$settings/$1" ]; then
-    hash=$(hash_of "$settings/$1")
+  source=$(source_of "$1")
+  if [ "$source" ]; then
+    hash=$(hash_of "$source")
     [ "$hash" ] && [ "$hash" != "$from" ] || return 0
-    install_setting "$settings/$1" "$2" "$3" || return 0
+    install_setting "$source" "$2" "$3" || return 0
     mkdir -p "$records"
     echo "$hash $(hash_of "$3")" >"$records/$1.new" && mv "$records/$1.new" "$records/$1"
-  elif [ "$from" ] && [ "$4" != stays ]; then
+  elif [ "$from" ] && [ "$4" != stays ] && [ -d "$settings" ]; then
     if [ "$4" = always ] || [ "$(hash_of "$3" 2>/dev/null)" = "$installed" ]; then rm -f "$3"; fi
     rm -f "$records/$1"
   fi
@@ -59,12 +66,20 @@ key() {
   [ ! -f "$rootmnt/etc/v3d/$1" ] || chown "0:$(id_of group)" "$rootmnt/etc/v3d/$1"
 }
 
-# boot_settings FOLDER: copies the settings of the partition V3D-BOOT into /etc. Without the folder, nothing changes.
+# time_sources: tells chrony the servers of the setting time_servers, a name or an address on each line; without any, Debian's.
+time_sources() {
+  list=$rootmnt/etc/v3d/time_servers
+  sources=$(sed -n 's/^[[:space:]]*\([0-9A-Za-z][0-9A-Za-z.:-]*\)[[:space:]]*$/server \1 iburst/p' "$list" 2>/dev/null || true)
+  mkdir -p "$rootmnt/etc/chrony/sources.d"
+  echo "${sources:-pool 2.debian.pool.ntp.org iburst}" >"$rootmnt/etc/chrony/sources.d/v3d.sources"
+}
+
+# boot_settings FOLDER: copies the settings of a stick, and those in the folder of the partition V3D-BOOT, into /etc. Without
+# the folder, nothing is removed.
 boot_settings() {
-  [ -d "$1" ] || return 0
   settings=$1 records=$data/system/settings
   setting hostname 644 "$rootmnt/etc/hostname" stays
-  for name in studio.toml calib.toml members.toml; do
+  for name in studio.toml calib.toml members.toml role time_servers; do
     setting "$name" 644 "$rootmnt/etc/v3d/$name" unless-changed
   done
   key studio.key
@@ -72,8 +87,11 @@ boot_settings() {
   # Always: whoever removes the file here revokes these logins.
   setting authorized_keys 644 "$rootmnt/etc/ssh/authorized_keys.d/crew" always
   setting root_authorized_keys 644 "$rootmnt/etc/ssh/authorized_keys.d/root" always
-  for file in "$settings"/*.network "$settings"/*.link "$records"/*.network "$records"/*.link; do
-    setting "${file##*/}" 644 "$rootmnt/etc/systemd/network/${file##*/}" unless-changed
+  for folder in "$data/setup/current" "$settings" "$records"; do
+    for file in "$folder"/*.network "$folder"/*.link; do
+      setting "${file##*/}" 644 "$rootmnt/etc/systemd/network/${file##*/}" unless-changed
+    done
   done
+  time_sources
   sync # the records must not be older than a key that changes on this PC later
 }

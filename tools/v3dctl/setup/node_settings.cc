@@ -1,0 +1,226 @@
+#include "v3dctl/setup/node_settings.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include "base/core/error.h"
+#include "base/io/file.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kIdFile = "id";
+const fs::path kSettingsFolder = "/etc/v3d";
+const fs::path kDataFolder = "/var/lib/v3d";
+constexpr uint64_t kMaxLoginKeysBytes = 1 << 20;
+
+/// Number of these settings: 32 random hexadecimal digits.
+std::string random_id() {
+  return fmt::format("{:016x}{:016x}\n", wire::random_nonce(), wire::random_nonce());
+}
+
+std::vector<std::string> lines_of(std::string_view text) {
+  std::vector<std::string> lines;
+  std::istringstream in{std::string(text)};
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+/// Lines of the [[node]] with this name: its name, and its public key where it has one.
+struct NodeLines {
+  std::optional<size_t> name;
+  std::optional<size_t> public_key;
+};
+
+NodeLines find_node(const std::vector<std::string>& lines, std::string_view node) {
+  static const std::regex kHeader(R"(\s*\[.*)");
+  static const std::regex kNodeHeader(R"(\s*\[\[\s*node\s*\]\].*)");
+  static const std::regex kName(R"(\s*name\s*=\s*["']([^"']*)["'].*)");
+  static const std::regex kPublicKey(R"(\s*public_key\s*=.*)");
+  NodeLines found;
+  bool in_node = false;
+  for (size_t i = 0; i < lines.size(); ++i) {
+    std::smatch match;
+    if (std::regex_match(lines[i], kHeader)) {
+      if (found.name) break;
+      in_node = std::regex_match(lines[i], kNodeHeader);
+      found = {};
+    } else if (in_node && std::regex_match(lines[i], match, kName) && match[1].str() == node) {
+      found.name = i;
+    } else if (in_node && std::regex_match(lines[i], kPublicKey)) {
+      found.public_key = i;
+    }
+  }
+  return found.name ? found : NodeLines{};
+}
+
+std::string join_lines(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return text;
+}
+
+const StudioNode* node_of(const Studio& studio, std::string_view name) {
+  const auto found = std::ranges::find(studio.nodes, name, &StudioNode::name);
+  return found == studio.nodes.end() ? nullptr : &*found;
+}
+
+/// True for the files that this program and a PC write into a settings folder.
+bool is_settings_file(const fs::path& file) {
+  static const std::set<std::string> kNames = {
+      "hostname",     "role",        "studio.toml", "calib.toml",      "members.toml",
+      "studio.key",   "signing.key", "pc",          "authorized_keys", "root_authorized_keys",
+      "time_servers", "taken",       "report.txt",  "report.new"};
+  return kNames.contains(file.filename()) || file.extension() == ".network" ||
+         file.extension() == ".link";
+}
+
+/// Removes an earlier settings folder, its `id` first, so that no PC takes a part of it.
+void remove_settings(const fs::path& folder) {
+  fs::remove(folder / kIdFile);
+  io::throw_if_failed(io::sync_folder(folder));
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_directory() || !is_settings_file(entry.path())) {
+      throw InputError(entry.path().string() +
+                       ": is no file of v3dctl node add; move it out of the folder");
+    }
+  }
+  for (const auto& entry : fs::directory_iterator(folder)) fs::remove(entry.path());
+  fs::remove(folder);
+}
+
+void require_path(const fs::path& path, const std::string& field, const fs::path& actual,
+                  const std::string& right) {
+  if (actual == kSettingsFolder / right) return;
+  throw InputError(path.string() + ": " + field + " is " + actual.string() +
+                   " on the appliance; right would be \"" + right + "\"");
+}
+
+void require_data_path(const fs::path& path, const std::string& field, const fs::path& actual) {
+  const fs::path inside = actual.lexically_normal().lexically_relative(kDataFolder);
+  if (!inside.empty() && *inside.begin() != ".." && inside != ".") return;
+  throw InputError(path.string() + ": " + field + " is " + actual.string() +
+                   " on the appliance; right would be a folder in " + kDataFolder.string());
+}
+
+}  // namespace
+
+void require_host_name(const std::string& name) {
+  static const std::regex kHostName("[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?");
+  if (std::regex_match(name, kHostName)) return;
+  throw InputError("node '" + name +
+                   "': the name is also that of a host; use small letters, digits and '-', at most "
+                   "63, e.g. cap07");
+}
+
+wire::Role role_of(const Studio& studio, std::string_view node) {
+  return studio.reconstructs(node) ? wire::Role::kReconstruction : wire::Role::kCapture;
+}
+
+std::string with_node(std::string_view text, const fs::path& path, std::string_view node,
+                      const std::string& public_key) {
+  std::vector<std::string> lines = lines_of(text);
+  const std::string field = "public_key = \"" + public_key + "\"";
+  const bool is_listed = node_of(parse_studio(text, path), node) != nullptr;
+  if (is_listed && public_key.empty()) return std::string(text);
+  const NodeLines found = find_node(lines, node);
+  if (!is_listed) {
+    lines.insert(lines.end(), {"", "[[node]]", "name = \"" + std::string(node) + "\""});
+    if (!public_key.empty()) lines.push_back(field);
+  } else if (found.public_key) {
+    lines[*found.public_key] = field;
+  } else if (found.name) {
+    lines.insert(lines.begin() + static_cast<std::ptrdiff_t>(*found.name) + 1, field);
+  }
+  const std::string changed = join_lines(lines);
+  const Studio studio = parse_studio(changed, path);
+  const StudioNode* const added = node_of(studio, node);
+  if (added != nullptr && added->public_key == public_key) return changed;
+  throw InputError(path.string() + ": cannot enter the key of " + std::string(node) +
+                   " here; enter it by hand, under its [[node]]: " + field);
+}
+
+void require_appliance_paths(std::string_view text, const fs::path& path) {
+  const Studio studio = parse_studio(text, kSettingsFolder / "studio.toml");
+  require_path(path, "[network] key", studio.network.key, "studio.key");
+  require_path(path, "[storage] calib", studio.storage.calib, "calib.toml");
+  if (!studio.network.members.empty()) {
+    require_path(path, "[network] members", studio.network.members, "members.toml");
+  }
+  if (!studio.storage.signing_key.empty()) {
+    require_path(path, "[storage] signing_key", studio.storage.signing_key, "signing.key");
+  }
+  require_data_path(path, "[storage] takes", studio.storage.takes);
+  require_data_path(path, "[storage] background", studio.storage.background);
+}
+
+std::string read_login_keys(const fs::path& path) {
+  static const std::regex kPublicKey(
+      R"(\s*((#.*)?|(.*\s)?(ssh|ecdsa|sk)-[a-z0-9@.-]+ [A-Za-z0-9+/]+.*))");
+  const std::string text = io::value_or_throw(io::read_file(path, kMaxLoginKeysBytes));
+  for (const std::string& line : lines_of(text)) {
+    if (std::regex_match(line, kPublicKey)) continue;
+    throw InputError(path.string() +
+                     ": a line is no public key of ssh; right would be e.g. ~/.ssh/id_ed25519.pub");
+  }
+  return text;
+}
+
+std::string time_servers_text(const std::vector<std::string>& servers) {
+  static const std::regex kServer("[0-9A-Za-z][0-9A-Za-z.:-]*");
+  std::string text;
+  for (const std::string& server : servers) {
+    if (!std::regex_match(server, kServer)) {
+      throw InputError("--time-server '" + server +
+                       "': right would be a name or an address, e.g. ntp.studio or 192.168.1.1");
+    }
+    text += server + "\n";
+  }
+  return text;
+}
+
+fs::path write_node_settings(const fs::path& stick, const NodeSettings& settings,
+                             bool is_replaced) {
+  if (!fs::is_directory(stick)) {
+    throw InputError(stick.string() + ": is no folder; right would be where the stick is mounted");
+  }
+  const fs::path folder = stick / "v3d" / settings.name;
+  if (fs::exists(folder)) {
+    if (fs::exists(folder / kIdFile) && !is_replaced) {
+      throw InputError(folder.string() +
+                       ": exists already; --replace writes new settings, with a new signing key");
+    }
+    remove_settings(folder);
+  }
+  fs::create_directories(folder);
+  for (const auto& [name, text] : settings.files) replace_file(folder / name, text);
+  settings.studio_key.save(folder / "studio.key", "");
+  if (settings.signing_key) settings.signing_key->save(folder / "signing.key", "");
+  io::throw_if_failed(io::sync_file_system(folder));
+  replace_file(folder / kIdFile, random_id());
+  io::throw_if_failed(io::sync_file_system(folder));
+  return folder;
+}
+
+void update_other_settings(const fs::path& stick, const NodeSettings& settings) {
+  const fs::path file = "studio.toml";
+  const std::string studio = parse_studio(settings.files.at(file), file).name;
+  for (const auto& folder : fs::directory_iterator(stick / "v3d")) {
+    const fs::path& path = folder.path();
+    const bool is_other = folder.is_directory() && path.filename() != settings.name;
+    if (!is_other || !fs::exists(path / kIdFile) || fs::exists(path / "taken")) continue;
+    if (load_studio(path / file).name != studio) continue;
+    for (const char* name : {"studio.toml", "members.toml"}) {
+      const auto text = settings.files.find(name);
+      if (text != settings.files.end()) replace_file(path / name, text->second);
+    }
+  }
+}
+
+}  // namespace v3d::ctl

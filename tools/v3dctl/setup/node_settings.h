@@ -1,0 +1,67 @@
+// Settings folder of a capture PC: what `v3dctl node add` writes to a stick, and the appliance's
+// program take-setup reads.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/config/studio_file.h"
+#include "wire/member_list.h"
+#include "wire/secret_keys.h"
+#include "wire/signatures.h"
+
+namespace v3d::ctl {
+
+/// Settings of one PC.
+struct NodeSettings {
+  std::string name;                          ///< of the node; also the host name of its PC
+  std::map<std::string, std::string> files;  ///< name and content of each file without a secret
+  wire::StudioKey studio_key;
+  std::optional<wire::SigningKey> signing_key;  ///< empty where the studio signs no takes
+};
+
+/// Throws InputError unless `name` can be the name of a node and of a host: small letters, digits
+/// and '-', at most 63.
+void require_host_name(const std::string& name);
+
+/// The role of a node's daemon: reconstruction where the studio file says so, otherwise capture.
+wire::Role role_of(const Studio& studio, std::string_view node);
+
+/// The text of a studio file in which [[node]] `node` has this public key. A node that is missing
+/// is appended. Other lines stay as they are. `public_key`: 64 hexadecimal digits; empty: only a
+/// missing node is appended.
+/// Throws InputError, with the line to enter by hand, where the result would not be a studio file
+/// with that key; and like parse_studio().
+std::string with_node(std::string_view text, const std::filesystem::path& path,
+                      std::string_view node, const std::string& public_key);
+
+/// Throws InputError where a path of the studio file is not right for an appliance: its keys,
+/// calibration and member list lie in /etc/v3d, takes and background models below /var/lib/v3d.
+/// `text`: of the studio file. `path`: for messages.
+void require_appliance_paths(std::string_view text, const std::filesystem::path& path);
+
+/// Text of the file with the public keys of those who may log in. Throws InputError where a line is
+/// no public key.
+std::string read_login_keys(const std::filesystem::path& path);
+
+/// Text of the file time_servers. Throws InputError for a text that is no name and no address.
+std::string time_servers_text(const std::vector<std::string>& servers);
+
+/// Writes the settings to the new folder `stick`/v3d/NAME, and as its last file `id`, a random
+/// number. Without `id`, a PC does not take the settings. All files are on the disk on return.
+///
+/// Where the folder exists: one without `id` is incomplete and replaced; a complete one is replaced
+/// with `is_replaced` only. Throws InputError for another, where the folder holds other files, and
+/// where `stick` is no folder; std::runtime_error when a file cannot be written.
+std::filesystem::path write_node_settings(const std::filesystem::path& stick,
+                                          const NodeSettings& settings, bool is_replaced);
+
+/// Gives the other settings folders of the same studio on the stick, which no PC has taken, the
+/// studio file and the member list of `settings`: nodes that are added later are in them, too.
+void update_other_settings(const std::filesystem::path& stick, const NodeSettings& settings);
+
+}  // namespace v3d::ctl
