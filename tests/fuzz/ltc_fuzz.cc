@@ -7,6 +7,7 @@
 
 #include "fuzz_input.h"
 #include "sound/ltc.h"
+#include "sound/timecode_track.h"
 
 namespace {
 
