@@ -1,6 +1,7 @@
 #include "daemon/captured/pulse_recorder.h"
 
 #include "base/core/text.h"
+#include "daemon/captured/time_of_day.h"
 #include "wire/messages.h"
 
 namespace v3d::captured {
@@ -15,9 +16,6 @@ constexpr Duration kMaxNetworkDelay = std::chrono::milliseconds(200);
 /// A lost message is noticed when the next one arrives. The last pulse has no next one, so its
 /// message is sent again.
 constexpr int kResends = 3;
-
-/// The same instant by the realtime clock, from the current difference of the clocks.
-RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
 
 KnownPulses known_pulses(const std::string& take,
                          const std::optional<PulseRecorder::Resume>& resume) {
