@@ -64,7 +64,7 @@ struct Line {
   unsigned offset = 0;
 };
 
-/// What is asked of a line.
+/// How a line is requested.
 struct Wanted {
   gpiod_line_direction direction;
   gpiod_line_edge edges;

@@ -16,6 +16,8 @@ namespace v3d::captured {
 
 using SoundQueue = bus::BoundedQueue<sound::SoundBlock>;
 
+/// Passes the blocks of a sound device to a function, in a thread of its own, and keeps the pulses
+/// for it.
 class SoundReceiver {
  public:
   /// Processes a block.
