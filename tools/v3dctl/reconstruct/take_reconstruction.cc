@@ -20,8 +20,6 @@
 namespace v3d::ctl {
 namespace {
 
-namespace fs = std::filesystem;
-
 // Compares the rendered silhouettes of the surface with the masks, within the view of the bounds.
 class SilhouetteMeter {
  public:
