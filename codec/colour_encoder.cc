@@ -12,24 +12,58 @@ namespace {
 /// The choice of the prediction of a group examines every fourth vertex.
 constexpr uint32_t kSampleStride = 4;
 
-/// Rounds to the nearest number of steps, and halves towards 0: a colour that is within half a step
-/// of the previous frame keeps its value.
-int quantised(int difference, int step) {
-  const int half = (step - 1) / 2;
-  return difference < 0 ? -((half - difference) / step) : (difference + half) / step;
-}
+/// Differences of colours in steps. A table, because a division takes longer.
+class Quantiser {
+ public:
+  explicit Quantiser(const ColourSteps& steps) {
+    for (size_t n = 0; n < steps.size(); ++n) {
+      for (int difference = -kReach; difference <= kReach; ++difference) {
+        const int residual = nearest(difference, steps[n]);
+        entries_[n][kReach + difference] = {static_cast<int16_t>(residual),
+                                            static_cast<int16_t>(residual * steps[n])};
+      }
+    }
+  }
+
+  /// The nearest number of steps; of two, the smaller one: a colour that is within half a step of
+  /// the previous frame keeps its value.
+  int residual(int difference, size_t n) const { return entries_[n][kReach + difference].residual; }
+  /// The difference that the decoder computes from this residual.
+  int16_t rounded(int difference, size_t n) const {
+    return entries_[n][kReach + difference].rounded;
+  }
+
+ private:
+  static constexpr int kReach = 510;  ///< the largest difference of two colours
+  struct Entry {
+    int16_t residual, rounded;
+  };
+
+  static int nearest(int difference, int step) {
+    const int half = (step - 1) / 2;
+    return difference < 0 ? -((half - difference) / step) : (difference + half) / step;
+  }
+
+  std::array<std::array<Entry, 2 * kReach + 1>, 3> entries_{};
+};
 
 class ColourEncoder {
  public:
   ColourEncoder(std::span<const LumaChroma> wanted, const KnownVertices& known,
                 const ColourSteps& steps, const PreviousColours* previous)
-      : wanted_(wanted), known_(known), steps_(steps), previous_(previous), contexts_(steps) {}
+      : wanted_(wanted),
+        known_(known),
+        steps_(steps),
+        previous_(previous),
+        quantiser_(steps),
+        contexts_(steps) {}
 
   CodedColours run() {
     for (uint32_t first = 0; first < wanted_.size(); first += kColourGroup) {
       groups_.push_back(previous_ != nullptr && previous_is_closer(first));
     }
     decoded_.resize(wanted_.size());
+    symbols_.reserve(wanted_.size());
     if (!decoded_.empty()) decoded_[0] = kFirstColour;
     for (uint32_t vertex = 0; vertex < wanted_.size(); ++vertex) add(vertex);
     ByteWriter bytes;
@@ -59,6 +93,7 @@ class ColourEncoder {
   const KnownVertices& known_;
   const ColourSteps& steps_;
   const PreviousColours* const previous_;
+  const Quantiser quantiser_;
   const ColourContexts contexts_;
   std::vector<bool> groups_;  ///< [group]: predict from the previous frame
   std::vector<LumaChroma> decoded_;
@@ -86,13 +121,16 @@ bool ColourEncoder::previous_is_closer(uint32_t vertex) const {
 void ColourEncoder::add(uint32_t vertex) {
   const ColourPrediction surface = predict_from(known_.of(vertex), decoded_.data());
   const LumaChroma* previous = groups_[vertex / kColourGroup] ? previous_->at(vertex) : nullptr;
-  const LumaChroma prediction = previous != nullptr ? *previous : colour_in(surface.mean);
+  const Lanes prediction = previous != nullptr ? lanes_of(*previous) : surface.mean;
+  const LumaChroma difference = colour_in(lanes_of(wanted_[vertex]) - prediction);
   std::array<int, 3> residuals;
   for (int n = 0; n < 3; ++n) {
-    residuals[n] = quantised(wanted_[vertex][n] - prediction[n], steps_[n]);
+    residuals[n] = quantiser_.residual(difference[n], n);
     if (ColourSymbol::is_escape(residuals[n], n)) escapes_.push_back({n, residuals[n]});
-    decoded_[vertex][n] = dequantised(prediction[n], residuals[n], steps_[n], n);
   }
+  const Lanes rounded{quantiser_.rounded(difference[0], 0), quantiser_.rounded(difference[1], 1),
+                      quantiser_.rounded(difference[2], 2), 0};
+  decoded_[vertex] = clamped(prediction + rounded);
   const uint32_t table =
       previous != nullptr ? uint32_t{ColourContexts::kPrevious} : contexts_.of(surface.spread);
   const uint32_t symbol = ColourSymbol::of(residuals);

@@ -192,6 +192,26 @@ inline constexpr uint32_t kSlots = 1U << kSlotBits;
 /// 2^32 times this.
 inline constexpr uint64_t kRansStart = uint64_t{1} << 31;
 
+/// Division by a constant through a multiplication, which is faster. Exact for dividends below
+/// 2^63. Source: Granlund and Montgomery, "Division by invariant integers using multiplication",
+/// 1994.
+class Reciprocal {
+ public:
+  constexpr Reciprocal() = default;
+  /// Requires 0 < divisor <= 2^32.
+  constexpr explicit Reciprocal(uint64_t divisor)
+      : shift_(63 + std::bit_width(divisor - 1)),
+        factor_(static_cast<uint64_t>((Product{1} << shift_) / divisor + 1)) {}
+  constexpr uint64_t quotient_of(uint64_t dividend) const {
+    return static_cast<uint64_t>(Product{dividend} * factor_ >> shift_);
+  }
+
+ private:
+  __extension__ using Product = unsigned __int128;
+  int shift_ = 0;
+  uint64_t factor_ = 0;
+};
+
 class RansEncoder {
  public:
   /// Encodes a symbol whose slots start at `first`. Requires 0 < slots and first + slots <= kSlots.
@@ -200,12 +220,19 @@ class RansEncoder {
       words_.push_back(static_cast<uint32_t>(state_));
       state_ >>= 32;
     }
-    state_ = (state_ / slots << kSlotBits) + state_ % slots + first;
+    const uint64_t quotient = kReciprocals[slots].quotient_of(state_);
+    state_ = (quotient << kSlotBits) + (state_ - quotient * slots) + first;
   }
   /// Appends the bytes for the decoder.
   void finish(ByteWriter& bytes) const;
 
  private:
+  static constexpr std::array<Reciprocal, kSlots + 1> kReciprocals = [] {
+    std::array<Reciprocal, kSlots + 1> reciprocals;
+    for (uint32_t slots = 1; slots <= kSlots; ++slots) reciprocals[slots] = Reciprocal(slots);
+    return reciprocals;
+  }();
+
   uint64_t state_ = kRansStart;
   std::vector<uint32_t> words_;
 };

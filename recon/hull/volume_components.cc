@@ -46,24 +46,59 @@ void fill_brick(codec::Brick& bits, const codec::Brick& room) {
   }
 }
 
+constexpr uint64_t kFirstColumn = 0x0101010101010101;
+
+/// The voxels of a brick with this x, bit 8 z + y.
+uint64_t x_face(const codec::Brick& bits, int x) {
+  constexpr uint64_t kColumnToByte = 0x0102040810204080;  // moves bit 8 y to bit 56 + y
+  uint64_t face = 0;
+  for (int z = 0; z < codec::kBrickEdge; ++z) {
+    face |= ((bits[z] >> x & kFirstColumn) * kColumnToByte) >> 56 << 8 * z;
+  }
+  return face;
+}
+/// The voxels of a brick with this y, bit 8 z + x.
+uint64_t y_face(const codec::Brick& bits, int y) {
+  uint64_t face = 0;
+  for (int z = 0; z < codec::kBrickEdge; ++z) face |= (bits[z] >> 8 * y & 0xFF) << 8 * z;
+  return face;
+}
+
+/// Directions from a brick to half of the bricks that share a face or an edge with it.
+constexpr std::array<std::array<int, 3>, 9> kDirections{{{1, 0, 0},
+                                                         {0, 1, 0},
+                                                         {0, 0, 1},
+                                                         {1, 1, 0},
+                                                         {-1, 1, 0},
+                                                         {1, 0, 1},
+                                                         {-1, 0, 1},
+                                                         {0, 1, 1},
+                                                         {0, -1, 1}}};
+
+/// Does a voxel of brick `a` share a face or an edge with one of brick `b`, which lies in this
+/// direction?
+bool are_connected(const codec::Brick& a, const codec::Brick& b,
+                   const std::array<int, 3>& direction) {
+  const auto [x, y, z] = direction;
+  const auto end = [](int d) { return d > 0 ? codec::kBrickEdge - 1 : 0; };
+  if (x != 0 && y != 0) {
+    const uint64_t of_a = x_face(a, end(x)) >> end(y), of_b = x_face(b, end(-x)) >> end(-y);
+    return (of_a & of_b & kFirstColumn) != 0;
+  }
+  const uint64_t layer_a = a[end(z)], layer_b = b[end(-z)];
+  if (x != 0 && z != 0) return (layer_a >> end(x) & layer_b >> end(-x) & kFirstColumn) != 0;
+  if (y != 0 && z != 0) return (layer_a >> 8 * end(y) & layer_b >> 8 * end(-y) & 0xFF) != 0;
+  if (x != 0) return (cross_in_layer(x_face(a, end(x))) & x_face(b, end(-x))) != 0;
+  if (y != 0) return (cross_in_layer(y_face(a, end(y))) & y_face(b, end(-y))) != 0;
+  return (cross_in_layer(layer_a) & layer_b) != 0;
+}
+
 }  // namespace
 
 void VolumeComponents::find(const SparseVolume& volume) {
-  const auto bricks = volume.bricks();
-  components_.clear();
-  parts_.clear();
-  left_.assign(bricks.begin(), bricks.end());
-  reached_.assign(bricks.size(), codec::kEmptyBrick);
-  is_touched_.assign(bricks.size(), 0);
-  is_queued_.assign(bricks.size(), 0);
-  for (size_t b = 0; b < bricks.size(); ++b) {
-    for (int z = 0; z < codec::kBrickEdge; ++z) {
-      while (left_[b][z] != 0) {
-        flood(volume, b, z);
-        collect();
-      }
-    }
-  }
+  split(volume.bricks());
+  join(volume);
+  collect();
 }
 
 size_t VolumeComponents::largest() const {
@@ -77,52 +112,94 @@ std::span<const ComponentPart> VolumeComponents::parts(size_t component) const {
   return std::span(parts_).subspan(c.first_part, c.parts);
 }
 
-/// Reaches the component of the first free voxel in this layer.
-void VolumeComponents::flood(const SparseVolume& volume, size_t brick, int z) {
-  reached_[brick][z] = left_[brick][z] & -left_[brick][z];
-  is_touched_[brick] = is_queued_[brick] = 1;
-  touched_.assign(1, static_cast<uint32_t>(brick));
-  queue_.assign(1, static_cast<uint32_t>(brick));
-  for (size_t next = 0; next < queue_.size(); ++next) grow(volume, queue_[next]);
-}
-
-/// Fills one brick from its neighbours, and queues the neighbours that it may fill in turn.
-void VolumeComponents::grow(const SparseVolume& volume, size_t brick) {
-  is_queued_[brick] = 0;
-  const BricksAround around = bricks_around(volume, brick);
-  const auto reached_of = [&](size_t b, int z) { return reached_[b][z]; };
-  const codec::Brick before = reached_[brick];
-  codec::Brick bits = dilated(around, reached_of);
-  for (size_t z = 0; z < bits.size(); ++z) bits[z] &= left_[brick][z];
-  fill_brick(bits, left_[brick]);
-  const bool is_first = touched_.size() == 1 && queue_.size() == 1;
-  if (bits == before && !is_first) return;
-  reached_[brick] = bits;
-  if (!is_touched_[brick]) {
-    is_touched_[brick] = 1;
-    touched_.push_back(static_cast<uint32_t>(brick));
-  }
-  for (const int n : around) {
-    if (n < 0 || n == static_cast<int>(brick) || is_queued_[n] || left_[n] == reached_[n]) continue;
-    is_queued_[n] = 1;
-    queue_.push_back(static_cast<uint32_t>(n));
-  }
-}
-
-/// Makes a component of the reached voxels.
-void VolumeComponents::collect() {
-  Component component{.first_part = parts_.size(), .parts = touched_.size()};
-  std::ranges::sort(touched_);
-  for (const uint32_t b : touched_) {
-    parts_.push_back({b, reached_[b]});
-    for (size_t z = 0; z < codec::kBrickEdge; ++z) {
-      component.voxels += codec::bit_count(reached_[b][z]);
-      left_[b][z] &= ~reached_[b][z];
+/// Divides each brick into its pieces, sorted by their first voxels.
+void VolumeComponents::split(std::span<const codec::Brick> bricks) {
+  pieces_.clear();
+  first_piece_.clear();
+  for (size_t b = 0; b < bricks.size(); ++b) {
+    first_piece_.push_back(static_cast<uint32_t>(pieces_.size()));
+    codec::Brick left = bricks[b];
+    for (int z = 0; z < codec::kBrickEdge; ++z) {
+      while (left[z] != 0) {
+        const auto number = static_cast<uint32_t>(pieces_.size());
+        Piece& piece = pieces_.emplace_back(Piece{static_cast<uint32_t>(b), number});
+        piece.bits[z] = left[z] & -left[z];
+        fill_brick(piece.bits, left);
+        for (int k = 0; k < codec::kBrickEdge; ++k) left[k] &= ~piece.bits[k];
+      }
     }
-    reached_[b] = codec::kEmptyBrick;
-    is_touched_[b] = 0;
   }
-  components_.push_back(component);
+  first_piece_.push_back(static_cast<uint32_t>(pieces_.size()));
+}
+
+void VolumeComponents::join(const SparseVolume& volume) {
+  for (size_t b = 0; b + 1 < first_piece_.size(); ++b) {
+    const codec::BrickCoord at = volume.coords()[b];
+    for (const auto& direction : kDirections) {
+      const auto [x, y, z] = direction;
+      const int other = volume.index_of({at.x + x, at.y + y, at.z + z});
+      if (other < 0) continue;
+      for (uint32_t p = first_piece_[b]; p < first_piece_[b + 1]; ++p) {
+        join(p, static_cast<size_t>(other), direction);
+      }
+    }
+  }
+}
+
+/// Joins a piece with the pieces of the brick in this direction that it is connected to.
+void VolumeComponents::join(uint32_t piece, size_t brick, const std::array<int, 3>& direction) {
+  for (uint32_t other = first_piece_[brick]; other < first_piece_[brick + 1]; ++other) {
+    const uint32_t a = first_of(piece), b = first_of(other);
+    if (a == b || !are_connected(pieces_[piece].bits, pieces_[other].bits, direction)) continue;
+    pieces_[std::max(a, b)].parent = std::min(a, b);
+  }
+}
+
+/// The first piece of the piece's component, as far as it is joined. Halves the path to it.
+uint32_t VolumeComponents::first_of(uint32_t piece) {
+  while (pieces_[piece].parent != piece) {
+    uint32_t& parent = pieces_[piece].parent;
+    parent = pieces_[parent].parent;
+    piece = parent;
+  }
+  return piece;
+}
+
+/// Makes the components of the joined pieces.
+void VolumeComponents::collect() {
+  components_.clear();
+  constexpr uint32_t kNone = ~uint32_t{0};
+  std::vector<uint32_t> last_brick;
+  // Calls action(component, whether this is its first piece in the brick) for each piece.
+  const auto each_piece = [&](const auto& action) {
+    last_brick.assign(components_.size(), kNone);
+    for (const Piece& piece : pieces_) {
+      const bool is_new = std::exchange(last_brick[piece.component], piece.brick) != piece.brick;
+      action(components_[piece.component], piece, is_new);
+    }
+  };
+  for (uint32_t p = 0; p < pieces_.size(); ++p) {
+    const uint32_t first = first_of(p);
+    if (first == p) components_.emplace_back();
+    pieces_[p].component =
+        first == p ? static_cast<uint32_t>(components_.size() - 1) : pieces_[first].component;
+  }
+  size_t parts = 0;
+  each_piece([&](Component& component, const Piece&, bool is_new) { component.parts += is_new; });
+  for (Component& component : components_) {
+    component.first_part = parts;
+    parts += std::exchange(component.parts, 0);
+  }
+  parts_.assign(parts, {});
+  each_piece([&](Component& component, const Piece& piece, bool is_new) {
+    component.parts += is_new;
+    ComponentPart& part = parts_[component.first_part + component.parts - 1];
+    part.brick = piece.brick;
+    for (size_t z = 0; z < piece.bits.size(); ++z) {
+      part.bits[z] |= piece.bits[z];
+      component.voxels += codec::bit_count(piece.bits[z]);
+    }
+  });
 }
 
 VolumeCut::VolumeCut(const SparseVolume& volume, std::vector<codec::Brick> cut)

@@ -1,6 +1,7 @@
 // Components of a volume and cuts of it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -17,9 +18,10 @@ struct ComponentPart {
   codec::Brick bits{};
 };
 
-/// Finds the connected components of volumes by flood fill, 64 voxels at a time. Two voxels are
-/// connected when they share a face or an edge, as in MarchingCubes, so every component has a
-/// surface of its own. Keeps its working memory between volumes. One thread. Deterministic.
+/// Finds the connected components of volumes. Two voxels are connected when they share a face or an
+/// edge, as in MarchingCubes, so every component has a surface of its own. Flood fill, 64 voxels at
+/// a time, divides each brick into pieces; union-find joins pieces of adjacent bricks. Keeps its
+/// working memory between volumes. One thread. Deterministic.
 class VolumeComponents {
  public:
   /// Finds the components of `volume`; replaces the previous ones.
@@ -40,18 +42,24 @@ class VolumeComponents {
     size_t parts = 0;
     int64_t voxels = 0;
   };
-  void flood(const SparseVolume& volume, size_t brick, int z);
-  void grow(const SparseVolume& volume, size_t brick);
+  /// Connected voxels of one brick.
+  struct Piece {
+    uint32_t brick = 0;
+    uint32_t parent = 0;  ///< a piece of the same component; the first one is its own parent
+    uint32_t component = 0;
+    codec::Brick bits{};
+  };
+  void split(std::span<const codec::Brick> bricks);
+  void join(const SparseVolume& volume);
+  void join(uint32_t piece, size_t brick, const std::array<int, 3>& direction);
+  uint32_t first_of(uint32_t piece);
   void collect();
 
   std::vector<Component> components_;
   std::vector<ComponentPart> parts_;
-  // Working memory, by brick of the volume.
-  std::vector<codec::Brick> left_;  ///< voxels that are in no component yet
-  std::vector<codec::Brick>
-      reached_;  ///< voxels of the current component; empty between components
-  std::vector<uint8_t> is_touched_, is_queued_;
-  std::vector<uint32_t> touched_, queue_;
+  // Working memory.
+  std::vector<Piece> pieces_;          ///< sorted by brick
+  std::vector<uint32_t> first_piece_;  ///< [brick]; one more at the end
 };
 
 // A set of voxels to be removed from a volume, with the filters that clean it up.
