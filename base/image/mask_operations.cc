@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <functional>
 
 #include "base/core/error.h"
 
@@ -18,17 +19,30 @@ Mask word_by_word(Mask a, const Mask& b, F f) {
   return a;
 }
 
-/// Dilates a row by `radius` columns. The result can have bits in its padding.
-void grow_row(std::span<const uint64_t> row, std::span<uint64_t> result, int radius) {
-  const auto word = [&](size_t w) { return w < row.size() ? row[w] : 0; };
-  for (size_t w = 0; w < row.size(); ++w) {
-    const uint64_t before = w > 0 ? row[w - 1] : 0;
-    uint64_t grown = row[w];
-    for (int i = 1; i <= radius; ++i) {
-      grown |= row[w] << i | before >> (64 - i) | row[w] >> i | word(w + 1) << (64 - i);
-    }
-    result[w] = grown;
+/// Calls combine(step) so that it doubles, and then completes, a range of one pixel: after all
+/// calls it has `count` pixels. Requires that combine(step) adds the pixels `step` further on.
+template <class Combine>
+void double_range(int count, const Combine& combine) {
+  for (int covered = 1; covered < count;) {
+    const int step = std::min(covered, count - covered);
+    combine(step);
+    covered += step;
   }
+}
+
+/// Dilates a row by `radius` columns. The result can have bits in its padding.
+void grow_row(std::span<uint64_t> row, std::span<uint64_t> upwards, int radius) {
+  std::ranges::copy(row, upwards.begin());
+  const size_t last = row.size() - 1;
+  double_range(radius + 1, [&](int step) {
+    for (size_t w = 0; w < last; ++w) row[w] |= row[w] >> step | row[w + 1] << (64 - step);
+    row[last] |= row[last] >> step;
+    for (size_t w = last; w > 0; --w) {
+      upwards[w] |= upwards[w] << step | upwards[w - 1] >> (64 - step);
+    }
+    upwards[0] |= upwards[0] << step;
+  });
+  std::ranges::transform(row, upwards, row.begin(), std::bit_or());
 }
 
 void clear_padding(Mask& mask) {
@@ -45,24 +59,24 @@ Mask inverse(Mask mask) {
   return mask;
 }
 
-Mask grown_along_rows(const Mask& mask, int radius) {
-  Mask result(mask.size());
-  for (int y = 0; y < mask.size().height; ++y) grow_row(mask.row(y), result.row(y), radius);
-  clear_padding(result);
-  return result;
+void grow_along_rows(Mask& mask, int radius) {
+  std::vector<uint64_t> upwards(static_cast<size_t>(mask.words_per_row()));
+  for (int y = 0; y < mask.size().height; ++y) grow_row(mask.row(y), upwards, radius);
+  clear_padding(mask);
 }
 
-Mask grown_along_columns(const Mask& mask, int radius) {
-  Mask result(mask.size());
+void add_row(std::span<const uint64_t> row, std::span<uint64_t> sum) {
+  std::ranges::transform(sum, row, sum.begin(), std::bit_or());
+}
+
+void grow_along_columns(Mask& mask, int radius) {
   const int height = mask.size().height;
-  for (int y = 0; y < height; ++y) {
-    const auto row = result.row(y);
-    for (int from = std::max(0, y - radius); from <= std::min(height - 1, y + radius); ++from) {
-      std::transform(row.begin(), row.end(), mask.row(from).begin(), row.begin(),
-                     [](uint64_t a, uint64_t b) { return a | b; });
-    }
-  }
-  return result;
+  Mask downwards = mask;
+  double_range(radius + 1, [&](int step) {
+    for (int y = 0; y + step < height; ++y) add_row(mask.row(y + step), mask.row(y));
+    for (int y = height - 1; y >= step; --y) add_row(downwards.row(y - step), downwards.row(y));
+  });
+  for (int y = 0; y < height; ++y) add_row(downwards.row(y), mask.row(y));
 }
 
 }  // namespace
@@ -79,7 +93,11 @@ Mask union_of(Mask a, const Mask& b) {
 
 Mask dilate(const Mask& mask, int radius) {
   V3D_CHECK(radius >= 0 && radius <= kMaxRadius);
-  return grown_along_columns(grown_along_rows(mask, radius), radius);
+  Mask result = mask;
+  if (mask.words_per_row() == 0) return result;
+  grow_along_rows(result, radius);
+  grow_along_columns(result, radius);
+  return result;
 }
 
 Mask erode(const Mask& mask, int radius) { return inverse(dilate(inverse(mask), radius)); }

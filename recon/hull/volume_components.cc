@@ -121,8 +121,7 @@ void VolumeComponents::split(std::span<const codec::Brick> bricks) {
     codec::Brick left = bricks[b];
     for (int z = 0; z < codec::kBrickEdge; ++z) {
       while (left[z] != 0) {
-        const auto number = static_cast<uint32_t>(pieces_.size());
-        Piece& piece = pieces_.emplace_back(Piece{static_cast<uint32_t>(b), number});
+        Piece& piece = pieces_.emplace_back(Piece{.brick = static_cast<uint32_t>(b)});
         piece.bits[z] = left[z] & -left[z];
         fill_brick(piece.bits, left);
         for (int k = 0; k < codec::kBrickEdge; ++k) left[k] &= ~piece.bits[k];
@@ -133,6 +132,7 @@ void VolumeComponents::split(std::span<const codec::Brick> bricks) {
 }
 
 void VolumeComponents::join(const SparseVolume& volume) {
+  joined_.reset(pieces_.size());
   for (size_t b = 0; b + 1 < first_piece_.size(); ++b) {
     const codec::BrickCoord at = volume.coords()[b];
     for (const auto& direction : kDirections) {
@@ -149,20 +149,11 @@ void VolumeComponents::join(const SparseVolume& volume) {
 /// Joins a piece with the pieces of the brick in this direction that it is connected to.
 void VolumeComponents::join(uint32_t piece, size_t brick, const std::array<int, 3>& direction) {
   for (uint32_t other = first_piece_[brick]; other < first_piece_[brick + 1]; ++other) {
-    const uint32_t a = first_of(piece), b = first_of(other);
-    if (a == b || !are_connected(pieces_[piece].bits, pieces_[other].bits, direction)) continue;
-    pieces_[std::max(a, b)].parent = std::min(a, b);
+    if (joined_.find(piece) == joined_.find(other)) continue;
+    if (are_connected(pieces_[piece].bits, pieces_[other].bits, direction)) {
+      joined_.unite(piece, other);
+    }
   }
-}
-
-/// The first piece of the piece's component, as far as it is joined. Halves the path to it.
-uint32_t VolumeComponents::first_of(uint32_t piece) {
-  while (pieces_[piece].parent != piece) {
-    uint32_t& parent = pieces_[piece].parent;
-    parent = pieces_[parent].parent;
-    piece = parent;
-  }
-  return piece;
 }
 
 /// Makes the components of the joined pieces.
@@ -179,7 +170,7 @@ void VolumeComponents::collect() {
     }
   };
   for (uint32_t p = 0; p < pieces_.size(); ++p) {
-    const uint32_t first = first_of(p);
+    const uint32_t first = joined_.find(p);
     if (first == p) components_.emplace_back();
     pieces_[p].component =
         first == p ? static_cast<uint32_t>(components_.size() - 1) : pieces_[first].component;

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/core/union_find.h"
 #include "recon/hull/sparse_volume.h"
 
 namespace v3d::recon {
@@ -45,14 +46,12 @@ class VolumeComponents {
   /// Connected voxels of one brick.
   struct Piece {
     uint32_t brick = 0;
-    uint32_t parent = 0;  ///< a piece of the same component; the first one is its own parent
     uint32_t component = 0;
     codec::Brick bits{};
   };
   void split(std::span<const codec::Brick> bricks);
   void join(const SparseVolume& volume);
   void join(uint32_t piece, size_t brick, const std::array<int, 3>& direction);
-  uint32_t first_of(uint32_t piece);
   void collect();
 
   std::vector<Component> components_;
@@ -60,6 +59,7 @@ class VolumeComponents {
   // Working memory.
   std::vector<Piece> pieces_;          ///< sorted by brick
   std::vector<uint32_t> first_piece_;  ///< [brick]; one more at the end
+  UnionFind joined_;                   ///< pieces
 };
 
 // A set of voxels to be removed from a volume, with the filters that clean it up.
