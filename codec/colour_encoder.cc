@@ -51,12 +51,7 @@ class ColourEncoder {
  public:
   ColourEncoder(std::span<const LumaChroma> wanted, const KnownVertices& known,
                 const ColourSteps& steps, const PreviousColours* previous)
-      : wanted_(wanted),
-        known_(known),
-        steps_(steps),
-        previous_(previous),
-        quantiser_(steps),
-        contexts_(steps) {}
+      : wanted_(wanted), known_(known), previous_(previous), quantiser_(steps), contexts_(steps) {}
 
   CodedColours run() {
     for (uint32_t first = 0; first < wanted_.size(); first += kColourGroup) {
@@ -91,7 +86,6 @@ class ColourEncoder {
 
   std::span<const LumaChroma> wanted_;
   const KnownVertices& known_;
-  const ColourSteps& steps_;
   const PreviousColours* const previous_;
   const Quantiser quantiser_;
   const ColourContexts contexts_;
