@@ -54,6 +54,7 @@ if(NOT V3D_PROGRAMS_ONLY)
   find_package(GTest REQUIRED)
   find_package(rapidcheck REQUIRED)
   find_package(benchmark REQUIRED)
+  pkg_check_modules(OLA REQUIRED IMPORTED_TARGET libola)
   pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat>=59 libavcodec libavutil libswscale)
 endif()
 

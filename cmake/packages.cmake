@@ -13,7 +13,7 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
 if(V3D_INSTALLS_LIBRARIES)
-  list(APPEND CPACK_COMPONENTS_ALL lib lib-dev decoder decoder-dev python blender)
+  list(APPEND CPACK_COMPONENTS_ALL lights lib lib-dev decoder decoder-dev python blender)
 endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
@@ -45,6 +45,8 @@ v3d_package(common "V3D studio: user, device and network settings"
   CONTROL ${CMAKE_SOURCE_DIR}/systemd/postinst)
 v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
+v3d_package(lights "V3D studio: lamps on DMX, for a capture PC with OLA's daemon"
+  DEPENDS "v3d-capture (= ${PROJECT_VERSION})" RECOMMENDS ola)
 v3d_package(recon "V3D studio: daemon of the reconstruction PC"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
 v3d_package(viewer "V3D studio: the studio and its takes in a browser"

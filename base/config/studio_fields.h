@@ -60,6 +60,9 @@ void read_sounds(const TomlTable& file, Studio& studio);
 /// The table [timecode_output]. The trigger is known.
 void read_timecode_output(const TomlTable& file, Studio& studio);
 
+/// The table [lights]. The nodes, the cameras and the trigger are known.
+void read_lights(const TomlTable& file, Studio& studio);
+
 /// A path of the file; a relative path starts at the folder of the studio file.
 std::filesystem::path resolve(const Studio& studio, const std::string& path);
 

@@ -333,6 +333,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_viewer(file, studio);
   read_sounds(file, studio);
   read_timecode_output(file, studio);
+  read_lights(file, studio);
   file.reject_unknown_fields();
   return studio;
 }

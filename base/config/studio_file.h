@@ -203,6 +203,15 @@ struct StudioTimecodeOutput {
   std::string start;  ///< timecode at the start of the daemon, "10:00:00:00"; empty: time of day
 };
 
+/// [lights]: scenes of the studio's lamps, sent by DMX.
+struct StudioLights {
+  std::string node;           ///< the PC on which OLA's daemon olad runs
+  int universe = 1;           ///< of olad
+  std::vector<uint8_t> work;  ///< values of the channels 1, 2, ... while nothing is recorded
+  std::vector<uint8_t> take;  ///< from arming until the end of a take, a check or a background
+  double settle_ms = 500;     ///< arming waits this long after a change, until lamps are steady
+};
+
 struct Studio {
   std::string name;
   std::filesystem::path path;  ///< the studio file
@@ -216,6 +225,7 @@ struct Studio {
   StudioViewer viewer;
   std::vector<StudioSound> sounds;
   std::optional<StudioTimecodeOutput> timecode_output;
+  std::optional<StudioLights> lights;
 
   /// The cameras that are connected to a node.
   std::vector<StudioCamera> cameras_of(std::string_view node) const;

@@ -49,6 +49,11 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
   return others;
 }
 
+/// The path of a program in the folder of this one.
+std::filesystem::path sibling_program(const char* name) {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path() / name;
+}
+
 }  // namespace
 
 CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus& bus)
@@ -74,6 +79,9 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
   if (trigger_.is_here() && studio.timecode_output) {
     timecode_ = std::make_unique<TimecodeOutput>(*studio.timecode_output);
     timecode = [output = timecode_.get()] { return output->clock(); };
+  }
+  if (studio.lights && studio.lights->node == node) {
+    lights_ = std::make_unique<LightOutput>(*studio.lights, sibling_program("v3d-lights"));
   }
   if (const StudioSound* const sound = studio.sound_of(node)) {
     sound_ = std::make_unique<NodeSound>(*sound, studio.trigger.wire, std::move(timecode));
@@ -123,6 +131,7 @@ void CaptureNode::prepare(const wire::CommandMessage& order, std::optional<int64
   check_order(order);
   persisted_commands_.drop_all();
   reset_for_order(order, pulses);
+  if (lights_) lights_->show(LightOutput::Scene::kTake);
   if (trigger_.is_here()) {
     trigger_.arm(plan_.train);
   } else {
@@ -164,6 +173,7 @@ void CaptureNode::disarm() {
   recovered_takes_.set_paused(false);
   cameras_.disarm();
   pulse_times_.end();
+  if (lights_) lights_->show(LightOutput::Scene::kWork);
 }
 
 std::optional<wire::CommandMessage> CaptureNode::rejoin() {
@@ -232,6 +242,7 @@ std::optional<control::NodeReport> CaptureNode::poll(control::Phase phase) {
 }
 
 std::optional<control::NodeReport> CaptureNode::poll_arming() {
+  if (lights_ && !lights_->is_settled()) return std::nullopt;
   if (trigger_is_arming()) return std::nullopt;
   const std::string waiting = cameras_.not_ready(plan_.order.allow_missing);
   const bool late = Monotonic::now() > ready_by_;
@@ -378,6 +389,7 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   report_trigger(health);
   if (sound_) report_sound(sound_->status(), health, events_);
   if (timecode_) report_timecode_output(timecode_->status(), health, events_);
+  if (lights_) report_lights(health);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
@@ -389,6 +401,13 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
     cameras.emplace(camera->camera(), camera->status());
   }
   if (!cameras.empty()) camera_settings_.update(camera_settings_text(node_, cameras));
+}
+
+void CaptureNode::report_lights(wire::HealthMessage& health) {
+  const LightOutput::Status status = lights_->status();
+  health.values["lights_connected_flag"] = status.is_connected ? 1 : 0;
+  health.values["take_light_flag"] = status.scene == LightOutput::Scene::kTake ? 1 : 0;
+  events_.report_condition(wire::Severity::kWarning, "lights", status.fault, node::advice::kLights);
 }
 
 void CaptureNode::report_trigger(wire::HealthMessage& health) const {

@@ -13,6 +13,7 @@
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
 #include "daemon/captured/camera_settings_file.h"
+#include "daemon/captured/light_output.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
@@ -81,7 +82,7 @@ class CaptureNode : public control::NodeDelegate {
   std::string fault_text() const;
   void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
   void report_trigger(wire::HealthMessage& health) const;
-  /// Levels and counts of the sound, and events about it.
+  void report_lights(wire::HealthMessage& health);
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
   void report_warnings(const TakeCounts& counts);
@@ -103,6 +104,7 @@ class CaptureNode : public control::NodeDelegate {
   PrioritySemaphore slots_;
   std::unique_ptr<TimecodeOutput> timecode_;  ///< null: the node plays no timecode
   std::unique_ptr<NodeSound> sound_;          ///< null: the node has no sound input
+  std::unique_ptr<LightOutput> lights_;       ///< null: the node sends no light
   NodeSigner signer_;
   RecoveredTakeSigner recovered_takes_;
 

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
 #include <nlohmann/json.hpp>
 
@@ -62,7 +63,7 @@ class StudioOfThree : public Studio4 {
     EXPECT_EQ(verified_.ledger.sensed, verified_.ledger.commanded);
     const auto exposures = sim::load_exposures(folder_ / "exposures.csv");
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
-    EXPECT_EQ(check.frames_mislabelled, 0) << testing::PrintToString(check.problems);
+    EXPECT_EQ(check.mislabelled_not_suspect, 0) << testing::PrintToString(check.problems);
   }
   /// Live meshes of complete frame sets after pulse `after` equal those that v3dctl makes of the
   /// recorded frames. This shows that the segmenters continued with their state of before.
@@ -100,18 +101,24 @@ class StudioOfThree : public Studio4 {
       EXPECT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
     }
   }
-  /// The camera has exactly one gap, and no other loss.
+  /// The camera has exactly one gap, and no other loss. A busy machine may deliver the first frames
+  /// after it late. These are suspect, and their numbers may be wrong until the end of the pulses
+  /// that may be suspect.
   void expect_one_gap(const take::CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
-    EXPECT_EQ(camera.missing, range(camera.missing.front(), camera.missing.back())) << camera.name;
-    EXPECT_GE(camera.missing.front(), 20) << camera.name;
-    EXPECT_LT(camera.missing.back(), verified_.ledger.commanded - 10) << camera.name;
-    EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
-    // A busy machine may deliver the first frames late. These are suspect, with the right number.
-    EXPECT_THAT(camera.suspect,
-                IsSubsetOf(range(camera.missing.back() + 1, camera.missing.back() + kMaxSuspect)))
+    const int64_t first = camera.missing.front();
+    int64_t last = first;
+    while (std::ranges::binary_search(camera.missing, last + 1)) ++last;
+    const std::vector<int64_t> unsure = range(last + 1, last + kMaxSuspect);
+    EXPECT_GE(first, 20) << camera.name;
+    EXPECT_LT(last, verified_.ledger.commanded - 10) << camera.name;
+    EXPECT_THAT(std::vector(camera.missing.begin() + (last - first + 1), camera.missing.end()),
+                IsSubsetOf(unsure))
         << camera.name;
-    EXPECT_EQ(camera.written + std::ssize(camera.missing), verified_.ledger.commanded);
+    EXPECT_THAT(camera.duplicate, IsSubsetOf(camera.suspect)) << camera.name;
+    EXPECT_THAT(camera.suspect, IsSubsetOf(unsure)) << camera.name;
+    EXPECT_EQ(camera.written - std::ssize(camera.duplicate) + std::ssize(camera.missing),
+              verified_.ledger.commanded);
   }
 
   /// Frames of a camera after which its arrival times have confirmed the pulse number

@@ -5,6 +5,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 
@@ -127,6 +129,30 @@ TEST(Doctor, opens_the_sound_devices_of_a_node) {
   EXPECT_NE(bad[0].text.find("NoSuchCard"), std::string::npos);
   EXPECT_FALSE(bad[0].remedy.empty());
   EXPECT_EQ(check_sound_devices(studio, "")[1].verdict, Verdict::kUnknown) << "on another PC";
+}
+
+TEST(Doctor, asks_olad_on_the_pc_that_switches_the_lamps) {
+  Studio studio;
+  EXPECT_FALSE(check_lights(studio, "cap01"));
+  studio.lights = {.node = "cap01", .work = {255}, .take = {0}};
+  EXPECT_FALSE(check_lights(studio, "cap02")) << "on another PC";
+  const test::TemporaryFolder folder;
+  const std::string path = getenv("PATH");
+  setenv("PATH", folder.path().c_str(), 1);
+  const auto missing = check_lights(studio, "cap01");
+  const auto answers = [&](const std::string& script) {
+    std::ofstream(folder / "v3d-lights") << "#!/bin/sh\n" << script;
+    std::filesystem::permissions(folder / "v3d-lights", std::filesystem::perms::owner_all);
+    return check_lights(studio, "cap01");
+  };
+  const auto good = answers("echo connected\n"), bad = answers("echo no olad >&2\nexit 1\n");
+  setenv("PATH", path.c_str(), 1);
+  ASSERT_TRUE(missing && good && bad);
+  EXPECT_EQ(missing->verdict, Verdict::kBad);
+  EXPECT_EQ(missing->text, "v3d-lights is not installed");
+  EXPECT_EQ(good->verdict, Verdict::kGood);
+  EXPECT_EQ(bad->verdict, Verdict::kBad);
+  EXPECT_EQ(bad->text, "no olad");
 }
 
 TEST(Doctor, has_a_remedy_for_a_camera_that_does_not_reply) {

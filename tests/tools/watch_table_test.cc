@@ -98,6 +98,19 @@ TEST(WatchTable, shows_the_state_of_the_timecode_output) {
   EXPECT_THAT(texts(state, false), Contains("  timecode output: the device is not open"));
 }
 
+TEST(WatchTable, shows_the_scene_of_the_lamps) {
+  StudioState state = studio();
+  EXPECT_THAT(texts(state, false), Not(Contains(HasSubstr("lights"))));
+  auto& values = state.health["cap01"].values;
+  values["lights_connected_flag"] = 1;
+  values["take_light_flag"] = 0;
+  EXPECT_THAT(texts(state, false), Contains("  lights: work"));
+  values["take_light_flag"] = 1;
+  EXPECT_THAT(texts(state, false), Contains("  lights: take"));
+  values["lights_connected_flag"] = 0;
+  EXPECT_THAT(texts(state, false), Contains("  lights: not connected"));
+}
+
 TEST(WatchTable, has_no_colour_without_a_fault) {
   EXPECT_THAT(texts(studio(), true), Not(Contains(HasSubstr("\033["))));
 }

@@ -209,6 +209,15 @@ WatchLine timecode_line(const wire::HealthMessage& health) {
   return line;
 }
 
+/// The scene of the lamps of a node; empty without lamps.
+WatchLine lights_line(const wire::HealthMessage& health) {
+  const auto connected = find(health, "lights_connected_flag");
+  if (!connected) return {};
+  if (*connected == 0) return {{{"  lights: not connected", Highlight::kWarning}}};
+  const bool take = find(health, "take_light_flag").value_or(0) != 0;
+  return {{{take ? "  lights: take" : "  lights: work", Highlight::kNone}}};
+}
+
 WatchLine head_line() {
   Row row;
   for (const Column& column : kColumns) row.add(column.head);
@@ -234,7 +243,8 @@ Body body_of(const StudioState& state) {
     if (!health->second.text.empty()) {
       add({{{"  " + health->second.text, Highlight::kWarning}}}, false);
     }
-    for (const WatchLine& line : {sound_line(health->second), timecode_line(health->second)}) {
+    for (const WatchLine& line :
+         {sound_line(health->second), timecode_line(health->second), lights_line(health->second)}) {
       if (!line.parts.empty()) add(line, false);
     }
     if (const std::string shards = shard_text(health->second); !shards.empty()) {

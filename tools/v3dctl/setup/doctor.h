@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -52,6 +53,11 @@ uint32_t source_address_to(const std::string& address);
 /// [timecode_output]; a device that a daemon uses is good. `node`: only those of this node, on this
 /// PC; empty: those of all nodes, where one that does not open may be on another PC.
 std::vector<Finding> check_sound_devices(const Studio& studio, const std::string& node);
+
+// --- lights: doctor_lights.cc
+
+/// Whether olad answers v3d-lights, on the PC of this node; empty when the node has no lamps.
+std::optional<Finding> check_lights(const Studio& studio, const std::string& node);
 
 // --- clock: doctor_machine.cc
 

@@ -87,6 +87,14 @@ function timecodeOutputOf(node: NodeState): Fact[] {
   return [{ name: 'timecode', value, grade: value === 'plays' ? 'good' : 'warning' }];
 }
 
+/** The scene of the lamps. */
+function lightsOf(node: NodeState): Fact[] {
+  const connected = valueOf(node, 'lights_connected_flag');
+  if (connected === undefined) return [];
+  if (connected === 0) return [{ name: 'lights', value: 'not connected', grade: 'warning' }];
+  return [{ name: 'lights', value: valueOf(node, 'take_light_flag') ? 'take' : 'work', grade: 'good' }];
+}
+
 /** The most important values of a node; unreported ones are omitted. */
 export function factsOf(node: NodeState): Fact[] {
   const facts: Fact[] = [];
@@ -110,5 +118,5 @@ export function factsOf(node: NodeState): Fact[] {
   add('disk free', 'disk_free_bytes', size);
   add('processor', 'cpu_machine_percent', percent, (v) => (v > 95 ? 'warning' : 'good'));
   add('hottest', 'temperature_max_celsius', (v) => `${v.toFixed(0)} °C`, (v) => (v > 85 ? 'warning' : 'good'));
-  return [...facts, ...soundOf(node), ...timecodeOutputOf(node)];
+  return [...facts, ...soundOf(node), ...timecodeOutputOf(node), ...lightsOf(node)];
 }

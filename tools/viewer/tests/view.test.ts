@@ -135,6 +135,14 @@ describe('the studio in words', () => {
     expect(shown(0, 0)).toEqual([{ name: 'timecode', value: 'the device is not open', grade: 'warning' }]);
   });
 
+  it('shows the scene of the lamps', () => {
+    const shown = (connected: number, take: number) =>
+      factsOf(node({ lights_connected_flag: connected, take_light_flag: take }));
+    expect(shown(1, 0)).toEqual([{ name: 'lights', value: 'work', grade: 'good' }]);
+    expect(shown(1, 1)).toEqual([{ name: 'lights', value: 'take', grade: 'good' }]);
+    expect(shown(0, 0)).toEqual([{ name: 'lights', value: 'not connected', grade: 'warning' }]);
+  });
+
   it('formats a slate', () => {
     expect(slateText({ scene: '12', take: '3', note: '', mark: 'circled' })).toBe('scene 12, take 3');
   });

@@ -1,0 +1,56 @@
+// The lamps of a studio, by OLA's daemon, during background and take.
+#include <gmock/gmock.h>
+
+#include "studio4.h"
+#include "support/olad.h"
+
+namespace v3d::test {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr char kWork[] = "0xff 0x0 ", kTake[] = "0xa 0x14 ";
+constexpr int64_t kPulses = 40;
+
+struct WithOlad {
+  Olad olad_;
+};
+
+/// The background is learnt before the test begins.
+class LitStudio : protected WithOlad, public Studio4 {
+ protected:
+  LitStudio() : Studio4({.more = "[lights]\nwork = [255, 0]\ntake = [10, 20]\n"}) {}
+};
+
+TEST_F(LitStudio, has_the_take_light_for_its_background_and_from_arming_to_the_end_of_a_take) {
+  ASSERT_TRUE(reaches("cap01", "lights_connected_flag", 1)) << log();
+  ASSERT_TRUE(olad_.becomes(kWork));
+  arm_and_start(kPulses);
+  ASSERT_TRUE(olad_.becomes(kTake));
+  ASSERT_TRUE(becomes_idle()) << log();
+  ASSERT_TRUE(olad_.becomes(kWork));
+  EXPECT_EQ(load_take_info(take()).state, take::TakeState::kComplete);
+  auto scenes = olad_.scenes();
+  // The daemon may have connected only when the background was being learnt.
+  if (scenes.size() == 4) scenes.insert(scenes.begin(), kWork);
+  EXPECT_THAT(scenes, ElementsAre(kWork, kTake, kWork, kTake, kWork));
+}
+
+class DarkStudio : public Studio4 {
+ protected:
+  DarkStudio() : Studio4({.more = "[lights]\nwork = [255, 0]\ntake = [10, 20]\n"}) {}
+};
+
+TEST_F(DarkStudio, records_its_take_and_states_that_olad_does_not_answer) {
+  EXPECT_TRUE(becomes_true(
+      [&] { return log().find("olad does not answer on port 9010") != std::string::npos; },
+      within(60)))
+      << log();
+  EXPECT_TRUE(reaches("cap01", "lights_connected_flag", 0));
+  arm_and_start(kPulses);
+  ASSERT_TRUE(becomes_idle()) << log();
+  EXPECT_EQ(load_take_info(take()).state, take::TakeState::kComplete);
+}
+
+}  // namespace
+}  // namespace v3d::test
