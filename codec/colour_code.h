@@ -62,8 +62,8 @@ struct CodedColours {
   std::vector<LumaChroma> decoded;  ///< [vertex]: colours that the decoder reconstructs
 };
 
-/// Requires one colour of luma_chroma_of() for every vertex of `known`. Without `previous`, nothing is predicted from
-/// the previous frame.
+/// Requires one colour of luma_chroma_of() for every vertex of `known`. Without `previous`, nothing
+/// is predicted from the previous frame.
 CodedColours encode_colours(std::span<const LumaChroma> colours, const KnownVertices& known,
                             const ColourSteps& steps, const PreviousColours* previous);
 
