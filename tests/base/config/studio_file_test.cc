@@ -10,7 +10,6 @@ namespace v3d {
 namespace {
 
 using testing::AllOf;
-using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -455,35 +454,6 @@ TEST(StudioFile, reads_the_output_of_timecode) {
   EXPECT_EQ(output->rate_hz, 96'000);
   EXPECT_EQ(output->timecode_rate, "29.97df");
   EXPECT_EQ(output->start, "10:01:00;02");
-}
-
-std::string with_lights(const std::string& fields) {
-  return std::string(kGood) + "[lights]\n" + fields;
-}
-
-TEST(StudioFile, reads_the_scenes_of_the_lamps) {
-  EXPECT_FALSE(parse_studio(std::string(kGood), "studio.toml").lights);
-  const Studio studio =
-      parse_studio(with_lights("work = [255, 0]\ntake = [1, 2]\n"), "studio.toml");
-  ASSERT_TRUE(studio.lights);
-  EXPECT_EQ(studio.lights->node, studio.trigger.node);
-  EXPECT_EQ(studio.lights->universe, 1);
-  EXPECT_EQ(studio.lights->settle_ms, 500);
-  EXPECT_THAT(studio.lights->work, ElementsAre(255, 0));
-  EXPECT_THAT(studio.lights->take, ElementsAre(1, 2));
-}
-
-TEST(StudioFile, rejects_invalid_fields_of_the_lamps) {
-  const std::string work = "work = [255, 0]\n";
-  EXPECT_THAT(message_for(with_lights(work)), HasSubstr("lights.take: missing"));
-  EXPECT_THAT(message_for(with_lights(work + "take = [1]")),
-              HasSubstr("lights.take: expected as many channels as work has, 2, found 1"));
-  EXPECT_THAT(message_for(with_lights(work + "take = [1, 256]")),
-              HasSubstr("lights.take: expected values from 0 to 255, found 256"));
-  EXPECT_THAT(message_for(with_lights("work = []\ntake = []")),
-              HasSubstr("lights.work: expected the values of 1 to 512 DMX channels, found 0"));
-  EXPECT_THAT(message_for(with_lights(work + "take = [1, 2]\nnode = \"recon01\"")),
-              HasSubstr("lights.node: 'recon01' has neither a camera nor the trigger"));
 }
 
 TEST(StudioFile, rejects_invalid_fields_of_the_output_of_timecode) {
