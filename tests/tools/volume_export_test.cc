@@ -273,7 +273,8 @@ TEST_F(VolumeExportTake, has_the_timecode_of_its_first_pulse_in_every_video_and_
   EXPECT_EQ(exported({1, 5}), kExitDone);
   EXPECT_EQ(manifest()["first_timecode"], "00:00:04:01");
   EXPECT_EQ(manifest()["timecode_rate"], "25");
-  for (const auto& video : manifest()["texture"]["videos"]) {
+  const nlohmann::json described = manifest();
+  for (const auto& video : described["texture"]["videos"]) {
     const std::string tags =
         test::probed_timecode(folder_ / "out" / video["file"].get<std::string>());
     EXPECT_THAT(tags, HasSubstr("TAG:timecode=00:00:04:01"));
