@@ -38,7 +38,10 @@ class FakeCamera {
   explicit FakeCamera(const char* description = nullptr)
       : camera_(arv_gv_fake_camera_new_full("127.0.0.11", "V3D-0001", description)) {
     // Rate at which it polls the trigger register, Hz.
-    if (running()) arv_fake_camera_set_trigger_frequency(device(), 400);
+    if (!running()) return;
+    arv_fake_camera_set_trigger_frequency(device(), 400);
+    // The description of the simulator has another register for the trigger source.
+    if (description != nullptr) write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1);
   }
 
   bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
@@ -434,6 +437,46 @@ TEST(AravisCamera, rejects_chunk_data_without_an_exposure_time) {
   wanted.trigger_line = "Line1";
   wanted.chunk_data = true;
   EXPECT_THAT(start_error(wanted), HasSubstr("ChunkSelector: wanted ExposureTime"));
+}
+
+TEST(AravisCamera, writes_the_keys_of_an_action_trigger_and_enables_ptp) {
+  const SimulatedCamera sim;
+  StudioCamera wanted = settings();
+  wanted.action =
+      ActionKeys{.signal = 1, .device_key = 0xfedcba98, .group_key = 5, .group_mask = 0x80000001};
+  AravisCamera camera(wanted);
+  camera.start();
+  using namespace sim::registers;
+  EXPECT_EQ(sim.fake.read(kTriggerSource), static_cast<uint32_t>(sim::TriggerInput::kAction1));
+  EXPECT_EQ(sim.fake.read(kActionDeviceKey), 0xfedcba98);
+  EXPECT_EQ(sim.fake.read(kActionGroupKey), 5U);
+  EXPECT_EQ(sim.fake.read(kActionGroupMask), 0x80000001);
+  EXPECT_EQ(sim.fake.read(kPtpEnable), 1U);
+  EXPECT_EQ(sim.fake.read(ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE), 1U);
+  EXPECT_TRUE(camera.differences().empty());
+  camera.wait(in(milliseconds(1)));
+  EXPECT_TRUE(camera.statistics().ptp_offset) << "its clock is synchronised";
+}
+
+TEST(AravisCamera, records_that_an_action_camera_does_not_follow_ptp) {
+  const SimulatedCamera sim;
+  sim.fake.write(sim::registers::kPtpUnlocked, 1);
+  StudioCamera wanted = settings();
+  wanted.action = ActionKeys{};
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(camera.differences(),
+            (std::vector<SettingDifference>{{"PtpStatus", "Slave or Master", "Listening"}}));
+  camera.wait(in(milliseconds(1)));
+  EXPECT_FALSE(camera.statistics().ptp_offset);
+}
+
+TEST(AravisCamera, names_a_camera_without_action_commands) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.action = ActionKeys{};
+  EXPECT_THAT(start_error(wanted),
+              AllOf(HasSubstr("cam07: ActionDeviceKey"), HasSubstr("without action commands")));
 }
 
 TEST(AravisCamera, rejects_a_camera_without_the_configured_ptp_or_chunk_data) {
