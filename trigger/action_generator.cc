@@ -204,12 +204,13 @@ bool ActionGenerator::finished() const {
 }
 
 std::string ActionGenerator::fault() const {
+  // Read before mutex_ is locked: the thread of the train locks its own mutex first, then mutex_.
+  const std::string late = train_.fault();
   const std::lock_guard lock(mutex_);
   if (unsent_ > 0) {
     return std::to_string(unsent_) + " action commands could not be sent: " + send_error_;
   }
-  if (clock_was_set_) return "the clock of this PC was set during the train";
-  return train_.fault();
+  return clock_was_set_ ? "the clock of this PC was set during the train" : late;
 }
 
 std::string ActionGenerator::warning() const {
