@@ -113,6 +113,8 @@ namespace {
 
 /// Maximum time for a camera to select a PTP master together with the others, and to follow it.
 constexpr Duration kPtpTimeout = std::chrono::seconds(20);
+/// Where only an action trigger uses PTP. Shorter than the time that arming waits for cameras.
+constexpr Duration kActionPtpTimeout = std::chrono::seconds(10);
 constexpr Duration kPtpPollPeriod = std::chrono::milliseconds(100);
 
 /// Writes settings to the camera and reads them back.
@@ -278,13 +280,14 @@ class Setup {
   }
 
   /// Waits until the clock is synchronised: a clock that steps during a take makes frames suspect.
-  /// An action trigger alone does not require it.
+  /// An action trigger alone does not require it: its commands then have no time.
   void follow_ptp() {
     const std::optional<Ptp> ptp = Ptp::of(camera_);
-    if (!ptp && !settings_.ptp) return;  // obeys action commands without a time
-    if (!ptp) refuse("ptp", "PtpEnable", "a camera without it");
+    if (!ptp && settings_.ptp) refuse("ptp", "PtpEnable", "a camera without it");
+    if (!ptp) return writer_.add_difference("PtpEnable", "true", "a camera without it");
     switch_on(ptp->enable_feature());
-    const MonotonicInstant deadline = Monotonic::now() + kPtpTimeout;
+    const MonotonicInstant deadline =
+        Monotonic::now() + (settings_.ptp ? kPtpTimeout : kActionPtpTimeout);
     while (!ptp->is_synchronised() && Monotonic::now() < deadline)
       std::this_thread::sleep_for(kPtpPollPeriod);
     if (ptp->is_synchronised()) return;

@@ -72,16 +72,15 @@ std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missin
 }
 
 std::string NodeCameras::clock_fault() const {
-  if (studio_.trigger.kind != TriggerKind::kAction) return {};
-  std::vector<std::string> cameras;
-  for (const StudioCamera& camera : studio_.cameras) {
-    const auto worker =
-        std::ranges::find(workers_, camera.name, [](const auto& w) { return w->camera(); });
-    if (!camera.action || worker == workers_.end()) continue;
-    if (!(*worker)->status().link.ptp_offset) cameras.push_back(camera.name);
+  std::vector<std::string> unlocked;
+  for (const capture::CameraWorker* worker : ready()) {
+    const bool is_triggered = std::ranges::any_of(
+        studio_.trigger.action.cameras,
+        [&](const ActionCamera& camera) { return camera.name == worker->camera(); });
+    if (is_triggered && !worker->status().link.ptp_offset) unlocked.push_back(worker->camera());
   }
-  if (cameras.empty()) return {};
-  return fmt::format("PTP is not locked on {}", fmt::join(cameras, ", "));
+  if (unlocked.empty()) return {};
+  return fmt::format("PTP is not locked on {}", fmt::join(unlocked, ", "));
 }
 
 void NodeCameras::check_prepared(const std::vector<std::string>& may_be_missing) const {

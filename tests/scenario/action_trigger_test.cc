@@ -15,19 +15,22 @@ using testing::Not;
 
 constexpr int kPulses = 30;
 
-Studio4Options two_cameras(const std::string& faults) {
-  return {.cameras = 2, .faults = faults, .simulator = {"--trigger", "action"}};
+Studio4Options two_cameras(const std::string& faults, const std::vector<std::string>& more) {
+  Studio4Options options{.cameras = 2, .faults = faults, .simulator = {"--trigger", "action"}};
+  options.simulator.insert(options.simulator.end(), more.begin(), more.end());
+  return options;
 }
 
 class ActionStudio : public Studio4 {
  protected:
-  explicit ActionStudio(const std::string& faults = {}) : Studio4(two_cameras(faults)) {}
+  explicit ActionStudio(const std::string& faults = {}, const std::vector<std::string>& more = {})
+      : Studio4(two_cameras(faults, more)) {}
 
   /// Records a take of kPulses and returns the ledger of its node.
   take::Ledger record() {
     arm_and_start(kPulses);
     EXPECT_TRUE(becomes_idle()) << log();
-    return take::load_ledger(take().ledger("cap01"));
+    return take::load_ledger(take().ledger());
   }
 };
 
@@ -65,6 +68,23 @@ TEST_F(ActionStudioWithLoss, names_the_pulses_whose_command_did_not_reach_a_came
   EXPECT_THAT(ledger.cameras[0].missing, ElementsAre(20));
   EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(7, 12, 20));
   EXPECT_THAT(log(), HasSubstr("acknowledgements of action commands missing: "));
+}
+
+class ActionStudioWithoutPtp : public ActionStudio {
+ protected:
+  ActionStudioWithoutPtp() : ActionStudio("", {"--no-ptp"}) {}
+};
+
+TEST_F(ActionStudioWithoutPtp, says_at_arming_why_commands_have_no_time_and_records_all_pulses) {
+  const control::Answer armed = command(wire::CommandVerb::kArm, kPulses);
+  ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+  EXPECT_THAT(text_of(armed),
+              HasSubstr("unscheduled action commands: PTP is not locked on cam01, cam02"));
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(becomes_idle()) << log();
+  const take::Ledger ledger = take::load_ledger(take().ledger());
+  EXPECT_EQ(ledger.sensed, kPulses);
+  EXPECT_TRUE(ledger.complete()) << ledger.verdict();
 }
 
 }  // namespace

@@ -34,6 +34,7 @@ struct Arguments {
   std::string format = "BayerRG8";
   std::string flicker;
   std::string trigger = "cable";  ///< or "action"
+  bool has_no_ptp = false;        ///< the cameras find no PTP master
   double clap = 0;                ///< pulse at which the performer stops; 0: never
 };
 
@@ -153,7 +154,7 @@ std::vector<GigeCamera> network_cameras(const Rig& rig, const std::vector<Fault>
                        read_format(arguments.format),
                        simulated_clock(i, arguments.studio.seed, origin),
                        faults_at_edges(faults, camera.name, arguments.empty_pulses),
-                       read_flicker(arguments.flicker)});
+                       read_flicker(arguments.flicker), !arguments.has_no_ptp});
   }
   return cameras;
 }
@@ -245,6 +246,8 @@ void add_studio_command(cli::Command app, int& status) {
                   "Trigger of the studio file: cable, or action for GigE Vision action commands, "
                   "which the cameras always obey")
       .show_default();
+  command.add_flag("--no-ptp", arguments->has_no_ptp,
+                   "The clocks of the cameras find no PTP master");
   command
       .add_option("--clap", arguments->clap,
                   "Pulse, from the first after --empty-pulses and with a fraction, at which the "
