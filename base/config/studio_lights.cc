@@ -6,9 +6,9 @@ namespace {
 
 /// Values of the channels 1, 2, ...
 std::vector<uint8_t> read_scene(const TomlTable& table, std::string_view scene) {
-  constexpr size_t kMaxChannels = 512;
+  constexpr size_t kMaxValues = 512;
   const std::vector<int64_t> values = table.integers(scene);
-  if (values.empty() || values.size() > kMaxChannels) {
+  if (values.empty() || values.size() > kMaxValues) {
     table.fail(scene, "expected the values of 1 to 512 DMX channels, found " +
                           std::to_string(values.size()));
   }
@@ -22,7 +22,7 @@ std::vector<uint8_t> read_scene(const TomlTable& table, std::string_view scene) 
   return channels;
 }
 
-StudioLights read_table(const TomlTable& table, const Studio& studio) {
+StudioLights read_lamps(const TomlTable& table, const Studio& studio) {
   StudioLights lights;
   lights.node = table.has("node") ? read_node(table, studio) : studio.trigger.node;
   if (studio.cameras_of(lights.node).empty() && studio.trigger.node != lights.node) {
@@ -46,7 +46,7 @@ StudioLights read_table(const TomlTable& table, const Studio& studio) {
 }  // namespace
 
 void read_lights(const TomlTable& file, Studio& studio) {
-  if (file.has("lights")) studio.lights = read_table(file.table("lights"), studio);
+  if (file.has("lights")) studio.lights = read_lamps(file.table("lights"), studio);
 }
 
 }  // namespace v3d

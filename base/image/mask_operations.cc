@@ -30,7 +30,8 @@ void double_range(int count, const Combine& combine) {
   }
 }
 
-/// Dilates a row by `radius` columns. The result can have bits in its padding.
+/// Dilates a row by `radius` columns. The result can have bits in its padding. `upwards`: working
+/// memory of the same size.
 void grow_row(std::span<uint64_t> row, std::span<uint64_t> upwards, int radius) {
   std::ranges::copy(row, upwards.begin());
   const size_t last = row.size() - 1;

@@ -197,6 +197,7 @@ std::optional<wire::CommandMessage> CaptureNode::rejoin() {
     recovered_takes_.search(signer_.signer());
     throw;
   }
+  if (lights_) lights_->show(LightOutput::Scene::kTake);
   events_.send(wire::Severity::kWarning, "take",
                node_ + " restarted and records " + take + " again, from pulse " +
                    std::to_string(rejoin_order->commanded),

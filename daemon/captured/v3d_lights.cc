@@ -111,7 +111,7 @@ void run(unsigned universe) {
     pollfd ready{STDIN_FILENO, POLLIN, 0};
     if (poll(&ready, 1, kIntervalMs) > 0 && !input.read_more()) return;
     if (const std::string line = input.last_line(); !line.empty()) values = values_of(line);
-    // A source that is silent for some seconds counts as lost.
+    // To olad, a source that is silent for some seconds is lost.
     if (values.Size() > 0) olad.send(universe, values);
   }
 }

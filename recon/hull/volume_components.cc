@@ -10,17 +10,18 @@
 namespace v3d::recon {
 namespace {
 
+constexpr uint64_t kFirstColumn = 0x0101010101010101, kLastColumn = kFirstColumn << 7;
+
 /// The set voxels of a layer and their neighbours in the layer, including the diagonal ones.
 uint64_t dilated_in_layer(uint64_t layer) {
-  constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
-  const uint64_t row = layer | (layer << 1 & ~kFirst) | (layer >> 1 & ~kLast);
+  const uint64_t row = layer | (layer << 1 & ~kFirstColumn) | (layer >> 1 & ~kLastColumn);
   return row | row << 8 | row >> 8;
 }
 
 /// The set voxels of a layer and their face neighbours in the layer.
 uint64_t cross_in_layer(uint64_t layer) {
-  constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
-  return layer | (layer << 1 & ~kFirst) | (layer >> 1 & ~kLast) | layer << 8 | layer >> 8;
+  return layer | (layer << 1 & ~kFirstColumn) | (layer >> 1 & ~kLastColumn) | layer << 8 |
+         layer >> 8;
 }
 
 /// Adds to `layer` what is connected to it within `room`.
@@ -45,8 +46,6 @@ void fill_brick(codec::Brick& bits, const codec::Brick& room) {
     }
   }
 }
-
-constexpr uint64_t kFirstColumn = 0x0101010101010101;
 
 /// The voxels of a brick with this x, bit 8 z + y.
 uint64_t x_face(const codec::Brick& bits, int x) {

@@ -126,5 +126,18 @@ TEST(ColourCode, is_rejected_when_a_vertex_uses_a_missing_table) {
   EXPECT_FALSE(decode_colours(all, strip(1), {1, 1, 1}, nullptr));
 }
 
+TEST(Reciprocal, divides_exactly_below_2_to_the_63) {
+  constexpr uint64_t kEnd = uint64_t{1} << 63;
+  for (uint64_t divisor = 1; divisor <= kSlots; ++divisor) {
+    const Reciprocal reciprocal(divisor);
+    for (const uint64_t multiple : {uint64_t{1}, kRansStart, (kEnd - 1) / divisor}) {
+      for (const uint64_t dividend : {multiple * divisor - 1, multiple * divisor, kEnd - 1}) {
+        ASSERT_EQ(reciprocal.quotient_of(dividend), dividend / divisor)
+            << dividend << " / " << divisor;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace v3d::codec

@@ -1,5 +1,6 @@
 // The lamps of a studio, by OLA's daemon, during background and take.
 #include <gmock/gmock.h>
+#include <signal.h>
 
 #include "studio4.h"
 #include "support/olad.h"
@@ -34,6 +35,28 @@ TEST_F(LitStudio, has_the_take_light_for_its_background_and_from_arming_to_the_e
   // The daemon may have connected only when the background was being learnt.
   if (scenes.size() == 4) scenes.insert(scenes.begin(), kWork);
   EXPECT_THAT(scenes, ElementsAre(kWork, kTake, kWork, kTake, kWork));
+}
+
+/// The lamps are on the node that has two cameras and no trigger.
+class LitStudioOfTwoNodes : protected WithOlad, public Studio4 {
+ protected:
+  LitStudioOfTwoNodes()
+      : Studio4({.more = "[lights]\nnode = 'cap02'\nwork = [255, 0]\ntake = [10, 20]\n",
+                 .two_nodes = true}) {}
+};
+
+TEST_F(LitStudioOfTwoNodes, has_the_take_light_again_when_the_node_was_killed_in_the_take) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap02", "frames_written", 20)) << log();
+  second_captured_->signal(SIGKILL);
+  second_captured_->wait(within(30));
+  const size_t before = olad_.scenes().size();
+  start_second_captured();
+  ASSERT_TRUE(becomes_true(
+      [&] { return olad_.scenes().size() > before && olad_.scenes().back() == kTake; }, within(60)))
+      << log();
+  EXPECT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
+  EXPECT_TRUE(olad_.becomes(kWork));
 }
 
 class DarkStudio : public Studio4 {
