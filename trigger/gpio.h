@@ -45,7 +45,9 @@ class GpioGenerator : public PulseGenerator, private PulseOutput {
   std::string fault() const override;
 
  private:
-  bool begin_pulse(MonotonicInstant /*at*/) override { return output_->set(true); }
+  bool begin_pulse(int64_t /*number*/, MonotonicInstant /*at*/) override {
+    return output_->set(true);
+  }
   bool end_pulse() override { return output_->set(false); }
   /// Ends the train and makes the line inactive. Opens the line if it is not open or does not work.
   void request_line(const PacedTrain::Plan& plan);

@@ -86,7 +86,7 @@ bool PacedTrain::pulse(int64_t number, MonotonicInstant at) {
     in_time = now - at < plan_.skip_after;
     if (!in_time) {
       ++skipped_;
-    } else if (!output_.begin_pulse(at)) {
+    } else if (!output_.begin_pulse(number, at)) {
       output_failed_ = stopped_ = true;
       return false;
     }

@@ -46,9 +46,9 @@ class Lateness {
 class PulseOutput {
  public:
   virtual ~PulseOutput() = default;
-  /// Starts the pulse that is due at `at`. Both return false where the output does not work any
-  /// more.
-  virtual bool begin_pulse(MonotonicInstant at) = 0;
+  /// Starts the pulse `number`, which is due at `at`. Both return false where the output does not
+  /// work any more.
+  virtual bool begin_pulse(int64_t number, MonotonicInstant at) = 0;
   virtual bool end_pulse() = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include "base/config/studio_values.h"
 #include "base/core/error.h"
+#include "trigger/action_generator.h"
 #include "trigger/background_generator.h"
 #include "trigger/gpio.h"
 #include "trigger/scpi/scpi_generator.h"
@@ -31,17 +32,22 @@ std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger) {
       return std::make_unique<SimulatedGenerator>(trigger.wire);
     case TriggerKind::kGpio:
       return std::make_unique<GpioGenerator>(trigger.output);
+    case TriggerKind::kAction:
+      return std::make_unique<ActionGenerator>(trigger.action);
     case TriggerKind::kScpi:
       break;
   }
   return std::make_unique<BackgroundGenerator>(std::make_unique<ScpiGenerator>(trigger));
 }
 
-std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger) {
+std::unique_ptr<PulseSensor> PulseGenerator::own_sensor() { return nullptr; }
+
+std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger, PulseGenerator& generator) {
   if (trigger.kind == TriggerKind::kSimulated) {
     return std::make_unique<SimulatedSensor>(trigger.wire);
   }
-  return trigger.sense ? std::make_unique<GpioSensor>(*trigger.sense) : nullptr;
+  if (trigger.sense) return std::make_unique<GpioSensor>(*trigger.sense);
+  return generator.own_sensor();
 }
 
 }  // namespace v3d::trigger

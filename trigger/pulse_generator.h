@@ -23,8 +23,8 @@ struct PulseTrain {
 /// name of the generator.
 void check_train(const PulseTrain& train, const std::string& source);
 
-// Interfaces of the camera trigger: pulse generator and sense line. GPIO, SCPI and simulated
-// triggers implement them.
+// Interfaces of the camera trigger: pulse generator and sense line. GPIO, SCPI, simulated and
+// action triggers implement them.
 
 /// Lateness of the starts of pulses, by this host's clock. A skipped pulse counts with its lateness
 /// at the time of the decision. Percentiles are exact or up to 10 % too large.
@@ -34,6 +34,8 @@ struct PulseStatistics {
   Duration jitter_max{};
   int64_t late = 0;  ///< pulses late by more than a tenth of a period, including skipped ones
 };
+
+class PulseSensor;
 
 /// A source of trigger pulses. The output is inactive except between start() and the end of the
 /// train, also after errors.
@@ -51,6 +53,10 @@ class PulseGenerator {
   virtual void arm(const PulseTrain& train) = 0;
   /// Whether the work of arm() is done. Throws InputError, once, when it failed.
   virtual bool armed() { return true; }
+  /// For generators whose pulses need a common clock of this host and the cameras. `fault`: why
+  /// they have none, one line; empty: they have one, as after arm(). Call it between armed() and
+  /// start().
+  virtual void set_clock_fault(const std::string& fault) { (void)fault; }
   /// The first pulse follows within a period. Requires armed().
   virtual void start() = 0;
   /// No pulse starts after this returns, unless fault() reports that pulses may continue.
@@ -70,6 +76,11 @@ class PulseGenerator {
   virtual PulseStatistics statistics() const = 0;
   /// The fault of the running train, one line; empty when there is none.
   virtual std::string fault() const = 0;
+  /// What does not disturb the train, but needs the operator's attention, one line; else empty.
+  virtual std::string warning() const { return {}; }
+  /// A sensor for generators that are informed of the pulses by the cameras; null for others, which
+  /// need a sense line. It may outlive the generator.
+  virtual std::unique_ptr<PulseSensor> own_sensor();
 };
 
 /// A pulse on the sense line.
@@ -77,6 +88,7 @@ struct SensedPulse {
   int64_t number = 0;                  ///< counted from 0 since the last reset()
   MonotonicInstant at;                 ///< its first edge
   std::optional<Duration> width = {};  ///< empty where it is unknown
+  bool is_numbered = false;            ///< `number` is that of the commanded pulse
 };
 
 /// The sense line: reads the pulses back at the far end of the trigger cable.
@@ -100,7 +112,7 @@ class PulseSensor {
 
 /// Do not access the hardware; arm() and reset() do.
 std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger);
-/// Null where the studio has no sense line.
-std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger);
+/// `generator`: of the same trigger. Null where the pulses are not sensed.
+std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger, PulseGenerator& generator);
 
 }  // namespace v3d::trigger

@@ -16,7 +16,7 @@ namespace v3d::trigger {
 /// as the first frame is frame 0. A pulse less than half a period after the previous one is extra
 /// and changes no number. A pulse of less than half the commanded width is a runt. A runt within an
 /// eighth of a period of its expected time gets a number, because cameras may have been triggered
-/// by it; another runt is extra. Not thread-safe.
+/// by it; another runt is extra. A pulse that is_numbered keeps its number. Not thread-safe.
 class SensedTrain {
  public:
   explicit SensedTrain(const PulseTrain& train)
@@ -24,6 +24,7 @@ class SensedTrain {
 
   /// The number of the pulse, larger than all previous numbers; empty for an extra pulse.
   std::optional<int64_t> number(const SensedPulse& pulse) {
+    if (pulse.is_numbered) return adopt(pulse);
     const bool runt = pulse.width && *pulse.width < min_width_;
     const double periods = last_ ? to_seconds(pulse.at - *last_) / period_ : 0;
     const auto whole = static_cast<int64_t>(std::llround(periods));
@@ -47,6 +48,17 @@ class SensedTrain {
   const std::vector<int64_t>& runts() const { return runts_; }
 
  private:
+  std::optional<int64_t> adopt(const SensedPulse& pulse) {
+    if (last_ && pulse.number <= number_) {
+      ++extra_;
+      return std::nullopt;
+    }
+    number_ = pulse.number;
+    last_ = pulse.at;
+    ++sensed_;
+    return number_;
+  }
+
   static constexpr double kRuntTolerance = 0.125;  ///< of a period
 
   const double period_;

@@ -48,7 +48,7 @@ void SimulatedGenerator::start() {
   train_.start();
 }
 
-bool SimulatedGenerator::begin_pulse(MonotonicInstant at) {
+bool SimulatedGenerator::begin_pulse(int64_t /*number*/, MonotonicInstant at) {
   wire_->drain();  // the echo of own edges; the sensor reads its own copy
   return wire_->send({to_ns(at)});
 }

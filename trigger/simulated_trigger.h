@@ -70,7 +70,7 @@ class SimulatedGenerator : public PulseGenerator, private PulseOutput {
   int64_t skipped() const { return train_.skipped(); }
 
  private:
-  bool begin_pulse(MonotonicInstant at) override;
+  bool begin_pulse(int64_t number, MonotonicInstant at) override;
   bool end_pulse() override { return true; }
 
   const std::filesystem::path path_;

@@ -54,6 +54,12 @@ std::string read_node(const TomlTable& table, const Studio& studio);
 /// The tables [camera_defaults] and [[camera]]. The nodes of the studio are known.
 void read_cameras(const TomlTable& file, Studio& studio);
 
+/// The fields of an action trigger in the table [trigger], except for the cameras.
+void read_action(const TomlTable& table, StudioTrigger& trigger);
+/// Gives the cameras the keys of an action trigger, and the trigger its cameras. Throws for cameras
+/// that it cannot expose.
+void assign_action_cameras(const TomlTable& file, Studio& studio);
+
 /// The tables [[sound]]. The nodes of the studio are known.
 void read_sounds(const TomlTable& file, Studio& studio);
 

@@ -134,8 +134,9 @@ void read_scpi(const TomlTable& table, StudioTrigger& trigger) {
 }
 
 void read_trigger(const TomlTable& file, Studio& studio) {
-  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 3> kKinds = {
-      {{"gpio", TriggerKind::kGpio},
+  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 4> kKinds = {
+      {{"action", TriggerKind::kAction},
+       {"gpio", TriggerKind::kGpio},
        {"scpi", TriggerKind::kScpi},
        {"simulated", TriggerKind::kSimulated}}};
   const TomlTable table = file.table("trigger");
@@ -150,11 +151,12 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   }
   if (trigger.kind == TriggerKind::kSimulated) {
     trigger.wire = resolve(studio, table.text("wire"));
-  } else if (table.has("sense")) {
+  } else if (trigger.kind != TriggerKind::kAction && table.has("sense")) {
     trigger.sense = read_sense(table.table("sense"));
   }
   if (trigger.kind == TriggerKind::kGpio) trigger.output = read_driven_line(table);
   if (trigger.kind == TriggerKind::kScpi) read_scpi(table, trigger);
+  if (trigger.kind == TriggerKind::kAction) read_action(table, trigger);
   table.reject_unknown_fields();
 }
 
@@ -325,6 +327,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_nodes(file, studio);
   read_cameras(file, studio);
   read_trigger(file, studio);
+  assign_action_cameras(file, studio);
   require_sensed_trigger(file, studio);
   read_space(file, studio);
   read_network(file, studio);

@@ -32,6 +32,16 @@ struct CameraFeature {
   friend bool operator==(const CameraFeature&, const CameraFeature&) = default;
 };
 
+/// Keys of GigE Vision action commands. A camera obeys a command with the same keys whose mask has
+/// a bit in common with its own.
+struct ActionKeys {
+  int signal = 1;  ///< number of the action signal of the camera: "Action1"
+  uint32_t device_key = 1;
+  uint32_t group_key = 1;
+  uint32_t group_mask = 1;  ///< not 0
+  friend bool operator==(const ActionKeys&, const ActionKeys&) = default;
+};
+
 /// [[camera]]. A missing field has the value in [camera_defaults], else the default here.
 struct StudioCamera {
   std::string name;  ///< as in calib.toml
@@ -65,6 +75,8 @@ struct StudioCamera {
   std::optional<double> black_level;  ///< in the camera's unit; empty: as it is
   std::string strobe_line;            ///< output that is active during the exposure; empty: none
   std::string user_set;               ///< loaded before all other settings; empty: none
+  std::optional<ActionKeys> action;   ///< action trigger: copied from [trigger]; `trigger_line` and
+                                      ///< `trigger_edge` are not used
   // v4l2 only. V4L2 has no standard control for the external trigger: its id, and the value to set.
   std::optional<uint32_t> trigger_control;  ///< empty: the camera is free-running
   int trigger_value = 1;
@@ -74,7 +86,7 @@ struct StudioCamera {
   bool is_free_running() const { return kind == CameraKind::kV4l2 && !trigger_control; }
 };
 
-enum class TriggerKind { kSimulated, kGpio, kScpi };
+enum class TriggerKind { kSimulated, kGpio, kScpi, kAction };
 
 /// A line of a GPIO chip.
 struct StudioLine {
@@ -97,6 +109,27 @@ struct StudioInstrument {
 /// Command languages of signal generators (trigger/scpi/scpi_dialect.h).
 enum class Dialect { kKeysight33500, kRigolDg, kSiglentSdg, kBnc575 };
 
+/// A camera that acknowledges action commands.
+struct ActionCamera {
+  std::string name;
+  std::string address;  ///< IPv4
+};
+
+/// The time scale of the PTP clock of the cameras.
+enum class PtpScale {
+  kTai,  ///< as the standard: this PC's CLOCK_TAI
+  kUtc,  ///< this PC's CLOCK_REALTIME, of a PTP master without TAI
+};
+
+/// The fields of [trigger] of an action trigger.
+struct StudioAction {
+  ActionKeys keys;
+  std::string broadcast;  ///< IPv4 address to which commands are sent, port 3956
+  double lead_ms = 10;    ///< from a command to its pulse; half a period where that is shorter
+  PtpScale clock = PtpScale::kTai;
+  std::vector<ActionCamera> cameras;  ///< all cameras of the studio that are triggered
+};
+
 /// [trigger]
 struct StudioTrigger {
   std::string node;
@@ -109,11 +142,15 @@ struct StudioTrigger {
   Dialect dialect{};            ///< scpi
   int channel = 1;              ///< scpi: output of the instrument
   double level_v = 3.3;         ///< scpi: high level of a pulse, V, high impedance; low level: 0 V
+  StudioAction action;          ///< action
   std::optional<StudioLine> gate;   ///< scpi, [trigger.gate]: line to the instrument's gate input
   std::optional<StudioLine> sense;  ///< gpio and scpi, [trigger.sense]: sense line
 
-  /// True when a sense line reads the pulses back; otherwise only the commanded pulses are known.
-  bool is_sensed() const { return kind == TriggerKind::kSimulated || sense.has_value(); }
+  /// True when a sense line reads the pulses back, or cameras acknowledge them; otherwise only the
+  /// commanded pulses are known.
+  bool is_sensed() const {
+    return kind == TriggerKind::kSimulated || kind == TriggerKind::kAction || sense.has_value();
+  }
 };
 
 /// [space]: the part of the world that is reconstructed.

@@ -115,7 +115,7 @@ class AravisCamera::Link {
     device_ = device_text(camera_.get());
     has_temperature_ = aravis::has_feature(camera_.get(), "DeviceTemperature");
     layout_ = sent_layout(settings, camera_.get());
-    if (settings.ptp) ptp_ = Ptp::of(camera_.get());
+    if (settings.ptp || settings.action) ptp_ = Ptp::of(camera_.get());
     if (settings.chunk_data) chunks_.reset(arv_camera_create_chunk_parser(camera_.get()));
     stream(settings, payload_bytes(settings, camera_.get(), layout_.byte_count()));
   }

@@ -113,6 +113,8 @@ namespace {
 
 /// Maximum time for a camera to select a PTP master together with the others, and to follow it.
 constexpr Duration kPtpTimeout = std::chrono::seconds(20);
+/// Where only an action trigger uses PTP. Shorter than the time that arming waits for cameras.
+constexpr Duration kActionPtpTimeout = std::chrono::seconds(10);
 constexpr Duration kPtpPollPeriod = std::chrono::milliseconds(100);
 
 /// Writes settings to the camera and reads them back.
@@ -135,7 +137,7 @@ class Setup {
     trigger();
     if (arv_camera_is_gv_device(camera_)) gigabit();
     if (settings_.chunk_data) chunk_data();
-    if (settings_.ptp) follow_ptp();
+    if (settings_.ptp || settings_.action) follow_ptp();
     return writer_.differences();
   }
 
@@ -209,6 +211,10 @@ class Setup {
     arv_camera_clear_triggers(camera_, clear);
     if (clear.happened()) refuse("TriggerMode", "Off", clear.text());
     choose_if_supported("TriggerSelector", "FrameStart");
+    if (settings_.action) {
+      action(*settings_.action);
+      return choose("TriggerMode", "On");
+    }
     choose("TriggerSource", settings_.trigger_line);
     if (settings_.trigger_edge == Edge::kFalling) {
       choose("TriggerActivation", "FallingEdge");
@@ -216,6 +222,21 @@ class Setup {
       choose_if_supported("TriggerActivation", "RisingEdge");
     }
     choose("TriggerMode", "On");
+  }
+
+  /// The camera exposes at action commands with these keys.
+  void action(const ActionKeys& keys) {
+    if (!supports("ActionDeviceKey")) {
+      refuse("ActionDeviceKey", std::to_string(keys.device_key),
+             "a camera without action commands; trigger it by cable, [trigger] kind = \"gpio\" or "
+             "\"scpi\"");
+    }
+    writer_.write_if_supported("ActionUnconditionalMode", "Off");
+    write_integer(settings_, camera_, "ActionDeviceKey", keys.device_key);
+    write_integer(settings_, camera_, "ActionSelector", keys.signal);
+    write_integer(settings_, camera_, "ActionGroupKey", keys.group_key);
+    write_integer(settings_, camera_, "ActionGroupMask", keys.group_mask);
+    choose("TriggerSource", "Action" + std::to_string(keys.signal));
   }
 
   void gigabit() {
@@ -259,14 +280,19 @@ class Setup {
   }
 
   /// Waits until the clock is synchronised: a clock that steps during a take makes frames suspect.
+  /// An action trigger alone does not require it: its commands then have no time.
   void follow_ptp() {
     const std::optional<Ptp> ptp = Ptp::of(camera_);
-    if (!ptp) refuse("ptp", "PtpEnable", "a camera without it");
+    if (!ptp && settings_.ptp) refuse("ptp", "PtpEnable", "a camera without it");
+    if (!ptp) return writer_.add_difference("PtpEnable", "true", "a camera without it");
     switch_on(ptp->enable_feature());
-    const MonotonicInstant deadline = Monotonic::now() + kPtpTimeout;
+    const MonotonicInstant deadline =
+        Monotonic::now() + (settings_.ptp ? kPtpTimeout : kActionPtpTimeout);
     while (!ptp->is_synchronised() && Monotonic::now() < deadline)
       std::this_thread::sleep_for(kPtpPollPeriod);
-    if (!ptp->is_synchronised()) refuse(ptp->status_feature(), "Slave or Master", ptp->status());
+    if (ptp->is_synchronised()) return;
+    if (settings_.ptp) refuse(ptp->status_feature(), "Slave or Master", ptp->status());
+    writer_.add_difference(ptp->status_feature(), "Slave or Master", ptp->status());
   }
 
   /// Requests the exposure time. Every image already has its time stamp and frame number.

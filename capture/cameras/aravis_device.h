@@ -87,7 +87,8 @@ class Ptp {
 // Writes the studio file's settings to a camera. For capture/cameras/aravis_*.cc only.
 
 /// Stops acquisition, writes every setting and reads it back. With `ptp` it waits until the
-/// camera's clock is synchronised, at most 20 s. Returns rounded values, automatic functions that
+/// camera's clock is synchronised, at most 20 s; with an action trigger at most 10 s, and a clock
+/// that is not synchronised is a difference. Returns rounded values, automatic functions that
 /// stay on, and features of [camera.features] that differ.
 /// Throws InputError (see refuse()) if another value differs.
 std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera);

@@ -19,18 +19,25 @@ std::optional<double> as_number(const std::string& text) {
 
 const char* text_of(bool value) { return value ? "true" : "false"; }
 
-void write_integer(const StudioCamera& settings, ArvCamera* camera, const char* feature,
-                   int wanted) {
-  Problem set;
-  arv_camera_set_integer(camera, feature, wanted, set);
-  Problem get;
-  const gint64 got = arv_camera_get_integer(camera, feature, get);
-  if (!get.happened() && got == wanted) return;
-  refuse(settings, feature, std::to_string(wanted),
-         get.happened() ? get.text() : std::to_string(got));
-}
-
 }  // namespace
+
+void write_integer(const StudioCamera& settings, ArvCamera* camera, const std::string& feature,
+                   int64_t wanted) {
+  Problem set;
+  arv_camera_set_integer(camera, feature.c_str(), wanted, set);
+  if (set.happened()) refuse(settings, feature, std::to_string(wanted), set.text());
+  ArvGcNode* const node = arv_device_get_feature(arv_camera_get_device(camera), feature.c_str());
+  if (arv_gc_feature_node_get_actual_access_mode(ARV_GC_FEATURE_NODE(node)) ==
+      ARV_GC_ACCESS_MODE_WO) {
+    return;
+  }
+  Problem get;
+  const gint64 got = arv_camera_get_integer(camera, feature.c_str(), get);
+  if (get.happened() || got != wanted) {
+    refuse(settings, feature, std::to_string(wanted),
+           get.happened() ? get.text() : std::to_string(got));
+  }
+}
 
 bool is_same_value(const std::string& asked, const std::string& got) {
   if (asked == got) return true;
@@ -64,6 +71,11 @@ void FeatureWriter::write(const std::string& feature, const std::string& value) 
 
 void FeatureWriter::write_if_supported(const std::string& feature, const std::string& value) {
   if (has_feature(camera_, feature.c_str())) write(feature, value);
+}
+
+void FeatureWriter::add_difference(const std::string& feature, const std::string& asked,
+                                   const std::string& got) {
+  differences_.push_back({feature, asked, got});
 }
 
 void FeatureWriter::add_rounded(const std::string& feature, const std::string& asked,

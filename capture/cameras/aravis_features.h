@@ -26,6 +26,9 @@ class FeatureWriter {
   /// Adds a difference that is within the tolerance of the setting.
   void add_rounded(const std::string& feature, const std::string& asked, const std::string& got);
 
+  /// Adds a difference beyond the tolerance of the setting.
+  void add_difference(const std::string& feature, const std::string& asked, const std::string& got);
+
   const std::vector<SettingDifference>& differences() const { return differences_; }
 
  private:
@@ -38,6 +41,10 @@ class FeatureWriter {
 /// six digits.
 bool is_same_value(const std::string& asked, const std::string& got);
 
+/// Writes a whole number and reads it back, where the camera permits to read it.
+/// Throws InputError (see refuse()) if it is another one afterwards.
+void write_integer(const StudioCamera& settings, ArvCamera* camera, const std::string& feature,
+                   int64_t wanted);
 /// Loads the user set of the studio file, if it names one. It replaces all settings of the camera.
 void load_user_set(const StudioCamera& settings, FeatureWriter& writer);
 /// Writes binning, mirroring and the region of the sensor. Without a size in the studio file, the

@@ -252,6 +252,8 @@ std::optional<control::NodeReport> CaptureNode::poll_arming() {
     return control::NodeReport{
         .event = control::Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
+  clock_fault_ = cameras_.clock_fault();
+  trigger_.set_clock_fault(clock_fault_);
   take_ = ActiveTake::begin(take_context(), plan_);
   recovered_takes_.set_paused(true);
   std::string text = is_check() ? "ready" : ready_text();
@@ -360,7 +362,8 @@ std::string CaptureNode::ready_text() const {
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      (free ? format_bytes(*free) : "an unknown number of bytes") + " free";
   if (!trigger_.is_here()) return text;
-  return text + (trigger_.sensor() != nullptr ? ", trigger here" : ", trigger here, not sensed");
+  text += trigger_.sensor() != nullptr ? ", trigger here" : ", trigger here, not sensed";
+  return clock_fault_.empty() ? text : text + "; unscheduled action commands: " + clock_fault_;
 }
 
 // --- health -------------------------------------------------------------------------------------
@@ -368,6 +371,7 @@ std::string CaptureNode::ready_text() const {
 std::string CaptureNode::fault_text() const {
   std::vector<std::string> lines;
   if (const std::string text = trigger_.fault(); !text.empty()) lines.push_back("trigger: " + text);
+  if (const std::string text = trigger_.warning(); !text.empty()) lines.push_back(text);
   if (const std::string text = trigger_.sensor_fault(); !text.empty()) {
     lines.push_back("sense line: " + text);
   }
@@ -452,6 +456,8 @@ void CaptureNode::report_warnings(const TakeCounts& counts) {
   const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
   events_.report_condition(wire::Severity::kAlarm, "trigger", trigger_warning(counts),
                            node::advice::kTrigger);
+  events_.report_condition(wire::Severity::kWarning, "action commands", trigger_.warning(),
+                           node::advice::kActionCommands);
   events_.report_condition(wire::Severity::kAlarm, "sense line",
                            senses ? trigger_.sensor_fault() : "", node::advice::kSenseLine);
   events_.report_condition(wire::Severity::kWarning, "pulses",

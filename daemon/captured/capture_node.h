@@ -111,6 +111,7 @@ class CaptureNode : public control::NodeDelegate {
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order
+  std::string clock_fault_;     ///< why action commands of the last order have no time; else empty
   MonotonicInstant ready_by_;
   std::unique_ptr<ActiveTake> take_;  ///< null when nothing runs
   TakeCounts last_;                   ///< of the last take

@@ -71,6 +71,18 @@ std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missin
   return fmt::format("{}", fmt::join(cameras, ", "));
 }
 
+std::string NodeCameras::clock_fault() const {
+  std::vector<std::string> unlocked;
+  for (const capture::CameraWorker* worker : ready()) {
+    const bool is_triggered = std::ranges::any_of(
+        studio_.trigger.action.cameras,
+        [&](const ActionCamera& camera) { return camera.name == worker->camera(); });
+    if (is_triggered && !worker->status().link.ptp_offset) unlocked.push_back(worker->camera());
+  }
+  if (unlocked.empty()) return {};
+  return fmt::format("PTP is not locked on {}", fmt::join(unlocked, ", "));
+}
+
 void NodeCameras::check_prepared(const std::vector<std::string>& may_be_missing) const {
   if (!file_exists(studio_.storage.calib)) {
     throw InputError(studio_.storage.calib.string() +
@@ -139,7 +151,7 @@ NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, bus::Bus
     : is_sensed_(studio.trigger.is_sensed()) {
   if (studio.trigger.node == node) {
     generator_ = trigger::make_generator(studio.trigger);
-    sensor_ = trigger::make_sensor(studio.trigger);
+    sensor_ = trigger::make_sensor(studio.trigger, *generator_);
   } else {
     monitor_ = std::make_unique<node::TrainMonitor>(bus, studio.trigger.node);
   }
@@ -149,6 +161,10 @@ void NodeTrigger::arm(const trigger::PulseTrain& train) {
   if (!generator_) return;
   generator_->stop();
   generator_->arm(train);
+}
+
+void NodeTrigger::set_clock_fault(const std::string& fault) {
+  if (generator_) generator_->set_clock_fault(fault);
 }
 
 void NodeTrigger::start() {

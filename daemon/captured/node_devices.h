@@ -46,6 +46,8 @@ class NodeCameras {
   /// The required cameras that are not ready, each with its reason, on one line; else empty.
   /// Cameras in `may_be_missing` are not required.
   std::string not_ready(const std::vector<std::string>& may_be_missing) const;
+  /// Of an action trigger: the ready cameras whose clock does not follow PTP, one line; else empty.
+  std::string clock_fault() const;
   /// Throws InputError when a camera has no calibration, or a required camera has no background
   /// model.
   void check_prepared(const std::vector<std::string>& may_be_missing) const;
@@ -89,6 +91,8 @@ class NodeTrigger {
   /// start() resets the monitor.
   void arm(const trigger::PulseTrain& train);
   bool armed() { return !generator_ || generator_->armed(); }
+  /// Call it between armed() and start(). `fault`: PulseGenerator::set_clock_fault().
+  void set_clock_fault(const std::string& fault);
   void start();
   void stop();
 
@@ -110,6 +114,7 @@ class NodeTrigger {
 
   /// One line each; empty without a fault, and on other nodes.
   std::string fault() const { return generator_ ? generator_->fault() : ""; }
+  std::string warning() const { return generator_ ? generator_->warning() : ""; }
   std::string sensor_fault() const { return sensor_ ? sensor_->fault() : ""; }
   /// Empty on other nodes.
   std::optional<trigger::PulseStatistics> statistics() const;

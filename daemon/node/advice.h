@@ -44,6 +44,10 @@ inline constexpr char kTakeEnded[] =
     "takes), or check the disk (journalctl -k)";
 inline constexpr char kTrigger[] =
     "Stop the take; check the trigger's cable and power, then arm again";
+inline constexpr char kActionCommands[] =
+    "The take continues; check that the cameras are in one network with the trigger's PC and "
+    "follow "
+    "PTP, and compare the ledger's missing pulses of these cameras";
 inline constexpr char kSenseLine[] =
     "The take continues, but its pulses are not verified; check the sense line's cable before the "
     "next take";

@@ -1,3 +1,4 @@
+#include "sim/cameras/action_commands.h"
 #include "sim/cameras/gige_cameras.h"
 
 namespace v3d::sim {
@@ -20,7 +21,7 @@ std::string category(const std::string& name, std::initializer_list<const char*>
 }
 
 /// A 32-bit big-endian register.
-std::string reg(const std::string& name, const char* address, const char* access = "RW",
+std::string reg(const std::string& name, const std::string& address, const char* access = "RW",
                 const char* index = "") {
   return node("IntReg", name,
               text("Address", address) + index + text("Length", "4") + text("AccessMode", access) +
@@ -34,7 +35,7 @@ std::string string_reg(const std::string& name, const char* address, const char*
                   text("pPort", "Device"));
 }
 
-std::string integer(const std::string& name, const char* address, const char* access,
+std::string integer(const std::string& name, const std::string& address, const char* access,
                     const std::string& limits) {
   return node("Integer", name, text("pValue", name + "Register") + limits) +
          reg(name + "Register", address, access);
@@ -45,7 +46,7 @@ struct Entry {
   const char* value;
 };
 std::string enumeration(const std::string& name, std::initializer_list<Entry> entries,
-                        const char* address, const char* index = "") {
+                        const std::string& address, const char* index = "") {
   std::string body;
   for (const Entry& entry : entries) {
     body += node("EnumEntry", entry.name, text("Value", entry.value));
@@ -96,9 +97,9 @@ std::string genicam_xml() {
          "SchemaSubMinorVersion=\"0\" MajorVersion=\"1\" MinorVersion=\"0\" SubMinorVersion=\"0\" "
          "ToolTip=\"Simulated camera\" ProductGuid=\"0\" VersionGuid=\"0\" "
          "xmlns=\"http://www.genicam.org/GenApi/Version_1_1\">\n" +
-         category("Root",
-                  {"DeviceControl", "ImageFormatControl", "AcquisitionControl", "AnalogControl",
-                   "DigitalIOControl", "UserSetControl", "TransportLayerControl"}) +
+         category("Root", {"DeviceControl", "ImageFormatControl", "AcquisitionControl",
+                           "AnalogControl", "DigitalIOControl", "ActionControl", "UserSetControl",
+                           "TransportLayerControl"}) +
          category("DeviceControl",
                   {"DeviceVendorName", "DeviceModelName", "DeviceManufacturerInfo", "DeviceVersion",
                    "DeviceID", "DeviceSerialNumber", "PtpEnable", "PtpStatus", "PtpDataSetLatch",
@@ -110,14 +111,20 @@ std::string genicam_xml() {
          string_reg("DeviceFirmwareVersion", "0x88", "32") +
          scaled_float("DeviceTemperature", "0x330", "100", "") +
 
-         // PTP: a camera that finds its master at once and follows it.
+         // PTP: a camera that finds its master at once and follows it, unless it is unlocked.
          node("Boolean", "PtpEnable",
               text("pValue", "PtpEnableRegister") + text("OnValue", "1") + text("OffValue", "0")) +
-         reg("PtpEnableRegister", "0x310") +
+         reg("PtpEnableRegister", std::to_string(registers::kPtpEnable)) +
          node("Enumeration", "PtpStatus",
               node("EnumEntry", "Disabled", text("Value", "0")) +
                   node("EnumEntry", "Slave", text("Value", "1")) +
-                  text("pValue", "PtpEnableRegister")) +
+                  node("EnumEntry", "Listening", text("Value", "2")) +
+                  text("pValue", "PtpStatusValue")) +
+         node("IntSwissKnife", "PtpStatusValue",
+              "<pVariable Name=\"E\">PtpEnableRegister</pVariable>"
+              "<pVariable Name=\"U\">PtpUnlockedRegister</pVariable>"
+              "<Formula>E * (1 + U)</Formula>") +
+         reg("PtpUnlockedRegister", std::to_string(registers::kPtpUnlocked)) +
          command("PtpDataSetLatch", "PtpLatchRegister", "1") + reg("PtpLatchRegister", "0x314") +
          node("Integer", "PtpOffsetFromMaster", text("pValue", "PtpOffsetRegister")) +
          reg("PtpOffsetRegister", "0x318", "RO") +
@@ -148,8 +155,8 @@ std::string genicam_xml() {
                   text("pValue", "TriggerSelectorValue")) +
          node("Integer", "TriggerSelectorValue", text("Value", "0")) +
          enumeration("TriggerMode", {{"Off", "0"}, {"On", "1"}}, "0x300", kBySelector) +
-         // The fake camera exposes at a write to its trigger register only while this is 1.
-         enumeration("TriggerSource", {{"Line1", "1"}}, "0x304", kBySelector) +
+         enumeration("TriggerSource", {{"Line1", "1"}, {"Action1", "2"}},
+                     std::to_string(registers::kTriggerSource)) +
          enumeration("TriggerActivation", {{"RisingEdge", "0"}, {"FallingEdge", "1"}}, "0x308",
                      kBySelector) +
          scaled_float("ExposureTime", "0x120", "1", "<Min>10</Min><Max>1000000</Max>") +
@@ -165,6 +172,17 @@ std::string genicam_xml() {
          enumeration("LineSelector", {{"Line1", "0"}, {"Line2", "1"}}, "0x350") +
          enumeration("LineMode", {{"Input", "0"}, {"Output", "1"}}, "0x354") +
          enumeration("LineSource", {{"Off", "0"}, {"ExposureActive", "1"}}, "0x358") +
+
+         // As in SFNC, the device key cannot be read back.
+         category("ActionControl", {"ActionUnconditionalMode", "ActionDeviceKey", "ActionSelector",
+                                    "ActionGroupKey", "ActionGroupMask"}) +
+         enumeration("ActionUnconditionalMode", {{"Off", "0"}, {"On", "1"}},
+                     std::to_string(registers::kActionUnconditional)) +
+         integer("ActionDeviceKey", std::to_string(registers::kActionDeviceKey), "WO", "") +
+         integer("ActionSelector", std::to_string(registers::kActionSelector), "RW",
+                 "<Min>1</Min><Max>1</Max>") +
+         integer("ActionGroupKey", std::to_string(registers::kActionGroupKey), "RW", "") +
+         integer("ActionGroupMask", std::to_string(registers::kActionGroupMask), "RW", "") +
 
          category("UserSetControl", {"UserSetSelector", "UserSetLoad"}) +
          enumeration("UserSetSelector", {{"Default", "0"}, {"UserSet1", "1"}}, "0x35c") +

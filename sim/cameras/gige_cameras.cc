@@ -126,6 +126,7 @@ class GigeCameras::Device {
         timers_(timers),
         seed_(seed),
         wake_up_(camera_.address),
+        acknowledgements_(camera_.address),
         clock_(camera_.clock) {
     if (!plug_in()) {
       throw InputError("camera " + camera_.serial + ": cannot listen on " + camera_.address +
@@ -138,13 +139,13 @@ class GigeCameras::Device {
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
 
-  void trigger(int64_t edge, MonotonicInstant edge_time) {
+  void trigger(int64_t edge, MonotonicInstant edge_time, TriggerInput input) {
     const std::lock_guard lock(mutex_);
     const Fault* fault = fault_at(edge);
     if (fault != nullptr) start_fault(*fault, edge, edge_time);
     const bool missed = fault != nullptr && fault->kind == FaultKind::kMissed;
     if (unplugged_ || edge < frozen_until_ || missed) return;
-    if (!acquiring()) {
+    if (!acquiring() || !listens_to(input)) {
       // An image of the previous acquisition must not be sent in the next one.
       discard_queue();
       write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 0);
@@ -154,6 +155,26 @@ class GigeCameras::Device {
     expose(edge, edge_time, fault);
     send_next();
     wake_up_.wake();
+  }
+
+  /// Returns false where the camera does not obey. A command that it misses (FaultKind::kMissed)
+  /// has not reached it.
+  bool act(int64_t edge, const io::ActionCommand& command, const sockaddr_in& sender) {
+    const std::lock_guard lock(mutex_);
+    const ActionState state = action_state();
+    if (!obeys(state, command)) return false;
+    const Fault* fault = fault_at(edge);
+    if (fault != nullptr && fault->kind == FaultKind::kMissed) return true;
+    const MonotonicInstant now = Monotonic::now();
+    const MonotonicInstant due = command.time_ns ? from_ptp(*command.time_ns) : now;
+    const io::ActionStatus status = status_of(state, command, due, now);
+    if (command.wants_acknowledgement) {
+      acknowledgements_.send({.status = status, .request = command.request}, sender);
+    }
+    if (status == io::ActionStatus::kNoReferenceTime) return true;
+    const MonotonicInstant at = std::max(due, now);
+    timers_.at(at, [=, this] { trigger(edge, at, TriggerInput::kAction1); });
+    return true;
   }
 
   int64_t ignored() const { return ignored_; }
@@ -189,6 +210,9 @@ class GigeCameras::Device {
     write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, height);
     write(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT, *pfnc_code(camera_.format));
     write(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US, 1000);
+    // The fake camera exposes at a write to its trigger register only while this is 1.
+    write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1);
+    write(registers::kPtpUnlocked, camera_.finds_ptp ? 0 : 1);
     arv_fake_camera_set_fill_pattern(fake_, &Device::fill, this);
     return true;
   }
@@ -292,8 +316,21 @@ class GigeCameras::Device {
   bool acquiring() const {
     return fake_ != nullptr && arv_fake_camera_get_control_channel_privilege(fake_) != 0 &&
            arv_fake_camera_get_acquisition_status(fake_) != 0 &&
-           read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE) == 1 &&
-           read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE) == 1;
+           read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE) == 1;
+  }
+
+  bool listens_to(TriggerInput input) const {
+    return read_register(fake_, registers::kTriggerSource) == static_cast<uint32_t>(input);
+  }
+
+  ActionState action_state() const {
+    if (fake_ == nullptr) return {};
+    return {.device_key = read_register(fake_, registers::kActionDeviceKey),
+            .group_key = read_register(fake_, registers::kActionGroupKey),
+            .group_mask = read_register(fake_, registers::kActionGroupMask),
+            .is_controlled = arv_fake_camera_get_control_channel_privilege(fake_) != 0,
+            .is_unconditional = read_register(fake_, registers::kActionUnconditional) == 1,
+            .follows_ptp = camera_.finds_ptp && read_register(fake_, registers::kPtpEnable) == 1};
   }
 
   // --- the camera's thread
@@ -357,6 +394,7 @@ class GigeCameras::Device {
   TimerQueue& timers_;
   const uint64_t seed_;
   const WakeUpSocket wake_up_;
+  const AcknowledgementSocket acknowledgements_;
   ArvGvFakeCamera* server_ = nullptr;  ///< null while unplugged
 
   std::mutex mutex_;  ///< guards the next members and the order of writes to the trigger register
@@ -410,13 +448,27 @@ GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Repor
     devices_.push_back(
         std::make_unique<Device>(static_cast<int>(i), std::move(cameras[i]), *this, timers_, seed));
   }
+  receiver_ =
+      std::make_unique<ActionReceiver>([this](const io::ActionCommand& command,
+                                              const sockaddr_in& sender) { act(command, sender); });
 }
 
-GigeCameras::~GigeCameras() { timers_.end(); }
+GigeCameras::~GigeCameras() {
+  receiver_.reset();
+  timers_.end();
+}
+
+void GigeCameras::act(const io::ActionCommand& command, const sockaddr_in& sender) {
+  bool is_obeyed = false;
+  for (const auto& device : devices_) {
+    is_obeyed = device->act(actions_, command, sender) || is_obeyed;
+  }
+  if (is_obeyed) ++actions_;
+}
 
 void GigeCameras::trigger(int64_t edge, MonotonicInstant edge_time) {
   for (const auto& device : devices_) {
-    device->trigger(edge, edge_time);
+    device->trigger(edge, edge_time, TriggerInput::kLine1);
   }
 }
 

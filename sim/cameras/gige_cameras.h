@@ -7,12 +7,14 @@
 //   for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done
 //
 // A pulse on the simulated cable is written to the software trigger register of the fake camera,
-// which the camera's thread polls. The GenICam description names this trigger source "Line1". The
+// which the camera's thread polls. The GenICam description names this trigger source "Line1"; with
+// "Action1" a camera obeys action commands to 127.255.255.255 instead (action_commands.h). The
 // register holds one pulse; further pulses are queued, so a slow camera sends late but skips no
 // pulse. Device time stamps are those of the edge. Frame numbers are 16-bit numbers without 0. They
 // start near their maximum, and at 1 after a camera was unplugged.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -23,6 +25,7 @@
 #include "base/core/time.h"
 #include "base/image/camera_format.h"
 #include "base/image/image.h"
+#include "sim/cameras/action_commands.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/cameras/exposure_record.h"
 
@@ -42,6 +45,7 @@ struct GigeCamera {
   SimulatedClock clock;
   std::vector<Fault> faults;  ///< `pulse` is an edge number; at most one fault per edge
   LampFlicker flicker = {};   ///< of the light in its images
+  bool finds_ptp = true;      ///< its clock follows PTP when this is enabled
 };
 
 /// Converts samples of 8 bits to the layout of `format`, whose samples have 10 or 12 bits; the new
@@ -81,17 +85,23 @@ class GigeCameras {
   /// A rising edge on the trigger line of all cameras. Cameras that are not acquiring, or do not
   /// trigger on Line1, ignore it. Faults of this edge are injected. Call it from one thread.
   void trigger(int64_t edge, MonotonicInstant edge_time);
+  /// The number of action commands that a camera obeyed.
+  int64_t actions() const { return actions_; }
   /// The number of edges that cameras without a fault ignored, over all cameras.
   int64_t ignored() const;
 
  private:
   class GenicamFile;
   class Device;
+  /// Called by the thread of receiver_. The commands that a camera obeys are edges, counted from 0.
+  void act(const io::ActionCommand& command, const sockaddr_in& sender);
   const Picture picture_;
   const Report report_;
   const std::unique_ptr<GenicamFile> genicam_;
   TimerQueue timers_;  ///< must end before the devices, whose threads use it
   std::vector<std::unique_ptr<Device>> devices_;
+  std::atomic<int64_t> actions_ = 0;
+  std::unique_ptr<ActionReceiver> receiver_;  ///< last member: its thread uses the others
 };
 
 // The GenICam description of the simulated cameras, over the register map of Aravis' fake camera

@@ -14,6 +14,7 @@
 
 #include "base/core/error.h"
 #include "capture/cameras/camera.h"
+#include "capture/fake_camera.h"
 #include "sim/cameras/gige_cameras.h"
 #include "support/gvsp_sender.h"
 #include "support/message_of.h"
@@ -26,54 +27,6 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using testing::AllOf;
 using testing::HasSubstr;
-
-struct Unref {
-  void operator()(gpointer object) const { g_object_unref(object); }
-};
-
-/// Simulated camera at 127.0.0.11. Its software-trigger register triggers it.
-class FakeCamera {
- public:
-  /// `description`: a GenICam file; null: that of Aravis.
-  explicit FakeCamera(const char* description = nullptr)
-      : camera_(arv_gv_fake_camera_new_full("127.0.0.11", "V3D-0001", description)) {
-    // Rate at which it polls the trigger register, Hz.
-    if (running()) arv_fake_camera_set_trigger_frequency(device(), 400);
-  }
-
-  bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
-  ArvFakeCamera* device() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }
-  uint32_t read(uint32_t address) const {
-    uint32_t value = 0;
-    arv_fake_camera_read_register(device(), address, &value);
-    return value;
-  }
-  void write(uint32_t address, uint32_t value) const {
-    arv_fake_camera_write_register(device(), address, value);
-  }
-  void trigger() const { write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1); }
-  void unplug() { camera_.reset(); }
-
- private:
-  std::unique_ptr<ArvGvFakeCamera, Unref> camera_;
-};
-
-StudioCamera settings() {
-  StudioCamera camera;
-  camera.name = "cam07";
-  camera.address = "127.0.0.11";
-  camera.pixel_format = PixelFormat::kMono8;
-  camera.exposure_us = 2500;
-  camera.gain_db = 3;
-  camera.trigger_line = "Software";
-  camera.packet_size = 8000;
-  return camera;
-}
-
-std::string start_error(const StudioCamera& wanted) {
-  AravisCamera camera(wanted);
-  return test::message_of<InputError>([&] { camera.start(); });
-}
 
 MonotonicInstant in(Duration d) { return Monotonic::now() + d; }
 
@@ -194,22 +147,6 @@ TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
     camera.wait(in(milliseconds(50)));
   EXPECT_FALSE(camera.statistics().ptp_offset) << "the clock is no longer synchronised";
 }
-
-/// A simulated camera with the GenICam description of the simulator.
-struct SimulatedCamera {
-  static StudioCamera settings() {
-    StudioCamera wanted = v3d::capture::settings();
-    wanted.trigger_line = "Line1";
-    return wanted;
-  }
-
-  static std::string description(const std::filesystem::path& path) {
-    std::ofstream(path) << sim::genicam_xml();
-    return path;
-  }
-  const test::TemporaryFolder folder;
-  const FakeCamera fake{description(folder / "genicam.xml").c_str()};
-};
 
 constexpr uint32_t kTemperature = 0x330, kWhiteBalanceAuto = 0x344, kGammaEnable = 0x348,
                    kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x354,

@@ -1,10 +1,14 @@
 // Tests the simulated cameras with a real GigE Vision client.
 #include "sim/cameras/gige_cameras.h"
 
+#include <arpa/inet.h>
 #include <arv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
 
+#include <ctime>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -29,11 +33,11 @@ using Owned = std::unique_ptr<T, Unref>;
 /// A client that opens a camera like the capture daemon: triggered on Line1, large packets.
 class Receiver {
  public:
-  explicit Receiver(int index) {
+  explicit Receiver(int index, const char* source = "Line1") {
     camera_.reset(arv_camera_new(gige_address(index).c_str(), nullptr));
     if (camera_ == nullptr) return;
     arv_camera_set_string(camera_.get(), "TriggerSelector", "FrameStart", nullptr);
-    arv_camera_set_string(camera_.get(), "TriggerSource", "Line1", nullptr);
+    arv_camera_set_string(camera_.get(), "TriggerSource", source, nullptr);
     arv_camera_set_string(camera_.get(), "TriggerActivation", "RisingEdge", nullptr);
     arv_camera_set_string(camera_.get(), "TriggerMode", "On", nullptr);
     arv_camera_gv_set_packet_size(camera_.get(), 30000, nullptr);
@@ -226,6 +230,115 @@ TEST(GigeCameras, disconnect_while_unplugged_and_restart_their_counters) {
   EXPECT_LT(arv_buffer_get_timestamp(buffer.get()), 60'000'000'000U) << "a clock from 0";
   EXPECT_EQ(studio.exposures().back().edge, 2);
   EXPECT_EQ(studio.exposures().size(), 2U);
+}
+
+/// Sends action commands to the broadcast address of the loopback network.
+class Commander {
+ public:
+  Commander() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    const int on = 1;
+    setsockopt(socket_.get(), SOL_SOCKET, SO_BROADCAST, &on, sizeof on);
+  }
+  void send(const io::ActionCommand& command) const {
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(io::kGvcpPort);
+    inet_pton(AF_INET, "127.255.255.255", &to.sin_addr);
+    const std::vector<uint8_t> bytes = encode(command);
+    ASSERT_GT(sendto(socket_.get(), bytes.data(), bytes.size(), 0,
+                     reinterpret_cast<const sockaddr*>(&to), sizeof to),
+              0);
+  }
+  /// "127.0.0.11: success", or "" when no acknowledgement comes in time.
+  std::string acknowledgement(int timeout_ms = 20'000) const {
+    pollfd readable{socket_.get(), POLLIN, 0};
+    if (poll(&readable, 1, timeout_ms) <= 0) return "";
+    std::vector<uint8_t> bytes(64);
+    sockaddr_in from{};
+    socklen_t length = sizeof from;
+    const ssize_t size = recvfrom(socket_.get(), bytes.data(), bytes.size(), 0,
+                                  reinterpret_cast<sockaddr*>(&from), &length);
+    const auto decoded =
+        io::decode_action_acknowledgement(std::span(bytes).first(static_cast<size_t>(size)));
+    return std::string(inet_ntoa(from.sin_addr)) + ": " +
+           (decoded ? text_of(decoded->status) : "unreadable");
+  }
+
+ private:
+  io::UniqueFd socket_;
+};
+
+void set_keys(ArvCamera* camera, int device_key, bool ptp) {
+  arv_camera_set_integer(camera, "ActionDeviceKey", device_key, nullptr);
+  arv_camera_set_integer(camera, "ActionGroupKey", 2, nullptr);
+  arv_camera_set_integer(camera, "ActionGroupMask", 3, nullptr);
+  arv_camera_set_boolean(camera, "PtpEnable", ptp, nullptr);
+}
+
+int64_t tai_now() {
+  timespec now{};
+  clock_gettime(CLOCK_TAI, &now);
+  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+TEST(GigeCameras, expose_at_the_time_of_an_action_command_with_their_keys) {
+  Studio studio;
+  const Receiver first(0, "Action1");
+  const Receiver wrong_key(1, "Action1");
+  const Receiver on_cable(2);
+  set_keys(first.camera(), 1, true);
+  set_keys(wrong_key.camera(), 7, true);
+  const Commander commander;
+  io::ActionCommand command{.device_key = 1, .group_key = 2, .group_mask = 2};
+  for (int pulse = 0; pulse < 2; ++pulse) {
+    command.request = static_cast<uint16_t>(pulse + 1);
+    command.time_ns = tai_now() + 100'000'000;
+    commander.send(command);
+    EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: success");
+    ASSERT_NE(first.next(), nullptr);
+    EXPECT_GE(tai_now(), *command.time_ns);
+    const std::vector<Exposure> record = studio.exposures();
+    ASSERT_EQ(record.size(), static_cast<size_t>(pulse + 1)) << "other cameras do not expose";
+    EXPECT_EQ(record.back().camera, 0);
+    EXPECT_EQ(record.back().edge, pulse);
+  }
+  EXPECT_EQ(studio.cameras().actions(), 2);
+}
+
+TEST(GigeCameras, reject_the_time_of_an_action_without_ptp_and_report_a_late_one) {
+  Studio studio;
+  const Receiver unlocked(0, "Action1");
+  set_keys(unlocked.camera(), 1, false);
+  const Commander commander;
+  io::ActionCommand command{.device_key = 1, .group_key = 2, .group_mask = 1, .time_ns = 1};
+  commander.send(command);
+  EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: no PTP time");
+  command.time_ns.reset();
+  commander.send(command);
+  EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: success");
+  ASSERT_NE(unlocked.next(), nullptr);
+  set_keys(unlocked.camera(), 1, true);
+  command.time_ns = 1;
+  commander.send(command);
+  EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: command too late");
+  ASSERT_NE(unlocked.next(), nullptr);
+  EXPECT_EQ(studio.exposures().size(), 2U);
+}
+
+TEST(GigeCameras, neither_acknowledge_nor_obey_an_action_that_they_miss) {
+  Studio studio({fault(0, FaultKind::kMissed)});
+  const Receiver receiver(0, "Action1");
+  set_keys(receiver.camera(), 1, false);
+  const Commander commander;
+  io::ActionCommand command{.device_key = 1, .group_key = 2, .group_mask = 1};
+  commander.send(command);
+  command.request = 2;
+  commander.send(command);
+  EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: success");
+  ASSERT_NE(receiver.next(), nullptr);
+  EXPECT_EQ(commander.acknowledgement(0), "");
+  ASSERT_EQ(studio.exposures().size(), 1U);
+  EXPECT_EQ(studio.exposures()[0].edge, 1);
 }
 
 TEST(GigeCameras, name_the_missing_address) {

@@ -285,6 +285,18 @@ TEST(Doctor, reports_the_source_and_the_offset_of_the_clock) {
   EXPECT_NE(check_clock({}, false).remedy, "");
 }
 
+TEST(Doctor, reports_a_clock_without_the_time_scale_of_scheduled_action_commands) {
+  StudioTrigger trigger;
+  EXPECT_TRUE(check_ptp_scale(trigger, 0).empty());
+  trigger.kind = TriggerKind::kAction;
+  EXPECT_EQ(check_ptp_scale(trigger, 37).at(0).verdict, Verdict::kGood);
+  const Finding late = check_ptp_scale(trigger, 0).at(0);
+  EXPECT_EQ(late.verdict, Verdict::kBad);
+  EXPECT_NE(late.remedy, "");
+  trigger.action.clock = PtpScale::kUtc;
+  EXPECT_EQ(check_ptp_scale(trigger, 0).at(0).verdict, Verdict::kGood);
+}
+
 TEST(Doctor, requires_a_disk_with_the_data_rate_of_the_cameras) {
   EXPECT_EQ(judge_disk_speed(500e6, 295e6).verdict, Verdict::kGood);
   EXPECT_EQ(judge_disk_speed(200e6, 295e6).verdict, Verdict::kBad);

@@ -269,10 +269,11 @@ TEST(MakeTrigger, makes_a_gpio_trigger_and_a_sensor_only_for_a_configured_sense_
   StudioTrigger trigger;
   trigger.kind = TriggerKind::kGpio;
   trigger.output = kTrigger;
-  EXPECT_TRUE(make_generator(trigger));
-  EXPECT_FALSE(make_sensor(trigger));
+  const auto generator = make_generator(trigger);
+  ASSERT_TRUE(generator);
+  EXPECT_FALSE(make_sensor(trigger, *generator));
   trigger.sense = StudioLine{.chip = "gpiochip0", .line = "SENSE"};
-  EXPECT_TRUE(make_sensor(trigger));
+  EXPECT_TRUE(make_sensor(trigger, *generator));
 }
 
 }  // namespace

@@ -271,7 +271,7 @@ TEST(MakeTrigger, makes_the_generator_and_the_sensor_of_the_studio_file) {
   trigger.wire = cable.path();
   const auto generator = make_generator(trigger);
   generator->arm({25, milliseconds(1), 1});
-  const auto sensor = make_sensor(trigger);
+  const auto sensor = make_sensor(trigger, *generator);
   sensor->reset();
   EXPECT_EQ(generator->fault() + sensor->fault(), "");
 }

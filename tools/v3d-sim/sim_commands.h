@@ -44,6 +44,7 @@ struct StudioText {
   double rate_hz = 25;
   double voxel_m = 0.01;
   std::string pixel_format = "BayerRG8";
+  bool has_action_trigger = false;  ///< action commands instead of the simulated cable
 };
 
 /// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and

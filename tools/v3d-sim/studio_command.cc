@@ -33,7 +33,9 @@ struct Arguments {
   std::string faults;
   std::string format = "BayerRG8";
   std::string flicker;
-  double clap = 0;  ///< pulse at which the performer stops; 0: never
+  std::string trigger = "cable";  ///< or "action"
+  bool has_no_ptp = false;        ///< the cameras find no PTP master
+  double clap = 0;                ///< pulse at which the performer stops; 0: never
 };
 
 /// A format with the filter pattern of the rendered images.
@@ -54,6 +56,11 @@ LampFlicker read_flicker(const std::string& text) {
   const int read = std::sscanf(text.c_str(), "%lf@%lf%c", &lamps.amplitude, &lamps.hz, &rest);
   if (read == 2 && lamps.amplitude >= 0 && lamps.amplitude <= 1 && lamps.hz > 0) return lamps;
   throw InputError("--flicker " + text + ": expected AMPLITUDE@HZ, like 0.05@120");
+}
+
+bool has_action_trigger(const std::string& trigger) {
+  if (trigger == "cable" || trigger == "action") return trigger == "action";
+  throw InputError("--trigger " + trigger + ": expected cable or action");
 }
 
 /// Blocks SIGTERM and SIGINT in all threads; the program polls them or waits for them.
@@ -147,7 +154,7 @@ std::vector<GigeCamera> network_cameras(const Rig& rig, const std::vector<Fault>
                        read_format(arguments.format),
                        simulated_clock(i, arguments.studio.seed, origin),
                        faults_at_edges(faults, camera.name, arguments.empty_pulses),
-                       read_flicker(arguments.flicker)});
+                       read_flicker(arguments.flicker), !arguments.has_no_ptp});
   }
   return cameras;
 }
@@ -167,7 +174,8 @@ int run(Arguments arguments) {
       arguments.faults.empty() ? std::vector<Fault>() : load_faults(arguments.faults, rig, {});
   read_flicker(arguments.flicker);  // rejects it before the images are rendered
   const StudioText text{rate, parse_length(arguments.voxel),
-                        std::string(name(read_format(arguments.format)))};
+                        std::string(name(read_format(arguments.format))),
+                        has_action_trigger(arguments.trigger)};
   std::filesystem::create_directories(folder);
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
@@ -197,7 +205,8 @@ int run(Arguments arguments) {
   std::fflush(stdout);
   stop.wait();
   std::fprintf(stderr, "%lld edges, %lld of them ignored by a camera that was not acquiring\n",
-               static_cast<long long>(cable.edges()), static_cast<long long>(cameras.ignored()));
+               static_cast<long long>(cable.edges() + cameras.actions()),
+               static_cast<long long>(cameras.ignored()));
   return record.lost() == 0 ? kExitDone : kExitFailed;
 }
 
@@ -232,6 +241,13 @@ void add_studio_command(cli::Command app, int& status) {
   command.add_option("--flicker", arguments->flicker,
                      "Lamps that flicker, AMPLITUDE@HZ: 0.05@120 varies the light by 5 % up and "
                      "down, 120 times a second");
+  command
+      .add_option("--trigger", arguments->trigger,
+                  "Trigger of the studio file: cable, or action for GigE Vision action commands, "
+                  "which the cameras always obey")
+      .show_default();
+  command.add_flag("--no-ptp", arguments->has_no_ptp,
+                   "The clocks of the cameras find no PTP master");
   command
       .add_option("--clap", arguments->clap,
                   "Pulse, from the first after --empty-pulses and with a fraction, at which the "

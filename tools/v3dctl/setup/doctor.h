@@ -67,6 +67,12 @@ Finding check_clock();
 /// which is also set by a ptp4l that this user may not ask.
 Finding check_clock(const std::map<std::string, double>& values, bool kernel_synchronised);
 
+/// Whether scheduled action commands have the time scale of PTP. `tai_offset_s`: seconds by which
+/// CLOCK_TAI of this PC is ahead of UTC. Empty without an action trigger.
+std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger, int tai_offset_s);
+/// The same for this PC.
+std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger);
+
 // --- disk, memory and priorities: doctor_machine.cc
 
 /// All checks of this kind, for these cameras. Writes to the disk of the takes for about 1 s.

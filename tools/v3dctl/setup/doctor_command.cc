@@ -73,6 +73,10 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   for (const auto& more : {check_machine(studio, cameras), examine_keys(studio)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
+  if (node.empty() || node == studio.trigger.node) {
+    const std::vector<Finding> scale = check_ptp_scale(studio.trigger);
+    findings.insert(findings.end(), scale.begin(), scale.end());
+  }
   // Where the trigger may be. Alone, so that the other checks do not delay its thread.
   if (node.empty() || node == studio.trigger.node) {
     findings.push_back(check_wakeups(studio, !node.empty()));

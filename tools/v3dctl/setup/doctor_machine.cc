@@ -201,6 +201,27 @@ Finding check_clock(const std::map<std::string, double>& values, bool kernel_syn
   return {Verdict::kBad, "clock", "is not synchronised", install};
 }
 
+std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger, int tai_offset_s) {
+  if (trigger.kind != TriggerKind::kAction) return {};
+  if (trigger.action.clock == PtpScale::kUtc) {
+    return {{Verdict::kGood, "PTP time", "action commands have the time of CLOCK_REALTIME", ""}};
+  }
+  if (tai_offset_s != 0) {
+    return {{Verdict::kGood, "PTP time",
+             "CLOCK_TAI is " + std::to_string(tai_offset_s) + " s ahead of UTC", ""}};
+  }
+  return {{Verdict::kBad, "PTP time",
+           "CLOCK_TAI is equal to UTC, so scheduled action commands are 37 s late",
+           "run ptp4l and phc2sys on the trigger's PC; where the PTP master counts UTC, set "
+           "ptp_scale = \"utc\" in [trigger]"}};
+}
+
+std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger) {
+  timex clock{};
+  adjtimex(&clock);
+  return check_ptp_scale(trigger, clock.tai);
+}
+
 Finding check_clock() { return check_clock(read_clock_values(), kernel_synchronised()); }
 
 }  // namespace v3d::ctl

@@ -1,0 +1,89 @@
+// GigE Vision action commands to simulated cameras: registers, rules, receiver.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "base/core/time.h"
+#include "base/io/action_packet.h"
+#include "base/io/unique_fd.h"
+
+namespace v3d::sim {
+
+// Registers of the simulated cameras that Aravis' fake camera does not know (genicam.cc).
+
+namespace registers {
+inline constexpr uint32_t kPtpEnable = 0x310;
+inline constexpr uint32_t kPtpUnlocked = 0x364;  ///< 1: the clock finds no PTP master
+inline constexpr uint32_t kTriggerSource = 0x368;
+inline constexpr uint32_t kActionUnconditional = 0x36c;
+inline constexpr uint32_t kActionDeviceKey = 0x370;
+inline constexpr uint32_t kActionSelector = 0x374;
+inline constexpr uint32_t kActionGroupKey = 0x378;
+inline constexpr uint32_t kActionGroupMask = 0x37c;
+}  // namespace registers
+
+/// Values of the register kTriggerSource.
+enum class TriggerInput : uint32_t { kLine1 = 1, kAction1 = 2 };
+
+/// The state of a camera that decides about action commands.
+struct ActionState {
+  uint32_t device_key = 0;
+  uint32_t group_key = 0;
+  uint32_t group_mask = 0;
+  bool is_controlled = false;     ///< a program controls the camera
+  bool is_unconditional = false;  ///< it obeys also without one
+  bool follows_ptp = false;
+};
+
+/// Whether the camera obeys the command; otherwise it sends no acknowledgement.
+bool obeys(const ActionState& camera, const io::ActionCommand& command);
+
+/// The status of the acknowledgement of a camera that obeys. With kNoReferenceTime it exposes not
+/// at all, with kLate at once. `due`: the time of a scheduled command.
+io::ActionStatus status_of(const ActionState& camera, const io::ActionCommand& command,
+                           MonotonicInstant due, MonotonicInstant now);
+
+/// A time on the PTP clock, which is CLOCK_TAI of this host, on CLOCK_MONOTONIC.
+MonotonicInstant from_ptp(int64_t time_ns);
+
+/// Sends acknowledgements from the address of a camera, from a port of its own.
+class AcknowledgementSocket {
+ public:
+  /// The address is IPv4. Throws InputError where it is not on an interface of this host.
+  explicit AcknowledgementSocket(const std::string& address);
+  /// Errors are ignored: acknowledgements may be lost.
+  void send(const io::ActionAcknowledgement& acknowledgement, const sockaddr_in& to) const;
+
+ private:
+  io::UniqueFd socket_;
+};
+
+/// Receives action commands to the broadcast address of the loopback network, 127.255.255.255. A
+/// thread of its own ends with the object.
+class ActionReceiver {
+ public:
+  /// Called by the receiver's thread; must not throw.
+  using OnCommand = std::function<void(const io::ActionCommand&, const sockaddr_in& sender)>;
+
+  /// Throws InputError where the address cannot be bound.
+  explicit ActionReceiver(OnCommand on_command);
+  ~ActionReceiver();
+  ActionReceiver(const ActionReceiver&) = delete;
+  ActionReceiver& operator=(const ActionReceiver&) = delete;
+
+ private:
+  void run();
+
+  const OnCommand on_command_;
+  io::UniqueFd socket_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace v3d::sim
