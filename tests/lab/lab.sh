@@ -137,21 +137,42 @@ X
   until_true 60 v3dctl status
 }
 
-# v4l2_studio CAMERAS RATE: a studio with free-running V4L2 cameras and a trigger on the lines of gpio_lines.
+# wire_lines: connects the lines of gpio_lines, by the process $wire, which writes what it saw to /run/wire.txt.
+wire_lines() {
+  [ -e /run/gpio-wire ] || cp /lab/programs/gpio-wire /run/
+  /run/gpio-wire "$gpio/sim_gpio0/value" "$gpio/sim_gpio1/pull" >/run/wire.txt &
+  wire=$!
+}
+
+# vivid_cameras N: loads the vivid driver with N webcams, /dev/video0 and so on.
+vivid_cameras() {
+  local types inputs sources
+  types=$(for _ in $(seq "$1"); do echo 0x1; done | paste -sd,)
+  inputs=${types//0x1/1} sources=${types//0x1/0x0}
+  modprobe vivid n_devs="$1" node_types="$types" num_inputs="$inputs" input_types="$sources"
+  udevadm settle
+}
+
+# v4l2_studio RATE FORMAT...: a studio with free-running V4L2 cameras, one for each pixel format, and a trigger on the lines of
+# gpio_lines.
 v4l2_studio() {
-  local cameras=$1 rate=$2
+  local rate=$1 i=0 format
+  shift
   {
     printf 'name = "lab"\n[[node]]\nname = "cap01"\n'
-    printf '[camera_defaults]\nnode = "cap01"\nkind = "v4l2"\npixel_format = "Mono8"\nwidth = 320\nheight = 180\n'
-    for i in $(seq "$cameras"); do printf '[[camera]]\nname = "cam0%d"\naddress = "/dev/video%d"\n' "$i" $((i - 1)); done
+    printf '[camera_defaults]\nnode = "cap01"\nkind = "v4l2"\nwidth = 320\nheight = 180\n'
+    for format in "$@"; do
+      printf '[[camera]]\nname = "cam%02d"\naddress = "/dev/video%d"\npixel_format = "%s"\n' $((i + 1)) "$i" "$format"
+      i=$((i + 1))
+    done
     printf '[trigger]\nnode = "cap01"\nkind = "gpio"\nchip = "gpiochip0"\nline = "TRIGGER"\nrate_hz = %d\n' "$rate"
     printf 'pulse_width_us = 4000\n[trigger.sense]\nchip = "gpiochip0"\nline = "SENSE"\n'
     printf '[storage]\ntakes = "/var/lib/v3d/takes"\nbackground = "/var/lib/v3d/background"\n'
     printf 'calib = "/etc/v3d/calib.toml"\n[space]\nmin = [-1, -1, 0]\nmax = [1, 1, 2]\n'
     printf '[reconstruction]\nnode = "cap01"\n'
   } >/etc/v3d/studio.toml
-  for i in $(seq "$cameras"); do
-    printf '[cam_%d]\nname = "cam0%d"\nsize = [320, 180]\nmatrix = [[300, 0, 160], [0, 300, 90], [0, 0, 1]]\n' "$i" "$i"
+  for i in $(seq $#); do
+    printf '[cam_%d]\nname = "cam%02d"\nsize = [320, 180]\nmatrix = [[300, 0, 160], [0, 300, 90], [0, 0, 1]]\n' "$i" "$i"
     printf 'distortions = []\nrotation = [0, 0, 0]\ntranslation = [%d, 0, 0]\n' "$i"
   done >/etc/v3d/calib.toml
 }
