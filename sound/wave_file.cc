@@ -158,6 +158,22 @@ WaveOrigin wave_origin(RealtimeInstant first_sample, int rate_hz, std::string de
               since_midnight * rate_hz + ns % 1'000'000'000 * rate_hz / 1'000'000'000};
 }
 
+std::optional<RealtimeInstant> first_sample_time(const WaveOrigin& origin, int rate_hz) {
+  tm local{};
+  const char* const end = strptime(origin.date.c_str(), "%Y-%m-%d", &local);
+  if (end == nullptr || *end != '\0') return std::nullopt;
+  const int64_t seconds = origin.samples_since_midnight / rate_hz;
+  if (seconds < 0 || seconds >= 24 * 3600) return std::nullopt;
+  local.tm_hour = static_cast<int>(seconds / 3600);
+  local.tm_min = static_cast<int>(seconds / 60 % 60);
+  local.tm_sec = static_cast<int>(seconds % 60);
+  local.tm_isdst = -1;
+  const time_t whole = mktime(&local);
+  if (whole == -1) return std::nullopt;
+  const int64_t fraction = origin.samples_since_midnight % rate_hz;
+  return from_ns<Realtime>(int64_t{whole} * 1'000'000'000 + fraction * 1'000'000'000 / rate_hz);
+}
+
 // --- writer -------------------------------------------------------------------------------------
 
 struct WaveWriter::Impl {

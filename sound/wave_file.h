@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -42,6 +43,8 @@ struct WaveOrigin {
 /// of this process.
 WaveOrigin wave_origin(RealtimeInstant first_sample, int rate_hz, std::string description,
                        std::string originator);
+/// The inverse: the time of the first sample. Empty where the origin has no date that can be read.
+std::optional<RealtimeInstant> first_sample_time(const WaveOrigin& origin, int rate_hz);
 
 /// Writes a growing file of 24-bit PCM: RIFF up to 4 GiB, RF64 above.
 ///

@@ -64,8 +64,8 @@ class SoundTake {
   void take_pulses();
   io::Status create_file(const sound::SoundBlock& first);
   io::Status write(const sound::SoundBlock& block, int64_t silence);
-  void describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const;
-  void describe_generated(take::SoundLedger& ledger, const sound::PulseMap& map) const;
+  /// Fills the timecode without LTC: that of the output, or the time of day.
+  void describe_generated(take::SoundLedger& ledger) const;
 
   const Setup setup_;
   std::filesystem::path path_;

@@ -8,6 +8,7 @@
 #include "base/io/file.h"
 #include "daemon/node/persisted_command.h"
 #include "daemon/node/take_folder.h"
+#include "take/ledger/sound_mapping.h"
 #include "take/take_removal.h"
 
 namespace v3d::captured {
@@ -102,18 +103,31 @@ NodeTake::~NodeTake() {
 }
 
 void NodeTake::begin_sound() {
-  if (context_.sound != nullptr) context_.sound->begin(paths_, info_.name, info_.rate_hz);
+  if (context_.sound == nullptr) return;
+  map_earlier_sounds();
+  context_.sound->begin(paths_, info_.name, info_.rate_hz);
+}
+
+void NodeTake::map_earlier_sounds() {
+  auto read = take::read_sounds(paths_);
+  if (!read) return;  // begin() fails in the same way, and reports it
+  std::erase_if(read->sounds,
+                [&](const take::SoundLedger& sound) { return sound.node != context_.name; });
+  if (read->sounds.empty()) return;
+  earlier_sounds_ =
+      std::async(std::launch::async, [paths = paths_, sounds = read->sounds]() mutable {
+        for (const std::string& problem : take::map_recorded_sounds(paths, sounds)) {
+          spdlog::warn("{}", problem);
+        }
+        return sounds;
+      });
 }
 
 std::vector<take::SoundLedger> NodeTake::end_sound() {
   if (context_.sound == nullptr) return {};
   auto ended = context_.sound->end();
   std::vector<take::SoundLedger> sounds;
-  // Files of before a restart of the daemon have no map.
-  if (const auto read = take::read_sounds(paths_)) sounds = read->sounds;
-  std::erase_if(sounds, [&](const take::SoundLedger& sound) {
-    return sound.node != context_.name || (ended && sound.file == ended->file);
-  });
+  if (earlier_sounds_.valid()) sounds = earlier_sounds_.get();
   if (ended) sounds.push_back(*std::move(ended));
   return sounds;
 }

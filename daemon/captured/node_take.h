@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -201,7 +202,9 @@ class NodeTake {
   static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan,
                                           take::TakeInfo info, take::TakeLock lock);
   void begin_sound();
-  /// The sound files of this node.
+  /// Starts to map the sound files of before a restart of the daemon, beside the recording.
+  void map_earlier_sounds();
+  /// The sound files of this node. Waits for their maps.
   std::vector<take::SoundLedger> end_sound();
   void add_pipeline(capture::CameraWorker& worker, const segmentation::BackgroundModel& background,
                     std::optional<ResumeState> resume = {});
@@ -222,6 +225,7 @@ class NodeTake {
   std::unique_ptr<TakeDisk> disk_;      ///< null when closed
   LiveAdmission admission_;
   std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
+  std::future<std::vector<take::SoundLedger>> earlier_sounds_;  ///< not valid: there are none
   std::vector<std::string> unread_;  ///< why frames or pulses before a restart are not counted
 };
 

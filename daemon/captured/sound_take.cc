@@ -8,6 +8,7 @@
 #include "daemon/captured/time_of_day.h"
 #include "sound/timecode.h"
 #include "sound/timecode_map.h"
+#include "take/ledger/sound_mapping.h"
 #include "take/take_timecode.h"
 
 namespace v3d::captured {
@@ -104,7 +105,6 @@ std::optional<take::SoundLedger> SoundTake::close() {
     const std::lock_guard lock(mutex_);
     counts_.error = synced.error().message;
   }
-  const sound::MappedPulses mapped = track_.pulses();
   take::SoundLedger ledger;
   ledger.file = setup_.paths.sound().filename() / path_.filename();
   ledger.node = setup_.sound.node;
@@ -116,37 +116,16 @@ std::optional<take::SoundLedger> SoundTake::close() {
     ledger.gaps.push_back({static_cast<double>(gap.sample), static_cast<double>(gap.samples)});
     ledger.lost_samples += gap.samples;
   }
-  ledger.map_source = name(mapped.source);
-  ledger.map = mapped.map;
-  ledger.uncertainty_us = 1e6 * mapped.uncertainty_s;
-  ledger.drift_ppm = mapped.drift_ppm;
-  ledger.missing_edges = setup_.sound.pulse_channel > 0 ? mapped.missing_edges : 0;
-  ledger.extra_edges = mapped.extra_edges;
-  describe_timecode(ledger, mapped.map);
+  if (first_pulse_) {
+    take::describe_track(track_, first_pulse_->pulse, last_pulse_->pulse, ledger);
+    if (ledger.timecode_source == "none") describe_generated(ledger);
+  }
   syncing_.reset();
   return ledger;
 }
 
-void SoundTake::describe_timecode(take::SoundLedger& ledger, const sound::PulseMap& map) const {
-  if (!first_pulse_) return;
-  const auto& track = track_.timecode();
-  if (track && track->rate() && map.is_known()) {
-    const auto text_at = [&](const capture::PulseEdge& pulse) {
-      const auto timecode = track->at(map.sample_of(static_cast<double>(pulse.pulse)));
-      return timecode ? sound::timecode_text(*timecode, *track->rate()) : "";
-    };
-    ledger.timecode_source = "ltc";
-    ledger.timecode_rate = name(*track->rate());
-    ledger.first_timecode = text_at(*first_pulse_);
-    ledger.last_timecode = text_at(*last_pulse_);
-    ledger.timecode_jumps = track->jumps();
-    ledger.timecode_runs = track->runs();
-    return;
-  }
-  describe_generated(ledger, map);
-}
-
-void SoundTake::describe_generated(take::SoundLedger& ledger, const sound::PulseMap& map) const {
+void SoundTake::describe_generated(take::SoundLedger& ledger) const {
+  const sound::PulseMap& map = ledger.map;
   const auto day_rate = sound::timecode_rate_from_name(setup_.sound.timecode_rate);
   const sound::TimecodeClock clock =
       setup_.timecode ? setup_.timecode()

@@ -154,12 +154,15 @@ int timecode_rank(const SoundLedger& sound) {
 }
 
 std::string timecode_text(const std::vector<SoundLedger>& sounds) {
-  const SoundLedger* best = nullptr;
+  const SoundLedger *first = nullptr, *last = nullptr;
   for (const SoundLedger& sound : sounds) {
     if (sound.first_timecode.empty() || sound.last_timecode.empty()) continue;
-    if (best == nullptr || timecode_rank(sound) > timecode_rank(*best)) best = &sound;
+    const int rank = timecode_rank(sound);
+    if (first == nullptr || rank > timecode_rank(*first)) first = last = &sound;
+    // A node that was restarted in the take has several files.
+    if (rank == timecode_rank(*first) && sound.node == first->node) last = &sound;
   }
-  return best == nullptr ? "" : best->first_timecode + " to " + best->last_timecode;
+  return first == nullptr ? "" : first->first_timecode + " to " + last->last_timecode;
 }
 
 io::Result<ReadSounds> read_sounds(const TakePaths& paths) {

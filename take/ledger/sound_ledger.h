@@ -13,8 +13,8 @@
 
 namespace v3d::take {
 
-/// One sound file, a table [[sound]] of the ledger. After a recovery only its first fields are
-/// known: the map then has no knots.
+/// One sound file, a table [[sound]] of the ledger. A file that was not closed has what
+/// map_recorded_sounds() finds (take/ledger/sound_mapping.h).
 struct SoundLedger {
   std::string file;  ///< relative to the folder of the take: "sound/cap01.wav"
   std::string node;

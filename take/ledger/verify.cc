@@ -10,6 +10,7 @@
 #include "base/io/file.h"
 #include "take/ledger/file_check.h"
 #include "take/ledger/ledger.h"
+#include "take/ledger/sound_mapping.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
@@ -440,6 +441,9 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
   }
   remove_working_file(paths.reserve());
   if (!result.read_errors.empty() && after == AfterReadErrors::kStayOpen) return result;
+  for (std::string& problem : map_recorded_sounds(paths, result.ledger.sounds)) {
+    result.notes.push_back(std::move(problem));
+  }
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
   const auto unread = save_account(paths, result.info, result.ledger);

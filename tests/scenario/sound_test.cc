@@ -79,6 +79,8 @@ TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
   EXPECT_THAT(verified.disagreements, IsEmpty());
   ASSERT_THAT(verified.ledger.sounds, SizeIs(1));
   EXPECT_EQ(verified.ledger.sounds[0].samples, wave->samples());
+  EXPECT_EQ(verified.ledger.sounds[0].map_source, "pulse channel");
+  EXPECT_EQ(verified.ledger.sounds[0].timecode_source, "ltc");
 }
 
 /// The performer stops 0.4 periods, 20 ms, after pulse 30 of the first train after the background;

@@ -160,13 +160,24 @@ RC_GTEST_PROP(WaveFileProperty, is_read_or_rejected_after_any_damage, ()) {
 TEST(WaveOrigin, counts_samples_since_local_midnight) {
   setenv("TZ", "UTC-2", 1);
   tzset();
-  const WaveOrigin origin = wave_origin(
-      from_ns<Realtime>((1'790'000'000LL * 1'000'000'000) + 500'000'000), 48'000, "d", "o");
+  const auto at = from_ns<Realtime>((1'790'000'000LL * 1'000'000'000) + 500'000'000);
+  const WaveOrigin origin = wave_origin(at, 48'000, "d", "o");
+  const auto read = first_sample_time(origin, 48'000);
   unsetenv("TZ");
   tzset();
+  EXPECT_EQ(read, at);
   EXPECT_EQ(origin.date, "2026-09-21");
   EXPECT_EQ(origin.time, "16:13:20");
   EXPECT_EQ(origin.samples_since_midnight, ((16 * 60 + 13) * 60 + 20) * 48'000LL + 24'000);
+}
+
+TEST(WaveOrigin, without_a_date_gives_no_time) {
+  for (const char* date : {"", "yesterday", "2026-09-21x", "2026-13-01"}) {
+    const WaveOrigin origin{"", "", date, "", 0};
+    EXPECT_EQ(first_sample_time(origin, 48'000), std::nullopt) << date;
+  }
+  const WaveOrigin late{"", "", "2026-09-21", "", 86'400LL * 48'000};
+  EXPECT_EQ(first_sample_time(late, 48'000), std::nullopt);
 }
 
 }  // namespace

@@ -1,0 +1,128 @@
+#include "take/ledger/sound_mapping.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "base/core/error.h"
+#include "sound/timecode.h"
+#include "sound/wave_file.h"
+#include "take/logs/frame_log.h"
+
+namespace v3d::take {
+namespace {
+
+/// Blocks of the file, as of a device.
+constexpr int kBlocksPerSecond = 10;
+/// Deviation of the position by the wall clocks of two PCs, s.
+constexpr double kClockDeviation = 2e-3;
+/// Deviation of the rate of a sample clock.
+constexpr double kDriftDeviation = 50e-6;
+
+struct RecordedPulses {
+  std::vector<wire::PulseMessage> pulses;  ///< in order
+  double rate_hz = 0;
+};
+
+/// A time on a clock that is 0 at the first sample of a file.
+MonotonicInstant in_file(RealtimeInstant at, RealtimeInstant first_sample) {
+  return MonotonicInstant(at - first_sample);
+}
+
+/// How a node recorded its sound, as far as the take knows.
+StudioSound settings_of(const std::optional<Studio>& studio, const SoundLedger& sound) {
+  const StudioSound* const known = studio ? studio->sound_of(sound.node) : nullptr;
+  StudioSound settings = known != nullptr ? *known : StudioSound{};
+  if (settings.pulse_channel > sound.channels) settings.pulse_channel = 0;
+  if (settings.timecode_channel > sound.channels) settings.timecode_channel = 0;
+  settings.channels = sound.channels;
+  settings.rate_hz = sound.rate_hz;
+  return settings;
+}
+
+/// Throws InputError where the file has no map.
+void map_sound(const std::filesystem::path& path, const StudioSound& settings,
+               const RecordedPulses& recorded, SoundLedger& sound) {
+  auto wave = io::value_or_throw(sound::WaveReader::open(path));
+  const auto begin = sound::first_sample_time(wave.origin(), sound.rate_hz);
+  if (!begin) throw InputError(path.string() + ": states no time of its first sample");
+  const double seconds = static_cast<double>(wave.samples()) / sound.rate_hz;
+  const MonotonicInstant end(from_seconds(seconds));
+  sound::SoundTrack track(
+      {.sound = settings,
+       .pulse_rate_hz = recorded.rate_hz,
+       .stamp_uncertainty_s = std::hypot(kClockDeviation, kDriftDeviation * seconds)});
+  std::optional<int64_t> first_pulse;
+  int64_t last_pulse = 0;
+  auto pulse = recorded.pulses.begin();
+  for (int64_t sample = 0; sample < wave.samples();) {
+    auto values = io::value_or_throw(wave.read(sample, sound.rate_hz / kBlocksPerSecond));
+    const auto length = static_cast<int64_t>(values.size()) / sound.channels;
+    if (length == 0) break;
+    const MonotonicInstant at(from_seconds(static_cast<double>(sample + length) / sound.rate_hz));
+    for (; pulse != recorded.pulses.end() && in_file(pulse->edge, *begin) <= at; ++pulse) {
+      const MonotonicInstant edge = in_file(pulse->edge, *begin);
+      if (edge < MonotonicInstant{}) continue;
+      track.add_pulse(pulse->pulse, edge);
+      if (!first_pulse) first_pulse = pulse->pulse;
+      last_pulse = pulse->pulse;
+    }
+    track.add({.position = sample, .at = at, .values = std::move(values)});
+    sample += length;
+  }
+  track.finish();
+  if (!first_pulse) throw InputError(path.string() + ": no pulse of the take is within its time");
+  describe_track(track, *first_pulse, last_pulse, sound);
+  if (!sound.map.is_known()) {
+    throw InputError(path.string() + ": too few pulses are within its time");
+  }
+}
+
+}  // namespace
+
+void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t last_pulse,
+                    SoundLedger& sound) {
+  const sound::MappedPulses mapped = track.pulses();
+  sound.map_source = name(mapped.source);
+  sound.map = mapped.map;
+  sound.uncertainty_us = 1e6 * mapped.uncertainty_s;
+  sound.drift_ppm = mapped.drift_ppm;
+  sound.missing_edges = mapped.missing_edges;
+  sound.extra_edges = mapped.extra_edges;
+  const auto& timecode = track.timecode();
+  if (!timecode || !timecode->rate() || !mapped.map.is_known()) return;
+  const auto text_at = [&](int64_t pulse) {
+    const auto at = timecode->at(mapped.map.sample_of(static_cast<double>(pulse)));
+    return at ? sound::timecode_text(*at, *timecode->rate()) : "";
+  };
+  sound.timecode_source = "ltc";
+  sound.timecode_rate = name(*timecode->rate());
+  sound.first_timecode = text_at(first_pulse);
+  sound.last_timecode = text_at(last_pulse);
+  sound.timecode_jumps = timecode->jumps();
+  sound.timecode_runs = timecode->runs();
+}
+
+std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
+                                             std::vector<SoundLedger>& sounds) {
+  if (sounds.empty()) return {};
+  std::vector<std::string> problems;
+  try {
+    const RecordedPulses recorded{.pulses = read_pulses(paths.pulses()),
+                                  .rate_hz = load_take_info(paths).rate_hz};
+    const std::optional<Studio> studio = load_take_studio(paths);
+    for (SoundLedger& sound : sounds) {
+      const auto path = paths.sound() / std::filesystem::path(sound.file).filename();
+      try {
+        map_sound(path, settings_of(studio, sound), recorded, sound);
+      } catch (const InputError& error) {
+        problems.emplace_back(error.what());
+      }
+    }
+  } catch (const InputError& error) {
+    problems.emplace_back(error.what());
+  }
+  return problems;
+}
+
+}  // namespace v3d::take
