@@ -32,10 +32,14 @@ Pulses range(int64_t first, int64_t last) {
   return pulses;
 }
 
-/// cap01 with the trigger, cap02 and recon01. 10 Hz, so that a busy machine skips no pulse.
+/// cap01 with the trigger, cap02 with sound, and recon01. 10 Hz, so that a busy machine skips no
+/// pulse.
 class StudioOfThree : public Studio4 {
  protected:
-  StudioOfThree() : Studio4({.rate = "10", .two_nodes = true}) {}
+  StudioOfThree()
+      : Studio4({.more = "[[sound]]\nnode = 'cap02'\ndevice = 'simulated:'\n",
+                 .rate = "10",
+                 .two_nodes = true}) {}
 
   static void end(std::optional<ChildProcess>& daemon, int signal) {
     daemon->signal(signal);
@@ -64,6 +68,19 @@ class StudioOfThree : public Studio4 {
     const auto exposures = sim::load_exposures(folder_ / "exposures.csv");
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
     EXPECT_EQ(check.mislabelled_not_suspect, 0) << testing::PrintToString(check.problems);
+  }
+  /// The sound of before and of after the restart has a map of its pulses, one beside the other.
+  void expect_sound_in_two_files() const {
+    const auto& sounds = verified_.ledger.sounds;
+    ASSERT_EQ(sounds.size(), 2U);
+    EXPECT_EQ(sounds[0].file, "sound/cap02.wav");
+    EXPECT_EQ(sounds[1].file, "sound/cap02.0001.wav");
+    for (const take::SoundLedger& sound : sounds) {
+      EXPECT_EQ(sound.map_source, "time stamps") << sound.file;
+      ASSERT_TRUE(sound.map.is_known()) << sound.file;
+      EXPECT_GT(sound.map.sample_of(verified_.ledger.commanded), 0) << sound.file;
+    }
+    EXPECT_LE(sounds[0].map.knots.back().pulse, sounds[1].map.knots.front().pulse);
   }
   /// Live meshes of complete frame sets after pulse `after` equal those that v3dctl makes of the
   /// recorded frames. This shows that the segmenters continued with their state of before.
@@ -141,12 +158,14 @@ TEST_F(StudioOfThree,
   EXPECT_EQ(replied["cameras"][1]["missing"].get<Pulses>(), cameras[3].missing)
       << "as in the reply to stop";
   check_live_meshes(cameras[3].missing.back());
+  expect_sound_in_two_files();
 }
 
 TEST_F(StudioOfThree, continues_with_a_node_that_was_restarted_by_SIGTERM_in_the_take) {
   record_with_a_restart_of_cap02(SIGTERM);
   check_joined();
   for (const size_t i : {2, 3}) expect_one_gap(verified_.ledger.cameras.at(i));
+  expect_sound_in_two_files();
 }
 
 TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_killed_in_the_take) {
