@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <map>
 #include <random>
 #include <set>
+#include <stdexcept>
 
 namespace v3d::test {
 namespace {
@@ -40,6 +42,17 @@ auto move_one_of_each(std::vector<Fault>::iterator first, std::vector<Fault>::it
       first, end, [&](const Fault& fault) { return seen.insert(group(fault)).second; });
 }
 
+/// Those of the share that V3D_FAULTS_SHARE names: "3/16" is the third of sixteen.
+std::vector<Fault> shared(const std::vector<Fault>& faults) {
+  const char* const share = std::getenv("V3D_FAULTS_SHARE");
+  size_t number = 1, shares = 1;
+  if (share != nullptr &&
+      (std::sscanf(share, "%zu/%zu", &number, &shares) != 2 || number < 1 || number > shares)) {
+    throw std::invalid_argument(std::string("V3D_FAULTS_SHARE=") + share + ": expected K/N");
+  }
+  return share_of(faults, number - 1, shares);
+}
+
 }  // namespace
 
 std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& program) {
@@ -59,7 +72,7 @@ std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& p
 std::vector<Fault> sampled(std::vector<Fault> faults, size_t size) {
   const char* const wanted = std::getenv("V3D_FAULTS");
   if (wanted != nullptr) {
-    if (wanted == std::string_view("all")) return faults;
+    if (wanted == std::string_view("all")) return shared(faults);
     std::erase_if(faults, [&](const Fault& fault) {
       return text_of(fault).find(wanted) == std::string::npos;
     });

@@ -14,8 +14,8 @@ std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& p
 
 /// A sample of about `size` faults with a fixed seed: first one of each family of calls, which
 /// `size` does not limit, then one of each pair of family and error, then any. The
-/// environment can ask for others: V3D_FAULTS=all for all, another text for those whose text_of()
-/// contains it.
+/// environment can ask for others: V3D_FAULTS=all for all, or for the share of them that
+/// V3D_FAULTS_SHARE=K/N names; another text for those whose text_of() contains it.
 std::vector<Fault> sampled(std::vector<Fault> faults, size_t size);
 
 /// The part `part` of `parts` parts of equal size, so that test programs can share the work.
