@@ -20,6 +20,7 @@ namespace {
 
 using testing::AllOf;
 using testing::DoubleNear;
+using testing::ElementsAre;
 using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -157,6 +158,14 @@ TEST_F(NodeSoundTest, reports_a_folder_that_cannot_be_written) {
 }
 
 /// Kills of the recorder: V3D_SOUND_KILLS=100 for more.
+TEST_F(NodeSoundTest, reports_a_silent_channel_beside_sound_and_timecode) {
+  NodeSound sound(simulated(), {});
+  EXPECT_TRUE(
+      test::becomes_true([&] { return !sound.status().level_faults.empty(); }, test::within(60)));
+  EXPECT_THAT(sound.status().level_faults,
+              ElementsAre(sound::ChannelFault{2, sound::LevelFault::kSilent}));
+}
+
 int kills() {
   const char* const text = std::getenv("V3D_SOUND_KILLS");
   return text == nullptr ? 5 : std::atoi(text);
