@@ -51,10 +51,23 @@ void SoundTake::process(const sound::SoundBlock& block) {
   const std::lock_guard lock(mutex_);
   counts_.samples = track_.samples();
   counts_.xruns = track_.xruns();
+  count_jumps();
   if (!written_) {
     counts_.error = written_.error().message;
     spdlog::error("{}", counts_.error);
   }
+}
+
+/// Requires the lock of mutex_.
+void SoundTake::count_jumps() {
+  const auto& timecode = track_.timecode();
+  if (!timecode || timecode->jumps() == counts_.timecode_jumps) return;
+  counts_.timecode_jumps = timecode->jumps();
+  const auto text = [&](int64_t frame) {
+    return sound::timecode_text(sound::timecode_of(frame, *timecode->rate()), *timecode->rate());
+  };
+  const sound::TimecodeJump& first = *timecode->first_jump();
+  counts_.first_jump = text(first.found) + " instead of " + text(first.expected);
 }
 
 void SoundTake::take_pulses() {
@@ -101,10 +114,21 @@ std::optional<take::SoundLedger> SoundTake::close() {
   if (!file_) return std::nullopt;
   take_pulses();
   track_.finish();
-  if (auto synced = syncing_->sync(); !synced) {
+  take::SoundLedger ledger = describe();
+  const auto rate = sound::timecode_rate_from_name(ledger.timecode_rate);
+  io::Status done = file_->finish(
+      rate ? sound::first_timecode(ledger.timecode_runs, *rate, ledger.rate_hz) : std::nullopt);
+  if (done) syncing_->mark_dirty();
+  if (auto synced = syncing_->sync(); done) done = std::move(synced);
+  syncing_.reset();
+  if (!done) {
     const std::lock_guard lock(mutex_);
-    counts_.error = synced.error().message;
+    counts_.error = done.error().message;
   }
+  return ledger;
+}
+
+take::SoundLedger SoundTake::describe() const {
   take::SoundLedger ledger;
   ledger.file = setup_.paths.sound().filename() / path_.filename();
   ledger.node = setup_.sound.node;
@@ -120,7 +144,6 @@ std::optional<take::SoundLedger> SoundTake::close() {
     take::describe_track(track_, first_pulse_->pulse, last_pulse_->pulse, ledger);
     if (ledger.timecode_source == "none") describe_generated(ledger);
   }
-  syncing_.reset();
   return ledger;
 }
 

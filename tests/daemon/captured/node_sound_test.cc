@@ -20,6 +20,7 @@ namespace {
 
 using testing::AllOf;
 using testing::DoubleNear;
+using testing::ElementsAre;
 using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -88,6 +89,27 @@ TEST_F(NodeSoundTest, writes_the_file_that_the_ledger_describes) {
   EXPECT_THAT(ledger->first_timecode, HasSubstr("10:00:"));
   EXPECT_EQ(timecode_at(0, *ledger), ledger->first_timecode);
   EXPECT_EQ(timecode_at(24, *ledger), ledger->last_timecode);
+  // The file begins with the device, and so with its timecode.
+  EXPECT_THAT(wave->origin().timecode_rate, testing::Optional(sound::TimecodeRate::k25));
+  const auto since_ten =
+      static_cast<double>(wave->origin().samples_since_midnight - 36'000LL * kRate);
+  const sound::TimecodeRun& run = ledger->timecode_runs.front();
+  const double frames = static_cast<double>(run.first_frame) - 36'000.0 * 25;
+  EXPECT_THAT(since_ten, DoubleNear(frames * kRate / 25 - run.first_sample, 1.5));
+}
+
+TEST_F(NodeSoundTest, counts_a_jump_of_the_timecode_while_it_records) {
+  NodeSound sound(simulated("timecode_jump_s=1.5"), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  send_pulses(sound);
+  EXPECT_TRUE(
+      test::becomes_true([&] { return sound.status().take.timecode_jumps > 0; }, test::within(60)));
+  EXPECT_THAT(sound.status().take.first_jump,
+              testing::MatchesRegex("20:00:0.:.. instead of 10:00:0.:.."));
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  EXPECT_EQ(ledger->timecode_jumps, 1);
+  EXPECT_THAT(ledger->timecode_runs, SizeIs(2));
 }
 
 TEST_F(NodeSoundTest, has_the_time_of_day_where_no_timecode_is_recorded) {
@@ -157,6 +179,14 @@ TEST_F(NodeSoundTest, reports_a_folder_that_cannot_be_written) {
 }
 
 /// Kills of the recorder: V3D_SOUND_KILLS=100 for more.
+TEST_F(NodeSoundTest, reports_a_silent_channel_beside_sound_and_timecode) {
+  NodeSound sound(simulated(), {});
+  EXPECT_TRUE(
+      test::becomes_true([&] { return !sound.status().level_faults.empty(); }, test::within(60)));
+  EXPECT_THAT(sound.status().level_faults,
+              ElementsAre(sound::ChannelFault{2, sound::LevelFault::kSilent}));
+}
+
 int kills() {
   const char* const text = std::getenv("V3D_SOUND_KILLS");
   return text == nullptr ? 5 : std::atoi(text);
