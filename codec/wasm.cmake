@@ -1,7 +1,7 @@
 # The decoder as WebAssembly, from the same sources: build/<preset>/codec/v3d_decoder.wasm, with the C interface of
 # codec/v3d_decoder.h, malloc and free. codec/v3d_decoder.mjs calls it from JavaScript. It needs clang and the
 # WebAssembly libraries of Debian (tools/install-deps).
-find_program(WASM_CXX clang++-14 REQUIRED)
+find_program(WASM_CXX NAMES clang++-14 clang++-19 REQUIRED)  # of Debian 12 and 13
 # Memory grows up to the limit of the decoder. The stack lies below all data, so that a stack overflow is a trap.
 set(options --target=wasm32-wasi -std=c++20 -O2 -DNDEBUG -msimd128 -fno-exceptions -fno-rtti -ffp-contract=off
   -Wall -Wextra -I${CMAKE_SOURCE_DIR})

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -11,6 +10,7 @@
 #include <utility>
 
 #include "base/image/colour.h"
+#include "calib/boards/opencv_charuco.h"
 #include "calib/boards/saddle_fit.h"
 
 namespace v3d::calib {
@@ -19,7 +19,7 @@ namespace {
 namespace aruco = cv::aruco;
 constexpr int kMinCorners = 6;
 
-cv::Ptr<aruco::Dictionary> dictionary_named(const std::string& name) {
+CharucoDictionary dictionary_named(const std::string& name) {
   constexpr std::array kNames = {std::pair{"DICT_4X4_50", aruco::DICT_4X4_50},
                                  std::pair{"DICT_4X4_100", aruco::DICT_4X4_100},
                                  std::pair{"DICT_4X4_250", aruco::DICT_4X4_250},
@@ -39,7 +39,7 @@ cv::Ptr<aruco::Dictionary> dictionary_named(const std::string& name) {
                                  std::pair{"DICT_ARUCO_ORIGINAL", aruco::DICT_ARUCO_ORIGINAL}};
   const auto found =
       std::find_if(kNames.begin(), kNames.end(), [&](const auto& n) { return n.first == name; });
-  return aruco::getPredefinedDictionary(found->second);
+  return charuco_dictionary(found->second);
 }
 
 /// One grey channel. Demosaicing blurs the corners by less than a pixel, and symmetrically.
@@ -63,8 +63,8 @@ struct Markers {
   std::vector<int> ids;
 };
 
-Markers find_markers(const cv::Mat& grey, const cv::Ptr<aruco::Dictionary>& dictionary) {
-  const auto parameters = aruco::DetectorParameters::create();
+Markers find_markers(const cv::Mat& grey, const CharucoDictionary& dictionary) {
+  const auto parameters = cv::makePtr<aruco::DetectorParameters>();
   Markers markers;
   aruco::detectMarkers(grey, dictionary, markers.corners, markers.ids, parameters);
   return markers;
@@ -194,8 +194,8 @@ std::optional<std::string> diagnose_chess(const cv::Mat& grey, const Board& boar
 }  // namespace
 
 struct BoardDetector::Charuco {
-  cv::Ptr<aruco::Dictionary> dictionary;
-  cv::Ptr<aruco::CharucoBoard> board;
+  CharucoDictionary dictionary;
+  CharucoBoard board;
   int columns, rows;  // of corners
 
   /// OpenCV numbers rows from the top, with z into the print; ours start at the bottom.
@@ -203,9 +203,9 @@ struct BoardDetector::Charuco {
 
   explicit Charuco(const Board& b)
       : dictionary(dictionary_named(b.dictionary)),
-        board(aruco::CharucoBoard::create(b.corner_columns + 1, b.corner_rows + 1,
-                                          static_cast<float>(b.square_m),
-                                          static_cast<float>(b.marker_m), dictionary)),
+        board(charuco_board({b.corner_columns + 1, b.corner_rows + 1},
+                            static_cast<float>(b.square_m), static_cast<float>(b.marker_m),
+                            dictionary)),
         columns(b.corner_columns),
         rows(b.corner_rows) {}
 
@@ -255,9 +255,9 @@ struct BoardDetector::Charuco {
              "again, or turn off mirroring in the camera)";
     }
     const auto beyond = std::max_element(found.ids.begin(), found.ids.end());
-    if (beyond != found.ids.end() && *beyond >= static_cast<int>(board->ids.size())) {
+    if (beyond != found.ids.end() && *beyond >= static_cast<int>(marker_count(board))) {
       return "wrong board size: marker " + std::to_string(*beyond) + " is in the image, and " +
-             b.text() + " has markers 0 to " + std::to_string(board->ids.size() - 1);
+             b.text() + " has markers 0 to " + std::to_string(marker_count(board) - 1);
     }
     const cv::Mat negative = 255 - grey;
     if (found.ids.size() < kMinMarkers &&

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <functional>
+#include <utility>
 
 #include "base/core/statistics.h"
 
@@ -37,7 +38,8 @@ double still_change(std::span<const double> changes, size_t k, size_t range) {
   const size_t begin = k > range ? k - range : 1;
   const size_t end = std::min(changes.size(), k + range + 1);
   const auto window = changes.subspan(begin, end - begin);
-  return percentile(std::vector<double>(window.begin(), window.end()), kStillShare);
+  std::vector<double> values(window.begin(), window.end());
+  return percentile(std::move(values), kStillShare);
 }
 
 }  // namespace

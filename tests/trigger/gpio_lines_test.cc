@@ -1,4 +1,4 @@
-// GPIO lines without a chip. Compiled against libgpiod 1.6 and 2 (libgpiod_2_test).
+// GPIO lines without a chip. Compiled against libgpiod 1.6 on Debian 12, and libgpiod 2 on Debian 13.
 #include "trigger/gpio_lines.h"
 
 #include <gmock/gmock.h>

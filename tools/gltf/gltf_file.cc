@@ -57,6 +57,27 @@ bool read_beside(std::vector<unsigned char>* bytes, std::string* error, const st
   return true;
 }
 
+/// The callbacks above, for files in `folder`. tinygltf 2.9 (Debian 13) ignores a set that lacks
+/// one. Template: tinygltf of Debian 12 has no callback for sizes.
+template <class Callbacks>
+Callbacks callbacks_in(fs::path& folder) {
+  Callbacks callbacks{};
+  callbacks.FileExists = is_in_folder;
+  callbacks.ExpandFilePath = same_path;
+  callbacks.ReadWholeFile = read_beside;
+  callbacks.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&,
+                                void*) { return false; };
+  if constexpr (requires { callbacks.GetFileSizeInBytes; }) {
+    // Not used: read_beside() limits the size.
+    callbacks.GetFileSizeInBytes = [](size_t* bytes, std::string*, const std::string&, void*) {
+      *bytes = 0;
+      return true;
+    };
+  }
+  callbacks.user_data = &folder;
+  return callbacks;
+}
+
 /// Keeps an image encoded.
 bool keep_bytes(tinygltf::Image* image, int, std::string*, std::string*, int, int,
                 const unsigned char* bytes, int size, void*) {
@@ -131,7 +152,7 @@ void GltfFile::load(std::string_view bytes) {
   std::error_code none;
   fs::path folder = fs::canonical(path_.has_parent_path() ? path_.parent_path() : ".", none);
   tinygltf::TinyGLTF loader;
-  loader.SetFsCallbacks({is_in_folder, same_path, read_beside, nullptr, &folder});
+  loader.SetFsCallbacks(callbacks_in<tinygltf::FsCallbacks>(folder));
   loader.SetImageLoader(keep_bytes, nullptr);
   std::string error, warning;
   const auto size = static_cast<unsigned int>(bytes.size());

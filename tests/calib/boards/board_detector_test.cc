@@ -1,10 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/boards/detectors.h"
+#include "calib/boards/opencv_charuco.h"
 
 namespace v3d::calib {
 namespace {
@@ -33,11 +33,9 @@ cv::Mat print_chess(int corner_columns, int corner_rows) {
 }
 
 cv::Mat print_charuco(int columns, int rows) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
-  const auto board = cv::aruco::CharucoBoard::create(columns, rows, 0.04F, 0.03F, dictionary);
-  cv::Mat formatted;
-  board->draw({(columns + 2) * kSquare, (rows + 2) * kSquare}, formatted, kSquare, 1);
-  return formatted;
+  const auto dictionary = charuco_dictionary(cv::aruco::DICT_4X4_50);
+  const auto board = charuco_board({columns, rows}, 0.04F, 0.03F, dictionary);
+  return print_of(board, {(columns + 2) * kSquare, (rows + 2) * kSquare}, kSquare);
 }
 
 /// An oblique view on a grey background, by the homography of the four corners of the print.

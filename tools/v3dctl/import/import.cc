@@ -84,11 +84,13 @@ void require_size(ImageSize found, ImageSize expected, const std::string& where,
                    format_size(expected) + (rotated ? ": it is rotated" : ""));
 }
 
-const RigCamera& camera_of(const Rig& rig, const std::string& name, const std::string& option,
+const RigCamera& camera_of(const Rig& rig, const std::string& name, const char* option,
                            const fs::path& calib) {
   const int index = find_camera(rig, name);
-  if (index < 0)
-    throw InputError(option + " " + name + "=...: no camera " + name + " in " + calib.string());
+  if (index < 0) {
+    throw InputError(std::string(option) + " " + name + "=...: no camera " + name + " in " +
+                     calib.string());
+  }
   return rig[static_cast<size_t>(index)];
 }
 

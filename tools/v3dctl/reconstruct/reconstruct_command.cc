@@ -257,7 +257,8 @@ void add_reconstruct_shards(CommandLine& line) {
   command.hide();  // not in the help
   auto arguments = std::make_shared<ShardArguments>();
   command.add_option("FOLDER", arguments->folder, "The folder of shards").required();
-  command.add_option("A:B", arguments->shards, "Indices of shards in the take").required();
+  command.add_option("SHARDS", arguments->shards, "Indices of shards in the take: A:B is A to B-1")
+      .required();
   command.add_option("--threads", arguments->threads, "Worker threads");
   command.add_option("--parent", arguments->parent, "End when this process ends");
   line.on_run(command, [arguments] { return run_shards(*arguments); });
