@@ -2,8 +2,10 @@
 #include <cmath>
 #include <deque>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "base/core/text.h"
 #include "sound/ltc.h"
@@ -19,6 +21,8 @@ constexpr double kXrunSeconds = 0.1;
 constexpr double kToneHz = 440;
 constexpr double kToneLevel = 0.1;  // -20 dB
 constexpr double kPulseLevel = 0.5;
+constexpr Timecode kFirstTimecode = {10, 0, 0, 0};
+constexpr Timecode kTimecodeAfterJump = {20, 0, 0, 0};
 constexpr double kClapLevel = 0.9;
 constexpr double kClapSeconds = 20e-3;
 
@@ -29,7 +33,7 @@ class SimulatedInput : public SoundInput {
         options_(options),
         pulse_source_(std::move(pulses)),
         start_(Monotonic::now()),
-        ltc_(sound.rate_hz, TimecodeRate::k25, {10, 0, 0, 0}) {}
+        ltc_(std::in_place, sound.rate_hz, TimecodeRate::k25, kFirstTimecode) {}
 
   io::Result<std::optional<SoundBlock>> read(Duration timeout) override {
     const int64_t length = sound_.rate_hz / 100;
@@ -81,7 +85,8 @@ class SimulatedInput : public SoundInput {
 
   void append_sample(std::vector<int32_t>& values) {
     if (ltc_samples_.empty()) {
-      const std::vector<float> frame = ltc_.next();
+      jump_once();
+      const std::vector<float> frame = ltc_->next();
       ltc_samples_.assign(frame.begin(), frame.end());
     }
     const double ltc = ltc_samples_.front();
@@ -94,6 +99,13 @@ class SimulatedInput : public SoundInput {
       values.push_back(static_cast<int32_t>(std::lround(value * 8'388'607)) * 256);
     }
     ++next_;
+  }
+
+  void jump_once() {
+    const double at = options_.timecode_jump_s * sound_.rate_hz;
+    if (at <= 0 || has_jumped_ || static_cast<double>(next_) < at) return;
+    has_jumped_ = true;
+    ltc_.emplace(sound_.rate_hz, TimecodeRate::k25, kTimecodeAfterJump);
   }
 
   double tone() const {
@@ -119,8 +131,9 @@ class SimulatedInput : public SoundInput {
   const SimulatedSound options_;
   const PulseSource pulse_source_;
   const MonotonicInstant start_;
-  LtcWriter ltc_;
+  std::optional<LtcWriter> ltc_;
   std::deque<float> ltc_samples_;
+  bool has_jumped_ = false;
   std::deque<double> edges_;  ///< samples
   int64_t pulses_seen_ = 0;
   std::optional<double> clap_;  ///< sample of its onset
@@ -148,17 +161,19 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
     if (equals == std::string_view::npos) return std::nullopt;
     const std::string_view key = rest.substr(0, equals);
     rest.remove_prefix(equals + 1);
-    double* const value = key == "ppm"         ? &options.ppm
-                          : key == "xrun_s"    ? &options.xrun_s
-                          : key == "clap_edge" ? &options.clap_edge
-                          : key == "clap_ms"   ? &options.clap_ms
-                                               : nullptr;
+    double* const value = key == "ppm"               ? &options.ppm
+                          : key == "xrun_s"          ? &options.xrun_s
+                          : key == "timecode_jump_s" ? &options.timecode_jump_s
+                          : key == "clap_edge"       ? &options.clap_edge
+                          : key == "clap_ms"         ? &options.clap_ms
+                                                     : nullptr;
     if (value == nullptr || !take_number(rest, *value)) return std::nullopt;
     if (!rest.empty() && rest.front() != ',') return std::nullopt;
     if (!rest.empty()) rest.remove_prefix(1);
   }
   const bool is_plausible = std::abs(options.ppm) <= 1000 && options.xrun_s >= 0 &&
-                            options.clap_edge >= 0 && options.clap_ms >= 0;
+                            options.timecode_jump_s >= 0 && options.clap_edge >= 0 &&
+                            options.clap_ms >= 0;
   return is_plausible ? std::optional(options) : std::nullopt;
 }
 

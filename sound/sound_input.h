@@ -50,10 +50,11 @@ using PulseSource = std::function<std::vector<MonotonicInstant>()>;
 
 /// Options of a simulated device: "simulated:ppm=80,xrun_s=3".
 struct SimulatedSound {
-  double ppm = 0;        ///< its clock is fast by this, 1e-6
-  double xrun_s = 0;     ///< 0.1 s are lost once in this time; 0: never
-  double clap_edge = 0;  ///< a clap sounds after this pulse, from 1 for the first; 0: none
-  double clap_ms = 0;    ///< after its leading edge
+  double ppm = 0;              ///< its clock is fast by this, 1e-6
+  double xrun_s = 0;           ///< 0.1 s are lost once in this time; 0: never
+  double clap_edge = 0;        ///< a clap sounds after this pulse, from 1 for the first; 0: none
+  double clap_ms = 0;          ///< after its leading edge
+  double timecode_jump_s = 0;  ///< the timecode jumps to 20:00:00:00 after this time; 0: never
 };
 /// Empty when `device` names no simulated device, or has another option.
 std::optional<SimulatedSound> parse_simulated_sound(const std::string& device);

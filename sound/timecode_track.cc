@@ -2,8 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <utility>
 
 namespace v3d::sound {
+namespace {
+
+/// Frames by which the timecode may be off after a gap of more than a second.
+constexpr int64_t kGapTolerance = 1;
+/// The length of a frame may differ from the nominal one by this share at normal speed.
+constexpr double kNormalSpeed = 0.02;
+
+/// A difference of frame numbers, modulo a day.
+int64_t within_half_day(int64_t difference, TimecodeRate rate) {
+  const int64_t day = frames_per_day(rate);
+  const int64_t positive = (difference % day + day) % day;
+  return positive > day / 2 ? positive - day : positive;
+}
+
+}  // namespace
 
 TimecodeTrack::TimecodeTrack(int rate_hz, std::optional<TimecodeRate> rate)
     : rate_hz_(rate_hz), rate_(rate) {}
@@ -39,27 +56,40 @@ void TimecodeTrack::find_rate() {
 }
 
 void TimecodeTrack::append(const LtcFrame& frame) {
-  if (!is_valid(frame.timecode, *rate_)) {
-    ++jumps_;
-    return;
-  }
+  if (!is_valid(frame.timecode, *rate_)) return;  // damaged
+  const auto sample = static_cast<double>(frame.sample);
   const int64_t number = frame_number(frame.timecode, *rate_);
-  if (!runs_.empty()) {
+  const auto before = std::exchange(last_, Last{.sample = frame.sample, .number = number});
+  if (before) {
+    const int64_t steps = steps_to(frame, before->sample);
+    const int64_t expected = before->number + (frame.is_reverse ? -steps : steps);
+    const bool continues = std::abs(within_half_day(number - expected, *rate_)) <=
+                           (steps > counted_frames(*rate_) ? kGapTolerance : 0);
+    if (!continues) note_jump({.sample = sample, .expected = expected, .found = number});
+    has_jumped_ = !continues;
     TimecodeRun& run = runs_.back();
-    const int64_t step = frame.is_reverse ? -1 : 1;
-    const int64_t day = frames_per_day(*rate_);
-    const bool follows = ((run.last_frame + step) % day + day) % day == number;
-    if (follows && run.last_frame + step == number) {
+    // Not after kMaxRuns runs, and not at midnight, where the numbers begin again.
+    if (continues && steps == 1 && run.last_frame == before->number && expected == number) {
       run.last_frame = number;
-      run.last_sample = static_cast<double>(frame.sample);
+      run.last_sample = sample;
       return;
     }
-    if (!follows) ++jumps_;  // midnight starts a run, too, but is no jump
   }
-  if (runs_.size() < kMaxRuns) {
-    const auto sample = static_cast<double>(frame.sample);
-    runs_.push_back({sample, number, sample, number});
-  }
+  if (runs_.size() < kMaxRuns) runs_.push_back({sample, number, sample, number});
+}
+
+int64_t TimecodeTrack::steps_to(const LtcFrame& frame, int64_t last_sample) const {
+  const double nominal = rate_hz_ / frames_per_second(*rate_);
+  const auto measured = static_cast<double>(frame.samples);
+  const bool is_nominal = std::abs(measured - nominal) < kNormalSpeed * nominal;
+  const auto distance = static_cast<double>(frame.sample - last_sample);
+  return std::max<int64_t>(1, std::llround(distance / (is_nominal ? nominal : measured)));
+}
+
+void TimecodeTrack::note_jump(const TimecodeJump& jump) {
+  if (has_jumped_) return;  // the same place
+  ++jumps_;
+  if (!first_jump_) first_jump_ = jump;
 }
 
 std::optional<Timecode> TimecodeTrack::at(double sample) const {

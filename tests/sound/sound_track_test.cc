@@ -149,7 +149,8 @@ TEST(SimulatedSound, reads_its_options) {
   EXPECT_EQ(options->ppm, -80.5);
   EXPECT_EQ(options->xrun_s, 3);
   for (const char* bad : {"simulated:ppm", "simulated:ppm=", "simulated:ppm=1;", "simulated:gain=1",
-                          "simulated:ppm=5000", "simulated:xrun_s=-1", "simulated:clap_ms=-1"}) {
+                          "simulated:ppm=5000", "simulated:xrun_s=-1", "simulated:clap_ms=-1",
+                          "simulated:timecode_jump_s=-1"}) {
     EXPECT_FALSE(parse_simulated_sound(bad)) << bad;
   }
 }

@@ -178,6 +178,76 @@ TEST(TimecodeTrack, reports_jumps_and_has_the_timecode_on_both_sides) {
   EXPECT_THAT(track.at(60.5 * 1920), Optional(Timecode{2, 0, 0, 10}));
 }
 
+/// `frames` frames from each of two starts, cut `cut` frames into the second part.
+std::vector<float> jumping_signal(TimecodeRate rate, const Timecode& first, const Timecode& second,
+                                  double cut) {
+  auto signal = ltc_signal(rate, first, 1, 50);
+  const auto later = ltc_signal(rate, second, 1, 60);
+  const auto begin = std::llround(cut * kRate / frames_per_second(rate));
+  signal.insert(signal.end(), later.begin() + begin, later.end());
+  return signal;
+}
+
+TEST(TimecodeTrack, counts_a_jump_once_at_every_rate_wherever_the_signal_is_cut) {
+  for (const TimecodeRate rate : kTimecodeRates) {
+    for (const Timecode later : {Timecode{2, 0, 0, 10}, Timecode{0, 59, 0, 10}}) {
+      for (const double cut : {0.0, 0.1, 0.35, 0.5, 0.8, 0.95}) {
+        SCOPED_TRACE(std::string(name(rate)) + " cut at " + std::to_string(cut));
+        const Timecode first{1, 0, 0, 0};
+        const auto track = track_of(jumping_signal(rate, first, later, cut));
+        ASSERT_THAT(track.rate(), Optional(rate));
+        EXPECT_EQ(track.jumps(), 1);
+        ASSERT_TRUE(track.first_jump());
+        const TimecodeJump& jump = *track.first_jump();
+        EXPECT_NEAR(jump.sample, 50.0 * kRate / frames_per_second(rate), kRate / 6);
+        EXPECT_NEAR(static_cast<double>(jump.expected - frame_number(first, rate)), 51, 3);
+        EXPECT_NEAR(static_cast<double>(jump.found - frame_number(later, rate)), 2, 3);
+      }
+    }
+  }
+}
+
+TEST(TimecodeTrack, counts_one_frame_that_is_left_out_or_repeated_as_a_jump) {
+  for (const TimecodeRate rate : kTimecodeRates) {
+    const int64_t next = frame_number({1, 0, 0, 0}, rate) + 50;
+    for (const int64_t error : {-1, 1}) {
+      const auto track =
+          track_of(jumping_signal(rate, {1, 0, 0, 0}, timecode_of(next + error, rate), 0));
+      EXPECT_EQ(track.jumps(), 1) << name(rate);
+    }
+  }
+}
+
+TEST(TimecodeTrack, passes_dropped_numbers_without_a_jump) {
+  for (const Timecode start : {Timecode{1, 0, 58, 0}, Timecode{1, 9, 58, 0}}) {
+    const auto track = track_of(ltc_signal(TimecodeRate::k2997Drop, start, 1, 120));
+    ASSERT_THAT(track.rate(), Optional(TimecodeRate::k2997Drop));
+    EXPECT_EQ(track.frames(), 118) << "both sides of the minute were read";
+    EXPECT_EQ(track.jumps(), 0);
+    EXPECT_EQ(track.runs().size(), 1U);
+  }
+}
+
+TEST(TimecodeTrack, continues_after_a_gap_without_a_jump_where_the_timecode_is_right) {
+  for (const TimecodeRate rate : kTimecodeRates) {
+    auto signal = ltc_signal(rate, {1, 0, 58, 0}, 1, 200);
+    std::fill(signal.begin() + kRate, signal.begin() + 3 * kRate, 0.0F);
+    const auto track = track_of(signal);
+    EXPECT_EQ(track.jumps(), 0) << name(rate);
+    EXPECT_EQ(track.runs().size(), 2U);
+  }
+}
+
+TEST(TimecodeTrack, ignores_a_frame_that_is_damaged) {
+  TimecodeTrack track(kRate, TimecodeRate::k25);
+  for (int i = 0; i < 100; ++i) {
+    Timecode timecode = timecode_of(i, TimecodeRate::k25);
+    if (i == 50) timecode.seconds = 75;
+    track.add({.timecode = timecode, .sample = i * 1920, .samples = 1920});
+  }
+  EXPECT_EQ(track.jumps(), 0);
+}
+
 TEST(TimecodeTrack, passes_midnight_without_a_jump) {
   const TimecodeTrack track = track_of(ltc_signal(TimecodeRate::k30, {23, 59, 58, 0}, 1, 120));
   EXPECT_EQ(track.jumps(), 0);
@@ -190,7 +260,7 @@ TEST(TimecodeTrack, is_bounded_when_the_timecode_jumps_at_every_frame) {
     track.add(
         {.timecode = timecode_of(i * 7, TimecodeRate::k25), .sample = i * 1920, .samples = 1920});
   }
-  EXPECT_EQ(track.jumps(), 9'999);
+  EXPECT_EQ(track.jumps(), 1) << "frames of which none follows are one place";
   EXPECT_THAT(track.at(100.5 * 1920), Optional(timecode_of(700, TimecodeRate::k25)));
 }
 
