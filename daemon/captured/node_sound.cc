@@ -54,6 +54,7 @@ NodeSound::NodeSound(const StudioSound& sound, std::filesystem::path wire, Timec
     : sound_(sound),
       wire_(std::move(wire)),
       timecode_(std::move(timecode)),
+      levels_(sound),
       thread_([this] { run(); }) {}
 
 NodeSound::~NodeSound() {
@@ -136,6 +137,7 @@ NodeSound::Status NodeSound::status() {
   const std::lock_guard lock(mutex_);
   Status status{.is_open = is_open_, .fault = fault_};
   status.peaks = std::exchange(peaks_, {});
+  if (is_open_) status.level_faults = levels_.faults();
   status.take = take_ ? take_->counts() : last_take_;
   return status;
 }
@@ -181,6 +183,7 @@ void NodeSound::deliver(sound::SoundBlock block) {
   const std::lock_guard lock(mutex_);
   peaks_.resize(peaks.size());
   for (size_t i = 0; i < peaks.size(); ++i) peaks_[i] = std::max(peaks_[i], peaks[i]);
+  levels_.add(peaks, std::ssize(block.values) / sound_.channels);
   delivered_until_ = block.at;
   if (queue_) queue_->push(std::move(block));
   changed_.notify_all();
@@ -190,6 +193,7 @@ void NodeSound::set_fault(const std::string& fault) {
   const std::lock_guard lock(mutex_);
   fault_ = fault;
   is_open_ = fault.empty();
+  levels_.reset();
 }
 
 bool NodeSound::wait(Duration duration) {

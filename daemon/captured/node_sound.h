@@ -17,6 +17,7 @@
 #include "capture/sync/pulse_times.h"
 #include "daemon/captured/sound_check.h"
 #include "daemon/captured/sound_receiver.h"
+#include "sound/level_monitor.h"
 #include "sound/sound_input.h"
 #include "sound/sound_track.h"
 #include "sound/timecode_clock.h"
@@ -51,7 +52,9 @@ class SoundTake {
   struct Counts {
     int64_t samples = 0;
     int64_t xruns = 0;
-    std::string error;  ///< of the disk, one line; empty: none
+    int64_t timecode_jumps = 0;
+    std::string first_jump;  ///< "20:00:00:00 instead of 10:00:04:13"
+    std::string error;       ///< of the disk, one line; empty: none
   };
   Counts counts() const;  ///< any thread
 
@@ -62,6 +65,7 @@ class SoundTake {
  private:
   void process(const sound::SoundBlock& block);
   void take_pulses();
+  void count_jumps();
   io::Status create_file(const sound::SoundBlock& first);
   io::Status write(const sound::SoundBlock& block, int64_t silence);
   /// Fills the timecode without LTC: that of the output, or the time of day.
@@ -107,7 +111,8 @@ class NodeSound {
     bool is_open = false;
     std::string fault;            ///< of the device, one line; empty: none
     std::vector<double> peaks{};  ///< of each channel since the last call, of full scale
-    SoundTake::Counts take{};     ///< of the present take, else of the last one
+    std::vector<sound::ChannelFault> level_faults{};  ///< of audible channels; none: not open
+    SoundTake::Counts take{};                         ///< of the present take, else of the last one
   };
   Status status();
 
@@ -133,6 +138,7 @@ class NodeSound {
   std::shared_ptr<SoundQueue> queue_;  ///< of the present take or check, else null
   std::shared_ptr<SoundTake> take_;    ///< the present one, else null
   std::shared_ptr<SoundCheck> check_;  ///< the present one, else null
+  sound::LevelMonitor levels_;
   SoundTake::Counts last_take_;
   MonotonicInstant delivered_until_;  ///< time of the last block
   int64_t position_ = 0, xruns_ = 0;  ///< of all earlier openings; the thread only

@@ -1,7 +1,9 @@
 #include "daemon/captured/sound_health.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
-#include <cmath>
+#include <cstdint>
 #include <string>
 
 #include "base/core/text.h"
@@ -10,12 +12,44 @@
 namespace v3d::captured {
 namespace {
 
-/// Peaks above this share of full scale are reported as clipping.
-constexpr double kClipping = 0.999;
-constexpr double kMinDecibels = -150;
+using sound::LevelFault;
+using sound::LevelMonitor;
 
-double decibels(double share) {
-  return share > 0 ? std::max(kMinDecibels, 20 * std::log10(share)) : kMinDecibels;
+/// A subject for each channel, because the limit on repeated events compares the text of one.
+void report_levels(const NodeSound::Status& status, wire::HealthMessage& health,
+                   bus::EventSender& events) {
+  const auto count = [&](LevelFault fault) {
+    return static_cast<double>(
+        std::ranges::count(status.level_faults, fault, &sound::ChannelFault::fault));
+  };
+  health.values["sound_channels_clipping"] = count(LevelFault::kClips);
+  health.values["sound_channels_silent"] = count(LevelFault::kSilent);
+  for (size_t channel = 1; channel <= status.peaks.size(); ++channel) {
+    const auto found = std::ranges::find(status.level_faults, static_cast<int>(channel),
+                                         &sound::ChannelFault::channel);
+    const bool clips = found != status.level_faults.end() && found->fault == LevelFault::kClips;
+    const std::string text =
+        found == status.level_faults.end() ? ""
+        : clips ? fmt::format("clips, with peaks of {:g} dBFS or more", LevelMonitor::kClippingDbfs)
+                : fmt::format("is silent: no peak of {:g} dBFS for {:g} s",
+                              LevelMonitor::kSilenceDbfs, LevelMonitor::kHoldSeconds);
+    events.report_condition(wire::Severity::kWarning, "sound channel " + std::to_string(channel),
+                            text, clips ? node::advice::kSoundClips : node::advice::kSoundSilent);
+  }
+}
+
+void report_jumps(const SoundTake::Counts& take, wire::HealthMessage& health,
+                  bus::EventSender& events) {
+  health.values["sound_timecode_jumps"] = static_cast<double>(take.timecode_jumps);
+  const std::string text =
+      take.timecode_jumps == 0
+          ? ""
+          : format_count(take.timecode_jumps) +
+                (take.timecode_jumps == 1 ? " jump of the timecode: "
+                                          : " jumps of the timecode, the first: ") +
+                take.first_jump;
+  events.report_condition(wire::Severity::kWarning, "sound timecode", text,
+                          node::advice::kTimecodeJumps);
 }
 
 }  // namespace
@@ -25,10 +59,9 @@ void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
   health.values["sound_open_flag"] = status.is_open ? 1 : 0;
   health.values["sound_samples"] = static_cast<double>(status.take.samples);
   health.values["sound_xruns"] = static_cast<double>(status.take.xruns);
-  double loudest = 0;
   for (size_t i = 0; i < status.peaks.size(); ++i) {
-    health.values["sound_peak_" + std::to_string(i + 1) + "_db"] = decibels(status.peaks[i]);
-    loudest = std::max(loudest, status.peaks[i]);
+    health.values["sound_peak_" + std::to_string(i + 1) + "_db"] =
+        sound::decibels_of(status.peaks[i]);
   }
   const auto report = [&](const char* subject, const std::string& text, const char* advice) {
     events.report_condition(wire::Severity::kWarning, subject, text, advice);
@@ -38,13 +71,8 @@ void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
   const int64_t xruns = status.take.xruns;
   report("sound xruns", xruns == 0 ? "" : format_count(xruns) + " xruns: samples of sound are lost",
          node::advice::kSoundXruns);
-  const bool clips = loudest > kClipping;
-  const bool is_silent = status.is_open && !status.peaks.empty() && loudest == 0;
-  report("sound level",
-         clips       ? "sound clips"
-         : is_silent ? "sound is silent"
-                     : "",
-         node::advice::kSoundLevel);
+  report_jumps(status.take, health, events);
+  report_levels(status, health, events);
 }
 
 void report_timecode_output(const TimecodeOutput::Status& status, wire::HealthMessage& health,

@@ -8,8 +8,10 @@
 
 namespace v3d::captured {
 
-/// Adds sound_open_flag, sound_samples, sound_xruns and sound_peak_N_db to the health. Reports
-/// faults of device and file, lost samples, clipping and silence as conditions.
+/// Adds sound_open_flag, sound_samples, sound_xruns, sound_peak_N_db, sound_channels_clipping and
+/// sound_channels_silent and sound_timecode_jumps to the health. Reports faults of device and file,
+/// lost samples, jumps of the timecode in the take, and each channel that clips or is silent as
+/// conditions.
 void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
                   bus::EventSender& events);
 

@@ -51,10 +51,23 @@ void SoundTake::process(const sound::SoundBlock& block) {
   const std::lock_guard lock(mutex_);
   counts_.samples = track_.samples();
   counts_.xruns = track_.xruns();
+  count_jumps();
   if (!written_) {
     counts_.error = written_.error().message;
     spdlog::error("{}", counts_.error);
   }
+}
+
+/// Requires the lock of mutex_.
+void SoundTake::count_jumps() {
+  const auto& timecode = track_.timecode();
+  if (!timecode || timecode->jumps() == counts_.timecode_jumps) return;
+  counts_.timecode_jumps = timecode->jumps();
+  const auto text = [&](int64_t frame) {
+    return sound::timecode_text(sound::timecode_of(frame, *timecode->rate()), *timecode->rate());
+  };
+  const sound::TimecodeJump& first = *timecode->first_jump();
+  counts_.first_jump = text(first.found) + " instead of " + text(first.expected);
 }
 
 void SoundTake::take_pulses() {

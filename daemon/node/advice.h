@@ -72,8 +72,13 @@ inline constexpr char kLights[] =
     "or remove [lights]";
 inline constexpr char kTimecodeUnderruns[] =
     "Devices that follow the timecode may have lost it; close other programs on this PC";
-inline constexpr char kSoundLevel[] =
-    "Check the gain of the input, the microphones and their power";
+inline constexpr char kTimecodeJumps[] =
+    "The take continues; ledger.toml lists the runs of timecode. Check the generator of the "
+    "timecode "
+    "and its cable";
+inline constexpr char kSoundClips[] = "Reduce the gain of this channel";
+inline constexpr char kSoundSilent[] =
+    "Check its microphone, cable, power and gain; no action is needed where nothing is connected";
 
 /// Events of reconstruction nodes.
 inline constexpr char kMeshDisk[] =

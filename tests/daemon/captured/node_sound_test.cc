@@ -20,6 +20,7 @@ namespace {
 
 using testing::AllOf;
 using testing::DoubleNear;
+using testing::ElementsAre;
 using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -90,6 +91,20 @@ TEST_F(NodeSoundTest, writes_the_file_that_the_ledger_describes) {
   EXPECT_EQ(timecode_at(24, *ledger), ledger->last_timecode);
 }
 
+TEST_F(NodeSoundTest, counts_a_jump_of_the_timecode_while_it_records) {
+  NodeSound sound(simulated("timecode_jump_s=1.5"), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  send_pulses(sound);
+  EXPECT_TRUE(
+      test::becomes_true([&] { return sound.status().take.timecode_jumps > 0; }, test::within(60)));
+  EXPECT_THAT(sound.status().take.first_jump,
+              testing::MatchesRegex("20:00:0.:.. instead of 10:00:0.:.."));
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  EXPECT_EQ(ledger->timecode_jumps, 1);
+  EXPECT_THAT(ledger->timecode_runs, SizeIs(2));
+}
+
 TEST_F(NodeSoundTest, has_the_time_of_day_where_no_timecode_is_recorded) {
   StudioSound silent = simulated();
   silent.timecode_channel = 0;
@@ -134,6 +149,14 @@ TEST_F(NodeSoundTest, continues_a_take_in_a_second_file) {
     ASSERT_TRUE(records(sound, 1));
     EXPECT_EQ(sound.end()->file, file);
   }
+}
+
+TEST_F(NodeSoundTest, reports_a_silent_channel_beside_sound_and_timecode) {
+  NodeSound sound(simulated(), {});
+  EXPECT_TRUE(
+      test::becomes_true([&] { return !sound.status().level_faults.empty(); }, test::within(60)));
+  EXPECT_THAT(sound.status().level_faults,
+              ElementsAre(sound::ChannelFault{2, sound::LevelFault::kSilent}));
 }
 
 TEST_F(NodeSoundTest, reports_a_device_that_cannot_be_opened_and_records_nothing) {

@@ -1,0 +1,59 @@
+// LevelMonitor: which channels of a sound input clip, or are silent.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/config/studio_file.h"
+
+namespace v3d::sound {
+
+/// Level of a ratio to full scale, in dBFS; -150 at least.
+double decibels_of(double ratio);
+
+/// The condition of one channel.
+enum class LevelFault : uint8_t {
+  kNone,
+  kClips,   ///< a peak reached LevelMonitor::kClippingDbfs in the last kHoldSeconds
+  kSilent,  ///< all peaks of the last kHoldSeconds were below LevelMonitor::kSilenceDbfs
+};
+
+struct ChannelFault {
+  int channel = 0;  ///< from 1
+  LevelFault fault = LevelFault::kNone;
+  friend bool operator==(const ChannelFault&, const ChannelFault&) = default;
+};
+
+/// Judges each audible channel (audible_channels(), sound/sound_track.h) by its peaks. Channels of
+/// pulses and timecode have any level. Time is that of the samples. One thread.
+class LevelMonitor {
+ public:
+  /// Below the level at which converters clip, above any peak that a recordist aims at.
+  static constexpr double kClippingDbfs = -0.1;
+  /// Above the noise of a converter without a microphone, below that of a quiet room.
+  static constexpr double kSilenceDbfs = -80;
+  static constexpr double kHoldSeconds = 5;
+
+  explicit LevelMonitor(const StudioSound& sound);
+
+  /// Adds the highest absolute value of each channel in the next `samples` samples, of full scale.
+  /// Requires one value for every channel of the input.
+  void add(std::span<const double> peaks, int64_t samples);
+  /// Forgets all samples: after the device was opened again.
+  void reset();
+
+  /// The channels with a fault, ascending.
+  std::vector<ChannelFault> faults() const;
+
+ private:
+  struct Channel {
+    int channel = 0;
+    int64_t clipping = 0;  ///< samples for which clipping remains reported
+    int64_t silent = 0;    ///< samples since the last peak of kSilenceDbfs
+  };
+  const int64_t hold_;  ///< samples
+  std::vector<Channel> channels_;
+};
+
+}  // namespace v3d::sound
