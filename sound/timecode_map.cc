@@ -16,9 +16,9 @@ double pitch(const TimecodeRun& run, TimecodeRate rate, int rate_hz) {
 }  // namespace
 
 std::optional<double> timecode_frames_at(std::span<const TimecodeRun> runs, TimecodeRate rate,
-                                         int rate_hz, double sample) {
+                                         int rate_hz, double sample, double reach_s) {
   const TimecodeRun* nearest = nullptr;
-  double least = rate_hz;  // a second
+  double least = reach_s * rate_hz;
   for (const TimecodeRun& run : runs) {
     const double before = run.first_sample - sample;
     const double after = sample - run.last_sample - std::abs(pitch(run, rate, rate_hz));

@@ -19,10 +19,10 @@ struct TimecodeRun {
 };
 
 /// Frames since midnight at a position, with their fraction: of the run there, or of the nearest
-/// run, continued for up to a second. The result may exceed a day, as timecode_of() permits. A
-/// position within half a sample before a frame has the number of that frame, because positions of
-/// frames are rounded. Empty far from all runs. `rate_hz`: samples per second.
+/// run, continued for less than `reach_s` seconds. The result may exceed a day, as timecode_of()
+/// permits. A position within half a sample before a frame has the number of that frame, because
+/// positions of frames are rounded. Empty far from all runs. `rate_hz`: samples per second.
 std::optional<double> timecode_frames_at(std::span<const TimecodeRun> runs, TimecodeRate rate,
-                                         int rate_hz, double sample);
+                                         int rate_hz, double sample, double reach_s = 1);
 
 }  // namespace v3d::sound

@@ -46,6 +46,7 @@ class ByteAccess {
   }
   sf_count_t write(std::span<const uint8_t> from) {
     if (!file_) return 0;
+    if (at_ == 0) header_.assign(from.begin(), from.end());
     if (const auto done = file_->write(static_cast<uint64_t>(at_), {from}); !done) {
       keep(done.error());
       return 0;
@@ -53,6 +54,8 @@ class ByteAccess {
     at_ += static_cast<sf_count_t>(from.size());
     return static_cast<sf_count_t>(from.size());
   }
+  /// The header of the file, as libsndfile wrote it last: it writes it at once.
+  const std::vector<uint8_t>& header() const { return header_; }
 
  private:
   sf_count_t read_file(std::span<uint8_t> to) {
@@ -71,7 +74,7 @@ class ByteAccess {
   }
 
   std::optional<io::File> file_;
-  std::vector<uint8_t> bytes_;
+  std::vector<uint8_t> bytes_, header_;
   sf_count_t at_ = 0;
   std::optional<io::IoError> error_;
 };
@@ -128,16 +131,84 @@ SF_BROADCAST_INFO broadcast_info(const WaveOrigin& origin) {
   return info;
 }
 
+constexpr char kMetadataChunk[] = "iXML";
+
+/// What the chunk iXML states when a recording begins.
+WaveMetadata metadata_of(const WaveOrigin& origin, int rate_hz) {
+  return {.rate_hz = rate_hz,
+          .samples_since_midnight = origin.samples_since_midnight,
+          .timecode_rate = origin.timecode_rate,
+          .first_sample = origin.first_sample};
+}
+
+SF_CHUNK_INFO metadata_chunk() {
+  SF_CHUNK_INFO chunk{};
+  chunk.id_size = sizeof kMetadataChunk - 1;
+  std::memcpy(chunk.id, kMetadataChunk, chunk.id_size);
+  return chunk;
+}
+
+/// The text of the chunk iXML; empty where there is none, or a very long one.
+std::string read_metadata_chunk(SNDFILE* file) {
+  constexpr unsigned kMaxBytes = 64 << 10;
+  SF_CHUNK_INFO chunk = metadata_chunk();
+  SF_CHUNK_ITERATOR* const found = sf_get_chunk_iterator(file, &chunk);
+  if (found == nullptr || sf_get_chunk_size(found, &chunk) != SF_ERR_NO_ERROR) return {};
+  if (chunk.datalen > kMaxBytes) return {};
+  std::string text(chunk.datalen, ' ');
+  chunk.data = text.data();
+  return sf_get_chunk_data(found, &chunk) == SF_ERR_NO_ERROR ? text : "";
+}
+
+uint32_t number_at(std::span<const uint8_t> bytes) {
+  uint32_t number = 0;
+  for (size_t i = 0; i < sizeof number; ++i) number |= uint32_t{bytes[i]} << (8 * i);
+  return number;
+}
+
+/// The content of a chunk of the header; empty where there is none.
+std::span<uint8_t> chunk_of(std::span<uint8_t> header, std::string_view name) {
+  constexpr size_t kForm = 12, kChunkHead = 8;
+  for (size_t at = kForm; at + kChunkHead <= header.size();) {
+    const auto head = header.subspan(at, kChunkHead);
+    const size_t size = number_at(head.subspan(4));
+    const size_t begin = at + kChunkHead;
+    const bool is_whole = size <= header.size() - begin;
+    if (is_whole && std::equal(name.begin(), name.end(), head.begin()))
+      return header.subspan(begin, size);
+    at = begin + size + size % 2;
+  }
+  return {};
+}
+
+/// A header with another time reference and another chunk iXML. Empty where a chunk is missing.
+std::vector<uint8_t> changed_header(std::vector<uint8_t> header, int64_t samples_since_midnight,
+                                    const std::string& metadata) {
+  constexpr size_t kReference = 256 + 32 + 32 + 10 + 8;  // after texts, date and time
+  const auto bext = chunk_of(header, "bext");
+  const auto ixml = chunk_of(header, kMetadataChunk);
+  if (bext.size() < kReference + sizeof(int64_t) || ixml.size() != metadata.size()) return {};
+  const auto reference = static_cast<uint64_t>(samples_since_midnight);
+  for (size_t i = 0; i < sizeof reference; ++i) {
+    bext[kReference + i] = static_cast<uint8_t>(reference >> (8 * i));
+  }
+  std::copy(metadata.begin(), metadata.end(), ixml.begin());
+  return header;
+}
+
 WaveOrigin read_origin(SNDFILE* file) {
   SF_BROADCAST_INFO info{};
   if (sf_command(file, SFC_GET_BROADCAST_INFO, &info, sizeof info) != SF_TRUE) return {};
   const uint64_t reference =
       static_cast<uint64_t>(info.time_reference_high) << 32 | info.time_reference_low;
+  const WaveMetadata metadata = read_metadata(read_metadata_chunk(file));
   return {.description = text_of(info.description),
           .originator = text_of(info.originator),
           .date = text_of(info.origination_date),
           .time = text_of(info.origination_time),
-          .samples_since_midnight = static_cast<int64_t>(reference)};
+          .samples_since_midnight = static_cast<int64_t>(reference),
+          .first_sample = metadata.first_sample,
+          .timecode_rate = metadata.timecode_rate};
 }
 
 }  // namespace
@@ -155,10 +226,13 @@ WaveOrigin wave_origin(RealtimeInstant first_sample, int rate_hz, std::string de
                               local.tm_mday),
           .time = fmt::format("{:02}:{:02}:{:02}", local.tm_hour, local.tm_min, local.tm_sec),
           .samples_since_midnight =
-              since_midnight * rate_hz + ns % 1'000'000'000 * rate_hz / 1'000'000'000};
+              since_midnight * rate_hz + ns % 1'000'000'000 * rate_hz / 1'000'000'000,
+          .first_sample = first_sample};
 }
 
 std::optional<RealtimeInstant> first_sample_time(const WaveOrigin& origin, int rate_hz) {
+  if (origin.first_sample) return origin.first_sample;
+  if (origin.timecode_rate) return std::nullopt;  // the reference is no time of day
   tm local{};
   const char* const end = strptime(origin.date.c_str(), "%Y-%m-%d", &local);
   if (end == nullptr || *end != '\0') return std::nullopt;
@@ -181,7 +255,9 @@ struct WaveWriter::Impl {
 
   ByteAccess access;
   SoundFile file{nullptr, sf_close};
+  int rate_hz = 0;
   int channels = 0;
+  std::optional<RealtimeInstant> first_sample;
   int64_t samples = 0;
   io::Status status;
 };
@@ -201,6 +277,8 @@ io::Result<WaveWriter> WaveWriter::create(const std::filesystem::path& path,
   SF_INFO info{};
   info.samplerate = format.rate_hz;
   info.channels = impl->channels = format.channels;
+  impl->rate_hz = format.rate_hz;
+  impl->first_sample = origin.first_sample;
   info.format = SF_FORMAT_RF64 | SF_FORMAT_PCM_24;
   impl->file = open_virtual(impl->access, SFM_WRITE, info);
   if (!impl->file) return error_of(impl->access, nullptr, "create", path);
@@ -208,6 +286,11 @@ io::Result<WaveWriter> WaveWriter::create(const std::filesystem::path& path,
   SF_BROADCAST_INFO bext = broadcast_info(origin);
   sf_command(file, SFC_RF64_AUTO_DOWNGRADE, nullptr, SF_TRUE);
   sf_command(file, SFC_SET_BROADCAST_INFO, &bext, sizeof bext);
+  std::string metadata = write_metadata(metadata_of(origin, format.rate_hz));
+  SF_CHUNK_INFO chunk = metadata_chunk();
+  chunk.data = metadata.data();
+  chunk.datalen = static_cast<unsigned>(metadata.size());
+  sf_set_chunk(file, &chunk);
   sf_command(file, SFC_SET_UPDATE_HEADER_AUTO, nullptr, SF_TRUE);
   sf_command(file, SFC_UPDATE_HEADER_NOW, nullptr, 0);
   if (impl->access.error()) return tl::make_unexpected(*impl->access.error());
@@ -224,6 +307,24 @@ io::Status WaveWriter::write(std::span<const int32_t> values) {
     impl_->status = error_of(impl_->access, impl_->file.get(), "write", file().path());
   }
   return impl_->status;
+}
+
+io::Status WaveWriter::finish(const std::optional<WaveTimecode>& timecode) {
+  impl_->file.reset();  // writes the header for the last time
+  if (!impl_->status || !timecode) return impl_->status;
+  if (impl_->access.error()) return tl::make_unexpected(*impl_->access.error());
+  const std::string metadata =
+      write_metadata({.rate_hz = impl_->rate_hz,
+                      .samples_since_midnight = timecode->samples_since_midnight,
+                      .timecode_rate = timecode->rate,
+                      .first_sample = impl_->first_sample});
+  const std::vector<uint8_t> header =
+      changed_header(impl_->access.header(), timecode->samples_since_midnight, metadata);
+  if (header.empty()) return io::io_error("write", file().path(), "its header has no timecode");
+  impl_->access.seek(0, SEEK_SET);
+  impl_->access.write(header);  // within a page of the file: a kill leaves the old one or the new
+  if (impl_->access.error()) return tl::make_unexpected(*impl_->access.error());
+  return {};
 }
 
 int64_t WaveWriter::samples() const { return impl_->samples; }

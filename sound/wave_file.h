@@ -11,6 +11,7 @@
 
 #include "base/core/time.h"
 #include "base/io/file.h"
+#include "sound/wave_timecode.h"
 
 namespace v3d::sound {
 
@@ -28,14 +29,17 @@ struct WaveFormat {
   friend bool operator==(const WaveFormat&, const WaveFormat&) = default;
 };
 
-/// The origin of a recording: the fields of the chunk `bext` of a Broadcast Wave file.
-/// Source: EBU Tech 3285, version 2.
+/// The origin of a recording: the fields of the chunk `bext` of a Broadcast Wave file, and two of
+/// its chunk `iXML` (sound/wave_timecode.h). Source: EBU Tech 3285, version 2.
 struct WaveOrigin {
-  std::string description;         ///< at most 256 bytes
-  std::string originator;          ///< at most 32 bytes
-  std::string date;                ///< of the first sample, local time: "2026-11-27"
-  std::string time;                ///< "15:04:05"
-  int64_t samples_since_midnight;  ///< time of the first sample; local time
+  std::string description;  ///< at most 256 bytes
+  std::string originator;   ///< at most 32 bytes
+  std::string date;         ///< of the first sample, local time: "2026-11-27"
+  std::string time;         ///< "15:04:05"
+  /// Time reference: local time of the first sample, or its timecode where `timecode_rate` is set.
+  int64_t samples_since_midnight = 0;
+  std::optional<RealtimeInstant> first_sample = {};  ///< wall-clock time
+  std::optional<TimecodeRate> timecode_rate = {};
   friend bool operator==(const WaveOrigin&, const WaveOrigin&) = default;
 };
 
@@ -43,7 +47,9 @@ struct WaveOrigin {
 /// of this process.
 WaveOrigin wave_origin(RealtimeInstant first_sample, int rate_hz, std::string description,
                        std::string originator);
-/// The inverse: the time of the first sample. Empty where the origin has no date that can be read.
+/// The inverse: the time of the first sample. Files of earlier versions have no `first_sample`: the
+/// date and the time reference then count, in the local time zone of this process. Empty where the
+/// origin has no date that can be read.
 std::optional<RealtimeInstant> first_sample_time(const WaveOrigin& origin, int rate_hz);
 
 /// Writes a growing file of 24-bit PCM: RIFF up to 4 GiB, RF64 above.
@@ -65,6 +71,11 @@ class WaveWriter {
   /// Appends samples. Requires a multiple of the channels. Fails with path and cause; the file then
   /// ends at an earlier sample, and later calls fail with the same error.
   [[nodiscard]] io::Status write(std::span<const int32_t> values);
+  /// Ends the file. Its time reference becomes `timecode`, and `iXML` states the rate; empty: they
+  /// stay as created. The length of the file does not change, and it is readable at every moment.
+  /// Only samples() and file() may be called afterwards. Fails with path and cause; the samples are
+  /// then as before.
+  [[nodiscard]] io::Status finish(const std::optional<WaveTimecode>& timecode);
   /// The number of samples that were written.
   int64_t samples() const;
   /// The open file, to sync it. Another thread may sync it during write().

@@ -58,16 +58,19 @@ class SoundTake {
   };
   Counts counts() const;  ///< any thread
 
-  /// Writes the blocks that the queue holds, syncs the file and stops the thread. Empty when no
-  /// block came. Only counts() and the destructor may be called afterwards.
+  /// Writes the blocks that the queue holds, gives the file the timecode of its first sample, syncs
+  /// it and stops the thread. Empty when no block came. Only counts() and the destructor may be
+  /// called afterwards.
   std::optional<take::SoundLedger> close();
 
  private:
   void process(const sound::SoundBlock& block);
-  void take_pulses();
   void count_jumps();
+  void take_pulses();
   io::Status create_file(const sound::SoundBlock& first);
   io::Status write(const sound::SoundBlock& block, int64_t silence);
+  /// The ledger's table of the file.
+  take::SoundLedger describe() const;
   /// Fills the timecode without LTC: that of the output, or the time of day.
   void describe_generated(take::SoundLedger& ledger) const;
 
@@ -135,10 +138,10 @@ class NodeSound {
   bool is_open_ = false;
   std::string fault_;
   std::vector<double> peaks_;
+  sound::LevelMonitor levels_;
   std::shared_ptr<SoundQueue> queue_;  ///< of the present take or check, else null
   std::shared_ptr<SoundTake> take_;    ///< the present one, else null
   std::shared_ptr<SoundCheck> check_;  ///< the present one, else null
-  sound::LevelMonitor levels_;
   SoundTake::Counts last_take_;
   MonotonicInstant delivered_until_;  ///< time of the last block
   int64_t position_ = 0, xruns_ = 0;  ///< of all earlier openings; the thread only

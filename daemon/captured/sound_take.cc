@@ -114,10 +114,21 @@ std::optional<take::SoundLedger> SoundTake::close() {
   if (!file_) return std::nullopt;
   take_pulses();
   track_.finish();
-  if (auto synced = syncing_->sync(); !synced) {
+  take::SoundLedger ledger = describe();
+  const auto rate = sound::timecode_rate_from_name(ledger.timecode_rate);
+  io::Status done = file_->finish(
+      rate ? sound::first_timecode(ledger.timecode_runs, *rate, ledger.rate_hz) : std::nullopt);
+  if (done) syncing_->mark_dirty();
+  if (auto synced = syncing_->sync(); done) done = std::move(synced);
+  syncing_.reset();
+  if (!done) {
     const std::lock_guard lock(mutex_);
-    counts_.error = synced.error().message;
+    counts_.error = done.error().message;
   }
+  return ledger;
+}
+
+take::SoundLedger SoundTake::describe() const {
   take::SoundLedger ledger;
   ledger.file = setup_.paths.sound().filename() / path_.filename();
   ledger.node = setup_.sound.node;
@@ -133,7 +144,6 @@ std::optional<take::SoundLedger> SoundTake::close() {
     take::describe_track(track_, first_pulse_->pulse, last_pulse_->pulse, ledger);
     if (ledger.timecode_source == "none") describe_generated(ledger);
   }
-  syncing_.reset();
   return ledger;
 }
 

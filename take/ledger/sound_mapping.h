@@ -23,9 +23,10 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
 /// adds to the uncertainty. In the pulse channel, edges give exact positions. LTC is read as in a
 /// recording; without it, the timecode is unknown. Silence for lost samples is not recognised.
 ///
-/// Uses the studio file of the take. Files are read whole. The date of a file is in the local time
-/// of the PC that recorded it; where this process has another, no pulse is within the file. Returns
-/// a line for each file that gets no map.
+/// Uses the studio file of the take. Files are read whole. The date of a file of an earlier version
+/// (without sound::WaveOrigin::first_sample) is in the local time of the PC that recorded it; where
+/// this process has another, no pulse is within the file. Returns a line for each file that gets no
+/// map.
 std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
                                              std::vector<SoundLedger>& sounds);
 

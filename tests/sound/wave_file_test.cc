@@ -90,9 +90,14 @@ TEST(WaveFile, is_rf64_above_4_gib_and_read_to_its_last_sample) {
   }
   const std::vector<int32_t> last(64, 1 << 20);
   ASSERT_TRUE(writer->write(last));
+  ASSERT_TRUE(writer->finish(WaveTimecode{.rate = TimecodeRate::k24, .samples_since_midnight = 7}));
   auto reader = WaveReader::open(folder / "a.wav");
   ASSERT_TRUE(reader) << reader.error().message;
+  std::string head(4, ' ');
+  std::ifstream(folder / "a.wav").read(head.data(), std::ssize(head));
+  EXPECT_EQ(head, "RF64");
   EXPECT_EQ(reader->samples(), samples + 1);
+  EXPECT_EQ(reader->origin().samples_since_midnight, 7);
   EXPECT_EQ(reader->read(samples, 1).value(), last);
 }
 

@@ -78,11 +78,12 @@ class RecordedSounds : public testing::Test {
                                           "[[sound]]\nnode = 'cap01'\n" +
                                           "device = 'hw:0'\nchannels = 3\n" + sound);
   }
-  void write_sound(RealtimeInstant begin) {
+  void write_sound(RealtimeInstant begin, std::optional<sound::WaveTimecode> timecode = {}) {
     auto writer = sound::WaveWriter::create(paths_.sound() / "cap01.wav", {kRate, kChannels},
                                             sound::wave_origin(begin, kRate, "", ""));
     ASSERT_TRUE(writer);
     ASSERT_TRUE(writer->write(recorded_sound()));
+    ASSERT_TRUE(writer->finish(timecode));
   }
   /// The greatest error of the map, s.
   static double error_of(const SoundLedger& sound) {
@@ -122,6 +123,15 @@ TEST_F(RecordedSounds, have_positions_by_the_clocks_of_the_pcs_without_a_pulse_c
   EXPECT_NEAR(error_of(sounds[0]), kClockError + 80e-6 * truth(kPulses) / kRate, 0.5e-3);
   EXPECT_THAT(error_of(sounds[0]), Lt(3e-6 * sounds[0].uncertainty_us));
   EXPECT_EQ(sounds[0].timecode_source, "none");
+}
+
+TEST_F(RecordedSounds, that_were_finished_before_the_kill_have_positions_by_the_wall_clock) {
+  write_studio("");
+  write_sound(kBegin, sound::WaveTimecode{.samples_since_midnight = 36'000LL * kRate});
+  EXPECT_THAT(recover_take(paths_).notes, IsEmpty());
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_NEAR(error_of(sounds[0]), 80e-6 * truth(kPulses) / kRate, 0.5e-3);
 }
 
 TEST_F(RecordedSounds, of_another_hour_get_no_map_and_a_line_with_the_cause) {

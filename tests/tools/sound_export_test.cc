@@ -17,6 +17,7 @@ namespace v3d::ctl {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class FlacExport : public testing::Test {
  protected:
@@ -26,7 +27,7 @@ class FlacExport : public testing::Test {
     if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   }
   /// A take of two channels with noise in all 24 bits.
-  void write_take() {
+  void write_take(const std::optional<sound::WaveTimecode>& timecode = {}) {
     const take::SoundLedger sound{.file = "sound/cap01.wav",
                                   .node = "cap01",
                                   .rate_hz = 48'000,
@@ -48,6 +49,7 @@ class FlacExport : public testing::Test {
       values_.push_back(static_cast<int32_t>(state & 0xFFFFFF00));
     }
     io::throw_if_failed(writer.write(values_));
+    io::throw_if_failed(writer.finish(timecode));
   }
   /// The samples of a file, as ffmpeg decodes them to 32 bits.
   static std::vector<int32_t> decoded(const std::filesystem::path& path) {
@@ -60,6 +62,13 @@ class FlacExport : public testing::Test {
     EXPECT_FALSE(ffmpeg.read({reinterpret_cast<uint8_t*>(&values.back()), 1})) << "it ends there";
     values.pop_back();
     return values;
+  }
+
+  std::string tags() const {
+    return run_process({"ffprobe", "-v", "error", "-show_entries", "format_tags",
+                        (folder_ / "out/cap01.flac").string()},
+                       Output::kCapture)
+        .output;
   }
 
   const test::TemporaryFolder folder_;
@@ -79,11 +88,18 @@ TEST_F(FlacExport, has_every_bit_of_every_sample) {
 TEST_F(FlacExport, keeps_the_time_reference_as_a_tag) {
   write_take();
   export_flac(take_.folder, folder_ / "out");
-  const ProcessResult tags = run_process({"ffprobe", "-v", "error", "-show_entries", "format_tags",
-                                          (folder_ / "out/cap01.flac").string()},
-                                         Output::kCapture);
-  EXPECT_THAT(tags.output, HasSubstr("TAG:time_reference=2604245678"));
-  EXPECT_THAT(tags.output, HasSubstr("2026-11-27"));
+  EXPECT_THAT(tags(), HasSubstr("TAG:time_reference=2604245678"));
+  EXPECT_THAT(tags(), HasSubstr("2026-11-27"));
+  EXPECT_THAT(tags(), Not(HasSubstr("timecode")));
+}
+
+TEST_F(FlacExport, has_the_timecode_of_the_first_sample_as_tags) {
+  write_take(sound::WaveTimecode{.rate = sound::TimecodeRate::k2997Drop,
+                                 .samples_since_midnight = 1'727'998'272});
+  export_flac(take_.folder, folder_ / "out");
+  EXPECT_THAT(tags(), HasSubstr("TAG:timecode=10:00:00;00"));
+  EXPECT_THAT(tags(), HasSubstr("TAG:timecode_rate=29.97df"));
+  EXPECT_THAT(tags(), HasSubstr("TAG:time_reference=1727998272"));
 }
 
 TEST_F(FlacExport, is_refused_for_a_take_without_sound_and_for_nine_channels) {

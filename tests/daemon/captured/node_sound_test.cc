@@ -89,6 +89,13 @@ TEST_F(NodeSoundTest, writes_the_file_that_the_ledger_describes) {
   EXPECT_THAT(ledger->first_timecode, HasSubstr("10:00:"));
   EXPECT_EQ(timecode_at(0, *ledger), ledger->first_timecode);
   EXPECT_EQ(timecode_at(24, *ledger), ledger->last_timecode);
+  // The file begins with the device, and so with its timecode.
+  EXPECT_THAT(wave->origin().timecode_rate, testing::Optional(sound::TimecodeRate::k25));
+  const auto since_ten =
+      static_cast<double>(wave->origin().samples_since_midnight - 36'000LL * kRate);
+  const sound::TimecodeRun& run = ledger->timecode_runs.front();
+  const double frames = static_cast<double>(run.first_frame) - 36'000.0 * 25;
+  EXPECT_THAT(since_ten, DoubleNear(frames * kRate / 25 - run.first_sample, 1.5));
 }
 
 TEST_F(NodeSoundTest, counts_a_jump_of_the_timecode_while_it_records) {

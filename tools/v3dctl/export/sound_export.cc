@@ -2,12 +2,14 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/core/error.h"
 #include "base/io/child_process.h"
 #include "common/console.h"
 #include "common/partial_folder.h"
+#include "sound/wave_file.h"
 #include "take/ledger/ledger.h"
 #include "v3dctl/options.h"
 
@@ -25,11 +27,24 @@ std::vector<take::SoundLedger> sounds_of(const take::TakePaths& paths) {
   return take::load_ledger(paths.ledger()).sounds;
 }
 
+/// Options of ffmpeg for the timecode of the first sample; none where the file has no timecode.
+std::vector<std::string> timecode_tags(const fs::path& wave) {
+  const auto reader = io::value_or_throw(sound::WaveReader::open(wave));
+  const sound::WaveOrigin& origin = reader.origin();
+  if (!origin.timecode_rate) return {};
+  const sound::WaveTimecode first{.rate = *origin.timecode_rate,
+                                  .samples_since_midnight = origin.samples_since_midnight};
+  return {"-metadata", "timecode=" + first.text(reader.format().rate_hz), "-metadata",
+          "timecode_rate=" + std::string(name(first.rate))};
+}
+
 void encode(const fs::path& wave, const fs::path& flac) {
-  const ProcessResult done = run_process(
-      {"ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", "-i", "file:" + wave.string(),
-       "-map_metadata", "0", "-c:a", "flac", "file:" + flac.string()},
-      Output::kShow);
+  std::vector<std::string> command = {
+      "ffmpeg", "-hide_banner",          "-loglevel",     "error", "-nostdin",
+      "-i",     "file:" + wave.string(), "-map_metadata", "0"};
+  for (std::string& tag : timecode_tags(wave)) command.push_back(std::move(tag));
+  command.insert(command.end(), {"-c:a", "flac", "file:" + flac.string()});
+  const ProcessResult done = run_process(command, Output::kShow);
   if (done.status != 0) throw std::runtime_error(flac.string() + ": ffmpeg could not write it");
 }
 
