@@ -171,6 +171,23 @@ expect("${out}" "\"verified\": true")
 expect("${out}" "\"mark\": \"circled\"")
 expect("${out}" "\"seconds\": 0.16")
 
+# The timecode of a take with sound is in the list, its JSON, and what slate prints.
+file(COPY ${WORK}/whole/kendo-07 DESTINATION ${WORK}/timed)
+set(sound "[[sound]]\nfile = 'sound/cap01.wav'\nnode = 'cap01'\nrate_hz = 48000\nchannels = 2\nsamples = 9\n")
+string(APPEND sound "timecode_source = 'ltc'\ntimecode_rate = '29.97df'\n")
+string(APPEND sound "first_timecode = '10:00:59;28'\nlast_timecode = '10:01:00;03'\n")
+file(WRITE ${WORK}/timed/kendo-07/ledger.toml "${ledger}\n${sound}")
+v3dctl(takes ${WORK}/timed)
+expect("${out}" "^kendo-07 .* 25 Hz, 0 meshes, timecode 10:00:59;28 to 10:01:00;03\n$")
+v3dctl(takes ${WORK}/timed --json)
+expect("${out}" "\"timecode\": \"10:00:59;28 to 10:01:00;03\"")
+v3dctl(takes slate kendo-07 --scene 12 --dir ${WORK}/timed)
+expect("${out}" "timecode 10:00:59;28 to 10:01:00;03  scene 12\n$")
+v3dctl(takes ${WORK}/archive --json)
+if(out MATCHES "timecode")
+  message(SEND_ERROR "a take without sound has a timecode: ${out}")
+endif()
+
 # A mesh file that cannot be read is listed with the cause, not as one without meshes.
 file(WRITE ${WORK}/archive/kendo-07/mesh.v3d "")
 v3dctl(takes ${WORK}/archive)

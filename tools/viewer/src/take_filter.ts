@@ -2,7 +2,7 @@
 import type { Take } from './take_list';
 
 export interface TakeFilter {
-  /** Each word must occur in the name, the studio or the slate of a take; letters of either case. */
+  /** Each word must occur in the name, the studio, the slate or the timecode of a take; letters of either case. */
   words: string;
   /** Scene of the slate; empty: all. */
   scene: string;
@@ -21,7 +21,7 @@ function hasMark(take: Take, mark: TakeFilter['mark']): boolean {
 /** Does the filter let this take pass? */
 export function passes(take: Take, filter: TakeFilter): boolean {
   const { scene, take: number, note } = take.slate;
-  const text = [take.name, take.studio, scene, number, note].join(' ').toLowerCase();
+  const text = [take.name, take.studio, scene, number, note, take.timecode ?? ''].join(' ').toLowerCase();
   const words = filter.words.toLowerCase().split(/\s+/).filter(Boolean);
   return words.every((word) => text.includes(word)) && (filter.scene === '' || scene === filter.scene)
     && hasMark(take, filter.mark) && (filter.state === '' || take.state === filter.state);

@@ -17,6 +17,8 @@ export interface Take {
   /** null: mesh.v3d cannot be read, for the reason `mesh_error`. */
   meshes: number | null;
   mesh_error?: string;
+  /** Of the first and the last pulse: "10:00:00:00 to 10:01:00:00"; missing where it is unknown. */
+  timecode?: string;
   slate: { scene: string; take: string; note: string; mark: '' | 'circled' | 'rejected' };
 }
 
@@ -51,6 +53,12 @@ export function slateText(slate: Take['slate']): string {
   return parts.filter(Boolean).join(', ');
 }
 
+/** What the list shows below the name of a take, after its state. */
+export function aboutText(take: Take): string {
+  const timecode = take.timecode && `timecode ${take.timecode}`;
+  return [slateText(take.slate), timecode, meshText(take)].filter(Boolean).join(' · ');
+}
+
 function meshText(take: Take): string {
   if (take.meshes === null) return 'meshes cannot be read';
   const proxy = take.proxy_bytes ? `, proxy ${formatBytes(take.proxy_bytes)}` : '';
@@ -75,7 +83,7 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   name.append(part('em', formatSeconds(take.seconds)));
   const about = part('div', '', 'about');
   about.append(part('span', take.state, `verdict ${take.state}`));
-  about.append([' ', slateText(take.slate), meshText(take)].filter(Boolean).join(' · '));
+  about.append(` · ${aboutText(take)}`);
   button.append(name, about);
   button.title = [take.name, slateText(take.slate), take.mesh_error, new Date(take.started_ns / 1e6).toLocaleString(),
     `${take.cameras.length} cameras, ${take.pulses} pulses at ${take.rate_hz} Hz, ${formatBytes(take.bytes)}`]

@@ -23,6 +23,12 @@ describe('a filter of takes', () => {
     expect(names({ words: 'sword 08' })).toBe('');
   });
 
+  it('finds takes by their timecode', () => {
+    const timed: Take = { ...plain, timecode: '10:00:03:00 to 10:01:02:24' };
+    expect(passes(timed, { ...ALL_TAKES, words: '10:00:03' })).toBe(true);
+    expect(passes(plain, { ...ALL_TAKES, words: '10:00:03' })).toBe(false);
+  });
+
   it('finds takes of a scene, with a mark, and in a state', () => {
     expect(names({ scene: '12' })).toBe('7');
     expect(names({ scene: '1' })).toBe('');

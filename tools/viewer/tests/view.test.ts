@@ -4,7 +4,7 @@ import { factsOf, judgeCamera } from '../src/judge';
 import { eachForegroundRun, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { vertexNormals } from '../player/src/surface';
-import { slateText } from '../src/take_list';
+import { aboutText, slateText, type Take } from '../src/take_list';
 
 const camera: RigCamera = {
   name: 'cam07',
@@ -145,5 +145,14 @@ describe('the studio in words', () => {
 
   it('formats a slate', () => {
     expect(slateText({ scene: '12', take: '3', note: '', mark: 'circled' })).toBe('scene 12, take 3');
+  });
+
+  it('describes a take by slate, timecode and meshes', () => {
+    const take = {
+      slate: { scene: '12', take: '3', note: '', mark: '' }, timecode: '10:00:59;28 to 10:01:00;03', meshes: 9, mesh_bytes: 2000, proxy_bytes: 0,
+    } as Take;
+    expect(aboutText(take)).toBe('scene 12, take 3 · timecode 10:00:59;28 to 10:01:00;03 · 9 meshes, 2.0 kB');
+    const { timecode: _, ...without } = take;
+    expect(aboutText({ ...without, meshes: 0 })).toBe('scene 12, take 3 · no meshes');
   });
 });
