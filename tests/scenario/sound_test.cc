@@ -25,14 +25,21 @@ constexpr int64_t kPulses = 60;
 class SoundStudio : public Studio4 {
  protected:
   explicit SoundStudio(const std::string& device = "simulated:ppm=80",
-                       const std::vector<std::string>& simulator = {})
+                       const std::vector<std::string>& simulator = {}, int rate_hz = kRate)
       : Studio4({.more = "[[sound]]\nnode = 'cap01'\nchannels = 3\npulse_channel = 2\n"
-                         "timecode_channel = 3\ndevice = '" +
-                         device + "'\n",
+                         "timecode_channel = 3\nrate_hz = " +
+                         std::to_string(rate_hz) + "\ndevice = '" + device + "'\n",
                  .simulator = simulator}) {}
 };
 
-TEST_F(SoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
+/// The same at 96 kHz.
+class HighRateSoundStudio : public SoundStudio {
+ protected:
+  static constexpr int kHighRate = 96'000;
+  HighRateSoundStudio() : SoundStudio("simulated:ppm=80", {}, kHighRate) {}
+};
+
+TEST_F(HighRateSoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
   ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
@@ -41,17 +48,24 @@ TEST_F(SoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
   ASSERT_THAT(verified.ledger.sounds, SizeIs(1));
   const take::SoundLedger& sound = verified.ledger.sounds[0];
   EXPECT_EQ(sound.file, "sound/cap01.wav");
-  EXPECT_THAT(sound.samples, Ge(kPulses * kRate / 20));
+  EXPECT_EQ(sound.rate_hz, kHighRate);
+  EXPECT_THAT(sound.samples, Ge(kPulses * kHighRate / 20));
   EXPECT_EQ(sound.map_source, "pulse channel");
   EXPECT_EQ(sound.missing_edges, 0);
   const double apart = sound.map.sample_of(kPulses - 1) - sound.map.sample_of(0);
-  EXPECT_THAT(apart, DoubleNear((kPulses - 1) * kRate / 20.0 * (1 + 80e-6), 5));
+  EXPECT_THAT(apart, DoubleNear((kPulses - 1) * kHighRate / 20.0 * (1 + 80e-6), 10));
   EXPECT_EQ(sound.timecode_source, "ltc");
   EXPECT_THAT(sound.first_timecode, HasSubstr("10:"));
+  EXPECT_EQ(sound.timecode_jumps, 0);
   // The pulse is where the map says.
   auto wave = sound::WaveReader::open(take().folder / sound.file);
   ASSERT_TRUE(wave);
   ASSERT_EQ(wave->samples(), sound.samples);
+  // The simulated timecode begins with the device, before the file.
+  const sound::WaveOrigin& origin = wave->origin();
+  EXPECT_THAT(origin.timecode_rate, testing::Optional(sound::TimecodeRate::k25));
+  EXPECT_THAT(origin.samples_since_midnight, Ge(36'000LL * kHighRate));
+  EXPECT_THAT(run_v3dctl({"takes"}, 0), HasSubstr("timecode " + sound.first_timecode + " to "));
   for (const int64_t pulse : {int64_t{0}, kPulses / 2, kPulses - 1}) {
     const auto edge = std::llround(sound.map.sample_of(static_cast<double>(pulse)));
     const auto values = wave->read(edge - 10, 30);

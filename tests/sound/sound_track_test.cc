@@ -20,28 +20,30 @@ using testing::Optional;
 constexpr int kRate = 48'000;
 constexpr int64_t kBlock = 480;
 
-StudioSound three_channels() {
+StudioSound three_channels(int rate_hz = kRate) {
   return {.node = "cap01",
           .device = "simulated:",
           .channels = 3,
+          .rate_hz = rate_hz,
           .pulse_channel = 2,
           .timecode_channel = 3,
           .timecode_rate = {}};
 }
 
-MonotonicInstant at_sample(double sample) {
-  return from_ns<Monotonic>(std::llround(1e9 * (5 + sample / kRate)));
+MonotonicInstant at_sample(double sample, int rate_hz = kRate) {
+  return from_ns<Monotonic>(std::llround(1e9 * (5 + sample / rate_hz)));
 }
 
 /// Ten seconds of a device: silence, pulses at 25 Hz from second 1 on, and LTC from 10:00:00:00.
 class Recording {
  public:
-  Recording() : pulses_(10 * kRate) {
+  explicit Recording(int rate_hz = kRate)
+      : rate_hz_(rate_hz), pulses_(static_cast<size_t>(10 * rate_hz)) {
     for (int n = 0; n < 220; ++n) {
-      edges_.push_back(kRate + 1920.0 * n + 0.25);
-      test::add_pulse(pulses_, edges_.back(), 48, 0.5);
+      edges_.push_back(rate_hz + rate_hz / 25.0 * n + 0.25);
+      test::add_pulse(pulses_, edges_.back(), 1e-3 * rate_hz, 0.5);
     }
-    LtcWriter ltc(kRate, TimecodeRate::k25, {10, 0, 0, 0});
+    LtcWriter ltc(rate_hz, TimecodeRate::k25, {10, 0, 0, 0});
     while (ltc_.size() < pulses_.size()) {
       const auto frame = ltc.next();
       ltc_.insert(ltc_.end(), frame.begin(), frame.end());
@@ -49,8 +51,9 @@ class Recording {
   }
 
   SoundBlock block(int64_t first, int64_t position, int64_t xruns) const {
-    SoundBlock block{
-        .position = position, .xruns = xruns, .at = at_sample(static_cast<double>(first + kBlock))};
+    SoundBlock block{.position = position,
+                     .xruns = xruns,
+                     .at = at_sample(static_cast<double>(first + kBlock), rate_hz_)};
     for (int64_t s = first; s < first + kBlock; ++s) {
       block.values.push_back(0);
       block.values.push_back(value(pulses_[static_cast<size_t>(s)]));
@@ -66,7 +69,7 @@ class Recording {
       if (as_xrun && first == lost_until) ++xruns;
       const bool is_lost = first >= lost_from && first < lost_until;
       for (; pulse < edges_.size() && edges_[pulse] < static_cast<double>(first); ++pulse) {
-        track.add_pulse(static_cast<int64_t>(pulse), at_sample(edges_[pulse]));
+        track.add_pulse(static_cast<int64_t>(pulse), at_sample(edges_[pulse], rate_hz_));
       }
       if (!is_lost) track.add(block(first, delivered, xruns));
       if (!is_lost || !as_xrun) delivered += kBlock;
@@ -78,22 +81,26 @@ class Recording {
  private:
   static int32_t value(float v) { return static_cast<int32_t>(std::lround(v * 8e6)) * 256; }
 
+  const int rate_hz_;
   std::vector<float> pulses_, ltc_;
   std::vector<double> edges_;
 };
 
-TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse) {
-  const Recording recording;
-  SoundTrack track({.sound = three_channels()});
-  recording.play(track, 0, 0, false);
-  EXPECT_EQ(track.samples(), 10 * kRate);
-  EXPECT_EQ(track.xruns(), 0);
-  const MappedPulses mapped = track.pulses();
-  ASSERT_EQ(mapped.source, MapSource::kPulseChannel);
-  EXPECT_EQ(mapped.edges, 220);
-  EXPECT_THAT(mapped.map.sample_of(100), DoubleNear(recording.edge(100), 0.1));
-  ASSERT_THAT(track.timecode()->rate(), Optional(TimecodeRate::k25));
-  EXPECT_THAT(track.timecode()->at(mapped.map.sample_of(100)), Optional(Timecode{10, 0, 5, 0}));
+TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse_at_48_and_96_khz) {
+  for (const int rate_hz : {48'000, 96'000}) {
+    SCOPED_TRACE(rate_hz);
+    const Recording recording(rate_hz);
+    SoundTrack track({.sound = three_channels(rate_hz)});
+    recording.play(track, 0, 0, false);
+    EXPECT_EQ(track.samples(), 10 * rate_hz);
+    EXPECT_EQ(track.xruns(), 0);
+    const MappedPulses mapped = track.pulses();
+    ASSERT_EQ(mapped.source, MapSource::kPulseChannel);
+    EXPECT_EQ(mapped.edges, 220);
+    EXPECT_THAT(mapped.map.sample_of(100), DoubleNear(recording.edge(100), 0.1));
+    ASSERT_THAT(track.timecode()->rate(), Optional(TimecodeRate::k25));
+    EXPECT_THAT(track.timecode()->at(mapped.map.sample_of(100)), Optional(Timecode{10, 0, 5, 0}));
+  }
 }
 
 TEST(SoundTrack, fills_blocks_that_were_dropped_with_as_many_samples_of_silence) {
