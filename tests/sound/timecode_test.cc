@@ -64,22 +64,25 @@ TEST(Timecode, of_each_rate_is_read_at_a_quarter_to_four_times_its_speed) {
 
 TEST(Timecode, is_read_with_noise_30_db_below_it_and_at_a_low_level) {
   std::mt19937 random(3);
-  for (const float gain : {1.0F, 0.01F}) {
-    for (const double speed : {0.25, 1.0, 4.0}) {
-      auto signal = ltc_signal(TimecodeRate::k25, {1, 2, 3, 4}, speed);
+  for (const TimecodeRate rate : kTimecodeRates) {
+    for (const auto& [gain, speed] :
+         {std::pair(1.0F, 0.25), std::pair(1.0F, 1.0), std::pair(1.0F, 4.0), std::pair(0.01F, 0.25),
+          std::pair(0.01F, 1.0), std::pair(0.01F, 4.0)}) {
+      SCOPED_TRACE(std::string(name(rate)) + " at " + std::to_string(speed));
+      auto signal = ltc_signal(rate, {1, 2, 3, 4}, speed);
       double power = 0;
       for (const float value : signal) power += value * value;
       const double level = std::sqrt(power / static_cast<double>(signal.size()));
       test::add_noise(signal, level * std::pow(10, -30.0 / 20), random);
       for (float& value : signal) value *= gain;
       const auto frames = read(signal);
-      EXPECT_THAT(frames.size(), Ge(95U)) << speed;
-      const int64_t first = frame_number({1, 2, 3, 4}, TimecodeRate::k25);
+      EXPECT_THAT(frames.size(), Ge(95U));
+      const int64_t first = frame_number({1, 2, 3, 4}, rate);
+      const double length = kRate / frames_per_second(rate);
       for (const LtcFrame& frame : frames) {
-        ASSERT_TRUE(is_valid(frame.timecode, TimecodeRate::k25));
-        const auto number =
-            static_cast<double>(frame_number(frame.timecode, TimecodeRate::k25) - first);
-        EXPECT_NEAR(static_cast<double>(frame.sample) * speed / 1920, number, 0.1);
+        ASSERT_TRUE(is_valid(frame.timecode, rate));
+        const auto number = static_cast<double>(frame_number(frame.timecode, rate) - first);
+        EXPECT_NEAR(static_cast<double>(frame.sample) * speed / length, number, 0.1);
       }
     }
   }
