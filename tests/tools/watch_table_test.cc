@@ -81,6 +81,11 @@ TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
   values["sound_peak_2_db"] = 0;
   values["sound_xruns"] = 3;
   EXPECT_THAT(texts(state, false), Contains(HasSubstr("sound peaks (dB)  1: -20  2: 0  xruns: 3")));
+  values["sound_channels_clipping"] = 1;
+  values["sound_channels_silent"] = 2;
+  values["sound_timecode_jumps"] = 4;
+  EXPECT_THAT(texts(state, false), Contains(HasSubstr("2: 0  clipping channels: 1  silent "
+                                                      "channels: 2  xruns: 3  timecode jumps: 4")));
   values["sound_open_flag"] = 0;
   EXPECT_THAT(texts(state, false), Contains(HasSubstr("sound: the device is not open")));
 }

@@ -17,7 +17,6 @@ constexpr double kWarnDiskSeconds = 600;  // of recording
 constexpr double kAlarmDiskSeconds = 60;
 constexpr double kWarnClockOffsetUs = 1000;  // well below the period of the pulses
 constexpr double kWarnCelsius = 85;
-constexpr double kClippingDecibels = -0.1;
 constexpr double kWarnCpuPercent = 95;
 constexpr double kWarnMemoryBytes = 500e6;
 
@@ -178,7 +177,8 @@ std::string shard_text(const wire::HealthMessage& health) {
   return text;
 }
 
-/// Peaks of the sound of a node in dB of full scale, by channel; empty without sound.
+/// Peaks of the sound of a node in dB of full scale, by channel, and its faults; empty without
+/// sound.
 WatchLine sound_line(const wire::HealthMessage& health) {
   const auto open = find(health, "sound_open_flag");
   if (!open) return {};
@@ -189,10 +189,17 @@ WatchLine sound_line(const wire::HealthMessage& health) {
     if (!peak) break;
     const std::string text =
         "  " + std::to_string(channel) + ": " + value_text("", std::round(*peak));
-    line.parts.push_back({text, highlight_if(*peak > kClippingDecibels)});
+    line.parts.push_back({text, Highlight::kNone});
   }
-  const double xruns = find(health, "sound_xruns").value_or(0);
-  if (xruns > 0) line.parts.push_back({"  xruns: " + value_text("", xruns), Highlight::kWarning});
+  for (const auto& [name, words] :
+       {std::pair("sound_channels_clipping", "clipping channels"),
+        std::pair("sound_channels_silent", "silent channels"), std::pair("sound_xruns", "xruns"),
+        std::pair("sound_timecode_jumps", "timecode jumps")}) {
+    const double count = find(health, name).value_or(0);
+    if (count == 0) continue;
+    line.parts.push_back(
+        {std::string("  ") + words + ": " + value_text("", count), Highlight::kWarning});
+  }
   return line;
 }
 

@@ -11,7 +11,6 @@ const ALARM_DISK_S = 60;
 const WARNING_DISK_S = 600;
 const DISPLACED_PX = 1.5;
 const DEEP_QUEUE = 8;
-const CLIPPING_DB = -0.1;
 
 const plural = (n: number, one: string) => `${n.toLocaleString('en')} ${one}${n === 1 ? '' : 's'}`;
 
@@ -62,19 +61,26 @@ function peaksOf(node: NodeState): number[] {
 
 const NOT_OPEN = 'the device is not open';
 
-/** Levels and xruns of the sound input. */
+/** Levels, lost samples and jumps of the timecode of the sound input. Channels of pulses and timecode have any level. */
 function soundOf(node: NodeState): Fact[] {
   const open = valueOf(node, 'sound_open_flag');
   if (open === undefined) return [];
   if (open === 0) return [{ name: 'sound', value: NOT_OPEN, grade: 'warning' }];
   const peaks = peaksOf(node);
-  const xruns = valueOf(node, 'sound_xruns') ?? 0;
+  const count = (name: string) => valueOf(node, name) ?? 0;
+  const clipping = count('sound_channels_clipping');
+  const silent = count('sound_channels_silent');
+  const xruns = count('sound_xruns');
+  const jumps = count('sound_timecode_jumps');
   const facts: Fact[] = [];
   if (peaks.length > 0) {
     const value = peaks.map((peak) => peak.toFixed(0)).join(', ') + ' dB';
-    facts.push({ name: 'sound', value, grade: Math.max(...peaks) > CLIPPING_DB ? 'warning' : 'good' });
+    facts.push({ name: 'sound', value, grade: 'good' });
   }
+  if (clipping > 0) facts.push({ name: 'sound clips', value: plural(clipping, 'channel'), grade: 'warning' });
+  if (silent > 0) facts.push({ name: 'sound silent', value: plural(silent, 'channel'), grade: 'warning' });
   if (xruns > 0) facts.push({ name: 'sound lost', value: plural(xruns, 'xrun'), grade: 'warning' });
+  if (jumps > 0) facts.push({ name: 'timecode in', value: plural(jumps, 'jump'), grade: 'warning' });
   return facts;
 }
 

@@ -122,8 +122,11 @@ describe('the studio in words', () => {
   it('shows the levels of the sound and what is wrong with it', () => {
     const open = { sound_open_flag: 1, sound_peak_1_db: -20.4, sound_peak_2_db: -12 };
     expect(factsOf(node(open))).toEqual([{ name: 'sound', value: '-20, -12 dB', grade: 'good' }]);
-    expect(factsOf(node({ ...open, sound_peak_2_db: 0, sound_xruns: 2 }))).toEqual([
-      { name: 'sound', value: '-20, 0 dB', grade: 'warning' }, { name: 'sound lost', value: '2 xruns', grade: 'warning' }]);
+    expect(factsOf(node({ ...open, sound_peak_2_db: 0 }))).toEqual([{ name: 'sound', value: '-20, 0 dB', grade: 'good' }]);
+    const faults = { sound_xruns: 2, sound_channels_clipping: 1, sound_channels_silent: 3, sound_timecode_jumps: 1 };
+    expect(factsOf(node({ ...open, ...faults })).slice(1)).toEqual([
+      { name: 'sound clips', value: '1 channel', grade: 'warning' }, { name: 'sound silent', value: '3 channels', grade: 'warning' },
+      { name: 'sound lost', value: '2 xruns', grade: 'warning' }, { name: 'timecode in', value: '1 jump', grade: 'warning' }]);
     expect(factsOf(node({ sound_open_flag: 0 }))).toEqual([{ name: 'sound', value: 'the device is not open', grade: 'warning' }]);
   });
 
