@@ -11,6 +11,8 @@ namespace {
 
 /// Share of a period within which an edge can belong to a pulse.
 constexpr double kMaxGate = 0.45;
+/// A longer lag of the edges, in periods, shows that they belong to other pulses.
+constexpr double kMaxLag = 0.5;
 /// Edges within this of their expected position belong to the pulse, s.
 constexpr double kMinGate = 0.5e-3;
 constexpr double kGateDeviations = 5;
@@ -188,6 +190,10 @@ void PulseMapper::track(const Pulse& pulse, std::optional<double> edge) {
   constexpr double kLagGain = 0.02;
   lag_ += kLagGain * (*edge - pulse.coarse - lag_);
   edge_map_.add({.pulse = static_cast<double>(pulse.number), .sample = *edge});
+  if (std::abs(lag_) > kMaxLag * period_) {
+    lag_ = 0;
+    is_tracking_ = false;
+  }
 }
 
 void PulseMapper::miss(const Pulse& pulse) {
