@@ -18,6 +18,12 @@ float step(float edge0, float edge1, float x) {
 }
 Vector3f blend(const Vector3f& a, const Vector3f& b, float s) { return a + s * (b - a); }
 
+/// Angle about z from x, radians. In double precision: that of floats has other last bits in other
+/// versions of glibc, and a simulated take has the same bytes on Debian 12 and 13.
+float azimuth(const Vector3f& p) {
+  return static_cast<float>(std::atan2(double{p.y()}, double{p.x()}));
+}
+
 /// A factor of fine noise around 1.
 float grain(const Vector3f& p, float cells_per_metre, float depth, uint32_t seed) {
   const float coarse = value_noise(p * cells_per_metre, seed);
@@ -68,7 +74,7 @@ Vector3f hair(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
 
 /// Cotton with a weave and rows of small diamonds.
 Vector3f jacket(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
-  const float angle = std::atan2(p.y(), p.x());
+  const float angle = azimuth(p);
   const float row = p.z() / 0.045F;
   const float column = angle * 16 / (2 * std::numbers::pi_v<float>)+0.5F * std::floor(row);
   const float diamond =
@@ -80,7 +86,7 @@ Vector3f jacket(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
 
 /// Pale pinstripes down the leg.
 Vector3f trousers(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
-  const float angle = std::atan2(p.y(), p.x());
+  const float angle = azimuth(p);
   const float stripe = angle * 36 / (2 * std::numbers::pi_v<float>);
   const float off = std::abs(stripe - std::floor(stripe) - 0.5F);
   const Vector3f cloth = clothes.trousers * grain(p, 50, 0.45F, seed);
@@ -88,7 +94,7 @@ Vector3f trousers(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
 }
 
 Vector3f belt(const Vector3f& p, uint32_t seed, const Clothes& clothes) {
-  const float wave = std::sin(p.z() * 500 + 3 * std::sin(8 * std::atan2(p.y(), p.x())));
+  const float wave = std::sin(p.z() * 500 + 3 * std::sin(8 * azimuth(p)));
   return blend(clothes.belt, clothes.belt_wave, step(0.3F, 0.6F, wave)) * grain(p, 90, 0.2F, seed);
 }
 
@@ -102,7 +108,7 @@ Vector3f blade(const Vector3f& p, uint32_t seed) {
 
 /// Black cord over pale ray skin, in a diamond pattern.
 Vector3f handle(const Vector3f& p, uint32_t seed) {
-  const float turn = std::atan2(p.y(), p.x()) / (2 * std::numbers::pi_v<float>)*4;
+  const float turn = azimuth(p) / (2 * std::numbers::pi_v<float>)*4;
   const float along = p.z() / 0.022F;
   const auto saw = [](float x) { return std::abs(x - std::floor(x) - 0.5F); };
   const float cord = std::min(saw(along + turn), saw(along - turn));
