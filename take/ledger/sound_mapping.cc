@@ -14,6 +14,8 @@ namespace {
 
 /// Blocks of the file, as of a device.
 constexpr int kBlocksPerSecond = 10;
+/// The drift is measured again after so many.
+constexpr int kBlocksPerDrift = 50;
 /// Deviation of the position by the wall clocks of two PCs, s.
 constexpr double kClockDeviation = 2e-3;
 /// Deviation of the rate of a sample clock.
@@ -40,6 +42,40 @@ StudioSound settings_of(const std::optional<Studio>& studio, const SoundLedger& 
   return settings;
 }
 
+/// The clock of a file: time stamps of its samples. The sample clock parts from the host's by a
+/// period of the pulses within minutes, so its drift is measured by the edges that were found.
+class FileClock {
+ public:
+  FileClock(const RecordedPulses& recorded, int rate_hz) : recorded_(recorded), rate_hz_(rate_hz) {}
+
+  MonotonicInstant advance(int64_t samples) {
+    seconds_ += static_cast<double>(samples) / (rate_hz_ * (1 + drift_));
+    return MonotonicInstant(from_seconds(seconds_));
+  }
+
+  void measure_drift(const sound::MappedPulses& mapped) {
+    if (mapped.source != sound::MapSource::kPulseChannel) return;
+    const auto& first = mapped.map.knots.front();
+    const auto& last = mapped.map.knots.back();
+    const auto begin = edge_of(first.pulse), end = edge_of(last.pulse);
+    if (!begin || !end || *end <= *begin) return;
+    drift_ = (last.sample - first.sample) / (to_seconds(*end - *begin) * rate_hz_) - 1;
+  }
+
+ private:
+  std::optional<RealtimeInstant> edge_of(double pulse) const {
+    const auto found = std::ranges::lower_bound(recorded_.pulses, static_cast<int64_t>(pulse), {},
+                                                &wire::PulseMessage::pulse);
+    if (found == recorded_.pulses.end()) return std::nullopt;
+    return found->edge;
+  }
+
+  const RecordedPulses& recorded_;
+  const int rate_hz_;
+  double drift_ = 0;
+  double seconds_ = 0;
+};
+
 /// Throws InputError where the file has no map.
 void map_sound(const std::filesystem::path& path, const StudioSound& settings,
                const RecordedPulses& recorded, SoundLedger& sound) {
@@ -47,7 +83,6 @@ void map_sound(const std::filesystem::path& path, const StudioSound& settings,
   const auto begin = sound::first_sample_time(wave.origin(), sound.rate_hz);
   if (!begin) throw InputError(path.string() + ": states no time of its first sample");
   const double seconds = static_cast<double>(wave.samples()) / sound.rate_hz;
-  const MonotonicInstant end(from_seconds(seconds));
   sound::SoundTrack track(
       {.sound = settings,
        .pulse_rate_hz = recorded.rate_hz,
@@ -55,11 +90,14 @@ void map_sound(const std::filesystem::path& path, const StudioSound& settings,
   std::optional<int64_t> first_pulse;
   int64_t last_pulse = 0;
   auto pulse = recorded.pulses.begin();
+  FileClock clock(recorded, sound.rate_hz);
+  int blocks = 0;
   for (int64_t sample = 0; sample < wave.samples();) {
     auto values = io::value_or_throw(wave.read(sample, sound.rate_hz / kBlocksPerSecond));
     const auto length = static_cast<int64_t>(values.size()) / sound.channels;
     if (length == 0) break;
-    const MonotonicInstant at(from_seconds(static_cast<double>(sample + length) / sound.rate_hz));
+    if (++blocks % kBlocksPerDrift == 0) clock.measure_drift(track.pulses());
+    const MonotonicInstant at = clock.advance(length);
     for (; pulse != recorded.pulses.end() && in_file(pulse->edge, *begin) <= at; ++pulse) {
       const MonotonicInstant edge = in_file(pulse->edge, *begin);
       if (edge < MonotonicInstant{}) continue;

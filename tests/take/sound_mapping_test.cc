@@ -32,20 +32,32 @@ constexpr double kMaxValue = 2147483647;
 const RealtimeInstant kBegin = from_ns<Realtime>(1'795'864'000'250'000'000);
 
 /// The sample at which a pulse begins.
-double truth(int64_t pulse) {
-  return (kFirstPulse + static_cast<double>(pulse) / kPulseRate) * kRate * kSampleClock;
+double truth(int64_t pulse, int rate_hz = kRate) {
+  return (kFirstPulse + static_cast<double>(pulse) / kPulseRate) * rate_hz * kSampleClock;
+}
+
+/// Adds pulses of 5 ms to channel 2.
+void add_pulses(std::vector<int32_t>& values, int64_t count, int rate_hz) {
+  for (int64_t pulse = 0; pulse < count; ++pulse) {
+    const auto first = static_cast<int64_t>(std::ceil(truth(pulse, rate_hz)));
+    for (int64_t s = first; s < first + rate_hz / 200; ++s) {
+      values[static_cast<size_t>(s * kChannels + 1)] = 1 << 30;
+    }
+  }
+}
+
+wire::PulseMessage message_of(int64_t pulse) {
+  wire::PulseMessage message;
+  message.pulse = pulse;
+  message.edge = kBegin + from_seconds(kFirstPulse + static_cast<double>(pulse) / kPulseRate);
+  return message;
 }
 
 /// Channel 1 has a tone, channel 2 the pulses, channel 3 timecode from 10:00:00:00 on.
 std::vector<int32_t> recorded_sound() {
   const auto samples = static_cast<int64_t>(truth(kPulses) + kRate);
   std::vector<int32_t> values(static_cast<size_t>(samples * kChannels));
-  for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-    const auto first = static_cast<int64_t>(std::ceil(truth(pulse)));
-    for (int64_t s = first; s < first + 240; ++s) {
-      values[static_cast<size_t>(s * kChannels + 1)] = 1 << 30;
-    }
-  }
+  add_pulses(values, kPulses, kRate);
   sound::LtcWriter timecode(kRate, sound::TimecodeRate::k25, {.hours = 10});
   for (int64_t s = 0; s < samples;) {
     for (const float value : timecode.next()) {
@@ -64,33 +76,37 @@ class RecordedSounds : public testing::Test {
     TakeInfo info = test::begun_take({});
     info.rate_hz = kPulseRate;
     EXPECT_TRUE(save_take_info(paths_, info));
-    EventLogWriter pulses(paths_.pulses());
-    for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-      wire::PulseMessage message;
-      message.pulse = pulse;
-      message.edge = kBegin + from_seconds(kFirstPulse + static_cast<double>(pulse) / kPulseRate);
-      EXPECT_TRUE(pulses.write(message));
-    }
+    write_pulses(0, kPulses);
   }
 
+  void write_pulses(int64_t first, int64_t end) {
+    EventLogWriter pulses(paths_.pulses(), LogOpening::kContinue);
+    for (int64_t pulse = first; pulse < end; ++pulse) {
+      ASSERT_TRUE(pulses.write(message_of(pulse)));
+    }
+  }
   void write_studio(const std::string& sound) {
     test::write_text(paths_.studio(), test::studio_text({{"cap01", {"cam01"}}}) +
                                           "[[sound]]\nnode = 'cap01'\n" +
                                           "device = 'hw:0'\nchannels = 3\n" + sound);
   }
   void write_sound(RealtimeInstant begin, std::optional<sound::WaveTimecode> timecode = {}) {
-    auto writer = sound::WaveWriter::create(paths_.sound() / "cap01.wav", {kRate, kChannels},
-                                            sound::wave_origin(begin, kRate, "", ""));
+    write_wave(begin, kRate, recorded_sound(), timecode);
+  }
+  void write_wave(RealtimeInstant begin, int rate_hz, const std::vector<int32_t>& values,
+                  std::optional<sound::WaveTimecode> timecode = {}) {
+    auto writer = sound::WaveWriter::create(paths_.sound() / "cap01.wav", {rate_hz, kChannels},
+                                            sound::wave_origin(begin, rate_hz, "", ""));
     ASSERT_TRUE(writer);
-    ASSERT_TRUE(writer->write(recorded_sound()));
+    ASSERT_TRUE(writer->write(values));
     ASSERT_TRUE(writer->finish(timecode));
   }
   /// The greatest error of the map, s.
-  static double error_of(const SoundLedger& sound) {
+  static double error_of(const SoundLedger& sound, int64_t pulses = kPulses, int rate_hz = kRate) {
     double error = 0;
-    for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-      error = std::max(
-          error, std::abs(sound.map.sample_of(static_cast<double>(pulse)) - truth(pulse)) / kRate);
+    for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+      const double sample = sound.map.sample_of(static_cast<double>(pulse));
+      error = std::max(error, std::abs(sample - truth(pulse, rate_hz)) / rate_hz);
     }
     return error;
   }
@@ -111,6 +127,23 @@ TEST_F(RecordedSounds, have_the_pulses_of_the_pulse_channel_after_a_recovery) {
   EXPECT_NEAR(sounds[0].drift_ppm, 80, 5);
   EXPECT_EQ(sounds[0].timecode_source, "ltc");
   EXPECT_EQ(sounds[0].first_timecode, "10:00:01:12");
+}
+
+// The clocks of sound and PC part by 48 ms, more than a period of the pulses.
+TEST_F(RecordedSounds, have_the_right_pulses_after_ten_minutes) {
+  constexpr int kSlowRate = 8'000;
+  constexpr int64_t kManyPulses = 15'000;
+  write_studio("pulse_channel = 2\n");
+  write_pulses(kPulses, kManyPulses);
+  const auto samples = static_cast<int64_t>(truth(kManyPulses, kSlowRate) + kSlowRate);
+  std::vector<int32_t> values(static_cast<size_t>(samples * kChannels));
+  add_pulses(values, kManyPulses, kSlowRate);
+  write_wave(kBegin, kSlowRate, values);
+  EXPECT_THAT(recover_take(paths_).notes, IsEmpty());
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_EQ(sounds[0].missing_edges, 0);
+  EXPECT_THAT(error_of(sounds[0], kManyPulses, kSlowRate), Lt(0.2e-3));
 }
 
 TEST_F(RecordedSounds, have_positions_by_the_clocks_of_the_pcs_without_a_pulse_channel) {
