@@ -215,7 +215,8 @@ TEST(AravisCamera, reports_model_firmware_and_temperature) {
   sim.fake.write(kTemperature, 4150);
   AravisCamera camera(SimulatedCamera::settings());
   camera.start();
-  EXPECT_THAT(camera.device(), HasSubstr(", firmware "));
+  EXPECT_FALSE(camera.device().firmware.empty());
+  EXPECT_THAT(camera.device().text(), HasSubstr(", firmware " + camera.device().firmware));
   camera.wait(in(milliseconds(1)));
   ASSERT_TRUE(camera.statistics().temperature_celsius);
   EXPECT_NEAR(*camera.statistics().temperature_celsius, 41.5, 0.01);
