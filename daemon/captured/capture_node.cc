@@ -428,6 +428,11 @@ void CaptureNode::report_trigger(wire::HealthMessage& health) const {
   health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
   health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
   health.values["trigger_late"] = static_cast<double>(pulses->late);
+  const auto add = [&](const char* name, std::optional<int64_t> count) {
+    if (count) health.values[name] = static_cast<double>(*count);
+  };
+  add("trigger_acks_missing", pulses->acks_missing);
+  add("trigger_acks_rejected", pulses->acks_rejected);
 }
 
 void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& health) const {
