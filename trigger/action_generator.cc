@@ -213,6 +213,14 @@ std::string ActionGenerator::fault() const {
   return clock_was_set_ ? "the clock of this PC was set during the train" : late;
 }
 
+PulseStatistics ActionGenerator::statistics() const {
+  const AcknowledgementCounts counts = acknowledgements_->counts();
+  PulseStatistics statistics = train_.statistics();
+  statistics.acks_missing = counts.missing;
+  statistics.acks_rejected = counts.rejected;
+  return statistics;
+}
+
 std::string ActionGenerator::warning() const {
   std::string text = acknowledgements_->warning();
   if (is_scheduled()) return text;

@@ -47,7 +47,7 @@ class ActionGenerator : public PulseGenerator, private PulseOutput {
   int64_t commanded() const override { return train_.commanded(); }
   std::optional<MonotonicInstant> first_pulse() const override;
   bool finished() const override;
-  PulseStatistics statistics() const override { return train_.statistics(); }
+  PulseStatistics statistics() const override;
   std::string fault() const override;
   std::string warning() const override;
   std::unique_ptr<PulseSensor> own_sensor() override;

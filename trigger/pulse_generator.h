@@ -33,6 +33,9 @@ struct PulseStatistics {
   Duration jitter_p99{};
   Duration jitter_max{};
   int64_t late = 0;  ///< pulses late by more than a tenth of a period, including skipped ones
+  // Of action commands: acknowledgements, summed over the cameras. Empty for other generators.
+  std::optional<int64_t> acks_missing = {};   ///< none came before the deadline
+  std::optional<int64_t> acks_rejected = {};  ///< with another status than success
 };
 
 class PulseSensor;

@@ -7,7 +7,7 @@
 namespace v3d::wire {
 namespace {
 
-constexpr Layout kHealthLayout = "qqsssbssnS0D0";
+constexpr Layout kHealthLayout = "qqsssbssnS0D0nS1S1";
 constexpr Layout kEventLayout = "qqsbss";
 
 }  // namespace
@@ -27,6 +27,11 @@ Bytes encode(const HealthMessage& m) {
     w.names.push_back(value_name);
     w.values.push_back(value);
   }
+  w.n_texts = static_cast<int32_t>(m.texts.size());
+  for (const auto& [text_name, text] : m.texts) {
+    w.text_names.push_back(text_name);
+    w.texts.push_back(text);
+  }
   return pack(w);
 }
 
@@ -45,8 +50,10 @@ std::optional<HealthMessage> decode(std::span<const uint8_t> bytes) {
                   .state = *state,
                   .take = w->take,
                   .text = std::move(w->text),
-                  .values = {}};
+                  .values = {},
+                  .texts = {}};
   for (size_t i = 0; i < w->names.size(); ++i) m.values[w->names[i]] = w->values[i];
+  for (size_t i = 0; i < w->texts.size(); ++i) m.texts[w->text_names[i]] = w->texts[i];
   return m;
 }
 

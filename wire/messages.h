@@ -173,6 +173,8 @@ struct HealthMessage {
   /// Counters and gauges by name, with the unit in the name: "frames_received", "latency_p50_ms",
   /// "cam03.frames_missing", "disk_free_bytes". v3dctl(1) lists them.
   std::map<std::string, double> values;
+  /// Texts by name, one line each: "cam03.model", "cam03.firmware". v3dctl(1) lists them.
+  std::map<std::string, std::string> texts = {};
 };
 
 enum class Severity : uint8_t { kInfo = 1, kWarning, kAlarm };

@@ -51,18 +51,18 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
   return payload;
 }
 
-/// "Maker Model, firmware 1.2", as far as the camera reports them.
-std::string device_text(ArvCamera* camera) {
+/// As far as the camera reports them.
+CameraDevice read_device(ArvCamera* camera) {
   const auto read = [&](const char* feature) -> std::string {
     if (!aravis::has_feature(camera, feature)) return {};
     Problem problem;
     const char* text = arv_camera_get_string(camera, feature, problem);
     return problem.happened() || !text ? std::string() : printable(text);
   };
-  std::string text = read("DeviceVendorName") + " " + read("DeviceModelName");
+  std::string model = read("DeviceVendorName") + " " + read("DeviceModelName");
   std::string firmware = read("DeviceFirmwareVersion");
   if (firmware.empty()) firmware = read("DeviceVersion");
-  return firmware.empty() ? text : text + ", firmware " + firmware;
+  return {std::move(model), std::move(firmware)};
 }
 
 /// Maximum time that Aravis waits for the missing packets of a frame. Later frames wait as well and
@@ -112,7 +112,7 @@ class AravisCamera::Link {
       aravis::refuse(settings, "control", "this program", "another program that controls it");
     }
     differences_ = aravis::write_settings(settings, camera_.get());
-    device_ = device_text(camera_.get());
+    device_ = read_device(camera_.get());
     has_temperature_ = aravis::has_feature(camera_.get(), "DeviceTemperature");
     layout_ = sent_layout(settings, camera_.get());
     if (settings.ptp || settings.action) ptp_ = Ptp::of(camera_.get());
@@ -130,7 +130,7 @@ class AravisCamera::Link {
 
   const SentLayout& layout() const { return layout_; }
   ArvStream* stream() const { return stream_.get(); }
-  const std::string& device() const { return device_; }
+  const CameraDevice& device() const { return device_; }
   const std::vector<SettingDifference>& differences() const { return differences_; }
 
   /// Number of frames of this camera for which there was no buffer.
@@ -203,7 +203,7 @@ class AravisCamera::Link {
   MonotonicInstant next_query_{};
   std::optional<Duration> ptp_offset_;
   std::optional<double> temperature_celsius_;
-  std::string device_;
+  CameraDevice device_;
   std::vector<SettingDifference> differences_;
 };
 
@@ -249,7 +249,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
   return {};
 }
 
-std::string AravisCamera::device() const { return link_ ? link_->device() : std::string(); }
+CameraDevice AravisCamera::device() const { return link_ ? link_->device() : CameraDevice(); }
 
 std::vector<SettingDifference> AravisCamera::differences() const {
   return link_ ? link_->differences() : std::vector<SettingDifference>();

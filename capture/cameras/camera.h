@@ -40,6 +40,14 @@ struct SettingDifference {
   friend bool operator==(const SettingDifference&, const SettingDifference&) = default;
 };
 
+/// What a camera reports about itself; empty texts where it does not.
+struct CameraDevice {
+  std::string model;     ///< "Maker Model"; of V4L2: the name of the device and its driver
+  std::string firmware;  ///< version; V4L2 has none
+  /// "Maker Model, firmware 1.2".
+  std::string text() const { return firmware.empty() ? model : model + ", firmware " + firmware; }
+};
+
 /// Counters of one camera object, and the latest measured values.
 struct CameraStatistics {
   int64_t completed = 0;  ///< frames that arrived complete
@@ -74,9 +82,8 @@ class Camera {
   virtual bool lost() const = 0;
   virtual ImageSize size() const = 0;      ///< pixels; requires start()
   virtual PixelFormat format() const = 0;  ///< requires start()
-  /// Model and firmware as the camera reports them: "Maker Model, firmware 1.2". Empty if it does
-  /// not. Requires start().
-  virtual std::string device() const { return {}; }
+  /// Model and firmware. Requires start().
+  virtual CameraDevice device() const { return {}; }
   /// What the camera did otherwise than asked at start(). Requires start().
   virtual std::vector<SettingDifference> differences() const { return {}; }
 };
@@ -124,7 +131,7 @@ class FreeRunningCamera : public Camera {
   bool lost() const override { return lost_ || camera_->lost(); }
   ImageSize size() const override { return camera_->size(); }
   PixelFormat format() const override { return camera_->format(); }
-  std::string device() const override { return camera_->device(); }
+  CameraDevice device() const override { return camera_->device(); }
   std::vector<SettingDifference> differences() const override { return camera_->differences(); }
 
  private:

@@ -38,7 +38,7 @@ struct CameraWorkerStatus {
   int64_t last_pulse = -1;
   ImageSize size;  ///< after the camera was first opened
   PixelFormat format = PixelFormat::kMono8;
-  std::string device;                          ///< Camera::device() of the last start()
+  CameraDevice device;                         ///< Camera::device() of the last start()
   std::vector<SettingDifference> differences;  ///< Camera::differences() of the last start()
 };
 

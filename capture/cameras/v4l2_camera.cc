@@ -163,7 +163,9 @@ std::optional<CameraFrame> V4l2Camera::wait(MonotonicInstant deadline) {
   return {};
 }
 
-std::string V4l2Camera::device() const { return stream_ ? stream_->device() : std::string(); }
+CameraDevice V4l2Camera::device() const {
+  return {stream_ ? stream_->device() : std::string(), {}};
+}
 
 std::vector<SettingDifference> V4l2Camera::differences() const {
   return stream_ ? stream_->differences() : std::vector<SettingDifference>();

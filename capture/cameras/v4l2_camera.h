@@ -69,7 +69,7 @@ class V4l2Camera : public Camera {
   bool lost() const override { return lost_; }
   ImageSize size() const override { return size_; }
   PixelFormat format() const override { return settings_.pixel_format.image; }
-  std::string device() const override;
+  CameraDevice device() const override;
   std::vector<SettingDifference> differences() const override;
 
  private:

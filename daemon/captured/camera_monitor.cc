@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/core/text.h"
+#include "daemon/control/camera_firmware.h"
 #include "daemon/node/advice.h"
 
 namespace v3d::captured {
@@ -44,6 +45,16 @@ void report_last_frame(const std::string& camera, const capture::CameraStatistic
     health.values[camera + ".temperature_celsius"] = *link.temperature_celsius;
   }
   if (link.exposure_us) health.values[camera + ".exposure_us"] = *link.exposure_us;
+}
+
+/// Model and firmware, for cameras that report them.
+void report_device(const std::string& camera, const capture::CameraDevice& device,
+                   wire::HealthMessage& health) {
+  const auto text = [&](const char* name, const std::string& value) {
+    if (!value.empty()) health.texts[camera + "." + name] = value;
+  };
+  text(control::kCameraModel, device.model);
+  text(control::kCameraFirmware, device.firmware);
 }
 
 /// Counters of one camera.
@@ -88,6 +99,7 @@ void CameraMonitor::report(const capture::CameraWorker& worker, int64_t due,
   const int64_t missing = std::max<int64_t>(0, due - status.frames);
   report_counters(camera, status, health);
   report_last_frame(camera, status.link, health);
+  report_device(camera, status.device, health);
   report_sums(camera, status, missing, worker.waiting(), health);
   health.values[camera + ".frames_per_second"] =
       rates_.rate(camera, status.frames, Monotonic::now());

@@ -51,9 +51,9 @@ class CameraMonitor {
   void reset();
   /// Sends an event when the camera was lost or came back since the last call. Call it often.
   void update(const capture::CameraWorker& worker);
-  /// Adds the camera's numbers to `health`. Sends events about ignored settings, and about missing
-  /// and suspect frames, as often as EventThrottle allows. `due`: frames that should have arrived
-  /// by now.
+  /// Adds the camera's numbers, model and firmware to `health`. Sends events about ignored
+  /// settings, and about missing and suspect frames, as often as EventThrottle allows. `due`:
+  /// frames that should have arrived by now.
   void report(const capture::CameraWorker& worker, int64_t due, wire::HealthMessage& health);
 
  private:

@@ -14,7 +14,7 @@ std::string camera_settings_text(
   file.comment("v3d-captured writes this file when it opens a camera.");
   for (const auto& [name, status] : cameras) {
     if (status.size.pixels() == 0) continue;
-    file.element("camera").text("name", name).text("device", status.device);
+    file.element("camera").text("name", name).text("device", status.device.text());
   }
   for (const auto& [name, status] : cameras) {
     for (const capture::SettingDifference& difference : status.differences) {

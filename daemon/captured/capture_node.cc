@@ -87,7 +87,9 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
     sound_ = std::make_unique<NodeSound>(*sound, studio.trigger.wire, std::move(timecode));
   }
   if (trigger_.is_here()) {
-    disk_monitor_ = std::make_unique<node::DiskMonitor>(bus, other_capture_nodes(studio, node));
+    const std::vector<std::string> others = other_capture_nodes(studio, node);
+    disk_monitor_ = std::make_unique<node::DiskMonitor>(bus, others);
+    firmware_monitor_ = std::make_unique<FirmwareMonitor>(bus, others);
   }
 }
 
@@ -406,6 +408,10 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
     cameras.emplace(camera->camera(), camera->status());
   }
   if (!cameras.empty()) camera_settings_.update(camera_settings_text(node_, cameras));
+  if (firmware_monitor_) {
+    events_.report_condition(wire::Severity::kWarning, "firmware",
+                             firmware_monitor_->differences(health), node::advice::kFirmware);
+  }
 }
 
 void CaptureNode::report_lights(wire::HealthMessage& health) {
@@ -422,6 +428,11 @@ void CaptureNode::report_trigger(wire::HealthMessage& health) const {
   health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
   health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
   health.values["trigger_late"] = static_cast<double>(pulses->late);
+  const auto add = [&](const char* name, std::optional<int64_t> count) {
+    if (count) health.values[name] = static_cast<double>(*count);
+  };
+  add("trigger_acks_missing", pulses->acks_missing);
+  add("trigger_acks_rejected", pulses->acks_rejected);
 }
 
 void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& health) const {

@@ -13,6 +13,7 @@
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
 #include "daemon/captured/camera_settings_file.h"
+#include "daemon/captured/firmware_monitor.h"
 #include "daemon/captured/light_output.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
@@ -99,7 +100,9 @@ class CaptureNode : public control::NodeDelegate {
   CameraSettingsFile camera_settings_;
   capture::PulseTimes pulse_times_;  ///< as sensed here
   NodeTrigger trigger_;
-  std::unique_ptr<node::DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node
+  // Null unless the trigger is on this node.
+  std::unique_ptr<node::DiskMonitor> disk_monitor_;
+  std::unique_ptr<FirmwareMonitor> firmware_monitor_;
   node::PersistedCommands persisted_commands_;
   NodeCameras cameras_;
   PrioritySemaphore slots_;

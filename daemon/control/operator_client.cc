@@ -78,6 +78,9 @@ wire::HealthMessage make_printable(wire::HealthMessage health) {
   std::map<std::string, double> values;
   for (const auto& [name, value] : health.values) values[printable(name)] = value;
   health.values = std::move(values);
+  std::map<std::string, std::string> texts;
+  for (const auto& [name, text] : health.texts) texts[printable(name)] = printable(text);
+  health.texts = std::move(texts);
   return health;
 }
 wire::EventMessage make_printable(wire::EventMessage event) {

@@ -17,6 +17,9 @@ inline constexpr char kFramesSuspect[] =
 inline constexpr char kSettingsIgnored[] =
     "The camera may change its pictures by itself: switch this off with its maker's program or "
     "v4l2-ctl";
+inline constexpr char kFirmware[] =
+    "Cameras of one model may differ in their pictures and delays: update their firmware with the "
+    "maker's program";
 inline constexpr char kDisk[] =
     "Stop the take, then make room (v3dctl takes lists the takes), or check the disk (journalctl "
     "-k)";

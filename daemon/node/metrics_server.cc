@@ -71,6 +71,7 @@ class MetricsHandler final : public web::WebHandler {
     std::map<std::string, MetricFamily> families;
     if (health_.node.empty()) return {};
     add(families, "v3d_info", info_of(health_));
+    add_camera_info(families);
     for (const auto& [value_name, value] : health_.values) {
       // Values of a camera have its name as prefix: "cam03.frames_missing".
       const size_t dot = value_name.find('.');
@@ -84,6 +85,22 @@ class MetricsHandler final : public web::WebHandler {
     std::vector<MetricFamily> list;
     for (auto& [family_name, family] : families) list.push_back(std::move(family));
     return list;
+  }
+
+  /// v3d_camera_info: the texts of a camera ("cam03.firmware") as labels.
+  void add_camera_info(std::map<std::string, MetricFamily>& families) const {
+    std::map<std::string, std::vector<ClientMetric::Label>> labels;  // by camera
+    for (const auto& [text_name, text] : health_.texts) {
+      const size_t dot = text_name.rfind('.');
+      if (dot == std::string::npos) continue;
+      const std::string camera = text_name.substr(0, dot);
+      auto& of_camera = labels[camera];
+      if (of_camera.empty()) of_camera = {{"node", health_.node}, {"camera", camera}};
+      of_camera.push_back({text_name.substr(dot + 1), text});
+    }
+    for (auto& [camera, of_camera] : labels) {
+      add(families, "v3d_camera_info", gauge(std::move(of_camera), 1));
+    }
   }
 
   static void add(std::map<std::string, MetricFamily>& families, const std::string& family_name,

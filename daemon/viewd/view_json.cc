@@ -85,6 +85,7 @@ Json node_json(const StudioState& state, const std::string& node) {
   json["take"] = health.take;
   json["text"] = health.text;
   json["values"] = health.values;
+  json["texts"] = health.texts;
   return json;
 }
 

@@ -132,9 +132,9 @@ std::string genicam_xml() {
          category("ImageFormatControl",
                   {"SensorWidth", "SensorHeight", "OffsetX", "OffsetY", "Width", "Height",
                    "PixelFormat", "BinningHorizontal", "BinningVertical", "ReverseX", "ReverseY"}) +
-         // The pictures come from outside, so binning has one value and mirroring no effect.
-         integer("BinningHorizontal", "0x334", "RW", "<Min>1</Min><Max>1</Max>") +
-         integer("BinningVertical", "0x338", "RW", "<Min>1</Min><Max>1</Max>") +
+         // The pictures come from outside, so binning and mirroring have no effect.
+         integer("BinningHorizontal", "0x334", "RW", "<Min>1</Min><Max>2</Max>") +
+         integer("BinningVertical", "0x338", "RW", "<Min>1</Min><Max>2</Max>") +
          boolean("ReverseX", "0x33c") + boolean("ReverseY", "0x340") +
          integer("SensorWidth", "0x11c", "RO", "") + integer("SensorHeight", "0x118", "RO", "") +
          integer("OffsetX", "0x130", "RW", "<Min>0</Min><Max>0</Max>") +

@@ -150,7 +150,8 @@ TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
 
 constexpr uint32_t kTemperature = 0x330, kWhiteBalanceAuto = 0x344, kGammaEnable = 0x348,
                    kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x354,
-                   kLineSource = 0x358, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c;
+                   kLineSource = 0x358, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c,
+                   kReverseY = 0x340, kBinningHorizontal = 0x334, kBinningVertical = 0x338;
 
 TEST(AravisCamera, switches_off_what_changes_the_pictures_by_itself) {
   const SimulatedCamera sim;
@@ -187,6 +188,59 @@ TEST(AravisCamera, writes_black_level_strobe_user_set_and_free_features) {
   EXPECT_TRUE(camera.differences().empty());
 }
 
+TEST(AravisCamera, writes_binning_and_mirroring_and_reads_them_back) {
+  const SimulatedCamera sim;
+  sim.fake.write(kReverseY, 1);
+  StudioCamera wanted = SimulatedCamera::settings();
+  AravisCamera plain(wanted);
+  plain.start();
+  EXPECT_EQ(sim.fake.read(kBinningHorizontal), 1U);
+  EXPECT_EQ(sim.fake.read(kReverseY), 0U) << "the studio file does not mirror";
+  plain.stop();
+  wanted.binning = 2;
+  wanted.reverse_y = true;
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(sim.fake.read(kBinningHorizontal), 2U);
+  EXPECT_EQ(sim.fake.read(kBinningVertical), 2U);
+  EXPECT_EQ(sim.fake.read(kReverseX), 0U);
+  EXPECT_EQ(sim.fake.read(kReverseY), 1U);
+  EXPECT_TRUE(camera.differences().empty());
+}
+
+/// GenICam description of the simulated camera. What is written to BinningVertical and ReverseY has
+/// no effect: their values stay 1 and false.
+std::string genicam_that_ignores() {
+  std::string xml = sim::genicam_xml();
+  for (const std::string feature : {"BinningVertical", "ReverseY"}) {
+    const std::string value = "<pValue>" + feature + "Register</pValue>";
+    const std::string constant = feature == "ReverseY" ? "0" : "1";
+    xml.replace(xml.find(value), value.size(), "<pValue>" + feature + "Constant</pValue>");
+    const std::string last = "</RegisterDescription>";
+    xml.replace(xml.find(last), last.size(),
+                "<IntConverter Name='" + feature + "Constant'><FormulaTo>FROM * 0 + " + constant +
+                    "</FormulaTo><FormulaFrom>TO * 0 + " + constant + "</FormulaFrom><pValue>" +
+                    feature + "Register</pValue></IntConverter>" + last);
+  }
+  return xml;
+}
+
+TEST(AravisCamera, lists_ignored_binning_and_mirroring) {
+  const test::TemporaryFolder folder;
+  const std::string description = folder / "genicam.xml";
+  std::ofstream(description) << genicam_that_ignores();
+  const FakeCamera fake(description.c_str());
+  StudioCamera wanted = SimulatedCamera::settings();
+  wanted.binning = 2;
+  wanted.reverse_y = true;
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_THAT(camera.differences(),
+              testing::ElementsAre(SettingDifference{"BinningVertical", "2", "1"},
+                                   SettingDifference{"ReverseY", "true", "false"}));
+  EXPECT_EQ(fake.read(kBinningHorizontal), 2U);
+}
+
 TEST(AravisCamera, lists_what_the_camera_did_otherwise_than_asked) {
   const SimulatedCamera sim;
   StudioCamera wanted = SimulatedCamera::settings();
@@ -215,7 +269,8 @@ TEST(AravisCamera, reports_model_firmware_and_temperature) {
   sim.fake.write(kTemperature, 4150);
   AravisCamera camera(SimulatedCamera::settings());
   camera.start();
-  EXPECT_THAT(camera.device(), HasSubstr(", firmware "));
+  EXPECT_FALSE(camera.device().firmware.empty());
+  EXPECT_THAT(camera.device().text(), HasSubstr(", firmware " + camera.device().firmware));
   camera.wait(in(milliseconds(1)));
   ASSERT_TRUE(camera.statistics().temperature_celsius);
   EXPECT_NEAR(*camera.statistics().temperature_celsius, 41.5, 0.01);

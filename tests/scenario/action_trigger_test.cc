@@ -79,6 +79,8 @@ TEST_F(ActionStudioWithLoss, names_the_pulses_whose_command_did_not_reach_a_came
   const std::string warning = "4 acknowledgements of action commands missing: cam01, cam02";
   EXPECT_TRUE(becomes_true([&] { return log().find(warning) != std::string::npos; }, within(60)))
       << log();
+  EXPECT_TRUE(reaches("cap01", "trigger_acks_missing", 4));
+  EXPECT_EQ(value("cap01", "trigger_acks_rejected"), 0);
 }
 
 class ActionStudioWithoutPtp : public ActionStudio {

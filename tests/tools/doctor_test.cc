@@ -58,6 +58,35 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
                                       "cap02 clock offset", "cap02 update", "cap03", "versions"}));
 }
 
+TEST(Doctor, of_all_nodes_names_hot_cameras_and_cameras_of_one_model_with_other_firmware) {
+  wire::HealthMessage first;
+  first.node = "cap01";
+  first.values = {{"cam01.temperature_celsius", 75}};
+  first.texts = {{"cam01.model", "Maker A"}, {"cam01.firmware", "1.2"}};
+  wire::HealthMessage second;
+  second.node = "cap02";
+  second.values = {{"cam02.temperature_celsius", 60}};
+  second.texts = {{"cam02.model", "Maker A"}, {"cam02.firmware", "1.2"}};
+  const auto of_subject = [&](const std::string& subject) {
+    std::optional<Finding> found;
+    for (const Finding& finding :
+         check_nodes({"cap01", "cap02"}, {{"cap01", first}, {"cap02", second}})) {
+      if (finding.subject == subject) found = finding;
+    }
+    return found;
+  };
+  EXPECT_EQ(of_subject("firmware").value().verdict, Verdict::kGood);
+  EXPECT_FALSE(of_subject("cam01"));
+  first.values["cam01.temperature_celsius"] = 76;
+  second.texts["cam02.firmware"] = "1.1";
+  EXPECT_EQ(of_subject("cam01").value().text, "the camera has 76 C");
+  EXPECT_EQ(of_subject("firmware").value().verdict, Verdict::kBad);
+  EXPECT_EQ(of_subject("firmware").value().text, "Maker A: firmware 1.1 on cam02, 1.2 on cam01");
+  first.texts.clear();
+  second.texts.clear();
+  EXPECT_FALSE(of_subject("firmware")) << "no camera reports its firmware";
+}
+
 /// A host on which the timer of cycle i fires late by delays[i].
 class DelayedHost {
  public:

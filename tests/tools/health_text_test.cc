@@ -73,6 +73,15 @@ TEST(HealthText, has_the_same_content_as_json) {
   EXPECT_EQ(json["nodes"][1]["state"], "silent");
 }
 
+TEST(HealthText, has_model_and_firmware_of_a_camera) {
+  wire::HealthMessage message = health(wire::NodeState::kIdle, {});
+  message.texts = {{"cam01.firmware", "1.2"}};
+  EXPECT_THAT(health_lines({"cap01"}, {{"cap01", message}}),
+              Contains(AllOf(HasSubstr("cam01.firmware"), HasSubstr("1.2"))));
+  EXPECT_EQ(health_json({"cap01"}, {{"cap01", message}})["nodes"][0]["texts"]["cam01.firmware"],
+            "1.2");
+}
+
 TEST(HealthText, has_a_table_of_cameras_below_the_values_of_the_node) {
   wire::HealthMessage message =
       health(wire::NodeState::kRecording, {{"disk_free_bytes", 812e9},

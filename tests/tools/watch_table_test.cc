@@ -116,6 +116,14 @@ TEST(WatchTable, shows_the_scene_of_the_lamps) {
   EXPECT_THAT(texts(state, false), Contains("  lights: not connected"));
 }
 
+TEST(WatchTable, shows_the_temperature_of_a_camera_below_that_of_its_node) {
+  StudioState state = studio();
+  state.health["cap01"].values["cam02.temperature_celsius"] = 62;
+  const auto lines = texts(state, false);
+  EXPECT_THAT(lines[4], Not(HasSubstr(" C")));
+  EXPECT_EQ(lines[5].find("62 C"), lines[3].find("51 C"));
+}
+
 TEST(WatchTable, has_no_colour_without_a_fault) {
   EXPECT_THAT(texts(studio(), true), Not(Contains(HasSubstr("\033["))));
 }
@@ -140,6 +148,8 @@ TEST(WatchTable, colours_faults_and_nothing_else) {
   EXPECT_EQ(alarms(set("clock_synchronised_flag", 0)), 1U);
   EXPECT_EQ(alarms(set("clock_offset_us", -5000)), 1U);
   EXPECT_EQ(alarms(set("temperature_max_celsius", 95)), 1U);
+  EXPECT_EQ(alarms(set("cam02.temperature_celsius", 74)), 0U);
+  EXPECT_EQ(alarms(set("cam02.temperature_celsius", 76)), 1U);
   EXPECT_EQ(alarms([](StudioState& state) { state.health.clear(); }), 1U) << "a silent node";
   EXPECT_EQ(
       alarms([](StudioState& state) { state.health["cap01"].state = wire::NodeState::kFault; }),

@@ -44,8 +44,9 @@ class Socket {
                                   reinterpret_cast<sockaddr*>(&sender_), &length);
     return io::decode_action_command(std::span(bytes).first(static_cast<size_t>(size)));
   }
-  void acknowledge(uint16_t request) {
-    const std::vector<uint8_t> bytes = encode(io::ActionAcknowledgement{.request = request});
+  void acknowledge(uint16_t request, io::ActionStatus status = io::ActionStatus::kSuccess) {
+    const std::vector<uint8_t> bytes =
+        encode(io::ActionAcknowledgement{.status = status, .request = request});
     sendto(fd_.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&sender_),
            sizeof sender_);
   }
@@ -107,8 +108,26 @@ TEST(ActionGenerator, continues_without_acknowledgements_and_names_the_camera) {
     EXPECT_FALSE(sensor->wait(Monotonic::now() + milliseconds(10)));
   }
   EXPECT_EQ(generator.warning(), "3 acknowledgements of action commands missing: cam01");
+  EXPECT_EQ(generator.statistics().acks_missing, 3);
+  EXPECT_EQ(generator.statistics().acks_rejected, 0);
   EXPECT_TRUE(generator.finished());
   EXPECT_EQ(generator.commanded(), 3);
+}
+
+TEST(ActionGenerator, counts_commands_that_a_camera_rejects) {
+  Socket camera;
+  ASSERT_TRUE(camera.is_bound());
+  ActionGenerator generator(action(), {}, ptp_now);
+  generator.arm({50, milliseconds(1), {}});
+  EXPECT_EQ(generator.statistics().acks_rejected, 0);
+  generator.start();
+  const MonotonicInstant deadline = Monotonic::now() + seconds(20);
+  while (generator.statistics().acks_rejected == 0 && Monotonic::now() < deadline) {
+    const auto command = camera.receive();
+    ASSERT_TRUE(command);
+    camera.acknowledge(command->request, io::ActionStatus::kNoReferenceTime);
+  }
+  EXPECT_GT(generator.statistics().acks_rejected, 0);
 }
 
 TEST(ActionGenerator, sends_commands_without_a_time_where_the_clocks_differ) {

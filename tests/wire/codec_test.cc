@@ -92,6 +92,7 @@ RC_GTEST_PROP(Codec, keeps_every_field_of_a_health_message, ()) {
   RC_ASSERT(back->state == m.state);
   RC_ASSERT(back->text == m.text);
   RC_ASSERT(back->values == m.values);
+  RC_ASSERT(back->texts == m.texts);
 }
 
 RC_GTEST_PROP(Codec, keeps_every_field_of_a_shard_message, ()) {

@@ -132,7 +132,8 @@ HealthMessage health() {
           .state = NodeState::kRecording,
           .take = "kendo-07",
           .text = "cam03 lost",
-          .values = {{"frames_missing", 2}, {"rate_hz", 24.5}}};
+          .values = {{"frames_missing", 2}, {"rate_hz", 24.5}},
+          .texts = {{"cam01.firmware", "1.2"}}};
 }
 
 EventMessage event() {
@@ -220,10 +221,11 @@ TEST(GoldenBytes, match_for_a_frame_key_message) {
 }
 TEST(GoldenBytes, match_for_a_health_message) {
   expect_bytes(health(),
-               "4bde39922512fc1a00060a24182022400000000000000009000000066361703031000000000d7633"
+               "502a902f49daae0a00060a24182022400000000000000009000000066361703031000000000d7633"
                "642d63617074757265640000000006302e312e300003000000096b656e646f2d3037000000000b63"
                "616d3033206c6f737400000000020000000f6672616d65735f6d697373696e670000000008726174"
-               "655f687a0040000000000000004038800000000000");
+               "655f687a0040000000000000004038800000000000000000010000000f63616d30312e6669726d77"
+               "6172650000000004312e3200");
 }
 TEST(GoldenBytes, match_for_an_event) {
   expect_bytes(event(),

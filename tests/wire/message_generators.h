@@ -163,7 +163,8 @@ inline wire::HealthMessage any_message() {
           .state = static_cast<wire::NodeState>(*rc::gen::inRange(1, 6)),
           .take = any_text(),
           .text = any_text(),
-          .values = {{any_text(), 0.25}, {"frames_received", *rc::gen::inRange(0, 1000) * 1.0}}};
+          .values = {{any_text(), 0.25}, {"frames_received", *rc::gen::inRange(0, 1000) * 1.0}},
+          .texts = {{any_text(), any_text()}}};
 }
 
 template <>

@@ -13,7 +13,7 @@ namespace {
 capture::CameraWorkerStatus opened_camera() {
   capture::CameraWorkerStatus status;
   status.size = {640, 480};
-  status.device = "Maker \"Model\", firmware 1.2";
+  status.device = {"Maker \"Model\"", "1.2"};
   return status;
 }
 

@@ -48,6 +48,7 @@ wire::HealthMessage health() {
   message.version = "0.1.0";
   message.state = wire::NodeState::kRecording;
   message.take = "kendo-07";
+  message.texts = {{"cam03.firmware", "1.2"}, {"cam03.model", "Maker \"A\""}};
   message.values = {{"disk_free_bytes", 812e9}, {"cam03.frames_missing", 7}, {"odd-name", 1}};
   return message;
 }
@@ -61,6 +62,8 @@ TEST(MetricsServer, serves_the_last_health_with_node_and_camera_as_labels) {
   EXPECT_THAT(text, HasSubstr("v3d_disk_free_bytes{node=\"cap01\"} 812000000000"));
   EXPECT_THAT(text, HasSubstr("v3d_camera_frames_missing{node=\"cap01\",camera=\"cam03\"} 7"));
   EXPECT_THAT(text, HasSubstr("v3d_odd_name{"));
+  EXPECT_THAT(text, HasSubstr("v3d_camera_info{node=\"cap01\",camera=\"cam03\",firmware=\"1.2\","
+                              "model=\"Maker \\\"A\\\"\"} 1"));
   EXPECT_THAT(text, HasSubstr("state=\"recording\",take=\"kendo-07\""));
   wire::HealthMessage later = health();
   later.values = {{"disk_free_bytes", 811e9}};

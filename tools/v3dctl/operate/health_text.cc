@@ -128,6 +128,9 @@ std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
     }
     const auto cameras = values_by_camera(found->second);
     if (!cameras.empty()) add_camera_table(cameras, lines);
+    for (const auto& [name, text] : found->second.texts) {
+      lines.push_back("      " + pad_right(name, 26) + "  " + text);
+    }
   }
   return lines;
 }
@@ -148,6 +151,7 @@ Json health_json(const std::vector<std::string>& nodes,
                     {"state", name(message.state)},
                     {"take", message.take},
                     {"text", message.text},
+                    {"texts", message.texts},
                     {"values", message.values}});
   }
   return {{"well", all_well(nodes, health)}, {"nodes", list}};

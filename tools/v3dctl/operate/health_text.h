@@ -31,7 +31,7 @@ std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
 std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health);
 
-/// {"well", "nodes" [{"node", "program", "version", "state", "take", "text", "values"}]}
+/// {"well", "nodes" [{"node", "program", "version", "state", "take", "text", "texts", "values"}]}
 Json health_json(const std::vector<std::string>& nodes,
                  const std::map<std::string, wire::HealthMessage>& health);
 

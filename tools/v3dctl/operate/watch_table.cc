@@ -17,6 +17,7 @@ constexpr double kWarnDiskSeconds = 600;  // of recording
 constexpr double kAlarmDiskSeconds = 60;
 constexpr double kWarnClockOffsetUs = 1000;  // well below the period of the pulses
 constexpr double kWarnCelsius = 85;
+constexpr double kWarnCameraCelsius = 75;
 constexpr double kWarnCpuPercent = 95;
 constexpr double kWarnMemoryBytes = 500e6;
 
@@ -29,6 +30,7 @@ struct Column {
 constexpr Column kColumns[] = {{"", 14},       {"STATE", 10}, {"RATE", 8},  {"MISSING", 8},
                                {"SUSPECT", 8}, {"QUEUE", 6},  {"DISK", 10}, {"CLOCK", 15},
                                {"CPU", 6},     {"MEMORY", 9}, {"TEMP", 5},  {"LATENCY", 8}};
+constexpr size_t kColumnsOfNodes = 4;     ///< DISK to MEMORY: a camera has none of them
 constexpr size_t kFirstRightAligned = 2;  // names and states are left-aligned
 
 class Row {
@@ -156,6 +158,10 @@ std::pair<WatchLine, bool> camera_line(const std::string& camera,
   add_count(row, value("frames_missing"), Highlight::kAlarm);
   add_count(row, value("frames_suspect"), Highlight::kAlarm);
   add_count(row, value("queue_frames"), Highlight::kWarning, kWarnQueue);
+  if (value("temperature_celsius")) {
+    for (size_t i = 0; i < kColumnsOfNodes; ++i) row.add("");
+    add_value(row, health, camera + ".temperature_celsius", kWarnCameraCelsius);
+  }
   const WatchLine line = row.line();
   const bool needs_attention =
       std::any_of(line.parts.begin(), line.parts.end(),

@@ -1,9 +1,12 @@
 // Checks of every node of the studio, from the health that it sends.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
+#include "daemon/control/camera_firmware.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/setup/doctor.h"
 
@@ -78,6 +81,34 @@ Finding check_versions(const Health& health) {
   return {Verdict::kBad, "versions", text, "v3dctl update BUNDLE --all"};
 }
 
+/// Cameras above the limit of the alert V3dCameraHot.
+void add_hot_cameras(const wire::HealthMessage& health, std::vector<Finding>& findings) {
+  constexpr double kMaxCelsius = 75;
+  constexpr std::string_view kSuffix = ".temperature_celsius";
+  for (const auto& [name, value] : health.values) {
+    if (!name.ends_with(kSuffix) || value <= kMaxCelsius) continue;
+    findings.push_back({Verdict::kBad, name.substr(0, name.size() - kSuffix.size()),
+                        "the camera has " + value_text(name, value),
+                        "give it air, or mount it on metal"});
+  }
+}
+
+/// Empty where no camera reports its firmware.
+std::optional<Finding> check_firmware(const Health& health) {
+  const bool has_any = std::ranges::any_of(health, [](const auto& of_node) {
+    return std::ranges::any_of(of_node.second.texts, [](const auto& text) {
+      return text.first.ends_with(std::string(".") + control::kCameraFirmware);
+    });
+  });
+  if (!has_any) return std::nullopt;
+  const std::string differences = control::firmware_differences(health);
+  if (differences.empty()) {
+    return Finding{Verdict::kGood, "firmware", "all cameras of a model have the same", ""};
+  }
+  return Finding{Verdict::kBad, "firmware", differences,
+                 "update the cameras with their maker's program"};
+}
+
 }  // namespace
 
 std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const Health& health) {
@@ -95,7 +126,9 @@ std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const He
       findings.push_back(check_cameras_of(message->second, cameras->second));
     }
     add_values(message->second, findings);
+    add_hot_cameras(message->second, findings);
   }
+  if (const auto firmware = check_firmware(health)) findings.push_back(*firmware);
   findings.push_back(check_versions(health));
   return findings;
 }
