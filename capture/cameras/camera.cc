@@ -22,10 +22,13 @@ CameraStatistics operator+(const CameraStatistics& a, const CameraStatistics& b)
 std::unique_ptr<Camera> make_camera(const StudioCamera& settings, const PulseTimes& pulses) {
   if (settings.kind == CameraKind::kAravis) return std::make_unique<AravisCamera>(settings);
   auto camera = std::make_unique<V4l2Camera>(settings);
-  if (!settings.is_free_running()) return camera;
+  if (!settings.is_free_running()) {
+    camera->set_rate(1 / to_seconds(pulses.period()));
+    return camera;
+  }
   V4l2Camera& borrowed = *camera;
   return std::make_unique<FreeRunningCamera>(
-      std::move(camera), [&borrowed](double rate_hz) { borrowed.run_free(rate_hz); }, pulses);
+      std::move(camera), [&borrowed](double rate_hz) { borrowed.set_rate(rate_hz); }, pulses);
 }
 
 namespace {

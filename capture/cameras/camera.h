@@ -84,6 +84,12 @@ class Camera {
   virtual PixelFormat format() const = 0;  ///< requires start()
   /// Model and firmware. Requires start().
   virtual CameraDevice device() const { return {}; }
+  /// False where the settings of start() bound a triggered camera to longer periods than `period`:
+  /// it must be made and started again. Requires start().
+  virtual bool keeps_up_with(Duration period) const {
+    (void)period;
+    return true;
+  }
   /// What the camera did otherwise than asked at start(). Requires start().
   virtual std::vector<SettingDifference> differences() const { return {}; }
 };

@@ -26,6 +26,7 @@ CameraSession::CameraSession(std::string camera, CameraWorker::Factory make_came
 
 void CameraSession::arm(Duration period, bool edges_are_reported) {
   disarm();
+  if (camera_ && !camera_->keeps_up_with(period)) close();
   period_ = period;
   matcher_.emplace(period);
   start_ = {.period = period, .latency = latency_};

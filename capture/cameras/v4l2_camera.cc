@@ -28,10 +28,10 @@ constexpr uint32_t kStamp = V4L2_BUF_FLAG_TIMESTAMP_MASK | V4L2_BUF_FLAG_TSTAMP_
 
 class V4l2Camera::Stream {
  public:
-  Stream(const StudioCamera& settings, std::optional<double> free_rate_hz,
+  Stream(const StudioCamera& settings, std::optional<double> rate_hz,
          std::unique_ptr<V4l2Device> device)
       : settings_(settings), device_(std::move(device)) {
-    applied_ = v4l2::write_settings(settings_, free_rate_hz, *device_);
+    applied_ = v4l2::write_settings(settings_, rate_hz, *device_);
     v4l2_requestbuffers request{};
     request.count = static_cast<uint32_t>(settings.buffers);
     request.type = kCapture;
@@ -54,6 +54,7 @@ class V4l2Camera::Stream {
 
   ImageSize size() const { return applied_.layout.size; }
   const std::string& device() const { return applied_.device; }
+  std::optional<double> trigger_rate_hz() const { return applied_.trigger_rate_hz; }
   const std::vector<SettingDifference>& differences() const { return applied_.differences; }
   bool wait(MonotonicInstant deadline) { return device_->wait(deadline); }
 
@@ -121,7 +122,7 @@ void V4l2Camera::start() {
   const std::string path = v4l2_device(settings_);
   auto device = open_(path);
   if (!device) throw InputError("camera " + settings_.name + ": " + errno_message(path));
-  stream_ = std::make_unique<Stream>(settings_, free_rate_hz_, std::move(device));
+  stream_ = std::make_unique<Stream>(settings_, rate_hz_, std::move(device));
   size_ = stream_->size();
 }
 
@@ -161,6 +162,11 @@ std::optional<CameraFrame> V4l2Camera::wait(MonotonicInstant deadline) {
     ++damaged_;
   }
   return {};
+}
+
+bool V4l2Camera::keeps_up_with(Duration period) const {
+  const std::optional<double> rate = stream_ ? stream_->trigger_rate_hz() : std::nullopt;
+  return !rate || v4l2::is_fast_enough(*rate, 1 / to_seconds(period));
 }
 
 CameraDevice V4l2Camera::device() const {

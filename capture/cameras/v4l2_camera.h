@@ -43,7 +43,7 @@ std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path);
 /// switches off every control with which a camera changes its pictures by itself; differences()
 /// names those that the camera ignores. V4L2 has no standard for triggers: the studio file names
 /// the control that switches the trigger on. Without one the camera runs free, at the rate set by
-/// run_free().
+/// set_rate().
 ///
 /// Packed samples become samples of 16 bits, and YUV and JPEG become RGB8 (pixel_decoder.h),
 /// because all other layers process samples and RGB only.
@@ -58,9 +58,10 @@ class V4l2Camera : public Camera {
   explicit V4l2Camera(StudioCamera settings, V4l2Opener open = open_v4l2_device);
   ~V4l2Camera() override;
 
-  /// Sets the frame rate, Hz, for the next start() of a camera without trigger control. start()
-  /// throws InputError if the camera cannot run at this rate.
-  void run_free(double rate_hz) { free_rate_hz_ = rate_hz; }
+  /// Sets the rate of the pulses, Hz, for the next start(). A camera without trigger control runs
+  /// at this rate, and start() throws InputError if it cannot. One with a trigger control gets a
+  /// frame interval that is not longer than the period; differences() has a longer one.
+  void set_rate(double rate_hz) { rate_hz_ = rate_hz; }
 
   void start() override;
   void stop() override;
@@ -70,6 +71,7 @@ class V4l2Camera : public Camera {
   ImageSize size() const override { return size_; }
   PixelFormat format() const override { return settings_.pixel_format.image; }
   CameraDevice device() const override;
+  bool keeps_up_with(Duration period) const override;
   std::vector<SettingDifference> differences() const override;
 
  private:
@@ -77,7 +79,7 @@ class V4l2Camera : public Camera {
 
   const StudioCamera settings_;
   const V4l2Opener open_;
-  std::optional<double> free_rate_hz_;
+  std::optional<double> rate_hz_;
   ImageSize size_;
   std::unique_ptr<Stream> stream_;
   std::optional<uint64_t> counter_;  ///< of the last frame

@@ -19,6 +19,7 @@ constexpr uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 constexpr double kExposureStepUs = 100;  ///< the unit of V4L2_CID_EXPOSURE_ABSOLUTE
 /// Relative error of a frame rate. It distinguishes 29.97 Hz from 30 Hz.
 constexpr double kRateTolerance = 2e-4;
+constexpr double kTicks = 1000;  ///< resolution of a frame interval: ticks in its numerator
 
 /// A control with which a camera changes its pictures by itself.
 struct AutomaticControl {
@@ -87,10 +88,20 @@ YuvCoding yuv_coding(const v4l2_pix_format& format) {
           .is_full_range = range == V4L2_QUANTIZATION_FULL_RANGE};
 }
 
+v4l2_fract interval_of(double hz) {
+  return {.numerator = static_cast<uint32_t>(kTicks),
+          .denominator = static_cast<uint32_t>(std::lround(hz * kTicks))};
+}
+
+/// Hz; 0 where the driver gives no interval.
+double rate_of(const v4l2_fract& interval) {
+  return interval.numerator == 0 ? 0 : double{1} * interval.denominator / interval.numerator;
+}
+
 class Setup {
  public:
-  Setup(const StudioCamera& settings, std::optional<double> free_rate_hz, V4l2Device& device)
-      : settings_(settings), free_rate_hz_(free_rate_hz), device_(device) {}
+  Setup(const StudioCamera& settings, std::optional<double> rate_hz, V4l2Device& device)
+      : settings_(settings), rate_hz_(rate_hz), device_(device) {}
 
   Applied all() {
     const std::string device = capabilities();
@@ -100,13 +111,15 @@ class Setup {
     for (const CameraFeature& feature : settings_.features) write(feature);
     if (settings_.trigger_control) {
       trigger(*settings_.trigger_control);
+      if (rate_hz_) frame_interval(format, *rate_hz_);
     } else {
-      rate(free_rate_hz_.value_or(0));
+      rate(rate_hz_.value_or(0));
     }
     const ImageSize size{static_cast<int>(format.width), static_cast<int>(format.height)};
     return {{settings_.pixel_format, size, format.bytesperline, yuv_coding(format)},
             device,
-            std::move(differences_)};
+            std::move(differences_),
+            trigger_rate_hz_};
   }
 
  private:
@@ -264,16 +277,58 @@ class Setup {
     if ((parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
       refuse("rate", number(hz) + " Hz", "a camera whose rate cannot be set");
     }
-    constexpr double kTicks = 1000;
-    interval = {.numerator = static_cast<uint32_t>(kTicks),
-                .denominator = static_cast<uint32_t>(std::lround(hz * kTicks))};
+    interval = interval_of(hz);
     ask("rate", VIDIOC_S_PARM, &parameters);
     ask("rate", VIDIOC_G_PARM, &parameters);
-    const double got =
-        interval.numerator == 0 ? 0 : double{1} * interval.denominator / interval.numerator;
+    const double got = rate_of(interval);
     if (std::abs(got - hz) > kRateTolerance * hz) {
       refuse("frame rate of a free-running camera", number(hz) + " Hz", number(got) + " Hz");
     }
+  }
+
+  /// The longest interval of the driver that is not longer than a period, else its shortest one. A
+  /// driver that lists none chooses by itself.
+  v4l2_fract best_interval(const v4l2_pix_format& format, double hz) const {
+    v4l2_fract best = interval_of(hz);
+    double best_hz = 0;
+    v4l2_frmivalenum entry{};
+    entry.pixel_format = format.pixelformat;
+    entry.width = format.width;
+    entry.height = format.height;
+    constexpr uint32_t kMaxIntervals = 256;
+    while (entry.index < kMaxIntervals &&
+           device_.control(VIDIOC_ENUM_FRAMEINTERVALS, &entry) == 0 &&
+           entry.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
+      const double entry_hz = rate_of(entry.discrete);
+      const bool fits = is_fast_enough(entry_hz, hz);
+      const bool best_fits = is_fast_enough(best_hz, hz);
+      if (fits == best_fits ? (fits ? entry_hz < best_hz : entry_hz > best_hz) : fits) {
+        best = entry.discrete;
+        best_hz = entry_hz;
+      }
+      ++entry.index;
+    }
+    return best;
+  }
+
+  /// Sets the frame interval of a triggered camera and reads it back. A longer one than the period
+  /// is a warning: whether the camera then ignores pulses depends on its driver, and missing frames
+  /// are counted.
+  void frame_interval(const v4l2_pix_format& format, double hz) {
+    v4l2_streamparm parameters{};
+    parameters.type = kCapture;
+    if (device_.control(VIDIOC_G_PARM, &parameters) != 0 ||
+        (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
+      return;
+    }
+    v4l2_fract& interval = parameters.parm.capture.timeperframe;
+    interval = best_interval(format, hz);
+    device_.control(VIDIOC_S_PARM, &parameters);  // error ignored: the value read back decides
+    const bool is_known = device_.control(VIDIOC_G_PARM, &parameters) == 0;
+    const double got = is_known ? rate_of(interval) : 0;
+    trigger_rate_hz_ = got;
+    if (is_fast_enough(got, hz)) return;
+    differences_.push_back({"frame rate", "at least " + number(hz) + " Hz", number(got) + " Hz"});
   }
 
   /// Sets the exposure time. A camera without the control has a fixed exposure, or is a frame
@@ -285,12 +340,15 @@ class Setup {
   }
 
   const StudioCamera& settings_;
-  const std::optional<double> free_rate_hz_;
+  const std::optional<double> rate_hz_;
   V4l2Device& device_;
   std::vector<SettingDifference> differences_;
+  std::optional<double> trigger_rate_hz_;
 };
 
 }  // namespace
+
+bool is_fast_enough(double got_hz, double hz) { return got_hz >= hz * (1 - kRateTolerance); }
 
 void refuse(const StudioCamera& settings, const std::string& what, const std::string& wanted,
             const std::string& got) {
@@ -303,9 +361,9 @@ void ask(const StudioCamera& settings, V4l2Device& device, const std::string& wh
   if (error != 0) refuse(settings, what, "an answer", std::strerror(error));
 }
 
-Applied write_settings(const StudioCamera& settings, std::optional<double> free_rate_hz,
+Applied write_settings(const StudioCamera& settings, std::optional<double> rate_hz,
                        V4l2Device& device) {
-  return Setup(settings, free_rate_hz, device).all();
+  return Setup(settings, rate_hz, device).all();
 }
 
 }  // namespace v3d::capture::v4l2

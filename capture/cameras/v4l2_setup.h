@@ -17,14 +17,24 @@ namespace v3d::capture::v4l2 {
 struct Applied {
   SentLayout layout;
   std::string device;  ///< name of the device and its driver
-  /// Automatic controls that stay on, and controls of [camera.features] with another value.
+  /// Automatic controls that stay on, controls of [camera.features] with another value, and a frame
+  /// interval that is longer than the period of the pulses.
   std::vector<SettingDifference> differences;
+  /// Of a triggered camera with a frame interval: the largest rate of pulses for it, Hz.
+  std::optional<double> trigger_rate_hz;
 };
 
-/// Writes all settings and reads them back. Switches every automatic control off first. With
-/// `free_rate_hz` and without a trigger control, sets the frame interval.
+/// Whether a camera with the frame rate `got_hz` can follow pulses of `hz`.
+bool is_fast_enough(double got_hz, double hz);
+
+/// Writes all settings and reads them back. Switches every automatic control off first. Sets the
+/// frame interval by `rate_hz`, the rate of the pulses (empty: unknown):
+///   - without a trigger control, the camera must run at this rate;
+///   - with a trigger control, the interval bounds exposure and rate of many drivers. It becomes
+///   the
+///     longest that is not longer than the period. A driver without frame intervals is no fault.
 /// Throws InputError (see refuse()) if a value of the studio file differs afterwards.
-Applied write_settings(const StudioCamera& settings, std::optional<double> free_rate_hz,
+Applied write_settings(const StudioCamera& settings, std::optional<double> rate_hz,
                        V4l2Device& device);
 
 /// Calls device.control(). Throws InputError (see refuse()) on an error.

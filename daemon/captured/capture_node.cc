@@ -393,7 +393,7 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   report_take(counts, health);
   report_warnings(counts);
   report_signed_takes(health);
-  report_trigger(health);
+  trigger_.report(health);
   if (sound_) report_sound(sound_->status(), health, events_);
   if (timecode_) report_timecode_output(timecode_->status(), health, events_);
   if (lights_) report_lights(health);
@@ -419,20 +419,6 @@ void CaptureNode::report_lights(wire::HealthMessage& health) {
   health.values["lights_connected_flag"] = status.is_connected ? 1 : 0;
   health.values["take_light_flag"] = status.scene == LightOutput::Scene::kTake ? 1 : 0;
   events_.report_condition(wire::Severity::kWarning, "lights", status.fault, node::advice::kLights);
-}
-
-void CaptureNode::report_trigger(wire::HealthMessage& health) const {
-  const auto pulses = trigger_.statistics();
-  if (!pulses) return;
-  health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses->jitter_p50);
-  health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
-  health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
-  health.values["trigger_late"] = static_cast<double>(pulses->late);
-  const auto add = [&](const char* name, std::optional<int64_t> count) {
-    if (count) health.values[name] = static_cast<double>(*count);
-  };
-  add("trigger_acks_missing", pulses->acks_missing);
-  add("trigger_acks_rejected", pulses->acks_rejected);
 }
 
 void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& health) const {

@@ -82,7 +82,6 @@ class CaptureNode : public control::NodeDelegate {
   std::string check_disks();
   std::string fault_text() const;
   void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
-  void report_trigger(wire::HealthMessage& health) const;
   /// Connection and scene of the lamps, and an event about a fault.
   void report_lights(wire::HealthMessage& health);
   /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes

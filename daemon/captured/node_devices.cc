@@ -204,8 +204,18 @@ int64_t NodeTrigger::commanded(int64_t seen) const {
   return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
 }
 
-std::optional<trigger::PulseStatistics> NodeTrigger::statistics() const {
-  return generator_ ? std::optional(generator_->statistics()) : std::nullopt;
+void NodeTrigger::report(wire::HealthMessage& health) const {
+  if (!generator_) return;
+  const trigger::PulseStatistics pulses = generator_->statistics();
+  health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses.jitter_p50);
+  health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses.jitter_p99);
+  health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses.jitter_max);
+  health.values["trigger_late"] = static_cast<double>(pulses.late);
+  const auto add = [&](const char* name, std::optional<int64_t> count) {
+    if (count) health.values[name] = static_cast<double>(*count);
+  };
+  add("trigger_acks_missing", pulses.acks_missing);
+  add("trigger_acks_rejected", pulses.acks_rejected);
 }
 
 }  // namespace v3d::captured

@@ -13,6 +13,7 @@
 #include "daemon/bus/bus.h"
 #include "daemon/node/persisted_command.h"
 #include "trigger/pulse_generator.h"
+#include "wire/messages.h"
 
 namespace v3d::captured {
 
@@ -116,8 +117,8 @@ class NodeTrigger {
   std::string fault() const { return generator_ ? generator_->fault() : ""; }
   std::string warning() const { return generator_ ? generator_->warning() : ""; }
   std::string sensor_fault() const { return sensor_ ? sensor_->fault() : ""; }
-  /// Empty on other nodes.
-  std::optional<trigger::PulseStatistics> statistics() const;
+  /// Adds the statistics of the pulses to `health`; nothing on other nodes.
+  void report(wire::HealthMessage& health) const;
 
  private:
   const bool is_sensed_;

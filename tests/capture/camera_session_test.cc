@@ -56,6 +56,20 @@ TEST_F(CameraSessionTest, is_ready_only_after_two_quiet_periods) {
   EXPECT_GE(script_->now, armed + 2 * Script::kPeriod);
 }
 
+TEST_F(CameraSessionTest, opens_a_camera_again_that_cannot_follow_the_pulses_of_an_order) {
+  make_ready();
+  make_ready();
+  EXPECT_EQ(script_->opened, 1);
+  script_->shortest_period = Script::kPeriod + std::chrono::milliseconds(1);
+  make_ready();
+  EXPECT_EQ(script_->opened, 2);
+  EXPECT_EQ(session_->status().losses, 0) << "it is not lost";
+  script_->start_train(3);
+  play(std::chrono::seconds(1));
+  EXPECT_EQ(frames_.size(), 3U);
+  EXPECT_EQ(mislabelled(), 0);
+}
+
 TEST_F(CameraSessionTest, waits_for_the_first_pulse_without_a_timeout) {
   make_ready();
   play(std::chrono::minutes(10));

@@ -32,6 +32,7 @@ struct Script {
   std::set<int64_t> damaged;                     ///< pulses whose frames arrive damaged
   std::set<int64_t> vanished;                    ///< pulses whose frames are lost without a count
   std::set<int64_t> missed;                      ///< pulses that the camera does not detect
+  Duration shortest_period{};                    ///< for which it need not be started again
   Duration first_is_late{};                      ///< extra delay of the first frame after start()
   int opened = 0;                                ///< number of successful start() calls
 
@@ -53,6 +54,7 @@ class ScriptedCamera : public Camera {
     opened_at_ = script_->now;
   }
   void stop() override {}
+  bool keeps_up_with(Duration period) const override { return period >= script_->shortest_period; }
 
   std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
     Script& s = *script_;

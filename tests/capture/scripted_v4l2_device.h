@@ -50,6 +50,8 @@ struct Driver {
   uint32_t parm_capability = V4L2_CAP_TIMEPERFRAME;
   v4l2_fract interval{1, 30};
   std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< Hz; it selects the nearest one
+  bool lists_rates = true;
+  bool has_parm = true;  ///< VIDIOC_G_PARM and VIDIOC_S_PARM
   int queue_error = 0;
 
   std::deque<Delivery> deliveries;
@@ -101,8 +103,16 @@ class ScriptedDevice : public V4l2Device {
       }
       case VIDIOC_G_PARM:
       case VIDIOC_S_PARM:
+        if (!driver_.has_parm) return ENOTTY;
         return rate(static_cast<v4l2_streamparm*>(argument)->parm.capture,
                     request == VIDIOC_S_PARM);
+      case VIDIOC_ENUM_FRAMEINTERVALS: {
+        auto& entry = *static_cast<v4l2_frmivalenum*>(argument);
+        if (!driver_.lists_rates || entry.index >= driver_.rates.size()) return EINVAL;
+        entry.type = V4L2_FRMIVAL_TYPE_DISCRETE;
+        entry.discrete = interval_of(driver_.rates[entry.index]);
+        return 0;
+      }
       case VIDIOC_REQBUFS:
         return 0;
       case VIDIOC_QUERYBUF: {
@@ -145,6 +155,10 @@ class ScriptedDevice : public V4l2Device {
 
   int known(uint32_t id) const { return driver_.controls.contains(id) ? 0 : EINVAL; }
 
+  static v4l2_fract interval_of(double hz) {
+    return {1'000'000, static_cast<uint32_t>(std::lround(1e6 * hz))};
+  }
+
   int rate(v4l2_captureparm& parameters, bool set) {
     v4l2_fract& interval = parameters.timeperframe;
     if (set) {
@@ -152,7 +166,7 @@ class ScriptedDevice : public V4l2Device {
       const auto nearest = std::min_element(
           driver_.rates.begin(), driver_.rates.end(),
           [&](double a, double b) { return std::abs(a - wanted) < std::abs(b - wanted); });
-      driver_.interval = {1'000'000, static_cast<uint32_t>(std::lround(1e6 * *nearest))};
+      driver_.interval = interval_of(*nearest);
     }
     parameters.capability = driver_.parm_capability;
     interval = driver_.interval;

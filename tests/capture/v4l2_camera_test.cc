@@ -155,7 +155,7 @@ TEST_F(V4l2CameraTest, runs_free_at_the_pulse_rate_or_rejects_the_rate) {
   settings_.trigger_control.reset();
   const auto rated = [&](double hz) {
     auto c = camera();
-    c->run_free(hz);
+    c->set_rate(hz);
     return c;
   };
   rated(25)->start();
@@ -177,6 +177,59 @@ TEST_F(V4l2CameraTest, is_lost_if_the_driver_does_not_take_a_buffer_back) {
   driver_.queue_error = EINVAL;
   EXPECT_TRUE(c->wait({})) << "this frame is complete";
   EXPECT_TRUE(c->lost());
+}
+
+TEST_F(V4l2CameraTest, gives_a_triggered_camera_the_longest_interval_within_a_period) {
+  driver_.rates = {10, 60, 24, 30, 25};
+  const auto rate_at = [&](double hz) {
+    const auto c = camera();
+    c->set_rate(hz);
+    c->start();
+    EXPECT_TRUE(c->differences().empty()) << hz;
+    return driver_.interval.denominator / 1e6;
+  };
+  EXPECT_EQ(rate_at(25), 25);
+  EXPECT_EQ(rate_at(24.5), 25) << "24 Hz is nearer, but too slow";
+  EXPECT_EQ(rate_at(31), 60);
+  driver_.lists_rates = false;
+  EXPECT_EQ(rate_at(10), 10) << "the driver selects";
+}
+
+TEST_F(V4l2CameraTest, warns_of_a_triggered_camera_whose_interval_is_longer_than_the_period) {
+  driver_.rates = {10, 30};
+  const auto c = camera();
+  c->set_rate(50);
+  c->start();
+  EXPECT_EQ(driver_.interval.denominator, 30'000'000U) << "the shortest interval";
+  EXPECT_THAT(c->differences(),
+              testing::ElementsAre(SettingDifference{"frame rate", "at least 50 Hz", "30 Hz"}));
+  EXPECT_TRUE(driver_.streaming);
+}
+
+TEST_F(V4l2CameraTest, must_be_started_again_for_pulses_faster_than_its_interval) {
+  driver_.rates = {25, 60};
+  const auto c = camera();
+  c->set_rate(25);
+  c->start();
+  EXPECT_TRUE(c->keeps_up_with(std::chrono::milliseconds(40)));
+  EXPECT_TRUE(c->keeps_up_with(std::chrono::milliseconds(200)));
+  EXPECT_FALSE(c->keeps_up_with(std::chrono::milliseconds(20)));
+  driver_.parm_capability = 0;
+  c->start();
+  EXPECT_TRUE(c->keeps_up_with(std::chrono::milliseconds(20))) << "no interval bounds it";
+}
+
+TEST_F(V4l2CameraTest, triggers_a_camera_whose_driver_has_no_frame_intervals) {
+  driver_.parm_capability = 0;
+  for (const bool has_parm : {true, false}) {
+    driver_.has_parm = has_parm;
+    const auto c = camera();
+    c->set_rate(50);
+    c->start();
+    EXPECT_TRUE(c->differences().empty());
+    EXPECT_TRUE(driver_.streaming);
+    EXPECT_EQ(driver_.interval.denominator, 30U) << "left as it was";
+  }
 }
 
 TEST_F(V4l2CameraTest, switches_every_automatic_control_off) {

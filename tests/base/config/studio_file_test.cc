@@ -362,16 +362,10 @@ TEST(StudioFile, reads_the_region_and_the_image_settings_of_a_genicam_camera) {
   EXPECT_EQ(camera.black_level, 4.5);
   EXPECT_EQ(camera.strobe_line, "Line2");
   EXPECT_EQ(camera.user_set, "Default");
-  for (const char* binning : {"0", "9"}) {
-    EXPECT_THAT(message_for(with(address, address + "\nbinning = " + binning)),
-                HasSubstr("camera.binning: expected a whole number from 1 to 8, found " +
-                          std::string(binning)));
-  }
-  for (const char* level : {"-4097", "4097"}) {
-    EXPECT_THAT(message_for(with(address, address + "\nblack_level = " + level)),
-                HasSubstr("camera.black_level: expected a number from -4096 to 4096, found " +
-                          std::string(level)));
-  }
+  EXPECT_THAT(message_for(with(address, address + "\nbinning = 9")),
+              HasSubstr("camera.binning: expected a whole number from 1 to 8, found 9"));
+  EXPECT_THAT(message_for(with(address, address + "\nblack_level = -4097")),
+              HasSubstr("camera.black_level: expected a number from -4096 to 4096, found -4097"));
   EXPECT_THAT(message_for(with(address, address + "\noffset_y = 8")),
               HasSubstr("camera.offset_y: expected width and height of the region, too"));
   EXPECT_THAT(message_for(with(address, address + "\nkind = \"v4l2\"\ntrigger_control = \"1\"\n"
