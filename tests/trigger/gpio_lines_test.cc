@@ -1,4 +1,5 @@
-// GPIO lines without a chip. Compiled against libgpiod 1.6 on Debian 12, and libgpiod 2 on Debian 13.
+// GPIO lines without a chip. Compiled against libgpiod 1.6 on Debian 12, and libgpiod 2 on
+// Debian 13.
 #include "trigger/gpio_lines.h"
 
 #include <gmock/gmock.h>
