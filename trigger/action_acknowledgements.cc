@@ -12,7 +12,7 @@ namespace {
 /// Queue length: where no one reads the sensed pulses, the oldest are discarded.
 constexpr size_t kMaxPulses = 65'536;
 
-uint32_t number_of(const ActionCamera& camera) {
+uint32_t ipv4_of(const ActionCamera& camera) {
   in_addr address{};
   if (inet_pton(AF_INET, camera.address.c_str(), &address) == 1) return ntohl(address.s_addr);
   throw InputError("action trigger: camera " + camera.name + ": '" + camera.address +
@@ -25,7 +25,7 @@ void add(std::string& list, const std::string& name) { list += (list.empty() ? "
 
 ActionAcknowledgements::ActionAcknowledgements(std::vector<ActionCamera> cameras) {
   for (ActionCamera& camera : cameras) {
-    cameras_.push_back({.name = camera.name, .address = number_of(camera)});
+    cameras_.push_back({.name = camera.name, .address = ipv4_of(camera)});
   }
 }
 

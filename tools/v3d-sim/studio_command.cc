@@ -1,3 +1,5 @@
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -204,9 +206,8 @@ int run(Arguments arguments) {
   std::puts("ready");
   std::fflush(stdout);
   stop.wait();
-  std::fprintf(stderr, "%lld edges, %lld of them ignored by a camera that was not acquiring\n",
-               static_cast<long long>(cable.edges() + cameras.actions()),
-               static_cast<long long>(cameras.ignored()));
+  fmt::print(stderr, "{} edges, {} of them ignored by a camera that was not acquiring\n",
+             cable.edges() + cameras.actions(), cameras.ignored());
   return record.lost() == 0 ? kExitDone : kExitFailed;
 }
 
