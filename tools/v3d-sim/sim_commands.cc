@@ -85,18 +85,19 @@ std::string studio_text(const Rig& rig, const StudioText& options) {
   }
   text += cameras.written();
   const bool acts = options.has_action_trigger;
-  text += std::string("\n[trigger]\nnode = \"cap01\"\nkind = \"") +
-          (acts ? "action" : "simulated") + "\"\nrate_hz = " + toml_number(options.rate_hz) +
-          "\npulse_width_us = " + toml_number(std::min(1000.0, 0.5e6 / options.rate_hz)) +
-          (acts ? "\nbroadcast = \"127.255.255.255\"" : "\nwire = \"trigger.sock\"") +
-          "\n\n"
-          "[space]\nmin = [-1.5, -1.5, -0.05]\nmax = [1.5, 1.5, 2.45]\n\n"
-          "[network]\nlcm_url = \"udpm://239.255.76.67:7667?ttl=0&recv_buf_size=16777216\"\nkey = "
-          "\"studio.key\"\n\n"
-          "[storage]\ntakes = \".\"\nbackground = \"background\"\ncalib = \"calib.toml\"\n\n"
-          "[reconstruction]\nnode = \"recon01\"\nvoxel_m = " +
-          toml_number(options.voxel_m) +
-          "\nmin_views = " + std::to_string(std::min<size_t>(4, rig.size())) + "\n";
+  text +=
+      std::string("\n[trigger]\nnode = \"cap01\"\nkind = \"") + (acts ? "action" : "simulated") +
+      "\"\nrate_hz = " + toml_number(options.rate_hz) +
+      "\npulse_width_us = " + toml_number(std::min(1000.0, 0.5e6 / options.rate_hz)) +
+      (acts ? "\nbroadcast = \"127.255.255.255\"\nlead_ms = 100" : "\nwire = \"trigger.sock\"") +
+      "\n\n"
+      "[space]\nmin = [-1.5, -1.5, -0.05]\nmax = [1.5, 1.5, 2.45]\n\n"
+      "[network]\nlcm_url = \"udpm://239.255.76.67:7667?ttl=0&recv_buf_size=16777216\"\nkey = "
+      "\"studio.key\"\n\n"
+      "[storage]\ntakes = \".\"\nbackground = \"background\"\ncalib = \"calib.toml\"\n\n"
+      "[reconstruction]\nnode = \"recon01\"\nvoxel_m = " +
+      toml_number(options.voxel_m) +
+      "\nmin_views = " + std::to_string(std::min<size_t>(4, rig.size())) + "\n";
   return text;
 }
 
