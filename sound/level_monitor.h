@@ -14,14 +14,13 @@ double decibels_of(double ratio);
 
 /// The condition of one channel.
 enum class LevelFault : uint8_t {
-  kNone,
   kClips,   ///< a peak reached LevelMonitor::kClippingDbfs in the last kHoldSeconds
   kSilent,  ///< all peaks of the last kHoldSeconds were below LevelMonitor::kSilenceDbfs
 };
 
 struct ChannelFault {
   int channel = 0;  ///< from 1
-  LevelFault fault = LevelFault::kNone;
+  LevelFault fault{};
   friend bool operator==(const ChannelFault&, const ChannelFault&) = default;
 };
 

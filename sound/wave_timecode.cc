@@ -106,7 +106,7 @@ WaveMetadata read_metadata(std::string_view text) {
   int64_t ns = 0;
   const auto parsed = std::from_chars(first.data(), first.data() + first.size(), ns);
   const bool is_number = parsed.ec == std::errc() && parsed.ptr == first.data() + first.size();
-  if (!first.empty() && is_number) metadata.first_sample = from_ns<Realtime>(ns);
+  if (is_number && ns > 0) metadata.first_sample = from_ns<Realtime>(ns);
   return metadata;
 }
 

@@ -1,11 +1,9 @@
 #include "trigger/action_generator.h"
 
 #include <arpa/inet.h>
-#include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdlib>
 #include <ctime>
 #include <utility>
@@ -17,7 +15,7 @@
 namespace v3d::trigger {
 namespace {
 
-constexpr auto kPollInterval = std::chrono::milliseconds(20);
+constexpr Duration kPollInterval = std::chrono::milliseconds(20);
 /// A larger change of the difference of the clocks means that the clock was set.
 constexpr Duration kMaxSlew = std::chrono::milliseconds(1);
 /// Without a time, a command that is later than period / kSkipDivisor is skipped.
@@ -55,13 +53,12 @@ class ActionSensor : public PulseSensor {
 
 }  // namespace
 
-ActionGenerator::ActionGenerator(StudioAction action, HostClock clock, PtpNow ptp_now)
+ActionGenerator::ActionGenerator(StudioAction action, PtpNow ptp_now)
     : action_(std::move(action)),
-      clock_(clock),
       ptp_now_(ptp_now ? std::move(ptp_now)
                        : [scale = action_.clock] { return read_clock(scale); }),
       acknowledgements_(std::make_shared<ActionAcknowledgements>(action_.cameras)),
-      train_(*this, std::move(clock)) {}
+      train_(*this, HostClock()) {}
 
 ActionGenerator::~ActionGenerator() {
   train_.plan({});  // ends the thread that sends
@@ -130,16 +127,17 @@ void ActionGenerator::stop() {
     const std::lock_guard lock(mutex_);
     last = last_pulse_;
   }
-  if (last > clock_.now()) clock_.sleep_until(last);
+  const HostClock clock;
+  if (last > clock.now()) clock.sleep_until(last);
 }
 
 int64_t ActionGenerator::measure_offset() const {
   int64_t best = 0;
   Duration shortest = Duration::max();
   for (int i = 0; i < 8; ++i) {
-    const MonotonicInstant before = clock_.now();
+    const MonotonicInstant before = Monotonic::now();
     const int64_t ptp = ptp_now_();
-    const Duration took = clock_.now() - before;
+    const Duration took = Monotonic::now() - before;
     if (took >= shortest) continue;
     shortest = took;
     best = ptp - to_ns(before + took / 2);
@@ -174,21 +172,14 @@ bool ActionGenerator::begin_pulse(int64_t number, MonotonicInstant at) {
 
 void ActionGenerator::receive() {
   make_thread_realtime();
-  std::array<uint8_t, 64> bytes{};
   while (!stopping_) {
-    pollfd readable{socket_.get(), POLLIN, 0};
-    const bool has_packet = poll(&readable, 1, static_cast<int>(kPollInterval.count())) > 0;
+    const auto datagram = io::receive_action_datagram(socket_.get(), kPollInterval);
     acknowledgements_->expire(Monotonic::now());
-    if (!has_packet) continue;
-    sockaddr_in from{};
-    socklen_t length = sizeof from;
-    const ssize_t size = recvfrom(socket_.get(), bytes.data(), bytes.size(), MSG_TRUNC,
-                                  reinterpret_cast<sockaddr*>(&from), &length);
-    if (size < 0 || std::cmp_greater(size, bytes.size())) continue;
-    const auto acknowledgement =
-        io::decode_action_acknowledgement(std::span(bytes).first(static_cast<size_t>(size)));
+    if (!datagram) continue;
+    const auto acknowledgement = io::decode_action_acknowledgement(datagram->bytes);
     if (!acknowledgement) continue;
-    acknowledgements_->received(ntohl(from.sin_addr.s_addr), *acknowledgement, Monotonic::now());
+    acknowledgements_->received(ntohl(datagram->sender.sin_addr.s_addr), *acknowledgement,
+                                Monotonic::now());
   }
 }
 
@@ -200,7 +191,7 @@ std::optional<MonotonicInstant> ActionGenerator::first_pulse() const {
 bool ActionGenerator::finished() const {
   if (!train_.finished()) return false;
   const std::lock_guard lock(mutex_);
-  return clock_.now() >= last_pulse_;
+  return Monotonic::now() >= last_pulse_;
 }
 
 std::string ActionGenerator::fault() const {

@@ -32,7 +32,8 @@ using PtpNow = std::function<int64_t()>;
 /// counted. Threads: that of the train, and one that receives acknowledgements, from arm() on.
 class ActionGenerator : public PulseGenerator, private PulseOutput {
  public:
-  explicit ActionGenerator(StudioAction action, HostClock clock = {}, PtpNow ptp_now = {});
+  /// `ptp_now`: for tests; by default it reads the clock of `action`.
+  explicit ActionGenerator(StudioAction action, PtpNow ptp_now = {});
   ~ActionGenerator() override;
 
   /// No effect: cameras expose only at a command.
@@ -65,7 +66,6 @@ class ActionGenerator : public PulseGenerator, private PulseOutput {
   void stop_receiver();
 
   const StudioAction action_;
-  const HostClock clock_;
   const PtpNow ptp_now_;
   const std::shared_ptr<ActionAcknowledgements> acknowledgements_;
   PulseTrain plan_;

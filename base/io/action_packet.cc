@@ -1,6 +1,10 @@
 #include "base/io/action_packet.h"
 
-#include <array>
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <utility>
 
 #include "base/core/bytes.h"
 
@@ -33,13 +37,7 @@ std::string text_of(ActionStatus status) {
     case ActionStatus::kLate:
       return "command too late";
   }
-  constexpr std::array kDigits = {'0', '1', '2', '3', '4', '5', '6', '7',
-                                  '8', '9', 'a', 'b', 'c', 'd', 'e', 'f'};
-  std::string text = "status 0x";
-  for (int shift = 12; shift >= 0; shift -= 4) {
-    text += kDigits[static_cast<uint16_t>(status) >> shift & 15U];
-  }
-  return text;
+  return fmt::format("status 0x{:04x}", static_cast<uint16_t>(status));
 }
 
 std::vector<uint8_t> encode(const ActionCommand& command) {
@@ -96,6 +94,20 @@ std::optional<ActionAcknowledgement> decode_action_acknowledgement(
   }
   return ActionAcknowledgement{.status = static_cast<ActionStatus>(field(datagram, 0, 2)),
                                .request = static_cast<uint16_t>(field(datagram, 6, 2))};
+}
+
+std::optional<ActionDatagram> receive_action_datagram(int socket, Duration timeout) {
+  using std::chrono::milliseconds;
+  pollfd readable{socket, POLLIN, 0};
+  const auto wait = std::chrono::duration_cast<milliseconds>(timeout).count();
+  if (poll(&readable, 1, static_cast<int>(wait)) <= 0) return std::nullopt;
+  ActionDatagram datagram{.bytes = std::vector<uint8_t>(kHeader + kWithTime), .sender = {}};
+  socklen_t length = sizeof datagram.sender;
+  const ssize_t size = recvfrom(socket, datagram.bytes.data(), datagram.bytes.size(), MSG_TRUNC,
+                                reinterpret_cast<sockaddr*>(&datagram.sender), &length);
+  if (size < 0 || std::cmp_greater(size, datagram.bytes.size())) return std::nullopt;
+  datagram.bytes.resize(static_cast<size_t>(size));
+  return datagram;
 }
 
 }  // namespace v3d::io

@@ -2,11 +2,15 @@
 // addresses.
 #pragma once
 
+#include <netinet/in.h>
+
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
+
+#include "base/core/time.h"
 
 namespace v3d::io {
 
@@ -55,5 +59,13 @@ std::optional<ActionCommand> decode_action_command(std::span<const uint8_t> data
 /// Empty when the datagram is not an acknowledgement of an action command.
 std::optional<ActionAcknowledgement> decode_action_acknowledgement(
     std::span<const uint8_t> datagram);
+
+struct ActionDatagram {
+  std::vector<uint8_t> bytes;
+  sockaddr_in sender{};
+};
+/// The next datagram of a UDP socket. Empty when none came within `timeout`, and for one that is
+/// longer than every packet of action commands.
+std::optional<ActionDatagram> receive_action_datagram(int socket, Duration timeout);
 
 }  // namespace v3d::io

@@ -300,9 +300,10 @@ class Setup {
            device_.control(VIDIOC_ENUM_FRAMEINTERVALS, &entry) == 0 &&
            entry.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
       const double entry_hz = rate_of(entry.discrete);
-      const bool fits = is_fast_enough(entry_hz, hz);
-      const bool best_fits = is_fast_enough(best_hz, hz);
-      if (fits == best_fits ? (fits ? entry_hz < best_hz : entry_hz > best_hz) : fits) {
+      const bool is_slower = entry_hz < best_hz;
+      const bool is_better = is_fast_enough(best_hz, hz) ? is_slower && is_fast_enough(entry_hz, hz)
+                                                         : entry_hz > best_hz;
+      if (is_better) {
         best = entry.discrete;
         best_hz = entry_hz;
       }
@@ -326,7 +327,7 @@ class Setup {
     device_.control(VIDIOC_S_PARM, &parameters);  // error ignored: the value read back decides
     const bool is_known = device_.control(VIDIOC_G_PARM, &parameters) == 0;
     const double got = is_known ? rate_of(interval) : 0;
-    trigger_rate_hz_ = got;
+    trigger_rate_hz_ = std::max(got, hz);  // another attempt at `hz` changes nothing
     if (is_fast_enough(got, hz)) return;
     differences_.push_back({"frame rate", "at least " + number(hz) + " Hz", number(got) + " Hz"});
   }

@@ -20,7 +20,8 @@ struct Applied {
   /// Automatic controls that stay on, controls of [camera.features] with another value, and a frame
   /// interval that is longer than the period of the pulses.
   std::vector<SettingDifference> differences;
-  /// Of a triggered camera with a frame interval: the largest rate of pulses for it, Hz.
+  /// Of a triggered camera with a frame interval: the rate of pulses, Hz, above which the settings
+  /// must be written again.
   std::optional<double> trigger_rate_hz;
 };
 
@@ -30,9 +31,8 @@ bool is_fast_enough(double got_hz, double hz);
 /// Writes all settings and reads them back. Switches every automatic control off first. Sets the
 /// frame interval by `rate_hz`, the rate of the pulses (empty: unknown):
 ///   - without a trigger control, the camera must run at this rate;
-///   - with a trigger control, the interval bounds exposure and rate of many drivers. It becomes
-///   the
-///     longest that is not longer than the period. A driver without frame intervals is no fault.
+///   - with a trigger control, it becomes the longest interval that is not longer than the period,
+///     because many drivers bound exposure and rate by it. No frame interval is no fault.
 /// Throws InputError (see refuse()) if a value of the studio file differs afterwards.
 Applied write_settings(const StudioCamera& settings, std::optional<double> rate_hz,
                        V4l2Device& device);

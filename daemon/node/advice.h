@@ -49,8 +49,7 @@ inline constexpr char kTrigger[] =
     "Stop the take; check the trigger's cable and power, then arm again";
 inline constexpr char kActionCommands[] =
     "The take continues; check that the cameras are in one network with the trigger's PC and "
-    "follow "
-    "PTP, and compare the ledger's missing pulses of these cameras";
+    "follow PTP, and compare the ledger's missing pulses of these cameras";
 inline constexpr char kSenseLine[] =
     "The take continues, but its pulses are not verified; check the sense line's cable before the "
     "next take";
@@ -77,8 +76,7 @@ inline constexpr char kTimecodeUnderruns[] =
     "Devices that follow the timecode may have lost it; close other programs on this PC";
 inline constexpr char kTimecodeJumps[] =
     "The take continues; ledger.toml lists the runs of timecode. Check the generator of the "
-    "timecode "
-    "and its cable";
+    "timecode and its cable";
 inline constexpr char kSoundClips[] = "Reduce the gain of this channel";
 inline constexpr char kSoundSilent[] =
     "Check its microphone, cable, power and gain; no action is needed where nothing is connected";

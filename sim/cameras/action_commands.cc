@@ -1,11 +1,9 @@
 #include "sim/cameras/action_commands.h"
 
 #include <arpa/inet.h>
-#include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
 #include <ctime>
 #include <utility>
 
@@ -16,7 +14,7 @@ namespace v3d::sim {
 namespace {
 
 constexpr char kBroadcast[] = "127.255.255.255";
-constexpr int kPollMilliseconds = 50;
+constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 
 io::UniqueFd bound_socket(const std::string& address, uint16_t port) {
   io::UniqueFd fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
@@ -78,18 +76,11 @@ ActionReceiver::~ActionReceiver() {
 
 void ActionReceiver::run() {
   make_thread_realtime();
-  std::array<uint8_t, 64> bytes{};
   while (!stopping_) {
-    pollfd readable{socket_.get(), POLLIN, 0};
-    if (poll(&readable, 1, kPollMilliseconds) <= 0) continue;
-    sockaddr_in sender{};
-    socklen_t length = sizeof sender;
-    const ssize_t size = recvfrom(socket_.get(), bytes.data(), bytes.size(), MSG_TRUNC,
-                                  reinterpret_cast<sockaddr*>(&sender), &length);
-    if (size < 0 || std::cmp_greater(size, bytes.size())) continue;
-    const auto command =
-        io::decode_action_command(std::span(bytes).first(static_cast<size_t>(size)));
-    if (command) on_command_(*command, sender);
+    const auto datagram = io::receive_action_datagram(socket_.get(), kPollInterval);
+    if (!datagram) continue;
+    const auto command = io::decode_action_command(datagram->bytes);
+    if (command) on_command_(*command, datagram->sender);
   }
 }
 

@@ -144,7 +144,9 @@ std::string problem_line(const SoundLedger& sound) {
     parts.push_back(format_count(sound.missing_edges) + " pulses without an edge in the sound");
   }
   if (sound.timecode_jumps > 0) {
-    parts.push_back(format_count(sound.timecode_jumps) + " jumps of the timecode");
+    parts.push_back(format_count(sound.timecode_jumps) + (sound.timecode_jumps == 1
+                                                              ? " jump of the timecode"
+                                                              : " jumps of the timecode"));
   }
   return parts.empty() ? "" : sound.file + ": " + join_names(parts);
 }

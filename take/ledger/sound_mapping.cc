@@ -20,16 +20,13 @@ constexpr int kBlocksPerDrift = 50;
 constexpr double kClockDeviation = 2e-3;
 /// Deviation of the rate of a sample clock.
 constexpr double kDriftDeviation = 50e-6;
+/// No sample clock is off by more; the edges of such a drift are not those of the pulses.
+constexpr double kMaxDrift = 1e-3;
 
 struct RecordedPulses {
   std::vector<wire::PulseMessage> pulses;  ///< in order
   double rate_hz = 0;
 };
-
-/// A time on a clock that is 0 at the first sample of a file.
-MonotonicInstant in_file(RealtimeInstant at, RealtimeInstant first_sample) {
-  return MonotonicInstant(at - first_sample);
-}
 
 /// How a node recorded its sound, as far as the take knows.
 StudioSound settings_of(const std::optional<Studio>& studio, const SoundLedger& sound) {
@@ -42,8 +39,9 @@ StudioSound settings_of(const std::optional<Studio>& studio, const SoundLedger& 
   return settings;
 }
 
-/// The clock of a file: time stamps of its samples. The sample clock parts from the host's by a
-/// period of the pulses within minutes, so its drift is measured by the edges that were found.
+/// The clock of a file: time stamps of its samples, from 0 at the first one. The sample clock parts
+/// from the host's by a period of the pulses within minutes, so its drift is measured by the edges
+/// that were found.
 class FileClock {
  public:
   FileClock(const RecordedPulses& recorded, int rate_hz) : recorded_(recorded), rate_hz_(rate_hz) {}
@@ -59,7 +57,8 @@ class FileClock {
     const auto& last = mapped.map.knots.back();
     const auto begin = edge_of(first.pulse), end = edge_of(last.pulse);
     if (!begin || !end || *end <= *begin) return;
-    drift_ = (last.sample - first.sample) / (to_seconds(*end - *begin) * rate_hz_) - 1;
+    const double drift = (last.sample - first.sample) / (to_seconds(*end - *begin) * rate_hz_) - 1;
+    if (std::abs(drift) <= kMaxDrift) drift_ = drift;
   }
 
  private:
@@ -98,9 +97,10 @@ void map_sound(const std::filesystem::path& path, const StudioSound& settings,
     if (length == 0) break;
     if (++blocks % kBlocksPerDrift == 0) clock.measure_drift(track.pulses());
     const MonotonicInstant at = clock.advance(length);
-    for (; pulse != recorded.pulses.end() && in_file(pulse->edge, *begin) <= at; ++pulse) {
-      const MonotonicInstant edge = in_file(pulse->edge, *begin);
-      if (edge < MonotonicInstant{}) continue;
+    for (; pulse != recorded.pulses.end(); ++pulse) {
+      if (pulse->edge < *begin) continue;
+      const MonotonicInstant edge(pulse->edge - *begin);
+      if (edge > at) break;
       track.add_pulse(pulse->pulse, edge);
       if (!first_pulse) first_pulse = pulse->pulse;
       last_pulse = pulse->pulse;

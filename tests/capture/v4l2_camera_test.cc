@@ -204,6 +204,7 @@ TEST_F(V4l2CameraTest, warns_of_a_triggered_camera_whose_interval_is_longer_than
   EXPECT_THAT(c->differences(),
               testing::ElementsAre(SettingDifference{"frame rate", "at least 50 Hz", "30 Hz"}));
   EXPECT_TRUE(driver_.streaming);
+  EXPECT_TRUE(c->keeps_up_with(std::chrono::milliseconds(20))) << "another start changes nothing";
 }
 
 TEST_F(V4l2CameraTest, must_be_started_again_for_pulses_faster_than_its_interval) {

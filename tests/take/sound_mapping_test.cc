@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "sound/ltc.h"
 #include "support/begun_take.h"
@@ -165,6 +166,24 @@ TEST_F(RecordedSounds, that_were_finished_before_the_kill_have_positions_by_the_
   const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
   ASSERT_EQ(sounds.size(), 1U);
   EXPECT_NEAR(error_of(sounds[0]), 80e-6 * truth(kPulses) / kRate, 0.5e-3);
+}
+
+TEST_F(RecordedSounds, beside_pulses_with_impossible_times_have_the_others) {
+  write_studio("pulse_channel = 2\n");
+  {
+    EventLogWriter pulses(paths_.pulses(), LogOpening::kContinue);
+    for (const int64_t ns :
+         {std::numeric_limits<int64_t>::min(), int64_t{-1}, std::numeric_limits<int64_t>::max()}) {
+      wire::PulseMessage message = message_of(kPulses);
+      message.edge = from_ns<Realtime>(ns);
+      ASSERT_TRUE(pulses.write(message));
+    }
+  }
+  write_sound(kBegin);
+  recover_take(paths_);
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_THAT(error_of(sounds[0]), Lt(0.1e-3));
 }
 
 TEST_F(RecordedSounds, of_another_hour_get_no_map_and_a_line_with_the_cause) {

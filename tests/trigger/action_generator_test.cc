@@ -74,7 +74,7 @@ int64_t ptp_now() { return to_ns(Monotonic::now()) + kPtpAhead; }
 TEST(ActionGenerator, schedules_evenly_spaced_pulses_and_senses_what_is_acknowledged) {
   Socket camera;
   ASSERT_TRUE(camera.is_bound());
-  ActionGenerator generator(action(), {}, ptp_now);
+  ActionGenerator generator(action(), ptp_now);
   const auto sensor = generator.own_sensor();
   generator.arm({kRateHz, milliseconds(1), 5});
   sensor->reset();
@@ -103,7 +103,7 @@ TEST(ActionGenerator, schedules_evenly_spaced_pulses_and_senses_what_is_acknowle
 }
 
 TEST(ActionGenerator, continues_without_acknowledgements_and_names_the_camera) {
-  ActionGenerator generator(action(), {}, ptp_now);
+  ActionGenerator generator(action(), ptp_now);
   const auto sensor = generator.own_sensor();
   generator.arm({kRateHz, milliseconds(1), 3});
   generator.start();
@@ -121,7 +121,7 @@ TEST(ActionGenerator, continues_without_acknowledgements_and_names_the_camera) {
 TEST(ActionGenerator, counts_commands_that_a_camera_rejects) {
   Socket camera;
   ASSERT_TRUE(camera.is_bound());
-  ActionGenerator generator(action(), {}, ptp_now);
+  ActionGenerator generator(action(), ptp_now);
   generator.arm({kRateHz, milliseconds(1), {}});
   EXPECT_EQ(generator.statistics().acks_rejected, 0);
   generator.start();
@@ -137,7 +137,7 @@ TEST(ActionGenerator, counts_commands_that_a_camera_rejects) {
 TEST(ActionGenerator, sends_commands_without_a_time_where_the_clocks_differ) {
   Socket camera;
   ASSERT_TRUE(camera.is_bound());
-  ActionGenerator generator(action(), {}, ptp_now);
+  ActionGenerator generator(action(), ptp_now);
   generator.arm({kRateHz, milliseconds(1), 1});
   generator.set_clock_fault("cam01 does not follow PTP");
   generator.start();
@@ -154,7 +154,7 @@ TEST(ActionGenerator, reports_a_clock_that_is_set_during_the_train) {
   Socket camera;
   ASSERT_TRUE(camera.is_bound());
   std::atomic<int64_t> step = 0;
-  ActionGenerator generator(action(), {}, [&] { return ptp_now() + step; });
+  ActionGenerator generator(action(), [&] { return ptp_now() + step; });
   generator.arm({kRateHz, milliseconds(1), {}});
   generator.start();
   const auto first = camera.receive();

@@ -60,11 +60,6 @@ LampFlicker read_flicker(const std::string& text) {
   throw InputError("--flicker " + text + ": expected AMPLITUDE@HZ, like 0.05@120");
 }
 
-bool has_action_trigger(const std::string& trigger) {
-  if (trigger == "cable" || trigger == "action") return trigger == "action";
-  throw InputError("--trigger " + trigger + ": expected cable or action");
-}
-
 /// Blocks SIGTERM and SIGINT in all threads; the program polls them or waits for them.
 class StopSignals {
  public:
@@ -177,7 +172,7 @@ int run(Arguments arguments) {
   read_flicker(arguments.flicker);  // rejects it before the images are rendered
   const StudioText text{rate, parse_length(arguments.voxel),
                         std::string(name(read_format(arguments.format))),
-                        has_action_trigger(arguments.trigger)};
+                        arguments.trigger == "action"};
   std::filesystem::create_directories(folder);
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
@@ -246,6 +241,8 @@ void add_studio_command(cli::Command app, int& status) {
       .add_option("--trigger", arguments->trigger,
                   "Trigger of the studio file: cable, or action for GigE Vision action commands, "
                   "which the cameras always obey")
+      .type_name("cable|action")
+      .check(cli::one_of({"cable", "action"}))
       .show_default();
   command.add_flag("--no-ptp", arguments->has_no_ptp,
                    "The clocks of the cameras find no PTP master");

@@ -16,6 +16,10 @@ namespace v3d::ctl {
 
 using Json = nlohmann::ordered_json;
 
+/// Temperatures above these need the operator's attention, as in tools/monitoring/v3d.rules.yml.
+inline constexpr double kMaxPcCelsius = 85;
+inline constexpr double kMaxCameraCelsius = 75;
+
 /// Value of a counter or gauge with the unit in the end of its name: "812 GB" for disk_free_bytes,
 /// "45 min" for disk_seconds_left, "yes" for streaming_flag, "+12 us", "25.0/s"; otherwise a count.
 std::string value_text(const std::string& name, double value);

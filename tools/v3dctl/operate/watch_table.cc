@@ -16,8 +16,6 @@ constexpr double kWarnQueue = 8;          // frames of one camera; the queue hol
 constexpr double kWarnDiskSeconds = 600;  // of recording
 constexpr double kAlarmDiskSeconds = 60;
 constexpr double kWarnClockOffsetUs = 1000;  // well below the period of the pulses
-constexpr double kWarnCelsius = 85;
-constexpr double kWarnCameraCelsius = 75;
 constexpr double kWarnCpuPercent = 95;
 constexpr double kWarnMemoryBytes = 500e6;
 
@@ -138,7 +136,7 @@ WatchLine node_line(const std::string& node, const StudioState& state) {
   add_clock(row, health);
   add_value(row, health, "cpu_machine_percent", kWarnCpuPercent);
   add_memory(row, health);
-  add_value(row, health, "temperature_max_celsius", kWarnCelsius);
+  add_value(row, health, "temperature_max_celsius", kMaxPcCelsius);
   const auto latency = find(health, "latency_p50_ms");
   row.add(latency
               ? value_text("_us", *latency).substr(0, value_text("_us", *latency).size() - 2) + "ms"
@@ -160,7 +158,7 @@ std::pair<WatchLine, bool> camera_line(const std::string& camera,
   add_count(row, value("queue_frames"), Highlight::kWarning, kWarnQueue);
   if (value("temperature_celsius")) {
     for (size_t i = 0; i < kColumnsOfNodes; ++i) row.add("");
-    add_value(row, health, camera + ".temperature_celsius", kWarnCameraCelsius);
+    add_value(row, health, camera + ".temperature_celsius", kMaxCameraCelsius);
   }
   const WatchLine line = row.line();
   const bool needs_attention =

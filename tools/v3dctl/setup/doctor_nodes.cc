@@ -32,7 +32,7 @@ constexpr ValueCheck kValueChecks[] = {
     {"disk_smart_failed_flag", "disk health", [](double v) { return v != 0; },
      "collect the takes, and replace the disk"},
     {"disk_wear_percent", "disk wear", [](double v) { return v >= 90; }, "order a new disk"},
-    {"temperature_max_celsius", "temperature", [](double v) { return v > 85; },
+    {"temperature_max_celsius", "temperature", [](double v) { return v > kMaxPcCelsius; },
      "check its fans and filters"},
     {"memory_available_bytes", "memory", [](double v) { return v < 500e6; },
      "v3dctl health shows what the daemon uses"},
@@ -83,10 +83,9 @@ Finding check_versions(const Health& health) {
 
 /// Cameras above the limit of the alert V3dCameraHot.
 void add_hot_cameras(const wire::HealthMessage& health, std::vector<Finding>& findings) {
-  constexpr double kMaxCelsius = 75;
   constexpr std::string_view kSuffix = ".temperature_celsius";
   for (const auto& [name, value] : health.values) {
-    if (!name.ends_with(kSuffix) || value <= kMaxCelsius) continue;
+    if (!name.ends_with(kSuffix) || value <= kMaxCameraCelsius) continue;
     findings.push_back({Verdict::kBad, name.substr(0, name.size() - kSuffix.size()),
                         "the camera has " + value_text(name, value),
                         "give it air, or mount it on metal"});
