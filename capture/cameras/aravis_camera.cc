@@ -3,6 +3,9 @@
 #include <arv.h>
 
 #include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
 #include <thread>
 #include <utility>
 
@@ -101,6 +104,66 @@ std::optional<Image> image_of(ArvBuffer* buffer, const SentLayout& layout) {
   return decode_image(layout, {static_cast<const uint8_t*>(data), bytes});
 }
 
+/// Reads clock offset and temperature of a camera at once, then every two seconds on a thread of
+/// its own. Aravis waits up to three seconds for the answer to a lost packet; pictures do not wait.
+class StateReader {
+ public:
+  /// `camera` must outlive this object, and nothing else may read its features meanwhile.
+  StateReader(ArvCamera* camera, std::optional<Ptp> ptp)
+      : camera_(camera),
+        ptp_(std::move(ptp)),
+        has_temperature_(aravis::has_feature(camera, "DeviceTemperature")) {
+    if (!ptp_ && !has_temperature_) return;
+    read();
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+
+  /// Offset of the camera's clock from its PTP master. Empty while it is not synchronised, or if
+  /// PTP is off.
+  std::optional<Duration> ptp_offset() const {
+    const std::lock_guard lock(mutex_);
+    return ptp_offset_;
+  }
+  std::optional<double> temperature_celsius() const {
+    const std::lock_guard lock(mutex_);
+    return temperature_celsius_;
+  }
+
+ private:
+  static constexpr Duration kPeriod = std::chrono::seconds(2);
+
+  void run(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, stop, kPeriod, [&] { return stop.stop_requested(); })) {
+      lock.unlock();
+      read();
+      lock.lock();
+    }
+  }
+
+  void read() {
+    const auto offset = ptp_ ? ptp_->offset() : std::nullopt;
+    std::optional<double> celsius;
+    if (has_temperature_) {
+      Problem problem;
+      celsius = arv_camera_get_float(camera_, "DeviceTemperature", problem);
+      if (problem.happened()) celsius.reset();
+    }
+    const std::lock_guard lock(mutex_);
+    ptp_offset_ = offset;
+    temperature_celsius_ = celsius;
+  }
+
+  ArvCamera* camera_;
+  const std::optional<Ptp> ptp_;
+  const bool has_temperature_;
+  mutable std::mutex mutex_;  ///< protects the next two members
+  std::optional<Duration> ptp_offset_;
+  std::optional<double> temperature_celsius_;
+  std::condition_variable_any wake_;
+  std::jthread thread_;  ///< last member: it uses the others
+};
+
 }  // namespace
 
 class AravisCamera::Link {
@@ -113,14 +176,15 @@ class AravisCamera::Link {
     }
     differences_ = aravis::write_settings(settings, camera_.get());
     device_ = read_device(camera_.get());
-    has_temperature_ = aravis::has_feature(camera_.get(), "DeviceTemperature");
     layout_ = sent_layout(settings, camera_.get());
-    if (settings.ptp || settings.action) ptp_ = Ptp::of(camera_.get());
     if (settings.chunk_data) chunks_.reset(arv_camera_create_chunk_parser(camera_.get()));
     stream(settings, payload_bytes(settings, camera_.get(), layout_.byte_count()));
+    const bool has_clock = settings.ptp || settings.action;
+    state_.emplace(camera_.get(), has_clock ? Ptp::of(camera_.get()) : std::nullopt);
   }
 
   ~Link() {
+    state_.reset();
     if (on_lost_) g_signal_handler_disconnect(arv_camera_get_device(camera_.get()), on_lost_);
     if (stream_ && !lost_) {
       Problem problem;  // ignored: a camera that no longer answers does not stream either
@@ -140,21 +204,7 @@ class AravisCamera::Link {
     return static_cast<int64_t>(all) - foreign_underruns_;
   }
 
-  /// Queries clock and temperature of the camera, at most every kQueryPeriod.
-  void query() {
-    if (Monotonic::now() < next_query_) return;
-    next_query_ = Monotonic::now() + kQueryPeriod;
-    if (ptp_) ptp_offset_ = ptp_->offset();
-    if (!has_temperature_) return;
-    Problem problem;
-    const double celsius = arv_camera_get_float(camera_.get(), "DeviceTemperature", problem);
-    temperature_celsius_ = problem.happened() ? std::nullopt : std::optional(celsius);
-  }
-
-  /// Offset of the camera's clock from its PTP master at the last query. Empty while the clock is
-  /// not synchronised, or if PTP is off.
-  std::optional<Duration> ptp_offset() const { return ptp_offset_; }
-  std::optional<double> temperature_celsius() const { return temperature_celsius_; }
+  const StateReader& state() const { return *state_; }
 
   /// Exposure time in microseconds from the chunk data of a frame; empty if it has none.
   std::optional<double> exposure_us(ArvBuffer* buffer) {
@@ -170,8 +220,6 @@ class AravisCamera::Link {
   static void on_stream(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* /*buffer*/) {
     if (type == ARV_STREAM_CALLBACK_TYPE_INIT) use_isolated_processors(IsolatedTask::kPackets);
   }
-
-  static constexpr Duration kQueryPeriod = std::chrono::seconds(2);
 
   void stream(const StudioCamera& settings, size_t payload) {
     Problem problem;
@@ -198,13 +246,9 @@ class AravisCamera::Link {
   gulong on_lost_ = 0;
   int64_t foreign_underruns_ = 0;  ///< caused by frames of other cameras, before the first buffer
   SentLayout layout_;
-  std::optional<Ptp> ptp_;
-  bool has_temperature_ = false;
-  MonotonicInstant next_query_{};
-  std::optional<Duration> ptp_offset_;
-  std::optional<double> temperature_celsius_;
   CameraDevice device_;
   std::vector<SettingDifference> differences_;
+  std::optional<StateReader> state_;
 };
 
 AravisCamera::AravisCamera(StudioCamera settings) : settings_(std::move(settings)) {}
@@ -227,9 +271,8 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
         std::chrono::duration_cast<std::chrono::microseconds>(deadline - Monotonic::now());
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
     read_statistics();
-    link_->query();
-    store_ptp_offset(link_->ptp_offset());
-    temperature_celsius_ = link_->temperature_celsius().value_or(kNoTemperature);
+    store_ptp_offset(link_->state().ptp_offset());
+    temperature_celsius_ = link_->state().temperature_celsius().value_or(kNoTemperature);
     if (!buffer) return {};
     CameraFrame frame;
     frame.received = Monotonic::now();

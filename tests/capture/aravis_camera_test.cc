@@ -16,6 +16,7 @@
 #include "capture/cameras/camera.h"
 #include "capture/fake_camera.h"
 #include "sim/cameras/gige_cameras.h"
+#include "support/control_relay.h"
 #include "support/gvsp_sender.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -274,6 +275,26 @@ TEST(AravisCamera, reports_model_firmware_and_temperature) {
   camera.wait(in(milliseconds(1)));
   ASSERT_TRUE(camera.statistics().temperature_celsius);
   EXPECT_NEAR(*camera.statistics().temperature_celsius, 41.5, 0.01);
+}
+
+TEST(AravisCamera, receives_frames_while_the_camera_does_not_answer_about_its_temperature) {
+  const SimulatedCamera sim;
+  sim.fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 128);  // fits the default socket buffer
+  test::ControlRelay relay;
+  StudioCamera wanted = SimulatedCamera::settings();
+  wanted.address = test::ControlRelay::kAddress;
+  wanted.packet_socket = false;  // its filter expects images from the relay's address
+  AravisCamera camera(wanted);
+  camera.start();
+  relay.drop_reads_of(kTemperature);
+  const auto deadline = in(seconds(60));
+  while (relay.dropped() < 4 && Monotonic::now() < deadline) {
+    const int before = relay.dropped();
+    sim.fake.trigger();
+    ASSERT_TRUE(camera.wait(in(seconds(10))));
+    ASSERT_LT(relay.dropped(), before + 3) << "the frame waited for the answer";
+  }
+  EXPECT_GE(relay.dropped(), 4) << "Aravis asks six times";
 }
 
 TEST(AravisCamera, reads_a_region_of_the_sensor) {

@@ -155,7 +155,9 @@ class StudioOf16 : public testing::Test {
     const auto now = injected();
     for (int i = 0; i < kCameras; ++i) {
       const auto ledger = nlohmann::json::parse(stopped.replies.at(node(i)).detail);
-      EXPECT_TRUE(ledger["complete"].get<bool>() || !has_all_pulses) << ledger;
+      EXPECT_TRUE(ledger["complete"].get<bool>() || !has_all_pulses)
+          << ledger << "\n"
+          << read_file(folder_ / (node(i) + ".log"));
       const auto& camera = ledger["cameras"][0];
       const std::string name = camera["name"];
       const auto received = static_cast<int64_t>(recon[name + ".live_received"].get<double>());
