@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "base/core/error.h"
+#include "daemon/node/peer_health.h"
 #include "daemon/node/service.h"
 #include "wire/messages.h"
 
@@ -135,6 +136,7 @@ void NodeLoop::publish_health() {
   report_counts(health);
   report_problem(health);
   check_name(health);
+  if (is_stopping_) health.values[kStopping] = 1;
   bus_.publish_authenticated(wire::health_channel(identity_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
@@ -223,6 +225,7 @@ void NodeLoop::shut_down() {
   protocol_.begin_shutdown(Monotonic::now());
   while (!protocol_.may_shut_down(Monotonic::now())) run_once();
   delegate_.disarm();
+  is_stopping_ = true;
   publish_health();
 }
 

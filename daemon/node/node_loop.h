@@ -74,6 +74,7 @@ class NodeLoop {
   std::optional<wire::PublicKey> passed_key_;  ///< of the signing key that the delegate has
   bus::Subscription<control::CommandReplayFilter::Admitted> commands_;
   NameMonitor name_monitor_;
+  bool is_stopping_ = false;
   std::string name_alarm_;  ///< empty: no other process has this node's name
   int64_t clock_steps_ = 0;
   Duration reported_step_{};

@@ -18,6 +18,11 @@ std::optional<int64_t> commanded_by(const wire::HealthMessage& health) {
   return static_cast<int64_t>(commanded->second);
 }
 
+bool is_set(const wire::HealthMessage& health, const char* flag) {
+  const auto found = health.values.find(flag);
+  return found != health.values.end() && found->second > 0;
+}
+
 std::optional<ReceivedHealth> open_health(const bus::ReceivedMessage& in) {
   if (!in.is_accepted) return std::nullopt;
   auto health = wire::decode<wire::HealthMessage>(in.bytes);
@@ -34,13 +39,14 @@ bool HealthOrder::is_newest(const ReceivedHealth& message) {
   if (session_ == message.session) {
     if (message.health.seq <= seq_) return false;
   } else if (session_) {
-    if (message.sent - sent_ < kSilence) return false;
+    if (!has_ended_ && message.sent - sent_ < kSilence) return false;
     if (former_.size() == kMaxFormer) former_.pop_front();
     former_.push_back(*session_);
   }
   session_ = message.session;
   seq_ = message.health.seq;
   sent_ = message.sent;
+  has_ended_ = is_set(message.health, kStopping);
   return true;
 }
 
@@ -92,10 +98,7 @@ std::optional<TrainMonitor::RunningTake> TrainMonitor::running() {
   return running;
 }
 
-bool reports_full_disk(const wire::HealthMessage& health) {
-  const auto full = health.values.find(kDiskFull);
-  return full != health.values.end() && full->second > 0;
-}
+bool reports_full_disk(const wire::HealthMessage& health) { return is_set(health, kDiskFull); }
 
 void FullDiskState::reset(MonotonicInstant now) {
   began_ = now;

@@ -23,6 +23,9 @@ struct ReceivedHealth {
   MonotonicInstant sent;  ///< latest possible time, on the clock of this PC
 };
 
+/// Name of a health value: 1 in the last message of a process that ends as it was asked to.
+inline constexpr char kStopping[] = "stopping_flag";
+
 /// Detects which health messages of a node were sent last: by session and sequence number, because
 /// the clock of the node may be set back. One thread.
 ///
@@ -30,8 +33,9 @@ struct ReceivedHealth {
 /// too: its messages are ignored while those of the first process arrive.
 class HealthOrder {
  public:
-  /// A session ends when it has sent no message for this long. Health is sent every second. The
-  /// times of sending count: a process that was stopped reads the messages of two sessions at once.
+  /// A session ends with a message that has kStopping, or when it has sent none for this long.
+  /// Health is sent every second. The times of sending count: a process that was stopped reads the
+  /// messages of two sessions at once.
   static constexpr Duration kSilence = std::chrono::seconds(3);
 
   /// True if the message was sent after all earlier arguments, by the same process or by one that
@@ -44,6 +48,7 @@ class HealthOrder {
 
   std::optional<uint64_t> session_;  ///< empty before the first message
   int64_t seq_ = 0;                  ///< of the newest message
+  bool has_ended_ = false;           ///< the newest message has kStopping
   MonotonicInstant sent_;            ///< of the newest message
   std::deque<uint64_t> former_;      ///< ended sessions, oldest first
 };

@@ -141,6 +141,22 @@ TEST_F(TrainStateTest, follows_a_restarted_node_although_its_former_messages_wer
   EXPECT_TRUE(train_.ended());
 }
 
+TEST_F(TrainStateTest, follows_a_process_at_once_after_the_last_message_of_the_one_before) {
+  receive(next(wire::NodeState::kIdle));
+  const ReceivedHealth late = next(wire::NodeState::kIdle);
+  ReceivedHealth last = next(wire::NodeState::kIdle);
+  last.health.values[kStopping] = 1;
+  receive(last);
+  ++session_;
+  seq_ = 0;
+  receive(next(wire::NodeState::kRecording));
+  receive(late);
+  receive(last);
+  EXPECT_FALSE(train_.ended()) << "messages of the former process";
+  receive(next(wire::NodeState::kDraining));
+  EXPECT_TRUE(train_.ended());
+}
+
 TEST_F(TrainStateTest, ends_at_once_after_it_was_rejoined) {
   ASSERT_EQ(train_.running(next(wire::NodeState::kRecording)).value().take, kTake);
   receive(next(wire::NodeState::kIdle));
