@@ -8,6 +8,7 @@
 #include <csignal>
 
 #include "base/io/file.h"
+#include "support/priority.h"
 
 namespace v3d::test {
 
@@ -17,9 +18,11 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, std::filesys
   for (const std::string& part : command) arguments.push_back(const_cast<char*>(part.c_str()));
   arguments.push_back(nullptr);
   const int fd = open(log_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  const int nice = nice_of(command);
   pid_ = fork();
   if (pid_ == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
+    setpriority(PRIO_PROCESS, 0, nice);
     dup2(fd, STDOUT_FILENO);
     dup2(fd, STDERR_FILENO);
     execv(arguments[0], arguments.data());

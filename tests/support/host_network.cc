@@ -10,6 +10,8 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "support/priority.h"
+
 namespace v3d::test {
 namespace {
 
@@ -26,6 +28,7 @@ class OperatorsHost : public testing::Environment {
   void SetUp() override {
     const uid_t user = getuid();
     const gid_t group = getgid();
+    use_hardware_priority();
     if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) GTEST_SKIP() << "no network namespace here";
     std::ofstream("/proc/self/setgroups") << "deny";
     std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";

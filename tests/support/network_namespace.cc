@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "base/core/error.h"
+#include "support/priority.h"
 
 namespace v3d::test {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 std::string enter_namespaces() {
   const uid_t user = getuid();
   const gid_t group = getgid();
+  use_hardware_priority();
   if (unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWNS) != 0) return errno_message("unshare");
   std::ofstream("/proc/self/setgroups") << "deny";
   std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
