@@ -177,6 +177,18 @@ struct HealthMessage {
   std::map<std::string, std::string> texts = {};
 };
 
+/// The parts of a name in HealthMessage: "cam03.firmware". Names of cameras may have dots, those of
+/// values have none.
+struct HealthName {
+  std::string camera;  ///< empty: a value of the node
+  std::string name;
+};
+inline HealthName split_health_name(const std::string& text) {
+  const size_t dot = text.rfind('.');
+  if (dot == std::string::npos) return {.camera = {}, .name = text};
+  return {.camera = text.substr(0, dot), .name = text.substr(dot + 1)};
+}
+
 enum class Severity : uint8_t { kInfo = 1, kWarning, kAlarm };
 
 /// V3D_EVENT: a message for the operator about something that happened.

@@ -73,13 +73,10 @@ class MetricsHandler final : public web::WebHandler {
     add(families, "v3d_info", info_of(health_));
     add_camera_info(families);
     for (const auto& [value_name, value] : health_.values) {
-      // Values of a camera have its name as prefix: "cam03.frames_missing".
-      const size_t dot = value_name.find('.');
+      const auto [camera, name] = wire::split_health_name(value_name);
       std::vector<ClientMetric::Label> labels = {{"node", health_.node}};
-      if (dot != std::string::npos) labels.push_back({"camera", value_name.substr(0, dot)});
-      const std::string short_name =
-          dot == std::string::npos ? value_name : value_name.substr(dot + 1);
-      add(families, metric_name((dot == std::string::npos ? "" : "camera_") + short_name),
+      if (!camera.empty()) labels.push_back({"camera", camera});
+      add(families, metric_name((camera.empty() ? "" : "camera_") + name),
           gauge(std::move(labels), value));
     }
     std::vector<MetricFamily> list;
@@ -91,12 +88,11 @@ class MetricsHandler final : public web::WebHandler {
   void add_camera_info(std::map<std::string, MetricFamily>& families) const {
     std::map<std::string, std::vector<ClientMetric::Label>> labels;  // by camera
     for (const auto& [text_name, text] : health_.texts) {
-      const size_t dot = text_name.rfind('.');
-      if (dot == std::string::npos) continue;
-      const std::string camera = text_name.substr(0, dot);
+      const auto [camera, name] = wire::split_health_name(text_name);
+      if (camera.empty()) continue;
       auto& of_camera = labels[camera];
       if (of_camera.empty()) of_camera = {{"node", health_.node}, {"camera", camera}};
-      of_camera.push_back({text_name.substr(dot + 1), text});
+      of_camera.push_back({name, text});
     }
     for (auto& [camera, of_camera] : labels) {
       add(families, "v3d_camera_info", gauge(std::move(of_camera), 1));

@@ -188,10 +188,10 @@ class SharedStudio : public testing::Test {
     client_.emplace(load_studio(folder_ / "cap01" / "studio.toml"));  // drops its health
   }
   /// Sends "stop" until every node except the `dead` ones has replied "done". While a node is dead,
-  /// each command waits its full 25 s; a busy machine may need several commands.
+  /// each command waits its full 8 s; a busy machine may need several commands.
   void stop(const std::vector<std::string>& dead = {}) {
     const auto living_are_done = [&] {
-      stopped_ = command(wire::CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
+      stopped_ = command(wire::CommandVerb::kStop, 0, dead.empty() ? 60 : 8);
       return stopped_.silent == dead &&
              std::ranges::all_of(stopped_.replies, [](const auto& reply) {
                return reply.second.outcome == wire::ReplyMessage::Outcome::kDone;

@@ -82,6 +82,14 @@ TEST(HealthText, has_model_and_firmware_of_a_camera) {
             "1.2");
 }
 
+TEST(HealthText, has_a_column_for_a_camera_with_a_dot_in_its_name) {
+  const auto lines = health_lines(
+      {"cap01"}, {{"cap01", health(wire::NodeState::kIdle,
+                                   {{"left.1.frames_missing", 3}, {"left.2.frames_missing", 4}})}});
+  EXPECT_THAT(lines, Contains(HasSubstr("  left.1  left.2")));
+  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("frames_missing"), HasSubstr("3       4"))));
+}
+
 TEST(HealthText, has_a_table_of_cameras_below_the_values_of_the_node) {
   wire::HealthMessage message =
       health(wire::NodeState::kRecording, {{"disk_free_bytes", 812e9},

@@ -72,6 +72,15 @@ TEST(MetricsServer, serves_the_last_health_with_node_and_camera_as_labels) {
   EXPECT_THAT(get(port), Not(HasSubstr("frames_missing")));
 }
 
+TEST(MetricsServer, labels_values_with_a_camera_with_a_dot_in_its_name) {
+  MetricsServer server("127.0.0.1:0");
+  wire::HealthMessage message = health();
+  message.values = {{"left.1.frames_missing", 7}};
+  server.update(message);
+  EXPECT_THAT(get(server.port()),
+              HasSubstr("v3d_camera_frames_missing{node=\"cap01\",camera=\"left.1\"} 7"));
+}
+
 TEST(MetricsServer, answers_while_a_client_never_completes_its_request) {
   MetricsServer server("127.0.0.1:0");
   for (const std::string half : {"", "GET /metrics HTTP/1.0\r\nX: "}) {

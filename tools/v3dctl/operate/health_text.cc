@@ -17,8 +17,8 @@ using CameraValues = std::map<std::string, double>;
 std::map<std::string, CameraValues> values_by_camera(const wire::HealthMessage& health) {
   std::map<std::string, CameraValues> cameras;
   for (const auto& [name, value] : health.values) {
-    const size_t dot = name.find('.');
-    if (dot != std::string::npos) cameras[name.substr(0, dot)][name.substr(dot + 1)] = value;
+    const wire::HealthName parts = wire::split_health_name(name);
+    if (!parts.camera.empty()) cameras[parts.camera][parts.name] = value;
   }
   return cameras;
 }
@@ -123,7 +123,7 @@ std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
                       "unknown: neither chronyd nor systemd-timesyncd runs on the node");
     }
     for (const auto& [name, value] : found->second.values) {
-      if (name.find('.') != std::string::npos) continue;
+      if (!wire::split_health_name(name).camera.empty()) continue;
       lines.push_back("    " + pad_right(name, 28) + value_text(name, value));
     }
     const auto cameras = values_by_camera(found->second);
