@@ -127,17 +127,19 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   }
 }
 
-/// A studio that deforms the surfaces with one thread. At high quality there is no time for 20 of
-/// them in a second. The parameter is the quality.
+/// A studio that deforms the surfaces with one thread. On a busy machine, pulses at 20 Hz leave no
+/// time for a pass of medium quality, and frames are too late for their set. The parameter is the
+/// quality.
 class DeformingStudio4 : public Studio4, public testing::WithParamInterface<const char*> {
  protected:
   DeformingStudio4()
       : Studio4({.voxel = "12mm",
-                 .more = "quality = \"" + std::string(GetParam()) + "\"\nthreads = 1\n"}) {}
+                 .more = "quality = \"" + std::string(GetParam()) + "\"\nthreads = 1\n",
+                 .rate = "5"}) {}
 };
 
 TEST_P(DeformingStudio4, reconstructs_the_pulses_it_has_time_for_to_the_bytes_of_v3dctl) {
-  constexpr int kPulses = 60;
+  constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
   const control::Answer stopped = command(wire::CommandVerb::kStop);
