@@ -111,7 +111,7 @@ class StateReader {
   /// `camera` must outlive this object, and nothing else may read its features meanwhile.
   StateReader(ArvCamera* camera, std::optional<Ptp> ptp)
       : camera_(camera),
-        ptp_(std::move(ptp)),
+        ptp_(ptp),
         has_temperature_(aravis::has_feature(camera, "DeviceTemperature")) {
     if (!ptp_ && !has_temperature_) return;
     read();
