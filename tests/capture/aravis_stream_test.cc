@@ -22,7 +22,6 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using testing::AllOf;
 using testing::HasSubstr;
 
 MonotonicInstant in(Duration d) { return Monotonic::now() + d; }
