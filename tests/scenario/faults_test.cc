@@ -267,14 +267,15 @@ TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clo
   EXPECT_THAT(faulty().suspect, IsEmpty());
 }
 
+/// 4 Hz: a frame that a busy machine delays by half a period gets the number of the next pulse.
 class CameraWithNewClock : public FaultyStudio {
  protected:
-  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 1500\nnew_clock = true")) {}
+  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 2500\nnew_clock = true"), "4") {}
 };
 TEST_F(CameraWithNewClock,
        rejoins_the_take_with_suspect_frames_until_arrival_times_confirm_the_pulse) {
   record_until_back(20);
-  ASSERT_GE(faulty().missing.size(), 15U);
+  ASSERT_GE(faulty().missing.size(), 10U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
       << "one gap";
   EXPECT_THAT(faulty().duplicate, IsEmpty());

@@ -10,8 +10,9 @@
 
 namespace v3d::test {
 
-/// Of simulated hardware: v3d-sim, and test programs, which connect its cables.
-inline constexpr int kHardwareNice = -15;
+/// Of simulated hardware, v3d-sim and test programs, which connect its cables: that of
+/// v3d-captured. A higher one would delay v3d-captured while v3d-sim draws its pictures.
+inline constexpr int kHardwareNice = -10;
 
 /// The nice value of a command with its arguments. Those of daemons are in systemd/*.service.
 inline int nice_of(const std::vector<std::string>& command) {
@@ -19,8 +20,7 @@ inline int nice_of(const std::vector<std::string>& command) {
     return std::ranges::any_of(
         command, [&](const std::string& part) { return part.ends_with("/" + program); });
   };
-  if (runs("v3d-sim")) return kHardwareNice;
-  if (runs("v3d-captured")) return -10;
+  if (runs("v3d-sim") || runs("v3d-captured")) return kHardwareNice;
   return runs("v3d-viewd") ? 5 : 0;
 }
 
