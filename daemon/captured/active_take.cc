@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/core/text.h"
+#include "capture/sync/pulse_times.h"
 #include "daemon/captured/pulse_log.h"
 #include "daemon/node/take_folder.h"
 
@@ -178,7 +179,9 @@ bool ActiveTake::pulses_are_complete(bool is_idle) const {
 bool ActiveTake::is_drained() const {
   const Duration since = Monotonic::now() - train_ended_at_;
   if (since >= kDrainTimeout) return true;
-  const Duration idle_time = std::min<Duration>(kMaxIdleTime, 10 * period_of(plan_.train.rate_hz));
+  // At a high rate, a pulse may be sensed more than ten periods late.
+  const Duration idle_time = std::clamp<Duration>(
+      10 * period_of(plan_.train.rate_hz), capture::PulseTimes::kMaxSenseDelay, kMaxIdleTime);
   const bool is_idle = since > idle_time;
   if (!pulses_are_complete(is_idle)) return false;
   if (check_) return is_idle || check_->has_received(commanded());
