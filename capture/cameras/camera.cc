@@ -75,8 +75,9 @@ void FreeRunningCamera::follow_train() {
 }
 
 std::optional<CameraFrame> FreeRunningCamera::wait(MonotonicInstant deadline) {
-  follow_train();
-  while (!lost()) {
+  while (true) {
+    follow_train();
+    if (lost()) break;
     if (auto frame = labelled()) return frame;
     if (now_() >= deadline) break;
     receive(deadline);
@@ -101,9 +102,9 @@ std::optional<CameraFrame> FreeRunningCamera::labelled() {
     if (!place) return {};
     CameraFrame frame = std::move(held_.front());
     held_.pop_front();
+    if (place->phase) phase_ = place->phase;
     if (!place->pulse) continue;
-    phase_ = place->phase;
-    reported_phase_ = place->phase;
+    reported_phase_ = *place->phase;
     has_phase_ = true;
     frame.pulse = place->pulse;
     return frame;

@@ -75,8 +75,8 @@ std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<
   const int64_t pulse = nearest.number + periods;
   const bool certain = last.at > at || keeps_phase || phase < period_ * 4 / 10;
   if (!all_known && (pulse > last.number || !certain)) return std::nullopt;
-  if (pulse < 0 || pulse > last.number) return NearestPulse{};
-  return NearestPulse{.pulse = pulse, .phase = phase};
+  const bool in_train = pulse >= 0 && pulse <= last.number;
+  return NearestPulse{.pulse = in_train ? std::optional(pulse) : std::nullopt, .phase = phase};
 }
 
 namespace {

@@ -17,8 +17,10 @@ namespace v3d::capture {
 
 /// The pulse nearest to an exposure.
 struct NearestPulse {
-  std::optional<int64_t> pulse = {};  ///< empty: no pulse within half a period
-  Duration phase{};                   ///< from the pulse to the exposure; may be negative
+  std::optional<int64_t> pulse = {};  ///< empty: the exposure is before or after the train
+  /// From the pulse to the exposure; may be negative. Before and after the train: from the pulse
+  /// that a longer train would have. Empty if no pulse was sensed.
+  std::optional<Duration> phase = {};
 };
 
 /// The latest 256 sensed pulses of a train, with times of this host's clock. Thread-safe.
@@ -45,8 +47,9 @@ class PulseTimes {
   ///
   /// `before` is the phase of the previous frame of the camera. It gives hysteresis: a frame keeps
   /// the pulse next to that of the previous frame until it is 0.6 periods away from it. So frames
-  /// half-way between two pulses do not alternate. A pulse that was not sensed, between two sensed
-  /// ones, counts as well. Empty while a pulse that is reported later may change the result.
+  /// half-way between two pulses do not alternate, from the last frame before the train on. A pulse
+  /// that was not sensed, between two sensed ones, counts as well. Empty while a pulse that is
+  /// reported later may change the result.
   std::optional<NearestPulse> find(MonotonicInstant at, std::optional<Duration> before,
                                    MonotonicInstant now) const;
 

@@ -107,6 +107,23 @@ TEST_F(FreeRunningCameraTest, does_not_reuse_the_phase_of_the_previous_train) {
   }
 }
 
+TEST_F(FreeRunningCameraTest, labels_every_pulse_once_if_frames_lie_half_way_between_pulses) {
+  std::vector<int64_t> all(20);
+  std::iota(all.begin(), all.end(), 0);
+  for (const Duration jitter : {Duration(microseconds(500)), Duration(-microseconds(500))}) {
+    pulses_.begin(kPeriod);
+    const MonotonicInstant first = bench_.now + milliseconds(420);
+    // The frame before pulse 0 is too early or too late by the jitter, the frame after it
+    // inversely.
+    for (int64_t i = -10; i < 25; ++i) {
+      bench_.exposures.push_back(first - kPeriod / 2 + i * kPeriod +
+                                 (i % 2 == 0 ? jitter : -jitter));
+    }
+    for (int64_t pulse = 0; pulse < 20; ++pulse) pulses_.add(pulse, first + pulse * kPeriod);
+    EXPECT_EQ(labels_until(bench_.now + seconds(2)), all);
+  }
+}
+
 TEST_F(FreeRunningCameraTest, skips_the_pulses_of_lost_frames) {
   run_for(100);
   for (int64_t pulse = 0; pulse < 90; ++pulse) pulses_.add(pulse, start_ + pulse * kPeriod);
