@@ -60,11 +60,10 @@ void CameraSession::disarm() {
 
 void CameraSession::pulse_at(const PulseEdge& edge) {
   if (!matcher_ || running_ || !ready_) return;
-  if (!start_.edge) {
-    expecting_ = true;
-    last_frame_ = std::max(last_frame_, edge.at);
+  if (!std::exchange(expecting_, true)) {
+    last_frame_ = std::max(last_frame_, edge.is_timed ? edge.at : options_.now());
   }
-  start_.edge = edge;
+  if (edge.is_timed) start_.edge = edge;
 }
 
 std::optional<Frame> CameraSession::step() {
@@ -194,7 +193,7 @@ std::vector<FrameStamp> CameraSession::held_stamps() const {
 /// First frames after a restart in a take: the times of reported pulses predict the arrival of
 /// frames, however long the interruption was.
 void CameraSession::label_resumed_frames(bool no_more) {
-  const bool is_known = start_.edge && start_.edge->is_timed && latency_;
+  const bool is_known = start_.edge && latency_;
   const bool may_wait = edges_are_reported_ && latency_ && !no_more && held_.size() < kStartFrames;
   if (!is_known && may_wait) return;
   if (is_known) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);

@@ -73,7 +73,7 @@ class PulseTimes {
 struct PulseEdge {
   int64_t pulse = 0;
   MonotonicInstant at;
-  bool is_timed = true;  ///< false: `at` is the arrival of a message of an unsynchronised host
+  bool is_timed = true;  ///< false: the time is unknown, and `at` must not be used
 };
 
 /// Time from a pulse to the arrival of its frame. `edge` is any pulse of the train.

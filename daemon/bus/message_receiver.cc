@@ -216,6 +216,7 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
   message.bytes = without_signature(kind, message.bytes);
   message.session = stamp.session;
   message.age = filter_.age(stamp, now, signer);
+  message.sent = stamp.sent;
   if (is_noted) filter_.note(stamp, now, signer);
   return message;
 }

@@ -33,6 +33,9 @@ struct ReceivedMessage {
   /// The least possible time since an accepted message was sent (SessionReplayFilter::age()). A
   /// process that was stopped reads old messages when it continues.
   Duration age{};
+  /// When an accepted message was sent, by the clock of its sender. With `age`, it relates that
+  /// clock to the one of this PC. Empty where no authentication is required.
+  std::optional<RealtimeInstant> sent = {};
 };
 
 /// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete

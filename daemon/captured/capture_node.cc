@@ -214,8 +214,9 @@ ActiveTake::Context CaptureNode::take_context() {
 }
 
 void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
-  pulse_times_.add(edge.pulse, edge.at);
   cameras_.pulse_at(edge);
+  if (!edge.is_timed) return;
+  pulse_times_.add(edge.pulse, edge.at);
   if (sound_) sound_->pulse_at(edge);
   if (timecode_) timecode_->pulse_at(edge);
 }

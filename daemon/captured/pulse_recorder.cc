@@ -1,5 +1,7 @@
 #include "daemon/captured/pulse_recorder.h"
 
+#include <cmath>
+
 #include "base/core/text.h"
 #include "daemon/captured/time_of_day.h"
 #include "wire/messages.h"
@@ -9,9 +11,11 @@ namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 constexpr size_t kPulseQueue = 256;
-/// A pulse that is older than this, or in the future, was timed by a clock that differs from this
-/// host's. The time of arrival is used instead.
+/// Without authentication: a pulse that is older than this, or in the future, was timed by a clock
+/// that differs from that of this PC.
 constexpr Duration kMaxNetworkDelay = std::chrono::milliseconds(200);
+/// Clocks that differ by less are synchronised: the least delay of a message is shorter.
+constexpr Duration kSynchronised = std::chrono::milliseconds(50);
 
 /// A lost message is noticed when the next one arrives. The last pulse has no next one, so its
 /// message is sent again.
@@ -22,7 +26,37 @@ KnownPulses known_pulses(const std::string& take,
   return resume ? KnownPulses(take, resume->sensed, resume->commanded) : KnownPulses(take);
 }
 
+/// Whether two times lie within ten seconds. For any values: their difference may overflow.
+bool are_close(RealtimeInstant a, RealtimeInstant b) {
+  return std::abs(static_cast<double>(to_ns(a)) - static_cast<double>(to_ns(b))) < 10e9;
+}
+
+std::optional<ReceivedPulse> open_pulse(const bus::ReceivedMessage& in) {
+  if (!in.is_accepted) return std::nullopt;
+  auto pulse = wire::decode<wire::PulseMessage>(in.bytes);
+  if (!pulse) return std::nullopt;
+  const capture::PulseEdge local = edge_on_this_pc(*pulse, in, bus::ReceiverTime::now());
+  return ReceivedPulse{*std::move(pulse), local};
+}
+
 }  // namespace
+
+capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,
+                                   const bus::ReceiverTime& now) {
+  const auto edge = [&](Duration ago) {
+    return capture::PulseEdge{.pulse = pulse.pulse, .at = now.monotonic - ago};
+  };
+  const capture::PulseEdge unknown{.pulse = pulse.pulse, .at = now.monotonic, .is_timed = false};
+  std::optional<Duration> ago;
+  if (are_close(now.realtime, pulse.edge)) ago = now.realtime - pulse.edge;
+  if (!in.sent) {
+    return ago && *ago >= Duration::zero() && *ago <= kMaxNetworkDelay ? edge(*ago) : unknown;
+  }
+  if (!are_close(*in.sent, pulse.edge)) return unknown;
+  const Duration compared = in.age + (*in.sent - pulse.edge);
+  const bool agrees = ago && std::chrono::abs(*ago - compared) <= kSynchronised;
+  return edge(agrees ? *ago : compared);
+}
 
 PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup setup)
     : sensor_(sensor),
@@ -37,8 +71,8 @@ PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup 
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
-    subscription_ = std::make_unique<bus::Subscription<wire::PulseMessage>>(
-        bus_, wire::kPulseChannel, kPulseQueue);
+    subscription_ = std::make_unique<bus::Subscription<ReceivedPulse>>(bus_, wire::kPulseChannel,
+                                                                       kPulseQueue, open_pulse);
   }
   thread_ = std::thread([this] { run(); });
 }
@@ -59,7 +93,7 @@ void PulseRecorder::run() {
       resend_last();
       continue;
     }
-    on_edge_(edge_of(*pulse));
+    on_edge_(pulse->local);
     record(*pulse);
   }
   while (resends_left_ > 0) resend_last();
@@ -80,15 +114,6 @@ void PulseRecorder::record(const wire::PulseMessage& pulse) {
   }
   const std::lock_guard lock(mutex_);
   known_.add(pulse.pulse);
-}
-
-capture::PulseEdge PulseRecorder::edge_of(const wire::PulseMessage& pulse) const {
-  if (sensor_ != nullptr) return {.pulse = pulse.pulse, .at = pulse.edge_monotonic};
-  const Duration ago = Realtime::now() - pulse.edge;
-  const bool plausible = ago >= Duration::zero() && ago <= kMaxNetworkDelay;
-  return {.pulse = pulse.pulse,
-          .at = Monotonic::now() - (plausible ? ago : Duration::zero()),
-          .is_timed = plausible};
 }
 
 int64_t PulseRecorder::sensed() const {
@@ -118,25 +143,26 @@ std::string PulseRecorder::warning() const {
   return text;
 }
 
-std::optional<wire::PulseMessage> PulseRecorder::next() {
+std::optional<ReceivedPulse> PulseRecorder::next() {
   return sensor_ != nullptr ? sense() : receive();
 }
 
-std::optional<wire::PulseMessage> PulseRecorder::sense() {
+std::optional<ReceivedPulse> PulseRecorder::sense() {
   const auto edge = sensor_->wait(Monotonic::now() + kPollInterval);
   if (!edge) return std::nullopt;
   const std::unique_lock lock(mutex_);
   const auto number = numbers_.number(*edge);
   if (!number) return std::nullopt;
-  return wire::PulseMessage{.sent = Realtime::now(),
-                            .seq = seq_++,
-                            .take = take_,
-                            .pulse = *number,
-                            .edge = to_realtime(edge->at),
-                            .edge_monotonic = edge->at};
+  return ReceivedPulse{{.sent = Realtime::now(),
+                        .seq = seq_++,
+                        .take = take_,
+                        .pulse = *number,
+                        .edge = to_realtime(edge->at),
+                        .edge_monotonic = edge->at},
+                       {.pulse = *number, .at = edge->at}};
 }
 
-std::optional<wire::PulseMessage> PulseRecorder::receive() {
+std::optional<ReceivedPulse> PulseRecorder::receive() {
   auto pulse = subscription_->wait(Monotonic::now() + kPollInterval);
   const std::lock_guard lock(mutex_);
   return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;

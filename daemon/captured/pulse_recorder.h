@@ -21,6 +21,22 @@
 
 namespace v3d::captured {
 
+/// When the sensed pulse of a received message was, on the clock of this PC at `now`.
+///
+/// The clocks of two PCs are compared by the messages that the sender's process has sent
+/// (ReceivedMessage::age): their difference is known to the least delay of a message. Where that
+/// agrees with the time in the message, the clocks are synchronised, and the time in the message is
+/// exact, however late it is received. Where it does not agree, the compared time counts, up to
+/// some milliseconds late. Without authentication nothing is compared, and a pulse of the future or
+/// of more than 200 ms ago has no time (PulseEdge::is_timed).
+capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,
+                                   const bus::ReceiverTime& now);
+
+/// A message of the trigger's node, and its pulse on the clock of this PC.
+struct ReceivedPulse : wire::PulseMessage {
+  capture::PulseEdge local;
+};
+
 /// On the trigger's node: reads the sense line and publishes each pulse. On other nodes: receives
 /// these pulse messages. Lives from arming to the end of the take, with a thread of its own.
 class PulseRecorder {
@@ -65,11 +81,9 @@ class PulseRecorder {
 
  private:
   void run();
-  std::optional<wire::PulseMessage> next();
-  /// The pulse with its time on this host's clock.
-  capture::PulseEdge edge_of(const wire::PulseMessage& pulse) const;
-  std::optional<wire::PulseMessage> sense();
-  std::optional<wire::PulseMessage> receive();
+  std::optional<ReceivedPulse> next();
+  std::optional<ReceivedPulse> sense();
+  std::optional<ReceivedPulse> receive();
   void record(const wire::PulseMessage& pulse);
   void resend_last();
 
@@ -77,7 +91,7 @@ class PulseRecorder {
   bus::Bus& bus_;
   const std::string take_;
   const std::function<void(const capture::PulseEdge&)> on_edge_;
-  std::unique_ptr<bus::Subscription<wire::PulseMessage>> subscription_;
+  std::unique_ptr<bus::Subscription<ReceivedPulse>> subscription_;
   std::optional<PulseLog> log_;
   int64_t seq_ = 0;
   std::vector<uint8_t> last_message_;  ///< this and the next: the recorder's thread only

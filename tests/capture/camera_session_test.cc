@@ -147,6 +147,19 @@ TEST_F(SensedCameraSessionTest, is_certain_of_the_very_first_train) {
   EXPECT_EQ(session_->status().suspect, 0);
 }
 
+TEST_F(SensedCameraSessionTest, is_certain_however_late_the_pulses_are_reported) {
+  for (const bool is_timed : {true, false}) {
+    for (const int periods : {0, 1, 3, 5, 7, 9, 12}) {
+      reports_are_timed_ = is_timed;
+      report_delay_ = periods * Script::kPeriod;
+      train(30);
+      EXPECT_EQ(frames_.size(), 30U);
+      EXPECT_EQ(mislabelled(), 0) << periods;
+      EXPECT_EQ(session_->status().suspect, 0) << periods;
+    }
+  }
+}
+
 TEST_F(SensedCameraSessionTest, suspects_the_very_first_train_if_its_first_frame_vanishes) {
   script_->vanished = {0};
   train(20);

@@ -43,8 +43,11 @@ class CameraSessionTest : public testing::Test {
     if (script_->train != reported_train_) reported_pulses_ = 0;
     reported_train_ = script_->train;
     for (; reported_train_ && reported_pulses_ < script_->pulses; ++reported_pulses_) {
-      if (script_->exposure(reported_pulses_) > script_->now) return;
-      session_->pulse_at({.pulse = reported_pulses_, .at = script_->exposure(reported_pulses_)});
+      const MonotonicInstant at = script_->exposure(reported_pulses_);
+      if (at + report_delay_ > script_->now) return;
+      session_->pulse_at({.pulse = reported_pulses_,
+                          .at = reports_are_timed_ ? at : script_->now,
+                          .is_timed = reports_are_timed_});
     }
   }
 
@@ -71,6 +74,8 @@ class CameraSessionTest : public testing::Test {
   std::unique_ptr<CameraSession> session_;
   std::vector<Frame> frames_;
   bool sensed_ = false;  ///< pulses are reported to the session
+  Duration report_delay_{};
+  bool reports_are_timed_ = true;
   std::optional<MonotonicInstant> reported_train_;
   int64_t reported_pulses_ = 0;
 };

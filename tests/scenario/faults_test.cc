@@ -46,6 +46,10 @@ Pulses range(int64_t first, int64_t last) {
 
 constexpr int64_t kPulses = 25;
 
+/// Hz, of stories in which the arrival decides the number of a suspect frame: a busy machine reads
+/// frames in less than half a period.
+constexpr char kSlow[] = "4";
+
 /// A studio whose cam02 has the faults. 10 Hz, so that a busy machine skips no pulse.
 class FaultyStudio : public Studio4 {
  protected:
@@ -205,7 +209,7 @@ TEST_F(MissedFirstTrigger, makes_all_frames_of_this_camera_suspect) {
 
 class MissedTrigger : public FaultyStudio {
  protected:
-  MissedTrigger() : FaultyStudio(fault(10, "missed")) {}
+  MissedTrigger() : FaultyStudio(fault(10, "missed"), kSlow) {}
 };
 TEST_F(MissedTrigger, is_listed_as_missing_and_makes_the_next_frame_suspect) {
   record(kPulses);
@@ -220,7 +224,7 @@ TEST_F(MissedTrigger, is_listed_as_missing_and_makes_the_next_frame_suspect) {
 
 class DuplicatedFrame : public FaultyStudio {
  protected:
-  DuplicatedFrame() : FaultyStudio(fault(10, "duplicate")) {}
+  DuplicatedFrame() : FaultyStudio(fault(10, "duplicate"), kSlow) {}
 };
 TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
   record(kPulses);
@@ -251,7 +255,7 @@ TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
 /// (capture/sync/pulse_matcher.cc): at 10 Hz that is 40 ms, too little on a busy machine.
 class UnpluggedCamera : public FaultyStudio {
  protected:
-  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 4000"), "4") {}
+  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 4000"), kSlow) {}
 };
 TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clock) {
   record_until_back(10);
@@ -270,7 +274,7 @@ TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clo
 /// 4 Hz: a frame that a busy machine delays by half a period gets the number of the next pulse.
 class CameraWithNewClock : public FaultyStudio {
  protected:
-  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 2500\nnew_clock = true"), "4") {}
+  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 2500\nnew_clock = true"), kSlow) {}
 };
 TEST_F(CameraWithNewClock,
        rejoins_the_take_with_suspect_frames_until_arrival_times_confirm_the_pulse) {
@@ -289,7 +293,7 @@ TEST_F(CameraWithNewClock,
 /// 4 Hz, for the same reason.
 class FrozenCamera : public FaultyStudio {
  protected:
-  FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6"), "4") {}
+  FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6"), kSlow) {}
 };
 TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
   run_until_back(12);
@@ -327,7 +331,7 @@ TEST_F(BlackImage, is_recorded_under_its_pulse_like_any_other) {
 
 class ClockAhead : public FaultyStudio {
  protected:
-  ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500")) {}
+  ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500"), kSlow) {}
 };
 TEST_F(ClockAhead, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
@@ -338,7 +342,7 @@ TEST_F(ClockAhead, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
 
 class ClockBehind : public FaultyStudio {
  protected:
-  ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500")) {}
+  ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500"), kSlow) {}
 };
 TEST_F(ClockBehind, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);

@@ -86,6 +86,18 @@ TEST_F(Receiver, returns_the_session_of_short_and_long_messages) {
   }
 }
 
+TEST_F(Receiver, returns_when_a_message_was_sent_by_the_clocks_of_sender_and_receiver) {
+  const auto received = [&](Duration sent_after, Duration received_after) {
+    const auto datagrams = sender_.datagrams(wire::kEventChannel, message(100), kNow + sent_after);
+    return receive(datagrams.at(0), received_after).value();
+  };
+  EXPECT_EQ(received(0s, 0s).sent, kNow);
+  const ReceivedMessage late = received(100ms, 400ms);
+  EXPECT_EQ(late.sent, kNow + 100ms);
+  EXPECT_LE(late.age, 300ms);
+  EXPECT_GE(late.age, 299ms) << "less the largest drift of the clocks";
+}
+
 TEST_F(Receiver, returns_a_long_message_for_any_order_of_its_datagrams) {
   std::mt19937 random(7);
   const auto sent = message(300'000);

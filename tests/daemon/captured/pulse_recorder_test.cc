@@ -1,8 +1,10 @@
 #include "daemon/captured/pulse_recorder.h"
 
 #include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 
 #include <deque>
+#include <limits>
 #include <thread>
 
 #include "support/child_process.h"
@@ -50,6 +52,75 @@ TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed
   EXPECT_EQ(pulses, (std::vector<int64_t>{0, 1, 2, 2, 2, 2}));
   EXPECT_EQ(recorder.seen(), 3);
   EXPECT_EQ(received.counts().lost, 0) << "a repeated message is no gap";
+}
+
+/// A pulse, the message about it, and its reception on another PC.
+struct Transfer {
+  Duration offset{};       ///< wall clock of the sender minus that of the receiver
+  Duration sent_after{};   ///< time from the pulse to the sending
+  Duration age{};          ///< time from the sending to the reception
+  Duration least_delay{};  ///< of earlier messages; ReceivedMessage::age lacks it
+  bool is_authentic = true;
+
+  /// Error of the time of the pulse.
+  std::optional<Duration> error() const {
+    const bus::ReceiverTime now{.monotonic = MonotonicInstant(std::chrono::seconds(500)),
+                                .realtime = RealtimeInstant(std::chrono::hours(500'000))};
+    const RealtimeInstant sent = now.realtime - age + offset;
+    wire::PulseMessage pulse;
+    pulse.pulse = 7;
+    pulse.edge = sent - sent_after;
+    bus::ReceivedMessage in;
+    if (is_authentic) {
+      in.age = age - least_delay;
+      in.sent = sent;
+    }
+    const capture::PulseEdge edge = edge_on_this_pc(pulse, in, now);
+    EXPECT_EQ(edge.pulse, 7);
+    if (!edge.is_timed) return std::nullopt;
+    return edge.at - (now.monotonic - age - sent_after);
+  }
+};
+
+Duration any_ms(int least, int most) {
+  return std::chrono::microseconds(*rc::gen::inRange(1000 * least, 1000 * most + 1));
+}
+
+RC_GTEST_PROP(EdgeOnThisPc, is_exact_however_late_the_message_is_if_the_clocks_are_synchronised,
+              ()) {
+  const Transfer transfer{
+      .sent_after = any_ms(0, 4000), .age = any_ms(5, 4000), .least_delay = any_ms(0, 5)};
+  RC_ASSERT(transfer.error() == Duration::zero());
+}
+
+RC_GTEST_PROP(EdgeOnThisPc, is_late_by_the_least_delay_of_a_message_if_the_clocks_differ, ()) {
+  const Transfer transfer{.offset = any_ms(60, 1'000'000) * *rc::gen::elementOf(std::vector{-1, 1}),
+                          .sent_after = any_ms(0, 4000),
+                          .age = any_ms(5, 4000),
+                          .least_delay = any_ms(0, 5)};
+  RC_ASSERT(transfer.error() == transfer.least_delay);
+}
+
+TEST(EdgeOnThisPc, is_unknown_of_an_old_message_that_nothing_authenticates) {
+  using std::chrono::milliseconds;
+  Transfer transfer{.age = milliseconds(150), .is_authentic = false};
+  EXPECT_EQ(transfer.error(), Duration::zero());
+  transfer.age = milliseconds(250);
+  EXPECT_EQ(transfer.error(), std::nullopt);
+  transfer = {.offset = milliseconds(300), .age = milliseconds(1), .is_authentic = false};
+  EXPECT_EQ(transfer.error(), std::nullopt);
+}
+
+TEST(EdgeOnThisPc, is_unknown_if_the_time_in_the_message_is_nonsense) {
+  for (const int64_t ns :
+       {std::numeric_limits<int64_t>::min(), int64_t{0}, std::numeric_limits<int64_t>::max()}) {
+    wire::PulseMessage pulse;
+    pulse.edge = from_ns<Realtime>(ns);
+    bus::ReceivedMessage in;
+    EXPECT_FALSE(edge_on_this_pc(pulse, in, bus::ReceiverTime::now()).is_timed);
+    in.sent = Realtime::now();
+    EXPECT_FALSE(edge_on_this_pc(pulse, in, bus::ReceiverTime::now()).is_timed);
+  }
 }
 
 }  // namespace
