@@ -216,4 +216,12 @@ void make_thread_realtime() {
   syscall(SYS_sched_setattr, 0, &attributes, 0);
 }
 
+bool thread_sleeps(pid_t thread) {
+  std::string text;
+  std::getline(std::ifstream("/proc/self/task/" + std::to_string(thread) + "/stat"), text);
+  // "<id> (<name>) <state> ...": a name may contain parentheses.
+  const size_t name_end = text.rfind(") ");
+  return name_end == std::string::npos || text.at(name_end + 2) != 'R';
+}
+
 }  // namespace v3d

@@ -78,4 +78,8 @@ void use_isolated_processors(IsolatedTask task);
 /// no permission. On older kernels the request has no effect.
 void make_thread_realtime();
 
+/// Whether a thread of this process sleeps: it waits for an event and not for a processor.
+/// `thread`: as of gettid(). True for a thread that has ended.
+bool thread_sleeps(pid_t thread);
+
 }  // namespace v3d

@@ -1,6 +1,7 @@
 #include "capture/cameras/aravis_camera.h"
 
 #include <arv.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <condition_variable>
@@ -73,8 +74,11 @@ CameraDevice read_device(ArvCamera* camera) {
 constexpr guint kFrameRetentionUs = 400'000;
 
 /// Until its filter is in place, a packet socket receives all packets of its interface, also those
-/// of other cameras. Aravis has no buffer for their frames yet, and discards them within this time.
+/// of other cameras. The kernel passes the last of them on within this time.
 constexpr auto kForeignPacketTime = std::chrono::milliseconds(30);
+/// Maximum time until the thread that receives packets has discarded those of other cameras: longer
+/// than a busy PC keeps a thread from running.
+constexpr auto kDiscardTimeout = std::chrono::seconds(5);
 
 /// Sets the receive buffer of a plain UDP socket to four frames, at most 64 MiB; a packet socket
 /// ignores it. The kernel limits it to net.core.rmem_max.
@@ -217,18 +221,33 @@ class AravisCamera::Link {
 
  private:
   /// Called by the thread that receives the packets of this camera.
-  static void on_stream(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* /*buffer*/) {
-    if (type == ARV_STREAM_CALLBACK_TYPE_INIT) use_isolated_processors(IsolatedTask::kPackets);
+  static void on_stream(void* link, ArvStreamCallbackType type, ArvBuffer* /*buffer*/) {
+    if (type != ARV_STREAM_CALLBACK_TYPE_INIT) return;
+    static_cast<Link*>(link)->stream_thread_ = gettid();
+    use_isolated_processors(IsolatedTask::kPackets);
+  }
+
+  /// Waits until the packets of other cameras are discarded. Requires that the stream has no
+  /// buffers: it then keeps no frame. Its thread sleeps when it has read all packets.
+  void discard_foreign_packets(const StudioCamera& settings) {
+    const MonotonicInstant deadline = Monotonic::now() + kDiscardTimeout;
+    do {
+      if (Monotonic::now() > deadline) {
+        aravis::refuse(settings, "stream", "a receiver without packets of other cameras",
+                       "one whose thread gets no processor time");
+      }
+      std::this_thread::sleep_for(kForeignPacketTime);
+    } while (!thread_sleeps(stream_thread_));
+    foreign_underruns_ = underruns();
   }
 
   void stream(const StudioCamera& settings, size_t payload) {
     Problem problem;
-    stream_.reset(arv_camera_create_stream(camera_.get(), on_stream, nullptr, problem));
+    stream_.reset(arv_camera_create_stream(camera_.get(), on_stream, this, problem));
     if (!stream_ || problem.happened())
       aravis::refuse(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);
-    if (settings.packet_socket) std::this_thread::sleep_for(kForeignPacketTime);
-    foreign_underruns_ = underruns();
+    if (settings.packet_socket) discard_foreign_packets(settings);
     for (int i = 0; i < settings.buffers; ++i) {
       arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(payload));
     }
@@ -242,6 +261,7 @@ class AravisCamera::Link {
   Owned<ArvCamera> camera_;
   Owned<ArvStream> stream_;  // destroyed before the camera, which feeds it
   Owned<ArvChunkParser> chunks_;
+  std::atomic<pid_t> stream_thread_ = 0;  ///< receives the packets
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
   int64_t foreign_underruns_ = 0;  ///< caused by frames of other cameras, before the first buffer

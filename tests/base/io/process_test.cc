@@ -4,13 +4,17 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
+#include <future>
 #include <sstream>
+#include <thread>
 #include <utility>
 
 #include "base/io/file.h"
+#include "support/child_process.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {
@@ -137,6 +141,25 @@ TEST_F(Process, poll_does_not_block_and_kill_ends_the_process) {
       << "the status of a reaped process is unknown, which is not a success";
   EXPECT_EQ(wait_for_process(child), 127);
   kill_process(-1);
+}
+
+TEST(ThreadSleeps, while_it_waits_and_not_while_it_runs) {
+  std::atomic<bool> is_running = true;
+  std::atomic<pid_t> id = 0;
+  std::promise<void> end;
+  std::jthread thread([&] {
+    id = gettid();
+    while (is_running) {
+    }
+    end.get_future().wait();
+  });
+  while (id == 0) std::this_thread::yield();
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(thread_sleeps(id));
+  is_running = false;
+  EXPECT_TRUE(test::becomes_true([&] { return thread_sleeps(id); }, test::within(30)));
+  end.set_value();
+  thread.join();
+  EXPECT_TRUE(thread_sleeps(id)) << "it has ended";
 }
 
 TEST(IsolatedProcessors, are_read_as_the_kernel_writes_them) {
