@@ -30,6 +30,7 @@ void PulseTimes::end() {
 
 void PulseTimes::add(int64_t pulse, MonotonicInstant at) {
   const std::lock_guard lock(mutex_);
+  if (!pulses_.empty() && (pulse <= pulses_.back().number || at <= pulses_.back().at)) return;
   pulses_.push_back({pulse, at});
   if (pulses_.size() > kMaxPulses) pulses_.pop_front();
 }

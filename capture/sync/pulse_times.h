@@ -35,7 +35,7 @@ class PulseTimes {
   void begin(Duration period);
   /// Ends the train: no further pulse follows.
   void end();
-  /// Adds a sensed pulse. Numbers and times must rise.
+  /// Adds a sensed pulse. Ignores it if its number or its time is not later than the last one's.
   void add(int64_t pulse, MonotonicInstant at);
 
   /// Period of the current or last train.

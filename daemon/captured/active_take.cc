@@ -17,7 +17,7 @@ constexpr Duration kMaxIdleTime = std::chrono::seconds(1);
 /// The trigger's node reports the end of the train at once, and again a second later.
 constexpr Duration kEndReportedWithin = std::chrono::milliseconds(1500);
 /// Longest time from the end of a pulse until it is read from the sense line.
-constexpr Duration kMaxSenseDelay = std::chrono::milliseconds(100);
+constexpr Duration kMaxReadDelay = std::chrono::milliseconds(100);
 /// Time to collect the plates of the background, in addition to the duration of their train.
 constexpr Duration kPlateTimeout = std::chrono::seconds(15);
 
@@ -28,6 +28,11 @@ std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
 }
 
 }  // namespace
+
+Duration idle_time_after_train(double rate_hz) {
+  return std::clamp<Duration>(10 * period_of(rate_hz), capture::PulseTimes::kMaxSenseDelay,
+                              kMaxIdleTime);
+}
 
 // --- begin and resume ---------------------------------------------------------------------------
 
@@ -173,15 +178,13 @@ bool ActiveTake::pulses_are_complete(bool is_idle) const {
   if (!trigger.is_here()) return is_idle && (trigger.end_is_known() || since > kEndReportedWithin);
   if (pulses_->sensed() < commanded() && !is_idle) return false;
   // The sense line reports a pulse at its end, which may be after the generator was turned off.
-  return !trigger.sensor_count_is_better() || since >= plan_.train.width + kMaxSenseDelay;
+  return !trigger.sensor_count_is_better() || since >= plan_.train.width + kMaxReadDelay;
 }
 
 bool ActiveTake::is_drained() const {
   const Duration since = Monotonic::now() - train_ended_at_;
   if (since >= kDrainTimeout) return true;
-  // At a high rate, a pulse may be sensed more than ten periods late.
-  const Duration idle_time = std::clamp<Duration>(
-      10 * period_of(plan_.train.rate_hz), capture::PulseTimes::kMaxSenseDelay, kMaxIdleTime);
+  const Duration idle_time = idle_time_after_train(plan_.train.rate_hz);
   const bool is_idle = since > idle_time;
   if (!pulses_are_complete(is_idle)) return false;
   if (check_) return is_idle || check_->has_received(commanded());

@@ -35,6 +35,10 @@ struct TakeResult {
   TakeCounts counts;
 };
 
+/// Time without a pulse or frame after which none follows an ended train: ten periods, at most 1 s,
+/// and never less than a pulse may be sensed late.
+Duration idle_time_after_train(double rate_hz);
+
 /// Receives the pulses and frames of one train. A take records them, a check measures image
 /// quality, a background order learns the background model.
 ///

@@ -47,6 +47,16 @@ TEST(PulseTimes, interpolates_a_pulse_that_was_not_sensed) {
   }
 }
 
+TEST(PulseTimes, ignores_a_pulse_whose_number_or_time_is_not_later) {
+  PulseTimes times(kPeriod);
+  times.begin(kPeriod);
+  for (const int64_t pulse : {0, 1, 2}) times.add(pulse, pulse_at(pulse));
+  times.add(2, pulse_at(4));
+  times.add(3, pulse_at(1));
+  times.add(4, pulse_at(4));
+  for (int64_t pulse = 0; pulse < 5; ++pulse) EXPECT_EQ(found(times, pulse_at(pulse)), pulse);
+}
+
 TEST(PulseTimes, waits_for_a_pulse_that_may_be_reported_later) {
   PulseTimes times(kPeriod);
   times.begin(kPeriod);

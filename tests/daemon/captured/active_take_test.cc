@@ -35,6 +35,13 @@ int64_t logged_pulses(const take::TakePaths& take) {
   return std::ssize(edges);
 }
 
+TEST(IdleTimeAfterTrain, is_never_shorter_than_a_pulse_may_be_sensed_late) {
+  using std::chrono::milliseconds;
+  EXPECT_EQ(idle_time_after_train(4), milliseconds(1000));
+  EXPECT_EQ(idle_time_after_train(25), milliseconds(400));
+  EXPECT_EQ(idle_time_after_train(120), capture::PulseTimes::kMaxSenseDelay);
+}
+
 class ActiveTakeTest : public testing::Test {
  protected:
   explicit ActiveTakeTest(std::string node)
