@@ -34,13 +34,19 @@ class ActionStudio : public Studio4 {
 
   /// Records a take of kPulses and returns the ledger of its node.
   take::Ledger record() {
+    is_late_ = trigger_is_late();  // of the background
     arm_and_start(kPulses);
     EXPECT_TRUE(becomes_idle()) << log();
+    is_late_ |= trigger_is_late();
     return take::load_ledger(take().ledger());
   }
 
-  /// Every pulse is recorded by all cameras, except for those that a trigger on a busy machine
-  /// skips: it reports them.
+  /// The trigger of a busy machine reports pulses that were late by a tenth of a period or more, or
+  /// skipped.
+  bool trigger_is_late() { return value("cap01", "trigger_late") > 0; }
+
+  /// Every pulse is recorded by all cameras, except for those that a late trigger skips: it reports
+  /// them. A late command without a time makes late, suspect frames.
   void expect_all_pulses(const take::Ledger& ledger) {
     EXPECT_EQ(ledger.commanded, kPulses);
     EXPECT_EQ(ledger.sensed.value_or(0) + std::ssize(ledger.unsensed), kPulses);
@@ -53,9 +59,11 @@ class ActionStudio : public Studio4 {
     for (const take::CameraLedger& camera : ledger.cameras) {
       EXPECT_EQ(camera.written, ledger.sensed) << camera.name;
       EXPECT_EQ(camera.missing, ledger.unsensed) << camera.name;
-      EXPECT_TRUE(camera.suspect.empty() || !is_whole) << camera.name;
+      EXPECT_TRUE(camera.suspect.empty() || is_late_) << camera.name;
     }
   }
+
+  bool is_late_ = false;  ///< the trigger, in the background or the take
 };
 
 TEST_F(ActionStudio, records_every_pulse_that_is_commanded_without_a_cable) {
@@ -78,16 +86,20 @@ class ActionStudioWithLoss : public ActionStudio {
 TEST_F(ActionStudioWithLoss, names_the_pulses_whose_command_did_not_reach_a_camera) {
   const take::Ledger ledger = record();
   EXPECT_EQ(ledger.commanded, kPulses);
-  EXPECT_EQ(ledger.sensed, kPulses - 1);
-  EXPECT_THAT(ledger.unsensed, ElementsAre(20)) << "no camera acknowledged it";
   ASSERT_EQ(ledger.cameras.size(), 2U);
-  EXPECT_THAT(ledger.cameras[0].missing, ElementsAre(20));
-  EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(7, 12, 20));
-  // As with a cable, the next frame is suspect: the counter of the camera left out no number. A
-  // busy machine may deliver a frame late, which makes it suspect, too.
-  EXPECT_THAT(ledger.cameras[0].suspect, AllOf(Contains(21), IsSubsetOf({21, 22, 23})));
-  EXPECT_THAT(ledger.cameras[1].suspect,
-              AllOf(IsSupersetOf({8, 13, 21}), IsSubsetOf({8, 9, 10, 13, 14, 15, 21, 22, 23})));
+  const take::CameraLedger &cam01 = ledger.cameras[0], &cam02 = ledger.cameras[1];
+  EXPECT_EQ(cam01.missing, ledger.unsensed) << "no camera acknowledged it";
+  EXPECT_EQ(cam02.missing.size(), ledger.unsensed.size() + 2);
+  if (!is_late_) {  // else further pulses are skipped, and the simulator counts commands
+    EXPECT_EQ(ledger.sensed, kPulses - 1);
+    EXPECT_THAT(ledger.unsensed, ElementsAre(20));
+    EXPECT_THAT(cam02.missing, ElementsAre(7, 12, 20));
+    // As with a cable, the next frame is suspect: the counter of the camera left out no number. A
+    // busy machine may deliver a frame late, which makes it suspect, too.
+    EXPECT_THAT(cam01.suspect, AllOf(Contains(21), IsSubsetOf({21, 22, 23})));
+    EXPECT_THAT(cam02.suspect,
+                AllOf(IsSupersetOf({8, 13, 21}), IsSubsetOf({8, 9, 10, 13, 14, 15, 21, 22, 23})));
+  }
   const std::string warning = "4 acknowledgements of action commands missing: cam01, cam02";
   EXPECT_TRUE(becomes_true([&] { return log().find(warning) != std::string::npos; }, within(60)))
       << log();
@@ -107,9 +119,10 @@ TEST_F(ActionStudioWithoutPtp, says_at_arming_why_commands_have_no_time_and_reco
               HasSubstr("unscheduled action commands: PTP is not locked on cam01, cam02"));
   ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
   ASSERT_TRUE(becomes_idle()) << log();
+  is_late_ = trigger_is_late();
   const take::Ledger ledger = take::load_ledger(take().ledger());
   expect_all_pulses(ledger);
-  EXPECT_TRUE(ledger.complete() || !ledger.unsensed.empty()) << ledger.verdict();
+  EXPECT_TRUE(ledger.complete() || is_late_) << ledger.verdict();
 }
 
 }  // namespace

@@ -23,11 +23,15 @@ constexpr size_t kLcmHeader = 8;  // "LC02" and LCM's own sequence number
 
 int open_port(const std::string& name) {
   const int fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETH_P_IP));
+  const int yes = 1;  // no frames that the switch itself sends, which would fill the buffer
+  if (fd < 0 || setsockopt(fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes) != 0) {
+    throw std::runtime_error(errno_message("switch port " + name));
+  }
   sockaddr_ll address{};
   address.sll_family = AF_PACKET;
   address.sll_protocol = htons(ETH_P_IP);
   address.sll_ifindex = static_cast<int>(if_nametoindex(name.c_str()));
-  if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
+  if (bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
     throw std::runtime_error(errno_message("switch port " + name));
   }
   // The receive buffer holds frames while the switch gets no processor time, so that it drops only
@@ -92,13 +96,10 @@ void LossySwitch::run() {
 void LossySwitch::receive_all(size_t port) {
   for (;;) {
     Bytes frame(kMaxFrame);
-    sockaddr_ll from{};
-    socklen_t size = sizeof from;
-    const ssize_t n = recvfrom(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT,
-                               reinterpret_cast<sockaddr*>(&from), &size);
+    const ssize_t n = recv(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT);
     if (n <= 0) return;
     frame.resize(static_cast<size_t>(n));
-    if (from.sll_pkttype != PACKET_OUTGOING) receive(port, std::move(frame));
+    receive(port, std::move(frame));
   }
 }
 
