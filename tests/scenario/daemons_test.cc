@@ -138,6 +138,18 @@ class DeformingStudio4 : public Studio4, public testing::WithParamInterface<cons
                  .rate = "5"}) {}
 };
 
+/// The first mesh of all cameras with this many passes or more; empty without any.
+std::optional<recon::CompactFrame> first_complete(take::MeshFileReader& meshes, int min_passes) {
+  recon::CompactDecoder decoder;
+  for (const int64_t pulse : meshes.pulses()) {
+    const auto compact = meshes.read(pulse).value();
+    if (!compact || decoder.decode(*compact) != codec::DecodeStatus::kOk) return std::nullopt;
+    const recon::CompactFrame frame = decoder.frame();
+    if (frame.missing == 0 && frame.live_passes >= min_passes) return frame;
+  }
+  return std::nullopt;
+}
+
 TEST_P(DeformingStudio4, reconstructs_the_pulses_it_has_time_for_to_the_bytes_of_v3dctl) {
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
@@ -150,26 +162,33 @@ TEST_P(DeformingStudio4, reconstructs_the_pulses_it_has_time_for_to_the_bytes_of
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
   take::MeshFileReader live(take().mesh());
   ASSERT_EQ(live.pulses().size(), recon["meshes"]);
-  // The set of pulses with a live mesh is random. The first one is a key frame, which decodes
-  // alone.
-  const int64_t first = live.pulses().front();
-  const auto compact = live.read(first).value();
-  ASSERT_TRUE(compact);
-  EXPECT_LT(recon::decode_compact(*compact).value().lattice.step, 0.005)
-      << "the surface was deformed";
-  std::vector<std::string> options = {"--no-smoothing", "--frames",
-                                      std::to_string(first) + ":" + std::to_string(first + 1)};
-  if (studio_.reconstruction.quality == Quality::kMedium) {
+  // The set of pulses with a live mesh is random, and a busy machine is late with some frames, and
+  // has no time for some passes.
+  const bool is_medium = studio_.reconstruction.quality == Quality::kMedium;
+  const auto first = first_complete(live, is_medium ? 1 : 0);
+  ASSERT_TRUE(first) << recon;
+  EXPECT_LT(first->lattice.step, 0.005) << "the surface was deformed";
+  std::vector<std::string> options = {
+      "--no-smoothing", "--frames",
+      std::to_string(first->pulse) + ":" + std::to_string(first->pulse + 1)};
+  if (is_medium) {
     options.insert(options.end(), {"--passes", "live"});
-    EXPECT_GT(recon::decode_compact(*compact).value().live_passes, 0);
     EXPECT_EQ(recon["meshes_of_0_passes"].get<int>() + recon["meshes_of_1_passes"].get<int>() +
                   recon["meshes_of_2_passes"].get<int>(),
               recon["meshes"].get<int>())
         << recon;
   }
   take::MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path(), options));
-  EXPECT_EQ(recorded.pulses(), std::vector<int64_t>{first});
-  EXPECT_EQ(recorded.read(first).value(), compact);
+  EXPECT_EQ(recorded.pulses(), std::vector<int64_t>{first->pulse});
+  const auto compact = recorded.read(first->pulse).value();
+  const auto frame = recon::decode_compact(compact.value());
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->mesh.vertices, first->mesh.vertices);
+  EXPECT_EQ(frame->mesh.triangles, first->mesh.triangles);
+  // The first frame is a key frame, which decodes alone. Later bytes depend on those before.
+  if (first->pulse == live.pulses().front()) {
+    EXPECT_EQ(live.read(first->pulse).value(), compact);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Quality, DeformingStudio4, testing::Values("medium", "high"),
