@@ -29,15 +29,6 @@ TakeFile file_of(const std::string& name, const struct stat& status) {
           .checksum = {}};
 }
 
-/// True for a temporary file of io::replace_file(), which a power cut leaves:
-/// "take.toml.part-123-1".
-bool is_unfinished(const std::string& name) {
-  const std::string mark = ".part-";
-  const size_t at = name.rfind(mark);
-  return at != std::string::npos &&
-         name.find_first_not_of("0123456789-", at + mark.size()) == std::string::npos;
-}
-
 /// Appends the names of the regular files in `folder`, each with `prefix` in front.
 io::Status add_names(const fs::path& folder, const std::string& prefix,
                      std::vector<std::string>& names) {
@@ -45,7 +36,7 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
   if (!entries) return tl::make_unexpected(entries.error());
   for (const fs::path& entry : *entries) {
     const std::string name = entry.filename();
-    if (name.starts_with(".") || is_unfinished(name)) continue;
+    if (name.starts_with(".") || io::is_temporary(entry)) continue;
     const auto type = io::type_of(entry);
     if (!type) return tl::make_unexpected(type.error());
     // A dangling link is listed, so that the attempt to read it reports the cause.

@@ -57,10 +57,13 @@ std::string_view action_of(OpenMode mode) {
   return "open";
 }
 
+constexpr std::string_view kTemporary = ".part-";
+
 /// A name beside `path` that is unique in this process.
 fs::path temporary_path(const fs::path& path) {
   static std::atomic<uint64_t> count = 0;
-  return path.string() + ".part-" + std::to_string(getpid()) + "-" + std::to_string(++count);
+  return path.string() + std::string(kTemporary) + std::to_string(getpid()) + "-" +
+         std::to_string(++count);
 }
 
 /// Creates a new file beside `path`. Tries further names when a file of an earlier process with the
@@ -254,6 +257,13 @@ Status replace_file(const fs::path& path, std::string_view content) {
   Status status = file->write(0, {bytes_of(content)});
   status = sync_and_rename(*std::move(file), std::move(status), path);
   return status ? sync_folder(folder_of(path)) : status;
+}
+
+bool is_temporary(const fs::path& path) {
+  const std::string name = path.filename();
+  const size_t at = name.rfind(kTemporary);
+  return at != std::string::npos &&
+         name.find_first_not_of("0123456789-", at + kTemporary.size()) == std::string::npos;
 }
 
 Status copy_file(const fs::path& from, const fs::path& to) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "base/io/file.h"
@@ -64,6 +65,13 @@ class FinishedShard : public testing::Test {
   const Shard shard_{1, {25, 26}};
   ReconstructReport empty_, made_;
 };
+
+TEST_F(FinishedShard, has_no_saved_error_while_one_is_being_written) {
+  std::ofstream(folder_.path() / "error-cap01-71.part-71-1") << "the dis";
+  EXPECT_EQ(folder_.saved_error(), std::nullopt);
+  folder_.save_error("the disk is full");
+  EXPECT_EQ(folder_.saved_error(), "the disk is full");
+}
 
 TEST_F(FinishedShard, is_found_with_all_measurements) {
   EXPECT_THAT(folder_.saved(), ElementsAre(1));

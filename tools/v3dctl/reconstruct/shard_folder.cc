@@ -202,7 +202,7 @@ void ShardFolder::save_error(const std::string& reason) const {
 
 std::optional<std::string> ShardFolder::saved_error() const {
   for (const fs::path& path : entries_of(path_, "error-")) {
-    if (path.string().find(".own-") == std::string::npos) return read_file(path);
+    if (!io::is_temporary(path)) return read_file(path);
   }
   return std::nullopt;
 }
