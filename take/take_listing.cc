@@ -19,11 +19,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Total size of the files in `folder` and its subfolders. Ignores a file that is removed
-/// meanwhile. Throws InputError when a folder cannot be read.
+/// Total size of the files in `folder` and its subfolders. Ignores what is removed meanwhile, such
+/// as the shards of a reconstruction. Throws InputError when a folder cannot be read.
 int64_t bytes_in(const fs::path& folder) {
   int64_t bytes = 0;
-  for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
+  auto entries = io::list_folder(folder);
+  if (!entries && entries.error().code == ENOENT) return 0;
+  for (const fs::path& entry : io::value_or_throw(std::move(entries))) {
     struct stat status {};
     if (lstat(entry.c_str(), &status) != 0) {
       if (errno == ENOENT) continue;

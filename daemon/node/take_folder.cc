@@ -30,7 +30,7 @@ io::Status copy_plates(const Studio& studio, const take::TakeInfo& info, const f
   if (!plates) return tl::make_unexpected(plates.error());
   for (const std::string& camera : info.cameras) {
     for (const fs::path& plate : *plates) {
-      if (!plate.filename().string().starts_with(camera + ".")) continue;
+      if (!plate.filename().string().starts_with(camera + ".") || io::is_temporary(plate)) continue;
       if (auto copied = io::copy_file(plate, to / plate.filename()); !copied) return copied;
     }
   }
