@@ -1,6 +1,7 @@
 #include "capture/sync/pulse_times.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -8,6 +9,8 @@ namespace v3d::capture {
 namespace {
 
 constexpr size_t kMaxPulses = 256;
+/// Number of pulses on each side of one that give its regular time.
+constexpr ptrdiff_t kNeighbours = 4;
 
 int64_t whole_periods(Duration d, Duration period) {
   return std::llround(static_cast<double>(d.count()) / static_cast<double>(period.count()));
@@ -45,13 +48,27 @@ Duration PulseTimes::period() const {
   return period_;
 }
 
-const PulseTimes::Pulse& PulseTimes::nearest_to(MonotonicInstant at) const {
+PulseTimes::Pulses::const_iterator PulseTimes::nearest_to(MonotonicInstant at) const {
   const auto after = std::upper_bound(pulses_.begin(), pulses_.end(), at,
                                       [](MonotonicInstant t, const Pulse& p) { return t < p.at; });
-  if (after == pulses_.begin()) return pulses_.front();
-  if (after == pulses_.end()) return pulses_.back();
+  if (after == pulses_.begin()) return after;
   const auto before = std::prev(after);
-  return at - before->at <= after->at - at ? *before : *after;
+  if (after == pulses_.end()) return before;
+  return at - before->at <= after->at - at ? before : after;
+}
+
+/// The time of a pulse by its neighbours and itself: the lower median, because pulses are late and
+/// never early.
+MonotonicInstant PulseTimes::regular_time(Pulses::const_iterator pulse) const {
+  const auto begin = pulse - std::min<ptrdiff_t>(pulse - pulses_.begin(), kNeighbours);
+  const auto end = pulse + std::min<ptrdiff_t>(pulses_.end() - pulse, kNeighbours + 1);
+  std::array<MonotonicInstant, 2 * kNeighbours + 1> times;
+  const auto used = std::transform(begin, end, times.begin(), [&](const Pulse& p) {
+    return p.at + (pulse->number - p.number) * period_;
+  });
+  const auto median = times.begin() + (used - times.begin() - 1) / 2;
+  std::nth_element(times.begin(), median, used);
+  return *median;
 }
 
 std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
@@ -61,8 +78,8 @@ std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<
   const bool all_known = now - at > period_ / 2 + kMaxSenseDelay;
   if (pulses_.empty()) return all_known ? std::optional(NearestPulse{}) : std::nullopt;
 
-  const Pulse& nearest = nearest_to(at);
-  Duration phase = at - nearest.at;
+  const auto nearest = nearest_to(at);
+  Duration phase = at - regular_time(nearest);
   int64_t periods = whole_periods(phase, period_);
   phase -= periods * period_;
   const int64_t shift = before ? whole_periods(phase - *before, period_) : 0;
@@ -73,7 +90,7 @@ std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<
     phase -= shift * period_;
   }
   const Pulse& last = pulses_.back();
-  const int64_t pulse = nearest.number + periods;
+  const int64_t pulse = nearest->number + periods;
   const bool certain = last.at > at || keeps_phase || phase < period_ * 4 / 10;
   if (!all_known && (pulse > last.number || !certain)) return std::nullopt;
   const bool in_train = pulse >= 0 && pulse <= last.number;

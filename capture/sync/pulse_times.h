@@ -45,6 +45,9 @@ class PulseTimes {
 
   /// The pulse nearest to `at`, if one lies within half a period.
   ///
+  /// Pulses lie on a regular grid, of which the times of neighbouring pulses give the median. So a
+  /// single pulse that a busy host sent late does not change the pulses of frames.
+  ///
   /// `before` is the phase of the previous frame of the camera. It gives hysteresis: a frame keeps
   /// the pulse next to that of the previous frame until it is 0.6 periods away from it. So frames
   /// half-way between two pulses do not alternate, from the last frame before the train on. A pulse
@@ -58,13 +61,15 @@ class PulseTimes {
     int64_t number = 0;
     MonotonicInstant at;
   };
-  const Pulse& nearest_to(MonotonicInstant at) const;
+  using Pulses = std::deque<Pulse>;
+  Pulses::const_iterator nearest_to(MonotonicInstant at) const;
+  MonotonicInstant regular_time(Pulses::const_iterator pulse) const;
 
   mutable std::mutex mutex_;  ///< protects everything below
   Duration period_;
   bool running_ = false;
   int64_t trains_ = 0;
-  std::deque<Pulse> pulses_;  ///< the latest ones, in order
+  Pulses pulses_;  ///< the latest ones, in order
 };
 
 // Finds the pulse of the first frame of a train by the camera's counter and the times of pulses.

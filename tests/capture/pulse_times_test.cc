@@ -87,7 +87,11 @@ std::vector<int64_t> numbers(const PulseTimes& times, const std::vector<Monotoni
 RC_GTEST_PROP(PulseTimes, labels_every_pulse_once_if_frames_lie_half_way_between_pulses, ()) {
   PulseTimes times(kPeriod);
   times.begin(kPeriod);
-  for (int64_t pulse = 0; pulse < 200; ++pulse) times.add(pulse, pulse_at(pulse));
+  const auto late_pulse = *rc::gen::inRange<int64_t>(0, 5);
+  for (int64_t pulse = 0; pulse < 200; ++pulse) {
+    const int late_us = pulse % 5 == late_pulse ? *rc::gen::inRange(0, 30'000) : 0;
+    times.add(pulse, pulse_at(pulse) + microseconds(late_us));
+  }
   const Duration phase = microseconds(*rc::gen::inRange(-20'000, 20'001));
   std::vector<MonotonicInstant> frames;
   for (int64_t pulse = -2; pulse < 202; ++pulse) {
