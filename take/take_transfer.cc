@@ -85,7 +85,7 @@ void reject_other_take(const Part& first, const Part& other) {
 void link_folder(const fs::path& from, const fs::path& to) {
   reject_link(from);
   if (!file_exists(from)) return;
-  fs::create_directories(to);
+  io::throw_if_failed(io::create_folders(to));
   for (const fs::path& file : io::value_or_throw(io::list_folder(from))) {
     link_if_present(file, to / file.filename());
   }
@@ -170,7 +170,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   const std::vector<Part> recorded = recorded_parts(parts);
   TakeInfo info = recorded.front().info;
   info.cameras.clear();
-  fs::create_directories(into.background());
+  io::throw_if_failed(io::create_folders(into.background()));
   std::vector<Ledger> ledgers;
   for (const Part& part : recorded) {
     reject_other_take(recorded.front(), part);
