@@ -141,13 +141,14 @@ inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 /// the last step failed, it has the new content, which may not survive a power cut.
 /// Concurrent calls for one path are safe; the last rename wins.
 [[nodiscard]] Status replace_file(const std::filesystem::path& path, std::string_view content);
-/// True for the name of a temporary file of replace_file(), such as "take.toml.part-123-1". It may
-/// vanish at any time; a power cut leaves it.
-bool is_temporary(const std::filesystem::path& path);
 
 /// Copies a regular file atomically, like replace_file(). Its data are on the disk on return; its
 /// name is only after sync_folder().
 [[nodiscard]] Status copy_file(const std::filesystem::path& from, const std::filesystem::path& to);
+
+/// True for the name of a temporary file of these two, such as "take.toml.part-123-1". It may
+/// vanish at any time; a power cut leaves it.
+bool is_temporary(const std::filesystem::path& path);
 
 /// The kind of file at `path`, symbolic links followed; file_type::not_found when there is none.
 /// Unlike std::filesystem::exists(path, error), it reports other errors as errors.

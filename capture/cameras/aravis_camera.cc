@@ -74,8 +74,9 @@ CameraDevice read_device(ArvCamera* camera) {
 constexpr guint kFrameRetentionUs = 400'000;
 
 /// Until its filter is in place, a packet socket receives all packets of its interface, also those
-/// of other cameras. The kernel passes the last of them on within this time.
-constexpr auto kForeignPacketTime = std::chrono::milliseconds(30);
+/// of other cameras. The kernel passes packets on in blocks, the last one after two timer intervals
+/// of the 5 ms that Aravis sets. Nothing reports that, so this is a time, with a margin.
+constexpr auto kLastBlockTime = std::chrono::milliseconds(30);
 /// Maximum time until the thread that receives packets has discarded those of other cameras: longer
 /// than a busy PC keeps a thread from running.
 constexpr auto kDiscardTimeout = std::chrono::seconds(5);
@@ -236,9 +237,8 @@ class AravisCamera::Link {
         aravis::refuse(settings, "stream", "a receiver without packets of other cameras",
                        "one whose thread gets no processor time");
       }
-      std::this_thread::sleep_for(kForeignPacketTime);
+      std::this_thread::sleep_for(kLastBlockTime);
     } while (!thread_sleeps(stream_thread_));
-    foreign_underruns_ = underruns();
   }
 
   void stream(const StudioCamera& settings, size_t payload) {
@@ -248,6 +248,7 @@ class AravisCamera::Link {
       aravis::refuse(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);
     if (settings.packet_socket) discard_foreign_packets(settings);
+    foreign_underruns_ = underruns();
     for (int i = 0; i < settings.buffers; ++i) {
       arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(payload));
     }

@@ -31,12 +31,12 @@ bool are_close(RealtimeInstant a, RealtimeInstant b) {
   return std::abs(static_cast<double>(to_ns(a)) - static_cast<double>(to_ns(b))) < 10e9;
 }
 
-std::optional<ReceivedPulse> open_pulse(const bus::ReceivedMessage& in) {
+std::optional<LocalPulse> open_pulse(const bus::ReceivedMessage& in) {
   if (!in.is_accepted) return std::nullopt;
   auto pulse = wire::decode<wire::PulseMessage>(in.bytes);
   if (!pulse) return std::nullopt;
-  const capture::PulseEdge local = edge_on_this_pc(*pulse, in, bus::ReceiverTime::now());
-  return ReceivedPulse{*std::move(pulse), local};
+  const capture::PulseEdge local_edge = edge_on_this_pc(*pulse, in, bus::ReceiverTime::now());
+  return LocalPulse{*std::move(pulse), local_edge};
 }
 
 }  // namespace
@@ -71,8 +71,8 @@ PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup 
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
-    subscription_ = std::make_unique<bus::Subscription<ReceivedPulse>>(bus_, wire::kPulseChannel,
-                                                                       kPulseQueue, open_pulse);
+    subscription_ = std::make_unique<bus::Subscription<LocalPulse>>(bus_, wire::kPulseChannel,
+                                                                    kPulseQueue, open_pulse);
   }
   thread_ = std::thread([this] { run(); });
 }
@@ -93,7 +93,7 @@ void PulseRecorder::run() {
       resend_last();
       continue;
     }
-    on_edge_(pulse->local);
+    on_edge_(pulse->local_edge);
     record(*pulse);
   }
   while (resends_left_ > 0) resend_last();
@@ -143,26 +143,24 @@ std::string PulseRecorder::warning() const {
   return text;
 }
 
-std::optional<ReceivedPulse> PulseRecorder::next() {
-  return sensor_ != nullptr ? sense() : receive();
-}
+std::optional<LocalPulse> PulseRecorder::next() { return sensor_ != nullptr ? sense() : receive(); }
 
-std::optional<ReceivedPulse> PulseRecorder::sense() {
+std::optional<LocalPulse> PulseRecorder::sense() {
   const auto edge = sensor_->wait(Monotonic::now() + kPollInterval);
   if (!edge) return std::nullopt;
   const std::unique_lock lock(mutex_);
   const auto number = numbers_.number(*edge);
   if (!number) return std::nullopt;
-  return ReceivedPulse{{.sent = Realtime::now(),
-                        .seq = seq_++,
-                        .take = take_,
-                        .pulse = *number,
-                        .edge = to_realtime(edge->at),
-                        .edge_monotonic = edge->at},
-                       {.pulse = *number, .at = edge->at}};
+  return LocalPulse{{.sent = Realtime::now(),
+                     .seq = seq_++,
+                     .take = take_,
+                     .pulse = *number,
+                     .edge = to_realtime(edge->at),
+                     .edge_monotonic = edge->at},
+                    {.pulse = *number, .at = edge->at}};
 }
 
-std::optional<ReceivedPulse> PulseRecorder::receive() {
+std::optional<LocalPulse> PulseRecorder::receive() {
   auto pulse = subscription_->wait(Monotonic::now() + kPollInterval);
   const std::lock_guard lock(mutex_);
   return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;

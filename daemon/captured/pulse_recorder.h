@@ -32,9 +32,9 @@ namespace v3d::captured {
 capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,
                                    const bus::ReceiverTime& now);
 
-/// A message of the trigger's node, and its pulse on the clock of this PC.
-struct ReceivedPulse : wire::PulseMessage {
-  capture::PulseEdge local;
+/// A pulse that was sensed here or received, with its time on the clock of this PC.
+struct LocalPulse : wire::PulseMessage {
+  capture::PulseEdge local_edge;
 };
 
 /// On the trigger's node: reads the sense line and publishes each pulse. On other nodes: receives
@@ -81,9 +81,9 @@ class PulseRecorder {
 
  private:
   void run();
-  std::optional<ReceivedPulse> next();
-  std::optional<ReceivedPulse> sense();
-  std::optional<ReceivedPulse> receive();
+  std::optional<LocalPulse> next();
+  std::optional<LocalPulse> sense();
+  std::optional<LocalPulse> receive();
   void record(const wire::PulseMessage& pulse);
   void resend_last();
 
@@ -91,7 +91,7 @@ class PulseRecorder {
   bus::Bus& bus_;
   const std::string take_;
   const std::function<void(const capture::PulseEdge&)> on_edge_;
-  std::unique_ptr<bus::Subscription<ReceivedPulse>> subscription_;
+  std::unique_ptr<bus::Subscription<LocalPulse>> subscription_;
   std::optional<PulseLog> log_;
   int64_t seq_ = 0;
   std::vector<uint8_t> last_message_;  ///< this and the next: the recorder's thread only

@@ -18,6 +18,8 @@ namespace {
 
 using testing::HasSubstr;
 
+constexpr char kTemporaryPlate[] = "cam01.mean.png.part-12-1";
+
 class TakeFolderTest : public testing::Test {
  protected:
   TakeFolderTest() {
@@ -29,7 +31,8 @@ class TakeFolderTest : public testing::Test {
     test::write_text(studio_.storage.calib, "# the rig\n");
     studio_.path = folder_ / "studio.toml";
     test::write_text(studio_.path, "# the studio\n");
-    for (const char* file : {"cam01.mean.png", "cam01.toml", "cam010.toml", "cam02.toml"}) {
+    for (const char* file :
+         {"cam01.mean.png", kTemporaryPlate, "cam01.toml", "cam010.toml", "cam02.toml"}) {
       test::write_text(studio_.storage.background / file, file);
     }
     info_ = test::begun_take({"cam01"});
@@ -49,6 +52,7 @@ TEST_F(TakeFolderTest, begins_with_the_rig_the_studio_and_the_background_of_its_
   EXPECT_EQ(read_file(paths.background() / "cam01.mean.png"), "cam01.mean.png");
   EXPECT_TRUE(std::filesystem::exists(paths.background() / "cam01.toml"));
   EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam010.toml"));
+  EXPECT_FALSE(std::filesystem::exists(paths.background() / kTemporaryPlate));
   EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam02.toml"));
 }
 
