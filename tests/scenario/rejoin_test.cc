@@ -51,8 +51,10 @@ class StudioOfThree : public Studio4 {
     ASSERT_TRUE(reaches("cap02", "frames_written", 50)) << log();
     end(second_captured_, signal);
     start_second_captured();
-    client_.emplace(studio_);  // drops the health from before the restart
-    ASSERT_TRUE(reaches("cap02", "cam04.frames_per_second", 5)) << log();
+    client_.emplace(studio_);                        // drops the health from before the restart
+    for (const char* camera : {"cam03", "cam04"}) {  // one may be opened seconds after the other
+      ASSERT_TRUE(reaches("cap02", std::string(camera) + ".frames_per_second", 5)) << log();
+    }
     const double before = value("cap02", "frames_written");
     ASSERT_TRUE(reaches("cap02", "frames_written", before + 30)) << log();
     stopped_ = command(wire::CommandVerb::kStop);
@@ -195,7 +197,7 @@ TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_kill
 
 TEST_F(StudioOfThree, ends_the_take_on_all_nodes_when_the_node_of_the_trigger_is_killed) {
   arm_and_start(0);
-  ASSERT_TRUE(reaches("cap02", "frames_written", 40)) << log();
+  ASSERT_TRUE(reaches("cap02", "frames_written", 60)) << log();
   end(captured_, SIGKILL);
   start_captured();
   expect_all_become_idle();
