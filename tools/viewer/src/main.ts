@@ -393,10 +393,15 @@ class Viewer {
     this.performers.add(frame);
     this.draw();
     this.shownTimes.push(performance.now());
-    if (frame.live?.edgeMs != null) {
-      // The next refresh of the screen draws the mesh; it is visible from the one after that.
-      requestAnimationFrame(() => requestAnimationFrame(() => this.setLatency(frame.pulse, frame.live!.edgeMs!)));
-    }
+    if (!frame.live) return;
+    const { edgeMs } = frame.live;
+    requestAnimationFrame(() => { // the refresh that draws the mesh; it is visible from the next one on
+      this.send({ kind: 'drawn' });
+      if (edgeMs !== null) requestAnimationFrame(() => {
+        this.latency = performance.timeOrigin + performance.now() - edgeMs;
+        find('canvas').dataset.latency = `${frame.pulse} ${this.latency}`; // for tools/bench/latency
+      });
+    });
   }
 
   /** Draws the last frame as the panels want it. */
@@ -405,11 +410,6 @@ class Viewer {
     this.shown = this.motion.complete(this.shown);
     this.stage.show(this.skeleton.show(this.performers.visible(this.shown)));
     this.pictures.show(this.shown.pulse, this.shown.tracked !== null, this.shown.views);
-  }
-
-  private setLatency(pulse: number, edgeMs: number): void {
-    this.latency = performance.timeOrigin + performance.now() - edgeMs;
-    find('canvas').dataset.latency = `${pulse} ${this.latency}`; // for tools/bench/latency
   }
 
   private showRig(rig: RigCamera[]): void {

@@ -69,7 +69,7 @@ export class LiveQueue<Head> {
   }
 
   /** Decodes all queued frames; returns the last decoded one, or null. */
-  decode(decoder: Decoder): LiveFrame<Head> | null {
+  decode(decoder: Pick<Decoder, 'decode'>): LiveFrame<Head> | null {
     let shown: LiveFrame<Head> | null = null;
     for (const frame of this.waiting) {
       const status = decoder.decode(frame.bytes);

@@ -10,6 +10,8 @@ export type ToWorker =
   | { kind: 'tracked'; take: number; url: string; deadlineMs?: number }
   | { kind: 'want'; frame: number }
   | { kind: 'live'; take: number; url: string }
+  /** The last live mesh is drawn. The worker sends the next one after this message. */
+  | { kind: 'drawn' }
   /** Shows tracked surfaces of the open take; null: meshes. */
   | { kind: 'motion'; url: string | null }
   | { kind: 'points'; points: TrailPoint[] }
