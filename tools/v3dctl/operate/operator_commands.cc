@@ -14,6 +14,7 @@
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/operate/studio_monitor.h"
+#include "v3dctl/operate/take_progress.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -21,8 +22,6 @@ namespace {
 
 // Nodes report once a second. A node without a report in this time is silent.
 constexpr double kHealthSeconds = 2.5;
-// A busy node may skip some reports; in this time at least one node reports.
-constexpr double kSilentSeconds = 15;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
@@ -165,27 +164,31 @@ int run_arm(const CommandLine& line, Options options) {
   return kExitDone;
 }
 
-// Shows the progress until the trigger's node has closed the take. The state of that node decides,
-// because counts of pulses cannot: a pulse may have been lost.
+/// Shows the progress until every node that is not silent has closed the take.
 int wait_for_end(control::OperatorClient& client, const std::string& trigger_node) {
   StatusLine status;
   std::string take;
-  MonotonicInstant last_report = Monotonic::now();
+  TakeProgress progress(client.nodes(), trigger_node, Monotonic::now());
   catch_interrupts();
   for (;;) {
     stop_if_interrupted();
-    if (client.next_health(in_seconds(0.2))) {
-      last_report = Monotonic::now();
-    } else if (Monotonic::now() - last_report > from_seconds(kSilentSeconds)) {
-      note("v3dctl: no node has reported for 15 s. Try: v3dctl status");
-      return kExitFailed;
-    }
-    const auto health = client.health(Monotonic::now());
+    const auto message = client.next_health(in_seconds(0.2));
+    const MonotonicInstant now = Monotonic::now();
+    if (message) progress.on_health(*message, now);
+    const auto health = progress.health(now);
     if (const std::string current = current_take(health); !current.empty()) take = current;
-    if (!all_reported(client.nodes(), health)) continue;
     if (!take.empty()) status.show("recording " + take + "   " + recording_line(health));
-    if (is_in_take(health.at(trigger_node))) continue;
-    return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
+    switch (progress.state(now)) {
+      case TakeProgress::State::kRunning:
+        continue;
+      case TakeProgress::State::kEnded:
+        return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
+      case TakeProgress::State::kTriggerIsSilent:
+        note(fmt::format(
+            "v3dctl: {}, which has the trigger, has not reported for {} s. Try: v3dctl status",
+            trigger_node, to_seconds(TakeProgress::kSilentAfter)));
+        return kExitFailed;
+    }
   }
 }
 
