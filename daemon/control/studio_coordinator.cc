@@ -32,6 +32,7 @@ StudioCoordinator::StudioCoordinator(wire::CommandMessage order, int64_t counter
       counter_(counter),
       targets_(std::move(targets)),
       deadline_(deadline),
+      own_only_(order_.own_only),
       nonces_(std::move(nonces)) {
   if (order_.verb == wire::CommandVerb::kBackground) order_.take = kBackgroundTake;
   plan();

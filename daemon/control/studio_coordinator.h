@@ -128,7 +128,7 @@ class StudioCoordinator {
   std::deque<Round> rounds_;                           ///< the first is the current one
   std::map<std::string, wire::ReplyMessage> replies_;  ///< to the current command, by node
   bool taking_back_ = false;
-  bool own_only_ = false;
+  bool own_only_;
   std::optional<MonotonicInstant> round_began_;  ///< empty until its first poll()
   MonotonicInstant next_due_;
   NodeNonces nonces_;

@@ -16,11 +16,15 @@ constexpr double kCloseSeconds = 30;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
+std::string name_of(const PulseTrain& train) {
+  return train.take.empty() ? kCheckName : train.take;
+}
+
 control::Answer run_command(control::OperatorClient& client, wire::CommandVerb verb,
                             const PulseTrain& train, double timeout_s) {
   wire::CommandMessage message;
   message.verb = verb;
-  message.take = train.take.empty() ? kCheckName : train.take;
+  message.take = name_of(train);
   message.rate_hz = train.rate_hz;
   message.pulses = train.pulses;
   control::Answer answer = client.command(message, in_seconds(timeout_s));
@@ -57,6 +61,8 @@ control::Answer run_train(control::OperatorClient& client, const Studio& studio,
   } catch (...) {
     wire::CommandMessage abort;
     abort.verb = wire::CommandVerb::kAbort;
+    abort.take = name_of(train);
+    abort.own_only = true;  // another operator may have armed a take meanwhile
     client.command(abort, in_seconds(kStartSeconds));
     throw;
   }
