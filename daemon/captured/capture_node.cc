@@ -134,11 +134,8 @@ void CaptureNode::prepare(const wire::CommandMessage& order, std::optional<int64
   persisted_commands_.drop_all();
   reset_for_order(order, pulses);
   if (lights_) lights_->show(LightOutput::Scene::kTake);
-  if (trigger_.is_here()) {
-    trigger_.arm(plan_.train);
-  } else {
-    arm_cameras();
-  }
+  trigger_.arm(plan_.train);
+  if (!trigger_.is_here()) arm_cameras();
 }
 
 /// Call when the generator is armed: edges on its output before that are no pulses of the train.
@@ -250,7 +247,8 @@ std::optional<control::NodeReport> CaptureNode::poll_arming() {
   if (trigger_is_arming()) return std::nullopt;
   const std::string waiting = cameras_.not_ready(plan_.order.allow_missing);
   const bool late = Monotonic::now() > ready_by_;
-  if (!waiting.empty() && !late) return std::nullopt;
+  // A camera that may be missing is recorded when it works: it becomes ready with the others.
+  if (!late && (!waiting.empty() || cameras_.are_settling())) return std::nullopt;
   if (!waiting.empty() && !is_check()) {
     return control::NodeReport{
         .event = control::Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
@@ -361,7 +359,9 @@ std::string CaptureNode::check_disks() {
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
   const io::Result<double> free = node::disk_free_bytes(studio_);
-  std::string text = std::to_string(cameras_.ready().size()) + " cameras streaming and quiet, " +
+  const NodeTake* const recording = take_->recording();
+  const size_t cameras = recording != nullptr ? recording->camera_count() : cameras_.ready().size();
+  std::string text = std::to_string(cameras) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      (free ? format_bytes(*free) : "an unknown number of bytes") + " free";
   if (!trigger_.is_here()) return text;
@@ -441,7 +441,7 @@ void CaptureNode::report_take(const TakeCounts& counts, wire::HealthMessage& hea
 }
 
 void CaptureNode::report_warnings(const TakeCounts& counts) {
-  const NodeTake* const recording = take_ ? take_->recording() : nullptr;
+  NodeTake* const recording = take_ ? take_->recording() : nullptr;
   if (recording != nullptr) {
     events_.report_condition(wire::Severity::kAlarm, "disk", recording->disk_warning(),
                              node::advice::kDisk);

@@ -1,6 +1,7 @@
 #include "daemon/captured/node_devices.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -57,6 +58,12 @@ std::vector<capture::CameraWorker*> NodeCameras::ready() const {
     if (worker->status().state == capture::CameraState::kReady) ready.push_back(worker.get());
   }
   return ready;
+}
+
+bool NodeCameras::are_settling() const {
+  return std::ranges::any_of(workers_, [](const auto& worker) {
+    return worker->status().state == capture::CameraState::kSettling;
+  });
 }
 
 std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missing) const {
@@ -117,6 +124,20 @@ segmentation::BackgroundModel NodeCameras::background_of(
   return model;
 }
 
+std::vector<NodeCameras::RecordedCamera> NodeCameras::recorded(
+    const std::vector<std::string>& may_be_missing) const {
+  std::vector<RecordedCamera> recorded;
+  for (capture::CameraWorker* worker : ready()) {
+    try {
+      recorded.push_back({worker, background_of(*worker)});
+    } catch (const InputError& error) {
+      if (!contains(may_be_missing, worker->camera())) throw;
+      spdlog::warn("without {}: {}", worker->camera(), error.what());
+    }
+  }
+  return recorded;
+}
+
 double NodeCameras::bytes_per_pulse() const {
   double bytes = 0;
   for (const auto& worker : workers_) {
@@ -158,6 +179,7 @@ NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, bus::Bus
 }
 
 void NodeTrigger::arm(const trigger::PulseTrain& train) {
+  if (monitor_) monitor_->reset();
   if (!generator_) return;
   generator_->stop();
   generator_->arm(train);

@@ -44,6 +44,8 @@ class NodeCameras {
 
   /// The cameras in state kReady, in the order of the studio file.
   std::vector<capture::CameraWorker*> ready() const;
+  /// A camera is settling: it becomes ready within a few periods, or is lost.
+  bool are_settling() const;
   /// The required cameras that are not ready, each with its reason, on one line; else empty.
   /// Cameras in `may_be_missing` are not required.
   std::string not_ready(const std::vector<std::string>& may_be_missing) const;
@@ -52,8 +54,16 @@ class NodeCameras {
   /// Throws InputError when a camera has no calibration, or a required camera has no background
   /// model.
   void check_prepared(const std::vector<std::string>& may_be_missing) const;
-  /// Throws InputError when the model has another image size or pixel format than the camera.
+  /// Throws InputError when there is no model, or when it has another image size or pixel format
+  /// than the camera.
   segmentation::BackgroundModel background_of(const capture::CameraWorker& worker) const;
+  /// The ready cameras and their background models, without cameras in `may_be_missing` that have
+  /// no model of their images. Throws InputError when another ready camera has none.
+  struct RecordedCamera {
+    capture::CameraWorker* worker;
+    segmentation::BackgroundModel background;
+  };
+  std::vector<RecordedCamera> recorded(const std::vector<std::string>& may_be_missing) const;
 
   /// Image bytes of one pulse: the sum over all cameras that have been opened at least once.
   double bytes_per_pulse() const;
@@ -88,8 +98,8 @@ class NodeTrigger {
   /// The cameras receive the time of every pulse (CameraWorker::pulse_at).
   bool reports_edges() const { return generator_ || is_sensed_; }
 
-  /// These four call PulseGenerator's functions. On other nodes they do nothing, except that
-  /// start() resets the monitor.
+  /// These four call PulseGenerator's functions. On other nodes they do nothing, except that arm()
+  /// and start() reset the monitor: its counts are those of an earlier train.
   void arm(const trigger::PulseTrain& train);
   bool armed() { return !generator_ || generator_->armed(); }
   /// Call it between armed() and start(). `fault`: PulseGenerator::set_clock_fault().

@@ -17,7 +17,10 @@ namespace {
 /// Queue length in frames that a short stall does not explain: live pulses are skipped.
 constexpr int64_t kLiveBacklog = 5;
 
-take::TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan) {
+using Cameras = std::vector<NodeCameras::RecordedCamera>;
+
+take::TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan,
+                        const Cameras& cameras) {
   take::TakeInfo info{.name = plan.order.take,
                       .studio = context.studio.name,
                       .rate_hz = plan.disk.rate_hz,
@@ -26,8 +29,7 @@ take::TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& 
                       .software_version = V3D_VERSION,
                       .started = Realtime::now(),
                       .cameras = {}};
-  for (const capture::CameraWorker* worker : context.cameras.ready())
-    info.cameras.push_back(worker->camera());
+  for (const auto& camera : cameras) info.cameras.push_back(camera.worker->camera());
   return info;
 }
 
@@ -47,7 +49,7 @@ std::unique_ptr<NodeTake> NodeTake::begin(const Context& context, const Plan& pl
   take::TakeLock lock = node::lock_take(paths, context.name);
   node::check_new_take(context.studio, plan.order.take);
   try {
-    return create(context, plan, new_take(context, plan), std::move(lock));
+    return create(context, plan, std::move(lock));
   } catch (...) {
     node::quarantine_unarmed_take(paths);
     throw;
@@ -55,14 +57,15 @@ std::unique_ptr<NodeTake> NodeTake::begin(const Context& context, const Plan& pl
 }
 
 std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& plan,
-                                           take::TakeInfo info, take::TakeLock lock) {
+                                           take::TakeLock lock) {
+  // A camera that is lost from now on is in the take, and its frames are missing.
+  const Cameras cameras = context.cameras.recorded(plan.order.allow_missing);
+  take::TakeInfo info = new_take(context, plan, cameras);
   node::create_take(context.studio, info);
   node::persist_command(context.studio, context.name, plan.order);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
-  for (capture::CameraWorker* worker : context.cameras.ready()) {
-    take->add_pipeline(*worker, context.cameras.background_of(*worker));
-  }
+  for (const auto& camera : cameras) take->add_pipeline(*camera.worker, camera.background);
   take->sync_names();
   take->begin_sound();
   return take;
@@ -173,6 +176,12 @@ bool NodeTake::has_received(int64_t pulses, std::optional<MonotonicInstant> idle
 bool NodeTake::progressed_since(MonotonicInstant since) const {
   return std::ranges::all_of(
       pipelines_, [&](const auto& pipeline) { return pipeline->progressed_since(since); });
+}
+
+/// In a take that is resumed, cameras are opened later than the take.
+TakeDisk& NodeTake::disk() {
+  disk_->expect(context_.cameras.bytes_per_pulse());
+  return *disk_;
 }
 
 DiskErrors NodeTake::disk_errors() const {

@@ -176,6 +176,7 @@ class NodeTake {
   NodeTake& operator=(const NodeTake&) = delete;
 
   const take::TakePaths& paths() const { return paths_; }
+  size_t camera_count() const { return pipelines_.size(); }
 
   /// Sum over all pipelines.
   CameraPipelineCounts counts() const;
@@ -186,8 +187,8 @@ class NodeTake {
   bool progressed_since(MonotonicInstant since) const;
 
   /// See TakeDisk.
-  std::string disk_stop_reason() const { return disk_->stop_reason(disk_errors()); }
-  std::string disk_warning() const { return disk_->warning(disk_errors()); }
+  std::string disk_stop_reason() { return disk().stop_reason(disk_errors()); }
+  std::string disk_warning() { return disk().warning(disk_errors()); }
   std::string queue_warning() { return disk_->queue_warning(context_.cameras.max_queued()); }
 
   /// Stops the pipelines and adds cameras and files to `ledger`, whose `commanded` is set.
@@ -200,7 +201,7 @@ class NodeTake {
  private:
   NodeTake(Context context, take::TakeInfo info, const DiskDemand& demand, take::TakeLock lock);
   static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan,
-                                          take::TakeInfo info, take::TakeLock lock);
+                                          take::TakeLock lock);
   void begin_sound();
   /// Starts to map the sound files of before a restart of the daemon, beside the recording.
   void map_earlier_sounds();
@@ -209,6 +210,8 @@ class NodeTake {
   void add_pipeline(capture::CameraWorker& worker, const segmentation::BackgroundModel& background,
                     std::optional<ResumeState> resume = {});
   DiskErrors disk_errors() const;
+  /// The disk, with the demand of all cameras that were opened until now.
+  TakeDisk& disk();
   /// What could not be flushed to disk, with the first cause; empty if everything was.
   std::string unsynced(const io::Status& pulse_log) const;
   /// Why a recovery must count the take again; empty if it is closed.

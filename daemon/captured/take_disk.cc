@@ -94,6 +94,10 @@ TakeDisk::TakeDisk(take::TakePaths take, const DiskDemand& demand, FreeSpaceRead
 
 TakeDisk::~TakeDisk() { take::remove_working_file(take_.reserve()); }
 
+void TakeDisk::expect(double bytes_per_pulse) {
+  demand_.bytes_per_pulse = std::max(demand_.bytes_per_pulse, bytes_per_pulse);
+}
+
 io::Result<bool> TakeDisk::is_gone() const {
   return io::type_of(take_.info()).map([](fs::file_type type) {
     return type == fs::file_type::not_found;

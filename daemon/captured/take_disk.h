@@ -58,6 +58,8 @@ class TakeDisk {
   TakeDisk(const TakeDisk&) = delete;
   TakeDisk& operator=(const TakeDisk&) = delete;
 
+  /// A pulse has at least this many bytes over all cameras of the node.
+  void expect(double bytes_per_pulse);
   /// Why the pulses must stop now: a frame could not be written, or the free space is only enough
   /// for frames in flight. Empty: continue.
   std::string stop_reason(const DiskErrors& errors) const;
@@ -74,7 +76,7 @@ class TakeDisk {
   std::string takes() const { return take_.folder.parent_path().string(); }
 
   const take::TakePaths take_;
-  const DiskDemand demand_;
+  DiskDemand demand_;
   const FreeSpaceReader free_bytes_;
   bool queue_is_full_ = false;
 };

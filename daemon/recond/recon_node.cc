@@ -132,13 +132,16 @@ std::string detail_of(const ReconCounts& counts) {
   return control::recon_json(values_of(counts), counts.without_mesh);
 }
 
-/// The cameras of this take: all but those that may be missing.
+/// The cameras of this take: all but those that may be missing. Throws InputError without a camera.
 recon::FrameSetOptions sets_of(const Studio& studio, const wire::CommandMessage& command) {
   recon::FrameSetOptions options;
   for (const StudioCamera& camera : studio.cameras) {
     const bool missing = std::find(command.allow_missing.begin(), command.allow_missing.end(),
                                    camera.name) != command.allow_missing.end();
     if (!missing) options.cameras.push_back(camera.name);
+  }
+  if (options.cameras.empty()) {
+    throw InputError("all cameras may be missing; expected one at least that is required");
   }
   options.deadline = from_seconds(studio.reconstruction.deadline_ms * 1e-3);
   return options;

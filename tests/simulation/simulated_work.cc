@@ -80,6 +80,7 @@ void SimulatedCapture::make_ready(const wire::CommandMessage& order) {
   clear_persisted_orders();
   order_ = order;
   disk_is_full_ = ended_by_disk_ = false;
+  restart_train();
   if (host_.trigger != nullptr) host_.trigger->arm(order, world_.rate_hz, train_length());
   is_ready_ = !world_.draws.chance(host_.not_ready);
   ready_at_ = now() + (is_ready_ ? world_.draws.seconds(0.01, 0.8) : kReadyWithin);

@@ -229,6 +229,24 @@ TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_messag
   EXPECT_EQ(result.ledger.sensed, 3);
 }
 
+TEST_F(TakeOfAnotherNode, is_empty_when_it_is_aborted_before_its_start_after_another_take) {
+  {
+    const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
+    trigger_.start();
+    publish_commanded(kPulses);
+    ASSERT_TRUE(receives(*take, kPulses, 0));
+    drain(*take);
+  }
+  std::filesystem::remove_all(paths().folder);
+  trigger_.arm(plan(wire::CommandVerb::kArm).train);
+  const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
+  EXPECT_EQ(take->counts().commanded, 0);
+  const TakeResult result = take->close();
+  EXPECT_EQ(result.ledger.commanded, 0);
+  EXPECT_THAT(result.close_report.quarantine_notice, testing::HasSubstr("moved to"));
+  EXPECT_FALSE(exists(paths().folder)) << "its name is free again";
+}
+
 TEST_F(TakeOfAnotherNode, omits_the_sensed_pulses_when_a_message_was_lost) {
   const auto take = ActiveTake::begin(context(), plan(wire::CommandVerb::kArm));
   trigger_.start();

@@ -97,6 +97,17 @@ TEST_F(TakeDiskTest, stops_the_take_when_frames_in_flight_would_not_fit) {
   EXPECT_THAT(TakeDisk(paths_, demand).stop_reason({}), HasSubstr("is nearly full"));
 }
 
+TEST_F(TakeDiskTest, expects_more_bytes_when_cameras_are_opened_after_the_take) {
+  DiskDemand demand = xga({});
+  demand.bytes_per_pulse = 0;  // no camera was opened yet
+  TakeDisk disk(paths_, demand);
+  EXPECT_EQ(disk.stop_reason({}), "");
+  disk.expect(1e18);
+  disk.expect(0);  // one is reopened
+  EXPECT_THAT(disk.stop_reason({}), HasSubstr("is nearly full"));
+  EXPECT_THAT(disk.warning({}), HasSubstr("full in less than"));
+}
+
 TEST_F(TakeDiskTest, stops_the_take_after_a_write_error) {
   const TakeDisk disk(paths_, xga({}));
   EXPECT_EQ(disk.stop_reason({.dropped = 3, .failed = 0}), "");
