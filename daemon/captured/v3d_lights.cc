@@ -11,10 +11,12 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <iostream>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "base/core/error.h"
 #include "cli/command.h"
@@ -23,6 +25,8 @@ namespace {
 
 constexpr int kIntervalMs = 1000;  ///< of repetitions
 constexpr int kMaxUniverse = 65'535;
+constexpr auto kAnswerTimeout = std::chrono::seconds(3);
+constexpr int kMaxWaitUs = 100'000;
 
 /// Values of the channels 1, 2, ..., separated by spaces. Throws InputError.
 ola::DmxBuffer values_of(const std::string& line) {
@@ -63,33 +67,47 @@ class Input {
   std::string text_;
 };
 
+constexpr char kNoAnswer[] = "olad does not answer on port 9010 of this PC";
+
 /// A connection to olad.
 class Olad {
  public:
+  /// Waits for an answer, because the kernel connects also to an olad that hangs. Throws
+  /// std::runtime_error without one.
   Olad() : wrapper_(false) {
-    if (!wrapper_.Setup()) {
-      throw std::runtime_error("olad does not answer on port 9010 of this PC");
-    }
+    if (!wrapper_.Setup()) throw std::runtime_error(kNoAnswer);
     wrapper_.SetCloseCallback(ola::NewCallback(this, &Olad::close));
+    wrapper_.GetClient()->FetchPluginList(ola::NewSingleCallback(this, &Olad::take_plugins));
+    wait_for_answer();
   }
 
   /// Waits until olad has taken the values: it drops what it has not read when a connection ends.
   /// Throws std::runtime_error with olad's answer.
   void send(unsigned universe, const ola::DmxBuffer& values) {
-    is_taken_ = false;
+    has_answered_ = false;
     wrapper_.GetClient()->SendDMX(
         universe, values, ola::client::SendDMXArgs(ola::NewSingleCallback(this, &Olad::take)));
-    while (!is_taken_ && is_open_) wrapper_.GetSelectServer()->RunOnce();
-    if (!is_open_) throw std::runtime_error("olad has closed the connection");
+    wait_for_answer();
     if (!error_.empty()) {
       throw std::runtime_error("olad: " + error_ + " (universe " + std::to_string(universe) + ")");
     }
   }
 
  private:
+  void wait_for_answer() {
+    const auto until = std::chrono::steady_clock::now() + kAnswerTimeout;
+    while (!has_answered_ && is_open_ && std::chrono::steady_clock::now() < until) {
+      wrapper_.GetSelectServer()->RunOnce(ola::TimeInterval(0, kMaxWaitUs));
+    }
+    if (!is_open_) throw std::runtime_error("olad has closed the connection");
+    if (!has_answered_) throw std::runtime_error(kNoAnswer);
+  }
   void take(const ola::client::Result& result) {
-    is_taken_ = true;
+    has_answered_ = true;
     error_ = result.Error();
+  }
+  void take_plugins(const ola::client::Result&, const std::vector<ola::client::OlaPlugin>&) {
+    has_answered_ = true;
   }
   void close() {
     is_open_ = false;
@@ -97,7 +115,7 @@ class Olad {
   }
 
   ola::client::OlaClientWrapper wrapper_;
-  bool is_taken_ = false, is_open_ = true;
+  bool has_answered_ = false, is_open_ = true;
   std::string error_;
 };
 

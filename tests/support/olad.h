@@ -1,6 +1,8 @@
 // OLA's daemon with a simulated DMX interface.
 #pragma once
 
+#include <signal.h>
+
 #include <fstream>
 #include <string>
 #include <vector>
@@ -38,6 +40,9 @@ class Olad {
   bool becomes(const std::string& values) const {
     return becomes_true([&] { return !scenes().empty() && scenes().back() == values; }, within(60));
   }
+
+  /// Suspends olad, or lets it continue.
+  void set_suspended(bool suspended) { process_.signal(suspended ? SIGSTOP : SIGCONT); }
 
  private:
   void write_settings() const {

@@ -64,6 +64,20 @@ TEST(LightOutput, states_that_olad_does_not_answer_and_shows_the_scene_when_it_d
   EXPECT_TRUE(olad.becomes(kTake));
 }
 
+TEST(LightOutput, states_that_an_olad_that_hangs_does_not_answer_and_continues_when_it_does) {
+  test::Olad olad;
+  LightOutput lights(kLights, V3D_LIGHTS);
+  ASSERT_TRUE(connects(lights));
+  ASSERT_TRUE(olad.becomes(kWork));
+  olad.set_suspended(true);
+  EXPECT_TRUE(has_fault(lights, "olad does not answer on port 9010 of this PC"));
+  EXPECT_FALSE(lights.status().is_connected);
+  lights.show(Scene::kTake);
+  olad.set_suspended(false);
+  ASSERT_TRUE(connects(lights));
+  EXPECT_TRUE(olad.becomes(kTake));
+}
+
 TEST(LightOutput, names_a_universe_that_olad_does_not_have) {
   StudioLights lights = kLights;
   lights.universe = 7;
