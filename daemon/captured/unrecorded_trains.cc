@@ -111,6 +111,8 @@ BackgroundLearner::Result BackgroundLearner::run() try {
 namespace {
 
 constexpr Duration kCheckPollInterval = std::chrono::milliseconds(20);
+/// Longest time to examine the frames that wait at the end of a check.
+constexpr Duration kMaxBacklogTime = std::chrono::seconds(2);
 
 /// Empty when there is no model yet, or it does not match the camera: a check works without one.
 std::optional<segmentation::BackgroundModel> background_of(const capture::CameraWorker& worker,
@@ -131,28 +133,84 @@ std::optional<segmentation::BackgroundModel> background_of(const capture::Camera
 }  // namespace
 
 /// One camera of the check.
-struct CameraCheck::CheckedWorker {
+class CameraCheck::CheckedWorker {
+ public:
   CheckedWorker(capture::CameraWorker& camera_worker, const Setup& setup, bus::Bus& bus)
-      : worker(camera_worker), preview(bus, camera_worker.camera(), setup.rate_hz) {
-    const auto model = background_of(worker, setup.background);
-    if (!model) return;
-    segmenter.emplace(*model, segmentation::SegmentOptions{});
-    plates_focus = focus_of(*model);
+      : worker_(camera_worker), preview_(bus, camera_worker.camera(), setup.rate_hz) {
+    if (const auto model = background_of(worker_, setup.background)) {
+      segmenter_.emplace(*model, segmentation::SegmentOptions{});
+      plates_focus_ = focus_of(*model);
+    }
+    thread_ = std::thread([this] { run(); });
+  }
+  ~CheckedWorker() { stop(); }
+  CheckedWorker(const CheckedWorker&) = delete;
+  CheckedWorker& operator=(const CheckedWorker&) = delete;
+
+  int64_t received() const { return received_; }
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
+  /// The frames that have arrived are still examined.
+  void request_end() { stopping_ = true; }
+  CheckedCamera close(int64_t commanded, double rate_hz);
+
+ private:
+  void run();
+  void examine(const Frame& frame);
+  void stop() {
+    request_end();
+    if (thread_.joinable()) thread_.join();
   }
 
-  capture::CameraWorker& worker;
-  PreviewSender preview;
-  std::optional<segmentation::Segmenter> segmenter;
-  std::optional<double> plates_focus;
-  // The members below belong to the thread until it has ended, except `received`.
-  segmentation::PictureStatistics pictures;
-  double foreground = 0;  ///< sum over all images of the foreground share, 0 to 1 each
-  std::vector<int64_t> pulses;
-  std::vector<int64_t> suspect;
-  std::vector<segmentation::PulseBrightness> brightness;
-  segmentation::MotionSeries motion;
-  std::atomic<int64_t> received = 0;
+  capture::CameraWorker& worker_;
+  PreviewSender preview_;
+  std::optional<segmentation::Segmenter> segmenter_;
+  std::optional<double> plates_focus_;
+  // The members below belong to the thread until it has ended, except the atomic ones.
+  segmentation::PictureStatistics pictures_;
+  double foreground_ = 0;  ///< sum over all images of the foreground share, 0 to 1 each
+  std::vector<int64_t> pulses_;
+  std::vector<int64_t> suspect_;
+  std::vector<segmentation::PulseBrightness> brightness_;
+  segmentation::MotionSeries motion_;
+  std::atomic<int64_t> received_ = 0;
+  node::Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
 };
+
+void CameraCheck::CheckedWorker::run() {
+  // A free-running camera has always a next frame.
+  std::optional<MonotonicInstant> end;
+  while (!end || Monotonic::now() < *end) {
+    heartbeat_.beat();
+    if (stopping_ && !end) end = Monotonic::now() + kMaxBacklogTime;
+    auto frame = worker_.take(Monotonic::now() + (end ? Duration::zero() : kCheckPollInterval));
+    if (!frame && end) return;
+    if (!frame) continue;
+    reduce_to_8_bits(frame->image);
+    examine(*frame);
+    ++received_;
+  }
+}
+
+void CameraCheck::CheckedWorker::examine(const Frame& frame) {
+  const ImageView image = frame.image.view();
+  const double grey = pictures_.add(image);
+  if (!frame.label.suspect) {
+    brightness_.push_back({frame.label.pulse, grey});
+    motion_.add(frame.label.pulse, image);
+  }
+  pulses_.push_back(frame.label.pulse);
+  if (frame.label.suspect) suspect_.push_back(frame.label.pulse);
+  std::optional<Mask> mask;
+  if (segmenter_ && image.size == segmenter_->size() && image.format == segmenter_->format()) {
+    mask = segmenter_->segment(image);
+    foreground_ += static_cast<double>(mask->count()) / static_cast<double>(image.size.pixels());
+  }
+  if (preview_.wants(frame.label.pulse)) {
+    preview_.send(frame.label.pulse, image, mask ? &*mask : nullptr);
+  }
+}
 
 CameraCheck::CameraCheck(const std::vector<capture::CameraWorker*>& workers, const Setup& setup,
                          bus::Bus& bus)
@@ -160,55 +218,18 @@ CameraCheck::CameraCheck(const std::vector<capture::CameraWorker*>& workers, con
   for (capture::CameraWorker* worker : workers) {
     workers_.push_back(std::make_unique<CheckedWorker>(*worker, setup, bus));
   }
-  if (!workers_.empty()) thread_ = std::thread([this] { run(); });
 }
 
-CameraCheck::~CameraCheck() { stop_thread(); }
+CameraCheck::~CameraCheck() = default;
 
-void CameraCheck::stop_thread() {
-  stopping_ = true;
-  if (thread_.joinable()) thread_.join();
-}
-
-void CameraCheck::run() {
-  while (!stopping_) {
-    heartbeat_.beat();
-    // All cameras expose at the same time, so waiting for them in turn costs no time.
-    const MonotonicInstant until = Monotonic::now() + kCheckPollInterval;
-    for (const auto& checked : workers_) {
-      while (auto frame = checked->worker.take(until)) {
-        reduce_to_8_bits(frame->image);
-        examine(*checked, *frame);
-        ++checked->received;
-      }
-    }
-  }
-}
-
-void CameraCheck::examine(CheckedWorker& checked, const Frame& frame) {
-  const ImageView image = frame.image.view();
-  const double grey = checked.pictures.add(image);
-  if (!frame.label.suspect) {
-    checked.brightness.push_back({frame.label.pulse, grey});
-    checked.motion.add(frame.label.pulse, image);
-  }
-  checked.pulses.push_back(frame.label.pulse);
-  if (frame.label.suspect) checked.suspect.push_back(frame.label.pulse);
-  std::optional<Mask> mask;
-  if (checked.segmenter && image.size == checked.segmenter->size() &&
-      image.format == checked.segmenter->format()) {
-    mask = checked.segmenter->segment(image);
-    checked.foreground +=
-        static_cast<double>(mask->count()) / static_cast<double>(image.size.pixels());
-  }
-  if (checked.preview.wants(frame.label.pulse)) {
-    checked.preview.send(frame.label.pulse, image, mask ? &*mask : nullptr);
-  }
+bool CameraCheck::progressed_since(MonotonicInstant since) const {
+  return std::ranges::all_of(workers_,
+                             [&](const auto& checked) { return checked->progressed_since(since); });
 }
 
 bool CameraCheck::has_received(int64_t frames) const {
-  return std::all_of(workers_.begin(), workers_.end(),
-                     [&](const auto& checked) { return checked->received >= frames; });
+  return std::ranges::all_of(workers_,
+                             [&](const auto& checked) { return checked->received() >= frames; });
 }
 
 namespace {
@@ -225,23 +246,26 @@ void add_flicker(const std::vector<segmentation::PulseBrightness>& brightness, d
 
 }  // namespace
 
-std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
-  stop_thread();
-  std::vector<CheckedCamera> cameras;
-  for (const auto& checked : workers_) {
-    CheckedCamera camera;
-    camera.pulses =
-        take::account(checked->worker.camera(), checked->pulses, checked->suspect, commanded);
-    camera.pulses.received = checked->received;
-    camera.quality = checked->pictures.result();
-    camera.plates_focus = checked->plates_focus;
-    if (checked->segmenter && checked->pictures.pictures() > 0) {
-      camera.foreground = checked->foreground / static_cast<double>(checked->pictures.pictures());
-    }
-    add_flicker(checked->brightness, rate_hz_, camera);
-    camera.motion_stops = checked->motion.stops(rate_hz_);
-    cameras.push_back(std::move(camera));
+CheckedCamera CameraCheck::CheckedWorker::close(int64_t commanded, double rate_hz) {
+  stop();
+  CheckedCamera camera;
+  camera.pulses = take::account(worker_.camera(), pulses_, suspect_, commanded);
+  camera.pulses.received = received_;
+  camera.dropped = worker_.status().dropped;
+  camera.quality = pictures_.result();
+  camera.plates_focus = plates_focus_;
+  if (segmenter_ && pictures_.pictures() > 0) {
+    camera.foreground = foreground_ / static_cast<double>(pictures_.pictures());
   }
+  add_flicker(brightness_, rate_hz, camera);
+  camera.motion_stops = motion_.stops(rate_hz);
+  return camera;
+}
+
+std::vector<CheckedCamera> CameraCheck::close(int64_t commanded) {
+  for (const auto& checked : workers_) checked->request_end();
+  std::vector<CheckedCamera> cameras;
+  for (const auto& checked : workers_) cameras.push_back(checked->close(commanded, rate_hz_));
   return cameras;
 }
 
@@ -264,6 +288,7 @@ std::string check_json(const CheckResult& result) {
     checked.push_back({{"name", c.pulses.name},
                        {"received", c.pulses.received},
                        {"missing", c.pulses.missing},
+                       {"dropped", c.dropped},
                        {"duplicate", c.pulses.duplicate},
                        {"suspect", c.pulses.suspect},
                        {"clipped", c.quality.clipped},

@@ -81,6 +81,7 @@ class BackgroundLearner {
 /// Result for one camera.
 struct CheckedCamera {
   take::CameraLedger pulses;  ///< received, missing, duplicate and suspect; written is 0
+  int64_t dropped = 0;        ///< missing frames that this node was too slow to examine
   segmentation::PictureQuality quality;
   std::optional<double> plates_focus;  ///< of the background plates; empty without a matching model
   std::optional<double> foreground;    ///< mean share of the image, 0 to 1; empty without a model
@@ -89,8 +90,8 @@ struct CheckedCamera {
   std::vector<segmentation::MotionStop> motion_stops;
 };
 
-/// Takes frames from its workers in a thread of its own, from construction, and sends previews of
-/// them. Works without a background model, too.
+/// Takes frames from its workers, each in a thread of its own, from construction, and sends
+/// previews of them. Works without a background model, too.
 class CameraCheck {
  public:
   struct Setup {
@@ -106,24 +107,17 @@ class CameraCheck {
 
   /// True when every camera has delivered `frames` frames. Any thread.
   bool has_received(int64_t frames) const;
-  bool progressed_since(MonotonicInstant since) const {
-    return workers_.empty() || heartbeat_.beat_since(since);
-  }
+  bool progressed_since(MonotonicInstant since) const;
 
-  /// Stops the thread. `commanded`: pulses of the train.
+  /// Examines the frames that have arrived, and stops the threads. `commanded`: pulses of the
+  /// train.
   std::vector<CheckedCamera> close(int64_t commanded);
 
  private:
-  struct CheckedWorker;
-  void run();
-  static void examine(CheckedWorker& checked, const Frame& frame);
-  void stop_thread();
+  class CheckedWorker;
 
   const double rate_hz_;
   std::vector<std::unique_ptr<CheckedWorker>> workers_;
-  node::Heartbeat heartbeat_;
-  std::atomic<bool> stopping_ = false;
-  std::thread thread_;  ///< not started without workers
 };
 
 /// What a node found in a check.
@@ -136,7 +130,7 @@ struct CheckResult {
 };
 
 /// JSON of a check for the detail of a reply: pulses {commanded, sensed, rate_hz}, checked [{name,
-/// received, missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus,
+/// received, missing, dropped, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus,
 /// foreground, flicker_amplitude, beat_hz, rate_without_flicker_hz, motion_stops [[pulse,
 /// change]]}], not_ready [names], sound {fault, clap_pulse, uncertainty_us} or null.
 std::string check_json(const CheckResult& result);

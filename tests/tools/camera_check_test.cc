@@ -53,6 +53,11 @@ TEST(CameraCheck, reports_every_fault_with_its_remedy) {
   expect(Grade::kBad, "no frame", "trigger cable", [](CameraMeasurement& s) { s.received = 0; });
   expect(Grade::kBad, "2 frames missing of 100", "network cable",
          [](CameraMeasurement& s) { s.missing = 2; });
+  expect(Grade::kBad, "3 frames not examined of 100 pulses; 1 frame missing", "cap01 is too busy",
+         [](CameraMeasurement& s) {
+           s.missing = 4;
+           s.dropped = 3;
+         });
   expect(Grade::kBad, "1 frame with a pulse in doubt", "trigger cable",
          [](CameraMeasurement& s) { s.suspect = 1; });
   expect(Grade::kLook, "3.0 % too bright", "exposure_us",

@@ -67,7 +67,11 @@ void judge_pulses(const CameraMeasurement& camera, VerdictBuilder& builder) {
     return builder.add(Grade::kBad, "no frame" + of,
                        "check its trigger cable and trigger_line in the studio file");
   }
-  builder.add(bad_if(camera.missing > 0), count_of(camera.missing, "frame") + " missing" + of,
+  const int64_t dropped = std::min(camera.dropped, camera.missing);
+  builder.add(bad_if(dropped > 0), count_of(dropped, "frame") + " not examined" + of,
+              camera.node + " is too busy; end other programs on it");
+  const int64_t missing = camera.missing - dropped;
+  builder.add(bad_if(missing > 0), count_of(missing, "frame") + " missing" + of,
               "v3dctl doctor " + camera.node + "; check its network cable and packet_delay_ns");
   builder.add(bad_if(camera.suspect > 0 || camera.duplicate > 0),
               count_of(camera.suspect + camera.duplicate, "frame") + " with a pulse in doubt",
@@ -129,6 +133,7 @@ CameraMeasurement parse_measurement(const Json& entry, const std::string& node, 
           .pulses = pulses,
           .received = entry.at("received").get<int64_t>(),
           .missing = static_cast<int64_t>(entry.at("missing").size()),
+          .dropped = entry.value("dropped", int64_t{0}),
           .duplicate = static_cast<int64_t>(entry.at("duplicate").size()),
           .suspect = static_cast<int64_t>(entry.at("suspect").size()),
           .clipped = entry.at("clipped").get<double>(),
@@ -172,6 +177,7 @@ Json to_json(const CameraMeasurement& camera) {
   json.update({{"pulses", camera.pulses},
                {"received", camera.received},
                {"missing", camera.missing},
+               {"dropped", camera.dropped},
                {"duplicate", camera.duplicate},
                {"suspect", camera.suspect},
                {"clipped", camera.clipped},

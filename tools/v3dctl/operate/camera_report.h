@@ -23,6 +23,7 @@ struct CameraMeasurement {
   int64_t pulses = 0;
   int64_t received = 0;  ///< frames
   int64_t missing = 0;
+  int64_t dropped = 0;  ///< missing frames that the node was too slow to examine
   int64_t duplicate = 0;
   int64_t suspect = 0;
   double clipped = 0;                  ///< share of samples of 250 and more, 0 to 1
