@@ -78,7 +78,7 @@ Rig load_take_calib(const TakePaths& paths) {
 std::optional<Studio> load_take_studio(const TakePaths& paths) {
   const auto kind = io::value_or_throw(io::entry_type_of(paths.studio()));
   if (kind == std::filesystem::file_type::not_found) return std::nullopt;
-  return parse_studio(read_take_text(paths.studio()), paths.studio());
+  return parse_recorded_studio(read_take_text(paths.studio()), paths.studio());
 }
 
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path) {

@@ -86,7 +86,7 @@ bool is_edited(const TakePaths& paths);
 /// it as load_calib() does.
 Rig load_take_calib(const TakePaths& paths);
 /// The studio file at the time of the recording. Reads studio.toml with read_take_text() and parses
-/// it as load_studio() does. Empty when the take has none.
+/// it with parse_recorded_studio(). Empty when the take has none.
 std::optional<Studio> load_take_studio(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
 /// The content of take.toml.

@@ -134,8 +134,9 @@ void add(RigCamera camera, const TomlTable& table, Rig& rig) {
 void read_camera_array(const TomlTable& cameras, Rig& rig) {
   for (const auto& [number, camera] : cameras.sub_tables()) {
     const std::string name = "cam_" + number;
-    if (!is_file_name(name)) {
-      camera.fail_here("'" + name + "' is not a valid camera name: " + std::string(kFileNameRule));
+    if (!is_camera_name(name)) {
+      camera.fail_here("'" + name +
+                       "' is not a valid camera name: " + std::string(kCameraNameRule));
     }
     if (!camera.boolean_or("ignore", false)) add(read_camera(camera, name), camera, rig);
   }

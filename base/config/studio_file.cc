@@ -294,6 +294,38 @@ void read_viewer(const TomlTable& file, Studio& studio) {
   table.reject_unknown_fields();
 }
 
+/// Throws InputError for a name in the tables [[key]] that is too long for the channel of a
+/// message.
+void reject_long_names(const TomlTable& file, std::string_view key, size_t max_characters) {
+  for (const TomlTable& table : file.tables(key)) {
+    const std::string name = table.text("name");
+    if (name.size() <= max_characters) continue;
+    table.fail("name", fmt::format("'{}' has {} characters; expected at most {}", name, name.size(),
+                                   max_characters));
+  }
+}
+
+Studio read_studio(const TomlTable& file, const std::filesystem::path& path) {
+  Studio studio;
+  studio.path = path;
+  studio.name = read_name(file);
+  read_nodes(file, studio);
+  read_cameras(file, studio);
+  read_trigger(file, studio);
+  assign_action_cameras(file, studio);
+  require_sensed_trigger(file, studio);
+  read_space(file, studio);
+  read_network(file, studio);
+  read_storage(file, studio);
+  read_reconstruction(file, studio);
+  read_viewer(file, studio);
+  read_sounds(file, studio);
+  read_timecode_output(file, studio);
+  read_lights(file, studio);
+  file.reject_unknown_fields();
+  return studio;
+}
+
 }  // namespace
 
 std::string StudioInstrument::text() const {
@@ -321,24 +353,14 @@ bool Studio::reconstructs(std::string_view node) const {
 
 Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   const TomlTable file = TomlTable::parse(text, path);
-  Studio studio;
-  studio.path = path;
-  studio.name = read_name(file);
-  read_nodes(file, studio);
-  read_cameras(file, studio);
-  read_trigger(file, studio);
-  assign_action_cameras(file, studio);
-  require_sensed_trigger(file, studio);
-  read_space(file, studio);
-  read_network(file, studio);
-  read_storage(file, studio);
-  read_reconstruction(file, studio);
-  read_viewer(file, studio);
-  read_sounds(file, studio);
-  read_timecode_output(file, studio);
-  read_lights(file, studio);
-  file.reject_unknown_fields();
+  Studio studio = read_studio(file, path);
+  reject_long_names(file, "camera", kMaxCameraName);
+  reject_long_names(file, "node", kMaxNodeName);
   return studio;
+}
+
+Studio parse_recorded_studio(std::string_view text, const std::filesystem::path& path) {
+  return read_studio(TomlTable::parse(text, path), path);
 }
 
 Studio load_studio(const std::filesystem::path& path) {

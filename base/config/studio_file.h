@@ -279,5 +279,8 @@ Studio load_studio(const std::filesystem::path& path);
 /// Like load_studio(), but reads `text`. Error messages use `path` as the file name; relative paths
 /// start at its folder.
 Studio parse_studio(std::string_view text, const std::filesystem::path& path);
+/// Like parse_studio(), for the studio file of a take. Accepts the longer names of cameras and
+/// nodes that earlier versions accepted (kMaxCameraName, kMaxNodeName).
+Studio parse_recorded_studio(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -1,6 +1,7 @@
 // Names, escaping for terminals and HTML, numbers with units.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -20,10 +21,17 @@ inline constexpr std::string_view kFileNameRule =
 /// True for a file name that a camera may have.
 /// Reserved: "pulses" (the log of the pulses), and names that end in a dot and four digits (later
 /// segments of a log, "cam07.0001.lcmlog").
+/// Accepts names that are longer than kMaxCameraName, because recordings of earlier versions have
+/// some.
 bool is_camera_name(std::string_view name);
 inline constexpr std::string_view kCameraNameRule =
-    "use letters, digits, '-', '_' and '.', at most 64 characters; start with a letter, a digit or "
+    "use letters, digits, '-', '_' and '.', at most 51 characters; start with a letter, a digit or "
     "'_'; do not use \"pulses\", nor a dot and four digits at the end";
+
+/// Limits of the names of a studio and of new recordings, in characters: a channel of LCM has at
+/// most 63, and the longest prefixes are "V3D_PREVIEW_" of cameras and "V3D_FRAMEKEY_" of nodes.
+inline constexpr size_t kMaxCameraName = 51;
+inline constexpr size_t kMaxNodeName = 50;
 
 /// "cam00, cam01, ...": the first 24 names; "..." replaces the others.
 std::string join_names(const std::vector<std::string>& names);

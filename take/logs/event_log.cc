@@ -17,7 +17,7 @@ namespace {
 // Layout of an event (LCM's documentation of log files), all numbers big-endian: sync word (4
 // bytes), event number (8), time (8), length of the channel name (4), length of the data (4),
 // channel name, data.
-constexpr size_t kMaxChannelSize = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
+constexpr size_t kMaxLcmChannelSize = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
 constexpr std::array<uint8_t, 4> kSyncBytes = {0xED, 0xA1, 0xDA, 0x01};
 
 uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_size; }
@@ -131,12 +131,27 @@ class SegmentScan {
   bool failed_ = false;  ///< the last read failed
 };
 
+/// True when the index of a recovery has no event, although the segment begins with an event whose
+/// channel is longer than LCM permits. Earlier versions wrote such events and could not read them.
+bool hides_long_channel(const SegmentIndex& index, const io::File& segment) {
+  if (index.events > 0) return false;
+  std::array<uint8_t, kEventHeaderSize> bytes{};
+  const auto got = segment.read(0, bytes);
+  const std::span<const uint8_t> head(bytes);
+  return got && *got == bytes.size() && read_big_endian(head.first(4)) == kEventSyncWord &&
+         read_big_endian(head.subspan(20, 4)) > kMaxLcmChannelSize;
+}
+
 io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
   auto file = io::File::open(path, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   const auto bytes = file->size();
   if (!bytes) return tl::make_unexpected(bytes.error());
   auto index = load_segment_index(path, *bytes);
+  if (index && *index && hides_long_channel(**index, *file)) {
+    index = io::io_error("use", segment_index_path(path),
+                         "an earlier version made it, which could not read the log");
+  }
   return LogSegment{.file = *std::move(file),
                     .bytes = *bytes,
                     .index = index.value_or(std::nullopt),

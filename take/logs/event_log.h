@@ -18,6 +18,9 @@ namespace v3d::take {
 
 inline constexpr uint32_t kEventSyncWord = 0xEDA1DA01;
 inline constexpr size_t kEventHeaderSize = 28;  ///< before the channel's name
+/// Limit of the name of a channel. LCM permits 63 characters; earlier versions of V3D recorded
+/// cameras with longer names.
+inline constexpr size_t kMaxChannelSize = 74;
 /// Limit of the data of an event, bytes. A longer event is damaged: the largest frame, 65536 x 1024
 /// pixels of 16 bits, has half of this.
 inline constexpr uint64_t kMaxEventBytes = 256 << 20;

@@ -99,6 +99,7 @@ class EventLogWriter::Impl {
   /// event that failed.
   io::Status write(const std::string& channel, RealtimeInstant at, const wire::Bytes& first,
                    const wire::Bytes& rest = {}) {
+    V3D_CHECK(channel.size() <= kMaxChannelSize);  // readers would not find the event
     keep_first_error(sync_.pop_error());
     if (!disk_error_) return disk_error_;
     const wire::Bytes head = event_head(events_, channel, at, first.size() + rest.size());

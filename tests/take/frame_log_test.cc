@@ -9,6 +9,8 @@
 #include "support/file_size_limit.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/logs/event_log.h"
+#include "take/logs/log_files.h"
 
 namespace v3d::take {
 namespace {
@@ -91,6 +93,24 @@ TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {
   EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 1, 2, 7, 8}));
   EXPECT_EQ(reader.read(8)->image.bytes, frame_of(8).frame.image.bytes);
   EXPECT_EQ(reader.read(0)->image.bytes, frame_of(0).frame.image.bytes);
+}
+
+/// Earlier versions recorded such cameras, and a recovery by them found no event.
+TEST(FrameLog, returns_the_frames_of_a_camera_whose_channel_is_too_long_for_lcm) {
+  const TemporaryFolder folder;
+  const std::string camera(64, 'c');
+  const std::filesystem::path log = folder / (camera + ".lcmlog");
+  wire::FrameMessage message = frame_of(5);
+  message.frame.camera = camera;
+  ASSERT_TRUE(EventLogWriter(log).write(message));
+  EXPECT_TRUE(FrameLogReader(log).read(5));
+
+  const SegmentIndex found_nothing{
+      .bytes = std::filesystem::file_size(log), .whole_bytes = 0, .events = 0, .damaged_places = 0};
+  ASSERT_TRUE(save_segment_index(log, found_nothing));
+  EXPECT_TRUE(FrameLogReader(log).read(5));
+  EXPECT_THAT(EventLogReader(log).segments().front().index_error,
+              testing::HasSubstr("an earlier version made it, which could not read the log"));
 }
 
 TEST(FrameLog, does_not_overwrite_an_existing_log) {

@@ -8,6 +8,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "daemon/recorded/take_frames.h"
@@ -273,6 +274,14 @@ TEST_F(Import, rejects_two_cameras_of_one_name) {
   rig_[1].name = "a";
   save_calib(options_.calib, rig_);
   EXPECT_THAT(rejection(), HasSubstr("calib.toml"));
+}
+
+TEST_F(Import, rejects_a_camera_whose_name_does_not_fit_in_the_channel_of_its_log) {
+  const std::string name(kMaxCameraName + 1, 'c');
+  fs::rename(folder_ / "images" / (rig_[0].name + ".png"), folder_ / "images" / (name + ".png"));
+  rig_[0].name = name;
+  save_calib(folder_ / "calib.toml", rig_);
+  EXPECT_THAT(rejection(), HasSubstr("its name has 52 characters; expected at most 51"));
 }
 
 TEST_F(Import, rejects_a_rotated_image) {

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include "base/core/text.h"
+#include "daemon/bus/datagram.h"
+#include "wire/messages.h"
+
 namespace v3d::bus {
 namespace {
 
@@ -23,6 +27,15 @@ TEST(ChannelList, contains_exactly_the_channels_of_the_studio) {
   for (const char* name : {"", "V3D_COMMAND2", "V3D_FRAME_cam02", "V3D_FRAME_", "V3D_HEALTH_cam01",
                            "V3D_FRAME_cap01", "V3D_FRAMEKEY_cam01", "LCM_SELF_TEST", "V3D_"}) {
     EXPECT_EQ(channels.find(name), nullptr) << name;
+  }
+}
+
+TEST(ChannelList, has_names_that_fit_in_a_datagram_for_the_longest_cameras_and_nodes) {
+  const std::string camera(kMaxCameraName, 'c'), node(kMaxNodeName, 'n');
+  for (const std::string& name :
+       {wire::frame_channel(camera), wire::preview_channel(camera), wire::frame_key_channel(node),
+        wire::health_channel(node), wire::shard_channel(node), wire::shard_mesh_channel(node)}) {
+    EXPECT_EQ(split_message(1, name, {}, false).size(), 1U) << name;
   }
 }
 

@@ -310,11 +310,22 @@ fs::path checked_folder(fs::path folder) {
   return folder;
 }
 
+/// Throws InputError for a name that is too long for the channel of a log.
+void reject_long_names(const std::vector<std::string>& cameras) {
+  for (const std::string& camera : cameras) {
+    if (camera.size() <= kMaxCameraName) continue;
+    throw InputError("camera '" + camera + "' of the calibration: its name has " +
+                     std::to_string(camera.size()) + " characters; expected at most " +
+                     std::to_string(kMaxCameraName));
+  }
+}
+
 }  // namespace
 
 TakeBuilder::TakeBuilder(const fs::path& folder, std::vector<std::string> cameras, double rate_hz,
                          const Rig& rig)
     : partial_(checked_folder(folder)), paths_{partial_.path()} {
+  reject_long_names(cameras);
   info_.name = partial_.final_path().filename();
   info_.studio = "import";
   info_.rate_hz = rate_hz;
