@@ -26,8 +26,8 @@ bool file_exists(const std::filesystem::path& path);
 /// Like io::read_file(). Throws InputError with path and cause.
 std::string read_file(const std::filesystem::path& path);
 
-/// Maximum length of a text file of a take, bytes. The longest is the ledger of a take with many
-/// missing frames: some MB.
+/// Maximum length of a text file of a take, bytes. A ledger may be longer (kMaxLedgerBytes,
+/// take/ledger/ledger.h).
 inline constexpr uint64_t kMaxTakeTextBytes = 8 << 20;
 /// Reads a whole text file of a take (take.toml, calib.toml, ...).
 /// Throws InputError with path and cause when it is not a regular file, is a symbolic link, or is

@@ -14,12 +14,77 @@
 namespace v3d::take {
 namespace {
 
+/// Appends the numbers from `first` to `last`; none if `first` > `last`.
+void append_run(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
+  if (first > last) return;
+  for (; first < last; ++first) numbers.push_back(first);
+  numbers.push_back(last);
+}
+
+/// Calls `visit(first, last)` for each run of consecutive numbers. `numbers` ascend.
+template <class Visit>
+void for_each_run(const std::vector<int64_t>& numbers, Visit visit) {
+  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
+    last = first;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    visit(numbers[first], numbers[last]);
+  }
+}
+
 int64_t read_count(const TomlTable& table, std::string_view key) {
   const int64_t n = table.integer(key);
   if (n < 0 || n > kMaxPulses) {
     table.fail(key, "expected a count, 0 to " + format_count(kMaxPulses));
   }
   return n;
+}
+
+constexpr std::string_view kRunsSuffix = "_runs";
+
+/// The numbers of the field `key`, or those of its runs of consecutive numbers: first and last
+/// number of each run, in the field `key` + "_runs". Empty where the table has neither.
+std::vector<int64_t> read_numbers(const TomlTable& table, std::string_view key) {
+  const std::string runs_key = std::string(key).append(kRunsSuffix);
+  if (table.has(key)) return table.integers(key);
+  if (!table.has(runs_key)) return {};
+  const std::vector<int64_t> runs = table.integers(runs_key);
+  if (runs.size() % 2 != 0) table.fail(runs_key, "expected pairs of a first and a last number");
+  std::vector<int64_t> numbers;
+  for (size_t i = 0; i < runs.size(); i += 2) {
+    const int64_t first = runs[i], last = runs[i + 1];
+    const auto room = static_cast<uint64_t>(kMaxPulses - std::ssize(numbers));
+    if (last < first || static_cast<uint64_t>(last) - static_cast<uint64_t>(first) >= room) {
+      table.fail(runs_key,
+                 "expected ascending runs of at most " + format_count(kMaxPulses) + " numbers");
+    }
+    append_run(first, last, numbers);
+  }
+  return numbers;
+}
+
+/// Like read_numbers() for a field that every ledger has in one of its two forms.
+std::vector<int64_t> read_required_numbers(const TomlTable& table, const std::string& key) {
+  const bool is_there = table.has(key) || table.has(key + std::string(kRunsSuffix));
+  return is_there ? read_numbers(table, key) : table.integers(key);
+}
+
+/// Long lists are written as runs: a node that left a take of hours misses every later pulse. Short
+/// lists are not, so that earlier versions read all other ledgers.
+void write_numbers(const std::string& key, const std::vector<int64_t>& numbers,
+                   TomlWriter& ledger) {
+  constexpr size_t kMaxListed = 1000;
+  if (numbers.size() > kMaxListed) {
+    std::vector<int64_t> runs;
+    for_each_run(numbers, [&](int64_t first, int64_t last) {
+      runs.push_back(first);
+      runs.push_back(last);
+    });
+    if (runs.size() < numbers.size()) {
+      ledger.integers(key + std::string(kRunsSuffix), runs);
+      return;
+    }
+  }
+  ledger.integers(key, numbers);
 }
 
 /// Adds the pulses from `counted` to `commanded`, which the camera's node did not count, as
@@ -41,9 +106,9 @@ CameraLedger read_camera(const TomlTable& table) {
   camera.exposed = table.has("exposed") ? read_count(table, "exposed") : camera.received;
   camera.written = read_count(table, "written");
   camera.published = read_count(table, "published");
-  camera.missing = table.integers("missing");
-  camera.duplicate = table.integers("duplicate");
-  camera.suspect = table.integers("suspect");
+  camera.missing = read_required_numbers(table, "missing");
+  camera.duplicate = read_required_numbers(table, "duplicate");
+  camera.suspect = read_required_numbers(table, "suspect");
   table.reject_unknown_fields();
   return camera;
 }
@@ -72,10 +137,10 @@ void write_camera(const CameraLedger& camera, TomlWriter& ledger) {
       .integer("exposed", camera.exposed)
       .integer("received", camera.received)
       .integer("written", camera.written)
-      .integer("published", camera.published)
-      .integers("missing", camera.missing)
-      .integers("duplicate", camera.duplicate)
-      .integers("suspect", camera.suspect);
+      .integer("published", camera.published);
+  write_numbers("missing", camera.missing, ledger);
+  write_numbers("duplicate", camera.duplicate, ledger);
+  write_numbers("suspect", camera.suspect, ledger);
 }
 
 }  // namespace
@@ -169,12 +234,10 @@ Ledger merge(const std::vector<Ledger>& parts) {
 
 std::string number_ranges(const std::vector<int64_t>& numbers) {
   std::string text;
-  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
-    last = first;
-    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
-    text += (text.empty() ? "" : ", ") + std::to_string(numbers[first]);
-    if (last > first) text += "-" + std::to_string(numbers[last]);
-  }
+  for_each_run(numbers, [&](int64_t first, int64_t last) {
+    text += (text.empty() ? "" : ", ") + std::to_string(first);
+    if (last > first) text += "-" + std::to_string(last);
+  });
   return text;
 }
 
@@ -229,7 +292,9 @@ Ledger load_ledger(const std::filesystem::path& path) {
         path.string() +
         ": missing; the take was not closed; v3dctl verify counts its frames from the logs");
   }
-  return parse_ledger(read_take_text(path), path);
+  return parse_ledger(
+      io::value_or_throw(io::read_file(path, kMaxLedgerBytes, io::OpenMode::kReadWithinFolder)),
+      path);
 }
 
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
@@ -239,9 +304,9 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   ledger.commanded = read_count(table, "commanded");
   ledger.commanded_is_minimum = table.boolean_or("commanded_is_minimum", false);
   if (table.boolean_or("sense_line", true)) ledger.sensed = read_count(table, "sensed");
-  if (table.has("unsensed")) ledger.unsensed = table.integers("unsensed");
+  ledger.unsensed = read_numbers(table, "unsensed");
   if (table.has("extra")) ledger.extra = read_count(table, "extra");
-  if (table.has("runt")) ledger.runt = table.integers("runt");
+  ledger.runt = read_numbers(table, "runt");
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
@@ -260,10 +325,10 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
   if (ledger.commanded_is_minimum) file.boolean("commanded_is_minimum", true);
   file.boolean("sense_line", ledger.sensed.has_value());
   if (ledger.sensed) {
-    file.integer("sensed", *ledger.sensed)
-        .integers("unsensed", ledger.unsensed)
-        .integer("extra", ledger.extra)
-        .integers("runt", ledger.runt);
+    file.integer("sensed", *ledger.sensed);
+    write_numbers("unsensed", ledger.unsensed, file);
+    file.integer("extra", ledger.extra);
+    write_numbers("runt", ledger.runt, file);
   }
   for (const CameraLedger& camera : ledger.cameras) write_camera(camera, file);
   for (const SoundLedger& sound : ledger.sounds) write_sound_ledger(sound, file);
@@ -271,17 +336,6 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
   for (const TakeFile& entry : ledger.files) write_file_entry(entry, file);
   return io::replace_file(path, with_checksum(file.written()));
 }
-
-namespace {
-
-/// Appends the numbers from `first` to `last`; none if `first` > `last`.
-void append(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
-  if (first > last) return;
-  for (; first < last; ++first) numbers.push_back(first);
-  numbers.push_back(last);
-}
-
-}  // namespace
 
 bool PulseSet::contains(int64_t pulse) const {
   const auto next_run = runs_.upper_bound(pulse);
@@ -307,15 +361,15 @@ bool PulseSet::insert(int64_t pulse) {
 std::vector<int64_t> PulseSet::all() const {
   std::vector<int64_t> all;
   all.reserve(static_cast<size_t>(size_));
-  for (const auto& [first, last] : runs_) append(first, last, all);
+  for (const auto& [first, last] : runs_) append_run(first, last, all);
   return all;
 }
 
 std::vector<int64_t> PulseSet::outside(int64_t commanded) const {
   std::vector<int64_t> outside;
   for (const auto& [first, last] : runs_) {
-    append(first, std::min<int64_t>(last, -1), outside);
-    append(std::max(first, commanded), last, outside);
+    append_run(first, std::min<int64_t>(last, -1), outside);
+    append_run(std::max(first, commanded), last, outside);
   }
   return outside;
 }

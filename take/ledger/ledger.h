@@ -123,9 +123,13 @@ std::vector<std::string> problem_lines(const Ledger& ledger);
 /// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);
 
+/// Maximum length of ledger.toml, bytes. The longest lists every second pulse of hours as missing,
+/// for each camera of a large studio: 50 MB.
+inline constexpr uint64_t kMaxLedgerBytes = 64 << 20;
+
 /// Reads ledger.toml, whose first line has the checksum (XXH3) of all following bytes. Ledgers of
 /// versions before 2026-12 have no such line. Throws InputError with file, line and field, also
-/// when the file is missing or damaged.
+/// when the file is missing, damaged or longer than kMaxLedgerBytes.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
 /// Writes ledger.toml with its checksum, with io::replace_file().

@@ -102,6 +102,49 @@ std::string ledger_text(const std::filesystem::path& path) {
   return read_file(path);
 }
 
+/// The ledger of `cameras` cameras, each of which misses `missing`.
+Ledger ledger_with_missing(int cameras, const Numbers& missing) {
+  Ledger ledger{.take = "kendo-07", .commanded = 90'000, .sensed = 90'000, .cameras = {}};
+  for (int i = 0; i < cameras; ++i) {
+    ledger.cameras.push_back(account("cam" + std::to_string(i), {}, {}, 0));
+    ledger.cameras.back().missing = missing;
+  }
+  return ledger;
+}
+
+TEST(Ledger, of_an_hour_in_which_cameras_ignored_every_second_trigger_is_read_again) {
+  Numbers missing;
+  for (int64_t pulse = 1; pulse < 90'000; pulse += 2) missing.push_back(pulse);
+  const Ledger ledger = ledger_with_missing(32, missing);
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(save_ledger(folder / "ledger.toml", ledger));
+  EXPECT_EQ(load_ledger(folder / "ledger.toml").cameras, ledger.cameras);
+}
+
+TEST(Ledger, has_the_pulses_of_hours_without_a_node_in_a_few_lines) {
+  Numbers missing(150'000);
+  std::iota(missing.begin(), missing.end(), 30'000);
+  missing.insert(missing.begin(), -7);
+  Ledger ledger = ledger_with_missing(16, missing);
+  ledger.unsensed = ledger.runt = missing;
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(save_ledger(folder / "ledger.toml", ledger));
+  EXPECT_LT(std::filesystem::file_size(folder / "ledger.toml"), 4096U);
+  const Ledger loaded = load_ledger(folder / "ledger.toml");
+  EXPECT_EQ(loaded.cameras, ledger.cameras);
+  EXPECT_EQ(loaded.unsensed, missing);
+  EXPECT_EQ(loaded.runt, missing);
+}
+
+TEST(Ledger, rejects_runs_that_are_no_pairs_descend_or_are_longer_than_any_take) {
+  const std::string before = "take = 'a'\ncommanded = 3\nsensed = 0\nunsensed_runs = ";
+  for (const char* runs : {"[1]", "[2, 1]", "[0, 9223372036854775807]",
+                           "[-9223372036854775808, 9223372036854775807]", "[0, 10000000]"}) {
+    EXPECT_THROW(parse_ledger(before + runs + "\n", "ledger.toml"), InputError) << runs;
+  }
+  EXPECT_EQ(parse_ledger(before + "[1, 2, 4, 4]\n", "ledger.toml").unsensed, (Numbers{1, 2, 4}));
+}
+
 TEST(Ledger, is_rejected_with_any_flipped_bit) {
   const test::TemporaryFolder folder;
   std::string text = ledger_text(folder / "ledger.toml");
