@@ -304,6 +304,10 @@ TakeResult CaptureNode::close_take() {
     events_.send(wire::Severity::kAlarm, "take", result.close_report.error,
                  node::advice::kStaysOpen);
   }
+  if (!result.close_report.checksum_error.empty()) {
+    events_.send(wire::Severity::kWarning, "take", result.close_report.checksum_error,
+                 node::advice::kNoChecksum);
+  }
   if (!result.close_report.quarantine_notice.empty()) {
     events_.send(wire::Severity::kInfo, "take", result.close_report.quarantine_notice,
                  node::advice::kQuarantined);

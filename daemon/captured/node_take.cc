@@ -227,18 +227,28 @@ TakeCloseReport NodeTake::close(const take::Ledger& ledger, bool is_empty,
       open_reason.empty() ? take::TakeState::kComplete : take::TakeState::kRecording;
   pipelines_.clear();
   disk_.reset();  // frees the space reserved for the ledger
-  if (const io::Status closed = node::close_take(context_.studio, info_, ledger, state); !closed) {
+  const auto closed = node::close_take(context_.studio, info_, ledger, state);
+  if (!closed) {
     spdlog::error("{}", closed.error().message);
     return {.error = closed.error().message};
   }
-  if (!open_reason.empty()) return {.error = open_reason};
-  TakeCloseReport report{.signing_error = sign(ledger.files)};
+  TakeCloseReport report{.error = open_reason, .checksum_error = checksum_error(*closed)};
+  if (!report.error.empty()) return report;
+  report.signing_error = sign(ledger.files);
   lock_.reset();  // before the folder may be moved
   if (!is_empty || may_hold_frames(paths_)) return report;
   const auto moved_to = quarantine_take(paths_);
   return {.quarantine_notice = info_.name + " has neither pulses nor frames" +
                                (moved_to ? ": moved to " + moved_to->string()
                                          : ", and " + moved_to.error().message)};
+}
+
+std::string NodeTake::checksum_error(const std::vector<std::string>& unread) const {
+  for (const std::string& line : unread) {
+    spdlog::error("take {}: its ledger lacks a checksum: {}", info_.name, line);
+  }
+  return unread.empty() ? ""
+                        : "the ledger of " + info_.name + " lacks a checksum: " + unread.front();
 }
 
 std::string NodeTake::sign(const std::vector<take::TakeFile>& files) const {

@@ -134,6 +134,8 @@ struct TakeCloseReport {
   std::string pulse_log_error = {};    ///< pulses are missing from pulses.lcmlog
   std::string quarantine_notice = {};  ///< the take is empty and was moved to the quarantine
   std::string signing_error = {};      ///< empty where takes are not signed, too
+  /// A file could not be read, so the ledger has no checksum of it.
+  std::string checksum_error = {};
 };
 
 /// Lives from arming until the ledger is written. Holds the take's lock. One thread.
@@ -216,6 +218,8 @@ class NodeTake {
   std::string unsynced(const io::Status& pulse_log) const;
   /// Why a recovery must count the take again; empty if it is closed.
   std::string open_reason(const io::Status& pulse_log) const;
+  /// `unread`: files without a checksum, one line each. Logs them; returns the first with the take.
+  std::string checksum_error(const std::vector<std::string>& unread) const;
   /// Signs the take. Returns the error; empty on success and without a signing key.
   std::string sign(const std::vector<take::TakeFile>& files) const;
   /// Makes the names of the logs survive a power cut. Throws InputError.

@@ -38,6 +38,8 @@ inline constexpr char kSigningKey[] =
     "v3dctl verify rejects the takes that it signs: enter the public key in the studio file of "
     "every "
     "PC (v3dctl key node prints it)";
+inline constexpr char kNoChecksum[] =
+    "The take is closed; check the disk (journalctl -k), and read the file before the take is used";
 inline constexpr char kStaysOpen[] =
     "What is on the disk is kept; check the disk (journalctl -k), then v3dctl verify TAKE "
     "--recover "

@@ -130,24 +130,16 @@ void recover_reopened_take(const take::TakePaths& paths, const std::string& node
   }
 }
 
-io::Status close_take(const Studio& studio, take::TakeInfo info, const take::Ledger& ledger,
-                      take::TakeState state) {
+io::Result<std::vector<std::string>> close_take(const Studio& studio, take::TakeInfo info,
+                                                const take::Ledger& ledger, take::TakeState state) {
   const take::TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = state;
-  const auto unread = save_account(paths, info, ledger);
-  const std::string of_take = "the ledger of " + info.name;
-  if (!unread) {
-    return tl::make_unexpected(
-        io::IoError{.code = unread.error().code,
-                    .message = "cannot write " + of_take + ": " + unread.error().message});
-  }
-  if (unread->empty()) return {};
-  for (const std::string& line : *unread) {
-    spdlog::error("take {}: its ledger lacks a checksum: {}", info.name, line);
-  }
-  return tl::make_unexpected(
-      io::IoError{.code = EIO, .message = of_take + " lacks a checksum: " + unread->front()});
+  auto unread = save_account(paths, info, ledger);
+  if (unread) return unread;
+  return tl::make_unexpected(io::IoError{
+      .code = unread.error().code,
+      .message = "cannot write the ledger of " + info.name + ": " + unread.error().message});
 }
 
 void quarantine_unarmed_take(const take::TakePaths& paths) {

@@ -48,12 +48,12 @@ take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node);
 void recover_reopened_take(const take::TakePaths& paths, const std::string& node);
 
 /// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
-/// count again. Fails with one line for the operator, which names the take, the path and the cause:
-/// the ledger cannot be written, or it was written without the checksum of a file that cannot be
-/// read.
-[[nodiscard]] io::Status close_take(const Studio& studio, take::TakeInfo info,
-                                    const take::Ledger& ledger,
-                                    take::TakeState state = take::TakeState::kComplete);
+/// count again. Returns one line with path and cause for each file that could not be read, whose
+/// checksum the ledger lacks; the take is closed all the same. Fails with one line that names the
+/// take, the path and the cause when the ledger cannot be written.
+[[nodiscard]] io::Result<std::vector<std::string>> close_take(
+    const Studio& studio, take::TakeInfo info, const take::Ledger& ledger,
+    take::TakeState state = take::TakeState::kComplete);
 
 /// Moves a take to the quarantine (take/take_removal.h) after its arming failed, so that its name
 /// is free again. Logs the result.

@@ -28,7 +28,8 @@ bool is_camera_log(const std::string& name, const TakeInfo& info);
 /// checksum of the previous ledger if its length is the same, or gets none. A file that cannot be
 /// read, or is larger than 4 GiB, gets no checksum; one whose length cannot be read gets no entry.
 ///
-/// Returns one line for each file that was not read, with the cause. Fails with path and cause when
+/// Returns one line for each file that was not read, with the cause, except for sound of more than
+/// 4 GiB. Fails with path and cause when
 /// the ledger or take.toml cannot be written.
 [[nodiscard]] io::Result<std::vector<std::string>> save_account(const TakePaths& paths,
                                                                 const TakeInfo& info,

@@ -177,9 +177,9 @@ class Driver {
     disk_.reset();
     take::Ledger ledger = account();
     ledger.files = std::move(files);
-    if (auto closed = node::close_take(studio_, info_, ledger); !closed) {
-      return fail(closed.error().message);
-    }
+    const auto closed = node::close_take(studio_, info_, ledger);
+    if (!closed) return fail(closed.error().message);
+    if (!closed->empty()) return fail(closed->front());
     const io::Status signed_now =
         sign_take(paths_, {kDrivenNode, wire::SigningKey::make()}, ledger.files);
     if (!signed_now) fail(signed_now.error().message);

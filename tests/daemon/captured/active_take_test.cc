@@ -143,6 +143,19 @@ TEST_F(TakeOfTheTriggersNode, is_complete_and_reported_when_it_cannot_be_signed)
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
 }
 
+TEST_F(TakeOfTheTriggersNode,
+       is_complete_and_reported_when_a_file_cannot_be_read_for_its_checksum) {
+  const auto take = started(wire::CommandVerb::kArm);
+  run_train(*take);
+  std::filesystem::create_symlink("gone", paths().folder / "notes.txt");
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.close_report.error, "");
+  EXPECT_THAT(result.close_report.checksum_error,
+              testing::AllOf(testing::HasSubstr("the ledger of kendo-07 lacks a checksum: cannot"),
+                             testing::HasSubstr("notes.txt")));
+  EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
+}
+
 TEST_F(TakeOfTheTriggersNode, stays_open_when_the_last_sync_of_its_pulses_fails) {
   const auto take = started(wire::CommandVerb::kArm);
   run_train(*take);

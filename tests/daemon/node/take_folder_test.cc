@@ -85,15 +85,31 @@ TEST_F(TakeFolderTest, ends_with_its_ledger) {
   EXPECT_EQ(take::load_ledger(paths.ledger()).commanded, 3);
 }
 
+TEST_F(TakeFolderTest, is_closed_with_sound_that_is_too_long_for_a_checksum) {
+  create_take(studio_, info_);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  std::filesystem::create_directory(paths.sound());
+  test::write_text(paths.sound() / "cap01.wav", "RF64");
+  std::filesystem::resize_file(paths.sound() / "cap01.wav", (uint64_t{4} << 30) + 1);
+  const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  const auto closed = close_take(studio_, info_, ledger);
+  ASSERT_TRUE(closed);
+  EXPECT_THAT(*closed, testing::IsEmpty());
+  const take::Ledger written = take::load_ledger(paths.ledger());
+  ASSERT_TRUE(written.file("sound/cap01.wav"));
+  EXPECT_EQ(written.file("sound/cap01.wav")->bytes, (int64_t{4} << 30) + 1);
+  EXPECT_FALSE(written.file("sound/cap01.wav")->checksum);
+}
+
 TEST_F(TakeFolderTest, names_the_cause_when_its_ledger_cannot_be_written_or_lacks_a_checksum) {
   create_take(studio_, info_);
   const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   const take::TakePaths paths = take_paths(studio_, "kendo-07");
   std::filesystem::create_symlink("gone", paths.folder / "notes.txt");
-  EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
-            "the ledger of kendo-07 lacks a checksum: cannot read " +
-                (paths.folder / "notes.txt").string() +
-                ": it is a symbolic link, or its path has too many of them");
+  EXPECT_THAT(close_take(studio_, info_, ledger).value(),
+              testing::ElementsAre("cannot read " + (paths.folder / "notes.txt").string() +
+                                   ": it is a symbolic link, or its path has too many of them"));
+  EXPECT_EQ(load_take_info(paths).state, take::TakeState::kComplete);
   EXPECT_EQ(take::load_ledger(paths.ledger()).commanded, 3);
   std::filesystem::remove_all(paths.folder);
   EXPECT_EQ(close_take(studio_, info_, ledger).error().message,
