@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <iterator>
-#include <type_traits>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "take/ledger/file_check.h"
 #include "take/ledger/ledger.h"
+#include "take/ledger/segment_indexing.h"
 #include "take/ledger/sound_mapping.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
@@ -23,24 +23,6 @@ namespace {
 
 /// What is read of each frame: the whole frame, or its label only.
 enum class Depth : uint8_t { kFrames, kLabels };
-
-/// The head of a frame. Empty when the event does not start as a frame of its length; then the
-/// length is not trusted and no further bytes are read.
-io::Result<std::optional<wire::FrameHead>> read_head(const EventLogReader& log,
-                                                     const EventSpan& event) {
-  const auto begin = log.read(event, wire::kFrameHeadSize);
-  if (!begin) return tl::make_unexpected(begin.error());
-  auto head = wire::decode_frame_head(*begin);
-  return head && head->message_size == event.data_size ? std::move(head) : std::nullopt;
-}
-
-/// The message of an event; empty when it is damaged.
-template <class Message>
-io::Result<std::optional<Message>> read_message(const EventLogReader& log, const EventSpan& event) {
-  const auto bytes = log.read(event);
-  if (!bytes) return tl::make_unexpected(bytes.error());
-  return wire::decode<Message>(*bytes);
-}
 
 /// The label of a frame. Empty when the frame belongs to another camera, or the part that was read
 /// is damaged.
@@ -71,15 +53,21 @@ struct CountedCamera {
   }
 };
 
+/// Whether the ledger of a closed take is compared with the files.
+enum class LedgerUse : uint8_t { kCompare, kIgnore };
+
 class Verifier {
  public:
-  Verifier(const TakePaths& paths, Depth depth, ReadFrom from)
-      : paths_(paths), depth_(depth), from_(from) {
+  Verifier(const TakePaths& paths, Depth depth, ReadFrom from,
+           LedgerUse ledger_use = LedgerUse::kCompare)
+      : paths_(paths), depth_(depth), from_(from), ledger_use_(ledger_use) {
     result_.info = load_take_info(paths);
   }
 
+  /// Call once.
   Verification run() {
-    const std::optional<Ledger> stored = stored_ledger();
+    stored_ = stored_ledger();
+    const std::optional<Ledger>& stored = stored_;
     FileCheck files(paths_, stored ? &*stored : nullptr, from_, result_);
     // Each log is read for its checksum, then event by event from the page cache.
     const bool reads_files =
@@ -109,6 +97,10 @@ class Verifier {
     return std::move(result_);
   }
 
+  /// After run(): the ledger that was compared; empty when the take was not closed, and when its
+  /// ledger cannot be read.
+  const std::optional<Ledger>& stored() const { return stored_; }
+
  private:
   void disagree(const std::filesystem::path& file, const std::string& what) {
     result_.disagreements.push_back(file.filename().string() + ": " + what);
@@ -119,9 +111,8 @@ class Verifier {
       Ledger stored = load_ledger(paths_.ledger());
       // A daemon may have continued the take after an earlier recovery. The ledger of that recovery
       // is then older than the logs.
-      const TakeState state = result_.info.state;
-      const bool recovers = depth_ == Depth::kLabels && state == TakeState::kRecovered;
-      if (recovers || state == TakeState::kRecording) return std::nullopt;
+      const bool is_open = result_.info.state == TakeState::kRecording;
+      if (is_open || ledger_use_ == LedgerUse::kIgnore) return std::nullopt;
       return stored;
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
@@ -318,89 +309,45 @@ class Verifier {
   const TakePaths paths_;
   const Depth depth_;
   const ReadFrom from_;
+  const LedgerUse ledger_use_;
+  std::optional<Ledger> stored_;
   Verification result_;
 };
 
-/// True when an event is a whole message. Reads the data only if such a message can have this
-/// length. Fails on read errors.
-template <class Message>
-io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
-  if constexpr (std::is_same_v<Message, wire::PulseMessage>) {
-    if (event.data_size > kMaxPulseBytes) return false;
-  } else {
-    const auto head = read_head(log, event);
-    if (!head) return tl::make_unexpected(head.error());
-    if (!*head) return false;
-  }
-  const auto message = read_message<Message>(log, event);
-  if (!message) return tl::make_unexpected(message.error());
-  return message->has_value();
+/// True when the logs hold more frames of a camera, or more pulses, than the ledger of a recovery:
+/// the disk gives more than it did then.
+bool has_more_than(const Ledger& stored, const Ledger& counted) {
+  const auto has_more_frames = [&](const CameraLedger& camera) {
+    const auto found = std::ranges::find(stored.cameras, camera.name, &CameraLedger::name);
+    return found == stored.cameras.end() || camera.written > found->written;
+  };
+  return counted.sensed > stored.sensed || std::ranges::any_of(counted.cameras, has_more_frames);
 }
 
-/// Builds the index of segment `number`. Fails on read errors.
-///
-/// After a power cut, the last events can have their length but not their bytes; such events are
-/// not counted. Events are checked from the end, at most kMaxUnwrittenBytes back: earlier damage
-/// has another cause and stays in the log.
-template <class Message>
-io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
-  constexpr uint64_t kMaxUnwrittenBytes = 64 << 20;
-  const LogSegment& segment = log.segments()[number];
-  SegmentIndex index{.bytes = segment.bytes,
-                     .whole_bytes = 0,
-                     .events = segment.events,
-                     .damaged_places = segment.damaged_places};
-  uint64_t end = 0;
-  int64_t skipped = 0;
-  for (auto event = log.events().rbegin(); event != log.events().rend(); ++event) {
-    if (event->segment != number) continue;
-    const uint64_t event_end = event->data_offset + event->data_size;
-    if (end == 0) end = index.whole_bytes = event_end;
-    if (end - event_end > kMaxUnwrittenBytes) return index;
-    const auto whole = is_whole<Message>(log, *event);
-    if (!whole) return tl::make_unexpected(whole.error());
-    if (*whole) {
-      index.whole_bytes = event_end;
-      index.events -= skipped;
-      return index;
-    }
-    ++skipped;
-  }
-  return index;
-}
-
-/// Problems that a recovery finds before it counts pulses and frames.
-struct IndexProblems {
-  std::vector<std::string> read_errors;  ///< of segments
-  std::vector<std::string> notes;        ///< of indexes that are replaced
+/// The result of counting a take by the labels of its frames.
+struct Count {
+  Verification result;
+  bool keeps_ledger = false;  ///< the take was closed, and its ledger can be read
 };
 
-/// Writes the index of every segment that has none, or none that can be used. A segment with a read
-/// error gets no index, and the next recovery retries.
-template <class Message>
-io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems) {
-  if (is_absent_log(path)) return {};  // the verification reports it
-  const auto log = EventLogReader::open(path);
-  if (!log) return tl::make_unexpected(log.error());
-  for (uint32_t number = 0; number < log->segments().size(); ++number) {
-    const LogSegment& segment = log->segments()[number];
-    // Sync the log before the ledger: after a power cut, the ledger must not list events that the
-    // log has lost.
-    if (auto synced = segment.file.sync(); !synced) return synced;
-    if (segment.index) continue;
-    if (!segment.index_error.empty()) {
-      problems.notes.push_back(segment.index_error + "; the index was made again");
-    }
-    io::Result<SegmentIndex> index =
-        tl::make_unexpected(io::IoError{.code = EIO, .message = segment.read_error});
-    if (segment.read_error.empty()) index = index_of<Message>(*log, number);
-    if (!index) {
-      problems.read_errors.push_back(index.error().message);
-    } else if (auto saved = save_segment_index(segment.file.path(), *index); !saved) {
-      return saved;
-    }
+/// A closed take keeps its ledger, because new checksums would hide what has changed on the disk
+/// since. Exception: a recovered take whose logs hold more than its ledger is counted again. Its
+/// new ledger keeps the old entries of all files but the logs.
+Count count_for_recovery(const TakePaths& paths) {
+  Verifier verifier(paths, Depth::kLabels, ReadFrom::kPageCache);
+  Count count{.result = verifier.run()};
+  const std::optional<Ledger>& stored = verifier.stored();
+  count.keeps_ledger = stored.has_value();
+  const bool counts_again = stored && count.result.info.state == TakeState::kRecovered &&
+                            has_more_than(*stored, count.result.ledger);
+  if (!counts_again) return count;
+  count = {.result =
+               Verifier(paths, Depth::kLabels, ReadFrom::kPageCache, LedgerUse::kIgnore).run()};
+  for (const TakeFile& file : stored->files) {
+    if (!file.name.ends_with(".lcmlog")) count.result.ledger.files.push_back(file);
   }
-  return {};
+  count.result.ledger.absent_nodes = stored->absent_nodes;
+  return count;
 }
 
 }  // namespace
@@ -430,7 +377,7 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
   for (const std::string& camera : load_take_info(paths).cameras) {
     io::throw_if_failed(index_segments<wire::FrameMessage>(paths.frames(camera), problems));
   }
-  Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
+  auto [result, keeps_ledger] = count_for_recovery(paths);
   std::ranges::copy(problems.notes, std::back_inserter(result.notes));
   for (const std::string& error : problems.read_errors) {
     const bool is_known =
@@ -440,7 +387,13 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
     result.read_errors.push_back(error);
   }
   remove_working_file(paths.reserve());
-  if (!result.read_errors.empty() && after == AfterReadErrors::kStayOpen) return result;
+  if (keeps_ledger) {
+    result.notes.emplace_back("ledger.toml: was kept, because the take was closed before");
+    return std::move(result);
+  }
+  if (!result.read_errors.empty() && after == AfterReadErrors::kStayOpen) {
+    return std::move(result);
+  }
   for (std::string& problem : map_recorded_sounds(paths, result.ledger.sounds)) {
     result.notes.push_back(std::move(problem));
   }
@@ -449,7 +402,7 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
   const auto unread = save_account(paths, result.info, result.ledger);
   if (!unread) throw std::runtime_error(unread.error().message);
   result.disagreements.insert(result.disagreements.end(), unread->begin(), unread->end());
-  return result;
+  return std::move(result);
 }
 
 }  // namespace v3d::take

@@ -62,7 +62,10 @@ enum class AfterReadErrors : uint8_t {
   kRecover,   ///< an operator decided that the disk gives no more
 };
 
-/// Recovers a take that was not closed: writes its ledger and sets the state "recovered".
+/// Recovers a take that was not closed, or whose ledger cannot be read: writes its ledger and sets
+/// the state "recovered". A closed take keeps ledger and state; only its indexes are renewed. A
+/// recovered take whose logs hold more than its ledger, as on a disk that can be read again, is
+/// counted again; its new ledger keeps the entries of all files but the logs.
 ///
 /// Changes no byte of a log: writes the end of the last whole event of each segment beside it
 /// (SegmentIndex), also where the index of an earlier recovery is damaged, and syncs the logs

@@ -151,6 +151,19 @@ TEST_F(TakeRecovery, closes_a_take_with_an_unreadable_header_on_request_of_an_op
   EXPECT_FALSE(load_ledger(paths_.ledger()).cameras[0].missing.empty());
 }
 
+TEST_F(TakeRecovery, counts_a_recovered_take_again_when_its_disk_can_be_read_again) {
+  {
+    const test::UnreadableByte bad(event_bytes_ + 20);
+    recover_take(paths_, AfterReadErrors::kRecover);
+  }
+  test::write_text(paths_.calib(), "changed");
+  const Ledger ledger = recover_take(paths_).ledger;
+  EXPECT_EQ(ledger.cameras[0].written, kFrames);
+  EXPECT_EQ(load_ledger(paths_.ledger()).cameras[0].written, kFrames);
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              Contains("calib.toml: has 7 bytes, the ledger says 0"));
+}
+
 TEST_F(TakeRecovery, cannot_know_of_pulses_after_the_last_one) {
   EXPECT_TRUE(recover_take(paths_).ledger.commanded_is_minimum);
   EXPECT_EQ(verify_take(paths_).ledger.verdict(),

@@ -72,6 +72,20 @@ TEST_F(VerifyTake, is_whole_when_files_and_ledger_agree) {
             "take kendo-07: complete, 2 cameras x 3 pulses, 0 missing, 0 suspect");
 }
 
+/// A recovery must not give a damaged file the right checksum.
+TEST_F(VerifyTake, reports_a_changed_file_of_a_closed_take_after_a_recovery_too) {
+  test::write_text(paths_.folder / "studio.toml", "name = 'dojo'");
+  EXPECT_TRUE(save_account(paths_, info_, load_ledger(paths_.ledger())));
+  const std::string ledger = read_file(paths_.ledger());
+  test::write_text(paths_.folder / "studio.toml", "name = 'Dojo'");
+  EXPECT_THAT(recover_take(paths_, AfterReadErrors::kRecover).notes,
+              ElementsAre("ledger.toml: was kept, because the take was closed before"));
+  EXPECT_EQ(read_file(paths_.ledger()), ledger);
+  const Verification v = verify_take(paths_);
+  EXPECT_EQ(v.info.state, TakeState::kComplete);
+  EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("studio.toml: has the checksum")));
+}
+
 TEST_F(VerifyTake, reports_a_torn_frame_as_missing) {
   const std::string log = read_file(paths_.frames("cam02"));
   test::write_text(paths_.frames("cam02"), log.substr(0, log.size() - 1));
