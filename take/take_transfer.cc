@@ -230,12 +230,18 @@ class CopyCheck {
     check_info();
     check_ledger();
     check_slate();
+    std::vector<TakeFile> pulse_log;
     for (const TakeFile& file : verified.files) {
       const bool is_joined = file.name == original_.info().filename() ||
                              file.name == original_.ledger().filename() ||
                              file.name == original_.slate().filename();
-      if (!is_joined) check_file(file);
+      if (is_of_log(file.name, original_.pulses())) {
+        pulse_log.push_back(file);
+      } else if (!is_joined) {
+        check_file(file);
+      }
     }
+    check_pulse_log(pulse_log);
     return std::move(lines_);
   }
 
@@ -289,13 +295,39 @@ class CopyCheck {
     }
   }
 
+  /// Reports a file of the copy that is the file of the original.
+  bool is_the_file_itself(const std::string& name) {
+    const fs::path path = copy_.folder / name;
+    std::error_code error;
+    if (!fs::equivalent(original_.folder / name, path, error)) return false;
+    lines_.push_back(path.string() + ": is the file itself, not a copy");
+    return true;
+  }
+
+  /// Compares the segments of the pulse log as one log, because a joined take has the segments of
+  /// one node. `files`: those of the original, with the indexes of a recovery.
+  void check_pulse_log(const std::vector<TakeFile>& files) {
+    for (const TakeFile& file : files) {
+      if (is_the_file_itself(file.name)) return;
+    }
+    const bool are_equal = std::ranges::all_of(files, [&](const TakeFile& file) {
+      const auto read = read_take_file(copy_, file.name, ReadFrom::kDisk);
+      return read && read->checksum == file.checksum;
+    });
+    if (are_equal) return;
+    try {
+      const auto segments = io::value_or_throw(existing_segments(copy_.pulses()));
+      for (const fs::path& segment : segments) load_from_disk(segment);
+      if (std::ranges::includes(pulses_in(copy_), pulses_in(original_))) return;
+      lines_.push_back(copy_.pulses().string() + ": lacks pulses of the original");
+    } catch (const InputError& error) {
+      lines_.emplace_back(error.what());
+    }
+  }
+
   void check_file(const TakeFile& file) {
     const fs::path path = copy_.folder / file.name;
-    std::error_code error;
-    if (fs::equivalent(original_.folder / file.name, path, error)) {
-      lines_.push_back(path.string() + ": is the file itself, not a copy");
-      return;
-    }
+    if (is_the_file_itself(file.name)) return;
     const auto read = read_take_file(copy_, file.name, ReadFrom::kDisk);
     if (!read) {
       lines_.push_back(read.error().message);
@@ -307,13 +339,10 @@ class CopyCheck {
     }
   }
 
-  /// True for the file of another node that contains every pulse or mesh of the original.
+  /// True for the file of another node that contains every mesh of the original.
   /// Reports a file that cannot be read.
   bool may_differ(const std::string& name) {
     try {
-      if (name == original_.pulses().filename()) {
-        return std::ranges::includes(pulses_in(copy_), pulses_in(original_));
-      }
       return (name == original_.mesh().filename() || name == original_.proxy().filename()) &&
              std::ranges::includes(meshes_in(copy_.folder / name),
                                    meshes_in(original_.folder / name));

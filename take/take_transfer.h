@@ -49,11 +49,9 @@ MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts);
 /// For each file in `verified`, the record of the original's verification, reads the file of the
 /// copy from disk (ReadFrom::kDisk) and compares its checksum with the record. Exceptions:
 /// - take.toml and ledger.toml of a collected take are joined from those of all nodes. They are
-/// read
-///   from disk too. The take's name, its cameras and the account of each camera are compared.
-/// - pulses.lcmlog, mesh.v3d and proxy.v3d may come from another node if they contain every pulse
-/// and every
-///   mesh of the original.
+///   read from disk too. The take's name, its cameras and the account of each camera are compared.
+/// - The pulse log (all its segments, with their indexes), mesh.v3d and proxy.v3d may come from
+///   another node if they contain every pulse and every mesh of the original.
 /// - The slate may differ. If the original has one, the copy must have one that can be read.
 /// Throws InputError when `copy` is not a take, or its file system cannot be synced.
 std::vector<std::string> missing_in_copy(const TakePaths& original, const Verified& verified,

@@ -75,6 +75,12 @@ io::Result<std::vector<fs::path>> existing_segments(const fs::path& log) {
   return paths;
 }
 
+bool is_of_log(std::string_view file, const fs::path& log) {
+  constexpr std::string_view kIndex = ".index";
+  if (file.ends_with(kIndex)) file.remove_suffix(kIndex.size());
+  return number_of(std::string(file), log).has_value();
+}
+
 bool is_absent_log(const fs::path& log) {
   const auto segments = existing_segments(log);
   return segments && segments->empty();

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -29,6 +30,9 @@ std::filesystem::path segment_path(const std::filesystem::path& log, int number)
 /// hides no segment. Empty when there is none. Fails when the folder cannot be listed.
 [[nodiscard]] io::Result<std::vector<std::filesystem::path>> existing_segments(
     const std::filesystem::path& log);
+
+/// True for the name of a segment of `log`, and for that of the index of one (SegmentIndex).
+bool is_of_log(std::string_view file, const std::filesystem::path& log);
 
 /// True when the log certainly has no segment; false when the folder cannot be listed.
 bool is_absent_log(const std::filesystem::path& log);

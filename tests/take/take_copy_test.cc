@@ -11,6 +11,7 @@
 #include "support/unreadable_byte.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_transfer.h"
 
@@ -93,6 +94,25 @@ TEST_F(TakeCopy, requires_a_ledger_with_the_same_account_of_each_camera) {
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/ledger.toml: No such file")));
 }
 
+/// The daemon of the node was restarted in the take; the copy has the pulse log of another node.
+TEST_F(TakeCopy, may_have_the_pulses_of_several_segments_in_one) {
+  {
+    EventLogWriter later(node_.pulses(), LogOpening::kContinue);
+    wire::PulseMessage message;
+    message.pulse = 1;
+    EXPECT_TRUE(later.write(message));
+  }
+  const auto bytes = fs::file_size(node_.pulses());
+  EXPECT_TRUE(save_segment_index(
+      node_.pulses(), {.bytes = bytes, .whole_bytes = bytes, .events = 1, .damaged_places = 0}));
+  verify();
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("pulses.lcmlog: lacks pulses of the original")));
+  record_pulses(archive_, 2);
+  EXPECT_THAT(missing(), IsEmpty());
+  fs::remove(archive_.pulses());
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("pulses.lcmlog: No such file")));
+}
+
 TEST_F(TakeCopy, requires_a_slate_that_can_be_read_when_the_original_has_one) {
   test::write_text(node_.slate(), "mark = 'rejected'\n");
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("archive/kendo-07/slate.toml: No such file")));
@@ -128,7 +148,7 @@ TEST_F(TakeCopy, accepts_pulses_and_meshes_of_a_node_with_more) {
   record_pulses(archive_, 2);
   EXPECT_THAT(missing(), IsEmpty());
   record_pulses(archive_, 0);
-  EXPECT_THAT(missing(), ElementsAre(HasSubstr("pulses.lcmlog: has")));
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("pulses.lcmlog: lacks pulses")));
   record_pulses(archive_, 1);
   const auto reconstruct = [](const TakePaths& take, std::vector<int64_t> pulses) {
     fs::remove(take.mesh());
