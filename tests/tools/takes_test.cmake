@@ -59,6 +59,20 @@ set(sources --from cap01=${WORK}/cap01 --from cap02=far:${WORK}/cap02 --rsh ${WO
 file(WRITE ${WORK}/rsh "#!/bin/sh\n[ \"$1\" = far ] || exit 9\nshift\nexec \"$@\"\n")
 file(CHMOD ${WORK}/rsh PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
 
+# Files of an earlier take of the same name are not mixed into the copy, and not removed.
+foreach(left slate.toml cam01.0001.lcmlog)
+  file(WRITE ${WORK}/archive/.collect/kendo-07/cap01/${left} "of an earlier take")
+endforeach()
+v3dctl(takes collect ${sources} --to ${WORK}/archive kendo-07)
+expect_status(3)
+expect("${out}" "kendo-07: not collected: [^\n]*cap01: has files that cap01 does not have, [^\n]*slate.toml[^\n]*; move ")
+foreach(left slate.toml cam01.0001.lcmlog)
+  if(NOT EXISTS ${WORK}/archive/.collect/kendo-07/cap01/${left} OR EXISTS ${WORK}/archive/kendo-07)
+    message(SEND_ERROR "${left} of an earlier take was removed, or collected")
+  endif()
+endforeach()
+file(REMOVE_RECURSE ${WORK}/archive/.collect)
+
 # An interrupted copy of a log is continued.
 file(MAKE_DIRECTORY ${WORK}/archive/.collect/kendo-07/cap01)
 execute_process(COMMAND head -c 100000 ${WORK}/cap01/kendo-07/cam01.lcmlog

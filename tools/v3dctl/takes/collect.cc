@@ -37,6 +37,21 @@ std::string take_in_listing(const std::string& line) {
   return marks_take && is_file_name(name) ? name : "";
 }
 
+/// The files that only the receiver has, by the output of rsync --dry-run --delete
+/// --itemize-changes: "*deleting   cam01.0001.lcmlog". Without folders, and without temporary
+/// files, which vanish on a node.
+std::vector<std::string> absent_files(const std::string& itemized) {
+  constexpr std::string_view kMark = "*deleting ";
+  std::vector<std::string> files;
+  std::istringstream lines(itemized);
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with(kMark)) continue;
+    std::string name = line.substr(line.find_first_not_of(' ', kMark.size()));
+    if (!name.ends_with('/') && !io::is_temporary(name)) files.push_back(std::move(name));
+  }
+  return files;
+}
+
 class Collector {
  public:
   explicit Collector(const CollectRequest& request) : request_(request), rsync_(request.rsh) {}
@@ -142,6 +157,7 @@ class Collector {
     if (file_exists(part.info()) && load_take_info(part).state == take::TakeState::kRecording) {
       throw InputError(source.node + " records it, or stopped and has not restarted since");
     }
+    reject_other_files(source, from, part);
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
     std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
@@ -151,6 +167,30 @@ class Collector {
     return part;
   }
 
+  /// Throws InputError when an earlier run has left files in the staging folder that the node does
+  /// not have. They may be of an earlier take of this name, or the node may have lost them: they
+  /// are neither joined nor removed.
+  void reject_other_files(const NodeFolder& source, const std::string& from,
+                          const take::TakePaths& part) const {
+    const ProcessResult compared =
+        rsync_.run({"--recursive", "--dry-run", "--delete", "--itemize-changes", "--size-only",
+                    "--exclude=/.*", "--exclude=/verified.toml"},
+                   {from + "/", part.folder.string() + "/"}, Output::kCapture);
+    require_success(compared, source);
+    const std::vector<std::string> files = absent_files(compared.output);
+    if (files.empty()) return;
+    throw InputError(part.folder.string() + ": has files that " + source.node +
+                     " does not have, of an earlier take of this name or lost on the node (" +
+                     join_names(files) + "); move " + part.folder.parent_path().string() +
+                     " out of the folder, and repeat the command");
+  }
+
+  static void require_success(const ProcessResult& copied, const NodeFolder& source) {
+    if (copied.status == 0) return;
+    throw std::runtime_error("rsync from " + source.node + " ended with status " +
+                             std::to_string(copied.status) + "; repeat the command to continue");
+  }
+
   /// Compares the content of every file, because size and time do not prove a file of an earlier
   /// run.
   void copy(const NodeFolder& source, std::vector<std::string> options, const std::string& from,
@@ -158,10 +198,7 @@ class Collector {
     options.insert(options.end(), {"--recursive", "--ignore-times"});
     const ProcessResult copied =
         rsync_.run(options, {from + "/", part.folder.string() + "/"}, Output::kShow);
-    if (copied.status != 0) {
-      throw std::runtime_error("rsync from " + source.node + " ended with status " +
-                               std::to_string(copied.status) + "; repeat the command to continue");
-    }
+    require_success(copied, source);
   }
 
   static int64_t mesh_files(const std::vector<take::TakePaths>& parts) {
