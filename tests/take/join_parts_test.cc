@@ -110,6 +110,36 @@ TEST_F(JoinParts, reports_missing_pulses_for_a_node_that_counted_fewer) {
   EXPECT_THAT(verified.ledger.cameras[2].missing, ElementsAre(2));
 }
 
+/// A node that crashed may have frames of pulses that it did not write to its own log.
+TEST_F(JoinParts, agrees_with_a_node_that_has_a_frame_of_a_pulse_that_it_does_not_know) {
+  Ledger ledger{.take = "kendo-07", .commanded = 2, .commanded_is_minimum = true, .sensed = 2};
+  ledger.cameras.push_back(account("cam03", {0, 1, 2}, {}, 2));
+  EXPECT_TRUE(save_ledger(part("cap02").ledger(), ledger));
+  join();
+  std::filesystem::remove(whole_.mesh());
+  const Verification verified = verify_take(whole_);
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  EXPECT_THAT(verified.ledger.cameras[2].suspect, ElementsAre(2)) << "as its node says";
+  EXPECT_THAT(verified.ledger.cameras[2].missing, IsEmpty());
+}
+
+/// A frame that its camera marked is not hidden by the ledger.
+TEST_F(JoinParts, disagrees_when_a_ledger_lacks_a_suspect_frame) {
+  std::filesystem::remove(part("cap02").frames("cam03"));
+  {
+    EventLogWriter frames(part("cap02").frames("cam03"));
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      wire::FrameMessage message = test::recorded_frame("cam03", pulse, {4, 2});
+      message.frame.label.suspect = pulse == 1;
+      EXPECT_TRUE(frames.write(message));
+    }
+  }
+  join();
+  std::filesystem::remove(whole_.mesh());
+  EXPECT_THAT(verify_take(whole_).disagreements,
+              ElementsAre(HasSubstr("cam03.lcmlog: its missing, duplicate or suspect pulses")));
+}
+
 TEST_F(JoinParts, links_every_segment_of_the_logs) {
   {
     EventLogWriter later(part("cap01").frames("cam01"), LogOpening::kContinue);
