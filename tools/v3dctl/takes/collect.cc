@@ -110,6 +110,7 @@ class Collector {
     const take::TakePaths place{request_.to / take};
     if (file_exists(place.info())) {
       result.was_there = true;
+      result.verification = earlier_verification(place);
       remove_copies(stage(take));
       return result;
     }
@@ -126,6 +127,27 @@ class Collector {
       result.problem = error.what();
     }
     return result;
+  }
+
+  /// What the ledger of an existing copy and the record of its last verification say. Reads no
+  /// other file.
+  static take::Verification earlier_verification(const take::TakePaths& place) {
+    take::Verification found;
+    try {
+      found.info = load_take_info(place);
+      found.ledger = load_ledger(place.ledger());
+      // Reconstruction adds files. They do not change what the record says of the recording.
+      const std::string folder = place.folder.string();
+      if (!file_exists(place.verified())) {
+        found.disagreements.push_back(folder + ": was never verified; v3dctl verify reads it");
+      } else if (!take::parse_verified(read_take_text(place.verified()), place.verified()).agrees) {
+        found.disagreements.push_back(folder +
+                                      ": disagrees with its ledger; v3dctl verify lists why");
+      }
+    } catch (const InputError& error) {
+      found.disagreements.emplace_back(error.what());
+    }
+    return found;
   }
 
   /// Throws InputError when a node that is collected from has no part of a take, although it has

@@ -302,11 +302,17 @@ NodeFolder parse_source(const std::string& text) {
 }
 
 bool is_whole(const CollectedTake& take) {
-  return take.was_there || (take.problem.empty() && take.verification.whole());
+  return take.problem.empty() && take.verification.whole();
+}
+
+/// "take kendo-07: exists already, complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect".
+std::string text_of_existing(const take::Ledger& ledger, const std::string& name) {
+  const std::string text = "take " + name + ": exists already";
+  if (ledger.take.empty()) return text;  // it could not be read
+  return text + ", " + ledger.verdict().substr(("take " + ledger.take + ": ").size());
 }
 
 std::string text_of(const CollectedTake& take) {
-  if (take.was_there) return "take " + take.name + ": exists already";
   if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
   std::string text;
   for (const std::string& line : take.verification.disagreements) text += line + "\n";
@@ -314,7 +320,8 @@ std::string text_of(const CollectedTake& take) {
   if (!take.meshes_of.empty()) {
     text += "mesh.v3d of " + take.meshes_of + ", which has most meshes\n";
   }
-  return text + take.verification.ledger.verdict();
+  const take::Ledger& ledger = take.verification.ledger;
+  return text + (take.was_there ? text_of_existing(ledger, take.name) : ledger.verdict());
 }
 
 Json collected_json(const std::vector<CollectedTake>& takes) {
