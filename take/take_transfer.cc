@@ -1,11 +1,14 @@
 #include "take/take_transfer.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/core/time.h"
 #include "base/io/file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
@@ -80,6 +83,49 @@ void reject_other_take(const Part& first, const Part& other) {
   if (read_take_text(first.paths.calib()) != read_take_text(other.paths.calib())) {
     throw InputError(files + ": have different calibrations (calib.toml)");
   }
+}
+
+std::string seconds_between(RealtimeInstant a, RealtimeInstant b) {
+  const double ns = std::abs(static_cast<double>(to_ns(a)) - static_cast<double>(to_ns(b)));
+  return format_count(std::llround(ns / 1e9));
+}
+
+/// The times of pulses by their numbers. Every node logs those that the trigger's node has sent.
+using PulseTimes = std::map<int64_t, RealtimeInstant>;
+
+/// Empty for a log that cannot be read: the verification of the joined take reports it.
+PulseTimes times_of_pulses(const TakePaths& part) {
+  PulseTimes times;
+  try {
+    for (const wire::PulseMessage& message : read_pulses(part.pulses())) {
+      times.emplace(message.pulse, message.edge);
+    }
+  } catch (const InputError&) {
+    times.clear();
+  }
+  return times;
+}
+
+/// Throws InputError when `part` has pulses of `known`, the pulses of `before`, and all at other
+/// times: a name that is used again, for a take without the node that has the earlier one. Adds the
+/// pulses of `part` to `known`.
+void reject_other_pulses(const Part& before, const Part& part, PulseTimes& known) {
+  PulseTimes times = times_of_pulses(part.paths);
+  std::optional<int64_t> differs;
+  bool is_same = false;
+  for (const auto& [pulse, time] : times) {
+    const auto found = known.find(pulse);
+    if (found == known.end()) continue;
+    is_same = is_same || found->second == time;
+    if (!differs) differs = pulse;
+  }
+  if (differs && !is_same) {
+    throw InputError(before.paths.folder.string() + " and " + part.paths.folder.string() +
+                     ": are parts of different takes of one name: their pulses have other times, " +
+                     "pulse " + format_count(*differs) + " differs by " +
+                     seconds_between(known.at(*differs), times.at(*differs)) + " s");
+  }
+  known.merge(times);
 }
 
 void link_folder(const fs::path& from, const fs::path& to) {
@@ -172,8 +218,10 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   info.cameras.clear();
   io::throw_if_failed(io::create_folders(into.background()));
   std::vector<Ledger> ledgers;
+  PulseTimes times;
   for (const Part& part : recorded) {
     reject_other_take(recorded.front(), part);
+    reject_other_pulses(recorded.front(), part, times);
     link_frames(part, into, info);
     info.started = std::min(info.started, part.info.started);
     if (part.info.state != TakeState::kComplete) info.state = part.info.state;

@@ -24,7 +24,8 @@ namespace v3d::take {
 ///
 /// Throws InputError when no part has a take.toml, when a part has logs of cameras and no
 /// take.toml, when a part contains a symbolic link, and when the parts contradict each other:
-/// different names, rates or calibrations, or one camera in two parts. Throws std::runtime_error
+/// different names, rates or calibrations, one camera in two parts, or other times of all pulses
+/// that their logs have in common. Throws std::runtime_error
 /// when a file cannot be written.
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 

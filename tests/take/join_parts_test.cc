@@ -162,6 +162,31 @@ TEST_F(JoinParts, rejects_contradicting_parts) {
   EXPECT_THAT(error_message(), HasSubstr("another part has cam01 too"));
 }
 
+/// A name was used again for a take without the node that has the earlier take.
+TEST_F(JoinParts, rejects_parts_whose_pulses_have_other_times) {
+  const auto record_pulses = [&](const std::string& node, std::vector<int64_t> pulses, int hours) {
+    std::filesystem::remove(part(node).pulses());
+    EventLogWriter log(part(node).pulses());
+    for (const int64_t pulse : pulses) {
+      wire::PulseMessage message;
+      message.pulse = pulse;
+      message.edge = from_ns<Realtime>(hours * 3'600'000'000'000 + pulse);
+      EXPECT_TRUE(log.write(message));
+    }
+  };
+  record_pulses("cap02", {0, 1, 2}, 1);
+  EXPECT_THAT(test::message_of<InputError>([&] { join(); }),
+              HasSubstr("cap01 and " + part("cap02").folder.string() +
+                        ": are parts of different takes of one name: their pulses have other "
+                        "times, pulse 0 differs by 3,600 s"));
+  std::filesystem::remove_all(whole_.folder);
+  record_pulses("cap02", {3, 4}, 1);
+  EXPECT_NO_THROW(join()) << "no pulse in common";
+  std::filesystem::remove_all(whole_.folder);
+  test::write_text(part("cap02").pulses(), "not a log, but more than the head of an event");
+  EXPECT_NO_THROW(join()) << "a damaged log does not keep the frames out of the copy";
+}
+
 TEST_F(JoinParts, rejects_parts_with_symbolic_links) {
   namespace fs = std::filesystem;
   const TakePaths first = part("cap01");
