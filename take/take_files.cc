@@ -114,9 +114,14 @@ bool is_signature(std::string_view name) {
          name.size() > std::string_view("signature..toml").size();
 }
 
+bool is_skeleton(std::string_view name) {
+  return name.starts_with("skeleton.") && name.ends_with(".json");
+}
+
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
+         is_skeleton(name) ||
          std::ranges::any_of(std::array{paths.ledger(), paths.verified(), paths.slate(),
                                         paths.mesh(), paths.proxy(), paths.motion()},
                              [&](const fs::path& path) { return path == name; });

@@ -48,9 +48,12 @@ enum class ReadFrom : uint8_t {
 /// True for the name of a signature file: signature.<node>.toml (take_signature.h).
 bool is_signature(std::string_view name);
 
+/// True for the name of a skeleton (docs/skeleton.md): skeleton.json, skeleton.performer2.json.
+bool is_skeleton(std::string_view name);
+
 /// True for a file that is written after the ledger, whose checksum no ledger can contain: the
-/// ledger itself, verified.toml, the slate, mesh.v3d, proxy.v3d, motion.v3d, repaired.<node>.txt,
-/// signatures, and segment indexes of recoveries (SegmentIndex).
+/// ledger itself, verified.toml, the slate, mesh.v3d, proxy.v3d, motion.v3d, skeletons,
+/// repaired.<node>.txt, signatures, and segment indexes of recoveries (SegmentIndex).
 bool is_written_after_ledger(std::string_view name);
 
 /// Reads length and modification time of a file, without a checksum. Fails with path and cause when

@@ -151,6 +151,14 @@ void link_shared_files(const TakePaths& part, const TakePaths& into) {
   link_folder(part.sound(), into.sound());
 }
 
+/// Links tracked surfaces and skeletons where there are none yet.
+void link_motion(const TakePaths& part, const TakePaths& into) {
+  link_if_present(part.motion(), into.motion());
+  for (const std::string& name : io::value_or_throw(take_file_names(part))) {
+    if (is_skeleton(name)) link_if_present(part.folder / name, into.folder / name);
+  }
+}
+
 void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
   for (const std::string& camera : part.info.cameras) {
     if (std::find(info.cameras.begin(), info.cameras.end(), camera) != info.cameras.end()) {
@@ -231,9 +239,9 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
     link_if_present(meshes->proxy(), into.proxy());
-    link_if_present(meshes->motion(), into.motion());
+    link_motion(*meshes, into);
   }
-  for (const TakePaths& part : parts) link_if_present(part.motion(), into.motion());
+  for (const TakePaths& part : parts) link_motion(part, into);
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
@@ -244,6 +252,20 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   info.pulses = ledger.commanded;
   save_account_or_throw(into, info, std::move(ledger));
   return info;
+}
+
+std::vector<std::string> files_not_joined(const std::vector<TakePaths>& parts,
+                                          const TakePaths& whole) {
+  std::vector<std::string> files;
+  for (const TakePaths& part : parts) {
+    for (const std::string& name : io::value_or_throw(take_file_names(part))) {
+      const bool is_of_program = is_written_after_ledger(name) || is_of_log(name, part.pulses());
+      if (is_of_program || file_exists(whole.folder / name)) continue;
+      files.push_back((part.folder.filename() / name).string());
+    }
+  }
+  std::ranges::sort(files);
+  return files;
 }
 
 namespace {
@@ -387,9 +409,10 @@ class CopyCheck {
     }
   }
 
-  /// True for the file of another node that contains every mesh of the original.
-  /// Reports a file that cannot be read.
+  /// True for the file of another node that contains every mesh of the original, and for a
+  /// skeleton, which commands replace. Reports a file that cannot be read.
   bool may_differ(const std::string& name) {
+    if (is_skeleton(name)) return true;
     try {
       return (name == original_.mesh().filename() || name == original_.proxy().filename()) &&
              std::ranges::includes(meshes_in(copy_.folder / name),

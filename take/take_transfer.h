@@ -16,11 +16,11 @@ namespace v3d::take {
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
 /// that sensed the most pulses, mesh.v3d and proxy.v3d of part_with_most_meshes() and one ledger
-/// (merge()). Its motion.v3d is that of the same part, otherwise that of the first part that has
-/// one. The ledger names the capture nodes of the take's studio file that have neither a part, nor
-/// a camera or signature in another part. Files are hard-linked where the file system permits it,
-/// and copied elsewhere; the parts do not change. A part of a node that only reconstructs has no
-/// take.toml.
+/// (merge()). Its motion.v3d and its skeletons are those of the same part, otherwise each is that
+/// of the first part that has one. The ledger names the capture nodes of the take's studio file
+/// that have neither a part, nor a camera or signature in another part. Files are hard-linked where
+/// the file system permits it, and copied elsewhere; the parts do not change. A part of a node that
+/// only reconstructs has no take.toml.
 ///
 /// Throws InputError when no part has a take.toml, when a part has logs of cameras and no
 /// take.toml, when a part contains a symbolic link, and when the parts contradict each other:
@@ -28,6 +28,12 @@ namespace v3d::take {
 /// that their logs have in common. Throws std::runtime_error
 /// when a file cannot be written.
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
+
+/// The files of the parts that the take `whole`, which join_parts() made of them, does not have and
+/// no program makes: notes that an operator put there. "cap01/notes.txt", sorted. Throws InputError
+/// when a folder cannot be read.
+std::vector<std::string> files_not_joined(const std::vector<TakePaths>& parts,
+                                          const TakePaths& whole);
 
 /// The part whose mesh.v3d a joined take has.
 struct MeshPart {
@@ -53,6 +59,7 @@ MeshPart part_with_most_meshes(const std::vector<TakePaths>& parts);
 ///   read from disk too. The take's name, its cameras and the account of each camera are compared.
 /// - The pulse log (all its segments, with their indexes), mesh.v3d and proxy.v3d may come from
 ///   another node if they contain every pulse and every mesh of the original.
+/// - A skeleton may differ, because commands replace it.
 /// - The slate may differ. If the original has one, the copy must have one that can be read.
 /// Throws InputError when `copy` is not a take, or its file system cannot be synced.
 std::vector<std::string> missing_in_copy(const TakePaths& original, const Verified& verified,

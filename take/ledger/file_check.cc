@@ -33,17 +33,20 @@ void FileCheck::finish() {
   std::ranges::sort(result_.files, {}, &TakeFile::name);
   if (!has_list()) return;
   for (const TakeFile& file : stored_->files) {
+    if (is_written_after_ledger(file.name)) continue;
     if (!std::ranges::binary_search(*names, file.name)) report_missing(file);
   }
 }
 
 void FileCheck::read(const std::string& name) {
   if (!read_.insert(name).second) return;
-  const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
+  // Earlier versions listed skeletons that a recovery found.
+  const bool is_listed = has_list() && !is_written_after_ledger(name);
+  const TakeFile* const entry = is_listed ? stored_->file(name) : nullptr;
   auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
   if (!file) return report_unreadable(file.error().message);
   if (entry) compare(*entry, *file);
-  if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
+  if (is_listed && !entry) report_unnamed(name);
   result_.files.push_back(*std::move(file));
 }
 

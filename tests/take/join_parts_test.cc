@@ -243,6 +243,23 @@ TEST_F(JoinParts, has_the_tracked_surfaces_of_its_meshes) {
   EXPECT_EQ(read_take_text(whole_.motion()), "of recon01") << "it has the meshes";
 }
 
+TEST_F(JoinParts, has_the_skeletons_of_its_meshes_and_those_that_only_another_part_has) {
+  test::write_text(part("cap01").folder / "skeleton.json", "of cap01");
+  test::write_text(part("cap01").folder / "skeleton.performer2.json", "of cap01");
+  test::write_text(part("recon01").folder / "skeleton.json", "of recon01");
+  join();
+  EXPECT_EQ(read_file(whole_.folder / "skeleton.json"), "of recon01");
+  EXPECT_EQ(read_file(whole_.folder / "skeleton.performer2.json"), "of cap01");
+}
+
+TEST_F(JoinParts, names_the_files_that_are_no_part_of_a_take) {
+  test::write_text(part("cap01").folder / "notes.txt", "lens 2");
+  test::write_text(part("cap02").folder / "skeleton.json", "{}");
+  join();
+  EXPECT_THAT(files_not_joined({part("recon01"), part("cap01"), part("cap02")}, whole_),
+              ElementsAre("cap01/notes.txt"));
+}
+
 TEST_F(JoinParts, has_the_lists_of_repaired_pulses_of_all_nodes) {
   test::write_text(part("recon01").folder / "repaired.recon01.txt", "1\n");
   test::write_text(part("cap02").folder / "repaired.recon02.txt", "2\n");

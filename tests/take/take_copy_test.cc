@@ -194,6 +194,14 @@ TEST_F(TakeCopy, is_not_enough_while_a_mesh_of_the_original_cannot_be_read) {
                           HasSubstr("archive/kendo-07/mesh.v3d: has")));
 }
 
+TEST_F(TakeCopy, needs_a_skeleton_like_the_original_which_a_command_may_have_replaced) {
+  test::write_text(node_.folder / "skeleton.json", "{}");
+  verify();
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("skeleton.json: No such file")));
+  test::write_text(archive_.folder / "skeleton.json", "{ }");
+  EXPECT_THAT(missing(), IsEmpty());
+}
+
 TEST_F(TakeCopy, rejects_another_take_and_a_missing_camera) {
   TakeInfo info = load_take_info(archive_);
   info.name = "kendo-08";

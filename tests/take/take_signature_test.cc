@@ -177,8 +177,18 @@ TEST_F(TakeSigning, stays_valid_after_changes_of_slate_meshes_and_verification) 
   test::write_text(take_.slate(), "mark = 'circled'\n");
   test::write_text(take_.mesh(), "meshes");
   test::write_text(take_.verified(), "verdict = ''\n");
+  test::write_text(take_.folder / "skeleton.json", "{}");
   EXPECT_THAT(check().disagreements, IsEmpty());
   EXPECT_THAT(check().notes, IsEmpty());
+  EXPECT_TRUE(check().is_complete);
+}
+
+TEST_F(TakeSigning, stays_valid_when_a_skeleton_is_replaced_that_an_earlier_version_signed) {
+  test::write_text(take_.folder / "skeleton.json", "{}");
+  resign(take_, "cap01", cap01_, [](TakeSignature& signature) {
+    signature.files.push_back({.name = "skeleton.json", .bytes = 9, .checksum = {}});
+  });
+  EXPECT_THAT(check().disagreements, IsEmpty());
 }
 
 TEST_F(TakeSigning, is_rejected_when_any_byte_of_the_signature_is_changed) {

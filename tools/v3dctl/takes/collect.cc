@@ -268,6 +268,9 @@ class Collector {
     join_parts(parts, whole);
     take::Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
+    for (const std::string& file : files_not_joined(parts, whole)) {
+      verification.notes.push_back(file + ": is not copied, because it is no file of a take");
+    }
     // Before the rename: after a power cut, a take with its final name is whole.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
