@@ -7,6 +7,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
+#include "take/logs/log_files.h"
 #include "take/logs/mesh_file_layout.h"
 
 namespace v3d::take {
@@ -53,7 +54,7 @@ bool may_hold_frames(const TakePaths& paths) {
   if (!entries) return true;
   for (const fs::path& entry : *entries) {
     const std::string name = entry.filename();
-    if (entry.extension() != kLogExtension || name.starts_with("pulses.")) continue;
+    if (entry.extension() != kLogExtension || is_of_log(name, paths.pulses())) continue;
     std::error_code error;
     if (fs::file_size(entry, error) > 0) return true;  // -1 after an error
   }

@@ -187,12 +187,11 @@ std::vector<TakeNode> absent_nodes(const std::vector<Part>& parts, const TakePat
 /// `of_pulses`, the ledger of the part whose pulse log is used.
 std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger& of_pulses,
                                    const TakePaths& into) {
-  const std::string pulses = into.pulses().stem().string() + ".";
   std::vector<TakeFile> files;
   for (const std::string& name : io::value_or_throw(take_file_names(into))) {
-    const TakeFile* entry = name.starts_with(pulses) ? of_pulses.file(name) : nullptr;
-    for (auto part = parts.begin(); !entry && !name.starts_with(pulses) && part != parts.end();
-         ++part) {
+    const bool is_of_pulses = is_of_log(name, into.pulses());
+    const TakeFile* entry = is_of_pulses ? of_pulses.file(name) : nullptr;
+    for (auto part = parts.begin(); !entry && !is_of_pulses && part != parts.end(); ++part) {
       entry = part->ledger.file(name);
     }
     if (entry) files.push_back(*entry);

@@ -22,13 +22,6 @@ std::string node_of(std::string_view name) {
   return std::string(name);
 }
 
-/// The camera of a log or plate: "cam01" of "cam01.0001.lcmlog" and "background/cam01.toml".
-std::string camera_of(std::string_view name) {
-  constexpr std::string_view kPlates = "background/";
-  if (name.starts_with(kPlates)) name.remove_prefix(kPlates.size());
-  return std::string(name.substr(0, name.find('.')));
-}
-
 /// The first digits of a key, for messages.
 std::string short_text(const std::string& key) { return key.substr(0, 16) + "..."; }
 
@@ -279,12 +272,18 @@ class Check {
     });
   }
 
-  /// The node of the camera that the file belongs to. Empty when it belongs to no camera, or when
-  /// the studio file does not list the camera.
-  std::string owner_of(const std::string& name) const {
-    const std::string camera = camera_of(name);
-    const bool is_of_camera = std::ranges::find(info_.cameras, camera) != info_.cameras.end();
-    return is_of_camera ? node_with(camera) : "";
+  /// The node of the camera that the log or plate belongs to: "cam01.0001.lcmlog",
+  /// "background/cam01.toml". Empty when it belongs to no camera, or when the studio file does not
+  /// list the camera.
+  std::string owner_of(std::string_view name) const {
+    constexpr std::string_view kPlates = "background/";
+    if (name.starts_with(kPlates)) name.remove_prefix(kPlates.size());
+    const std::string* owner = nullptr;  // the longest name: of "ring.01", not of "ring"
+    for (const std::string& camera : info_.cameras) {
+      const bool is_longer = owner == nullptr || camera.size() > owner->size();
+      if (is_longer && name.starts_with(camera + ".")) owner = &camera;
+    }
+    return owner == nullptr ? "" : node_with(*owner);
   }
 
   std::string node_with(const std::string& camera) const {

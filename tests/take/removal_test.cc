@@ -64,6 +64,15 @@ TEST_F(TakeRemoval, detects_a_frame_in_any_segment) {
   EXPECT_TRUE(may_hold_frames({folder_ / "unreadable"}));
 }
 
+TEST_F(TakeRemoval, detects_a_frame_of_a_camera_whose_name_begins_like_the_log_of_the_pulses) {
+  EventLogWriter pulses(paths_.pulses());
+  EXPECT_TRUE(pulses.write(wire::PulseMessage()));
+  EXPECT_FALSE(may_hold_frames(paths_));
+  EventLogWriter frames(paths_.frames("pulses.left"));
+  EXPECT_TRUE(frames.write(test::recorded_frame("pulses.left", 0, {64, 48})));
+  EXPECT_TRUE(may_hold_frames(paths_));
+}
+
 TEST_F(TakeRemoval, moves_a_whole_take_to_a_free_name_in_quarantine) {
   record();
   const auto first = quarantine_take(paths_);

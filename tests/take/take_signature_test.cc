@@ -313,6 +313,25 @@ TEST_F(TakeSigning, accepts_plates_and_logs_only_from_the_node_of_the_camera) {
               ElementsAre("background/cam01.toml: does not match the signature of cap01"));
 }
 
+/// Names of cameras may have dots: "ring.01" is not a file of the camera "ring".
+TEST_F(TakeSigning, knows_the_node_of_a_camera_with_a_dot_in_its_name) {
+  add_camera("ring", "cap02");
+  add_camera("ring.01", "cap01");
+  record("cap01", {"ring", "ring.01"}, cap01_);
+  studio_.cameras[3].node = "cap01";
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  studio_.cameras[3].node = "cap02";
+  EXPECT_THAT(
+      check().disagreements,
+      ElementsAre("background/ring.toml: was signed by cap01, but its camera belongs to cap02",
+                  "ring.lcmlog: was signed by cap01, but its camera belongs to cap02"));
+  studio_.cameras[3].node = "cap01";
+  test::write_text(take_.background() / "ring.01.toml", "another plate");
+  ASSERT_TRUE(sign_whole("cap02", cap02_));
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("background/ring.01.toml: does not match the signature of cap01"));
+}
+
 TEST_F(TakeSigning, reads_no_file_outside_the_take) {
   test::write_text(folder_ / "outside", "secret");
   for (const std::string& name : {std::string("../outside"), (folder_ / "outside").string()}) {
