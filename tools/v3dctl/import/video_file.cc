@@ -158,6 +158,27 @@ struct VideoFile::Impl {
     return std::isfinite(rate) && rate > 0 ? rate : 0;
   }
 
+  /// Converts by the matrix and the range that the frame states. Without it, libswscale uses those
+  /// of BT.601 for every video, and HD videos get wrong colours. A frame that does not state them
+  /// has the matrix of BT.601, as in ffmpeg(1), and the range of its pixel format.
+  void use_colour_space() {
+    int* table = nullptr;
+    int* to_table = nullptr;
+    int is_full = 0, to_full = 0, brightness = 0, contrast = 0, saturation = 0;
+    if (sws_getColorspaceDetails(scaler.get(), &table, &is_full, &to_table, &to_full, &brightness,
+                                 &contrast, &saturation) < 0) {
+      return;
+    }
+    const bool has_matrix = frame->colorspace != AVCOL_SPC_UNSPECIFIED;
+    const int* const matrix =
+        sws_getCoefficients(has_matrix ? static_cast<int>(frame->colorspace) : SWS_CS_DEFAULT);
+    if (frame->color_range != AVCOL_RANGE_UNSPECIFIED) {
+      is_full = frame->color_range == AVCOL_RANGE_JPEG ? 1 : 0;
+    }
+    sws_setColorspaceDetails(scaler.get(), matrix, is_full, to_table, to_full, brightness, contrast,
+                             saturation);
+  }
+
   Image picture() {
     rgb->width = size.width, rgb->height = size.height, rgb->format = AV_PIX_FMT_RGB24;
     if (rgb->data[0] == nullptr && av_frame_get_buffer(rgb.get(), 0) < 0) throw std::bad_alloc();
@@ -165,6 +186,7 @@ struct VideoFile::Impl {
         scaler.release(), size.width, size.height, static_cast<AVPixelFormat>(frame->format),
         size.width, size.height, AV_PIX_FMT_RGB24, SWS_BICUBIC, nullptr, nullptr, nullptr));
     if (!scaler) refuse();
+    use_colour_space();
     sws_scale(scaler.get(), frame->data, frame->linesize, 0, size.height, rgb->data, rgb->linesize);
     Image image(size, PixelFormat::kRGB8);
     for (int y = 0; y < size.height; ++y) {
