@@ -114,6 +114,13 @@ bool is_signature(std::string_view name) {
          name.size() > std::string_view("signature..toml").size();
 }
 
+bool is_part_of_take(std::string_view name) {
+  const TakePaths paths;
+  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
+         name.starts_with(paths.background().string() + "/") ||
+         name.starts_with(paths.sound().string() + "/");
+}
+
 bool is_skeleton(std::string_view name) {
   return name.starts_with("skeleton.") && name.ends_with(".json");
 }

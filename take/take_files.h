@@ -48,6 +48,10 @@ enum class ReadFrom : uint8_t {
 /// True for the name of a signature file: signature.<node>.toml (take_signature.h).
 bool is_signature(std::string_view name);
 
+/// True for the name of a file that programs read as part of a take, and that its ledger must list:
+/// logs, calibration, studio file, plates, sound.
+bool is_part_of_take(std::string_view name);
+
 /// True for the name of a skeleton (docs/skeleton.md): skeleton.json, skeleton.performer2.json.
 bool is_skeleton(std::string_view name);
 

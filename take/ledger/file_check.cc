@@ -6,17 +6,6 @@
 #include "take/logs/log_files.h"
 
 namespace v3d::take {
-namespace {
-
-/// True for files that programs read as part of a take. The ledger must list them.
-bool is_part_of_take(const std::string& name) {
-  const TakePaths paths;
-  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
-         name.starts_with(paths.background().string() + "/") ||
-         name.starts_with(paths.sound().string() + "/");
-}
-
-}  // namespace
 
 void FileCheck::read_log(const std::filesystem::path& log) {
   const auto segments = existing_segments(log);

@@ -13,6 +13,7 @@
 #include "base/io/unique_fd.h"
 #include "common/console.h"
 #include "take/ledger/take_account.h"
+#include "take/take_files.h"
 #include "take/take_transfer.h"
 
 namespace v3d::ctl {
@@ -37,7 +38,7 @@ std::string take_in_listing(const std::string& line) {
   return marks_take && is_file_name(name) ? name : "";
 }
 
-/// The files that only the receiver has, by the output of rsync --dry-run --delete
+/// The files of a take that only the receiver has, by the output of rsync --dry-run --delete
 /// --itemize-changes: "*deleting   cam01.0001.lcmlog". Without folders, and without temporary
 /// files, which vanish on a node.
 std::vector<std::string> absent_files(const std::string& itemized) {
@@ -47,7 +48,9 @@ std::vector<std::string> absent_files(const std::string& itemized) {
   for (std::string line; std::getline(lines, line);) {
     if (!line.starts_with(kMark)) continue;
     std::string name = line.substr(line.find_first_not_of(' ', kMark.size()));
-    if (!name.ends_with('/') && !io::is_temporary(name)) files.push_back(std::move(name));
+    const bool is_of_take = take::is_part_of_take(name) || take::is_written_after_ledger(name);
+    const bool is_folder = name.ends_with('/');
+    if (is_of_take && !is_folder && !io::is_temporary(name)) files.push_back(std::move(name));
   }
   return files;
 }
