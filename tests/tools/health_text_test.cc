@@ -10,6 +10,7 @@ namespace {
 
 using testing::AllOf;
 using testing::Contains;
+using testing::EndsWith;
 using testing::HasSubstr;
 using testing::StartsWith;
 
@@ -51,7 +52,9 @@ TEST(HealthText, is_well_when_every_node_has_reported_and_none_has_a_fault) {
   EXPECT_FALSE(all_well(kNodes, reported));
   reported.erase("cap02");
   EXPECT_FALSE(all_well(kNodes, reported));
-  EXPECT_THAT(status_lines(kNodes, reported)[1], AllOf(StartsWith("cap02"), HasSubstr("silent")));
+  EXPECT_THAT(
+      status_lines(kNodes, reported)[1],
+      AllOf(StartsWith("cap02"), EndsWith("silent. Try: systemctl status --all 'v3d-*' on cap02")));
 }
 
 TEST(HealthText, is_summed_over_the_nodes) {

@@ -278,6 +278,7 @@ test('reconnects after a restart of the service', async () => {
 test('shows operators which nodes are silent', async () => {
   await page.goto(`${studio.address}studio.html`);
   await shows('nodes', 'silent');
+  assert.match(await text('nodes'), /Try: systemctl status --all 'v3d-\*' on cap01/);
   assert.match(await text('wall'), /cam01.*cap01 is silent/s);
   assert.match(await text('banner'), /no studio key/);
 });

@@ -89,14 +89,17 @@ std::string value_text(const std::string& name, double value) {
   return is_count ? format_count(static_cast<int64_t>(value)) : fmt::format("{:.6g}", value);
 }
 
+std::string silent_node_advice(const std::string& node) {
+  return "Try: systemctl status --all 'v3d-*' on " + node;
+}
+
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<std::string> lines;
   for (const std::string& node : nodes) {
     const auto found = health.find(node);
     if (found == health.end()) {
-      lines.push_back(pad_right(node, 12) +
-                      "  silent. Try: systemctl status v3d-studio.target on " + node);
+      lines.push_back(pad_right(node, 12) + "  silent. " + silent_node_advice(node));
       continue;
     }
     const wire::HealthMessage& message = found->second;

@@ -27,6 +27,10 @@ std::string value_text(const std::string& name, double value);
 /// Duration with one unit, rounded: 45 s, 12 min, 3.5 h, 2 d.
 std::string duration_text(double seconds);
 
+/// The next step for a silent node: "Try: systemctl status --all 'v3d-*' on cap01". The status of
+/// v3d-studio.target would not list the daemons that have ended.
+std::string silent_node_advice(const std::string& node);
+
 /// One line for each node: "cap01  v3d-captured  recording kendo-07  cam07 silent".
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health);

@@ -9,6 +9,7 @@
 #include "base/core/text.h"
 #include "daemon/control/reply_json.h"
 #include "take/take.h"
+#include "v3dctl/operate/health_text.h"
 
 namespace v3d::ctl {
 namespace {
@@ -40,9 +41,7 @@ struct NodeRange {
 std::string silent_node_text(const std::string& node,
                              const std::map<std::string, wire::HealthMessage>& health) {
   const auto found = health.find(node);
-  if (found == health.end()) {
-    return "no reply. Try: systemctl status v3d-studio.target on " + node;
-  }
+  if (found == health.end()) return "no reply. " + silent_node_advice(node);
   const std::string& text = found->second.text;
   return "no reply to commands" + (text.empty() ? ", but health messages" : ": " + text);
 }

@@ -118,7 +118,7 @@ WatchLine node_line(const std::string& node, const StudioState& state) {
   if (found == state.health.end()) {
     row.add("silent", Highlight::kAlarm);
     WatchLine line = row.line();
-    line.parts.push_back({"Try: systemctl status v3d-studio.target on " + node, Highlight::kNone});
+    line.parts.push_back({silent_node_advice(node), Highlight::kNone});
     return line;
   }
   const wire::HealthMessage& health = found->second;

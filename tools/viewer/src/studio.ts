@@ -38,7 +38,7 @@ function nodeCard(node: NodeState): HTMLElement {
   line.append(made('b', node.name), made('i', node.program ?? '', 'dim'));
   line.append(made('span', [state, node.take].filter(Boolean).join('  '), state));
   card.append(line);
-  if (!node.heard) card.append(made('p', `Try: systemctl status v3d-studio.target on ${node.name}`, 'wrong'));
+  if (!node.heard) card.append(made('p', `Try: systemctl status --all 'v3d-*' on ${node.name}`, 'wrong'));
   if (node.text) card.append(made('p', node.text, 'wrong'));
   const facts = made('dl', '');
   for (const fact of factsOf(node)) facts.append(made('dt', fact.name), made('dd', fact.value, fact.grade));
