@@ -263,7 +263,7 @@ void add_studio_command(cli::Command app, int& status) {
       "    ip link set lo up mtu 65536\n"
       "    ip route add 224.0.0.0/4 dev lo\n"
       "    for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done\n"
-      "    v3d-sim studio /tmp/studio --empty-pulses 20'");
+      "    v3d-sim studio /tmp/studio --empty-pulses 16'");
   command.on_parsed([arguments, &status] { status = run(*arguments); });
 }
 

@@ -203,7 +203,7 @@ void add_export(CommandLine& line) {
   command
       .add_option("--compress", arguments->compression,
                   "glb only: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
-                  "positions are exact")
+                  "positions keep their accuracy up to 65,535 lattice steps (docs/export.md)")
       .type_name("none|draco|meshopt")
       .show_default();
   command.add_flag("--view-dependent", arguments->view_dependent,

@@ -111,7 +111,7 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
   command
       .add_option("--quality", arguments.quality,
                   "live: the visual hull; medium: deformed within the live budget; high: slower "
-                  "and finer")
+                  "and finer (otherwise the studio's, otherwise live)")
       .type_name("live|medium|high");
   add_proxy_options(command, arguments);
   command
