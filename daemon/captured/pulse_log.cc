@@ -50,24 +50,29 @@ void PulseLog::run() {
 
 namespace {
 
-/// A pulse number from the network is rejected when it is this far ahead of all previous ones.
-constexpr int64_t kMaxJump = 15'000;
 /// Commanded pulses whose messages have not arrived yet.
 constexpr int64_t kMaxInFlight = 2;
 
 }  // namespace
 
-KnownPulses::KnownPulses(std::string take, take::PulseSet sensed, int64_t commanded)
+KnownPulses::KnownPulses(std::string take, MonotonicInstant now)
+    : KnownPulses(std::move(take), {}, 0, now) {}
+
+KnownPulses::KnownPulses(std::string take, take::PulseSet sensed, int64_t commanded,
+                         MonotonicInstant now)
     : take_(std::move(take)),
       sensed_(std::move(sensed)),
-      seen_(std::max(sensed_.last() + 1, commanded - kMaxInFlight)) {}
-
-bool KnownPulses::accepts(const wire::PulseMessage& pulse) const {
-  return pulse.take == take_ && pulse.pulse >= seen_ && pulse.pulse - seen_ < kMaxJump;
+      seen_(std::max(sensed_.last() + 1, commanded - kMaxInFlight)) {
+  plausible_.add(seen_, now);
 }
 
-void KnownPulses::add(int64_t pulse) {
+bool KnownPulses::accepts(const wire::PulseMessage& pulse, MonotonicInstant now) const {
+  return pulse.take == take_ && pulse.pulse >= seen_ && plausible_.contains(pulse.pulse, now);
+}
+
+void KnownPulses::add(int64_t pulse, MonotonicInstant now) {
   sensed_.insert(pulse);
+  plausible_.add(pulse, now);
   seen_ = std::max(seen_, pulse + 1);
 }
 

@@ -8,6 +8,7 @@
 #include <thread>
 #include <utility>
 
+#include "base/config/plausible_pulses.h"
 #include "base/io/file.h"
 #include "daemon/bus/subscription_queue.h"
 #include "take/ledger/ledger.h"
@@ -59,15 +60,16 @@ class PulseLog {
 /// The pulses of one take that this node has sensed or received. One thread.
 class KnownPulses {
  public:
-  explicit KnownPulses(std::string take) : take_(std::move(take)) {}
+  /// `now` is the time of the first possible pulse.
+  KnownPulses(std::string take, MonotonicInstant now);
   /// Resumes a take after a restart. `sensed`: pulses in the log. `commanded`: pulses of the train
   /// until now, or up to two fewer.
-  KnownPulses(std::string take, take::PulseSet sensed, int64_t commanded);
+  KnownPulses(std::string take, take::PulseSet sensed, int64_t commanded, MonotonicInstant now);
 
-  /// False for a pulse message of another take, for a number below seen(), and for a number 15,000
-  /// or more above it, which is implausible.
-  bool accepts(const wire::PulseMessage& pulse) const;
-  void add(int64_t pulse);
+  /// False for a pulse message of another take, for a number below seen(), and for a number that is
+  /// not in PlausiblePulses.
+  bool accepts(const wire::PulseMessage& pulse, MonotonicInstant now) const;
+  void add(int64_t pulse, MonotonicInstant now);
 
   /// The highest pulse number plus one.
   int64_t seen() const { return seen_; }
@@ -80,6 +82,7 @@ class KnownPulses {
   std::string take_;
   take::PulseSet sensed_;
   int64_t seen_ = 0;
+  PlausiblePulses plausible_;
 };
 
 /// Whether the ledger may state how many pulses were sensed. It may not without a sense line, nor

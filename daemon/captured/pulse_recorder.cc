@@ -23,7 +23,9 @@ constexpr int kResends = 3;
 
 KnownPulses known_pulses(const std::string& take,
                          const std::optional<PulseRecorder::Resume>& resume) {
-  return resume ? KnownPulses(take, resume->sensed, resume->commanded) : KnownPulses(take);
+  const MonotonicInstant now = Monotonic::now();
+  return resume ? KnownPulses(take, resume->sensed, resume->commanded, now)
+                : KnownPulses(take, now);
 }
 
 /// Whether two times lie within ten seconds. For any values: their difference may overflow.
@@ -113,7 +115,7 @@ void PulseRecorder::record(const wire::PulseMessage& pulse) {
     resends_left_ = kResends;
   }
   const std::lock_guard lock(mutex_);
-  known_.add(pulse.pulse);
+  known_.add(pulse.pulse, Monotonic::now());
 }
 
 int64_t PulseRecorder::sensed() const {
@@ -163,7 +165,7 @@ std::optional<LocalPulse> PulseRecorder::sense() {
 std::optional<LocalPulse> PulseRecorder::receive() {
   auto pulse = subscription_->wait(Monotonic::now() + kPollInterval);
   const std::lock_guard lock(mutex_);
-  return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;
+  return pulse && known_.accepts(*pulse, Monotonic::now()) ? std::move(pulse) : std::nullopt;
 }
 
 }  // namespace v3d::captured

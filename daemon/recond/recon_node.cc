@@ -105,6 +105,7 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
       {"frames_dropped", static_cast<double>(c.frames_dropped)},
       {"ghosts_removed", static_cast<double>(c.ghosts)},
       {"undecodable", static_cast<double>(c.undecodable)},
+      {"implausible", static_cast<double>(c.implausible)},
       {"write_errors", static_cast<double>(c.write_errors)},
       {"latency_p50_ms", c.latency_p50_ms},
       {"latency_p99_ms", c.latency_p99_ms},

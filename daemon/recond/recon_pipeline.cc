@@ -16,8 +16,6 @@ constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
 /// Frames: 0.7 s of 15 cameras at 25 Hz.
 constexpr size_t kFrameQueue = 256;
 constexpr size_t kPulseQueue = 256;
-/// Pulse numbers farther ahead of the newest one than this are ignored.
-constexpr int64_t kMaxJump = 15'000;
 /// Pulses whose edge time is kept for the latency.
 constexpr size_t kMaxEdges = 512;
 
@@ -57,7 +55,6 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
                     if (shared_) shared_->give_up(ready.set.pulse);
                   }}),
       warm_up_(std::move(setup.warm_up)),
-      newest_pulse_(setup.resume_at.value_or(0)),
       sequences_(!setup.resume_at),
       most_passes_(setup.live_passes),
       passes_(setup.live_passes),
@@ -66,6 +63,7 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
                 {[this](Job& job) { make_mesh(job); }, [this](Job& job) { finish(job); }}) {
+  plausible_.add(setup.resume_at.value_or(0), Monotonic::now());
   assembling_thread_ = std::thread([this] { assemble(); });
 }
 
@@ -127,6 +125,7 @@ void ReconPipeline::assemble() {
     reduce_to_8_bits(message->frame.image);
     dispatch(assembler_.add(std::move(message->frame), now));
     late_ = assembler_.counters().late;
+    implausible_frames_ = assembler_.counters().implausible;
   }
 }
 
@@ -162,8 +161,13 @@ void ReconPipeline::record_arrival(const wire::FrameMessage& message) {
 
 void ReconPipeline::record_pulses() {
   while (const auto pulse = pulses_.wait(Monotonic::now())) {
-    if (pulse->take != take_ || pulse->pulse - newest_pulse_ > kMaxJump) continue;
-    newest_pulse_ = std::max(newest_pulse_, pulse->pulse);
+    if (pulse->take != take_) continue;
+    const MonotonicInstant now = Monotonic::now();
+    if (!plausible_.contains(pulse->pulse, now)) {
+      ++implausible_pulses_;
+      continue;
+    }
+    plausible_.add(pulse->pulse, now);
     const std::lock_guard lock(mutex_);
     edges_[pulse->pulse] = pulse->edge;
     if (edges_.size() > kMaxEdges) edges_.erase(edges_.begin());
@@ -338,6 +342,7 @@ ReconCounts ReconPipeline::counts() const {
                      .cameras = {},
                      .ghosts = ghosts_,
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
+                     .implausible = implausible_frames_ + implausible_pulses_,
                      .write_errors = write_errors_};
   if (repair_) counts.repair = repair_->counts();
   if (most_passes_ > 0) counts.by_passes.assign(by_passes_.begin(), by_passes_.end());
@@ -345,6 +350,7 @@ ReconCounts ReconPipeline::counts() const {
     counts.shard = shared_->counts();
     counts.without_mesh = shared_->without_mesh();
     counts.undecodable += shared_->undecodable();
+    counts.implausible += counts.shard->implausible;
   }
   const std::lock_guard lock(mutex_);
   counts.failure = failure_;

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/config/plausible_pulses.h"
 #include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/node/service.h"
@@ -39,6 +40,8 @@ struct ReconCounts {
   std::map<std::string, bus::SequenceCounts> cameras;  ///< frames by camera
   int64_t ghosts = 0;                                  ///< components removed by GhostRemoval
   int64_t undecodable = 0;
+  /// Ignored frames, pulses and meshes: their pulse is not in PlausiblePulses.
+  int64_t implausible = 0;
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
   double latency_p99_ms = 0;
@@ -158,7 +161,7 @@ class ReconPipeline {
   LiveQueue<recon::ReadySet> ready_;
   std::optional<recon::FrameSet> warm_up_;  ///< empty once it is processed
   int64_t seq_ = 0;                         ///< used by the last stage
-  int64_t newest_pulse_ = 0;                ///< used by the assembling thread
+  PlausiblePulses plausible_;               ///< of pulses_; used by the assembling thread
 
   std::atomic<int64_t> meshes_ = 0;
   std::atomic<int64_t> ghosts_ = 0;
@@ -167,6 +170,8 @@ class ReconPipeline {
   std::atomic<int64_t> incomplete_ = 0;
   std::atomic<int64_t> foreign_ = 0;
   std::atomic<int64_t> late_ = 0;
+  std::atomic<int64_t> implausible_frames_ = 0;
+  std::atomic<int64_t> implausible_pulses_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
   QueueIdleTimer idle_;  ///< of frames_

@@ -8,10 +8,6 @@
 namespace v3d::recond {
 namespace {
 
-/// Pulse numbers farther ahead of the stream than this are ignored. More than FrameSetAssembler
-/// accepts.
-constexpr int64_t kMaxJump = 20'000;
-
 size_t index_in(const std::vector<std::string>& roster, const std::string& node) {
   return static_cast<size_t>(std::find(roster.begin(), roster.end(), node) - roster.begin());
 }
@@ -27,17 +23,22 @@ size_t byte_count(const recon::ReadySet& set) {
 
 }  // namespace
 
-Shard::Shard(const Setup& setup)
-    : setup_(setup), self_(index_in(setup.roster, setup.node)), members_(setup.roster, self_) {
+Shard::Shard(const Setup& setup, MonotonicInstant now)
+    : setup_(setup),
+      self_(index_in(setup.roster, setup.node)),
+      instant_(now),
+      members_(setup.roster, self_) {
   // No node is known to be alive yet, so receive the pulses of all.
   groups_ = bus::all_frame_groups(setup.frame_groups);
   if (setup.joins_late) return;
   first_ = 0;
   members_.join(first_);
   reorder_.emplace(first_);
+  plausible_.add(first_, now);
 }
 
 void Shard::advance(MonotonicInstant now) {
+  instant_ = now;
   now_ = clock_.update(now);
   update_frame_groups();
   if (!reorder_) return;
@@ -50,6 +51,7 @@ void Shard::join_after(int64_t pulse) {
   first_ = pulse + 1 + static_cast<int64_t>(std::ceil(setup_.rate_hz * to_seconds(kJoinDelay)));
   members_.join(first_);
   reorder_.emplace(first_);
+  plausible_.add(first_, instant_);
 }
 
 // --- frame groups -------------------------------------------------------------------------------
@@ -76,6 +78,17 @@ bool Shard::may_be_truncated(const recon::ReadySet& set) {
 
 // --- known pulses -------------------------------------------------------------------------------
 
+/// False for a pulse that is too far ahead: it would make all further ones late. The first one of a
+/// node that joins late may be any pulse of a take.
+bool Shard::accept_pulse(int64_t pulse) {
+  if (!plausible_.contains(pulse, instant_) || (!reorder_ && pulse >= take::kMaxPulses)) {
+    ++counts_.implausible;
+    return false;
+  }
+  plausible_.add(pulse, instant_);
+  return true;
+}
+
 void Shard::record_known(int64_t pulse) {
   if (known_.empty() || pulse > known_.back().first) known_.emplace_back(pulse, now_);
 }
@@ -92,10 +105,10 @@ std::optional<Duration> Shard::known_since(int64_t pulse) const {
 
 void Shard::on_set(recon::ReadySet set) {
   const int64_t pulse = set.set.pulse;
+  if (!accept_pulse(pulse)) return;
   newest_set_ = std::max(newest_set_, pulse);
-  if (!reorder_ && pulse < take::kMaxPulses) return join_after(pulse);
-  if (!reorder_ || pulse < first_) return;
-  if (pulse - reorder_->next() > kMaxJump) return;
+  if (!reorder_) return join_after(pulse);
+  if (pulse < first_) return;
   record_known(pulse);
   if (may_be_truncated(set)) return;
   if (!reorder_->has(pulse)) hold(std::move(set));
@@ -182,7 +195,7 @@ void Shard::on_status(const wire::ShardMessage& status) {
 void Shard::on_mesh(wire::MeshMessage mesh) {
   if (!reorder_ || mesh.take != setup_.take || mesh.pulse < first_) return;
   const int64_t pulse = mesh.pulse;
-  if (pulse - reorder_->next() > kMaxJump) return;
+  if (!accept_pulse(pulse)) return;
   if (!reorder_->add(std::move(mesh))) {
     ++counts_.duplicates;
     return;

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/config/plausible_pulses.h"
 #include "daemon/bus/channel_list.h"
 #include "daemon/recond/shard_members.h"
 #include "recon/pipeline/frame_set.h"
@@ -19,14 +20,15 @@
 namespace v3d::recond {
 
 struct ShardCounts {
-  int64_t made = 0;        ///< meshes made here
-  int64_t taken_over = 0;  ///< sets processed here that belong to a node that is not available
-  int64_t repeated = 0;    ///< sets processed here because their owner's mesh did not arrive
-  int64_t duplicates = 0;  ///< meshes received twice
-  int64_t let_go = 0;      ///< sets of other nodes, released because kMaxHeld were held
-  int64_t given_up = 0;    ///< pulses that their owner reported as dropped or failed
-  int64_t lost = 0;        ///< pulses without a mesh for any other reason
-  int64_t alive = 0;       ///< nodes
+  int64_t made = 0;         ///< meshes made here
+  int64_t taken_over = 0;   ///< sets processed here that belong to a node that is not available
+  int64_t repeated = 0;     ///< sets processed here because their owner's mesh did not arrive
+  int64_t duplicates = 0;   ///< meshes received twice
+  int64_t let_go = 0;       ///< sets of other nodes, released because kMaxHeld were held
+  int64_t given_up = 0;     ///< pulses that their owner reported as dropped or failed
+  int64_t lost = 0;         ///< pulses without a mesh for any other reason
+  int64_t implausible = 0;  ///< ignored sets and meshes: their pulse is not in PlausiblePulses
+  int64_t alive = 0;        ///< nodes
 };
 
 /// The sharding rules of one node, without threads and network.
@@ -66,7 +68,7 @@ class Shard {
     bool joins_late = false;  ///< the take runs already
     size_t frame_groups = 1;  ///< number of groups (channel_list.h)
   };
-  explicit Shard(const Setup& setup);
+  Shard(const Setup& setup, MonotonicInstant now);
 
   /// Sets the time to `now` and applies the rules. The on_..() functions use the last such time.
   void advance(MonotonicInstant now);
@@ -120,6 +122,7 @@ class Shard {
   void join_after(int64_t pulse);
   void update_frame_groups();
   bool may_be_truncated(const recon::ReadySet& set);
+  bool accept_pulse(int64_t pulse);
   void record_known(int64_t pulse);
   std::optional<Duration> known_since(int64_t pulse) const;
   void hold(recon::ReadySet set);
@@ -138,12 +141,15 @@ class Shard {
   const Setup setup_;
   const size_t self_;  ///< index of this node in the roster
   ActiveTimeClock clock_;
-  Duration now_{};
+  Duration now_{};            ///< of clock_
+  MonotonicInstant instant_;  ///< of the last advance()
   ShardMembers members_;
   int64_t first_ = -1;                    ///< this node takes part from here on; -1: not yet
   std::optional<ReorderBuffer> reorder_;  ///< once it does
   bus::FrameGroupSet groups_;
   bus::FrameGroupSet new_groups_;  ///< no set of these was assembled yet
+  /// More than FrameSetAssembler accepts.
+  PlausiblePulses plausible_{20'000};
   int64_t newest_set_ = -1;
   std::map<int64_t, Held> held_;
   size_t held_bytes_ = 0;

@@ -23,7 +23,7 @@ SharedTake::SharedTake(const Shard::Setup& setup, bus::Bus& bus, Receivers recei
       statuses_(bus, std::string(wire::kShardPrefix) + ".*", kStatusQueue),
       meshes_(bus, std::string(wire::kShardMeshPrefix) + ".*", kMeshQueue),
       published_(bus, wire::kMeshChannel, kMeshQueue),
-      shard_(setup),
+      shard_(setup, Monotonic::now()),
       next_status_(Monotonic::now()),
       thread_([this] { run(); }) {}
 

@@ -46,7 +46,7 @@ void FrameSetAssembler::accept(Frame&& frame, MonotonicInstant now) {
     ++counters_.unknown;
     return;
   }
-  if (pulse < 0 || (newest_ && pulse > *newest_ && pulse - *newest_ > options_.max_jump)) {
+  if (!plausible_.contains(pulse, now)) {
     ++counters_.implausible;
     return;
   }
@@ -58,7 +58,7 @@ void FrameSetAssembler::accept(Frame&& frame, MonotonicInstant now) {
   if (!set.frames.try_emplace(frame.camera, std::move(frame)).second) {
     ++counters_.duplicate;
   }
-  newest_ = std::max(newest_.value_or(pulse), pulse);
+  plausible_.add(pulse, now);
 }
 
 std::vector<ReadySet> FrameSetAssembler::poll(MonotonicInstant now) {
@@ -92,7 +92,7 @@ std::optional<MonotonicInstant> FrameSetAssembler::next_deadline() const {
 void FrameSetAssembler::restart() {
   open_.clear();
   last_sent_.reset();
-  newest_.reset();
+  plausible_ = PlausiblePulses();
 }
 
 void FrameSetAssembler::send_oldest(std::vector<ReadySet>& ready) {

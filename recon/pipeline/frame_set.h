@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/config/plausible_pulses.h"
 #include "base/core/time.h"
 #include "base/geometry/camera_model.h"
 #include "base/geometry/rigid_transform.h"
@@ -36,9 +37,6 @@ struct FrameSetOptions {
   std::vector<std::string> cameras;                    ///< a set is complete with these
   Duration deadline = std::chrono::milliseconds(200);  ///< from the first frame of the set
   int max_open = 16;  ///< incomplete sets at a time; one more releases the oldest
-  /// Largest plausible jump ahead. A frame beyond it is ignored, because it would make all further
-  /// frames late.
-  int64_t max_jump = 15'000;
   /// Sets up to this pulse were released before a restart in this take.
   std::optional<int64_t> gone_until{};
 };
@@ -54,7 +52,7 @@ struct FrameSetCounters {
   int64_t late = 0;         ///< frames of sets that were already released
   int64_t duplicate = 0;    ///< repeated frames of one camera and pulse; the first is kept
   int64_t unknown = 0;      ///< frames of unknown cameras
-  int64_t implausible = 0;  ///< frames with a negative pulse, or beyond max_jump
+  int64_t implausible = 0;  ///< frames whose pulse is not in PlausiblePulses; ignored
   friend bool operator==(const FrameSetCounters&, const FrameSetCounters&) = default;
 };
 
@@ -90,7 +88,7 @@ class FrameSetAssembler {
   size_t cameras_;
   std::map<int64_t, OpenSet> open_;
   std::optional<int64_t> last_sent_;
-  std::optional<int64_t> newest_;
+  PlausiblePulses plausible_;
   FrameSetCounters counters_;
 };
 

@@ -43,12 +43,13 @@ class SharedStudio {
  public:
   SharedStudio(size_t nodes, Network network, unsigned seed) : network_(network), random_(seed) {
     for (size_t i = 0; i < nodes; ++i) roster_.push_back("recon" + std::to_string(i + 1));
-    for (size_t i = 0; i < nodes; ++i) nodes_.push_back(std::make_unique<Node>(setup(i, false)));
+    for (size_t i = 0; i < nodes; ++i)
+      nodes_.push_back(std::make_unique<Node>(setup(i, false), now_));
     for (int i = 0; i < 30; ++i) step();
   }
 
   void kill(size_t node) { nodes_[node].reset(); }
-  void restart(size_t node) { nodes_[node] = std::make_unique<Node>(setup(node, true)); }
+  void restart(size_t node) { nodes_[node] = std::make_unique<Node>(setup(node, true), now_); }
   void pause(size_t node, Duration time) { nodes_[node]->paused_until = now_ + time; }
   /// Makes a node drop a pulse, like a node that cannot keep up.
   void drop(size_t node, int64_t pulse) { nodes_[node]->drops.insert(pulse); }
@@ -65,6 +66,10 @@ class SharedStudio {
   }
   void pulse(int count) {
     for (int i = 0; i < count; ++i) pulse();
+  }
+  /// Pulses whose frames reach no node; the time advances by 10 ms each.
+  void miss(int count) {
+    for (int i = 0; i < count; ++i, ++pulses_) step();
   }
   /// Advances the time until all nodes are settled; false after 60 s.
   bool settle() {
@@ -87,7 +92,7 @@ class SharedStudio {
 
  private:
   struct Node {
-    explicit Node(const recond::Shard::Setup& setup) : shard(setup) {}
+    Node(const recond::Shard::Setup& setup, MonotonicInstant now) : shard(setup, now) {}
     recond::Shard shard;
     std::deque<int64_t> sets;  ///< assembled, not yet passed to the shard
     std::deque<recon::ReadySet> work;

@@ -23,7 +23,8 @@ class Node {
                 .roster = {"a", "b", "c"},
                 .node = "b",
                 .rate_hz = 25,
-                .joins_late = joins_late}) {}
+                .joins_late = joins_late},
+               v3d::MonotonicInstant()) {}
 
   void take(v3d::test::FuzzInput& input) {
     const auto byte = input.number<uint8_t>();

@@ -36,5 +36,17 @@ TEST(PulseLogSync, fails_when_only_the_sync_of_its_close_fails) {
   EXPECT_EQ(log.synced().error().code, EIO);
 }
 
+TEST(KnownPulses, accept_pulses_after_minutes_without_messages_while_pulses_ran) {
+  const MonotonicInstant start = from_ns<Monotonic>(1'000'000'000);
+  KnownPulses known("kendo-07", start);
+  wire::PulseMessage pulse;
+  pulse.take = "kendo-07";
+  pulse.pulse = 20'000;
+  EXPECT_FALSE(known.accepts(pulse, start));
+  EXPECT_TRUE(known.accepts(pulse, start + std::chrono::seconds(160)));
+  known.add(pulse.pulse, start + std::chrono::seconds(160));
+  EXPECT_FALSE(known.accepts(pulse, start + std::chrono::seconds(160))) << "a repeated message";
+}
+
 }  // namespace
 }  // namespace v3d::captured

@@ -85,6 +85,19 @@ TEST_F(ReconPipelineOnBus, counts_a_pulse_whose_stage_throws_and_continues) {
             (std::vector<int64_t>{0, 1, 2, 4, 5}));
 }
 
+TEST_F(ReconPipelineOnBus, counts_frames_and_pulses_whose_number_is_implausible) {
+  begin({.make_mesh = name_pulse, .encode = write_pulse});
+  send(0);
+  send(1'000'000'000);
+  wire::PulseMessage pulse;
+  pulse.take = "kendo-07";
+  pulse.pulse = 1'000'000'000;
+  bus_.publish_authenticated(wire::kPulseChannel, encode(pulse));
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().implausible == 2; }, within(30)));
+  send(1);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 2; }, within(30)));
+}
+
 TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   constexpr int64_t kBegin = -1;
   std::vector<int64_t> encoded;

@@ -72,8 +72,9 @@ TEST(ShardInGroups, leaves_the_groups_of_a_node_that_restarted) {
 }
 
 TEST(ShardInGroups, makes_no_mesh_of_a_set_truncated_by_joining) {
-  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1", .frame_groups = 2});
   MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1", .frame_groups = 2},
+              now);
   const auto set_of = [](int64_t pulse, const std::vector<std::string>& missing) {
     recon::ReadySet ready;
     ready.set.pulse = pulse;

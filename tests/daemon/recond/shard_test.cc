@@ -140,6 +140,20 @@ TEST(Shard, reports_pulses_that_no_node_received) {
   EXPECT_EQ(studio.file(0), studio.file(1));
 }
 
+TEST(Shard, continues_after_minutes_without_frames_while_pulses_ran) {
+  constexpr int kBefore = 20, kMissed = 21'000, kAfter = 40;
+  SharedStudio studio(2, {.work = milliseconds(10)}, 10);
+  studio.pulse(kBefore);
+  studio.miss(kMissed);
+  studio.pulse(kAfter);
+  ASSERT_TRUE(studio.settle());
+  for (size_t node = 0; node < 2; ++node) {
+    expect_all_pulses_accounted(studio, node, 0);
+    EXPECT_EQ(studio.file(node).size(), size_t{kBefore + kAfter});
+    EXPECT_EQ(studio.shard(node).counts().lost, kMissed);
+  }
+}
+
 RC_GTEST_PROP(Shard, accounts_for_every_pulse_when_any_node_is_killed, ()) {
   const auto nodes = *rc::gen::inRange<size_t>(1, 5);
   const Network network = any_network();
@@ -158,7 +172,8 @@ RC_GTEST_PROP(Shard, accounts_for_every_pulse_when_any_node_is_killed, ()) {
 }
 
 TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
-  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"});
+  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"},
+              from_ns<Monotonic>(1));
   MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
   wire::ShardMessage alive;
   alive.take = kTake;
@@ -177,8 +192,26 @@ TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
   EXPECT_GT(shard.counts().lost, 0) << "the wait for a pending pulse is limited";
 }
 
+TEST(Shard, counts_and_ignores_sets_and_meshes_whose_pulse_is_implausible) {
+  MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake, .roster = {"recon1"}, .node = "recon1"}, now);
+  recon::ReadySet set;
+  set.set.pulse = 1'000'000'000;
+  shard.on_set(set);
+  wire::MeshMessage mesh;
+  mesh.take = kTake;
+  mesh.pulse = 1'000'000'000;
+  shard.on_mesh(mesh);
+  EXPECT_EQ(shard.counts().implausible, 2);
+  EXPECT_EQ(shard.status().done, -1);
+  set.set.pulse = 0;
+  shard.on_set(set);
+  EXPECT_EQ(shard.take_work().size(), 1U);
+}
+
 TEST(Shard, ignores_unknown_nodes_and_other_takes) {
-  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"});
+  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1"},
+              from_ns<Monotonic>(1));
   wire::ShardMessage status;
   status.take = "kendo-06";
   status.node = "recon2";

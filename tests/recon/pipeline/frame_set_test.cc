@@ -107,6 +107,14 @@ TEST(FrameSets, count_and_ignore_unknown_cameras_and_invalid_pulses) {
   EXPECT_EQ(sets.flush().size(), 1U);
 }
 
+TEST(FrameSets, continue_after_minutes_without_frames_while_pulses_ran) {
+  auto sets = assembler();
+  sets.add(frame("a", 7), at(0s));
+  sets.add(frame("a", 7 + 160'000), at(160s));  // 1000 pulses a second
+  EXPECT_EQ(sets.counters().implausible, 0);
+  EXPECT_EQ(sets.flush().back().set.pulse, 7 + 160'000);
+}
+
 TEST(FrameSets, that_wait_are_bounded_and_the_oldest_goes_first) {
   auto sets = assembler(3);
   std::vector<int64_t> sent;
