@@ -259,12 +259,19 @@ class RigFitter {
     for (int i = 0; i < count(); ++i) result_.cameras.push_back(fit_of_camera(i, all));
     const RigidTransform world_from_root = find_world_from_root();
     for (int i = 0; i < count(); ++i) {
-      result_.rig.push_back({cameras_[i].name, bundle_.cameras[i]});
+      result_.rig.push_back({cameras_[i].name, bundle_.cameras[i], previous_colour(i)});
     }
     result_.rig = transformed_rig(result_.rig, {1, world_from_root});
     for (size_t i = 0; i < instants_.size(); ++i) {
       result_.world_from_board[instants_[i]] = world_from_root * bundle_.world_from_board[i];
     }
+  }
+
+  /// Where the previous calibration is given, it has every camera, or fit_rig_lenses() has thrown.
+  ColourResponse previous_colour(int camera) const {
+    if (!options_.previous) return {};
+    const int index = find_camera(*options_.previous, cameras_[camera].name);
+    return (*options_.previous)[static_cast<size_t>(index)].colour;
   }
 
   CameraFit fit_of_camera(int camera, const std::vector<Eigen::Vector2d>& all) const {

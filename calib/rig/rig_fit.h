@@ -18,8 +18,8 @@ namespace v3d::calib {
 // studio.
 
 struct RigOptions {
-  /// The previous calibration. Where it is given, its lenses are used without change; otherwise the
-  /// lenses are fitted, too.
+  /// The previous calibration. Where it is given, its lenses and colour responses are used without
+  /// change; otherwise the lenses are fitted, too, and the colour responses are the identity.
   std::optional<Rig> previous;
   /// Time offsets up to this many instants are corrected and reported; larger ones are an error.
   /// One is what the buffers of free-running cameras may hold back.

@@ -134,8 +134,8 @@ void add_rig(ctl::CommandLine& line, cli::Command calibrate) {
   command
       .add_option(
           "--before", arguments->before,
-          "The previous calibration: its lenses are used; swapped cameras and another board "
-          "size are reported")
+          "The previous calibration: its lenses and colours are used; swapped cameras and another "
+          "board size are reported")
       .type_name("FILE");
   command.add_option("--out", arguments->out, "The calibration to write")
       .type_name("FILE")

@@ -68,6 +68,16 @@ TEST_F(RigFitting, estimates_the_upward_direction) {
   }
 }
 
+TEST_F(RigFitting, keeps_the_colour_responses_of_the_previous_calibration) {
+  lenses_known_.previous->at(4).colour = {.black = {3, 4, 5},
+                                          .matrix = Eigen::Vector3d(1.1, 1, 0.9).asDiagonal()};
+  const RigFit fit =
+      fit_rig(board(), observe_board_walk(board(), truth_, {100, 0.2, 1}), lenses_known_);
+  for (size_t i = 0; i < fit.rig.size(); ++i) {
+    EXPECT_EQ(fit.rig[i].colour, lenses_known_.previous->at(i).colour) << fit.rig[i].name;
+  }
+}
+
 TEST_F(RigFitting, resolves_the_half_turn_symmetry_of_a_board) {
   const Board even = parse_board("chess:8x6:100mm");
   auto cameras = observe_board_walk(even, truth_, {200, 0.2, 1});
