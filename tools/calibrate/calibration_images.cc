@@ -30,9 +30,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-int64_t stride_of(int64_t announced, const Sampling& sampling) {
+/// `frames`: the largest number of frames of a camera.
+int64_t stride_of(int64_t frames, const Sampling& sampling) {
   if (sampling.every > 0) return sampling.every;
-  return std::max<int64_t>(1, (announced + sampling.max_images - 1) / sampling.max_images);
+  return std::max<int64_t>(1, (frames + sampling.max_images - 1) / sampling.max_images);
 }
 
 std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
@@ -50,9 +51,10 @@ std::vector<fs::path> matching_files(const std::string& pattern) {
   return files;
 }
 
-ImageSource open_video(const fs::path& file, const Sampling& sampling) {
-  auto reader = std::make_shared<ctl::VideoFile>(file);
-  const int64_t stride = stride_of(reader->announced_frames(), sampling);
+namespace {
+
+ImageSource video_source(const fs::path& file, std::shared_ptr<ctl::VideoFile> reader,
+                         int64_t stride) {
   ImageSource source{file.string(), reader->announced_frames() / stride, {}};
   source.next = [reader, stride, number = int64_t{0}]() mutable -> std::optional<SourceImage> {
     for (; number % stride != 0; ++number) {
@@ -64,6 +66,23 @@ ImageSource open_video(const fs::path& file, const Sampling& sampling) {
     return SourceImage{here, frame_name(here), std::move(*image)};
   };
   return source;
+}
+
+}  // namespace
+
+std::vector<ImageSource> open_videos(const std::vector<fs::path>& files, const Sampling& sampling) {
+  std::vector<std::shared_ptr<ctl::VideoFile>> readers;
+  int64_t most = 0;
+  for (const fs::path& file : files) {
+    readers.push_back(std::make_shared<ctl::VideoFile>(file));
+    most = std::max(most, readers.back()->announced_frames());
+  }
+  const int64_t stride = stride_of(most, sampling);
+  std::vector<ImageSource> sources;
+  for (size_t i = 0; i < files.size(); ++i) {
+    sources.push_back(video_source(files[i], std::move(readers[i]), stride));
+  }
+  return sources;
 }
 
 ImageSource open_images(const std::string& pattern) {
@@ -82,19 +101,28 @@ ImageSource open_images(const std::string& pattern) {
   return source;
 }
 
-ImageSource open_take(const fs::path& take, const std::string& camera, const Sampling& sampling) {
-  const take::TakePaths paths{take};
-  auto log = std::make_shared<take::FrameLogReader>(paths.frames(camera));
-  std::vector<int64_t> pulses;
-  for (const FrameLabel& label : log->labels()) pulses.push_back(label.pulse);
-  std::sort(pulses.begin(), pulses.end());
-  pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
-  const int64_t last = pulses.empty() ? 0 : pulses.back() + 1;
-  const int64_t stride = stride_of(last, sampling);
-  // By pulse number, so that all cameras contribute the same pulses.
-  std::erase_if(pulses, [&](int64_t pulse) { return pulse % stride != 0; });
-  ImageSource source{paths.frames(camera).string(), std::ssize(pulses), {}};
-  source.next = [log, pulses, position = size_t{0}]() mutable -> std::optional<SourceImage> {
+namespace {
+
+/// The frames of one camera.
+struct CameraLog {
+  std::string path;
+  std::shared_ptr<take::FrameLogReader> reader;
+  std::vector<int64_t> pulses;  ///< ascending, each once
+};
+
+CameraLog open_log(const fs::path& path) {
+  CameraLog log{path.string(), std::make_shared<take::FrameLogReader>(path), {}};
+  for (const FrameLabel& label : log.reader->labels()) log.pulses.push_back(label.pulse);
+  std::sort(log.pulses.begin(), log.pulses.end());
+  log.pulses.erase(std::unique(log.pulses.begin(), log.pulses.end()), log.pulses.end());
+  return log;
+}
+
+ImageSource log_source(CameraLog log, int64_t stride) {
+  std::erase_if(log.pulses, [&](int64_t pulse) { return pulse % stride != 0; });
+  ImageSource source{log.path, std::ssize(log.pulses), {}};
+  source.next = [log = std::move(log.reader), pulses = std::move(log.pulses),
+                 position = size_t{0}]() mutable -> std::optional<SourceImage> {
     while (position < pulses.size()) {
       const int64_t pulse = pulses[position++];
       if (auto frame = log->read(pulse)) {
@@ -104,6 +132,23 @@ ImageSource open_take(const fs::path& take, const std::string& camera, const Sam
     return std::nullopt;
   };
   return source;
+}
+
+}  // namespace
+
+std::vector<ImageSource> open_take(const fs::path& take, const std::vector<std::string>& cameras,
+                                   const Sampling& sampling) {
+  const take::TakePaths paths{take};
+  std::vector<CameraLog> logs;
+  int64_t most = 0;
+  for (const std::string& camera : cameras) {
+    logs.push_back(open_log(paths.frames(camera)));
+    if (!logs.back().pulses.empty()) most = std::max(most, logs.back().pulses.back() + 1);
+  }
+  const int64_t stride = stride_of(most, sampling);
+  std::vector<ImageSource> sources;
+  for (CameraLog& log : logs) sources.push_back(log_source(std::move(log), stride));
+  return sources;
 }
 
 namespace {

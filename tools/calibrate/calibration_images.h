@@ -33,7 +33,9 @@ struct ImageSource {
   std::function<std::optional<SourceImage>()> next;
 };
 
-/// Takes every `every`th frame; 0: chosen so that there are at most about `max_images`.
+/// Takes every `every`th frame; 0: chosen so that there are at most about `max_images`, for several
+/// cameras by the one with most frames. All cameras have the same interval, so that they contribute
+/// the same instants.
 struct Sampling {
   int every = 0;
   int max_images = 300;
@@ -42,12 +44,15 @@ struct Sampling {
 /// Files that match a shell pattern ("boards/left*.jpg"), in natural order of their numbers.
 std::vector<std::filesystem::path> matching_files(const std::string& pattern);
 
-ImageSource open_video(const std::filesystem::path& file, const Sampling& sampling);
+/// One source for each video, in the given order. Throws InputError for a file that is no video.
+std::vector<ImageSource> open_videos(const std::vector<std::filesystem::path>& files,
+                                     const Sampling& sampling);
 /// The images among matching_files(). Throws InputError where there is none.
 ImageSource open_images(const std::string& pattern);
-/// The frames of one camera of a take.
-ImageSource open_take(const std::filesystem::path& take, const std::string& camera,
-                      const Sampling& sampling);
+/// The frames of each of these cameras of a take. Throws InputError for a camera without frames.
+std::vector<ImageSource> open_take(const std::filesystem::path& take,
+                                   const std::vector<std::string>& cameras,
+                                   const Sampling& sampling);
 
 // Recording a short take with the running studio, as a source of calibration images.
 

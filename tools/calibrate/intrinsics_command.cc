@@ -42,14 +42,15 @@ ImageSource open_source(const ctl::CommandLine& line, const Arguments& arguments
   if (source_count != 1)
     throw InputError("use exactly one of --images, --video, --take and --live");
   if (!arguments.images.empty()) return open_images(arguments.images);
-  if (!arguments.video.empty()) return open_video(arguments.video, arguments.sampling);
+  if (!arguments.video.empty()) return open_videos({arguments.video}, arguments.sampling).front();
   if (!arguments.take.empty()) {
-    return open_take(arguments.take, arguments.camera, arguments.sampling);
+    return open_take(arguments.take, {arguments.camera}, arguments.sampling).front();
   }
   const Studio studio = line.studio();
   require_camera(studio, arguments.camera);
-  return open_take(record_live_take(studio, arguments.live_s), arguments.camera,
-                   arguments.sampling);
+  return open_take(record_live_take(studio, arguments.live_s), {arguments.camera},
+                   arguments.sampling)
+      .front();
 }
 
 double covered(const FoundBoards& found, const calib::LensFit& fit) {

@@ -83,23 +83,41 @@ void add_live_option(cli::Command command, double& seconds) {
       .check(cli::number_in(0.2, 3600));
 }
 
+namespace {
+
+std::vector<NamedSource> with_names(const std::vector<std::string>& cameras,
+                                    std::vector<ImageSource> sources) {
+  std::vector<NamedSource> named;
+  for (size_t i = 0; i < cameras.size(); ++i) named.push_back({cameras[i], std::move(sources[i])});
+  return named;
+}
+
+std::vector<NamedSource> open_rig_videos(const RigSources& sources) {
+  std::vector<std::string> cameras;
+  std::vector<std::filesystem::path> files;
+  for (const auto& [camera, file] : sources.videos) {
+    cameras.push_back(camera);
+    files.push_back(file);
+  }
+  Sampling sampling = sources.sampling;
+  // A table of time stamps refers to frame numbers, so no frame may be skipped.
+  if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
+  return with_names(cameras, open_videos(files, sampling));
+}
+
+}  // namespace
+
 std::vector<NamedSource> open_sources(const RigSources& sources) {
   const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
   if (given != 1) throw InputError(std::string(kOneSourceRule));
-  std::vector<NamedSource> opened;
-  for (const auto& [camera, file] : sources.videos) {
-    Sampling sampling = sources.sampling;
-    // A table of time stamps refers to frame numbers, so no frame may be skipped.
-    if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
-    opened.push_back({camera, open_video(file, sampling)});
+  if (!sources.videos.empty()) return open_rig_videos(sources);
+  if (!sources.take.empty()) {
+    const std::vector<std::string> cameras = load_take_info(take::TakePaths{sources.take}).cameras;
+    return with_names(cameras, open_take(sources.take, cameras, sources.sampling));
   }
+  std::vector<NamedSource> opened;
   for (const auto& [camera, pattern] : sources.images) {
     opened.push_back({camera, open_images(pattern)});
-  }
-  if (!sources.take.empty()) {
-    for (const std::string& camera : load_take_info(take::TakePaths{sources.take}).cameras) {
-      opened.push_back({camera, open_take(sources.take, camera, sources.sampling)});
-    }
   }
   return opened;
 }
