@@ -1,10 +1,20 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
 #include <set>
 
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/image/image_files.h"
+#include "base/io/file.h"
+#include "calibrate/calibrate_commands.h"
 #include "calibrate/calibration_images.h"
 #include "calibrate/rig_boards.h"
+#include "common/console.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
@@ -68,6 +78,56 @@ TEST_F(RigImages, of_a_take_in_which_a_camera_stopped_have_the_same_numbers) {
   sources.take = take_.folder;
   sources.sampling.max_images = 10;
   EXPECT_THAT(numbers(sources), testing::Each(kEveryThird));
+}
+
+/// The exit status of `v3dctl calibrate WORDS`, which is interrupted before it begins.
+int interrupted_run(std::vector<std::string> words) {
+  ctl::catch_interrupts();
+  std::raise(SIGINT);
+  words.insert(words.begin(), {"v3dctl", "calibrate"});
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  return ctl::run_program(static_cast<int>(argv.size()), argv.data(), add_calibrate);
+}
+
+class InterruptedCalibration : public testing::Test {
+ protected:
+  InterruptedCalibration() {
+    for (const RigCamera& camera : rig_) {
+      const std::string name = camera.name;
+      Image grey(camera.model.size(), PixelFormat::kRGB8);
+      std::fill(grey.bytes.begin(), grey.bytes.end(), uint8_t{120});
+      write_png(folder_ / (name + ".png"), grey.view());
+      images_.insert(images_.end(), {"--images", name + "=" + path(name + ".png")});
+    }
+    save_calib(calib_, rig_);
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  const test::TemporaryFolder folder_;
+  const Rig rig_ = test::small_rig(2);
+  const std::string calib_ = path("calib.toml");
+  std::vector<std::string> images_;
+};
+
+TEST_F(InterruptedCalibration, of_colours_keeps_the_file) {
+  const std::string before = read_file(calib_);
+  std::vector<std::string> words = {"colour", "--with", "grey", "--calib", calib_, "--out", calib_};
+  words.insert(words.end(), images_.begin(), images_.end());
+  EXPECT_EXIT(std::exit(interrupted_run(words)), testing::ExitedWithCode(kExitFailed),
+              "interrupted");
+  EXPECT_EQ(read_file(calib_), before);
+}
+
+TEST_F(InterruptedCalibration, keeps_the_file_after_its_last_step) {
+  const std::string before = read_file(calib_);
+  EXPECT_EXIT(
+      {
+        ctl::catch_interrupts();
+        std::raise(SIGTERM);
+        test::message_of<std::runtime_error>([&] { save_result(calib_, test::small_rig(3)); });
+        std::exit(read_file(calib_) == before ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "");
 }
 
 }  // namespace

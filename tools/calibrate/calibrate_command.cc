@@ -33,6 +33,11 @@ void add_board_option(cli::Command command, std::string& board) {
       .required();
 }
 
+void save_result(const std::filesystem::path& path, const Rig& rig) {
+  ctl::stop_if_interrupted();
+  save_calib(path, rig);
+}
+
 void add_calibrate(ctl::CommandLine& line) {
   cli::Command command = line.add(
       "calibrate", "Calibrate lenses, poses and colours of the cameras, and report weaknesses",

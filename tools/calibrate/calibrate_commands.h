@@ -1,10 +1,11 @@
 // The subcommands of `v3dctl calibrate`.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
-#include "base/image/image.h"
+#include "base/geometry/camera_model.h"
 #include "v3dctl/command_line.h"
 
 namespace v3d::calibrate {
@@ -16,6 +17,10 @@ void add_calibrate(ctl::CommandLine& line);
 cli::Command add_under(cli::Command calibrate, const std::string& name,
                        const std::string& description, const std::vector<std::string>& examples);
 void add_board_option(cli::Command command, std::string& board);
+
+/// Like save_calib(). Where the user has interrupted the command, also during a fit, it throws
+/// std::runtime_error instead, and the file remains unchanged.
+void save_result(const std::filesystem::path& path, const Rig& rig);
 
 void add_guess(ctl::CommandLine& line, cli::Command calibrate);
 void add_intrinsics(ctl::CommandLine& line, cli::Command calibrate);

@@ -251,6 +251,7 @@ class ImagesWithoutBoard {
 
   std::optional<std::string> diagnose(const BoardDetector& detector) const {
     for (const SourceImage& image : kept_) {
+      ctl::stop_if_interrupted();
       if (auto diagnosis = detector.diagnose(image.pixels.view()))
         return image.name + ": " + *diagnosis;
     }

@@ -156,7 +156,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
     rig[i].colour = result.fit.responses[i];
     names.push_back(rig[i].name);
   }
-  save_calib(arguments.out, rig);
+  save_result(arguments.out, rig);
   if (!arguments.report.empty()) {
     replace_file(arguments.report, colour_report_html(names, result.fit, result.samples));
   }

@@ -106,6 +106,7 @@ std::vector<ColourSample> find_grey(std::vector<NamedSource> sources,
   for (NamedSource& source : sources) {
     const int camera = camera_of(source, names);
     for (int i = 0; i < kMaxImages; ++i) {
+      ctl::stop_if_interrupted();
       const auto image = source.source.next();
       if (!image) break;
       const Vector3d grey = middle_colour(image->pixels.view());
@@ -123,6 +124,7 @@ std::vector<Vector3d> find_black(std::vector<NamedSource> sources,
     Vector3d sum = Vector3d::Zero();
     int count = 0;
     for (; count < kMaxImages; ++count) {
+      ctl::stop_if_interrupted();
       const auto image = source.source.next();
       if (!image) break;
       sum += middle_colour(image->pixels.view());
@@ -327,6 +329,7 @@ std::vector<ColourSample> floor_places(const std::filesystem::path& take, const 
   std::vector<ColourSample> samples;
   int place = first_place;
   for (double y = low.y(); y <= high.y(); y += kStep) {
+    ctl::stop_if_interrupted();
     for (double x = low.x(); x <= high.x(); x += kStep, ++place) {
       for (size_t c = 0; c < rig.size(); ++c) {
         if (!plates[c] || plates[c]->format == PixelFormat::kMono8) continue;

@@ -51,7 +51,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   ctl::catch_interrupts();
   const auto cameras = find_floor_boards(arguments.sources.sources(line), rig, detector);
   const calib::FloorFit fit = fit_floor(rig, detector.board(), cameras);
-  save_calib(arguments.out, fit.rig);
+  save_result(arguments.out, fit.rig);
   if (arguments.json) {
     std::printf("%s\n", to_json(fit).dump(2).c_str());
   } else {

@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "calib/boards/board.h"
@@ -115,7 +114,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const FoundBoards found = find_boards(arguments.camera, open_source(line, arguments), detector);
   const calib::LensFit fit =
       fit_lens(arguments.camera, detector.board(), found.size, found.views, arguments.lens);
-  if (!arguments.out.empty()) save_calib(arguments.out, {{arguments.camera, fit.lens}});
+  if (!arguments.out.empty()) save_result(arguments.out, {{arguments.camera, fit.lens}});
   if (arguments.json) {
     std::printf("%s\n", to_json(arguments.camera, found, fit).dump(2).c_str());
   } else {

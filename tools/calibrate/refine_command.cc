@@ -118,7 +118,7 @@ int run(const Arguments& arguments) {
   const Silhouettes silhouettes(arguments, rig);
   const calib::RefineResult result =
       calib::refine_by_silhouettes(rig, silhouettes.sets(), {.focal_lengths = arguments.focal});
-  save_calib(arguments.out, result.rig);
+  save_result(arguments.out, result.rig);
   if (arguments.json) {
     std::printf("%s\n", to_json(rig, result).dump(2).c_str());
   } else {

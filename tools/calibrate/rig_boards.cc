@@ -199,12 +199,12 @@ std::vector<CameraObservations> search_everywhere(const std::vector<FloorCamera>
   std::vector<CameraObservations> observed;
   Progress progress("searching the board", std::ssize(cameras));
   for (const FloorCamera& camera : cameras) {
+    ctl::stop_if_interrupted();
     progress.advance();
     if (camera.images.empty()) continue;
     auto observation = detector.find_small(camera.images.front().view());
     if (!observation) continue;
     observed.push_back({camera.camera->name, camera.camera->model.size(), {{0, *observation}}});
-    ctl::stop_if_interrupted();
   }
   return observed;
 }

@@ -105,7 +105,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   if (boards.cameras.size() < 2) throw InputError("a rig needs at least two cameras");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_time_offsets(boards.cameras, fit);
-  save_calib(arguments.out, fit.rig);
+  save_result(arguments.out, fit.rig);
   if (!arguments.report.empty()) {
     replace_file(arguments.report, rig_report_html(detector.board(), fit, images_of(boards)));
   }
