@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <random>
 #include <set>
 
 #include "base/config/calib_file.h"
@@ -14,6 +17,7 @@
 #include "calibrate/calibration_images.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
+#include "support/drawn_board.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
@@ -78,6 +82,37 @@ TEST_F(RigImages, of_a_take_in_which_a_camera_stopped_have_the_same_numbers) {
   sources.take = take_.folder;
   sources.sampling.max_images = 10;
   EXPECT_THAT(numbers(sources), testing::Each(kEveryThird));
+}
+
+/// A video of a board of 9x6 corners that does not move.
+void write_board_video(const std::filesystem::path& path, int frames) {
+  std::mt19937 random(1);
+  cv::Mat picture;
+  cv::cvtColor(test::drawn_board({}, random).grey, picture, cv::COLOR_GRAY2BGR);
+  cv::VideoWriter video(path.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'),
+                        10, picture.size());
+  for (int i = 0; i < frames; ++i) video.write(picture);
+}
+
+TEST_F(RigImages, at_an_interval_have_the_instants_of_their_time_stamps) {
+  // The first three frames have no instant.
+  std::string stamps = "sync_index,cam_id,frame_index\n";
+  for (int frame = 3; frame < 12; ++frame) {
+    stamps += std::to_string(100 + frame) + ",cam1," + std::to_string(frame) + "\n";
+  }
+  replace_file(folder_ / "stamps.csv", stamps);
+  write_board_video(folder_ / "cam1.avi", 12);
+  RigSources sources;
+  sources.videos = {{"cam1", folder_ / "cam1.avi"}};
+  sources.time_stamps = folder_ / "stamps.csv";
+  sources.sampling.every = 2;
+  const calib::BoardDetector detector(calib::parse_board("chess:9x6:25mm"));
+  const RigBoards boards = find_rig_boards(sources, detector);
+  std::vector<int64_t> instants;
+  for (const auto& [instant, observation] : boards.cameras.at(0).observations) {
+    instants.push_back(instant);
+  }
+  EXPECT_THAT(instants, testing::ElementsAre(104, 106, 108, 110));
 }
 
 /// The exit status of `v3dctl calibrate WORDS`, which is interrupted before it begins.

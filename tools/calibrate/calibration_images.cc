@@ -53,34 +53,49 @@ std::vector<fs::path> matching_files(const std::string& pattern) {
 
 namespace {
 
-ImageSource video_source(const fs::path& file, std::shared_ptr<ctl::VideoFile> reader,
-                         int64_t stride) {
-  ImageSource source{file.string(), reader->announced_frames() / stride, {}};
-  source.next = [reader, stride, number = int64_t{0}]() mutable -> std::optional<SourceImage> {
-    for (; number % stride != 0; ++number) {
-      if (!reader->skip()) return std::nullopt;
+/// Reads every `stride`th frame of a video.
+class VideoFrames {
+ public:
+  VideoFrames(ctl::VideoFile video, int64_t stride) : video_(std::move(video)), stride_(stride) {}
+
+  std::optional<SourceImage> next() {
+    for (; frames_ % stride_ != 0; ++frames_) {
+      if (!video_.skip()) return std::nullopt;
     }
-    auto image = reader->next();
+    auto image = video_.next();
     if (!image) return std::nullopt;
-    const int64_t here = number++;
-    return SourceImage{here, frame_name(here), std::move(*image)};
-  };
+    const int64_t number = frames_++;
+    return SourceImage{number, frame_name(number), std::move(*image)};
+  }
+  int64_t frames() const { return frames_; }
+
+ private:
+  ctl::VideoFile video_;
+  int64_t stride_;
+  int64_t frames_ = 0;  ///< that were decoded
+};
+
+ImageSource video_source(const fs::path& file, ctl::VideoFile video, int64_t stride) {
+  ImageSource source{file.string(), video.announced_frames() / stride, {}};
+  const auto frames = std::make_shared<VideoFrames>(std::move(video), stride);
+  source.next = [frames] { return frames->next(); };
+  source.frames = [frames] { return frames->frames(); };
   return source;
 }
 
 }  // namespace
 
 std::vector<ImageSource> open_videos(const std::vector<fs::path>& files, const Sampling& sampling) {
-  std::vector<std::shared_ptr<ctl::VideoFile>> readers;
+  std::vector<ctl::VideoFile> videos;
   int64_t most = 0;
   for (const fs::path& file : files) {
-    readers.push_back(std::make_shared<ctl::VideoFile>(file));
-    most = std::max(most, readers.back()->announced_frames());
+    videos.emplace_back(file);
+    most = std::max(most, videos.back().announced_frames());
   }
   const int64_t stride = stride_of(most, sampling);
   std::vector<ImageSource> sources;
   for (size_t i = 0; i < files.size(); ++i) {
-    sources.push_back(video_source(files[i], std::move(readers[i]), stride));
+    sources.push_back(video_source(files[i], std::move(videos[i]), stride));
   }
   return sources;
 }
@@ -307,6 +322,7 @@ FoundBoards find_boards(const std::string& camera, ImageSource source,
     }
     ctl::stop_if_interrupted();
   }
+  if (source.frames) found.frames = source.frames();
   if (found.views.empty()) found.diagnosis = without_board.diagnose(detector);
   require_boards(camera, source, found, detector.board());
   return found;

@@ -31,6 +31,8 @@ struct ImageSource {
   std::string name;       ///< of the file or folder
   int64_t announced = 0;  ///< approximate number of images; 0: unknown
   std::function<std::optional<SourceImage>()> next;
+  /// Of a video: the number of frames up to here, also of those that next() left out. Else empty.
+  std::function<int64_t()> frames{};
 };
 
 /// Takes every `every`th frame; 0: chosen so that there are at most about `max_images`, for several
@@ -70,6 +72,7 @@ std::filesystem::path record_live_take(const Studio& studio, double seconds);
 struct FoundBoards {
   ImageSize size;
   int64_t images = 0;                  ///< number of searched images
+  int64_t frames = 0;                  ///< of a video: all its frames; else 0
   std::vector<calib::LensView> views;  ///< the images with the board
   std::vector<int64_t> numbers;        ///< SourceImage::number of each view
   std::optional<Image> example;        ///< the image with most corners

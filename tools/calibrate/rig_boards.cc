@@ -137,7 +137,7 @@ RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector&
     }
     if (!sources.time_stamps.empty()) {
       camera = by_time_stamp(
-          camera, calib::frame_instants(stamps, named.camera, found.images, sources.time_stamps));
+          camera, calib::frame_instants(stamps, named.camera, found.frames, sources.time_stamps));
     }
     boards.cameras.push_back(std::move(camera));
   }
