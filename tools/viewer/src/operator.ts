@@ -53,7 +53,7 @@ export function recordingFacts(nodes: readonly NodeState[]): string {
   if (streaming !== undefined) facts.push(`${count(streaming)}/${count(sum('cameras') ?? streaming)} cameras`);
   const missing = sum('frames_missing');
   if (missing !== undefined) facts.push(`${count(missing)} missing`);
-  const live = sum('live_fps');
+  const live = max('live_fps'); // every node of a shared take reports the rate of the common stream
   if (live !== undefined) facts.push(`live ${live.toFixed(1)}/s`);
   return facts.join(' · ');
 }

@@ -65,6 +65,7 @@ describe('an operator', () => {
       node('cap01', 'recording', 'k', { pulses_sensed: 1300, cameras_streaming: 8, cameras: 8, frames_missing: 1 }),
       node('cap02', 'recording', 'k', { cameras_streaming: 6, cameras: 7, frames_missing: 2 }),
       node('recon01', 'recording', 'k', { live_fps: 24.96 }),
+      node('recon02', 'recording', 'k', { live_fps: 24.9 }), // counts the meshes of all nodes, too
     ];
     expect(recordingFacts(nodes)).toBe('1,300 pulses · 14/15 cameras · 3 missing · live 25.0/s');
     expect(recordingFacts([silent])).toBe('');
