@@ -1,6 +1,6 @@
 // Browser tests of the studio page: a simulated studio with the real daemons, v3d-viewd that accepts orders, Chromium.
 import assert from 'node:assert/strict';
-import { mkdirSync } from 'node:fs';
+import { cpSync, mkdirSync, readdirSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { LiveStudio, OPERATOR_TOKEN } from './live_studio.mjs';
@@ -162,6 +162,30 @@ test('shows the message of v3dctl about a rejected order', async () => {
   await page.waitForSelector('#last-order .alarm');
   await shows('last-order', 'refused: ');
   await picture('refused');
+});
+
+test('leaves out two cameras that are rejected one after the other', async () => {
+  const background = join(studio.folder, 'background');
+  const kept = join(studio.folder, 'background-kept');
+  cpSync(background, kept, { recursive: true });
+  for (const file of readdirSync(background)) {
+    if (/^cam0[12]\./.test(file)) rmSync(join(background, file));
+  }
+  await page.fill('#take-name', 'kendo-11');
+  for (const camera of ['cam01', 'cam02']) {
+    await offers('arm');
+    await page.click('[data-order=arm]');
+    await shows('last-order', `${camera} has no background model`);
+    await page.click(`#without-cameras button:has-text("${camera}")`);
+  }
+  await offers('arm');
+  await page.click('[data-order=arm]');
+  await offers('abort');
+  assert.ok(await page.isHidden('#without'));
+  cpSync(kept, background, { recursive: true });
+  await page.click('[data-order=abort]');
+  await page.click('#sure .abort');
+  await shows('doing', 'No take is armed');
 });
 
 test('accepts a reply that arrives after the end of its order', async () => {

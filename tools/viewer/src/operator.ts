@@ -77,6 +77,19 @@ export function camerasNamed(lines: readonly string[], cameras: readonly string[
   return cameras.filter((camera) => words.has(camera));
 }
 
+/** True when an order has ended after which the cameras that were left out are needed again: all but a rejected arm order. */
+export const endsSelection = (report: OrderReport) => !report.under_way && (report.do !== 'arm' || report.status === 0);
+
+/**
+ * The cameras that the next arm order may leave out: those of `without`, and those that the last, rejected arm order names.
+ * A node names one camera at a time.
+ */
+export function leavableCameras(last: OrderReport | null, cameras: readonly string[], without: ReadonlySet<string>): string[] {
+  const isRejected = last?.do === 'arm' && !last.under_way && last.status !== 0;
+  const named = isRejected ? camerasNamed(last.lines, cameras) : [];
+  return cameras.filter((camera) => without.has(camera) || named.includes(camera));
+}
+
 export type Grade = 'good' | 'warning' | 'alarm';
 
 /** Grade by v3dctl's exit status. */

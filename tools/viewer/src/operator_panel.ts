@@ -1,6 +1,8 @@
 // Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
 import type { NodeState, OrderReport } from './message';
-import { type Action, actionsIn, camerasNamed, type Doing, doingOf, gradeOf, isNews, isTakeName, linesOf, NAME_RULE, nextName } from './operator';
+import {
+  type Action, actionsIn, type Doing, doingOf, endsSelection, gradeOf, isNews, isTakeName, leavableCameras, linesOf, NAME_RULE, nextName,
+} from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
 /** New buttons replace others at the same place. During this time they ignore a second tap of the same finger. */
@@ -55,7 +57,7 @@ export class OperatorPanel {
   setLast(report: OrderReport): void {
     if (report.number === 0) return; // no order was given yet
     this.last = report;
-    if (report.do !== 'arm' || report.status === 0) this.without.clear();
+    if (endsSelection(report)) this.without.clear();
     if (report.do === 'arm' && report.status === 0 && !report.under_way) this.named = false;
     this.showTrouble(null);
     this.draw();
@@ -162,10 +164,9 @@ export class OperatorPanel {
     if (!actions.includes('abort')) find<HTMLDialogElement>('sure').close('');
   }
 
-  /** After a rejected arm order: offers to leave out the cameras that its message names. */
+  /** Offers to leave out the cameras that a rejected arm order names. */
   private drawWithout(arming: boolean): void {
-    const refused = arming && this.last?.do === 'arm' && this.last.status !== 0;
-    const named = refused ? camerasNamed(this.last!.lines, this.cameras) : [];
+    const named = arming ? leavableCameras(this.last, this.cameras, this.without) : [];
     find('without').hidden = named.length === 0;
     if (!this.isNew('without', [named, this.last?.number])) return;
     find('without-cameras').replaceChildren(...named.map((camera) => {

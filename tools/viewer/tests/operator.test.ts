@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
-  actionsIn, camerasNamed, doingOf, gradeOf, isTakeName, linesOf, nextName, recordingFacts,
+  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, recordingFacts,
 } from '../src/operator';
 
 const node = (name: string, state: string, take = '', values: Record<string, number> = {}): NodeState =>
@@ -58,6 +58,23 @@ describe('an operator', () => {
     const lines = ['cap01         not ready: cam07 (GV-4103) silent since 14:03:11. Try: v3dctl doctor cap01'];
     expect(camerasNamed(lines, ['cam01', 'cam07', 'cam070'])).toEqual(['cam07']);
     expect(camerasNamed([], ['cam01'])).toEqual([]);
+  });
+
+  it('keeps the cameras that he leaves out until a take is armed', () => {
+    expect(endsSelection(report({ under_way: true }))).toBe(false);
+    expect(endsSelection(report({ status: 1 }))).toBe(false);
+    expect(endsSelection(report({ status: 0 }))).toBe(true);
+    expect(endsSelection(report({ do: 'stop', status: 1 }))).toBe(true);
+    expect(endsSelection(report({ do: 'stop', under_way: true }))).toBe(false);
+  });
+
+  it('may leave out cameras that nodes reject one after another', () => {
+    const cameras = ['cam06', 'cam07', 'cam08'];
+    const rejected = report({ status: 1, lines: ['cap01  not ready: cam08 has no background model'] });
+    expect(leavableCameras(rejected, cameras, new Set(['cam07']))).toEqual(['cam07', 'cam08']);
+    expect(leavableCameras(rejected, cameras, new Set())).toEqual(['cam08']);
+    expect(leavableCameras(report({ do: 'stop', status: 1, lines: rejected.lines }), cameras, new Set())).toEqual([]);
+    expect(leavableCameras(null, cameras, new Set(['cam06']))).toEqual(['cam06']);
   });
 
   it('gets the facts of a recording', () => {
