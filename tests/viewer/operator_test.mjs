@@ -202,6 +202,23 @@ test('accepts a reply that arrives after the end of its order', async () => {
   await page.unroute('**/api/order');
 });
 
+test('offers orders again after a restart of the server during an order', async () => {
+  let toPage;
+  await page.routeWebSocket(/api.studio/, (socket) => {
+    toPage = socket;
+    socket.connectToServer();
+  });
+  await page.reload();
+  await offers('arm');
+  const order = { type: 'order', number: 99, by: '127.0.0.1', at_ms: 0, do: 'stop', take: '', text: 'stop', under_way: true, status: 0, lines: [] };
+  toPage.send(JSON.stringify(order));
+  await shows('doing', 'stop: under way');
+  await studio.stopViewd();
+  await studio.startViewd(); // the process that forwarded the order has ended, the new one knows none
+  await offers('arm');
+  await shows('doing', 'No take is armed');
+});
+
 test('locks the page again on request', async () => {
   await page.click('#lock');
   assert.ok(await page.isHidden('#orders'));

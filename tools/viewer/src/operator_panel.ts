@@ -63,6 +63,12 @@ export class OperatorPanel {
     this.draw();
   }
 
+  /** To call when a connection begins: the server sends its last order again, and after its restart it has none. */
+  forgetLast(): void {
+    this.last = null;
+    this.draw();
+  }
+
   /** Proposes the name of the next take from the newest one, unless the user has typed a name. */
   setNewestTake(name: string): void {
     if (!this.named && this.doing.phase === 'idle') this.name.value = nextName(name);

@@ -112,6 +112,7 @@ function connect(): void {
   socket.onopen = () => {
     lost = false;
     find('events').replaceChildren(); // the server sends them again
+    panel.forgetLast();
     showBanner();
   };
   socket.onmessage = (event) => onMessage(event.data as string | ArrayBuffer);
