@@ -3,17 +3,14 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "codec/motion_codec.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "recon/figures.h"
 #include "recon/render/renderer.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take_listing.h"
-#include "tools/test_images.h"
+#include "tools/gliding_take.h"
 #include "v3dctl/edit/edit_file.h"
 #include "v3dctl/edit/take_clip.h"
 
@@ -80,23 +77,11 @@ TEST(EditFile, is_rejected_when_it_is_no_edit) {
               HasSubstr("version: expected a whole number from 1 to 1"));
 }
 
-/// A take whose only surface is tracked: a person who glides along x by 1 cm a pulse.
 class EditTake : public testing::Test {
  protected:
-  static constexpr int kPulses = 6;
+  static constexpr int kPulses = test::kGlidingPulses;
 
-  EditTake() : take_(folder_ / "take") {
-    fs::create_directory(take_);
-    const Rig rig = test::small_rig(3);
-    save_calib(take::TakePaths{take_}.calib(), rig);
-    take::TakeInfo info;
-    info.name = "take";
-    info.rate_hz = 25;
-    info.pulses = kPulses;
-    for (const RigCamera& camera : rig) info.cameras.push_back(camera.name);
-    io::throw_if_failed(take::save_take_info({take_}, info));
-    test::write_text(take::TakePaths{take_}.motion(), motion());
-  }
+  EditTake() : take_(folder_ / "take") { test::write_gliding_take(take_); }
 
   TakeClip read() {
     return read_clip(
@@ -105,25 +90,6 @@ class EditTake : public testing::Test {
 
   test::TemporaryFolder folder_;
   const fs::path take_;
-
- private:
-  static std::string motion() {
-    const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
-    codec::MotionSegment segment;
-    for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
-    for (int pulse = 0; pulse < kPulses; ++pulse) {
-      segment.pulses.push_back(pulse);
-      auto& places = segment.positions.emplace_back();
-      for (const Eigen::Vector3f& p : person.vertices) {
-        places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
-      }
-    }
-    const std::vector<uint8_t> header = codec::MotionWriter::header();
-    std::string bytes(header.begin(), header.end());
-    const auto encoded = codec::MotionWriter({}).add(segment);
-    bytes.append(encoded->bytes.begin(), encoded->bytes.end());
-    return bytes;
-  }
 };
 
 TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {

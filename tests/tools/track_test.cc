@@ -14,6 +14,7 @@
 #include "recon/shapes.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate_motion.h"
 #include "v3dctl/import/import.h"
@@ -179,6 +180,19 @@ TEST_F(TrackTake, is_measured_with_points_of_the_true_surface) {
   const EvaluatedMeshes motion{take_, take::TakePaths{take_}.motion()};
   EXPECT_FALSE(evaluate_motion(motion, folder_ / "truth")) << "no points";
   EXPECT_FALSE(evaluate_motion({take_}, folder_ / "truth")) << "no motion file";
+}
+
+TEST_F(Track, is_measured_only_with_points_that_have_the_colours_of_cameras_and_parts) {
+  const fs::path take = folder_ / "take", truth = folder_ / "truth";
+  test::write_gliding_take(take);
+  fs::create_directories(truth / "points");
+  const Mesh points{.vertices = {{0, 0, 1}, {0, 0, 1.1F}}, .triangles = {}, .colours = {}};
+  write_ply(truth / "points" / "000000.ply", points);
+  write_ply(truth / "points" / "000001.ply", points);
+  const EvaluatedMeshes motion{take, take::TakePaths{take}.motion()};
+  EXPECT_EQ(test::message_of<InputError>([&] { evaluate_motion(motion, truth); }),
+            (truth / "points" / "000000.ply").string() +
+                ": has no colours; expected red, green and blue, as v3d-sim take --truth writes");
 }
 
 }  // namespace

@@ -21,9 +21,17 @@ constexpr int64_t kReportEvery = 25;  ///< pulses
 /// The groups of points in the second colour of `truth`/points (v3d-sim(1)).
 enum Group : uint8_t { kOther, kSleeve, kSword };
 
+/// The points at a pulse, each with a colour; empty without the file.
 std::optional<Mesh> read_points(const fs::path& truth, int64_t pulse) {
   const fs::path file = truth / "points" / fmt::format("{:06}.ply", pulse);
-  return fs::exists(file) ? std::optional(read_ply(file)) : std::nullopt;
+  if (!fs::exists(file)) return std::nullopt;
+  Mesh points = read_ply(file);
+  if (points.colours.size() != points.vertices.size()) {
+    throw InputError(file.string() +
+                     ": has no colours; expected red, green and blue, as v3d-sim take --truth "
+                     "writes");
+  }
+  return points;
 }
 
 /// The pulses of a motion file that follow each other and have true points.

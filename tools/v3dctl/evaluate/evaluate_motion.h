@@ -31,7 +31,7 @@ struct MotionReport {
 };
 
 /// Empty when `evaluated` is no motion file, or the truth has no points. Throws InputError for
-/// files that cannot be read, and after an interrupt.
+/// files that cannot be read, for points without colours, and after an interrupt.
 std::optional<MotionReport> evaluate_motion(const EvaluatedMeshes& evaluated,
                                             const std::filesystem::path& truth);
 

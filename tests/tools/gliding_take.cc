@@ -1,0 +1,50 @@
+#include "tools/gliding_take.h"
+
+#include <string>
+#include <vector>
+
+#include "base/config/calib_file.h"
+#include "base/io/file.h"
+#include "codec/motion_codec.h"
+#include "recon/figures.h"
+#include "support/temporary_folder.h"
+#include "take/take.h"
+#include "tools/test_images.h"
+
+namespace v3d::test {
+namespace {
+
+std::string motion_file() {
+  const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
+  codec::MotionSegment segment;
+  for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
+  for (int pulse = 0; pulse < kGlidingPulses; ++pulse) {
+    segment.pulses.push_back(pulse);
+    auto& places = segment.positions.emplace_back();
+    for (const Eigen::Vector3f& p : person.vertices) {
+      places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
+    }
+  }
+  const std::vector<uint8_t> header = codec::MotionWriter::header();
+  std::string bytes(header.begin(), header.end());
+  const auto encoded = codec::MotionWriter({}).add(segment);
+  bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+  return bytes;
+}
+
+}  // namespace
+
+void write_gliding_take(const std::filesystem::path& take, double rate_hz) {
+  std::filesystem::create_directory(take);
+  const Rig rig = small_rig(3);
+  save_calib(take::TakePaths{take}.calib(), rig);
+  take::TakeInfo info;
+  info.name = take.filename().string();
+  info.rate_hz = rate_hz;
+  info.pulses = kGlidingPulses;
+  for (const RigCamera& camera : rig) info.cameras.push_back(camera.name);
+  io::throw_if_failed(take::save_take_info({take}, info));
+  write_text(take::TakePaths{take}.motion(), motion_file());
+}
+
+}  // namespace v3d::test

@@ -1,0 +1,15 @@
+// A small take whose only surface is tracked, without images.
+#pragma once
+
+#include <filesystem>
+
+namespace v3d::test {
+
+/// Pulses of a gliding take.
+inline constexpr int kGlidingPulses = 6;
+
+/// Writes take.toml, calib.toml and motion.v3d of a person who glides along x by 1 cm a pulse.
+/// Creates the folder. Vertices have no colours.
+void write_gliding_take(const std::filesystem::path& take, double rate_hz = 25);
+
+}  // namespace v3d::test
