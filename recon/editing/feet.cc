@@ -102,8 +102,13 @@ void hold_feet(Clip& clip, const std::vector<FootContact>& contacts, size_t fade
   for (const FootContact& contact : contacts) {
     const auto [first, last] = contact.range;
     const Vector3d mean = mean_place(clip, contact);
-    const Vector3d at_begin = mean - place(clip, first, contact.ankle);
-    const Vector3d at_end = mean - place(clip, last - 1, contact.ankle);
+    // Corrections are along the floor, also where they fade: the ankle keeps its height.
+    const auto correction = [&](size_t f) {
+      Vector3d by = mean - place(clip, f, contact.ankle);
+      by.z() = 0;
+      return by;
+    };
+    const Vector3d at_begin = correction(first), at_end = correction(last - 1);
     const auto move = [&](size_t f, const Vector3d& by) {
       SkeletonPulse skeleton = clip.frames[f].skeleton;
       reach(skeleton, contact.ankle, skeleton.joints[contact.ankle] + by);
@@ -124,11 +129,7 @@ void hold_feet(Clip& clip, const std::vector<FootContact>& contacts, size_t fade
          ++k) {
       move(last - 1 + k, share(k) * at_end);
     }
-    for (size_t f = first; f < last; ++f) {
-      Vector3d target = mean;
-      target.z() = place(clip, f, contact.ankle).z();
-      move(f, target - place(clip, f, contact.ankle));
-    }
+    for (size_t f = first; f < last; ++f) move(f, correction(f));
   }
 }
 

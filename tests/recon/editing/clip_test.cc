@@ -145,5 +145,26 @@ TEST(Feet, stay_where_they_stand_when_they_are_held) {
   }
 }
 
+TEST(Feet, keep_their_height_when_they_are_held_also_before_and_after_they_stand) {
+  Clip clip = clips::gliding(16, {0, 0, 0.95}, {0, 0, 0});
+  const double leg =
+      clip.frames[0].skeleton.joints[kLeftHip].z() - clip.frames[0].skeleton.joints[kLeftAnkle].z();
+  // The left foot stands, raises its heel in frame 9, and leaves the floor: the knee is bent.
+  for (size_t f = 9; f < 16; ++f) {
+    const double height = f == 9 ? 0.03 : f == 10 ? 0.12 : 0.20;
+    const double angle = std::acos(1 - height / leg);
+    bend(clip, {.joint = kLeftHip, .range = {f, f + 1}, .radians = -angle});
+    bend(clip, {.joint = kLeftKnee, .range = {f, f + 1}, .radians = 2 * angle});
+  }
+  const Clip before = clip;
+  ASSERT_EQ(foot_contacts(clip).at(0).range.last, 10U);
+  for (int pass = 0; pass < 4; ++pass) hold_feet(clip, foot_contacts(clip), 5);
+  for (size_t f = 0; f < 16; ++f) {
+    EXPECT_NEAR(clip.frames[f].skeleton.joints[kLeftAnkle].z(),
+                before.frames[f].skeleton.joints[kLeftAnkle].z(), 0.001)
+        << f;
+  }
+}
+
 }  // namespace
 }  // namespace v3d::recon
