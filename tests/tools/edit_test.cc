@@ -147,6 +147,21 @@ TEST_F(EditTake, is_not_written_over_a_recording_that_holds_the_list_of_operatio
   EXPECT_EQ(read_file(recorded / "calib.toml"), "recorded");
 }
 
+TEST_F(EditTake, has_the_name_of_its_folder_also_when_a_slash_follows) {
+  write_clip(read(), take_, "{}", folder_ / "edited" / "");
+  EXPECT_EQ(take::load_take_info({folder_ / "edited"}).name, "edited");
+}
+
+TEST_F(EditTake, is_not_written_to_a_folder_whose_name_is_no_take_name) {
+  const TakeClip edited = read();
+  for (const std::string& name : {std::string("take.turn (2)"), std::string(65, 'a')}) {
+    EXPECT_THAT(test::message_of<InputError>([&] { check_output(folder_ / name); }),
+                HasSubstr("'" + name + "' cannot name a take; choose another OUT: use letters"));
+    EXPECT_THROW(write_clip(edited, take_, "{}", folder_ / name), InputError);
+    EXPECT_FALSE(fs::exists(folder_ / name));
+  }
+}
+
 TEST_F(EditTake, has_a_skin_for_each_segment_where_surfaces_alternate) {
   TakeClip edited = read();
   edited.clip.surfaces.push_back(edited.clip.surfaces[0]);

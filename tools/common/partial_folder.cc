@@ -14,12 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Absolute, without a slash at its end.
-fs::path normal(const fs::path& folder) {
-  const fs::path path = fs::absolute(folder).lexically_normal();
-  return path.has_filename() ? path : path.parent_path();
-}
-
 void require_free_name(const fs::path& folder) {
   const auto type = io::value_or_throw(io::entry_type_of(folder));
   if (type == fs::file_type::not_found) return;
@@ -42,7 +36,12 @@ fs::path make_beside(const fs::path& folder) {
 
 }  // namespace
 
-PartialFolder::PartialFolder(const fs::path& folder) : folder_(normal(folder)) {
+fs::path normal_folder(const fs::path& folder) {
+  const fs::path path = fs::absolute(folder).lexically_normal();
+  return path.has_filename() ? path : path.parent_path();
+}
+
+PartialFolder::PartialFolder(const fs::path& folder) : folder_(normal_folder(folder)) {
   require_free_name(folder_);
   path_ = make_beside(folder_);
 }

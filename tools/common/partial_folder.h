@@ -5,6 +5,10 @@
 
 namespace v3d {
 
+/// The absolute path of a folder, without "." and "..", and without a slash at its end. Its last
+/// part is the name of the folder, also for "take/" and ".".
+std::filesystem::path normal_folder(const std::filesystem::path& folder);
+
 /// Folder with a temporary name beside its final one. The destructor removes it unless finish() was
 /// called. One thread.
 class PartialFolder {

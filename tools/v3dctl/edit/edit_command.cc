@@ -11,6 +11,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "common/partial_folder.h"
 #include "recon/editing/feet.h"
 #include "recon/editing/splice.h"
 #include "v3dctl/command_line.h"
@@ -172,8 +173,7 @@ void print_text(const fs::path& out, const recon::Clip& clip,
 /// Beside the take: TAKE.EDIT.
 fs::path output_of(const Arguments& arguments) {
   if (!arguments.out.empty()) return arguments.out;
-  fs::path take = fs::weakly_canonical(arguments.take);
-  if (take.filename().empty()) take = take.parent_path();
+  const fs::path take = normal_folder(fs::weakly_canonical(arguments.take));
   return take.string() + "." + arguments.edits.stem().string();
 }
 

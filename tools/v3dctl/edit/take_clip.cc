@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
 #include "common/console.h"
+#include "common/partial_folder.h"
 #include "recon/pipeline/compact_frame.h"
 #include "take/take.h"
 #include "v3dctl/skeleton/take_skeleton.h"
@@ -23,6 +25,9 @@ namespace fs = std::filesystem;
 /// All that an edited take contains. edit.json is written first.
 constexpr std::array<std::string_view, 5> kFiles{"edit.json", "calib.toml", "motion.v3d",
                                                  "skeleton.json", "take.toml"};
+
+/// The name of the take in a folder.
+std::string name_of(const fs::path& folder) { return normal_folder(folder).filename(); }
 
 /// The frames of all tracked surfaces with a skin. A pulse that two segments share has the surface
 /// of the later one.
@@ -113,6 +118,10 @@ std::string skeleton_file(const TakeClip& edited) {
 }  // namespace
 
 void check_output(const fs::path& out) {
+  if (!is_file_name(name_of(out))) {
+    throw InputError(out.string() + ": '" + name_of(out) +
+                     "' cannot name a take; choose another OUT: " + std::string(kFileNameRule));
+  }
   if (!file_exists(out)) return;
   const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(out));
   const auto is_ours = [](const fs::path& entry) {
@@ -150,7 +159,7 @@ void write_clip(const TakeClip& edited, const fs::path& source, const std::strin
   const std::string motion = motion_file(edited.clip, out);
   const take::TakePaths from{source}, to{out};
   take::TakeInfo info = take::load_take_info(from);
-  info.name = out.filename().string();
+  info.name = name_of(out);
   info.rate_hz = edited.clip.rate_hz;
   info.pulses = std::ssize(edited.clip.frames);
   info.state = take::TakeState::kComplete;

@@ -23,7 +23,8 @@ struct TakeClip {
 TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
                    const std::function<void()>& on_pulse);
 
-/// Throws InputError for a folder that holds something else than an edited take.
+/// Throws InputError for a folder whose name cannot name a take, or that holds something else than
+/// an edited take.
 void check_output(const std::filesystem::path& out);
 
 /// Writes a take of its own: take.toml, calib.toml of `source`, motion.v3d, skeleton.json and

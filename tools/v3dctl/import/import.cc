@@ -295,8 +295,7 @@ BlackBackground parse_black_background(std::string_view text) {
 namespace {
 
 fs::path checked_folder(fs::path folder) {
-  folder = fs::absolute(folder).lexically_normal();
-  if (!folder.has_filename()) folder = folder.parent_path();
+  folder = normal_folder(folder);
   const std::string name = folder.filename();
   if (!is_file_name(name)) {
     throw InputError(

@@ -9,6 +9,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "common/partial_folder.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
@@ -114,7 +115,8 @@ int run(const Arguments& arguments) {
                skeleton_json(skeleton, arguments.frames.empty()));
   if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));
   if (arguments.format == "glb") {
-    replace_file(arguments.out, skeleton_glb(skeleton, arguments.take.filename().string()));
+    replace_file(arguments.out,
+                 skeleton_glb(skeleton, normal_folder(arguments.take).filename().string()));
   }
   if (arguments.format == "trc") {
     replace_file(arguments.out, skeleton_trc(skeleton, arguments.out.filename().string()));
