@@ -1,21 +1,18 @@
 // edit: changes the action of a take by a list of operations; the result is a take of its own.
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <optional>
 
 #include "base/core/error.h"
-#include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
 #include "common/partial_folder.h"
 #include "recon/editing/feet.h"
-#include "recon/editing/splice.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/edit/edit_file.h"
+#include "v3dctl/edit/editor.h"
 #include "v3dctl/edit/take_clip.h"
 #include "v3dctl/options.h"
 
@@ -25,19 +22,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr size_t kMaxFrames = 20'000;
-constexpr size_t kFootPasses = 4;
-constexpr size_t kAround = 10;  ///< frames beside a transition with which it is compared
-
 struct Arguments {
   fs::path take, edits, out;
   bool json = false;
-};
-
-struct SpliceReport {
-  int64_t frame = 0;  ///< the last one that shows the surface of the earlier action
-  recon::Transition transition;
-  double relative_jump = 0;
 };
 
 TakeClip read_with_progress(const fs::path& take) {
@@ -54,86 +41,6 @@ TakeClip read_with_progress(const fs::path& take) {
   }
   return clip;
 }
-
-/// Applies operations to a clip.
-class Editor {
- public:
-  explicit Editor(TakeClip& edited) : edited_(edited), clip_(edited.clip) {}
-
-  void apply(const Edit& edit) {
-    where_ = edit.where;
-    std::visit([this](const auto& operation) { apply(operation); }, edit.operation);
-    if (clip_.frames.size() > kMaxFrames) {
-      throw InputError(where_ + ": the action has more than " + format_count(kMaxFrames) +
-                       " frames; cut it first");
-    }
-  }
-
-  const std::vector<SpliceReport>& splices() const { return splices_; }
-
- private:
-  recon::ClipRange range(const OptionalRange& range, const recon::Clip& clip) const {
-    const size_t frames = clip.frames.size();
-    if (!range) return {0, frames};
-    if (range->end <= static_cast<int64_t>(frames)) {
-      return {static_cast<size_t>(range->first), static_cast<size_t>(range->end)};
-    }
-    throw InputError(where_ + ": frames " + std::to_string(range->first) + " to " +
-                     std::to_string(range->end) + ", but the action has " +
-                     format_count(static_cast<int64_t>(frames)));
-  }
-  recon::ClipRange range(const OptionalRange& range) const { return this->range(range, clip_); }
-
-  void apply(const CutEdit& edit) { recon::cut(clip_, range(edit.frames)); }
-  void apply(const StretchEdit& edit) { recon::stretch(clip_, range(edit.frames), edit.factor); }
-  void apply(const MirrorEdit&) { recon::mirror(clip_); }
-  void apply(const BendEdit& edit) {
-    recon::bend(clip_, {.joint = edit.joint,
-                        .range = range(edit.frames),
-                        .radians = edit.degrees * std::numbers::pi / 180,
-                        .axis = edit.axis,
-                        .ramp = static_cast<size_t>(edit.ramp)});
-  }
-  /// A held foot can stand for longer than before, so contacts are found again.
-  void apply(const HoldFeetEdit& edit) {
-    for (size_t pass = 0; pass < kFootPasses; ++pass) {
-      recon::hold_feet(clip_, recon::foot_contacts(clip_), static_cast<size_t>(edit.fade));
-    }
-  }
-
-  void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend) const {
-    if (range.first + blend < clip.frames.size()) return;
-    throw InputError(where_ + ": a blend of " + std::to_string(blend) +
-                     " frames needs them behind frame " + std::to_string(range.first) +
-                     " of an action of " + std::to_string(clip.frames.size()));
-  }
-
-  void apply(const SpliceEdit& edit) {
-    TakeClip added = read_with_progress(edit.take);
-    const auto blend = static_cast<size_t>(edit.blend);
-    if (std::min(clip_.frames.size(), added.clip.frames.size()) <= blend + 1) {
-      throw InputError(where_ + ": a blend of " + std::to_string(blend) +
-                       " frames needs more frames in both actions; they have " +
-                       std::to_string(clip_.frames.size()) + " and " +
-                       std::to_string(added.clip.frames.size()));
-    }
-    const recon::ClipRange at = range(edit.at), from = range(edit.from, added.clip);
-    require_frames_behind(at, clip_, blend);
-    require_frames_behind(from, added.clip, blend);
-    SpliceReport report;
-    report.transition = recon::best_transition(clip_, at, added.clip, from, blend);
-    edited_.has_prop = edited_.has_prop && added.has_prop;
-    const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
-    report.frame = static_cast<int64_t>(last);
-    report.relative_jump = recon::relative_jump(clip_, last, kAround);
-    splices_.push_back(report);
-  }
-
-  TakeClip& edited_;
-  recon::Clip& clip_;
-  std::string where_;
-  std::vector<SpliceReport> splices_;
-};
 
 Json to_json(const SpliceReport& report) {
   return {{"frame", report.frame},
@@ -187,7 +94,7 @@ int run(const Arguments& arguments) {
     throw InputError(out.string() + ": is TAKE itself; choose another OUT");
   }
   TakeClip edited = read_with_progress(arguments.take);
-  Editor editor(edited);
+  Editor editor(edited, read_with_progress);
   for (const Edit& edit : edits) editor.apply(edit);
   const double slide_m = recon::foot_slide(edited.clip, recon::foot_contacts(edited.clip));
   write_clip(edited, arguments.take, read_file(arguments.edits), out);

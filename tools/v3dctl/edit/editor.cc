@@ -1,0 +1,92 @@
+#include "v3dctl/edit/editor.h"
+
+#include <algorithm>
+#include <numbers>
+#include <utility>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "recon/editing/feet.h"
+
+namespace v3d::ctl {
+namespace {
+
+constexpr size_t kMaxFrames = 20'000;
+constexpr size_t kFootPasses = 4;
+constexpr size_t kAround = 10;  ///< frames beside a transition with which it is compared
+
+}  // namespace
+
+Editor::Editor(TakeClip& edited, ReadTake read)
+    : edited_(edited), clip_(edited.clip), read_(std::move(read)) {}
+
+void Editor::apply(const Edit& edit) {
+  where_ = edit.where;
+  std::visit([this](const auto& operation) { apply(operation); }, edit.operation);
+  if (clip_.frames.size() > kMaxFrames) {
+    throw InputError(where_ + ": the action has more than " + format_count(kMaxFrames) +
+                     " frames; cut it first");
+  }
+}
+
+recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& clip) const {
+  const size_t frames = clip.frames.size();
+  if (!range) return {0, frames};
+  if (range->end <= static_cast<int64_t>(frames)) {
+    return {static_cast<size_t>(range->first), static_cast<size_t>(range->end)};
+  }
+  throw InputError(where_ + ": frames " + std::to_string(range->first) + " to " +
+                   std::to_string(range->end) + ", but the action has " +
+                   format_count(static_cast<int64_t>(frames)));
+}
+
+void Editor::apply(const CutEdit& edit) { recon::cut(clip_, range(edit.frames)); }
+void Editor::apply(const StretchEdit& edit) {
+  recon::stretch(clip_, range(edit.frames), edit.factor);
+}
+void Editor::apply(const MirrorEdit& /*edit*/) { recon::mirror(clip_); }
+void Editor::apply(const BendEdit& edit) {
+  recon::bend(clip_, {.joint = edit.joint,
+                      .range = range(edit.frames),
+                      .radians = edit.degrees * std::numbers::pi / 180,
+                      .axis = edit.axis,
+                      .ramp = static_cast<size_t>(edit.ramp)});
+}
+
+// A held foot can stand for longer than before, so contacts are found again.
+void Editor::apply(const HoldFeetEdit& edit) {
+  for (size_t pass = 0; pass < kFootPasses; ++pass) {
+    recon::hold_feet(clip_, recon::foot_contacts(clip_), static_cast<size_t>(edit.fade));
+  }
+}
+
+void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& clip,
+                                   size_t blend) const {
+  if (range.first + blend < clip.frames.size()) return;
+  throw InputError(where_ + ": a blend of " + std::to_string(blend) +
+                   " frames needs them behind frame " + std::to_string(range.first) +
+                   " of an action of " + std::to_string(clip.frames.size()));
+}
+
+void Editor::apply(const SpliceEdit& edit) {
+  TakeClip added = read_(edit.take);
+  const auto blend = static_cast<size_t>(edit.blend);
+  if (std::min(clip_.frames.size(), added.clip.frames.size()) <= blend + 1) {
+    throw InputError(where_ + ": a blend of " + std::to_string(blend) +
+                     " frames needs more frames in both actions; they have " +
+                     std::to_string(clip_.frames.size()) + " and " +
+                     std::to_string(added.clip.frames.size()));
+  }
+  const recon::ClipRange at = range(edit.at), from = range(edit.from, added.clip);
+  require_frames_behind(at, clip_, blend);
+  require_frames_behind(from, added.clip, blend);
+  SpliceReport report;
+  report.transition = recon::best_transition(clip_, at, added.clip, from, blend);
+  edited_.has_prop = edited_.has_prop && added.has_prop;
+  const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
+  report.frame = static_cast<int64_t>(last);
+  report.relative_jump = recon::relative_jump(clip_, last, kAround);
+  splices_.push_back(report);
+}
+
+}  // namespace v3d::ctl
