@@ -1,6 +1,9 @@
 #include "v3dctl/edit/editor.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -13,7 +16,8 @@ namespace {
 
 constexpr size_t kMaxFrames = 20'000;
 constexpr size_t kFootPasses = 4;
-constexpr size_t kAround = 10;  ///< frames beside a transition with which it is compared
+constexpr double kSameRate = 1e-3;  ///< relative difference of two pulse rates that count as equal
+constexpr size_t kAround = 10;      ///< frames beside a transition with which it is compared
 
 }  // namespace
 
@@ -70,6 +74,11 @@ void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& cl
 
 void Editor::apply(const SpliceEdit& edit) {
   TakeClip added = read_(edit.take);
+  if (std::abs(added.clip.rate_hz / clip_.rate_hz - 1) > kSameRate) {
+    throw InputError(
+        fmt::format("{}.take: {} has {:g} pulses a second, the action {:g}; expected the same",
+                    where_, edit.take.string(), added.clip.rate_hz, clip_.rate_hz));
+  }
   const auto blend = static_cast<size_t>(edit.blend);
   if (std::min(clip_.frames.size(), added.clip.frames.size()) <= blend + 1) {
     throw InputError(where_ + ": a blend of " + std::to_string(blend) +
