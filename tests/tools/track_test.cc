@@ -14,6 +14,7 @@
 #include "recon/shapes.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 #include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate_motion.h"
@@ -114,14 +115,28 @@ TEST_F(Track, rejects_a_folder_without_meshes_and_a_face_without_its_vertex) {
   EXPECT_FALSE(fs::exists(folder_ / "bad.v3d"));
 }
 
-/// A take with one pulse of a ball, reconstructed.
+/// Copies DIR/a.png to DIR/a/0.png, DIR/a/1.png, ...
+void repeat_pictures(const fs::path& folder, const Rig& rig, int pulses) {
+  for (const RigCamera& camera : rig) {
+    const fs::path picture = folder / (camera.name + ".png");
+    fs::create_directory(folder / camera.name);
+    for (int pulse = 0; pulse < pulses; ++pulse) {
+      fs::copy_file(picture, folder / camera.name / (std::to_string(pulse) + ".png"));
+    }
+    fs::remove(picture);
+  }
+}
+
+/// A take of a ball, reconstructed.
 class TrackTake : public Track {
  protected:
-  TrackTake() {
+  explicit TrackTake(int pulses = 1) {
     const Rig rig = test::small_rig(8);
     save_calib(folder_ / "calib.toml", rig);
     test::write_pictures(folder_ / "images", rig, test::ball_image);
     test::write_pictures(folder_ / "masks", rig, test::ball_mask);
+    repeat_pictures(folder_ / "images", rig, pulses);
+    repeat_pictures(folder_ / "masks", rig, pulses);
     ImportOptions import;
     import.take = take_;
     import.calib = folder_ / "calib.toml";
@@ -180,6 +195,29 @@ TEST_F(TrackTake, is_measured_with_points_of_the_true_surface) {
   const EvaluatedMeshes motion{take_, take::TakePaths{take_}.motion()};
   EXPECT_FALSE(evaluate_motion(motion, folder_ / "truth")) << "no points";
   EXPECT_FALSE(evaluate_motion({take_}, folder_ / "truth")) << "no motion file";
+}
+
+class TrackTwoPulses : public TrackTake {
+ protected:
+  TrackTwoPulses() : TrackTake(2) { reconstruct(); }
+};
+
+TEST_F(TrackTwoPulses, have_colours_of_the_nearest_pulse_where_images_cannot_be_read) {
+  const auto log_bytes = static_cast<off_t>(fs::file_size(take::TakePaths{take_}.frames("a")));
+  ASSERT_GT(log_bytes, static_cast<off_t>(fs::file_size(take::TakePaths{take_}.mesh())) + 2000);
+  TrackReport report;
+  {
+    const test::UnreadableByte bad(log_bytes - 1000, take_);  // in the frame of pulse 1
+    report = track(request_);
+  }
+  EXPECT_EQ(report.without_images, (std::vector<int64_t>{1}));
+  ASSERT_GE(report.read_errors.size(), 8U);
+  EXPECT_THAT(report.read_errors[0], HasSubstr("a.lcmlog"));
+  ASSERT_EQ(report.segments.size(), 1U);
+  recorded::MeshFrames frames(take_, take::TakePaths{take_}.motion());
+  const std::vector<Rgb8> seen = frames.read(0).mesh.colours;
+  EXPECT_GT(seen.at(0).r, 150);
+  EXPECT_EQ(frames.read(1).mesh.colours, seen);
 }
 
 TEST_F(Track, is_measured_only_with_points_that_have_the_colours_of_cameras_and_parts) {

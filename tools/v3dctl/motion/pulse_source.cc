@@ -28,10 +28,12 @@ class TakePulses : public ObservedPulses {
 
   std::vector<Rgb8> colours(size_t index, const Mesh& surface) override {
     const auto pulse = read(index);
-    return recon::colour_vertices(surface, recorded::texture_cameras(images_.rig(), pulse->frames),
-                                  recorded::texture_options(surface))
-        .colours;
+    const auto cameras = recorded::texture_cameras(images_.rig(), pulse->frames);
+    if (cameras.empty()) return {};
+    return recon::colour_vertices(surface, cameras, recorded::texture_options(surface)).colours;
   }
+
+  std::vector<std::string> read_errors() const override { return images_.read_errors(); }
 
  protected:
   std::shared_ptr<recon::ObservedPulse> load(size_t index) override {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "recon/motion/segment_tracker.h"
@@ -23,6 +24,8 @@ class ObservedPulses {
   std::shared_ptr<const recon::ObservedPulse> read(size_t index);
   /// Vertex colours of a surface from the images of a pulse; empty without images.
   virtual std::vector<Rgb8> colours(size_t index, const Mesh& surface) = 0;
+  /// Read errors of images so far: lines with path and cause.
+  virtual std::vector<std::string> read_errors() const { return {}; }
 
  protected:
   virtual std::shared_ptr<recon::ObservedPulse> load(size_t index) = 0;

@@ -54,6 +54,21 @@ TrackedSegmentReport report_of(const recon::TrackedSegment& segment) {
   return report;
 }
 
+using ColourRow = std::vector<codec::VertexColour>;  ///< of the vertices at a pulse
+
+/// Replaces empty rows by the nearest row with colours, the earlier one of two. Requires one.
+void fill_from_nearest(std::vector<ColourRow>& rows) {
+  std::vector<size_t> known;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!rows[i].empty()) known.push_back(i);
+  }
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!rows[i].empty()) continue;
+    const auto distance = [i](size_t k) { return k > i ? k - i : i - k; };
+    rows[i] = rows[*std::ranges::min_element(known, {}, distance)];
+  }
+}
+
 /// Tracks and encodes in the caller's TBB arena.
 class MotionMaker {
  public:
@@ -78,6 +93,7 @@ class MotionMaker {
       report_.untracked.push_back(
           {input_.pulses()[gap.first], input_.pulses()[gap.last], gap.reason});
     }
+    report_.read_errors = input_.read_errors();
     report_.bytes = std::ssize(bytes_);
     return report_;
   }
@@ -104,22 +120,28 @@ class MotionMaker {
     report_.segments.push_back(report_of(segment));
   }
 
-  /// Of each pulse, from its images; those of the template where there are no images.
-  std::vector<std::vector<codec::VertexColour>> colours_of(const recon::TrackedSegment& segment) {
-    std::vector<std::vector<codec::VertexColour>> colours;
+  /// Of each pulse, from its images. A pulse without images has those of the nearest pulse with
+  /// images; without any, all have those of the template.
+  std::vector<ColourRow> colours_of(const recon::TrackedSegment& segment) {
+    std::vector<ColourRow> rows;
+    std::vector<int64_t> without;
     Mesh surface = segment.surface;
     for (size_t i = 0; i < segment.pulses.size(); ++i) {
       stop_if_interrupted();
       surface.vertices = segment.positions[i];
       const auto index = std::ranges::lower_bound(input_.pulses(), segment.pulses[i]);
-      const std::vector<Rgb8> seen =
-          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface);
-      if (!seen.empty()) colours.push_back(recon::vertex_colours(seen));
+      rows.push_back(recon::vertex_colours(
+          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface)));
+      const bool is_in_next = segment.shares_last && i + 1 == segment.pulses.size();
+      if (rows.back().empty() && !is_in_next) without.push_back(segment.pulses[i]);
     }
-    if (colours.empty() && !segment.surface.colours.empty()) {
-      colours.push_back(recon::vertex_colours(segment.surface.colours));
+    if (std::ranges::any_of(rows, [](const ColourRow& row) { return !row.empty(); })) {
+      fill_from_nearest(rows);
+      report_.without_images.insert(report_.without_images.end(), without.begin(), without.end());
+      return rows;
     }
-    return colours;
+    if (segment.surface.colours.empty()) return {};
+    return {recon::vertex_colours(segment.surface.colours)};
   }
 
   void append(const std::vector<uint8_t>& bytes) { bytes_.append(bytes.begin(), bytes.end()); }

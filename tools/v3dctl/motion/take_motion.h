@@ -46,7 +46,11 @@ struct TrackReport {
   int64_t pulses = 0;  ///< of the input
   std::vector<TrackedSegmentReport> segments;
   std::vector<UntrackedReport> untracked;
-  int64_t bytes = 0;  ///< of the file
+  /// Pulses without images in segments that have images of others: they have the colours of the
+  /// nearest pulse with images. Ascending.
+  std::vector<int64_t> without_images;
+  std::vector<std::string> read_errors;  ///< of the logs: lines with path and cause
+  int64_t bytes = 0;                     ///< of the file
   /// Of the parts of the file: triangles and templates, positions, colours, confidences.
   int64_t template_bytes = 0, position_bytes = 0, colour_bytes = 0, confidence_bytes = 0;
   double seconds = 0;

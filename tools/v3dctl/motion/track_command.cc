@@ -203,6 +203,19 @@ void print_text(const TrackReport& report) {
              format_count(report.bytes / tracked));
 }
 
+/// Reports what is not whole on stderr. Returns the exit status.
+int report_missing_images(const TrackReport& report, const std::filesystem::path& input) {
+  for (const std::string& error : report.read_errors) note("v3dctl: " + error);
+  if (!report.without_images.empty()) {
+    note("v3dctl: " + input.string() + ": " +
+         count_of(std::ssize(report.without_images), "tracked pulse") + " without images, from " +
+         std::to_string(report.without_images.front()) + " to " +
+         std::to_string(report.without_images.back()) +
+         ": the colours are those of the nearest pulse with images");
+  }
+  return report.read_errors.empty() ? kExitDone : kExitIncomplete;
+}
+
 int run(const Arguments& arguments) {
   const TrackRequest request = request_of(arguments);
   catch_interrupts();
@@ -227,7 +240,7 @@ int run(const Arguments& arguments) {
     print_text(report);
     if (truth) print_comparison(*truth);
   }
-  return kExitDone;
+  return report_missing_images(report, request.input);
 }
 
 }  // namespace
