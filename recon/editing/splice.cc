@@ -116,14 +116,15 @@ double step(const Clip& clip, size_t frame) {
 
 }  // namespace
 
-Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from,
-                           size_t blend) {
+Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from, size_t blend,
+                           const std::function<void()>& on_frame) {
   V3D_CHECK(blend >= 1 && a.frames.size() > blend + 1 && b.frames.size() > blend + 1);
   Transition best{
       .at = 0, .from = 0, .blend = blend, .cost_m = std::numeric_limits<double>::infinity()};
   const size_t last_at = std::min(at.last, a.frames.size() - blend);
   const size_t last_from = std::min(from.last, b.frames.size() - blend);
   for (size_t i = std::min(at.first, last_at - 1); i < last_at; ++i) {
+    on_frame();
     for (size_t k = std::min(from.first, last_from - 1); k < last_from; ++k) {
       const double metres = cost(a, i + 1, b, k, blend);
       if (metres < best.cost_m) best = {i, k, blend, metres};

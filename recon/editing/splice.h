@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 
 #include "recon/editing/clip.h"
 
@@ -17,12 +18,13 @@ struct Transition {
 };
 
 /// The cheapest transition with `at` in a range of `a`, and `from` in a range of `b`; ranges are
-/// cut at the ends of the clips. Requires clips of more than `blend` + 1 frames and blend >= 1.
+/// cut at the ends of the clips. Calls `on_frame` before the work on each `at`; it may throw.
+/// Requires clips of more than `blend` + 1 frames and blend >= 1.
 ///
 /// Source: Kovar, Gleicher and Pighin, Motion graphs, SIGGRAPH 2002 (distance of windows of frames
 /// after the best rotation about the vertical axis and shift along the floor).
-Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from,
-                           size_t blend);
+Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from, size_t blend,
+                           const std::function<void()>& on_frame);
 
 /// Continues `a` with `b` by a transition, whose frames must lie in the clips. In its first half
 /// the surface of `a` is moved to the blended pose, in its second half that of `b`. The frames of

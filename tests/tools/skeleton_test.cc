@@ -2,13 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 #include <string>
 
 #include "base/core/error.h"
+#include "common/console.h"
 #include "recon/skeleton/joint_rotations.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/gliding_take.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
 
 namespace v3d::ctl {
@@ -83,6 +88,26 @@ TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
 TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {
   EXPECT_EQ(test::message_of<InputError>([] { skeleton_glb(turning(2), "take"); }),
             "--export glb needs a tracked surface: run v3dctl track first");
+}
+
+class LearntSkeletonDeathTest : public testing::Test {
+ protected:
+  LearntSkeletonDeathTest() { test::write_gliding_take(folder_ / "take"); }
+
+  const test::TemporaryFolder folder_;
+};
+
+TEST_F(LearntSkeletonDeathTest, is_given_up_after_an_interrupt) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // TBB has threads
+  const auto learn = [&] {
+    catch_interrupts();
+    learn_skeleton(
+        folder_ / "take", {}, 1, [](int64_t) { std::raise(SIGTERM); }, [] {});
+  };
+  const auto exit_after_interrupt = [&] {
+    std::_Exit(test::message_of<std::runtime_error>(learn) == "interrupted" ? 7 : 0);
+  };
+  EXPECT_EXIT(exit_after_interrupt(), testing::ExitedWithCode(7), "");
 }
 
 /// joints.json with the joints of `skeleton`, higher by 30 mm; `swap`: left and right exchanged.

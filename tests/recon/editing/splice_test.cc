@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <stdexcept>
 
 #include "recon/editing/clips.h"
 
@@ -26,7 +27,7 @@ Clip stepping(size_t frames, size_t phase, const Vector3d& pelvis, double yaw) {
 TEST(Transition, is_found_where_the_poses_are_alike_wherever_the_performers_stand) {
   const Clip a = stepping(20, 0, {0, 0, 0.95}, 0.2);
   const Clip b = stepping(30, 4, {2, -1, 0.95}, 1.9);
-  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 3);
+  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 3, [] {});
   // Frames 11 to 13 of the first action are frames 7 to 9 of the second one.
   EXPECT_EQ(found.at, 10U);
   EXPECT_EQ(found.from, 7U);
@@ -36,16 +37,26 @@ TEST(Transition, is_found_where_the_poses_are_alike_wherever_the_performers_stan
 TEST(Transition, costs_more_between_different_poses) {
   const Clip a = stepping(20, 0, {0, 0, 0.95}, 0);
   const Clip b = stepping(20, 0, {0, 0, 0.95}, 0);
-  const double same = best_transition(a, {5, 6}, b, {6, 7}, 3).cost_m;
-  const double other = best_transition(a, {5, 6}, b, {14, 15}, 3).cost_m;
+  const double same = best_transition(a, {5, 6}, b, {6, 7}, 3, [] {}).cost_m;
+  const double other = best_transition(a, {5, 6}, b, {14, 15}, 3, [] {}).cost_m;
   EXPECT_LT(same, 1e-9);
   EXPECT_GT(other, 0.05);
+}
+
+TEST(Transition, is_not_searched_for_after_the_caller_stops_it) {
+  const Clip clip = stepping(20, 0, {0, 0, 0.95}, 0);
+  int frames = 0;
+  const auto stop_at_third = [&] {
+    if (++frames == 3) throw std::runtime_error("interrupted");
+  };
+  EXPECT_THROW(best_transition(clip, {0, 20}, clip, {0, 20}, 3, stop_at_third), std::runtime_error);
+  EXPECT_EQ(frames, 3);
 }
 
 TEST(Splice, continues_at_the_place_of_the_first_action_without_a_jump) {
   Clip a = stepping(20, 0, {0, 0, 0.95}, 0.2);
   const Clip b = stepping(30, 4, {2, -1, 0.95}, 1.9);
-  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 4);
+  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 4, [] {});
   EXPECT_EQ(splice(a, b, found), 12U);
   ASSERT_EQ(a.frames.size(), 11 + 30 - found.from);
   EXPECT_EQ(a.surfaces.size(), 2U);

@@ -31,10 +31,7 @@ TakeClip read_with_progress(const fs::path& take) {
   std::optional<Progress> progress;
   TakeClip clip = read_clip(
       take, [&](int64_t pulses) { progress.emplace("skeleton", pulses); },
-      [&] {
-        stop_if_interrupted();
-        progress->advance();
-      });
+      [&] { progress->advance(); });
   if (clip.left_out > 0) {
     note("v3dctl: " + take.string() + ": " + count_of(clip.left_out, "pulse") +
          " without a tracked surface are left out");

@@ -9,6 +9,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "common/console.h"
 #include "recon/editing/feet.h"
 
 namespace v3d::ctl {
@@ -90,7 +91,8 @@ void Editor::apply(const SpliceEdit& edit) {
   require_frames_behind(at, clip_, blend);
   require_frames_behind(from, added.clip, blend);
   SpliceReport report;
-  report.transition = recon::best_transition(clip_, at, added.clip, from, blend);
+  report.transition =
+      recon::best_transition(clip_, at, added.clip, from, blend, stop_if_interrupted);
   edited_.has_prop = edited_.has_prop && added.has_prop;
   const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
   report.frame = static_cast<int64_t>(last);

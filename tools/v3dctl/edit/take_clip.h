@@ -19,7 +19,7 @@ struct TakeClip {
 
 /// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Calls
 /// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
-/// without a tracked surface.
+/// without a tracked surface; std::runtime_error after an interrupt.
 TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
                    const std::function<void()>& on_pulse);
 

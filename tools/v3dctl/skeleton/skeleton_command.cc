@@ -111,6 +111,7 @@ int run(const Arguments& arguments) {
       arguments.take, parse_frame_range(arguments.frames), arguments.performer,
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
+  stop_if_interrupted();
   replace_file(arguments.take / file_name(arguments.performer),
                skeleton_json(skeleton, arguments.frames.empty()));
   if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));

@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "base/core/text.h"
+#include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/skeleton/graph_similarity.h"
 #include "v3dctl/options.h"
@@ -78,6 +79,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
       reason = evidence.back().problem;
     }
     on_pulse();
+    stop_if_interrupted();
   }
   result.graph_ms = median(times_ms);
   if (several > 0) {
