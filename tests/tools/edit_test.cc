@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
@@ -112,6 +114,27 @@ TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   EXPECT_EQ(skeleton.at("skins")[0].at("pulses"), (std::vector<int64_t>{0, 1, 2, 3}));
   EXPECT_EQ(skeleton.at("skins")[0].at("vertices"), edited.clip.frames[0].places.size());
   EXPECT_EQ(read_file(out / "edit.json"), "{}");
+}
+
+TEST_F(EditTake, has_the_bone_lengths_that_the_positions_of_its_joints_have) {
+  const fs::path out = folder_ / "edited";
+  write_clip(read(), take_, "{}", out);
+  const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
+  const auto& joints = skeleton.at("joints");
+  const auto& positions = skeleton.at("pulses")[0].at("positions");
+  std::map<std::string, Eigen::Vector3d> places;
+  int bones = 0;
+  for (size_t j = 0; j < joints.size(); ++j) {
+    const auto name = joints[j].at("name").get<std::string>();
+    const auto place = positions[j].get<std::array<double, 3>>();
+    places[name] = {place[0], place[1], place[2]};
+    if (!joints[j].contains("bone_m")) continue;
+    const auto parent = joints[j].at("parent").get<std::string>();
+    const double metres = (places.at(name) - places.at(parent)).norm();
+    EXPECT_NEAR(joints[j].at("bone_m").get<double>(), metres, 0.002) << name;
+    ++bones;
+  }
+  EXPECT_EQ(bones, 14);
 }
 
 TEST_F(EditTake, is_listed_as_edited_and_not_as_incomplete) {

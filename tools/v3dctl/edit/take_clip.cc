@@ -104,7 +104,7 @@ void add_skins(const recon::Clip& clip, TakeSkeleton& skeleton) {
 std::string skeleton_file(const TakeClip& edited) {
   TakeSkeleton skeleton;
   skeleton.rate_hz = edited.clip.rate_hz;
-  skeleton.structure.lengths = recon::BodyLengths(edited.stature_m, 0);
+  skeleton.structure.lengths = edited.lengths;
   skeleton.structure.has_prop = edited.has_prop;
   for (size_t f = 0; f < edited.clip.frames.size(); ++f) {
     skeleton.pulses.push_back(static_cast<int64_t>(f));
@@ -142,7 +142,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   TakeSkeleton skeleton = learn_skeleton(take, {}, 1, on_begin, on_pulse);
   TakeClip result;
   result.has_prop = skeleton.structure.has_prop;
-  result.stature_m = skeleton.structure.lengths.stature_m();
+  result.lengths = skeleton.structure.lengths;
   const int64_t pulses = std::ssize(skeleton.pulses);
   result.clip = clip_of(skeleton);
   if (result.clip.frames.empty()) {

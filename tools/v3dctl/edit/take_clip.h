@@ -13,7 +13,7 @@ namespace v3d::ctl {
 struct TakeClip {
   recon::Clip clip;
   bool has_prop = false;
-  double stature_m = 0;
+  recon::BodyLengths lengths{0, 0};  ///< learnt; of spliced takes those of the first
   int64_t left_out = 0;  ///< pulses of the take without a tracked surface that has a skin
 };
 
