@@ -201,4 +201,18 @@ void bend(Clip& clip, const Bend& bend) {
   }
 }
 
+void carry_prop(Clip& clip, const SkeletonPulse& held) {
+  const Matrix3d hand_from_world = held.rotations[kRightWrist].transpose();
+  for (ClipFrame& frame : clip.frames) {
+    SkeletonPulse& skeleton = frame.skeleton;
+    const Matrix3d turn = skeleton.rotations[kRightWrist] * hand_from_world;
+    for (const Joint joint : {kPropBase, kPropTip}) {
+      skeleton.joints[joint] =
+          skeleton.joints[kRightWrist] + turn * (held.joints[joint] - held.joints[kRightWrist]);
+      skeleton.rotations[joint] = turn * held.rotations[joint];
+      skeleton.confidence[joint] = 0;
+    }
+  }
+}
+
 }  // namespace v3d::recon

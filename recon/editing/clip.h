@@ -74,6 +74,10 @@ struct Bend {
 /// Turns a joint and all that hangs on it.
 void bend(Clip& clip, const Bend& bend);
 
+/// Gives a clip without a prop that of another clip, so that both can be blended: in every frame it
+/// has the place in the right hand that it has in `held`. Its confidence is 0.
+void carry_prop(Clip& clip, const SkeletonPulse& held);
+
 /// Rises smoothly from 0 at t <= 0 to 1 at t >= 1.
 double smooth_step(double t);
 

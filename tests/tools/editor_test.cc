@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"
@@ -17,6 +20,35 @@ namespace fs = std::filesystem;
 TakeClip read(const fs::path& take) {
   return read_clip(
       take, [](int64_t) {}, [] {});
+}
+
+constexpr double kPropM = 0.93;
+
+/// Gives the performer a prop in the right hand that points forward.
+void add_prop(TakeClip& clip) {
+  clip.has_prop = true;
+  clip.lengths.bones().back().metres = kPropM;
+  clip.clip.surfaces[0].skin.influences[0].part[0] = recon::kPropBase;
+  for (recon::ClipFrame& frame : clip.clip.frames) {
+    recon::SkeletonPulse& skeleton = frame.skeleton;
+    const Eigen::Matrix3d& wrist = skeleton.rotations[recon::kRightWrist];
+    skeleton.rotations[recon::kPropBase] = skeleton.rotations[recon::kPropTip] = wrist;
+    skeleton.joints[recon::kPropBase] = skeleton.joints[recon::kRightWrist];
+    skeleton.joints[recon::kPropTip] =
+        skeleton.joints[recon::kPropBase] + wrist * Eigen::Vector3d(kPropM, 0, 0);
+    skeleton.confidence[recon::kPropBase] = skeleton.confidence[recon::kPropTip] = 1;
+  }
+}
+
+/// Has the prop of every frame its place in the right hand?
+void expect_prop_in_hand(const recon::Clip& clip) {
+  for (const recon::ClipFrame& frame : clip.frames) {
+    const recon::SkeletonPulse& skeleton = frame.skeleton;
+    const Eigen::Vector3d expected =
+        skeleton.joints[recon::kRightWrist] +
+        skeleton.rotations[recon::kRightWrist] * Eigen::Vector3d(kPropM, 0, 0);
+    EXPECT_LT((skeleton.joints[recon::kPropTip] - expected).norm(), 1e-4);
+  }
 }
 
 /// An action, and a second take for splices.
@@ -45,6 +77,28 @@ TEST_F(EditorTest, splices_only_takes_of_one_pulse_rate) {
   test::write_gliding_take(folder_ / "other", 25.0001);
   editor_.apply(splice_);
   EXPECT_EQ(editor_.splices().size(), 1U);
+}
+
+TEST_F(EditorTest, keeps_the_prop_of_one_action_in_the_hand_when_it_splices_two) {
+  for (const bool is_first : {true, false}) {
+    edited_ = read(folder_ / "take");
+    if (is_first) add_prop(edited_);
+    Editor editor(edited_, [&](const fs::path&) {
+      TakeClip added = read(folder_ / "take");
+      if (!is_first) add_prop(added);
+      return added;
+    });
+    editor.apply(splice_);
+    expect_prop_in_hand(edited_.clip);
+    const fs::path out = folder_ / "out";
+    write_clip(edited_, folder_ / "take", "{}", out);
+    const auto joints = nlohmann::json::parse(read_file(out / "skeleton.json")).at("joints");
+    ASSERT_EQ(joints.size(), size_t{recon::kJoints}) << "the skins have weights of all";
+    EXPECT_NEAR(joints[recon::kPropTip].at("bone_m").get<double>(), kPropM, 1e-4);
+    const recon::SkeletonPulse& without =
+        (is_first ? edited_.clip.frames.back() : edited_.clip.frames.front()).skeleton;
+    EXPECT_EQ(without.confidence[recon::kPropTip], 0);
+  }
 }
 
 }  // namespace

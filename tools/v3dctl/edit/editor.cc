@@ -73,6 +73,18 @@ void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& cl
                    " of an action of " + std::to_string(clip.frames.size()));
 }
 
+// Surfaces of either action can have weights of the prop. Its place is unknown in the other one.
+void Editor::share_prop(TakeClip& added, const recon::Transition& transition) {
+  if (edited_.has_prop == added.has_prop) return;
+  if (edited_.has_prop) {
+    recon::carry_prop(added.clip, clip_.frames[transition.at].skeleton);
+    return;
+  }
+  recon::carry_prop(clip_, added.clip.frames[transition.from].skeleton);
+  edited_.has_prop = true;
+  edited_.lengths.bones().back() = added.lengths.bones().back();
+}
+
 void Editor::apply(const SpliceEdit& edit) {
   TakeClip added = read_(edit.take);
   if (std::abs(added.clip.rate_hz / clip_.rate_hz - 1) > kSameRate) {
@@ -93,7 +105,7 @@ void Editor::apply(const SpliceEdit& edit) {
   SpliceReport report;
   report.transition =
       recon::best_transition(clip_, at, added.clip, from, blend, stop_if_interrupted);
-  edited_.has_prop = edited_.has_prop && added.has_prop;
+  share_prop(added, report.transition);
   const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
   report.frame = static_cast<int64_t>(last);
   report.relative_jump = recon::relative_jump(clip_, last, kAround);

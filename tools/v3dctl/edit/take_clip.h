@@ -13,7 +13,7 @@ namespace v3d::ctl {
 struct TakeClip {
   recon::Clip clip;
   bool has_prop = false;
-  recon::BodyLengths lengths{0, 0};  ///< learnt; of spliced takes those of the first
+  recon::BodyLengths lengths{0, 0};  ///< learnt; of the first of spliced takes
   int64_t left_out = 0;  ///< pulses of the take without a tracked surface that has a skin
 };
 
