@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -83,6 +84,30 @@ TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
   // Position with y up; then the angles about z, x and y.
   EXPECT_THAT(text, HasSubstr("\n2.000000 0.930000 1.000000 "));
   EXPECT_THAT(text, HasSubstr(" 28.647890 "));
+}
+
+/// The rows of a BVH file: six numbers for each joint.
+std::vector<std::string> bvh_rows(const std::string& text) {
+  std::vector<std::string> rows;
+  std::istringstream lines(text.substr(text.find("Frame Time")));
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) rows.push_back(line);
+  return rows;
+}
+
+TEST(SkeletonFiles, have_a_row_for_each_time_as_bvh_also_for_pulses_without_a_skeleton) {
+  TakeSkeleton skeleton = turning(3);
+  skeleton.pulses = {10, 11, 14};
+  const std::string text = skeleton_bvh(skeleton);
+  EXPECT_THAT(text, HasSubstr("Frames: 5\nFrame Time: 0.040000\n"));
+  const std::vector<std::string> rows = bvh_rows(text);
+  ASSERT_EQ(rows.size(), 5U);
+  const std::vector<std::string> whole = bvh_rows(skeleton_bvh(turning(3)));
+  EXPECT_EQ(rows[1], whole[1]);
+  EXPECT_EQ(rows[4], whole[2]);
+  // The person turns from 0.5 to 1 rad from pulse 11 to 14: 38.2 degrees at pulse 12.
+  EXPECT_THAT(rows[2], HasSubstr(" 38.197186 "));
 }
 
 TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/data_url.h"
+#include "recon/editing/clip.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
@@ -71,8 +72,12 @@ class BvhWriter {
     write_joint(recon::kPelvis, 0);
     const auto& pulses = skeleton_.structure.pulses;
     const double rate = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
-    text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.6f}\n", pulses.size(), 1 / rate);
-    for (const recon::SkeletonPulse& pulse : pulses) write_pulse(pulse);
+    const int64_t frames = pulses.empty() ? 0 : number(pulses.back()) - number(pulses.front()) + 1;
+    text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.6f}\n", frames, 1 / rate);
+    for (size_t n = 0; n < pulses.size(); ++n) {
+      if (n > 0) write_between(pulses[n - 1], pulses[n]);
+      write_pulse(pulses[n]);
+    }
     return text_;
   }
 
@@ -118,6 +123,17 @@ class BvhWriter {
                indent + "\t}\n";
     }
     text_ += indent + "}\n";
+  }
+
+  int64_t number(const recon::SkeletonPulse& pulse) const { return skeleton_.pulses[pulse.index]; }
+
+  /// Rows for the pulses between two that follow each other: a row has no time of its own.
+  void write_between(const recon::SkeletonPulse& before, const recon::SkeletonPulse& after) {
+    const int64_t step = number(after) - number(before);
+    for (int64_t n = 1; n < step; ++n) {
+      write_pulse(
+          recon::blended(before, after, static_cast<double>(n) / static_cast<double>(step)));
+    }
   }
 
   /// The position of every joint in the frame of its parent: shoulders and hips move a little.
