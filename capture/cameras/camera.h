@@ -90,7 +90,7 @@ class Camera {
     (void)period;
     return true;
   }
-  /// What the camera did otherwise than asked at start(). Requires start().
+  /// The settings whose value differs from that asked for at start(). Requires start().
   virtual std::vector<SettingDifference> differences() const { return {}; }
 };
 

@@ -73,7 +73,7 @@ struct Ledger {
   /// them out.
   std::vector<TakeNode> absent_nodes = {};
   /// The files of the take, except those of is_written_after_ledger(). Empty in ledgers of versions
-  /// before 2026-12, which had no list. A camera log that a recovery found has no checksum.
+  /// before 2026-11-25, which had no list. A camera log that a recovery found has no checksum.
   std::vector<TakeFile> files = {};
 
   /// True when the number of pulses is known, all pulses were sensed (if the studio has a sense
@@ -128,7 +128,7 @@ std::vector<std::string> table_lines(const Ledger& ledger);
 inline constexpr uint64_t kMaxLedgerBytes = 64 << 20;
 
 /// Reads ledger.toml, whose first line has the checksum (XXH3) of all following bytes. Ledgers of
-/// versions before 2026-12 have no such line. Throws InputError with file, line and field, also
+/// versions before 2026-11-25 have no such line. Throws InputError with file, line and field, also
 /// when the file is missing, damaged or longer than kMaxLedgerBytes.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
