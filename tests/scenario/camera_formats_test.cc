@@ -33,7 +33,7 @@ std::map<std::string, std::string> files_in(const fs::path& folder) {
 /// The simulated cameras put the index of a pixel into the low bits of its sample.
 class DeepStudio : public Studio4, public testing::WithParamInterface<const char*> {
  protected:
-  DeepStudio() : Studio4({.simulator = {"--format", GetParam()}}) {}
+  DeepStudio() : Studio4({.rate = "5", .simulator = {"--format", GetParam()}}) {}
 
   /// A copy of the take without the low bits of its frames, as a camera of 8 bits records it.
   take::TakePaths take_of_8_bits() const {

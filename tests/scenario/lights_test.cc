@@ -69,7 +69,8 @@ TEST_F(DarkStudio, records_its_take_and_states_that_olad_does_not_answer) {
       [&] { return log().find("olad does not answer on port 9010") != std::string::npos; },
       within(60)))
       << log();
-  EXPECT_TRUE(reaches("cap01", "lights_connected_flag", 0));
+  EXPECT_TRUE(
+      becomes_true([&] { return value("cap01", "lights_connected_flag") == 0; }, within(60)));
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
   EXPECT_EQ(load_take_info(take()).state, take::TakeState::kComplete);

@@ -43,7 +43,7 @@ class StudioOfThree : public Studio4 {
 
   static void end(std::optional<ChildProcess>& daemon, int signal) {
     daemon->signal(signal);
-    daemon->wait(within(30));
+    EXPECT_EQ(daemon->wait(within(30)), signal == SIGKILL ? 128 + SIGKILL : 0) << daemon->output();
   }
   /// Records a take, during which cap02 gets `signal` and is restarted; then stops the take.
   void record_with_a_restart_of_cap02(int signal) {

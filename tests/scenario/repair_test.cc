@@ -8,6 +8,7 @@
 
 #include "capture/segmentation/background.h"
 #include "codec/frame_codec.h"
+#include "comparable_meshes.h"
 #include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "take/logs/mesh_file.h"
@@ -79,19 +80,6 @@ class DefectiveStudio8 : public test::Studio4 {
   std::optional<bus::Subscription<wire::EventMessage>> events_;
 };
 
-/// The live meshes that depend on no dropped mesh: all up to a gap, and from each key frame on.
-std::vector<int64_t> comparable(const take::MeshFileReader& live) {
-  std::vector<int64_t> pulses;
-  int64_t next = 0;
-  bool whole = true;
-  for (const int64_t pulse : live.pulses()) {
-    whole = (whole && pulse == next) || pulse % codec::EncoderOptions().key_every == 0;
-    next = pulse + 1;
-    if (whole) pulses.push_back(pulse);
-  }
-  return pulses;
-}
-
 TEST_F(DefectiveStudio8, repairs_live_silhouettes_to_the_bytes_of_v3dctl_and_names_the_camera) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", std::string(kFaulty) + ".repaired_pulses", 3)) << log();
@@ -117,7 +105,7 @@ TEST_F(DefectiveStudio8, repairs_live_silhouettes_to_the_bytes_of_v3dctl_and_nam
   take::MeshFileReader live(take().mesh());
   take::MeshFileReader same = reconstruct("repaired", {"--repair-pulses", "live"});
   take::MeshFileReader without = reconstruct("without", {});
-  const std::vector<int64_t> pulses = comparable(live);
+  const std::vector<int64_t> pulses = test::comparable_meshes(live);
   ASSERT_THAT(pulses, Not(IsEmpty())) << log();
   for (const int64_t pulse : pulses) {
     EXPECT_EQ(live.read(pulse).value(), same.read(pulse).value()) << "pulse " << pulse;

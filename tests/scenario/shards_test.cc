@@ -43,7 +43,7 @@ class MeshViewer {
       : bus_(url), meshes_(key_of(key), wire::kMeshChannel, 10'000) {}
 
   /// Receives all pending meshes. A viewer shows pulses in ascending order; other meshes are
-  /// counted.
+  /// counted: they were published twice, or too late.
   void receive() {
     while (const auto mesh = meshes_.wait(Monotonic::now())) {
       if (shown_.empty() || mesh->pulse > shown_.back()) {
@@ -299,7 +299,7 @@ TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) 
   arm_and_start();
   wait_for(0, "meshes", 60);
   stop();
-  int64_t made = 0;
+  int64_t made = 0, taken_over = 0;
   for (int i = 0; i < kNodes; ++i) {
     expect_complete(i, 0);
     expect_published_as_in_file(i);
@@ -307,6 +307,10 @@ TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) 
     EXPECT_GE(account(i)["shard_pulses"].get<int64_t>(), 10) << "its share";
     EXPECT_EQ(account(i)["shard_let_go"], 0);
     made += account(i)["shard_pulses"].get<int64_t>();
+    taken_over += account(i)["shard_taken_over"].get<int64_t>();
+  }
+  if (taken_over == 0) {
+    EXPECT_EQ(viewer_->returned(), 0) << "no mesh comes twice";
   }
   EXPECT_GE(made, std::ssize(file(0)));
 }

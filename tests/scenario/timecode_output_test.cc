@@ -85,7 +85,7 @@ class TimecodeStudio : protected SoundWritesPreloaded, public Studio4 {
   }
   void restart_captured() {
     captured_->signal(SIGTERM);
-    captured_->wait(within(10));
+    EXPECT_EQ(captured_->wait(within(30)), 0) << log();
     std::filesystem::remove(writes());
     std::filesystem::remove(played());
     start_captured();
@@ -103,7 +103,7 @@ TEST_F(TimecodeStudio, plays_at_every_pulse_the_timecode_that_the_ledger_has_for
   ASSERT_TRUE(start) << "the daemon was stopped for 0.2 s in each of the takes";
   EXPECT_EQ(value("cap01", "timecode_output_underruns"), 0);
   captured_->signal(SIGTERM);
-  captured_->wait(within(10));
+  EXPECT_EQ(captured_->wait(within(30)), 0) << log();
 
   const sound::TimecodeTrack played = played_timecode();
   EXPECT_EQ(played.jumps(), 0);
@@ -134,7 +134,8 @@ TEST_F(AbsentTimecodeStudio, records_its_take_and_states_the_fault) {
       [&] { return log().find("cannot open hw:CARD=NoSuchCard") != std::string::npos; },
       within(60)))
       << "an event names the device";
-  EXPECT_TRUE(reaches("cap01", "timecode_output_open_flag", 0));
+  EXPECT_TRUE(
+      becomes_true([&] { return value("cap01", "timecode_output_open_flag") == 0; }, within(60)));
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
   EXPECT_EQ(load_take_info(take()).state, take::TakeState::kComplete);

@@ -29,10 +29,14 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   arm_and_start(kPulses);
   EXPECT_TRUE(studio->receives("\"state\":\"recording\"")) << viewd_->output();
   EXPECT_TRUE(studio->receives("\"type\":\"preview\"")) << viewd_->output();
-  EXPECT_TRUE(live->receives("\"pulse\":39")) << viewd_->output();
   ASSERT_TRUE(becomes_idle()) << log();
   ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
-  EXPECT_TRUE(get("/api/takes")->receives("\"meshes\":40")) << get("/api/takes")->text();
+  // A busy machine does not make a mesh of every pulse.
+  const auto meshes = take::MeshFileReader(take().mesh()).pulses();
+  ASSERT_FALSE(meshes.empty()) << log();
+  EXPECT_TRUE(live->receives("\"pulse\":" + std::to_string(meshes.back()))) << viewd_->output();
+  const std::string count = "\"meshes\":" + std::to_string(meshes.size());
+  EXPECT_TRUE(get("/api/takes")->receives(count)) << get("/api/takes")->text();
   EXPECT_TRUE(get("/api/takes")->receives("\"state\":\"complete\""));
   EXPECT_TRUE(get("/api/takes/kendo-07/rig")->receives("\"name\":\"cam04\""));
   EXPECT_TRUE(get("/takes/kendo-07/mesh.v3d")->receives("V3DM"));
@@ -156,8 +160,9 @@ TEST_F(ViewerWithFewDescriptors, limits_the_rate_of_accept_attempts_without_free
   const MonotonicInstant begin = Monotonic::now();
   ASSERT_TRUE(becomes_true([&] { return count_in_log(not_accepted) > 5; }, within(30)));
   // The daemon tries ten times a second. Without a pause it would try thousands of times.
+  const auto attempts = count_in_log(not_accepted);
   const double seconds = to_seconds(Monotonic::now() - begin);
-  EXPECT_LE(count_in_log(not_accepted), 12 * (seconds + 1)) << seconds << " s";
+  EXPECT_LE(attempts, 12 * (seconds + 1)) << seconds << " s";
   EXPECT_GE(count_in_log("cannot accept a connection"), 1) << viewd_->output();
   for (const auto& client : clients) EXPECT_THAT(client->text(), Not(HasSubstr("404")));
   clients.clear();

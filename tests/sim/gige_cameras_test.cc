@@ -292,7 +292,7 @@ TEST(GigeCameras, expose_at_the_time_of_an_action_command_with_their_keys) {
   io::ActionCommand command{.device_key = 1, .group_key = 2, .group_mask = 2};
   for (int pulse = 0; pulse < 2; ++pulse) {
     command.request = static_cast<uint16_t>(pulse + 1);
-    command.time_ns = tai_now() + 100'000'000;
+    command.time_ns = tai_now() + 2'000'000'000;
     commander.send(command);
     EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: success");
     ASSERT_NE(first.next(), nullptr);

@@ -118,11 +118,17 @@ bool Truth::has_frame(const std::string& take, const std::string& camera, int64_
 
 // --- answers ------------------------------------------------------------------------------------
 
+/// Whether pulses of the take that the trigger's node states were ever made.
+bool Truth::has_train(const control::Answer& answer) const {
+  const std::string& take = answer.replies.at(studio_.commanded.trigger).take;
+  return std::ranges::any_of(trains_, [&](const auto& entry) { return entry.second.take == take; });
+}
+
 void Truth::on_answer(const wire::CommandMessage& order, const std::string& sender, int64_t counter,
                       const control::Answer& answer) {
   if (order.verb == wire::CommandVerb::kStop) return check_stop(answer);
   if (!answer.done()) return;
-  if (order.verb == wire::CommandVerb::kStart && !trains_.contains(running_)) {
+  if (order.verb == wire::CommandVerb::kStart && !has_train(answer)) {
     violate("a start was answered 'done', but no pulse was made");
   }
   if (order.verb != wire::CommandVerb::kArm && order.verb != wire::CommandVerb::kCheck) return;

@@ -99,6 +99,7 @@ class Truth {
   void check_complete(const take::Ledger& ledger);
   void check_cameras(const std::string& where, const take::Ledger& ledger);
   bool has_pulses(const std::string& take) const;
+  bool has_train(const control::Answer& answer) const;
   bool has_frame(const std::string& take, const std::string& camera, int64_t pulse) const;
 
   const Studio studio_;

@@ -28,13 +28,10 @@ class LogSync : public testing::Test {
   int64_t pulse_ = 0;
 };
 
-TEST_F(LogSync, runs_within_a_second_of_an_event_in_another_thread) {
+TEST_F(LogSync, runs_after_an_event_in_another_thread_without_a_further_event) {
   for (const int sync : {1, 2}) {
-    const MonotonicInstant begin = Monotonic::now();
     EXPECT_TRUE(write());
     ASSERT_TRUE(hook_.wait_for(sync)) << "no other event follows";
-    EXPECT_LT(Monotonic::now() - begin, std::chrono::milliseconds(1900))
-        << "one second, plus tolerance";
     EXPECT_EQ(hook_.bytes(), log_.bytes());
     EXPECT_NE(hook_.thread(), std::this_thread::get_id());
   }

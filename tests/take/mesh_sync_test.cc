@@ -27,11 +27,8 @@ class MeshSync : public testing::Test {
 };
 
 TEST_F(MeshSync, runs_periodically_during_appends_in_another_thread) {
-  const MonotonicInstant begin = Monotonic::now();
   EXPECT_TRUE(file_.append(0, kMesh));
   ASSERT_TRUE(hook_.wait_for(1));
-  EXPECT_LT(Monotonic::now() - begin, std::chrono::milliseconds(1900))
-      << "one second, plus tolerance";
   EXPECT_NE(hook_.thread(), std::this_thread::get_id());
   EXPECT_TRUE(file_.append(1, kMesh));
   EXPECT_TRUE(hook_.wait_for(2)) << "again in the next second";

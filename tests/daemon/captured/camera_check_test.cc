@@ -39,7 +39,9 @@ TEST(CheckOfCameras, examines_all_frames_that_have_arrived_before_its_end) {
   ASSERT_TRUE(first.is_ready() && second.is_ready());
   ASSERT_TRUE(first.exposes_all() && second.exposes_all());
   CameraCheck check({&first.worker, &second.worker}, {.rate_hz = 50, .background = {}}, bus);
-  for (const CheckedCamera& camera : check.close(kFrames)) {
+  const std::vector<CheckedCamera> checked = check.close(kFrames);
+  ASSERT_EQ(checked.size(), 2U);
+  for (const CheckedCamera& camera : checked) {
     EXPECT_EQ(camera.pulses.received, kFrames);
     EXPECT_THAT(camera.pulses.missing, testing::IsEmpty());
     EXPECT_EQ(camera.dropped, 0);
