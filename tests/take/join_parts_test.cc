@@ -112,7 +112,8 @@ TEST_F(JoinParts, reports_missing_pulses_for_a_node_that_counted_fewer) {
 
 /// A node that crashed may have frames of pulses that it did not write to its own log.
 TEST_F(JoinParts, agrees_with_a_node_that_has_a_frame_of_a_pulse_that_it_does_not_know) {
-  Ledger ledger{.take = "kendo-07", .commanded = 2, .commanded_is_minimum = true, .sensed = 2};
+  Ledger ledger{
+      .take = "kendo-07", .commanded = 2, .commanded_is_minimum = true, .sensed = 2, .cameras = {}};
   ledger.cameras.push_back(account("cam03", {0, 1, 2}, {}, 2));
   EXPECT_TRUE(save_ledger(part("cap02").ledger(), ledger));
   join();
