@@ -138,7 +138,7 @@ class Collector {
     take::Verification found;
     try {
       found.info = load_take_info(place);
-      found.ledger = load_ledger(place.ledger());
+      found.ledger = take::load_ledger(place.ledger());
       // Reconstruction adds files. They do not change what the record says of the recording.
       const std::string folder = place.folder.string();
       if (!file_exists(place.verified())) {
