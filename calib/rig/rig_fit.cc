@@ -10,6 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/core/union_find.h"
 #include "calib/boards/board.h"
 #include "calib/lens/bundle_adjustment.h"
 #include "calib/lens/lens_fit.h"
@@ -110,10 +111,15 @@ class RigFitter {
 
   void require_connected_pairs() const {
     const auto groups = connected_components(count(), result_.pairs);
-    if (groups.size() == 1) return;
-    throw InputError("too few boards: " + names_of(cameras_, groups[1]) + " shares fewer than " +
-                     std::to_string(kMinInliers) + " views of the board with " +
-                     names_of(cameras_, groups[0]) +
+    if (groups.size() > 1) throw_disconnected(groups[0], groups[1], "views");
+  }
+
+  [[noreturn]] void throw_disconnected(const std::vector<int>& group, const std::vector<int>& other,
+                                       const std::string& views) const {
+    throw InputError("too few boards: " + names_of(cameras_, other) +
+                     (other.size() > 1 ? " share" : " shares") + " fewer than " +
+                     std::to_string(kMinInliers) + " " + views + " of the board with " +
+                     names_of(cameras_, group) +
                      ": show the board so that a camera of each group sees it at the same time");
   }
 
@@ -249,6 +255,43 @@ class RigFitter {
           "swapped with another camera, out of sync, or was it moved while the board "
           "was shown?");
     }
+    const std::vector<bool> connected = connected_to_root();
+    std::vector<int> group, others;
+    for (int i = 0; i < count(); ++i) (connected[i] ? group : others).push_back(i);
+    if (!others.empty()) throw_disconnected(group, others, "agreeing views");
+  }
+
+  /// By camera, whether boards of the bundle determine its pose relative to the fixed camera.
+  /// Groups of cameras are united where they share kMinInliers boards.
+  std::vector<bool> connected_to_root() const {
+    UnionFind groups;
+    groups.reset(cameras_.size());
+    for (bool united = true; united;) {
+      united = false;
+      for (const auto& [pair, boards] : shared_boards(groups)) {
+        if (boards >= kMinInliers) united |= groups.unite(pair.first, pair.second);
+      }
+    }
+    std::vector<bool> connected;
+    for (int i = 0; i < count(); ++i) {
+      connected.push_back(groups.find(i) == groups.find(result_.tree.root));
+    }
+    return connected;
+  }
+
+  /// The number of boards of the bundle that two groups of cameras both observe.
+  std::map<std::pair<uint32_t, uint32_t>, int> shared_boards(UnionFind& groups) const {
+    std::vector<std::set<uint32_t>> seen_by(bundle_.world_from_board.size());
+    for (const CornerObservation& p : bundle_.observations) {
+      seen_by[p.board].insert(groups.find(p.camera));
+    }
+    std::map<std::pair<uint32_t, uint32_t>, int> shared;
+    for (const std::set<uint32_t>& seen : seen_by) {
+      for (auto a = seen.begin(); a != seen.end(); ++a) {
+        for (auto b = std::next(a); b != seen.end(); ++b) ++shared[{*a, *b}];
+      }
+    }
+    return shared;
   }
 
   // --- result -----------------------------------------------------------------------------------

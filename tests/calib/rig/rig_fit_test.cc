@@ -120,6 +120,37 @@ TEST_F(RigFitting, names_disconnected_cameras) {
               HasSubstr("cam07 shares fewer than 3 views of the board with cam"));
 }
 
+/// Cameras 0 to 3 and 4 to 7 see the board at different instants. Only cameras 3 and 4 share six
+/// instants; its corners in camera 4 are off by `error_px` there, in different directions.
+std::vector<CameraObservations> two_groups(const Rig& rig, double error_px) {
+  auto cameras = observe_board_walk(board(), Rig(rig.begin(), rig.begin() + 8), {400, 0.2, 1});
+  std::vector<int64_t> shared;
+  for (const auto& [instant, observation] : cameras[3].observations) {
+    if (shared.size() < 6 && cameras[4].observations.contains(instant)) shared.push_back(instant);
+  }
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    std::erase_if(cameras[i].observations, [&](const auto& entry) {
+      if (std::ranges::find(shared, entry.first) != shared.end()) return i != 3 && i != 4;
+      return (entry.first % 2 == 0) == (i < 4);
+    });
+  }
+  for (const int64_t instant : shared) {
+    double direction = 0;
+    for (Eigen::Vector2d& pixel : cameras[4].observations[instant].pixels) {
+      pixel += error_px * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+      direction += 2.4;
+    }
+  }
+  return cameras;
+}
+
+TEST_F(RigFitting, names_groups_of_cameras_that_are_disconnected_after_rejection) {
+  EXPECT_NEAR(fit_rig(board(), two_groups(truth_, 0), lenses_known_).rms_px, 0.28, 0.02);
+  EXPECT_THAT(error_of_fit(two_groups(truth_, 6), lenses_known_),
+              testing::AllOf(HasSubstr("share fewer than 3 agreeing views of the board with cam0"),
+                             HasSubstr("cam04"), HasSubstr("cam05")));
+}
+
 TEST_F(RigFitting, names_swapped_cameras_with_different_lenses) {
   auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
   std::swap(cameras[2].observations, cameras[3].observations);  // cam04 is a close-up
