@@ -137,6 +137,25 @@ BoardObservation half_turned(const Board& board, const BoardObservation& observa
 
 namespace {
 
+double pixel_distance(const BoardObservation& a, const BoardObservation& b) {
+  double sum = 0;
+  for (int i = 0; i < std::min(a.count(), b.count()); ++i)
+    sum += (a.pixels[i] - b.pixels[i]).norm();
+  return sum;
+}
+
+}  // namespace
+
+BoardObservation turned_like(const BoardObservation& reference, const Board& board,
+                             const BoardObservation& observation) {
+  if (!board.has_half_turn_symmetry()) return observation;
+  BoardObservation other = half_turned(board, observation);
+  const bool is_nearer = pixel_distance(other, reference) < pixel_distance(observation, reference);
+  return is_nearer ? other : observation;
+}
+
+namespace {
+
 /// Corners in the board frame, and their undistorted, normalised image coordinates (x/z, y/z).
 struct PlanarPoints {
   std::vector<cv::Point3d> board;

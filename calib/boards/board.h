@@ -63,6 +63,11 @@ struct BoardObservation {
 /// Requires board.has_half_turn_symmetry().
 BoardObservation half_turned(const Board& board, const BoardObservation& observation);
 
+/// The observation or half_turned() of it: the one whose corners are nearer to those of `reference`
+/// in the image. Without half-turn symmetry the observation. Both show the same corners.
+BoardObservation turned_like(const BoardObservation& reference, const Board& board,
+                             const BoardObservation& observation);
+
 /// The observations of one camera of the rig, by instant. An instant is a number that images of the
 /// same moment share: a pulse, a frame of synchronised videos, a row of a table of time stamps.
 struct CameraObservations {

@@ -209,14 +209,14 @@ struct BoardView {
 class BoardInitializer {
  public:
   BoardInitializer(const BoardInitialization& input, std::vector<CameraModel> cameras)
-      : input_(input), result_{{input.board, std::move(cameras), {}, {}}, {}} {}
+      : input_(input), result_{{input.board, std::move(cameras), {}, {}}, {}, {}} {}
 
   InitialBoards initialize(int max_instants) {
     for (const int64_t instant : select_instants(max_instants)) {
       const std::vector<BoardView> views = views_at(instant);
       const auto pose = best_pose(views, instant);
       if (!pose) continue;
-      for (const BoardView& s : views) add(s, *pose);
+      for (const BoardView& s : views) add(s, *pose, instant);
       result_.bundle.world_from_board.push_back(*pose);
       result_.instants.push_back(instant);
     }
@@ -311,11 +311,12 @@ class BoardInitializer {
 
   /// Adds an observation, turned where needed: which end of a board comes first is arbitrary in
   /// each image.
-  void add(const BoardView& s, const RigidTransform& world_from_board) {
+  void add(const BoardView& s, const RigidTransform& world_from_board, int64_t instant) {
     if (input_.board.has_half_turn_symmetry()) {
       const BoardObservation other = half_turned(input_.board, *s.observation);
       if (rms_at(s.camera, other, world_from_board) <
           rms_at(s.camera, *s.observation, world_from_board)) {
+        result_.turned.insert({s.camera, instant});
         return add_points(s.camera, other);
       }
     }

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "base/geometry/camera_model.h"
@@ -61,6 +63,8 @@ std::vector<std::vector<int>> connected_components(int cameras, const std::vecto
 struct InitialBoards {
   Bundle bundle;                  ///< cameras, boards and all observations of the boards
   std::vector<int64_t> instants;  ///< of the boards in the bundle, in ascending order
+  /// Camera and instant of the observations that are half_turned() in the bundle.
+  std::set<std::pair<int, int64_t>> turned{};
 };
 
 struct BoardInitialization {

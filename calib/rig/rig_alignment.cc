@@ -134,23 +134,12 @@ namespace {
 constexpr double kScaleTolerance = 0.01;
 constexpr double kMaxRmsPx = 5;
 
-double pixel_distance(const BoardObservation& a, const BoardObservation& b) {
-  double sum = 0;
-  for (int i = 0; i < std::min(a.count(), b.count()); ++i)
-    sum += (a.pixels[i] - b.pixels[i]).norm();
-  return sum;
-}
-
 /// The median observation of a board at rest.
 BoardObservation median_observation(const Board& board, const CameraObservations& camera) {
   const BoardObservation& first = camera.observations.begin()->second;
   std::map<int, std::pair<std::vector<double>, std::vector<double>>> positions;
   for (const auto& [instant, observation] : camera.observations) {
-    BoardObservation same = observation;
-    if (board.has_half_turn_symmetry()) {
-      const BoardObservation other = half_turned(board, observation);
-      if (pixel_distance(other, first) < pixel_distance(observation, first)) same = other;
-    }
+    const BoardObservation same = turned_like(first, board, observation);
     for (int i = 0; i < same.count(); ++i) {
       positions[same.corners[i]].first.push_back(same.pixels[i].x());
       positions[same.corners[i]].second.push_back(same.pixels[i].y());

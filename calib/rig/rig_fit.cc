@@ -58,6 +58,7 @@ class RigFitter {
 
   RigFit fit() {
     require_boards();
+    for (CameraObservations& camera : cameras_) number_alike(board_, camera);
     lenses_ = fit_rig_lenses(board_, cameras_, options_.previous, options_.threads);
     find_poses();
     correct_whole_offsets();
@@ -137,6 +138,7 @@ class RigFitter {
                                                     std::move(cameras), options_.max_instants);
     bundle_ = std::move(boards.bundle);
     instants_ = std::move(boards.instants);
+    turned_ = std::move(boards.turned);
   }
 
   // --- adjustment -------------------------------------------------------------------------------
@@ -172,8 +174,10 @@ class RigFitter {
   }
 
   std::optional<Eigen::Vector2d> velocity_of(const CornerObservation& point) const {
-    return corner_velocity(cameras_[point.camera].observations, instants_[point.board],
-                           point.corner);
+    const int64_t instant = instants_[point.board];
+    const bool is_turned = turned_.contains({point.camera, instant});
+    return corner_velocity(cameras_[point.camera].observations, instant,
+                           is_turned ? board_.corners() - 1 - point.corner : point.corner);
   }
 
   std::vector<double> fractional_time_offsets() const {
@@ -393,7 +397,8 @@ class RigFitter {
   std::vector<CandidatePoses> poses_;
   std::vector<double> time_offsets_;
   Bundle bundle_;
-  std::vector<int64_t> instants_;  ///< of the bundle's boards
+  std::vector<int64_t> instants_;             ///< of the bundle's boards
+  std::set<std::pair<int, int64_t>> turned_;  ///< see InitialBoards
   RigFit result_;
 };
 

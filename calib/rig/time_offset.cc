@@ -122,6 +122,14 @@ std::vector<int> whole_time_offsets(const std::vector<CandidatePoses>& cameras,
   return result;
 }
 
+void number_alike(const Board& board, CameraObservations& camera) {
+  const BoardObservation* previous = nullptr;
+  for (auto& [instant, observation] : camera.observations) {
+    if (previous) observation = turned_like(*previous, board, observation);
+    previous = &observation;
+  }
+}
+
 std::optional<Eigen::Vector2d> corner_velocity(
     const std::map<int64_t, BoardObservation>& observations, int64_t instant, int corner) {
   const auto previous = corner_at(observations, instant - 1, corner);

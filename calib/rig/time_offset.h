@@ -23,8 +23,13 @@ inline constexpr int kMaxTimeOffset = 5;
 std::vector<int> whole_time_offsets(const std::vector<CandidatePoses>& cameras,
                                     const std::vector<PairPose>& pairs);
 
+/// Turns observations of a board with half-turn symmetry so that a corner keeps its number from one
+/// instant to the next: which end of the board comes first is arbitrary in each image.
+void number_alike(const Board& board, CameraObservations& camera);
+
 /// The image velocity of a corner, pixels per instant, by finite differences of neighbouring
-/// instants. Empty where the camera has no observation of a neighbouring instant.
+/// instants. The corner has the same number in all of them (number_alike()). Empty where the camera
+/// has no observation of a neighbouring instant.
 std::optional<Eigen::Vector2d> corner_velocity(
     const std::map<int64_t, BoardObservation>& observations, int64_t instant, int corner);
 

@@ -182,8 +182,10 @@ TEST_F(RigFitting, reports_a_board_of_another_size_than_before) {
   EXPECT_NO_THROW(fit_rig(board(), cameras, options));
 }
 
-/// A slowly moving board. The images of one camera are late by `late` images.
-std::vector<CameraObservations> slow_walk(const Rig& rig, double late) {
+/// A slowly moving board, which also turns about its normal by `spin_rad` from image to image. The
+/// images of one camera are late by `late` images.
+std::vector<CameraObservations> slow_walk(const Rig& rig, double late, const Board& shown = board(),
+                                          double spin_rad = 0) {
   const double kStep = 0.015;  // metres per image
   std::vector<CameraObservations> cameras;
   for (size_t c = 0; c < rig.size(); ++c) {
@@ -199,16 +201,18 @@ std::vector<CameraObservations> slow_walk(const Rig& rig, double late) {
       const Eigen::Matrix3d tilt =
           Eigen::AngleAxisd(0.5 * std::sin(0.05 * t), Eigen::Vector3d(1, 0.6, 0).normalized())
               .toRotationMatrix();
-      world_from_board.rotation = world_from_board.rotation * tilt;
-      world_from_board.translation = position - world_from_board.rotation * board().centre();
+      world_from_board.rotation =
+          world_from_board.rotation * tilt *
+          Eigen::AngleAxisd(spin_rad * t, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      world_from_board.translation = position - world_from_board.rotation * shown.centre();
       BoardObservation observation;
-      for (int i = 0; i < board().corners(); ++i) {
-        const auto pixel = rig[c].model.project(world_from_board * board().corner(i));
+      for (int i = 0; i < shown.corners(); ++i) {
+        const auto pixel = rig[c].model.project(world_from_board * shown.corner(i));
         if (!pixel || !rig[c].model.inside_image(*pixel)) break;
         observation.corners.push_back(i);
         observation.pixels.push_back(*pixel);
       }
-      if (observation.count() == board().corners()) cameras.back().observations[n] = observation;
+      if (observation.count() == shown.corners()) cameras.back().observations[n] = observation;
     }
   }
   return cameras;
@@ -246,6 +250,24 @@ TEST_F(TimeOffset, of_a_fraction_of_an_image_is_corrected_and_reported) {
   const RigFit fit = fit_rig(board(), slow_walk(truth_, 0.4), options_);
   EXPECT_NEAR(fit.cameras[2].time_offset - fit.cameras[0].time_offset, 0.4, 0.05);
   EXPECT_LT(fit.rms_px, 0.2);
+}
+
+TEST_F(TimeOffset, is_the_same_where_the_ends_of_a_symmetric_board_are_exchanged) {
+  const Board even = parse_board("chess:8x6:100mm");
+  auto cameras = slow_walk(truth_, 0.4, even, 0.03);
+  const RigFit expected = fit_rig(even, cameras, options_);
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    for (auto& [instant, observation] : cameras[i].observations) {
+      if ((instant + static_cast<int64_t>(i)) % 3 != 0) continue;
+      observation = half_turned(even, observation);
+    }
+  }
+  const RigFit fit = fit_rig(even, cameras, options_);
+  EXPECT_GT(expected.cameras[2].time_offset - expected.cameras[0].time_offset, 0.25);
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    EXPECT_NEAR(fit.cameras[i].time_offset, expected.cameras[i].time_offset, 1e-3);
+  }
+  EXPECT_NEAR(fit.rms_px, expected.rms_px, 1e-3);
 }
 
 }  // namespace
