@@ -321,28 +321,41 @@ ColourFit fit_chart(std::span<const ColourSample> samples, const ColourOptions& 
   return with_differences(shared_places(samples), with_black(corrections, options));
 }
 
-ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& options) {
-  const size_t cameras = options.cameras.size();
-  const std::vector<ColourSample> light = without_black(samples, options);
-  std::vector<Vector3d> sums(cameras, Vector3d::Zero());
+namespace {
+
+/// One sample for each camera, the mean of all its samples; black where it has none.
+std::vector<ColourSample> camera_means(std::span<const ColourSample> samples, size_t cameras) {
+  std::vector<ColourSample> means(cameras);
   std::vector<int> counts(cameras, 0);
-  for (const ColourSample& sample : light) {
-    sums[sample.camera] += sample.grey;
+  for (const ColourSample& sample : samples) {
+    means[sample.camera].grey += sample.grey;
     ++counts[sample.camera];
   }
+  for (size_t c = 0; c < cameras; ++c) {
+    means[c].camera = static_cast<int>(c);
+    means[c].grey /= std::max(1, counts[c]);
+  }
+  return means;
+}
+
+}  // namespace
+
+ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& options) {
+  const size_t cameras = options.cameras.size();
+  const std::vector<ColourSample> means = camera_means(samples, cameras);
+  const std::vector<ColourSample> light = without_black(means, options);
   double target = 0;
   for (size_t c = 0; c < cameras; ++c) {
-    if (counts[c] == 0 || !(sums[c].minCoeff() > 0)) {
+    if (!(light[c].grey.minCoeff() > 0)) {
       throw InputError("colour: " + options.cameras[c] + " shows no well exposed grey card");
     }
-    sums[c] /= counts[c];
-    target += sums[c].mean() / static_cast<double>(cameras);
+    target += light[c].grey.mean() / static_cast<double>(cameras);
   }
   std::vector<Correction> corrections(cameras, Correction::Zero());
   for (size_t c = 0; c < cameras; ++c) {
-    corrections[c].leftCols<3>() = (target * sums[c].cwiseInverse()).asDiagonal();
+    corrections[c].leftCols<3>() = (target * light[c].grey.cwiseInverse()).asDiagonal();
   }
-  return with_differences(shared_places(samples), with_black(corrections, options));
+  return with_differences(shared_places(means), with_black(corrections, options));
 }
 
 namespace {

@@ -13,6 +13,7 @@ namespace v3d::calib {
 // Colour calibration: corrections that give all cameras the same colour response.
 
 /// The colour of one place in one camera: mean R, G, B, grey values 0 to 255 in linear light.
+/// A camera has at most one sample of a place, except for fit_grey().
 struct ColourSample {
   int place = 0;  ///< numbered from 0
   int camera = 0;
@@ -64,6 +65,7 @@ Eigen::Vector3d chart_colour(int patch);
 
 /// White balance and gain from samples of a neutral grey surface, without cross-talk.
 ///
+/// The samples, of any number of images, count as one place: its colour in a camera is their mean.
 /// Black levels are those of `options`, or 0. Throws InputError with the name of a camera without
 /// samples. Pure.
 ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& options);

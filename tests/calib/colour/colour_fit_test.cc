@@ -140,6 +140,23 @@ TEST(ColourFit, from_a_grey_card_balances_white) {
   EXPECT_LT(fit.overall.after, 1e-6);
 }
 
+TEST(ColourFit, compares_a_grey_card_in_many_images_with_the_other_cameras_only) {
+  std::vector<ColourSample> once, often;
+  for (int c = 0; c < std::ssize(kNames); ++c) {
+    once.push_back({0, c, shown(kNames[c], {0.4, 0.4, 0.4}, c)});
+    often.insert(often.end(), 20, once.back());
+  }
+  const ColourFit expected = fit_grey(once, {kNames}), fit = fit_grey(often, {kNames});
+  EXPECT_EQ(fit.overall.places, std::ssize(kNames));
+  EXPECT_NEAR(fit.overall.before, expected.overall.before, 1e-9);
+  for (size_t c = 0; c < kNames.size(); ++c) {
+    EXPECT_EQ(fit.differences[c].places, 1);
+    EXPECT_NEAR(fit.differences[c].before, expected.differences[c].before, 1e-9);
+  }
+  const ColourFit alone = fit_grey(std::vector(20, once[0]), {{"cam01"}});
+  EXPECT_EQ(alone.overall.places, 0) << "it shares no place with another camera";
+}
+
 TEST(ColourFit, reports_missing_samples) {
   EXPECT_THAT(test::message_of<InputError>([] { fit_views(views(5), {kNames}); }),
               HasSubstr("places are seen by several cameras"));
