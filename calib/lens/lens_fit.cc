@@ -124,6 +124,17 @@ std::string describe_outlier(double rms, double median) {
       rms, median);
 }
 
+/// Records the views of `selected` that the fit left out, because no pose of the board fits them.
+void record_without_pose(const LensFitter& fitter, const std::vector<int>& selected, const Fit& fit,
+                         std::vector<RejectedView>& rejected) {
+  for (const int view : selected) {
+    if (std::find(fit.views.begin(), fit.views.end(), view) != fit.views.end()) continue;
+    rejected.push_back(
+        {view, fmt::format("no pose of the board fits its {} corners: on one line or misdetected",
+                           fitter.view(view).observation.count())});
+  }
+}
+
 /// Removes views that fit much worse than the median view. Returns whether there were any.
 bool reject_outliers(const LensFitter& fitter, Fit& fit, std::vector<RejectedView>& rejected) {
   std::vector<double> rms;
@@ -302,6 +313,8 @@ LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
   result.unneeded = static_cast<int>(views.size() - selected.size());
   const LensFitter fitter(board, size, views);
   Fit fit = fitter.from_scratch(selected);
+  record_without_pose(fitter, selected, fit, result.rejected);
+  require_enough_views(camera, fit.views.size(), views.size());
   for (int round = 0; round < 4; ++round) {
     fitter.adjust_fit(fit, 5);
     if (!reject_outliers(fitter, fit, result.rejected)) break;

@@ -89,6 +89,27 @@ TEST_F(LensFitting, rejects_an_outlier_view_and_reports_the_reason) {
   EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
 }
 
+TEST_F(LensFitting, reports_views_without_a_pose_of_the_board) {
+  const CameraModel& truth = rig_[0].model;
+  auto views = views_of(truth, 300);
+  views.resize(12);
+  for (const size_t one_row : {2U, 7U}) {
+    views[one_row].observation.corners.resize(board_.corner_columns);
+    views[one_row].observation.pixels.resize(board_.corner_columns);
+  }
+  const LensFit fit = fit_lens("cam07", board_, truth.size(), views, {});
+  EXPECT_EQ(fit.fitted.size() + fit.rejected.size() + fit.unneeded, views.size());
+  ASSERT_EQ(fit.rejected.size(), 2U);
+  EXPECT_EQ(fit.rejected[0].view, 2);
+  EXPECT_EQ(fit.rejected[1].view, 7);
+  EXPECT_THAT(fit.rejected[0].reason, HasSubstr("no pose of the board"));
+  views.erase(views.begin() + 8, views.end());
+  views.erase(views.begin(), views.begin() + 2);
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), views, {}); }),
+      HasSubstr("cam07: too few boards: 4 usable images of the 6 with a detected board"));
+}
+
 TEST_F(LensFitting, names_the_camera_with_too_few_boards) {
   const CameraModel& truth = rig_[0].model;
   auto views = views_of(truth, 300);
