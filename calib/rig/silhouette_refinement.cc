@@ -19,6 +19,7 @@ namespace {
 
 constexpr int kHoldOutEvery = 3;
 constexpr double kMaxErrorRatio = 0.6;  // of the error before; above it, the rig is kept
+constexpr double kLostPx = 1000;        // the error of a tangent that the refined cameras lack
 constexpr int kMinTangents = 50;
 
 /// The parameters of one camera, all in pixels of image motion: rotation (3), translation (3),
@@ -173,12 +174,25 @@ class Refiner {
     return result;
   }
 
-  /// Median residual of one camera; `camera` -1: of all cameras.
-  static double median_of(const std::vector<ErrorPx>& residuals, int camera) {
+  /// The residuals of one camera; `camera` -1: of all cameras.
+  static std::vector<double> values_of(const std::vector<ErrorPx>& residuals, int camera) {
     std::vector<double> values;
     for (const ErrorPx& residual : residuals) {
       if (camera < 0 || residual.a == camera || residual.b == camera) values.push_back(residual.px);
     }
+    return values;
+  }
+
+  static double median_of(const std::vector<ErrorPx>& residuals, int camera) {
+    return upper_median(values_of(residuals, camera));
+  }
+
+  /// The median of `now`. Tangents that existed before and are gone count with kLostPx; otherwise
+  /// cameras without any tangent would seem to be perfect.
+  static double median_after(const std::vector<ErrorPx>& before, const std::vector<ErrorPx>& now,
+                             int camera) {
+    std::vector<double> values = values_of(now, camera);
+    values.resize(std::max(values.size(), values_of(before, camera).size()), kLostPx);
     return upper_median(std::move(values));
   }
 
@@ -269,7 +283,7 @@ class Refiner {
     RefineResult result;
     result.rig = rig_;
     result.before_px = median_of(before, -1);
-    result.after_px = median_of(now, -1);
+    result.after_px = median_after(before, now, -1);
     result.better = result.after_px < kMaxErrorRatio * result.before_px;
     for (size_t c = 0; c < rig_.size(); ++c) {
       const auto camera = static_cast<int>(c);
@@ -277,7 +291,7 @@ class Refiner {
         return residual.a == camera || residual.b == camera;
       });
       result.cameras.push_back({static_cast<int>(tangents), median_of(before, camera),
-                                median_of(now, camera),
+                                median_after(before, now, camera),
                                 shift_px(before_[c], after[c], scene_point_)});
       if (result.better) result.rig[c].model = after[c];
     }

@@ -21,7 +21,8 @@ struct RefineOptions {
 /// Epipolar tangency errors of one camera, over the held-out instants.
 struct RefinedCamera {
   int tangents = 0;  ///< number of compared epipolar tangents
-  /// Median distance between the tangent planes of this and another camera, pixels.
+  /// Median distance between the tangent planes of this and another camera, pixels. After the
+  /// refinement, a tangent that no longer exists counts as 1000 pixels.
   double before_px = 0;
   double after_px = 0;
   double moved_px = 0;  ///< image shift of the scene centre

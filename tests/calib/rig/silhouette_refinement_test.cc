@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "base/core/error.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "sim/rendering/scene.h"
@@ -68,6 +70,40 @@ TEST_F(SilhouetteRefining, keeps_a_correct_rig) {
   const RefineResult result = refine_by_silhouettes(truth_, sets(), {});
   EXPECT_FALSE(result.better);
   EXPECT_LT(test::error_px(result.rig, truth_), 1e-9);
+}
+
+/// A square of 3x3 pixels at the centre of another camera; empty where the image does not show it.
+Mask square_at(const CameraModel& model, const CameraModel& other) {
+  Mask mask(model.size());
+  const auto pixel = model.project(other.center());
+  if (!pixel || !model.inside_image(*pixel)) return mask;
+  const auto x = static_cast<int>(pixel->x()), y = static_cast<int>(pixel->y());
+  for (int row = std::max(0, y - 1); row <= std::min(kSize.height - 1, y + 1); ++row) {
+    mask.fill_row(row, std::max(0, x - 1), std::min(kSize.width, x + 2));
+  }
+  return mask;
+}
+
+TEST_F(SilhouetteRefining, is_no_improvement_where_the_held_out_tangents_are_gone) {
+  // The true baseline of two cameras passes through these silhouettes, that of the displaced ones
+  // does not.
+  std::vector<std::pair<Mask, Mask>> held_out;
+  for (size_t c = 0; c < 4; ++c) {
+    const CameraModel &a = truth_[c].model, &b = truth_[c + 4].model;
+    held_out.emplace_back(square_at(a, b), square_at(b, a));
+  }
+  std::vector<SilhouetteSet> all = sets();
+  for (size_t c = 0; c < 4; ++c) {
+    SilhouetteSet& set = all[3 * c + 2];
+    std::fill(set.begin(), set.end(), nullptr);
+    set[c] = &held_out[c].first;
+    set[c + 4] = &held_out[c].second;
+  }
+  const Rig before = test::displaced(truth_, 8, 5);
+  const RefineResult result = refine_by_silhouettes(before, all, {.expected_px = 8});
+  EXPECT_GT(result.before_px, 0);
+  EXPECT_FALSE(result.better);
+  EXPECT_EQ(test::error_px(result.rig, truth_), test::error_px(before, truth_));
 }
 
 TEST_F(SilhouetteRefining, reports_too_few_silhouettes) {
