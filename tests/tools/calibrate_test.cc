@@ -13,9 +13,12 @@
 #include "base/core/error.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
+#include "calib/boards/board.h"
 #include "calibrate/calibrate_commands.h"
 #include "calibrate/calibration_images.h"
+#include "calibrate/colour_samples.h"
 #include "calibrate/rig_boards.h"
+#include "capture/segmentation/background.h"
 #include "common/console.h"
 #include "support/drawn_board.h"
 #include "support/message_of.h"
@@ -113,6 +116,31 @@ TEST_F(RigImages, at_an_interval_have_the_instants_of_their_time_stamps) {
     instants.push_back(instant);
   }
   EXPECT_THAT(instants, testing::ElementsAre(104, 106, 108, 110));
+}
+
+/// Saves plates of one grey value as the background of the cameras.
+void save_plates(const std::filesystem::path& folder, const Rig& rig, ImageSize size) {
+  Image plate(size, PixelFormat::kRGB8);
+  std::fill(plate.bytes.begin(), plate.bytes.end(), uint8_t{120});
+  const auto model = segmentation::learn_background({plate.view(), plate.view()});
+  for (const RigCamera& camera : rig) segmentation::save_background(folder, camera.name, model);
+}
+
+TEST(FloorPlaces, need_plates_of_the_size_of_the_calibration) {
+  const test::TemporaryFolder folder;
+  const take::TakePaths take{folder / "take"};
+  std::filesystem::create_directory(take.folder);
+  // The cameras look down at the floor from 1 m.
+  Rig rig = test::small_rig(4);
+  for (RigCamera& camera : rig) {
+    const RigidTransform up{Eigen::Matrix3d::Identity(), {0, 0, 1}};
+    camera.model = calib::with_pose(camera.model, camera.model.cam_from_world() * up.inverse());
+  }
+  save_plates(take.background(), rig, rig[0].model.size());
+  EXPECT_FALSE(floor_places(take.folder, rig, 0).empty());
+  save_plates(take.background(), rig, {128, 96});
+  EXPECT_THAT(test::message_of<InputError>([&] { floor_places(take.folder, rig, 0); }),
+              testing::HasSubstr("a: its plates are 128x96, but it was calibrated at 64x48"));
 }
 
 /// The exit status of `v3dctl calibrate WORDS`, which is interrupted before it begins.

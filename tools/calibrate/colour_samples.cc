@@ -258,9 +258,16 @@ std::vector<int> numbers_in(const Rig& rig, const Rig& recorded) {
 
 // --- floor
 
-Image plate_of(const segmentation::BackgroundModel& model) {
-  Image image(model.size, model.format);
-  std::ranges::transform(model.mean, image.bytes.begin(), [](float mean) {
+/// The background plate of a camera; empty where the take has none.
+std::optional<Image> plate_of(const take::TakePaths& take, const RigCamera& camera) {
+  const auto model = recorded::load_take_background(take, camera.name);
+  if (!model) return std::nullopt;
+  if (!(model->size == camera.model.size())) {
+    throw InputError(camera.name + ": its plates are " + format_size(model->size) +
+                     ", but it was calibrated at " + format_size(camera.model.size()));
+  }
+  Image image(model->size, model->format);
+  std::ranges::transform(model->mean, image.bytes.begin(), [](float mean) {
     return static_cast<uint8_t>(std::clamp(std::lround(mean), 0L, 255L));
   });
   return image;
@@ -316,8 +323,7 @@ std::vector<ColourSample> floor_places(const std::filesystem::path& take, const 
   std::vector<std::optional<Image>> plates;
   Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
   for (const RigCamera& camera : rig) {
-    const auto model = recorded::load_take_background(paths, camera.name);
-    plates.push_back(model ? std::optional(plate_of(*model)) : std::nullopt);
+    plates.push_back(plate_of(paths, camera));
     low = low.cwiseMin(camera.model.center().head<2>());
     high = high.cwiseMax(camera.model.center().head<2>());
   }

@@ -40,7 +40,8 @@ std::vector<calib::ColourSample> surface_places(const std::filesystem::path& tak
 /// Samples of places on the floor (z = 0) between the cameras, from the background plates.
 ///
 /// Empty where the take has no plates. Objects on the floor cause wrong samples, which fit_views()
-/// treats as outliers. Throws InputError where cameras are more than 200 m apart.
+/// treats as outliers. Throws InputError where cameras are more than 200 m apart, and for plates of
+/// another size than the images of the calibration.
 std::vector<calib::ColourSample> floor_places(const std::filesystem::path& take, const Rig& rig,
                                               int first_place);
 
