@@ -195,7 +195,14 @@ std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
 }
 
 recon::CompactFrame MeshFrames::read(int64_t frame) {
-  frames({frame, frame + 1});
+  const std::vector<int64_t>& all = reader_->pulses();
+  if (!std::ranges::binary_search(all, frame)) {
+    const std::string others = all.empty() ? "it has none"
+                                           : "it has " + std::to_string(all.size()) + " from " +
+                                                 std::to_string(all.front()) + " to " +
+                                                 std::to_string(all.back());
+    throw InputError(path_.string() + ": has no frame " + std::to_string(frame) + "; " + others);
+  }
   std::optional<recon::CompactFrame> read = reader_->read(frame);
   if (!read) {
     throw InputError(path_.string() + ": frame " + std::to_string(frame) +

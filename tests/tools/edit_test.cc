@@ -197,6 +197,12 @@ TEST_F(EditTake, has_a_skin_for_each_segment_where_surfaces_alternate) {
   EXPECT_EQ(skins[2].at("pulses"), (std::vector<int64_t>{4, 5}));
 }
 
+TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {
+  recorded::MeshFrames frames(take_);
+  EXPECT_EQ(test::message_of<InputError>([&] { frames.read(7); }),
+            (take_ / "motion.v3d").string() + ": has no frame 7; it has 6 from 0 to 5");
+}
+
 TEST_F(EditTake, needs_a_tracked_surface) {
   fs::remove(take::TakePaths{take_}.motion());
   EXPECT_THAT(test::message_of<InputError>([&] { read(); }),

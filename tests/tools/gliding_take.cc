@@ -12,13 +12,12 @@
 #include "tools/test_images.h"
 
 namespace v3d::test {
-namespace {
 
-std::string motion_file() {
+void write_gliding_motion(const std::filesystem::path& file, int first, int last) {
   const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
   codec::MotionSegment segment;
   for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
-  for (int pulse = 0; pulse < kGlidingPulses; ++pulse) {
+  for (int pulse = first; pulse < last; ++pulse) {
     segment.pulses.push_back(pulse);
     auto& places = segment.positions.emplace_back();
     for (const Eigen::Vector3f& p : person.vertices) {
@@ -29,10 +28,8 @@ std::string motion_file() {
   std::string bytes(header.begin(), header.end());
   const auto encoded = codec::MotionWriter({}).add(segment);
   bytes.append(encoded->bytes.begin(), encoded->bytes.end());
-  return bytes;
+  write_text(file, bytes);
 }
-
-}  // namespace
 
 void write_gliding_take(const std::filesystem::path& take, double rate_hz) {
   std::filesystem::create_directory(take);
@@ -44,7 +41,7 @@ void write_gliding_take(const std::filesystem::path& take, double rate_hz) {
   info.pulses = kGlidingPulses;
   for (const RigCamera& camera : rig) info.cameras.push_back(camera.name);
   io::throw_if_failed(take::save_take_info({take}, info));
-  write_text(take::TakePaths{take}.motion(), motion_file());
+  write_gliding_motion(take::TakePaths{take}.motion(), 0, kGlidingPulses);
 }
 
 }  // namespace v3d::test

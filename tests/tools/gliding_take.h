@@ -12,4 +12,7 @@ inline constexpr int kGlidingPulses = 6;
 /// Creates the folder. Vertices have no colours.
 void write_gliding_take(const std::filesystem::path& take, double rate_hz = 25);
 
+/// Writes a motion file of the same person at pulses first to last - 1.
+void write_gliding_motion(const std::filesystem::path& file, int first, int last);
+
 }  // namespace v3d::test

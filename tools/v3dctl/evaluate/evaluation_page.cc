@@ -220,9 +220,31 @@ std::string held_out_pictures(const EvaluationPage& page,
   return html;
 }
 
-std::string frames_text(const EvaluationPage& page, const std::vector<int64_t>& frames) {
-  std::string text = count_of(std::ssize(frames), "frame") + ", images of frame " +
-                     std::to_string(frames[frames.size() / 2]) + ".";
+/// The middle one of the frames that all columns have; empty without such a frame.
+std::optional<int64_t> shown_frame(const EvaluationPage& page) {
+  std::vector<int64_t> common = open_meshes(page.columns.front().evaluated).frames({});
+  for (const EvaluationColumn& column : page.columns) {
+    const std::vector<int64_t> frames = open_meshes(column.evaluated).frames({});
+    std::erase_if(common,
+                  [&](int64_t frame) { return !std::ranges::binary_search(frames, frame); });
+  }
+  if (common.empty()) return std::nullopt;
+  return common[common.size() / 2];
+}
+
+std::string images_of(const EvaluationPage& page, int64_t shown) {
+  const std::vector<recon::CompactFrame> meshes = meshes_of(page, shown);
+  std::string html;
+  const auto truth = page.truth.empty() ? std::nullopt : read_truth(page.truth, shown);
+  if (truth) html += error_section(page, meshes, *truth);
+  if (!page.held_out.empty()) html += held_out_pictures(page, meshes, shown);
+  return html;
+}
+
+std::string frames_text(const EvaluationPage& page, int64_t frames, std::optional<int64_t> shown) {
+  std::string text = count_of(frames, "frame");
+  text += shown ? ", images of frame " + std::to_string(*shown) + "."
+                : "; no images, because no frame is in all meshes.";
   if (!page.truth.empty()) text += " Distances are medians over the frames.";
   if (!page.held_out.empty()) text += " Measurements of cameras are means over the frames.";
   if (page.view_dependent) text += " Rendered in the colours for the viewpoint of the camera.";
@@ -260,15 +282,12 @@ std::vector<Image> error_renderings(const Mesh& mesh, const Mesh& truth) {
 std::string evaluation_html(const EvaluationPage& page) {
   const EvaluatedMeshes& first = page.columns.front().evaluated;
   const std::string name = take::load_take_info({first.take}).name;
-  const std::vector<int64_t> frames = open_meshes(first).frames({});
-  const int64_t shown = frames[frames.size() / 2];
-  const std::vector<recon::CompactFrame> meshes = meshes_of(page, shown);
+  const int64_t frames = std::ssize(open_meshes(first).frames({}));
+  const std::optional<int64_t> shown = shown_frame(page);
   std::string html = html_head("Evaluation of " + name) + "<h1>Evaluation of " +
-                     html_escaped(name) + "</h1>\n<p>" + frames_text(page, frames) + "</p>\n" +
-                     table(page);
-  const auto truth = page.truth.empty() ? std::nullopt : read_truth(page.truth, shown);
-  if (truth) html += error_section(page, meshes, *truth);
-  if (!page.held_out.empty()) html += held_out_pictures(page, meshes, shown);
+                     html_escaped(name) + "</h1>\n<p>" + frames_text(page, frames, shown) +
+                     "</p>\n" + table(page);
+  if (shown) html += images_of(page, *shown);
   return html + "</body></html>\n";
 }
 

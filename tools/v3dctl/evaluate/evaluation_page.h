@@ -31,7 +31,8 @@ struct EvaluationPage {
   int atlas_side = 0;  ///< as in HeldOutRequest
 };
 
-/// One HTML file that contains its images, those of the frame in the middle of the take.
+/// One HTML file that contains its images: of the middle one of the frames that all columns have,
+/// or none.
 std::string evaluation_html(const EvaluationPage& page);
 
 /// Scale of error colours: evenly spaced from 0 to kMaxErrorMm; greater errors have the last
