@@ -115,12 +115,26 @@ TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {
             "--export glb needs a tracked surface: run v3dctl track first");
 }
 
-class LearntSkeletonDeathTest : public testing::Test {
+class LearntSkeleton : public testing::Test {
  protected:
-  LearntSkeletonDeathTest() { test::write_gliding_take(folder_ / "take"); }
+  LearntSkeleton() { test::write_gliding_take(folder_ / "take"); }
+
+  TakeSkeleton learn(int performer) {
+    return learn_skeleton(
+        folder_ / "take", {}, performer, [](int64_t) {}, [] {});
+  }
 
   const test::TemporaryFolder folder_;
 };
+
+TEST_F(LearntSkeleton, is_not_that_of_another_performer_where_the_take_states_none) {
+  EXPECT_EQ(learn(1).structure.pulses.size(), size_t{test::kGlidingPulses});
+  EXPECT_EQ(test::message_of<InputError>([&] { learn(2); }),
+            "--performer 2: pulse 0 of " + (folder_ / "take").string() +
+                " does not state performers; expected a take after v3dctl performers");
+}
+
+using LearntSkeletonDeathTest = LearntSkeleton;
 
 TEST_F(LearntSkeletonDeathTest, is_given_up_after_an_interrupt) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");  // TBB has threads

@@ -41,9 +41,15 @@ void add_tracked(const fs::path& take, bool has_labels, TakeSkeleton& result) {
   result.skins = recon::learn_from_tracked(result.tracked, result.pulses, result.structure);
 }
 
-/// Keeps one performer of a frame whose vertices have labels.
-void keep_performer(recon::CompactFrame& frame, int performer) {
-  if (frame.performers.empty()) return;
+/// Keeps one performer of a frame whose vertices have labels. A frame without labels shows only
+/// performer 1, the largest component. Throws InputError for another one.
+void keep_performer(const fs::path& take, recon::CompactFrame& frame, int performer) {
+  if (frame.performers.empty()) {
+    if (performer == 1 || frame.mesh.triangles.empty()) return;
+    throw InputError("--performer " + std::to_string(performer) + ": pulse " +
+                     std::to_string(frame.pulse) + " of " + take.string() +
+                     " does not state performers; expected a take after v3dctl performers");
+  }
   frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
 }
 
@@ -65,7 +71,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   for (const int64_t pulse : result.pulses) {
     recon::CompactFrame frame = meshes.read(pulse);
     has_labels = has_labels || !frame.performers.empty();
-    keep_performer(frame, performer);
+    keep_performer(take, frame, performer);
     const Mesh mesh = checked_mesh(take, std::move(frame));
     const auto begin = std::chrono::steady_clock::now();
     const recon::ReebGraph graph = recon::reeb_graph(mesh);

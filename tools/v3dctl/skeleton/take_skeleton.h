@@ -25,9 +25,10 @@ struct TakeSkeleton {
 };
 
 /// Learns the skeleton of a reconstructed take, also from its motion.v3d where that exists.
-/// `performer`: whose, where vertices have labels; otherwise that of the largest component. Calls
-/// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
-/// without meshes, and where no pulse shows a body; std::runtime_error after an interrupt.
+/// `performer`: whose, where vertices have labels; otherwise 1, that of the largest component.
+/// Calls `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a
+/// take without meshes, for another performer than 1 where vertices have no labels, and where no
+/// pulse shows a body; std::runtime_error after an interrupt.
 TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
                             int performer, const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse);
