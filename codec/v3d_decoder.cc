@@ -89,7 +89,10 @@ v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t
     if (status == V3D_OK) fill_frame(*decoder);
     return status;
   };
-  return v3d::codec::with_memory(decode, V3D_OUT_OF_MEMORY);
+  const v3d_status status = v3d::codec::with_memory(decode, V3D_OUT_OF_MEMORY);
+  // The decoder may have released what the current frame points to.
+  if (status == V3D_OUT_OF_MEMORY) decoder->has_frame = false;
+  return status;
 }
 
 void v3d_decoder_want_views(v3d_decoder* decoder, int wanted) {

@@ -60,8 +60,9 @@ V3D_API v3d_decoder* v3d_decoder_new(void);
 /* Releases a decoder. NULL is allowed. */
 V3D_API void v3d_decoder_free(v3d_decoder* decoder);
 
-/* Decodes one compact frame. `bytes` are not needed after the call. Unless the result is V3D_OK,
- * the current frame does not change. Memory stays below 2 GB for any bytes. */
+/* Decodes one compact frame. `bytes` are not needed after the call. V3D_MALFORMED and
+ * V3D_NEEDS_REFERENCE leave the current frame as it is; after V3D_OUT_OF_MEMORY there is none until
+ * the next V3D_OK. Memory stays below 2 GB for any bytes. */
 V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
 
 /* Whether the next frames are decoded with the views of cameras that they have, which takes more
@@ -69,7 +70,7 @@ V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes
  * latest. Since version 2.3. */
 V3D_API void v3d_decoder_want_views(v3d_decoder* decoder, int wanted);
 
-/* The last decoded frame; NULL before the first. */
+/* The last decoded frame; NULL before the first, and after V3D_OUT_OF_MEMORY. */
 V3D_API const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);
 
 /* Motion files: surfaces of constant triangles whose vertices move. Since version 2.2. */

@@ -154,6 +154,16 @@ class Photographs(unittest.TestCase):
                 rig.Photographs(str(self.folder)).cameras()
 
 
+class Memory(unittest.TestCase):
+    def test_that_is_exhausted_is_not_reported_as_damage(self):
+        frames = decoder.FrameDecoder()
+        whole = frames._library
+        self.addCleanup(setattr, frames, "_library", whole)
+        frames._library = types.SimpleNamespace(v3d_decoder_decode=lambda *_: decoder.OUT_OF_MEMORY)
+        with self.assertRaisesRegex(DecoderError, "^memory is exhausted$"):
+            frames.decode(b"")
+
+
 class Lengths(unittest.TestCase):
     """Lengths of a library that are impossible are rejected before their data is read."""
 

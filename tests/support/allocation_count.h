@@ -1,4 +1,5 @@
-// Counter of the allocations of a test program, which is linked with v3d_test_allocations.
+// Counter of the allocations of a test program, which is linked with v3d_test_allocations, and
+// exhausted memory.
 #pragma once
 
 #include <cstdint>
@@ -7,5 +8,7 @@ namespace v3d::test {
 
 /// Number of calls of operator new since the program started, by all threads.
 int64_t allocations();
+/// Makes the `n`-th next call of operator new throw std::bad_alloc, and no other; 0: none.
+void fail_allocation(int64_t n);
 
 }  // namespace v3d::test

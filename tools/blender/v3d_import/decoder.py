@@ -137,8 +137,11 @@ class FrameDecoder:
             self._library.v3d_decoder_free(self._handle)
 
     def decode(self, data):
-        """Decodes the next frame, bytes; returns a status."""
-        return self._library.v3d_decoder_decode(self._handle, data, len(data))
+        """Decodes the next frame, bytes; returns OK, NEEDS_REFERENCE or another status of damage."""
+        status = self._library.v3d_decoder_decode(self._handle, data, len(data))
+        if status == OUT_OF_MEMORY:
+            raise DecoderError("memory is exhausted")
+        return status
 
     def surface(self):
         """The last decoded frame."""
