@@ -294,6 +294,16 @@ TEST_F(VolumeExportTake, names_no_sound_where_none_is_in_step_with_the_pulses) {
   EXPECT_FALSE(manifest().contains("sound"));
 }
 
+TEST_F(VolumeExportTake, is_written_with_a_line_that_names_the_pulses_without_a_surface) {
+  take::TakeInfo info = take::load_take_info({take_});
+  info.pulses = kPulses + 2;
+  io::throw_if_failed(take::save_take_info({take_}, info));
+  testing::internal::CaptureStderr();
+  exported({1, kPulses + 1});
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("v3dctl: left out, because they have no surface: 1 pulse (5)\n"));
+}
+
 TEST_F(VolumeExportTake, contains_the_pulses_of_the_range) {
   exported({1, 4});
   EXPECT_EQ(manifest()["first_pulse"], 1);

@@ -129,13 +129,15 @@ int run(const Arguments& arguments) {
   const Compression compression = parse_compression(arguments.compression);
   check_options(format, compression, arguments.view_dependent, arguments.atlas_side > 0);
   recorded::MeshFrames meshes = open_meshes(arguments.take, arguments.proxy);
-  const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
+  const take::FrameRange range = parse_frame_range(arguments.frames);
+  const std::vector<int64_t> frames = meshes.frames(range);
   const bool to_file = is_file(arguments, format, frames.size());
   std::error_code error;
   if (!to_file && !fs::create_directories(arguments.out, error) &&
       !fs::is_directory(arguments.out)) {
     throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
   }
+  report_missing_pulses(take::load_take_info({arguments.take}), range, frames);
   std::optional<TakeColours> colours;
   if (arguments.view_dependent) colours.emplace(arguments.take);
   std::optional<TexturePainter> painter;

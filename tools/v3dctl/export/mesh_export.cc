@@ -9,9 +9,11 @@
 #include <vector>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
 #include "common/ply_file.h"
+#include "v3dctl/options.h"
 
 namespace v3d::ctl {
 
@@ -194,6 +196,20 @@ int report_unfinished_meshes(const recorded::MeshFrames& meshes) {
   note("v3dctl: " + meshes.path().string() +
        ": has no index: it is truncated or not finished; frames may be missing");
   return kExitIncomplete;
+}
+
+void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,
+                           const std::vector<int64_t>& present) {
+  const int64_t end = std::min(range.end, std::max(info.pulses, present.back() + 1));
+  std::vector<std::string> missing;
+  for (int64_t pulse = range.begin; pulse < end; ++pulse) {
+    if (!std::binary_search(present.begin(), present.end(), pulse)) {
+      missing.push_back(std::to_string(pulse));
+    }
+  }
+  if (missing.empty()) return;
+  note("v3dctl: left out, because they have no surface: " + count_of(std::ssize(missing), "pulse") +
+       " (" + join_names(missing) + ")");
 }
 
 TakeColours::TakeColours(const fs::path& take)

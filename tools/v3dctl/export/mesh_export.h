@@ -101,6 +101,11 @@ const std::filesystem::path& require_raw_frames(const std::filesystem::path& tak
 /// Reports on stderr when the file of `meshes` has no index. Returns kExitDone or kExitIncomplete.
 int report_unfinished_meshes(const recorded::MeshFrames& meshes);
 
+/// Names the pulses of `range` without a surface in a line on stderr. `present`: those with one,
+/// ascending; at least one.
+void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,
+                           const std::vector<int64_t>& present);
+
 // Vertex colours of reconstructed frames in each camera, from the raw frames of the take.
 
 /// One thread; uses several processors.

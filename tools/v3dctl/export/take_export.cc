@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "base/core/error.h"
-#include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
 #include "common/partial_folder.h"
@@ -23,21 +22,6 @@ namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// One line for the pulses of the range without a surface.
-void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,
-                           const std::vector<int64_t>& present) {
-  const int64_t end = std::min(range.end, std::max(info.pulses, present.back() + 1));
-  std::vector<std::string> missing;
-  for (int64_t pulse = range.begin; pulse < end; ++pulse) {
-    if (!std::binary_search(present.begin(), present.end(), pulse)) {
-      missing.push_back(std::to_string(pulse));
-    }
-  }
-  if (missing.empty()) return;
-  note("v3dctl: left out, because they have no mesh: " + count_of(std::ssize(missing), "pulse") +
-       " (" + join_names(missing) + ")");
-}
 
 bool is_training(TakeFormat format) {
   return format == TakeFormat::kColmap || format == TakeFormat::kNerfstudio;

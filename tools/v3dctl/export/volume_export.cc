@@ -78,6 +78,14 @@ std::vector<SegmentPlaces> places_in(const TrackedSurfaces& surfaces, take::Fram
   return segments;
 }
 
+std::vector<int64_t> pulses_of(const std::vector<SegmentPlaces>& segments) {
+  std::vector<int64_t> pulses;
+  for (const SegmentPlaces& segment : segments) {
+    for (const TrackedSurfaces::Place& place : segment) pulses.push_back(place.pulse);
+  }
+  return pulses;
+}
+
 std::vector<codec::VertexPosition> positions_of(const Mesh& mesh) {
   std::vector<codec::VertexPosition> positions;
   positions.reserve(mesh.vertices.size());
@@ -354,9 +362,7 @@ WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
                          TrackedSurfaces& surfaces, const std::vector<SegmentPlaces>& segments,
                          const take::TakeInfo& info, const take::TakeTimecode& timecodes) {
   const DeliverySound sound(request.take, folder, span_of(segments), info.rate_hz);
-  int64_t pulses = 0;
-  for (const SegmentPlaces& segment : segments) pulses += std::ssize(segment);
-  Progress progress("export", pulses);
+  Progress progress("export", std::ssize(pulses_of(segments)));
   VolumeWriter writer(request, folder, surfaces, segments, info, timecodes, sound.file());
   WrittenParts parts;
   parts.has_sound = !sound.is_silent();
@@ -382,6 +388,7 @@ int export_volume(const VolumeExport& request) {
   if (segments.empty()) {
     throw InputError(paths.motion().string() + ": has no surface of the pulses of --frames");
   }
+  report_missing_pulses(info, request.frames, pulses_of(segments));
   if (const io::Status made = io::create_folders(fs::absolute(request.out).parent_path()); !made) {
     io::throw_input_error(made.error());
   }
