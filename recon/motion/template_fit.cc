@@ -55,6 +55,13 @@ void append_used(const std::vector<VertexTarget>& from, std::vector<VertexTarget
   }
 }
 
+/// A place counts for the residual when this many cameras see it: two, or 0 where no place has two,
+/// as with a single camera. Otherwise every template would fit such a pulse.
+int cameras_that_prove(std::span<const uint8_t> cameras) {
+  const bool any = std::ranges::any_of(cameras, [](uint8_t count) { return count >= 2; });
+  return any ? 2 : 0;
+}
+
 }  // namespace
 
 TemplateFit::TemplateFit(Mesh rest, const TrackingOptions& options)
@@ -208,8 +215,9 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
   }
   const NearestTriangle tree(moved_);
   std::vector<double> distances(samples.places.size(), -1);
+  const int enough = cameras_that_prove(seen);
   for_each_vertex(distances.size(), [&](size_t i) {
-    if (seen[i] < 2) return;
+    if (seen[i] < enough) return;
     const auto found = tree.find(samples.places[i].cast<double>());
     if (found) distances[i] = found->distance;
   });
@@ -237,8 +245,9 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
 /// Distances from the seen vertices of the template to the observed surface.
 std::vector<double> TemplateFit::seen_distances(const ObservedSurface& now) const {
   std::vector<double> distances(moved_.vertices.size(), -1);
+  const int enough = cameras_that_prove(visible_in_);
   for_each_vertex(distances.size(), [&](size_t v) {
-    if (visible_in_[v] >= 2) distances[v] = now.distance(moved_.vertices[v].cast<double>());
+    if (visible_in_[v] >= enough) distances[v] = now.distance(moved_.vertices[v].cast<double>());
   });
   std::erase_if(distances, [](double d) { return d < 0; });
   return distances;

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "recon/motion/template_surface.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d::recon {
@@ -106,6 +107,25 @@ TEST(TrackSegment, ends_where_the_template_does_not_explain_the_surface) {
   EXPECT_EQ(segment.pulses, (std::vector<int64_t>{0, 1, 2, 3, 4}));
   EXPECT_TRUE(segment.shares_last);
   EXPECT_GT(segment.residuals.back().far, small_options().max_far);
+}
+
+TEST(TrackSegment, ends_where_the_template_does_not_explain_the_surface_also_with_one_camera) {
+  const CameraModel model = shapes::camera({2, 0, 0}, {0, 0, 0}, {200, 150}, 250);
+  const PulseSource source = [&](size_t i) {
+    Mesh surface = body_at(static_cast<int>(i));
+    auto observed = std::make_shared<ObservedPulse>();
+    observed->pulse = static_cast<int64_t>(i);
+    observed->frames.frames = {
+        observe("cam", {}, draw_mesh(surface, model).view(), draw_silhouette(surface, model))};
+    if (i >= 4) shapes::append(surface, shapes::sphere({0, 0.7F, 0}, 0.2F, 20));
+    const DeformCamera camera{&model, &observed->frames.frames[0]};
+    observed->cameras = SurfaceCameras({&camera, 1}, surface, 0.01);
+    observed->surface = std::move(surface);
+    return observed;
+  };
+  const TrackedSegment segment = track_segment(source, 0, 1, 7, 7, small_options());
+  EXPECT_EQ(segment.pulses, (std::vector<int64_t>{0, 1, 2, 3, 4}));
+  EXPECT_GT(segment.residuals.front().median_m, 0);
 }
 
 TEST(TrackSegment, shows_the_first_pulse_of_the_next_segment_when_it_explains_it_or_not) {
