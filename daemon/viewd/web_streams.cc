@@ -80,35 +80,62 @@ class StudioStatus::Subscriber : public web::WebStream {
  public:
   explicit Subscriber(const StudioStatus& status) : status_(status) {}
 
+  /// On a slow link, a state or a preview is outdated before it is sent. So reports and events,
+  /// which are rare, precede them, and states and previews take turns.
   std::optional<web::WebMessage> next() override {
-    if (status_.state_item_.number > state_) {
-      state_ = status_.state_item_.number;
-      return web::WebMessage{.is_text = true, .bytes = status_.state_item_.text};
-    }
-    if (status_.report_.number > report_) {
-      report_ = status_.report_.number;
-      return web::WebMessage{.is_text = true, .bytes = status_.report_.text};
-    }
-    for (const Item& event : status_.events_) {
-      if (event.number <= event_) continue;
-      event_ = event.number;
-      return web::WebMessage{.is_text = true, .bytes = event.text};
-    }
-    for (const auto& [camera, preview] : status_.previews_) {
-      int64_t& last = previews_[camera];
-      if (preview.number <= last) continue;
-      last = preview.number;
-      return web::WebMessage{.is_text = false, .bytes = preview.text};
-    }
-    return {};
+    const bool is_first = state_ == 0;
+    auto message = is_first ? next_state() : std::nullopt;
+    if (!message) message = next_report();
+    if (!message) message = next_event();
+    if (!message && !state_was_last_) message = next_state();
+    if (!message) message = next_preview();
+    if (!message) message = next_state();
+    return message;
   }
 
  private:
+  std::optional<web::WebMessage> next_state() {
+    if (status_.state_item_.number <= state_) return {};
+    state_ = status_.state_item_.number;
+    state_was_last_ = true;
+    return web::WebMessage{.is_text = true, .bytes = status_.state_item_.text};
+  }
+
+  std::optional<web::WebMessage> next_report() {
+    if (status_.report_.number <= report_) return {};
+    report_ = status_.report_.number;
+    return web::WebMessage{.is_text = true, .bytes = status_.report_.text};
+  }
+
+  std::optional<web::WebMessage> next_event() {
+    const auto event = std::ranges::upper_bound(status_.events_, event_, {}, &Item::number);
+    if (event == status_.events_.end()) return {};
+    event_ = event->number;
+    return web::WebMessage{.is_text = true, .bytes = event->text};
+  }
+
+  /// Of the cameras with a new preview, the one whose last sent preview is the oldest.
+  std::optional<web::WebMessage> next_preview() {
+    const Item* next = nullptr;
+    int64_t* sent = nullptr;
+    for (const auto& [camera, preview] : status_.previews_) {
+      int64_t& last = previews_[camera];
+      if (preview.number <= last || (sent && *sent <= last)) continue;
+      next = &preview;
+      sent = &last;
+    }
+    if (!next) return {};
+    *sent = next->number;
+    state_was_last_ = false;
+    return web::WebMessage{.is_text = false, .bytes = next->text};
+  }
+
   const StudioStatus& status_;
   int64_t state_ = 0;
   int64_t report_ = 0;
   int64_t event_ = 0;
-  std::map<std::string, int64_t> previews_;
+  std::map<std::string, int64_t> previews_;  ///< number of the last one that was sent, by camera
+  bool state_was_last_ = false;              ///< no preview was sent since
 };
 
 StudioStatus::StudioStatus(const Studio& studio, const std::vector<std::string>& nodes,

@@ -70,7 +70,7 @@ class LiveFeed {
 // The current state of the studio for WebSocket clients: health, previews, events, last command.
 
 /// Holds only the last state, the last preview of each camera, and the last events. So a slow
-/// client gets the newest of each, and memory is bounded. One thread.
+/// client gets the newest of each, the cameras in turn, and memory is bounded. One thread.
 class StudioStatus {
  public:
   static constexpr size_t kEventsKept = 100;

@@ -425,68 +425,6 @@ TEST(LiveFeed, drops_messages_without_a_compact_frame) {
   EXPECT_FALSE(feed.subscribe()->next());
 }
 
-class StudioStatusTest : public testing::Test {
- protected:
-  static Studio studio() {
-    Studio studio;
-    studio.name = "dojo";
-    studio.cameras.emplace_back();
-    studio.cameras.back().name = "cam01";
-    studio.cameras.back().node = "cap01";
-    return studio;
-  }
-  static wire::HealthMessage health(const std::string& text) {
-    wire::HealthMessage message;
-    message.node = "cap01";
-    message.text = text;
-    return message;
-  }
-  static wire::PreviewMessage preview(const std::string& camera) {
-    wire::PreviewMessage message;
-    message.camera = camera;
-    message.jpeg = {1, 2, 3};
-    return message;
-  }
-  StudioStatus status_{studio(), {"cap01"}, ""};
-  const MonotonicInstant now_ = Monotonic::now();
-};
-
-TEST_F(StudioStatusTest, sends_a_slow_subscriber_only_the_newest_state) {
-  const auto subscriber = status_.subscribe();
-  for (const char* text : {"first", "second", "third"}) {
-    status_.on_health(health(text), now_);
-    status_.refresh(now_);
-  }
-  EXPECT_THAT(*subscriber->next()->bytes, HasSubstr("third"));
-  EXPECT_FALSE(subscriber->next());
-  status_.refresh(now_);
-  EXPECT_FALSE(subscriber->next()) << "nothing has changed";
-}
-
-TEST_F(StudioStatusTest, removes_a_silent_node) {
-  status_.on_health(health("here"), now_);
-  status_.refresh(now_);
-  status_.refresh(now_ + StudioStatus::kSilenceTimeout + std::chrono::seconds(1));
-  EXPECT_THAT(*status_.subscribe()->next()->bytes, HasSubstr("\"heard\":false"));
-}
-
-TEST_F(StudioStatusTest, keeps_the_last_events_and_the_last_preview_of_each_camera) {
-  for (int i = 0; i < 500; ++i) {
-    wire::EventMessage event;
-    event.text = "event " + std::to_string(i) + ".";
-    status_.on_event(event);
-    status_.on_preview(preview("cam01"));
-    status_.on_preview(preview("stranger"));
-  }
-  status_.refresh(now_);
-  const auto subscriber = status_.subscribe();
-  subscriber->next();  // the state
-  EXPECT_THAT(*subscriber->next()->bytes, HasSubstr("event 400."));
-  size_t messages = 1;
-  while (const auto message = subscriber->next()) ++messages;
-  EXPECT_EQ(messages, StudioStatus::kEventsKept + 1) << "and one preview, of the known camera";
-}
-
 TEST(TakesJson, replaces_bytes_of_a_slate_that_are_not_utf8) {
   take::TakeListing take;
   take.info.rate_hz = 25;
