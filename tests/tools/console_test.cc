@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdlib>
 
 namespace v3d::ctl {
 namespace {
@@ -27,6 +29,27 @@ TEST(Progress, prints_a_line_for_every_tenth_when_there_is_no_terminal) {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 10);
   EXPECT_NE(text.find("import 100 of 100 frames\n"), std::string::npos);
   EXPECT_EQ(text.find('\r'), std::string::npos);
+}
+
+TEST(Interrupts, include_the_end_of_the_terminal) {
+  EXPECT_EXIT(
+      {
+        catch_interrupts();
+        std::raise(SIGHUP);
+        std::exit(interrupted() ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "");
+}
+
+TEST(Interrupts, exclude_the_end_of_the_terminal_after_nohup) {
+  EXPECT_EXIT(
+      {
+        std::signal(SIGHUP, SIG_IGN);
+        catch_interrupts();
+        std::raise(SIGHUP);
+        std::exit(interrupted() ? 1 : 0);
+      },
+      testing::ExitedWithCode(0), "");
 }
 
 }  // namespace

@@ -107,6 +107,9 @@ void catch_interrupts() {
   action.sa_handler = set_interrupted;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // ignored after nohup
 }
 
 bool interrupted() { return g_interrupted; }

@@ -82,10 +82,10 @@ namespace v3d::ctl {
 
 // Signals and host name of this process.
 
-/// Installs handlers of SIGINT and SIGTERM that only set a flag. Long work then checks the flag
-/// after each frame and removes its temporary files before it ends.
+/// Installs handlers of SIGINT, SIGTERM and, unless it is ignored, SIGHUP that only set a flag.
+/// Long work then checks the flag after each frame and removes its temporary files before it ends.
 void catch_interrupts();
-/// Whether one of the two signals has arrived since catch_interrupts(). Thread-safe.
+/// Whether one of these signals has arrived since catch_interrupts(). Thread-safe.
 bool interrupted();
 /// Throws std::runtime_error("interrupted") if interrupted().
 void stop_if_interrupted();

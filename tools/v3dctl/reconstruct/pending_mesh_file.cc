@@ -2,6 +2,10 @@
 
 #include <unistd.h>
 
+#include <cerrno>
+#include <charconv>
+#include <csignal>
+#include <string_view>
 #include <system_error>
 
 #include "base/core/error.h"
@@ -17,14 +21,48 @@ void sync_folder_of(const fs::path& path) {
   io::throw_if_failed(io::sync_folder(fs::absolute(path).parent_path()));
 }
 
+constexpr char kPartial[] = ".partial-";
+
+/// A hidden name, because the file is no file of the take yet (take::take_file_names()).
+fs::path partial_path(const fs::path& path) {
+  return path.parent_path() / ("." + path.filename().string() + kPartial + process_suffix());
+}
+
+/// True when no other process can be writing this partial file: its process of this host has ended.
+/// Of the processes of other hosts, nothing is known.
+bool is_abandoned(const std::string& name, const std::string& prefix) {
+  if (!name.starts_with(prefix)) return false;
+  const std::string_view digits = std::string_view(name).substr(prefix.size());
+  pid_t process = 0;
+  const auto parsed = std::from_chars(digits.begin(), digits.end(), process);
+  if (parsed.ec != std::errc() || parsed.ptr != digits.end() || process <= 0) return false;
+  return process == getpid() || (kill(process, 0) != 0 && errno == ESRCH);
+}
+
+/// Removes the partial files of `path` that killed processes of this host left behind. Ignores
+/// errors: such a file takes only space.
+void remove_abandoned(const fs::path& path) {
+  const std::string prefix = "." + path.filename().string() + kPartial + host_name() + "-";
+  std::error_code ignored;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(fs::absolute(path).parent_path(), ignored)) {
+    if (!is_abandoned(entry.path().filename(), prefix)) continue;
+    fs::remove(entry.path(), ignored);
+  }
+}
+
+/// Requires that no other object of this process has the same path.
+fs::path new_partial_path(const fs::path& path) {
+  remove_abandoned(path);
+  return partial_path(path);
+}
+
 }  // namespace
 
 std::string process_suffix() { return host_name() + "-" + std::to_string(getpid()); }
 
 PendingMeshFile::PendingMeshFile(const fs::path& path)
-    : path_(path),
-      temporary_path_(path.string() + ".partial-" + process_suffix()),
-      file_(temporary_path_) {}
+    : path_(path), temporary_path_(new_partial_path(path)), file_(temporary_path_) {}
 
 PendingMeshFile::~PendingMeshFile() {
   std::error_code ignored;

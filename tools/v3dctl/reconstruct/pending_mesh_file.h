@@ -12,11 +12,12 @@
 
 namespace v3d::ctl {
 
-/// Mesh file with a temporary name until finish(). The destructor removes an unfinished file. One
-/// thread.
+/// Mesh file with a hidden temporary name until finish(), `.mesh.v3d.partial-<host>-<process>`. The
+/// destructor removes an unfinished file. One thread.
 class PendingMeshFile {
  public:
-  /// `path`: the final path. Throws InputError when the file cannot be created.
+  /// `path`: the final path. Removes the unfinished files that killed processes of this host left
+  /// behind. Throws InputError when the file cannot be created.
   explicit PendingMeshFile(const std::filesystem::path& path);
   ~PendingMeshFile();
   PendingMeshFile(const PendingMeshFile&) = delete;

@@ -185,8 +185,12 @@ class Collector {
     reject_other_files(source, from, part);
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
-    std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
-                                        "--exclude=/.shards-*", "--exclude=/.*.lock"};
+    std::vector<std::string> options = {"--inplace",
+                                        "--no-whole-file",
+                                        "--exclude=/verified.toml",
+                                        "--exclude=/.shards-*",
+                                        "--exclude=/.*.partial-*",
+                                        "--exclude=/.*.lock"};
     if (on_terminal()) options.emplace_back("--info=progress2");
     copy(source, options, from, part);
     return part;

@@ -1,0 +1,58 @@
+#include "v3dctl/reconstruct/pending_mesh_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/io/file.h"
+#include "common/console.h"
+#include "support/temporary_folder.h"
+#include "take/take_files.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::ElementsAre;
+
+/// The number of a process that has ended.
+pid_t ended_process() {
+  const pid_t child = fork();
+  if (child == 0) _exit(0);
+  waitpid(child, nullptr, 0);
+  return child;
+}
+
+class PendingMeshFiles : public testing::Test {
+ protected:
+  /// The file of another process.
+  std::filesystem::path make_partial(const std::string& host, pid_t process) const {
+    const auto path = folder_ / (".mesh.v3d.partial-" + host + "-" + std::to_string(process));
+    replace_file(path, "partial");
+    return path;
+  }
+
+  const test::TemporaryFolder folder_;
+  const take::TakePaths take_{folder_.path()};
+};
+
+TEST_F(PendingMeshFiles, are_no_file_of_the_take_until_they_are_finished) {
+  PendingMeshFile file(take_.mesh());
+  file.append(0, {1, 2, 3});
+  EXPECT_THAT(take_file_names(take_).value(), ElementsAre());
+  file.finish();
+  EXPECT_THAT(take_file_names(take_).value(), ElementsAre("mesh.v3d"));
+}
+
+TEST_F(PendingMeshFiles, of_processes_that_were_killed_are_removed) {
+  const auto killed = make_partial(host_name(), ended_process());
+  const auto running = make_partial(host_name(), getppid());
+  const auto elsewhere = make_partial("other-" + host_name(), ended_process());
+  PendingMeshFile file(take_.mesh());
+  EXPECT_FALSE(file_exists(killed));
+  EXPECT_TRUE(file_exists(running));
+  EXPECT_TRUE(file_exists(elsewhere)) << "this host knows no processes of another one";
+}
+
+}  // namespace
+}  // namespace v3d::ctl
