@@ -83,16 +83,22 @@ export class SoundSource {
   /** Samples [first, end), silent before and after the file. */
   async read(first: number, end: number): Promise<Stereo> {
     const { channels, audible, samples } = this.file;
-    this.offset ??= this.source.read(0, HEAD_BYTES).then((head) => dataOffset(head, channels));
+    const offset = (this.offset ??= this.readOffset());
     const size = BYTES * channels;
     const stereo = { left: new Float32Array(end - first), right: new Float32Array(end - first) };
     const begin = Math.max(0, first);
     const count = Math.min(end, samples) - begin;
     if (count <= 0) return stereo;
-    const inside = stereoOf(await this.source.read((await this.offset) + begin * size, count * size), channels, audible);
+    const inside = stereoOf(await this.source.read((await offset) + begin * size, count * size), channels, audible);
     stereo.left.set(inside.left, begin - first);
     stereo.right.set(inside.right, begin - first);
     return stereo;
+  }
+
+  private readOffset(): Promise<number> {
+    const offset = this.source.read(0, HEAD_BYTES).then((head) => dataOffset(head, this.file.channels));
+    offset.catch(() => (this.offset = null)); // the next call reads it again
+    return offset;
   }
 }
 

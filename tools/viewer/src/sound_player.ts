@@ -141,6 +141,8 @@ export class SoundPlayer {
     const buffer = known ?? this.read(this.sources[n], part);
     this.parts.delete(key);
     this.parts.set(key, buffer);
+    // After a failure, the next use of the part reads it again.
+    void buffer.then((read) => read === null && this.parts.get(key) === buffer && this.parts.delete(key));
     if (this.parts.size > MAX_PARTS) this.parts.delete(this.parts.keys().next().value!);
     return buffer;
   }

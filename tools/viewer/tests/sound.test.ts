@@ -78,6 +78,15 @@ describe('a sound file', () => {
     expect([...(await source.read(9, 11)).left]).toEqual([0, 0]);
     expect(bytes.requests).toBe(3); // the header once
   });
+  it('is read again after a request for its header has failed', async () => {
+    const bytes = new Bytes(wave(1, [1048576]));
+    const source = new SoundSource(FILE, bytes);
+    const { read } = bytes;
+    bytes.read = async () => { throw new Error('The server answered 503.'); };
+    await expect(source.read(0, 1)).rejects.toThrow('503');
+    bytes.read = read;
+    expect([...(await source.read(0, 1)).left]).toEqual([0.125]);
+  });
   it('is rejected when it has another format', () => {
     expect(() => dataOffset(new Uint8Array(100), 1)).toThrowError('is no WAV file');
     expect(() => dataOffset(wave(2, []), 1)).toThrowError('has other channels than the ledger');
