@@ -1,5 +1,5 @@
-import { describe, expect, it } from 'vitest';
-import type { ByteSource } from '../player/src/byte_source';
+import { describe, expect, it, vi } from 'vitest';
+import { type ByteSource, HttpSource } from '../player/src/byte_source';
 import { crc32 } from '../player/src/crc32';
 import { entryAt, FrameStore, keyPulseOf, readEntries } from '../player/src/mesh_file';
 
@@ -139,10 +139,20 @@ describe('frames and pulses', () => {
       new DataView(compact.buffer).setBigInt64(40, 25n, true);
       return compact;
     };
-    expect(() => keyPulseOf(frame(0, 200))).toThrow('v3dctl reconstruct');
     expect(() => keyPulseOf(ofVersion(1))).toThrow('v3dctl reconstruct');
     expect(keyPulseOf(ofVersion(2))).toBe(25);
     expect(keyPulseOf(ofVersion(3))).toBe(25);
     expect(() => keyPulseOf(ofVersion(5))).toThrow('update V3D');
+  });
+
+  it('that are none are reported as a damaged file or a replaced one', () => {
+    expect(() => keyPulseOf(frame(0, 200))).toThrow('damaged, or the file was replaced on the server');
+    expect(() => keyPulseOf(new Uint8Array(100))).toThrow('damaged, or the file was replaced on the server');
+  });
+
+  it('beyond the end of a file that became shorter are reported as those of a replaced file', async () => {
+    vi.stubGlobal('fetch', async () => new Response(null, { status: 416 }));
+    await expect(new HttpSource('mesh.v3d').read(9000, 10)).rejects.toThrow('shorter than before');
+    vi.unstubAllGlobals();
   });
 });

@@ -67,6 +67,7 @@ export class HttpSource implements ByteSource {
   read(first: number, size: number): Promise<Uint8Array> {
     const range = `bytes=${first}-${first + size - 1}`;
     return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (answer) => {
+      if (answer.status === 416) throw new Error('The file on the server is shorter than before: it was replaced; open it again.');
       if (answer.status !== 206) throw new Error(`The server answered ${answer.status} instead of 206 (partial content).`);
       return bodyOf(answer, size);
     });

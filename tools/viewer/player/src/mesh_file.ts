@@ -129,7 +129,10 @@ async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> 
 
 /** Pulse of the key frame at which decoding of a compact frame must start. */
 export function keyPulseOf(frame: Uint8Array): number {
-  const version = frame.length < 128 || magic(frame, 0) !== 'V3DF' ? 0 : view(frame).getUint16(8, true);
+  if (frame.length < 128 || magic(frame, 0) !== 'V3DF') {
+    throw new Error('This mesh is damaged, or the file was replaced on the server since it was opened; open it again.');
+  }
+  const version = view(frame).getUint16(8, true);
   if (version < 2) throw new Error('These meshes are of an older version; run v3dctl reconstruct again.');
   if (version > 4) throw new Error('These meshes are of a newer version than this page; update V3D.');
   return number64(view(frame), 40);
