@@ -253,7 +253,8 @@ std::optional<Shard::Setup> ReconNode::shard_setup(const wire::CommandMessage& c
                       .node = node_,
                       .rate_hz = command.rate_hz > 0 ? command.rate_hz : studio_.trigger.rate_hz,
                       .joins_late = joins_late,
-                      .frame_groups = bus_.frame_groups()};
+                      .frame_groups = bus_.frame_groups(),
+                      .deadline = from_seconds(studio_.reconstruction.deadline_ms * 1e-3)};
 }
 
 void ReconNode::learn(const wire::CommandMessage& command) {

@@ -168,6 +168,7 @@ void ReconPipeline::record_pulses() {
       continue;
     }
     plausible_.add(pulse->pulse, now);
+    if (shared_) shared_->on_pulse(pulse->pulse);
     const std::lock_guard lock(mutex_);
     edges_[pulse->pulse] = pulse->edge;
     if (edges_.size() > kMaxEdges) edges_.erase(edges_.begin());

@@ -42,6 +42,7 @@ void Shard::advance(MonotonicInstant now) {
   now_ = clock_.update(now);
   update_frame_groups();
   if (!reorder_) return;
+  record_announced();
   check_held_sets();
   order_meshes();
   publish();
@@ -54,7 +55,8 @@ void Shard::join_after(int64_t pulse) {
   plausible_.add(first_, instant_);
 }
 
-// --- frame groups -------------------------------------------------------------------------------
+// --- frame groups
+// -------------------------------------------------------------------------------
 
 void Shard::update_frame_groups() {
   if (setup_.frame_groups == 1) return;
@@ -70,16 +72,18 @@ void Shard::update_frame_groups() {
   groups_ = std::move(wanted);
 }
 
-/// Is this the first set of a group that was joined while its frames were being sent?
+/// Is this the first set of a group that was joined while its frames were being
+/// sent?
 bool Shard::may_be_truncated(const recon::ReadySet& set) {
   const size_t group = bus::FrameNumbers::group_of(set.set.pulse, setup_.frame_groups);
   return new_groups_.erase(group) > 0 && !set.missing.empty();
 }
 
-// --- known pulses -------------------------------------------------------------------------------
+// --- known pulses
+// -------------------------------------------------------------------------------
 
-/// False for a pulse that is too far ahead: it would make all further ones late. The first one of a
-/// node that joins late may be any pulse of a take.
+/// False for a pulse that is too far ahead: it would make all further ones
+/// late. The first one of a node that joins late may be any pulse of a take.
 bool Shard::accept_pulse(int64_t pulse) {
   if (!plausible_.contains(pulse, instant_) || (!reorder_ && pulse >= take::kMaxPulses)) {
     ++counts_.implausible;
@@ -93,6 +97,26 @@ void Shard::record_known(int64_t pulse) {
   if (known_.empty() || pulse > known_.back().first) known_.emplace_back(pulse, now_);
 }
 
+void Shard::on_pulse(int64_t pulse) {
+  if (!reorder_ || pulse < reorder_->next() || !plausible_.contains(pulse, instant_)) return;
+  if (announced_.empty() || pulse > announced_.back().first) announced_.emplace_back(pulse, now_);
+}
+
+/// A pulse of the trigger becomes known when its set had the time to be
+/// assembled. Before, no node reports it as pending, and it would count as
+/// lost.
+void Shard::record_announced() {
+  const Duration before = now_ - setup_.deadline - kLossTimeout;
+  while (!announced_.empty()) {
+    const auto [pulse, since] = announced_.front();
+    if (pulse >= reorder_->next()) {
+      if (since > before) return;
+      record_known(pulse);
+    }
+    announced_.pop_front();
+  }
+}
+
 /// When this pulse, or a later one, became known.
 std::optional<Duration> Shard::known_since(int64_t pulse) const {
   for (const auto& [newest, since] : known_) {
@@ -101,7 +125,8 @@ std::optional<Duration> Shard::known_since(int64_t pulse) const {
   return std::nullopt;
 }
 
-// --- sets ---------------------------------------------------------------------------------------
+// --- sets
+// ---------------------------------------------------------------------------------------
 
 void Shard::on_set(recon::ReadySet set) {
   const int64_t pulse = set.set.pulse;
@@ -147,8 +172,9 @@ void Shard::check_held_sets() {
   }
 }
 
-/// True when this node owns the pulse, or when the owner reports it as made and the mesh does not
-/// arrive. Nodes that lack it then wait in turn, by rank: usually the first one's mesh serves all.
+/// True when this node owns the pulse, or when the owner reports it as made and
+/// the mesh does not arrive. Nodes that lack it then wait in turn, by rank:
+/// usually the first one's mesh serves all.
 bool Shard::should_make(int64_t pulse, Held& held) {
   const size_t owner = members_.owner(pulse, now_);
   if (owner == self_) {
@@ -186,7 +212,8 @@ void Shard::give_up(int64_t pulse) {
   if (given_up_.size() > kMaxGivenUp) given_up_.pop_front();
 }
 
-// --- meshes -------------------------------------------------------------------------------------
+// --- meshes
+// -------------------------------------------------------------------------------------
 
 void Shard::on_status(const wire::ShardMessage& status) {
   if (status.take == setup_.take) members_.on_status(status, now_);
@@ -258,7 +285,8 @@ void Shard::skip(int64_t pulse) {
   if (held != held_.end()) release(held);
 }
 
-// --- publishing ---------------------------------------------------------------------------------
+// --- publishing
+// ---------------------------------------------------------------------------------
 
 void Shard::publish() {
   while (!unpublished_.empty()) {
@@ -276,8 +304,9 @@ void Shard::publish() {
   }
 }
 
-/// A node that joined late waits until the previous publisher has published everything before
-/// first_, so that no pulse is omitted. It waits at most kLossTimeout.
+/// A node that joined late waits until the previous publisher has published
+/// everything before first_, so that no pulse is omitted. It waits at most
+/// kLossTimeout.
 bool Shard::may_start_publishing(const Unpublished& front) const {
   if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= kLossTimeout) return true;
   const size_t before = members_.publisher(first_ - 1, now_);
@@ -286,15 +315,19 @@ bool Shard::may_start_publishing(const Unpublished& front) const {
   return status.ordered >= first_ - 1 && published_ >= status.shown;
 }
 
-// --- status and counts --------------------------------------------------------------------------
+// --- status and counts
+// --------------------------------------------------------------------------
 
 wire::ShardMessage Shard::status() const {
   wire::ShardMessage status;
   status.take = setup_.take;
   status.node = setup_.node;
   status.first = first_;
-  status.done = own_pulses_.empty() ? newest_set_ : *own_pulses_.begin() - 1;
   status.ordered = reorder_ ? reorder_->next() - 1 : -1;
+  // A pulse that this node has skipped is done, too: the others need not wait
+  // for it.
+  status.done =
+      own_pulses_.empty() ? std::max(newest_set_, status.ordered) : *own_pulses_.begin() - 1;
   status.shown = published_;
   status.given_up.assign(given_up_.begin(), given_up_.end());
   return status;
@@ -309,7 +342,10 @@ ShardCounts Shard::counts() const {
 bool Shard::is_settled() const {
   if (!reorder_) return true;
   const bool all_ordered = known_.empty() || reorder_->next() > known_.back().first;
-  return own_pulses_.empty() && held_.empty() && all_ordered && unpublished_.empty();
+  const bool all_announced_ordered =
+      announced_.empty() || reorder_->next() > announced_.back().first;
+  return own_pulses_.empty() && held_.empty() && all_ordered && all_announced_ordered &&
+         unpublished_.empty();
 }
 
 }  // namespace v3d::recond

@@ -67,11 +67,16 @@ class Shard {
     double rate_hz = 25;
     bool joins_late = false;  ///< the take runs already
     size_t frame_groups = 1;  ///< number of groups (channel_list.h)
+    /// The longest time from a pulse until its set is assembled here.
+    Duration deadline = std::chrono::milliseconds(200);
   };
   Shard(const Setup& setup, MonotonicInstant now);
 
   /// Sets the time to `now` and applies the rules. The on_..() functions use the last such time.
   void advance(MonotonicInstant now);
+  /// A pulse of the trigger. With frame groups, nothing else names a pulse of another node before
+  /// its mesh arrives.
+  void on_pulse(int64_t pulse);
   /// A frame set that was assembled here, by ascending pulse.
   void on_set(recon::ReadySet set);
   void on_status(const wire::ShardMessage& status);
@@ -124,6 +129,7 @@ class Shard {
   bool may_be_truncated(const recon::ReadySet& set);
   bool accept_pulse(int64_t pulse);
   void record_known(int64_t pulse);
+  void record_announced();
   std::optional<Duration> known_since(int64_t pulse) const;
   void hold(recon::ReadySet set);
   void release(std::map<int64_t, Held>::iterator held);
@@ -156,6 +162,8 @@ class Shard {
   std::set<int64_t> own_pulses_;  ///< handed out by take_work(), not finished
   std::deque<int64_t> given_up_;
   std::deque<std::pair<int64_t, Duration>> known_;  ///< newest known pulse, and since when
+  /// Pulses of the trigger, and since when, until they are ordered or known.
+  std::deque<std::pair<int64_t, Duration>> announced_;
   std::vector<recon::ReadySet> work_;
   std::vector<wire::MeshMessage> ordered_;
   std::vector<wire::MeshMessage> to_publish_;

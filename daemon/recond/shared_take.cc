@@ -86,6 +86,11 @@ void SharedTake::send_status() {
   bus_.publish_authenticated(wire::shard_channel(node_), encode(status));
 }
 
+void SharedTake::on_pulse(int64_t pulse) {
+  const std::lock_guard lock(mutex_);
+  shard_.on_pulse(pulse);
+}
+
 void SharedTake::add(recon::ReadySet set) {
   const std::lock_guard lock(mutex_);
   shard_.on_set(std::move(set));

@@ -34,6 +34,7 @@ class SharedTake {
   SharedTake(const SharedTake&) = delete;
   SharedTake& operator=(const SharedTake&) = delete;
 
+  void on_pulse(int64_t pulse);  ///< see Shard::on_pulse(). Any thread.
   /// A frame set that was assembled here, by ascending pulse. Any thread.
   void add(recon::ReadySet set);
   bool begin(int64_t pulse);  ///< see Shard::begin(). Any thread.

@@ -58,6 +58,7 @@ class SharedStudio {
   void pulse() {
     const size_t group = bus::FrameNumbers::group_of(pulses_, network_.groups);
     for (auto& node : nodes_) {
+      if (node) node->shard.on_pulse(pulses_);
       if (!node || !node->shard.frame_groups().contains(group)) continue;
       if (!happens(network_.frames_lost)) node->sets.push_back(pulses_);
     }

@@ -101,6 +101,73 @@ TEST(ShardInGroups, makes_no_mesh_of_a_set_truncated_by_joining) {
   EXPECT_EQ(work, (std::vector<int64_t>{6, 7})) << "5 is the first of its group";
 }
 
+/// Node 1 of two, after the mesh of its pulse 0. Pulse 1, of the other node, is the last one.
+class LastPulseOfAnotherNode : public testing::Test {
+ protected:
+  LastPulseOfAnotherNode() {
+    alive_.take = kTake;
+    alive_.node = "recon2";
+    alive_.first = 0;
+    run(milliseconds(50), 0);
+    recon::ReadySet set;
+    set.set.pulse = 0;
+    shard_.on_set(std::move(set));
+    run(milliseconds(50), 0);
+    shard_.on_own_mesh(mesh_of(0));
+    shard_.on_pulse(1);
+  }
+
+  static wire::MeshMessage mesh_of(int64_t pulse) {
+    wire::MeshMessage mesh;
+    mesh.take = kTake;
+    mesh.pulse = pulse;
+    return mesh;
+  }
+  /// Advances the time. The other node lives and has processed its sets up to pulse `done`.
+  void run(Duration time, int64_t done) {
+    alive_.done = done;
+    for (Duration passed{}; passed < time; passed += milliseconds(50)) {
+      now_ += milliseconds(50);
+      alive_.sent = from_ns<Realtime>(to_ns(now_));
+      shard_.on_status(alive_);
+      shard_.advance(now_);
+      for (const wire::MeshMessage& mesh : shard_.take_ordered()) file_.push_back(mesh.pulse);
+    }
+  }
+
+  MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
+  wire::ShardMessage alive_;
+  Shard shard_{{.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1", .frame_groups = 2},
+               now_};
+  std::vector<int64_t> file_;
+};
+
+TEST_F(LastPulseOfAnotherNode, is_waited_for_while_that_node_works_on_it) {
+  run(std::chrono::seconds(6), 0);
+  EXPECT_FALSE(shard_.is_settled());
+  shard_.on_mesh(mesh_of(1));
+  run(milliseconds(50), 1);
+  EXPECT_TRUE(shard_.is_settled());
+  EXPECT_EQ(file_, range(0, 2));
+}
+
+TEST_F(LastPulseOfAnotherNode, is_reported_when_its_mesh_does_not_arrive) {
+  run(std::chrono::seconds(3), 1);
+  EXPECT_TRUE(shard_.is_settled());
+  EXPECT_EQ(shard_.without_mesh(), std::vector<int64_t>{1});
+}
+
+TEST(ShardInGroups, reports_a_last_pulse_without_frames_as_done) {
+  MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake, .roster = {"recon1"}, .node = "recon1"}, now);
+  shard.on_pulse(0);
+  shard.advance(now);
+  EXPECT_EQ(shard.status().done, -1);
+  for (int i = 0; i < 60; ++i) shard.advance(now += milliseconds(50));
+  EXPECT_EQ(shard.status().done, 0) << "the other nodes need not wait for it";
+  EXPECT_EQ(shard.without_mesh(), std::vector<int64_t>{0});
+}
+
 RC_GTEST_PROP(ShardInGroups, accounts_for_every_pulse_when_any_node_is_killed, ()) {
   const auto nodes = *rc::gen::inRange<size_t>(1, 5);
   Network network = any_network();
