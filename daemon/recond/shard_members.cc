@@ -35,8 +35,8 @@ bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
   if (found == roster_.end()) return false;
   const auto index = static_cast<size_t>(found - roster_.begin());
   Member& member = members_[index];
-  // The network may reorder messages.
-  const bool is_old = member.received && status.sent <= member.status.sent;
+  // The network may reorder messages. A node that was silent may have restarted with another clock.
+  const bool is_old = is_alive(index, now) && status.sent <= member.status.sent;
   if (index == self_ || is_old) return false;
   member.received = now;
   for (const int64_t pulse : status.given_up) {

@@ -59,7 +59,7 @@ class ShardMembers {
   ShardMembers(std::vector<std::string> roster, size_t self);
 
   /// Status of another node. Returns false, and ignores it, when it is of an unknown node or of
-  /// this one, or older than the last.
+  /// this one, or older than the last one of a node that is alive.
   bool on_status(const wire::ShardMessage& status, Duration now);
   /// This node takes part from `pulse` on.
   void join(int64_t pulse) { members_[self_].status.first = pulse; }

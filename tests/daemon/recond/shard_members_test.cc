@@ -69,6 +69,22 @@ RC_GTEST_PROP(ShardMembers, assigns_each_group_to_one_node_when_nodes_divide_gro
   RC_ASSERT(receivers == std::vector<int>(groups, 1));
 }
 
+TEST(ShardMembers, accept_a_node_that_restarted_with_an_earlier_clock) {
+  using std::chrono::milliseconds;
+  ShardMembers members({"recon1", "recon2"}, 0);
+  const auto accepts = [&](int64_t sent_s, Duration now) {
+    wire::ShardMessage status;
+    status.node = "recon2";
+    status.sent = from_ns<Realtime>(sent_s * 1'000'000'000);
+    return members.on_status(status, now);
+  };
+  EXPECT_TRUE(accepts(100, {}));
+  EXPECT_FALSE(accepts(99, milliseconds(50))) << "the network has changed the order";
+  EXPECT_TRUE(accepts(40, milliseconds(2000)));
+  EXPECT_TRUE(members.is_alive(1, milliseconds(2000)));
+  EXPECT_FALSE(accepts(39, milliseconds(2050)));
+}
+
 TEST(ActiveTimeClock, excludes_time_in_which_the_process_was_stopped) {
   using std::chrono::milliseconds;
   ActiveTimeClock clock;
