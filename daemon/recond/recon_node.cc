@@ -179,6 +179,8 @@ void ReconNode::arm(const wire::CommandMessage& command) {
   if (command.verb == wire::CommandVerb::kCheck) return;  // nothing is reconstructed
   node::check_take_name(command.take);
   const take::TakePaths paths = node::take_paths(studio_, command.take);
+  // An earlier process that ended while the take was armed has left a file without meshes.
+  if (file_exists(paths.mesh())) remove_mesh_file_without_meshes(paths);
   if (file_exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }

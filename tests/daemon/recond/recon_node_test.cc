@@ -1,4 +1,5 @@
-// A reconstruction node whose disk fails when it closes the mesh file.
+// A reconstruction node whose disk fails when it closes the mesh file, and one that restarts while
+// a take is armed.
 #include "daemon/recond/recon_node.h"
 
 #include <gmock/gmock.h>
@@ -6,9 +7,11 @@
 
 #include <cerrno>
 
+#include "base/core/error.h"
 #include "support/child_process.h"
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
 #include "wire/messages.h"
 
 namespace v3d::recond {
@@ -89,6 +92,25 @@ TEST_F(ReconNodeOnBadDisk, reports_path_and_cause_in_an_event_when_it_is_disarme
   const auto event = events_.wait(Monotonic::now() + std::chrono::seconds(10));
   ASSERT_TRUE(event);
   EXPECT_THAT(event->text, StartsWith(expected_error()));
+}
+
+using ReconNodeAfterRestart = ReconNodeOnBadDisk;
+
+TEST_F(ReconNodeAfterRestart, arms_a_take_again_that_was_armed_without_a_mesh) {
+  const std::filesystem::path mesh = folder_ / "takes/kendo-07/mesh.v3d";
+  std::filesystem::create_directories(mesh.parent_path());
+  io::throw_if_failed(take::MeshFileWriter(mesh).close());  // as a daemon that is stopped leaves it
+  EXPECT_NO_THROW(node_.arm(order()));
+}
+
+TEST_F(ReconNodeAfterRestart, refuses_to_arm_a_take_with_a_mesh) {
+  const std::filesystem::path mesh = folder_ / "takes/kendo-07/mesh.v3d";
+  std::filesystem::create_directories(mesh.parent_path());
+  take::MeshFileWriter file(mesh);
+  io::throw_if_failed(file.append(0, std::vector<uint8_t>{1}));
+  io::throw_if_failed(file.close());
+  EXPECT_THROW(node_.arm(order()), InputError);
+  EXPECT_EQ(take::MeshFileReader(mesh).pulses().size(), 1U);
 }
 
 }  // namespace
