@@ -19,6 +19,10 @@ constexpr char kOversized[] =
     "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
     "version";
 
+/// A message that seems older raises a question: it is late, or the clock of its sender was set
+/// back or slewed. Then the times of pulses would be wrong by as much.
+constexpr Duration kSeemsOld = std::chrono::milliseconds(10);
+
 /// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
 constexpr int kMaxAnswers = 100;
 
@@ -164,7 +168,8 @@ bool MessageReceiver::may_be_recent(const SessionStamp& fragment, const Receiver
                                                  : filter_.is_recent(fragment, now);
 }
 
-/// Whether the session has proven that this complete message is recent. Otherwise asks it.
+/// Whether the session has proven that this complete message is recent. Otherwise asks it. Asks it
+/// again if the message seems old.
 bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& stamp,
                                 const wire::Signer& signer, const ReceiverTime& now) {
   if (!filter_.is_recent(stamp, now, signer)) {
@@ -173,9 +178,9 @@ bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& sta
     return false;
   }
   if (!kind.needs_answer || !can_answer(signer)) return true;
-  if (filter_.has_answered(stamp.session, signer)) return true;
-  ask(stamp, signer, now);
-  return false;
+  const bool has_answered = filter_.has_answered(stamp.session, signer);
+  if (!has_answered || filter_.age(stamp, now, signer) > kSeemsOld) ask(stamp, signer, now);
+  return has_answered;
 }
 
 /// The last checks of a complete message: not received, recent, and its signer may send it. Only
@@ -338,7 +343,8 @@ void MessageReceiver::register_frame_key(const ReceivedMessage& message, const w
   };
   const uint32_t id = frame_sessions_.announce(channels_.owner_of(message.channel),
                                                announced->session, *signer, now.monotonic, open);
-  frame_filter_.accept({id, announced->newest, stamp.sent}, now);
+  // Each announcement replaces the comparison of clocks: its own session has checked its time.
+  frame_filter_.accept({id, announced->newest, stamp.sent}, now, Duration::zero());
 }
 
 /// The key id in the signature of a message, when members are required. Does not verify the
@@ -388,9 +394,12 @@ void MessageReceiver::on_answer(const wire::SessionMessage& answer, std::span<co
                                 const SessionStamp& stamp, const ReceiverTime& now) {
   drop_old_questions();
   const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
-  if (!signer || !questions_.answers(answer.session, answer.nonce, now.monotonic, *signer)) return;
+  if (!signer) return;
+  const auto since_question =
+      questions_.answers(answer.session, answer.nonce, now.monotonic, *signer);
+  if (!since_question) return;
   filter_.accept({.session = answer.session, .sequence = answer.newest, .sent = stamp.sent}, now,
-                 *signer);
+                 *since_question, *signer);
   const Duration ahead = stamp.sent - now.realtime;
   if (std::chrono::abs(ahead) > SessionReplayFilter::kAhead)
     authenticator_.report(clocks_differ(ahead));

@@ -31,7 +31,8 @@ struct ReceivedMessage {
   /// is required. A process that restarts has another one.
   uint64_t session = 0;
   /// The least possible time since an accepted message was sent (SessionReplayFilter::age()). A
-  /// process that was stopped reads old messages when it continues.
+  /// process that was stopped reads old messages when it continues. Too large, by the step, if the
+  /// sender's clock was set back and its session has not answered since.
   Duration age{};
   /// When an accepted message was sent, by the clock of its sender. With `age`, it relates that
   /// clock to the one of this PC. Empty where no authentication is required.
@@ -79,7 +80,9 @@ struct SessionPort {
 ///
 /// When a session's time is not proven to be recent, the receiver drops its messages and sends it a
 /// question. If clocks differ, the messages before the answer are lost. The first health messages
-/// and pulses of every session are lost in the same way (ChannelKind::needs_answer).
+/// and pulses of every session are lost in the same way (ChannelKind::needs_answer). If later ones
+/// seem to be 10 ms old, they are returned, and the session is asked again: its clock may have been
+/// set back, and the answer compares the clocks anew.
 ///
 /// When no authentication is required, the checks of MAC and time are skipped. One thread; counts()
 /// may be called from any thread.

@@ -115,10 +115,13 @@ bool SessionReplayFilter::has_answered(uint32_t session, const wire::Signer& sig
 }
 
 void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime& now,
-                                 const wire::Signer& signer) {
+                                 Duration since_question, const wire::Signer& signer) {
   Session& session = find_or_add(newest, now, signer);
-  session.fast_sent = newest.sent;
-  session.fast_received = now.monotonic;
+  const Duration age = session.age(newest.sent, now.monotonic);
+  if (age <= Duration::zero() || age > since_question) {
+    session.fast_sent = newest.sent;
+    session.fast_received = now.monotonic;
+  }
   session.newest_sent = newest.sent;
   session.received_at = now.monotonic;
   if (std::exchange(session.has_answered, true)) return;
@@ -162,12 +165,14 @@ bool SessionQuestions::is_pending(uint32_t session, int64_t nonce, MonotonicInst
   return find(session, nonce, now, signer) != nullptr;
 }
 
-bool SessionQuestions::answers(uint32_t session, int64_t nonce, MonotonicInstant now,
-                               const wire::Signer& signer) {
+std::optional<Duration> SessionQuestions::answers(uint32_t session, int64_t nonce,
+                                                  MonotonicInstant now,
+                                                  const wire::Signer& signer) {
   const Question* const found = find(session, nonce, now, signer);
-  if (found == nullptr) return false;
+  if (found == nullptr) return std::nullopt;
+  const Duration since_question = now - found->first_asked;
   questions_[static_cast<size_t>(found - questions_.data())] = {};
-  return true;
+  return since_question;
 }
 
 }  // namespace v3d::bus

@@ -39,6 +39,10 @@ struct ReceiverTime {
 /// answered a question (SessionQuestions); the answer holds a new nonce, so it cannot be a
 /// recording. The caller passes it to accept().
 ///
+/// A message that seems old may be late, or its sender's clock was set back. An answer decides: the
+/// clock was set if the answer seems older than its question. Without an answer, all messages of
+/// the session would seem old until kDrift has made up for the step.
+///
 /// Messages that nodes act on need an answer of their session in any case (has_answered()). With a
 /// wall clock alone, recordings of that time would be accepted after a restart.
 ///
@@ -59,8 +63,8 @@ class SessionReplayFilter {
   static constexpr Duration kOldest = std::chrono::seconds(5);
   /// The largest lead of a sender's clock.
   static constexpr Duration kAhead = std::chrono::seconds(2);
-  /// The largest difference in rate of two clocks: crystals deviate by 100 ppm, NTP slews by 500
-  /// ppm.
+  /// The largest difference in rate of two clocks: crystals deviate by 100 ppm, and the kernel
+  /// slews by 500 ppm for NTP. A clock that is slewed faster, as chrony can, counts as set.
   static constexpr double kDrift = 1e-3;
 
   SessionReplayFilter() { sessions_.reserve(kMaxSessions); }
@@ -87,7 +91,13 @@ class SessionReplayFilter {
   /// Records that the session has answered a question with this signer. `newest.sent` is the
   /// session's current time, `newest.sequence` the number of its last message. After the first
   /// answer, messages up to that number count as received.
-  void accept(const SessionStamp& newest, const ReceiverTime& now, const wire::Signer& signer = {});
+  ///
+  /// `since_question`: the time since the question was sent first, the largest possible age of the
+  /// answer. An answer that seems older by the comparison of clocks until now, or younger than all
+  /// earlier messages, replaces this comparison. Otherwise the comparison stays: the answer is
+  /// late.
+  void accept(const SessionStamp& newest, const ReceiverTime& now, Duration since_question,
+              const wire::Signer& signer = {});
   /// Number of removed sessions. After a removal, answers to earlier questions must be ignored:
   /// they may be older than messages that were received.
   int64_t forgotten() const { return forgotten_; }
@@ -146,9 +156,10 @@ class SessionQuestions {
   /// Whether an answer of `signer` with this nonce matches a pending question.
   bool is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
                   const wire::Signer& signer = {}) const;
-  /// Whether this answer matches a pending question. Removes the question.
-  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now,
-               const wire::Signer& signer = {});
+  /// The time since the first sending of the pending question that this answer matches; empty if
+  /// it matches none. Removes the question.
+  std::optional<Duration> answers(uint32_t session, int64_t nonce, MonotonicInstant now,
+                                  const wire::Signer& signer = {});
 
  private:
   struct Question {

@@ -14,8 +14,9 @@ constexpr size_t kPulseQueue = 256;
 /// Without authentication: a pulse that is older than this, or in the future, was timed by a clock
 /// that differs from that of this PC.
 constexpr Duration kMaxNetworkDelay = std::chrono::milliseconds(200);
-/// Clocks that differ by less are synchronised: the least delay of a message is shorter.
-constexpr Duration kSynchronised = std::chrono::milliseconds(50);
+/// Clocks that differ by less are synchronised: the least delay of a message is shorter. Also the
+/// largest change of a clock that counts as no step (RealtimeFollower::kSlew).
+constexpr Duration kSynchronised = RealtimeFollower::kSlew;
 
 /// A lost message is noticed when the next one arrives. The last pulse has no next one, so its
 /// message is sent again.
@@ -57,7 +58,8 @@ capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::R
   if (!are_close(*in.sent, pulse.edge)) return unknown;
   const Duration compared = in.age + (*in.sent - pulse.edge);
   const bool agrees = ago && std::chrono::abs(*ago - compared) <= kSynchronised;
-  return edge(agrees ? *ago : compared);
+  if (agrees) return edge(*ago);
+  return in.age <= kSynchronised ? edge(compared) : unknown;
 }
 
 PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup setup)

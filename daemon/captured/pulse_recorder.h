@@ -27,8 +27,10 @@ namespace v3d::captured {
 /// (ReceivedMessage::age): their difference is known to the least delay of a message. Where that
 /// agrees with the time in the message, the clocks are synchronised, and the time in the message is
 /// exact, however late it is received. Where it does not agree, the compared time counts, up to
-/// some milliseconds late. Without authentication nothing is compared, and a pulse of the future or
-/// of more than 200 ms ago has no time (PulseEdge::is_timed).
+/// some milliseconds late. Where it does not agree and the message seems to be more than 50 ms old,
+/// it is late or the sender's clock was set back, and the pulse has no time (PulseEdge::is_timed).
+/// Without authentication nothing is compared, and a pulse of the future or of more than 200 ms ago
+/// has no time.
 capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,
                                    const bus::ReceiverTime& now);
 

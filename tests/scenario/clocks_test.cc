@@ -49,5 +49,36 @@ TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_tak
   expect_complete_take_with_live_meshes();
 }
 
+/// cap02 has no sense line: it compares its clock with that of cap01.
+class ClockStudioOfTwoNodes : protected test::SetClockPreloaded, public Studio4 {
+ protected:
+  ClockStudioOfTwoNodes() : Studio4({.two_nodes = true}) {}
+
+  void expect_certain_take(const std::string& name) {
+    take_name_ = name;
+    arm_and_start(0);
+    ASSERT_TRUE(reaches("cap02", "frames_written", 60)) << log();
+    const control::Answer stopped = command(wire::CommandVerb::kStop);
+    ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+    for (const take::TakePaths& part : {take(), take_of_cap02()}) {
+      const take::Verification found = verify_take(part);
+      EXPECT_TRUE(found.whole()) << found.ledger.verdict() << log();
+      EXPECT_EQ(found.ledger.cameras.size(), 2U);
+      for (const auto& camera : found.ledger.cameras) {
+        EXPECT_THAT(camera.suspect, testing::IsEmpty()) << camera.name;
+      }
+    }
+  }
+};
+
+TEST_F(ClockStudioOfTwoNodes, suspects_no_frame_after_the_clocks_were_set_back_by_3_s) {
+  expect_certain_take("before");
+  set_clock(-3);
+  for (const char* node : {"cap01", "cap02"}) {
+    ASSERT_TRUE(reaches(node, "clock_steps", 1)) << log();
+  }
+  expect_certain_take("after");
+}
+
 }  // namespace
 }  // namespace v3d

@@ -69,7 +69,7 @@ bool was_heard;               /* the previous step accepted health of the live s
 #endif
 bool sender_stepped, receiver_stepped, receiver_restarted;
 hidden byte k;
-hidden byte is_recent, was_known, k_newest, k_sent;
+hidden byte is_recent, was_known, k_newest, k_sent, k_late;
 
 /* Needed only where sessions are forgotten. */
 #if kMaxSessions == 1
@@ -140,6 +140,9 @@ inline ask(s) {
   fi
 }
 
+/* A message that seems old raises a question although its session has answered (MessageReceiver::is_recent()). */
+#define seems_old(s, at) (is_known[s] && t + base[s] >= (at))
+
 /* SessionReplayFilter::is_recent() */
 inline judge(s, at) {
   if
@@ -176,7 +179,11 @@ inline arrive(i, s) {
       assert(!is_in(accepted, i));
       assert(s >= first_live);
       assert(sender_stepped || t + ahead <= sent_at[i] + kOldest + 1);
-      accepted = accepted | (1 << i)
+      accepted = accepted | (1 << i);
+      if
+      :: seems_old(s, sent_at[i]) -> ask(s)
+      :: true  /* younger than 10 ms; a tick is longer */
+      fi
     :: else
     fi;
     note(s, sent_at[i]);
@@ -184,12 +191,17 @@ inline arrive(i, s) {
   fi
 }
 
-/* MessageReceiver::on_answer(), SessionReplayFilter::accept() */
+/* MessageReceiver::on_answer(), SessionReplayFilter::accept(). The answer of a known session changes the comparison of
+ * clocks only if it seems younger than all messages, or older than its question. */
 inline take_answer(s) {
   was_known = is_known[s]; k_newest = answer_newest[s]; k_sent = answer_sent[s];
+  k_late = (question[s] == kPendingLong);
   end_question(s);
   add(s);
-  base[s] = k_sent - t;
+  if
+  :: was_known && t + base[s] > k_sent && t + base[s] <= k_sent + k_late
+  :: else -> base[s] = k_sent - t
+  fi;
   note_sent(s, k_sent);
   if
 #ifdef KEEP_OLDER_AT_ANSWER
@@ -232,7 +244,11 @@ end:
   :: atomic {
        judge(live, t + ahead);
        if
-       :: is_recent && !needs_answer(live) -> note(live, t + ahead); heard
+       :: is_recent && !needs_answer(live) -> note(live, t + ahead); heard;
+         if
+         :: seems_old(live, t + ahead) -> ask(live)
+         :: true
+         fi
        :: else -> ask(live); quiet
        fi
      }

@@ -244,11 +244,15 @@ TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
   EXPECT_EQ(sent_.size(), 10U);
 }
 
-/// The answer of `sender` to `question`.
-RawDatagram answer_of(Sender& sender, wire::SessionMessage question, uint32_t newest) {
+wire::SessionMessage answer_to(wire::SessionMessage question, uint32_t newest) {
   question.newest = newest;
   question.is_answer = true;
-  return sender.datagrams(wire::kSessionChannel, encode(question)).at(0);
+  return question;
+}
+
+/// The answer of `sender` to `question`.
+RawDatagram answer_of(Sender& sender, const wire::SessionMessage& question, uint32_t newest) {
+  return sender.datagrams(wire::kSessionChannel, encode(answer_to(question, newest))).at(0);
 }
 
 TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered) {
@@ -264,6 +268,53 @@ TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered
     EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
   }
   EXPECT_EQ(authenticator_.counts().stale, 0);
+}
+
+/// Pulses of one session, with the times of sending and reception after kNow.
+class ReceiverOfPulses : public Receiver {
+ protected:
+  std::optional<ReceivedMessage> pulse(Duration sent_after, Duration received_after) {
+    return receive(sender_.datagrams(wire::kPulseChannel, message(40), kNow + sent_after).at(0),
+                   received_after);
+  }
+  /// The answer to the last question.
+  void answer(Duration sent_after, Duration received_after) {
+    const auto answered = encode(answer_to(sent_.back(), sender_.sequence));
+    receive(sender_.datagrams(wire::kSessionChannel, answered, kNow + sent_after).at(0),
+            received_after);
+  }
+  void answer_first_question() {
+    EXPECT_FALSE(pulse(0s, 0s));
+    answer(1ms, 1ms);
+    ASSERT_TRUE(pulse(1s, 1s));
+    ASSERT_EQ(sent_.size(), 1U) << "a recent message raises no question";
+  }
+  void expect_known_ages_after_the_clock_was_set(Duration back) {
+    answer_first_question();
+    const auto first = pulse(2s - back, 2s);
+    ASSERT_TRUE(first) << "it may be late";
+    EXPECT_GT(first->age, back - 5ms);
+    ASSERT_EQ(sent_.size(), 2U);
+    answer(2001ms - back, 2002ms);
+    EXPECT_LE(pulse(2040ms - back, 2040ms).value().age, 2ms);
+    EXPECT_EQ(sent_.size(), 2U);
+  }
+};
+
+TEST_F(ReceiverOfPulses, knows_their_ages_after_a_clock_was_set_back_by_60_ms) {
+  expect_known_ages_after_the_clock_was_set(60ms);
+}
+
+TEST_F(ReceiverOfPulses, knows_their_ages_after_a_clock_was_set_back_by_3_s) {
+  expect_known_ages_after_the_clock_was_set(3s);
+}
+
+TEST_F(ReceiverOfPulses, keeps_the_comparison_of_clocks_when_messages_and_answers_are_late) {
+  answer_first_question();
+  ASSERT_TRUE(pulse(2s, 2300ms));
+  ASSERT_EQ(sent_.size(), 2U);
+  answer(2301ms, 2600ms);  // late by 299 ms of the 300 ms since the question
+  EXPECT_GE(pulse(2700ms, 3s).value().age, 297ms);
 }
 
 TEST_F(Receiver, rejects_recorded_health_after_its_own_restart) {

@@ -38,11 +38,11 @@ wire::KeyId key_id(uint8_t first) { return {first}; }
 
 TEST(SessionReplayFilter, keeps_answers_of_different_keys_apart) {
   SessionReplayFilter filter;
-  filter.accept(stamp(7, 100), kNow, key_id(1));
+  filter.accept(stamp(7, 100), kNow, 0s, key_id(1));
   EXPECT_TRUE(filter.has_answered(7, key_id(1)));
   EXPECT_FALSE(filter.has_answered(7, key_id(2)));
   EXPECT_FALSE(filter.has_answered(7)) << "unknown key";
-  filter.accept(stamp(7, 200), kNow, key_id(2));
+  filter.accept(stamp(7, 200), kNow, 0s, key_id(2));
   EXPECT_TRUE(filter.has_answered(7, key_id(2)));
   EXPECT_TRUE(filter.has_answered(7, key_id(1)));
   EXPECT_FALSE(filter.is_received(stamp(7, 201)));
@@ -52,7 +52,7 @@ TEST(SessionReplayFilter, keeps_numbers_and_times_of_different_keys_apart) {
   SessionReplayFilter filter;
   filter.note(stamp(7, 100), kNow, key_id(1));
   filter.note(stamp(7, 1'000'000, 1s), kNow, key_id(2));
-  filter.accept(stamp(7, 2'000'000, 1h), kNow, key_id(2));
+  filter.accept(stamp(7, 2'000'000, 1h), kNow, 0s, key_id(2));
   EXPECT_FALSE(filter.is_received(stamp(7, 101), key_id(1)));
   EXPECT_TRUE(filter.is_received(stamp(7, 101), key_id(2)));
   EXPECT_TRUE(filter.is_recent(stamp(7, 101), kNow, key_id(1)));
@@ -90,7 +90,7 @@ TEST(SessionReplayFilter, rejects_old_messages_of_a_removed_session) {
   EXPECT_FALSE(filter.is_recent(stamp(0, 1), later(1s))) << "session 0 was removed";
   EXPECT_TRUE(filter.is_received(stamp(1, 1, 1ms)));
   EXPECT_TRUE(filter.is_recent(stamp(999, 1, 1s), later(1s)));
-  filter.accept(stamp(0, 5, 1s), later(1s));
+  filter.accept(stamp(0, 5, 1s), later(1s), 0s);
   EXPECT_TRUE(filter.is_received(stamp(0, 1)));
   EXPECT_FALSE(filter.is_received(stamp(0, 6)));
 }
@@ -138,10 +138,27 @@ TEST(SessionReplayFilter, rejects_a_session_whose_clock_was_set_until_it_answers
   SessionReplayFilter filter;
   filter.note(stamp(7, 1), kNow);
   EXPECT_FALSE(filter.is_recent(stamp(7, 2, -1h), later(1s)));
-  filter.accept(stamp(7, 2, -1h), later(1s));
+  filter.accept(stamp(7, 2, -1h), later(1s), 0s);
   EXPECT_TRUE(filter.is_recent(stamp(7, 3, -1h + 100ms), later(1100ms)));
   EXPECT_TRUE(filter.is_received(stamp(7, 1))) << "received messages stay received";
   EXPECT_FALSE(filter.is_recent(stamp(7, 4, -2h), later(2s)));
+}
+
+TEST(SessionReplayFilter, compares_clocks_anew_only_if_an_answer_seems_older_than_its_question) {
+  // Age of a message that is 400 ms late.
+  const auto age_after = [](Duration set_back, Duration late_answer) {
+    SessionReplayFilter filter;
+    filter.accept(stamp(7, 1), kNow, 0s);
+    filter.accept(stamp(7, 2, 1s - set_back), later(1s + late_answer), late_answer);
+    return to_seconds(filter.age(stamp(7, 3, 2s - set_back), later(2400ms)));
+  };
+  constexpr double kDriftError = 0.003;
+  EXPECT_NEAR(age_after(0s, 0s), 0.4, kDriftError);
+  EXPECT_NEAR(age_after(0s, 300ms), 0.4, kDriftError) << "the late answer changes nothing";
+  EXPECT_NEAR(age_after(60ms, 1ms), 0.4, kDriftError);
+  EXPECT_NEAR(age_after(3s, 1ms), 0.4, kDriftError);
+  EXPECT_NEAR(age_after(-3s, 1ms), 0.4, kDriftError) << "set forward";
+  EXPECT_NEAR(age_after(3s, 300ms), 0.1, kDriftError) << "the least possible age";
 }
 
 TEST(SessionReplayFilter, rejects_older_messages_after_the_first_answer_of_a_session) {
@@ -149,7 +166,7 @@ TEST(SessionReplayFilter, rejects_older_messages_after_the_first_answer_of_a_ses
   filter.note(stamp(7, 9), kNow);
   EXPECT_FALSE(filter.has_answered(7));
   EXPECT_FALSE(filter.is_received(stamp(7, 8)));
-  filter.accept(stamp(7, 12), kNow);
+  filter.accept(stamp(7, 12), kNow, 0s);
   EXPECT_TRUE(filter.has_answered(7));
   for (const uint32_t old : {8U, 9U, 12U}) EXPECT_TRUE(filter.is_received(stamp(7, old))) << old;
   EXPECT_FALSE(filter.is_received(stamp(7, 13)));
@@ -158,14 +175,14 @@ TEST(SessionReplayFilter, rejects_older_messages_after_the_first_answer_of_a_ses
 TEST(SessionReplayFilter, keeps_received_messages_when_the_first_answer_is_late) {
   SessionReplayFilter filter;
   filter.note(stamp(7, 9), kNow);
-  filter.accept(stamp(7, 5), kNow);
+  filter.accept(stamp(7, 5), kNow, 0s);
   EXPECT_TRUE(filter.is_received(stamp(7, 9)));
   EXPECT_FALSE(filter.is_received(stamp(7, 10)));
 }
 
 TEST(SessionReplayFilter, removes_the_answer_together_with_its_session) {
   SessionReplayFilter filter;
-  filter.accept(stamp(7, 1), kNow);
+  filter.accept(stamp(7, 1), kNow, 0s);
   for (uint32_t i = 0; i < SessionReplayFilter::kMaxSessions; ++i) {
     EXPECT_EQ(filter.forgotten(), 0);
     filter.note(stamp(1000 + i, 1), later(1s));

@@ -60,6 +60,7 @@ struct Transfer {
   Duration sent_after{};   ///< time from the pulse to the sending
   Duration age{};          ///< time from the sending to the reception
   Duration least_delay{};  ///< of earlier messages; ReceivedMessage::age lacks it
+  Duration set_back{};     ///< step of the sender's clock since clocks were compared
   bool is_authentic = true;
 
   /// Error of the time of the pulse.
@@ -72,7 +73,7 @@ struct Transfer {
     pulse.edge = sent - sent_after;
     bus::ReceivedMessage in;
     if (is_authentic) {
-      in.age = age - least_delay;
+      in.age = age - least_delay + set_back;
       in.sent = sent;
     }
     const capture::PulseEdge edge = edge_on_this_pc(pulse, in, now);
@@ -96,9 +97,22 @@ RC_GTEST_PROP(EdgeOnThisPc, is_exact_however_late_the_message_is_if_the_clocks_a
 RC_GTEST_PROP(EdgeOnThisPc, is_late_by_the_least_delay_of_a_message_if_the_clocks_differ, ()) {
   const Transfer transfer{.offset = any_ms(60, 1'000'000) * *rc::gen::elementOf(std::vector{-1, 1}),
                           .sent_after = any_ms(0, 4000),
-                          .age = any_ms(5, 4000),
+                          .age = any_ms(5, 50),
                           .least_delay = any_ms(0, 5)};
   RC_ASSERT(transfer.error() == transfer.least_delay);
+}
+
+RC_GTEST_PROP(EdgeOnThisPc, is_unknown_if_the_clocks_differ_and_the_message_may_be_late, ()) {
+  const Transfer transfer{.offset = any_ms(60, 1'000'000) * *rc::gen::elementOf(std::vector{-1, 1}),
+                          .sent_after = any_ms(0, 4000),
+                          .age = any_ms(56, 4000),
+                          .least_delay = any_ms(0, 5)};
+  RC_ASSERT(transfer.error() == std::nullopt);
+}
+
+RC_GTEST_PROP(EdgeOnThisPc, is_exact_or_unknown_after_the_clock_of_the_sender_was_set_back, ()) {
+  const Transfer transfer{.sent_after = any_ms(0, 4000), .set_back = any_ms(50, 5000)};
+  RC_ASSERT(transfer.error().value_or(Duration::zero()) == Duration::zero());
 }
 
 TEST(EdgeOnThisPc, is_unknown_of_an_old_message_that_nothing_authenticates) {
