@@ -56,11 +56,17 @@ void CameraSession::disarm() {
   held_.clear();
   labelled_.clear();
   ready_ = running_ = expecting_ = missing_ = joins_late_ = resumes_take_ = false;
+  train_is_over_ = false;
+}
+
+void CameraSession::train_ended() {
+  train_is_over_ = true;
+  expecting_ = false;
 }
 
 void CameraSession::pulse_at(const PulseEdge& edge) {
   if (!matcher_ || running_ || !ready_) return;
-  if (!std::exchange(expecting_, true)) {
+  if (!train_is_over_ && !std::exchange(expecting_, true)) {
     last_frame_ = std::max(last_frame_, edge.is_timed ? edge.at : options_.now());
   }
   if (edge.is_timed) start_.edge = edge;
@@ -105,11 +111,11 @@ void CameraSession::receive(CameraFrame frame) {
   text_.clear();
   running_ = running_ || frame.pulse;
   if (running_) {
-    if (frame.pulse) expecting_ = true;
+    if (frame.pulse) expect_frames();
     const PulseMatch found = match(frame);
     return deliver(std::move(frame), found);
   }
-  expecting_ = true;
+  if (!edges_are_reported_) expect_frames();
   if (held_.empty() && !joins_late_) start_.damaged = new_damaged;
   held_.push_back(std::move(frame));
   label_first_frames(!edges_are_reported_);
@@ -153,9 +159,8 @@ void CameraSession::check_quiet(MonotonicInstant now) {
 void CameraSession::check_loss(MonotonicInstant now) {
   if (camera_->lost()) return reopen("stopped answering");
   const Duration silence = now - last_frame_;
-  if (!held_.empty() && silence >= std::min<Duration>(kSilentPeriods * period_, kMaxHold)) {
-    label_first_frames(true);
-  }
+  const Duration max_hold = std::min<Duration>(kSilentPeriods * period_, kMaxHold);
+  if (!held_.empty() && pulses_have_begun() && silence >= max_hold) label_first_frames(true);
   if (!expecting_ || silence < kSilentPeriods * period_) return;
   const std::string why = "no frame for " + std::to_string(kSilentPeriods) + " pulses";
   report_missing(why);
@@ -172,7 +177,8 @@ void CameraSession::report_missing(const std::string& why) {
 }
 
 void CameraSession::reopen(const std::string& why) {
-  if (!held_.empty()) label_first_frames(true);
+  if (!held_.empty() && pulses_have_begun()) label_first_frames(true);
+  deliver_held(held_.size());
   report_missing(why);
   close();
   if (matcher_) matcher_->reopened();
@@ -198,6 +204,7 @@ void CameraSession::label_resumed_frames(bool no_more) {
   if (!is_known && may_wait) return;
   if (is_known) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);
   running_ = true;
+  expect_frames();
   deliver_held(0);
 }
 
@@ -206,6 +213,7 @@ void CameraSession::label_first_frames(bool no_more) {
   const auto start = find_start(held_stamps(), start_, no_more);
   if (!start) return;
   running_ = true;
+  expect_frames();
   matcher_->begin(start->pulse, start->certain);
   deliver_held(start->strays);
 }

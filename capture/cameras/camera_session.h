@@ -36,7 +36,8 @@ class CameraSession {
   void rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past);
   /// Reports a pulse of the train. Frames are expected from the first pulse on.
   void pulse_at(const PulseEdge& edge);
-  void train_ended() { expecting_ = false; }
+  /// No pulse follows: frames in flight still arrive, and no further ones are expected.
+  void train_ended();
   void disarm();
 
   /// Opens the camera or waits for a frame. Returns a labelled frame of the take, if there is one.
@@ -60,6 +61,10 @@ class CameraSession {
   void check_loss(MonotonicInstant now);
   MonotonicInstant wait_deadline() const;
   void receive(CameraFrame frame);
+  void expect_frames() { expecting_ = !train_is_over_; }
+  /// Whether held frames may be of pulses. Where pulses are reported, a frame before the first
+  /// report proves no pulse.
+  bool pulses_have_begun() const { return !edges_are_reported_ || expecting_ || train_is_over_; }
   /// Labels the held frames if the pulse of the first one is known. `no_more`: do not wait for
   /// further frames.
   void label_first_frames(bool no_more);
@@ -96,6 +101,7 @@ class CameraSession {
   bool ready_ = false;           ///< the camera was silent for kQuietPeriods after arm()
   bool running_ = false;         ///< frames of the take are delivered
   bool expecting_ = false;       ///< pulses are running, so frames must arrive
+  bool train_is_over_ = false;   ///< train_ended() was called
   bool missing_ = false;         ///< reported as lost, and no frame has arrived since
 
   /// Minimum time from a pulse to the arrival of its frame, of at least kStartFrames frames. Kept

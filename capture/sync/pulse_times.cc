@@ -143,11 +143,19 @@ std::optional<int64_t> by_counter(const FrameStamp& first, size_t strays, const 
   return lost >= 0 && lost <= kMaxLost ? std::optional(lost) : std::nullopt;
 }
 
+/// Whether as many periods as exposures lie between the first and the last frame. If not, the first
+/// frame may have been exposed long before pulse 0.
+bool counter_agrees_with_times(std::span<const FrameStamp> frames, const StartEvidence& e) {
+  const FrameStamp &first = frames.front(), &last = frames.back();
+  const double passed = periods(last.exposed - first.exposed, e.period);
+  return std::abs(passed - static_cast<double>(last.counter - first.counter)) < 0.5;
+}
+
 /// Result if the time of no pulse is known.
-TrainStart start_by_counter(const FrameStamp& first, const StartEvidence& e) {
-  const auto counted = by_counter(first, 0, e);
+TrainStart start_by_counter(std::span<const FrameStamp> frames, const StartEvidence& e) {
+  const auto counted = by_counter(frames.front(), 0, e);
   const bool certain = counted ? *counted == e.damaged : !e.counter_of_pulse_0;
-  return {.pulse = counted.value_or(0), .certain = certain};
+  return {.pulse = counted.value_or(0), .certain = certain && counter_agrees_with_times(frames, e)};
 }
 
 }  // namespace
@@ -160,7 +168,7 @@ Duration latency_of(MonotonicInstant received, int64_t pulse, const PulseEdge& e
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const StartEvidence& e,
                                      bool no_more) {
   const bool all = no_more || frames.size() >= kStartFrames;
-  if (!e.edge) return all ? std::optional(start_by_counter(frames.front(), e)) : std::nullopt;
+  if (!e.edge) return all ? std::optional(start_by_counter(frames, e)) : std::nullopt;
   const size_t strays = count_strays(frames, e);
   const auto result = [&](int64_t pulse, bool certain) {
     return TrainStart{.strays = strays, .pulse = pulse, .certain = certain};

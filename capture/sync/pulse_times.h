@@ -118,7 +118,8 @@ inline constexpr size_t kStartFrames = 8;
 ///   - the arrival, if the latency is that of previous trains.
 /// If both agree that nothing was lost, the result is certain. If both agree that frames were lost,
 /// or the counter is unknown, most of kStartFrames frames must be as early as the earliest. If the
-/// sources disagree, the result is not certain.
+/// sources disagree, the result is not certain. If the time of no pulse is known, the counter alone
+/// gives the pulse, and the result is certain only if the device times of the frames agree with it.
 ///
 /// Limits: a missed first trigger is not detected if the latency is unknown or no pulse time is
 /// known. Without a pulse time and a counter, a lost first frame is not detected either. The time

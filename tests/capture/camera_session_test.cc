@@ -194,6 +194,80 @@ TEST_F(SensedCameraSessionTest, delivers_the_held_frames_of_a_short_train) {
   EXPECT_EQ(session_->status().suspect, 1);
 }
 
+TEST_F(SensedCameraSessionTest, takes_an_exposure_before_the_pulses_for_no_pulse) {
+  for (const int ms : {150, 500, 10'000, 10'013, 60'000}) {
+    for (const bool is_timed : {true, false}) {
+      make_ready();
+      frames_.clear();
+      reports_are_timed_ = is_timed;
+      script_->stray = script_->now;
+      play(milliseconds(ms));
+      EXPECT_EQ(session_->status().state, CameraState::kReady) << ms;
+      script_->start_train(50);
+      play(51 * Script::kPeriod);
+      session_->train_ended();
+      play(seconds(1));
+      ASSERT_EQ(frames_.size(), 51U) << ms;
+      EXPECT_EQ(frames_[0].image.bytes[0], Script::kStrayContent);
+      EXPECT_TRUE(frames_[0].label.suspect);
+      EXPECT_EQ(session_->status().suspect, is_timed ? 1 : 51) << ms;
+      EXPECT_TRUE(!is_timed || mislabelled() == 1) << "only the stray, " << ms << " ms before";
+    }
+  }
+  EXPECT_EQ(session_->status().losses, 0);
+  EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(SensedCameraSessionTest, settles_again_after_an_exposure_without_a_pulse_and_a_loss) {
+  train_before();
+  make_ready();
+  frames_.clear();
+  script_->stray = script_->now;
+  play(seconds(1));
+  script_->plugged = false;
+  ASSERT_TRUE(reach(CameraState::kLost));
+  script_->plugged = true;
+  ASSERT_TRUE(reach(CameraState::kReady));
+  script_->start_train(5);
+  play(seconds(1));
+  ASSERT_EQ(frames_.size(), 6U);
+  EXPECT_TRUE(frames_[0].label.suspect);
+  EXPECT_EQ(mislabelled(), 1) << "the stray";
+  EXPECT_EQ(session_->status().suspect, 1);
+}
+
+TEST_F(SensedCameraSessionTest, reports_no_loss_after_a_train_that_ends_before_its_first_frame) {
+  make_ready();
+  script_->start_train(1);
+  play(milliseconds(5));
+  session_->train_ended();
+  play(seconds(2));
+  EXPECT_EQ(pulses(), (std::vector<int64_t>{0}));
+  EXPECT_EQ(session_->status().suspect, 0);
+  EXPECT_EQ(session_->status().losses, 0);
+  EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(SensedCameraSessionTest, reports_no_loss_of_a_free_running_camera_after_the_train) {
+  script_->free_running = true;
+  make_ready();
+  script_->start_train(10);
+  play(milliseconds(340));  // the frame of pulse 9 has not arrived
+  session_->train_ended();
+  ASSERT_EQ(frames_.size(), 9U);
+  play(seconds(2));
+  EXPECT_EQ(frames_.size(), 10U);
+  EXPECT_EQ(session_->status().losses, 0);
+  EXPECT_EQ(script_->opened, 1);
+  script_->silent = true;
+  make_ready();
+  script_->silent = false;
+  script_->start_train(100);
+  play(seconds(1));
+  script_->silent = true;
+  EXPECT_TRUE(reach(CameraState::kLost, seconds(1))) << "in the next train it is";
+}
+
 TEST_F(SensedCameraSessionTest, reports_a_camera_lost_three_periods_after_a_missed_first_pulse) {
   make_ready();
   script_->silent = true;

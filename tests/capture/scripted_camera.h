@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "base/core/error.h"
 #include "capture/cameras/camera.h"
@@ -16,6 +17,7 @@ namespace v3d::capture {
 struct Script {
   static constexpr Duration kPeriod = std::chrono::milliseconds(40);
   static constexpr Duration kLatency = std::chrono::milliseconds(9);
+  static constexpr uint8_t kStrayContent = 255;  ///< first pixel of a frame without a pulse
 
   MonotonicInstant now = from_ns<Monotonic>(5'000'000'000);
 
@@ -25,7 +27,9 @@ struct Script {
 
   // The camera.
   bool plugged = true;
-  bool silent = false;  ///< answers, but streams no frames
+  bool silent = false;                    ///< answers, but streams no frames
+  bool free_running = false;              ///< knows the pulses of its frames
+  std::optional<MonotonicInstant> stray;  ///< exposure without a pulse, once
   Duration opening_takes = std::chrono::milliseconds(0);
   Duration device_zero = std::chrono::hours(3);  ///< offset of the device clock from `now`
   uint64_t counter = 100;                        ///< of the next exposure
@@ -58,6 +62,7 @@ class ScriptedCamera : public Camera {
 
   std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
     Script& s = *script_;
+    if (s.stray && s.plugged && *s.stray + Script::kLatency <= deadline) return stray();
     while (s.train && s.plugged) {
       if (s.train != train_) {
         train_ = s.train;
@@ -76,7 +81,7 @@ class ScriptedCamera : public Camera {
         continue;
       }
       first_ = false;
-      return frame(pulse, counter);
+      return frame_of(pulse, counter);
     }
     s.now = std::max(s.now, deadline);
     return {};
@@ -88,17 +93,28 @@ class ScriptedCamera : public Camera {
   PixelFormat format() const override { return PixelFormat::kMono8; }
 
  private:
-  /// A frame whose first pixel is the pulse number modulo 256.
-  CameraFrame frame(int64_t pulse, uint64_t counter) {
+  /// A frame whose first pixel is `content`.
+  CameraFrame frame(MonotonicInstant exposed, uint8_t content, uint64_t counter) {
     ++statistics_.completed;
     CameraFrame f;
     f.image = Image({4, 2}, PixelFormat::kMono8);
-    f.image.bytes[0] = static_cast<uint8_t>(pulse);
-    f.device_time = from_ns<DeviceClock>(
-        (script_->exposure(pulse).time_since_epoch() + script_->device_zero).count());
+    f.image.bytes[0] = content;
+    f.device_time =
+        from_ns<DeviceClock>((exposed.time_since_epoch() + script_->device_zero).count());
     f.counter = counter;
     f.received = script_->now;
     return f;
+  }
+  /// The first pixel is the pulse number modulo 256.
+  CameraFrame frame_of(int64_t pulse, uint64_t counter) {
+    CameraFrame f = frame(script_->exposure(pulse), static_cast<uint8_t>(pulse), counter);
+    if (script_->free_running) f.pulse = pulse;
+    return f;
+  }
+  CameraFrame stray() {
+    const MonotonicInstant exposed = *std::exchange(script_->stray, std::nullopt);
+    script_->now = std::max(script_->now, exposed + Script::kLatency);
+    return frame(exposed, Script::kStrayContent, script_->counter++);
   }
 
   std::shared_ptr<Script> script_;

@@ -136,6 +136,16 @@ TEST(TrainStart, skips_exposures_without_a_pulse) {
   EXPECT_EQ(start->strays, 1U);
 }
 
+TEST(TrainStart, is_not_certain_without_a_pulse_time_if_times_contradict_the_counter) {
+  StartEvidence evidence = counted();
+  evidence.edge.reset();
+  std::vector<FrameStamp> seen = frames(0, kStartFrames, 0.4);
+  expect(find_start(seen, evidence, false), 0, true);
+  seen.front() = frame(-9.4, kCounter - 1, 0.4);  // no pulse was 8 periods before the next one
+  evidence.counter_of_pulse_0 = kCounter - 1;
+  expect(find_start(seen, evidence, false), 0, false);
+}
+
 TEST(TrainStart, is_found_by_the_counter_if_no_pulse_is_reported) {
   StartEvidence evidence = counted();
   evidence.edge.reset();
