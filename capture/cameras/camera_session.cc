@@ -52,6 +52,7 @@ void CameraSession::rejoin(Duration period, bool edges_are_reported,
 }
 
 void CameraSession::disarm() {
+  if (camera_) text_.clear();
   matcher_.reset();
   held_.clear();
   labelled_.clear();
@@ -130,6 +131,7 @@ void CameraSession::open() {
     counts_.device = camera_->device();
     counts_.differences = camera_->differences();
     damaged_at_last_ = 0;
+    if (!matcher_) missing_ = false;  // in a take, a quiet time or a frame proves that it is back
     if (!missing_) text_.clear();
   } catch (const InputError& error) {
     text_ = error.what();

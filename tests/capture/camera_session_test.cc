@@ -392,6 +392,31 @@ TEST_F(CameraSessionTest, reports_why_it_cannot_open_and_retries) {
   EXPECT_EQ(session_->status().size, (ImageSize{4, 2}));
 }
 
+TEST_F(CameraSessionTest, is_idle_again_when_it_is_plugged_in_between_takes) {
+  ASSERT_TRUE(reach(CameraState::kIdle));
+  script_->plugged = false;
+  ASSERT_TRUE(reach(CameraState::kLost));
+  play(seconds(5));
+  EXPECT_EQ(session_->status().state, CameraState::kLost);
+  EXPECT_THAT(session_->status().text, HasSubstr("no answer"));
+  script_->plugged = true;
+  ASSERT_TRUE(reach(CameraState::kIdle, seconds(2)));
+  EXPECT_EQ(session_->status().text, "");
+  EXPECT_EQ(session_->status().losses, 1);
+}
+
+TEST_F(CameraSessionTest, reports_no_loss_of_the_last_take_when_it_is_idle) {
+  make_ready();
+  script_->start_train(1000);
+  play(seconds(1));
+  script_->vanished = {30, 31, 32, 33, 34, 35};
+  ASSERT_TRUE(reach(CameraState::kLost, seconds(1)));
+  session_->disarm();
+  EXPECT_EQ(session_->status().state, CameraState::kIdle);
+  EXPECT_EQ(session_->status().text, "");
+  EXPECT_EQ(session_->status().last_loss, "no frame for 3 pulses after pulse 29");
+}
+
 TEST_F(CameraSessionTest, settles_again_after_a_loss_before_the_first_pulse) {
   make_ready();
   script_->plugged = false;
