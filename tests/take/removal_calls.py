@@ -13,7 +13,10 @@ import re
 import sys
 import tempfile
 
-FOLDERS = "base calib capture codec daemon recon sim sound take tools trigger wire systemd".split()
+# Not tests: they write into folders of their own.
+UNSEARCHED = {"tests", "build"}
+# The language of a script without a first line "#!".
+LANGUAGES = {".py": "python", ".mjs": "node", ".js": "node", ".ts": "node", ".sh": "sh"}
 
 # Functions of C and C++ that remove, shorten or overwrite a file, or run a program that may.
 FUNCTIONS = """unlink unlinkat rmdir remove remove_all rename renameat renameat2 resize_file truncate truncate64 ftruncate
@@ -84,15 +87,21 @@ def calls_of(path):
     if path.suffix in (".png", ".jpg") or not path.is_file():
         return ()
     text = path.read_text(errors="replace")
-    if text.startswith("#!") or path.suffix in (".sh", ".mjs", ".js"):
-        return calls_of_script("#!node\n" + text if path.suffix in (".mjs", ".js") else text)
-    return ()
+    if path.suffix in LANGUAGES:
+        return calls_of_script(f"#!{LANGUAGES[path.suffix]}\n{text}")
+    return calls_of_script(text) if text.startswith("#!") else ()
+
+
+def searched_folders(root):
+    """The layers, the programs and the examples: every folder with a CMakeLists.txt, and examples, which is not built."""
+    built = {path.parent for path in root.glob("*/CMakeLists.txt")}
+    return sorted(folder for folder in built | {root / "examples"} if folder.name not in UNSEARCHED)
 
 
 def calls_below(root):
     found = collections.Counter()
-    for folder in FOLDERS:
-        for path in sorted((root / folder).rglob("*")):
+    for folder in searched_folders(root):
+        for path in sorted(folder.rglob("*")):
             if "node_modules" in path.parts or "__pycache__" in path.parts or path.is_symlink() or path.is_dir():
                 continue
             for call in calls_of(path):
@@ -162,19 +171,22 @@ HARMLESS = {
     "python": 'open(path).read()\n# shutil.rmtree(x)\nopen(path, "rb")\n',
     "x.mjs": "fs.readFileSync(path); const f = (a) => a > 2;",
 }
+# Modules have no first line "#!".
+SEEDS["module.py"], HARMLESS["module.py"] = SEEDS["python"], HARMLESS["python"]
+SEEDS["x.ts"], HARMLESS["x.ts"] = SEEDS["x.mjs"], HARMLESS["x.mjs"]
+CALLS = {"x.cc": [*FUNCTIONS, *NAMES], "x.sh": SHELL, "python": PYTHON, "module.py": PYTHON, "x.mjs": SCRIPT, "x.ts": SCRIPT}
 
 
 def self_test():
     """Seeds a source tree with each call in turn."""
     for name, seeds in SEEDS.items():
-        calls = {"x.cc": [*FUNCTIONS, *NAMES], "x.sh": SHELL, "python": PYTHON, "x.mjs": SCRIPT}[name]
-        yield from (f"{name}: no seed of {call}" for call in calls if call not in seeds)
+        yield from (f"{name}: no seed of {call}" for call in CALLS[name] if call not in seeds)
         for call, line in [*seeds.items(), (None, HARMLESS[name])]:
             with tempfile.TemporaryDirectory() as folder:
                 root = pathlib.Path(folder)
-                for below in FOLDERS:
-                    (root / below).mkdir()
-                (root / "tools" / name).write_text(("#!/usr/bin/env python3\n" if name == "python" else "") + line + "\n")
+                (root / "layer").mkdir()
+                (root / "layer/CMakeLists.txt").touch()
+                (root / "layer" / name).write_text(("#!/usr/bin/env python3\n" if name == "python" else "") + line + "\n")
                 found = {found_call for _, found_call in calls_below(root)}
             if found != ({call} if call else set()):
                 yield f"{name}: {line}: expected {call}, found {sorted(found)}"
