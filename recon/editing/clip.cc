@@ -147,11 +147,15 @@ void cut(Clip& clip, ClipRange range) {
                  begin + static_cast<std::ptrdiff_t>(range.last)};
 }
 
+size_t stretched_frames(size_t frames, double factor) {
+  return static_cast<size_t>(std::max(1.0, std::round(static_cast<double>(frames) * factor)));
+}
+
 void stretch(Clip& clip, ClipRange range, double factor) {
   check_range(clip, range);
   V3D_CHECK(factor >= 0.1 && factor <= 10);
   const auto count = static_cast<double>(range.last - range.first);
-  const double wanted = std::max(1.0, std::round(count * factor));
+  const auto wanted = static_cast<double>(stretched_frames(range.last - range.first, factor));
   std::vector<ClipFrame> frames;
   for (double n = 0; n < wanted; ++n) {
     const double time = wanted > 1 ? n * (count - 1) / (wanted - 1) : 0;

@@ -56,6 +56,8 @@ void cut(Clip& clip, ClipRange range);
 /// Changes the duration of a range by `factor`, from 0.1 to 10. New frames lie between two old
 /// ones.
 void stretch(Clip& clip, ClipRange range, double factor);
+/// The number of frames of which stretch() makes `frames`.
+size_t stretched_frames(size_t frames, double factor);
 
 /// Exchanges left and right: a reflection in the vertical plane through the middle of all pelvis
 /// positions, across the mean direction from the right to the left hip.

@@ -79,6 +79,16 @@ TEST_F(EditorTest, splices_only_takes_of_one_pulse_rate) {
   EXPECT_EQ(editor_.splices().size(), 1U);
 }
 
+TEST_F(EditorTest, rejects_an_action_that_would_be_too_long_before_it_makes_its_frames) {
+  edited_.clip.surfaces.resize(1);
+  edited_.clip.frames.resize(2001);
+  const std::string message = rejection({"edit.json: operations[0]", StretchEdit{{}, 10}});
+  EXPECT_EQ(message,
+            "edit.json: operations[0]: the action would have 20,010 frames; expected at most "
+            "20,000: cut it first");
+  EXPECT_EQ(edited_.clip.frames.size(), 2001U);
+}
+
 TEST_F(EditorTest, keeps_the_prop_of_one_action_in_the_hand_when_it_splices_two) {
   for (const bool is_first : {true, false}) {
     edited_ = read(folder_ / "take");

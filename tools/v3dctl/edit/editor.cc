@@ -28,10 +28,14 @@ Editor::Editor(TakeClip& edited, ReadTake read)
 void Editor::apply(const Edit& edit) {
   where_ = edit.where;
   std::visit([this](const auto& operation) { apply(operation); }, edit.operation);
-  if (clip_.frames.size() > kMaxFrames) {
-    throw InputError(where_ + ": the action has more than " + format_count(kMaxFrames) +
-                     " frames; cut it first");
-  }
+  require_at_most_max_frames(clip_.frames.size());
+}
+
+void Editor::require_at_most_max_frames(size_t frames) const {
+  if (frames <= kMaxFrames) return;
+  throw InputError(where_ + ": the action would have " +
+                   format_count(static_cast<int64_t>(frames)) + " frames; expected at most " +
+                   format_count(kMaxFrames) + ": cut it first");
 }
 
 recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& clip) const {
@@ -47,7 +51,12 @@ recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& cl
 
 void Editor::apply(const CutEdit& edit) { recon::cut(clip_, range(edit.frames)); }
 void Editor::apply(const StretchEdit& edit) {
-  recon::stretch(clip_, range(edit.frames), edit.factor);
+  const recon::ClipRange stretched = range(edit.frames);
+  const size_t before = stretched.last - stretched.first;
+  // Frames of surfaces are large: the check comes before they are made.
+  require_at_most_max_frames(clip_.frames.size() - before +
+                             recon::stretched_frames(before, edit.factor));
+  recon::stretch(clip_, stretched, edit.factor);
 }
 void Editor::apply(const MirrorEdit& /*edit*/) { recon::mirror(clip_); }
 void Editor::apply(const BendEdit& edit) {

@@ -37,6 +37,7 @@ class Editor {
  private:
   recon::ClipRange range(const OptionalRange& range, const recon::Clip& clip) const;
   recon::ClipRange range(const OptionalRange& range) const { return this->range(range, clip_); }
+  void require_at_most_max_frames(size_t frames) const;
   void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend) const;
   /// Gives both actions the prop that one of them has.
   void share_prop(TakeClip& added, const recon::Transition& transition);
