@@ -75,9 +75,15 @@ void CameraPipeline::run() {
     auto frame = worker_.take(Monotonic::now() + kPollInterval);
     if (!frame) continue;
     process(std::move(*frame));
-    last_frame_ns_ = to_ns(Monotonic::now());
-    ++received_;  // after the work, so that counts() reports only finished frames
+    count_finished_frame();
   }
+}
+
+/// After the work, so that counts() reports only finished frames.
+void CameraPipeline::count_finished_frame() {
+  last_frame_ns_ = to_ns(Monotonic::now());
+  pulses_ = certain_pulses_.size();
+  ++received_;
 }
 
 wire::FrameMessage CameraPipeline::make_message(Frame frame) {
@@ -86,8 +92,7 @@ wire::FrameMessage CameraPipeline::make_message(Frame frame) {
 
 void CameraPipeline::write_only(Frame frame) {
   record(make_message(std::move(frame)));
-  last_frame_ns_ = to_ns(Monotonic::now());
-  ++received_;
+  count_finished_frame();
 }
 
 void CameraPipeline::process(Frame frame) {
@@ -117,6 +122,7 @@ bool CameraPipeline::record(const wire::FrameMessage& message) {
   }
   ++written_;
   account_.add(label.pulse, label.suspect);
+  if (!label.suspect) certain_pulses_.insert(label.pulse);
   return true;
 }
 
@@ -138,6 +144,7 @@ void CameraPipeline::publish_live(wire::FrameMessage message, Mask mask) {
 
 CameraPipelineCounts CameraPipeline::counts() const {
   return {.received = received_,
+          .pulses = pulses_,
           .written = written_,
           .write_errors = write_errors_,
           .published = published_};

@@ -168,8 +168,7 @@ CameraPipelineCounts NodeTake::counts() const {
 
 bool NodeTake::has_received(int64_t pulses, std::optional<MonotonicInstant> idle_since) const {
   return std::ranges::all_of(pipelines_, [&](const auto& pipeline) {
-    return pipeline->counts().received >= pulses ||
-           (idle_since && pipeline->idle_since(*idle_since));
+    return pipeline->counts().pulses >= pulses || (idle_since && pipeline->idle_since(*idle_since));
   });
 }
 

@@ -36,6 +36,7 @@ namespace v3d::captured {
 
 struct CameraPipelineCounts {
   int64_t received = 0;  ///< frames taken from the camera
+  int64_t pulses = 0;    ///< with a written frame that is not suspect; of this process
   int64_t written = 0;
   int64_t write_errors = 0;  ///< frames that could not be written
   int64_t published = 0;
@@ -91,6 +92,7 @@ class CameraPipeline {
   void replay_frame(take::FrameLogReader& log, int64_t pulse);
   void process(Frame frame);
   void write_only(Frame frame);
+  void count_finished_frame();
   wire::FrameMessage make_message(Frame frame);
   /// False when the frame could not be written.
   bool record(const wire::FrameMessage& message);
@@ -109,10 +111,12 @@ class CameraPipeline {
   PreviewSender preview_;
   int64_t log_seq_ = 0;
   bus::FrameNumbers live_numbers_;
-  take::CameraAccount account_;  ///< the pipeline's thread only, until close()
+  take::CameraAccount account_;  ///< this and the next: the pipeline's thread only, until close()
+  take::PulseSet certain_pulses_;
   take::ExposureCount exposures_;
   io::Status synced_;
   std::atomic<int64_t> received_ = 0;
+  std::atomic<int64_t> pulses_ = 0;
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> published_ = 0;
@@ -183,8 +187,8 @@ class NodeTake {
   /// Sum over all pipelines.
   CameraPipelineCounts counts() const;
   int64_t pulses_not_live() const { return admission_.skipped(); }
-  /// True when every camera has delivered `pulses` frames or, where a time is given, has been idle
-  /// since then.
+  /// True when every camera has delivered certain frames of `pulses` pulses or, where a time is
+  /// given, has been idle since then. More frames than pulses do not count: one may be surplus.
   bool has_received(int64_t pulses, std::optional<MonotonicInstant> idle_since) const;
   bool progressed_since(MonotonicInstant since) const;
 

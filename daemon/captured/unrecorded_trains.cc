@@ -147,7 +147,7 @@ class CameraCheck::CheckedWorker {
   CheckedWorker(const CheckedWorker&) = delete;
   CheckedWorker& operator=(const CheckedWorker&) = delete;
 
-  int64_t received() const { return received_; }
+  int64_t certain() const { return certain_; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
   /// The frames that have arrived are still examined.
   void request_end() { stopping_ = true; }
@@ -168,11 +168,11 @@ class CameraCheck::CheckedWorker {
   // The members below belong to the thread until it has ended, except the atomic ones.
   segmentation::PictureStatistics pictures_;
   double foreground_ = 0;  ///< sum over all images of the foreground share, 0 to 1 each
-  std::vector<int64_t> pulses_;
-  std::vector<int64_t> suspect_;
+  take::CameraAccount account_;
+  take::PulseSet certain_pulses_;
   std::vector<segmentation::PulseBrightness> brightness_;
   segmentation::MotionSeries motion_;
-  std::atomic<int64_t> received_ = 0;
+  std::atomic<int64_t> certain_ = 0;  ///< pulses with a frame that is not suspect
   node::Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
@@ -189,19 +189,19 @@ void CameraCheck::CheckedWorker::run() {
     if (!frame) continue;
     reduce_to_8_bits(frame->image);
     examine(*frame);
-    ++received_;
+    certain_ = certain_pulses_.size();
   }
 }
 
 void CameraCheck::CheckedWorker::examine(const Frame& frame) {
   const ImageView image = frame.image.view();
   const double grey = pictures_.add(image);
+  account_.add(frame.label.pulse, frame.label.suspect);
   if (!frame.label.suspect) {
+    certain_pulses_.insert(frame.label.pulse);
     brightness_.push_back({frame.label.pulse, grey});
     motion_.add(frame.label.pulse, image);
   }
-  pulses_.push_back(frame.label.pulse);
-  if (frame.label.suspect) suspect_.push_back(frame.label.pulse);
   std::optional<Mask> mask;
   if (segmenter_ && image.size == segmenter_->size() && image.format == segmenter_->format()) {
     mask = segmenter_->segment(image);
@@ -227,9 +227,9 @@ bool CameraCheck::progressed_since(MonotonicInstant since) const {
                              [&](const auto& checked) { return checked->progressed_since(since); });
 }
 
-bool CameraCheck::has_received(int64_t frames) const {
+bool CameraCheck::has_received(int64_t pulses) const {
   return std::ranges::all_of(workers_,
-                             [&](const auto& checked) { return checked->received() >= frames; });
+                             [&](const auto& checked) { return checked->certain() >= pulses; });
 }
 
 namespace {
@@ -249,8 +249,7 @@ void add_flicker(const std::vector<segmentation::PulseBrightness>& brightness, d
 CheckedCamera CameraCheck::CheckedWorker::close(int64_t commanded, double rate_hz) {
   stop();
   CheckedCamera camera;
-  camera.pulses = take::account(worker_.camera(), pulses_, suspect_, commanded);
-  camera.pulses.received = received_;
+  camera.pulses = account_.ledger(worker_.camera(), commanded);
   camera.dropped = worker_.status().dropped;
   camera.quality = pictures_.result();
   camera.plates_focus = plates_focus_;

@@ -105,8 +105,8 @@ class CameraCheck {
   CameraCheck(const CameraCheck&) = delete;
   CameraCheck& operator=(const CameraCheck&) = delete;
 
-  /// True when every camera has delivered `frames` frames. Any thread.
-  bool has_received(int64_t frames) const;
+  /// True when every camera has delivered certain frames of `pulses` pulses. Any thread.
+  bool has_received(int64_t pulses) const;
   bool progressed_since(MonotonicInstant since) const;
 
   /// Examines the frames that have arrived, and stops the threads. `commanded`: pulses of the

@@ -237,6 +237,19 @@ TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
             "take kendo-07: incomplete, 4 cameras x 25 pulses, 0 missing, 2 suspect, 1 duplicate");
 }
 
+/// The camera sends as many frames as there are pulses before it sends the last one.
+class DuplicatedFrameAndLateLastFrame : public FaultyStudio {
+ protected:
+  DuplicatedFrameAndLateLastFrame()
+      : FaultyStudio(fault(10, "duplicate") + fault(kPulses - 1, "delay", "ms = 500"), kSlow) {}
+};
+TEST_F(DuplicatedFrameAndLateLastFrame, have_a_frame_of_each_pulse) {
+  record(kPulses);
+  EXPECT_EQ(faulty().written, kPulses + 1);
+  EXPECT_THAT(faulty().missing, IsEmpty());
+  EXPECT_THAT(faulty().duplicate, ElementsAre(10));
+}
+
 class DelayedFrames : public FaultyStudio {
  protected:
   DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 750")) {}
