@@ -37,6 +37,10 @@ class SimulatedInput : public SoundInput {
 
   io::Result<std::optional<SoundBlock>> read(Duration timeout) override {
     const int64_t length = sound_.rate_hz / 100;
+    if (stalls_before(next_ + length)) {
+      std::this_thread::sleep_for(timeout);
+      return std::nullopt;
+    }
     const MonotonicInstant due = time_of(static_cast<double>(next_ + length)) + kLatency;
     const MonotonicInstant until = std::min(due, Monotonic::now() + timeout);
     std::this_thread::sleep_for(std::max<Duration>(Duration(0), until - Monotonic::now()));
@@ -57,6 +61,11 @@ class SimulatedInput : public SoundInput {
   double samples_per_second() const { return sound_.rate_hz * (1 + 1e-6 * options_.ppm); }
   MonotonicInstant time_of(double sample) const {
     return start_ + from_seconds(sample / samples_per_second());
+  }
+
+  bool stalls_before(int64_t sample) const {
+    return options_.stall_s > 0 &&
+           static_cast<double>(sample) > options_.stall_s * samples_per_second();
   }
 
   void lose_samples() {
@@ -164,6 +173,7 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
     double* const value = key == "ppm"               ? &options.ppm
                           : key == "xrun_s"          ? &options.xrun_s
                           : key == "timecode_jump_s" ? &options.timecode_jump_s
+                          : key == "stall_s"         ? &options.stall_s
                           : key == "clap_edge"       ? &options.clap_edge
                           : key == "clap_ms"         ? &options.clap_ms
                                                      : nullptr;
@@ -172,8 +182,8 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
     if (!rest.empty()) rest.remove_prefix(1);
   }
   const bool is_plausible = std::abs(options.ppm) <= 1000 && options.xrun_s >= 0 &&
-                            options.timecode_jump_s >= 0 && options.clap_edge >= 0 &&
-                            options.clap_ms >= 0;
+                            options.timecode_jump_s >= 0 && options.stall_s >= 0 &&
+                            options.clap_edge >= 0 && options.clap_ms >= 0;
   return is_plausible ? std::optional(options) : std::nullopt;
 }
 

@@ -55,6 +55,7 @@ struct SimulatedSound {
   double clap_edge = 0;        ///< a clap sounds after this pulse, from 1 for the first; 0: none
   double clap_ms = 0;          ///< after its leading edge
   double timecode_jump_s = 0;  ///< the timecode jumps to 20:00:00:00 after this time; 0: never
+  double stall_s = 0;          ///< it delivers nothing, and no error, after this time; 0: never
 };
 /// Empty when `device` names no simulated device, or has another option.
 std::optional<SimulatedSound> parse_simulated_sound(const std::string& device);

@@ -14,6 +14,10 @@ namespace {
 
 constexpr Duration kReadTimeout = std::chrono::milliseconds(200);
 constexpr Duration kReopenAfter = std::chrono::seconds(1);
+/// A device delivers a block every 10 ms. One that delivers none for this long, in so many reads,
+/// has failed. The reads count, too: a process that was stopped has time pass without a read.
+constexpr Duration kMaxSilence = std::chrono::seconds(2);
+constexpr int kMaxEmptyReads = kMaxSilence / kReadTimeout;
 constexpr size_t kQueueBlocks = 1000;  // 10 s
 /// Longest wait for the last samples of a take.
 constexpr Duration kMaxTail = std::chrono::milliseconds(500);
@@ -155,17 +159,27 @@ void NodeSound::run() {
   }
 }
 
-/// Reads until an error, or until the thread has to end.
+/// Reads until an error, or until the thread has to end. The device counts as open from its first
+/// samples on.
 void NodeSound::read_device(sound::SoundInput& input) {
-  set_fault("");
   const int64_t first_position = position_, first_xrun = xruns_;
+  bool has_delivered = false;
+  MonotonicInstant last_block = Monotonic::now();
+  int empty_reads = 0;
   while (wait(Duration(0))) {
     auto block = input.read(kReadTimeout);
     if (!block) {
       ++xruns_;  // samples are lost until the device is open again
       return set_fault(block.error().message);
     }
-    if (!*block) continue;
+    if (!*block) {
+      if (++empty_reads < kMaxEmptyReads || Monotonic::now() - last_block < kMaxSilence) continue;
+      ++xruns_;
+      return set_fault(sound_.device + " delivers no samples, and no error");
+    }
+    last_block = Monotonic::now();
+    empty_reads = 0;
+    if (!std::exchange(has_delivered, true)) set_fault("");
     (*block)->position += first_position;
     (*block)->xruns += first_xrun;
     xruns_ = (*block)->xruns;

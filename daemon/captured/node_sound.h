@@ -87,7 +87,8 @@ class SoundTake {
 };
 
 /// The sound device of a node, which a thread opens and reads all the time: levels are known before
-/// a take. After an error the device is opened again every second.
+/// a take. After an error, and when no samples have come for two seconds, the device is opened
+/// again every second.
 class NodeSound {
  public:
   /// `wire`: socket of the simulated trigger, for a simulated device; empty: none. `timecode`: for
@@ -111,7 +112,7 @@ class NodeSound {
   void pulse_at(const capture::PulseEdge& edge);
 
   struct Status {
-    bool is_open = false;
+    bool is_open = false;         ///< it delivers samples
     std::string fault;            ///< of the device, one line; empty: none
     std::vector<double> peaks{};  ///< of each channel since the last call, of full scale
     std::vector<sound::ChannelFault> level_faults{};  ///< of audible channels; none: not open

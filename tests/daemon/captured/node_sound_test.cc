@@ -176,6 +176,38 @@ TEST_F(NodeSoundTest, reports_a_device_that_cannot_be_opened_and_records_nothing
   EXPECT_FALSE(sound.end());
 }
 
+TEST_F(NodeSoundTest, opens_a_device_again_that_delivers_nothing_and_no_error) {
+  NodeSound sound(simulated("stall_s=0.5"), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  ASSERT_TRUE(records(sound, 1));
+  const auto has_fault = [&] { return !sound.status().fault.empty(); };
+  EXPECT_TRUE(test::becomes_true(has_fault, test::within(60)));
+  EXPECT_THAT(sound.status().fault, HasSubstr("simulated:stall_s=0.5 delivers no samples"));
+  // The silence of the stall, and samples of the device that was opened again.
+  ASSERT_TRUE(records(sound, 3 * kRate));
+  EXPECT_EQ(sound.status().fault, "");
+  const auto ledger = sound.end();
+  ASSERT_TRUE(ledger);
+  EXPECT_THAT(ledger->xruns, Ge(1));
+  ASSERT_FALSE(ledger->gaps.empty());
+  EXPECT_THAT(ledger->gaps.front()[1], Ge(2.0 * kRate));
+}
+
+TEST_F(NodeSoundTest, reports_a_device_that_never_delivers_and_not_that_it_is_open) {
+  NodeSound sound(simulated("stall_s=0.001"), {});
+  bool was_open = false;
+  EXPECT_TRUE(test::becomes_true(
+      [&] {
+        const NodeSound::Status status = sound.status();
+        was_open = was_open || status.is_open;
+        return !status.fault.empty();
+      },
+      test::within(60)));
+  EXPECT_FALSE(was_open);
+  sound.begin(take_, "kendo-07", kPulseRate);
+  EXPECT_FALSE(sound.end());
+}
+
 TEST_F(NodeSoundTest, reports_a_folder_that_cannot_be_written) {
   test::write_text(folder_ / "kendo-07", "a file where the take's folder would be");
   NodeSound sound(simulated(), {});
