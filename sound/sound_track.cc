@@ -84,7 +84,14 @@ void SoundTrack::add_silence(int64_t samples, Duration deviation) {
   clock_.add_gap(deviation);
   mapper_.add_gap(samples_, samples, deviation);
   samples_ += samples;
-  analyse(std::vector<int32_t>(static_cast<size_t>(samples * setup_.sound.channels)));
+  // A second at a time: a device may come back after ten minutes.
+  const std::vector<float> second(static_cast<size_t>(setup_.sound.rate_hz));
+  for (int64_t left = samples; left > 0; left -= std::ssize(second)) {
+    const std::span part =
+        std::span(second).first(static_cast<size_t>(std::min(left, std::ssize(second))));
+    search_pulses(part);
+    read_timecode(part);
+  }
 }
 
 void SoundTrack::analyse(const std::vector<int32_t>& values) {
@@ -94,14 +101,20 @@ void SoundTrack::analyse(const std::vector<int32_t>& values) {
   }
   const int channels = setup_.sound.channels;
   if (setup_.sound.pulse_channel > 0) {
-    const auto found = edges_.push(channel_of(values, channels, setup_.sound.pulse_channel));
-    mapper_.add_edges(found, edges_.searched());
+    search_pulses(channel_of(values, channels, setup_.sound.pulse_channel));
   }
+  if (ltc_) read_timecode(channel_of(values, channels, setup_.sound.timecode_channel));
+}
+
+void SoundTrack::search_pulses(std::span<const float> samples) {
+  if (setup_.sound.pulse_channel == 0) return;
+  const auto found = edges_.push(samples);
+  mapper_.add_edges(found, edges_.searched());
+}
+
+void SoundTrack::read_timecode(std::span<const float> samples) {
   if (!ltc_) return;
-  for (const LtcFrame& frame :
-       ltc_->push(channel_of(values, channels, setup_.sound.timecode_channel))) {
-    timecode_->add(frame);
-  }
+  for (const LtcFrame& frame : ltc_->push(samples)) timecode_->add(frame);
 }
 
 void SoundTrack::finish() {

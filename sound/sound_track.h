@@ -64,6 +64,8 @@ class SoundTrack {
  private:
   void add_silence(int64_t samples, Duration deviation);
   void analyse(const std::vector<int32_t>& values);
+  void search_pulses(std::span<const float> samples);
+  void read_timecode(std::span<const float> samples);
 
   const Setup setup_;
   SampleClock clock_;

@@ -1,5 +1,7 @@
 #include "daemon/captured/sound_check.h"
 
+#include <algorithm>
+#include <span>
 #include <utility>
 
 namespace v3d::captured {
@@ -24,7 +26,10 @@ void SoundCheck::process(const sound::SoundBlock& block) {
   const int64_t silence = track_.add(block);
   if (!first_pulse_ || block.at < *first_pulse_) return;
   if (!searched_from_) searched_from_ = before;
-  finder_.push(std::vector<float>(static_cast<size_t>(silence)));
+  const std::vector<float> second(static_cast<size_t>(input_.rate_hz));
+  for (int64_t left = silence; left > 0; left -= std::ssize(second)) {
+    finder_.push(std::span(second).first(static_cast<size_t>(std::min(left, std::ssize(second)))));
+  }
   std::vector<float> mono(block.values.size() / static_cast<size_t>(input_.channels));
   for (const int number : audible_) {
     const auto channel = sound::channel_of(block.values, input_.channels, number);

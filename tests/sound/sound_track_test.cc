@@ -2,8 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <fstream>
 
 #include "pulse_signal.h"
 #include "sound/clap.h"
@@ -120,6 +123,31 @@ TEST(SoundTrack, estimates_the_length_of_an_xrun_from_time_stamps) {
   EXPECT_EQ(track.gaps()[0].sample, 5 * kRate);
   EXPECT_THAT(static_cast<double>(track.gaps()[0].samples), DoubleNear(kRate, 5));
   EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 5));
+}
+
+/// Limits the memory of this process to 256 MiB more than it has.
+void limit_memory() {
+  std::ifstream statm("/proc/self/statm");
+  rlim_t pages = 0;
+  statm >> pages;
+  const rlim_t bytes = pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE)) + (256U << 20);
+  const rlimit limit{bytes, bytes};
+  if (setrlimit(RLIMIT_AS, &limit) != 0) _exit(2);
+}
+
+TEST(SoundTrackDeathTest, needs_little_memory_for_ten_minutes_of_silence_in_64_channels) {
+  const auto fill = [] {
+    limit_memory();
+    StudioSound sound = three_channels();
+    sound.channels = 64;
+    SoundTrack track({.sound = sound});
+    SoundBlock block{.at = at_sample(kBlock), .values = std::vector<int32_t>(64 * kBlock)};
+    track.add(block);
+    block.position = 600 * kRate;
+    const bool is_filled = track.add(block) == 600 * kRate - kBlock;
+    _exit(is_filled ? 0 : 1);
+  };
+  EXPECT_EXIT(fill(), testing::ExitedWithCode(0), "");
 }
 
 TEST(SoundTrack, has_the_peak_of_every_channel_since_the_last_call) {
