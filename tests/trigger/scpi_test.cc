@@ -108,6 +108,22 @@ TEST(ScpiGenerator, makes_a_burst_of_the_requested_length_in_every_dialect) {
   }
 }
 
+TEST(ScpiGenerator, has_its_first_pulse_not_after_the_instrument_received_the_start) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    const auto generator = generator_on(bench, trigger_of(d.dialect));
+    generator->arm(train_of(250));
+    EXPECT_FALSE(generator->first_pulse());
+    bench.answer_takes = milliseconds(18);
+    const MonotonicInstant before = bench.host.now;
+    generator->start();
+    EXPECT_EQ(generator->first_pulse(), before);
+    generator->arm(train_of(250));
+    EXPECT_FALSE(generator->first_pulse());
+  }
+}
+
 TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_reports_an_estimated_count) {
   for (const Named& d : kDialects) {
     SCOPED_TRACE(d.name);

@@ -126,6 +126,7 @@ void ScpiGenerator::turn_off() {
 void ScpiGenerator::arm(const PulseTrain& train) {
   check_train(train, trigger_.instrument.text());
   may_run_ = false;
+  start_sent_.reset();
   started_.reset();
   stopped_.reset();
   fault_.clear();
@@ -145,7 +146,8 @@ void ScpiGenerator::program(const PulseTrain& train) {
 
 void ScpiGenerator::start() {
   V3D_CHECK(instrument_ && "arm() comes first");
-  deadline_ = clock_.now() + kCommandTimeout;
+  const MonotonicInstant before = clock_.now();
+  deadline_ = before + kCommandTimeout;
   may_run_ = true;
   try {
     if (is_gated() && !gate_->set(true)) {
@@ -156,6 +158,7 @@ void ScpiGenerator::start() {
     instrument_.reset();
     throw InputError(trigger_.instrument.text() + ": does not start: " + error.what());
   }
+  start_sent_ = before;
   started_ = clock_.now();
 }
 

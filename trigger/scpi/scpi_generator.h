@@ -30,7 +30,9 @@ class ScpiGenerator : public PulseGenerator {
   void start() override;
   void stop() override;
   int64_t commanded() const override;
-  std::optional<MonotonicInstant> first_pulse() const override { return started_; }
+  /// When the start was sent, which is up to a period before pulse 0. The end of the sending is no
+  /// bound: an instrument that acknowledges it may raise pulse 0 long before its answer arrives.
+  std::optional<MonotonicInstant> first_pulse() const override { return start_sent_; }
   bool finished() const override;
   /// True for a burst that was not stopped early.
   bool counts_exactly() const override {
@@ -70,7 +72,8 @@ class ScpiGenerator : public PulseGenerator {
   MonotonicInstant deadline_;
   bool output_on_ = false;  ///< the output may be connected
   bool may_run_ = false;    ///< start() was called since arm()
-  std::optional<MonotonicInstant> started_;
+  std::optional<MonotonicInstant> start_sent_;
+  std::optional<MonotonicInstant> started_;  ///< the sending has ended
   std::optional<MonotonicInstant> stopped_;
   std::string fault_;
 };
