@@ -59,6 +59,7 @@ Fit fit_sinusoid(std::span<const double> t, std::span<const double> y, double hz
 
 std::optional<Flicker> measure_flicker(std::span<const PulseBrightness> series, double rate_hz) {
   if (series.size() < kMinPictures) return {};
+  series = series.last(std::min(series.size(), kMaxFlickerPictures));
   double mean = 0;
   int64_t first = series.front().pulse;
   int64_t last = first;

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
+#include "capture/segmentation/flicker.h"
 #include "capture/segmentation/segmenter.h"
 
 namespace v3d::captured {
@@ -239,7 +240,8 @@ void add_flicker(const std::vector<segmentation::PulseBrightness>& brightness, d
   camera.flicker = segmentation::measure_flicker(brightness, rate_hz);
   if (!camera.flicker) return;
   // A beat is known to half of the resolution of the series.
-  const double tolerance_hz = rate_hz / (2 * static_cast<double>(brightness.size()));
+  const size_t length = std::min(brightness.size(), segmentation::kMaxFlickerPictures);
+  const double tolerance_hz = rate_hz / (2 * static_cast<double>(length));
   camera.rate_without_flicker =
       segmentation::rate_without_flicker(camera.flicker->beat_hz, rate_hz, tolerance_hz);
 }

@@ -63,6 +63,16 @@ TEST(Flicker, tolerates_missing_pulses) {
   EXPECT_NEAR(found->amplitude, averaged(0.08, 120), 0.003);
 }
 
+TEST(Flicker, of_a_long_series_is_that_of_its_last_512_pictures) {
+  const auto series = lit_by(100.4, 0.05, 25, 2000);
+  const auto found = measure_flicker(series, 25);
+  const auto expected = measure_flicker(std::span(series).last(kMaxFlickerPictures), 25);
+  ASSERT_TRUE(found && expected);
+  EXPECT_EQ(found->beat_hz, expected->beat_hz);
+  EXPECT_EQ(found->amplitude, expected->amplitude);
+  EXPECT_NEAR(found->beat_hz, 0.4, 0.01);
+}
+
 TEST(Flicker, is_absent_under_steady_light) {
   int alarms = 0;
   for (int seed = 0; seed < 200; ++seed) {
