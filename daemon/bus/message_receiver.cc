@@ -19,8 +19,7 @@ constexpr char kOversized[] =
     "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
     "version";
 
-/// A message that seems older raises a question: it is late, or the clock of its sender was set
-/// back or slewed. Then the times of pulses would be wrong by as much.
+/// A message that seems older is late, or the clock of its sender was set back.
 constexpr Duration kSeemsOld = std::chrono::milliseconds(10);
 
 /// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
@@ -168,8 +167,7 @@ bool MessageReceiver::may_be_recent(const SessionStamp& fragment, const Receiver
                                                  : filter_.is_recent(fragment, now);
 }
 
-/// Whether the session has proven that this complete message is recent. Otherwise asks it. Asks it
-/// again if the message seems old.
+/// Whether the session has proven that this complete message is recent. If not, asks it.
 bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& stamp,
                                 const wire::Signer& signer, const ReceiverTime& now) {
   if (!filter_.is_recent(stamp, now, signer)) {
@@ -343,7 +341,6 @@ void MessageReceiver::register_frame_key(const ReceivedMessage& message, const w
   };
   const uint32_t id = frame_sessions_.announce(channels_.owner_of(message.channel),
                                                announced->session, *signer, now.monotonic, open);
-  // Each announcement replaces the comparison of clocks: its own session has checked its time.
   frame_filter_.accept({id, announced->newest, stamp.sent}, now, Duration::zero());
 }
 
@@ -395,14 +392,11 @@ void MessageReceiver::on_answer(const wire::SessionMessage& answer, std::span<co
   drop_old_questions();
   const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
   if (!signer) return;
-  const auto since_question =
-      questions_.answers(answer.session, answer.nonce, now.monotonic, *signer);
-  if (!since_question) return;
-  filter_.accept({.session = answer.session, .sequence = answer.newest, .sent = stamp.sent}, now,
-                 *since_question, *signer);
+  const auto waited = questions_.answers(answer.session, answer.nonce, now.monotonic, *signer);
+  if (!waited) return;
+  filter_.accept({answer.session, answer.newest, stamp.sent}, now, *waited, *signer);
   const Duration ahead = stamp.sent - now.realtime;
-  if (std::chrono::abs(ahead) > SessionReplayFilter::kAhead)
-    authenticator_.report(clocks_differ(ahead));
+  if (std::chrono::abs(ahead) > filter_.kAhead) authenticator_.report(clocks_differ(ahead));
 }
 
 /// The signer of an answer. Empty when members are required and the signature is missing or wrong.
