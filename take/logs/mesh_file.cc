@@ -38,14 +38,20 @@ class IndexedFile {
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
   }
   io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse) const {
-    const auto entry = std::lower_bound(entries_.begin(), entries_.end(), pulse,
-                                        [](const Entry& e, int64_t p) { return e.pulse < p; });
-    if (entry == entries_.end() || entry->pulse != pulse) return std::nullopt;
-    std::vector<uint8_t> payload(entry->payload_size);
-    const auto read = file_.read_whole(entry->offset + mesh_file::kRecordSize, payload);
+    if (!entry_of(pulse)) return std::nullopt;
+    auto record = read_record(pulse);
+    if (!record) return tl::make_unexpected(record.error());
+    if (!record->is_intact()) return std::nullopt;
+    return std::move(record->compact);
+  }
+  io::Result<MeshRecord> read_record(int64_t pulse) const {
+    const Entry* const entry = entry_of(pulse);
+    V3D_CHECK(entry);
+    MeshRecord record{.compact = std::vector<uint8_t>(entry->payload_size),
+                      .checksum = entry->payload_crc};
+    const auto read = file_.read_whole(entry->offset + mesh_file::kRecordSize, record.compact);
     if (!read) return tl::make_unexpected(read.error());
-    if (codec::crc32(payload) != entry->payload_crc) return std::nullopt;
-    return payload;
+    return record;
   }
 
   const std::vector<Entry>& entries() const { return entries_; }
@@ -54,6 +60,12 @@ class IndexedFile {
   uint64_t file_size() const { return file_size_; }
 
  private:
+  /// Null when the file has no record of `pulse`.
+  const Entry* entry_of(int64_t pulse) const {
+    const auto entry = std::ranges::lower_bound(entries_, pulse, {}, &Entry::pulse);
+    return entry == entries_.end() || entry->pulse != pulse ? nullptr : &*entry;
+  }
+
   /// Reads `size` bytes; fewer only at the end of the file.
   std::vector<uint8_t> read_at(uint64_t offset, size_t size) const {
     std::vector<uint8_t> bytes(size);
@@ -184,6 +196,8 @@ class IndexedFile {
 
 }  // namespace
 
+bool MeshRecord::is_intact() const { return codec::crc32(compact) == checksum; }
+
 class MeshFileWriter::Impl {
  public:
   Impl(const std::filesystem::path& path, LogOpening opening)
@@ -207,7 +221,7 @@ class MeshFileWriter::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  io::Status append(int64_t pulse, std::span<const uint8_t> compact) {
+  io::Status append(int64_t pulse, std::span<const uint8_t> compact, uint32_t checksum) {
     V3D_CHECK(!last_pulse() || pulse > *last_pulse());
     if (!file_) return io::io_error("write", path_, "the file is closed", EBADF);
     if (compact.size() > mesh_file::kMaxPayload) {
@@ -216,7 +230,7 @@ class MeshFileWriter::Impl {
     const Entry entry{.pulse = pulse,
                       .offset = end_,
                       .payload_size = static_cast<uint32_t>(compact.size()),
-                      .payload_crc = codec::crc32(compact)};
+                      .payload_crc = checksum};
     if (has_new_loss()) return sync_error_;
     // After a failure, the next record overwrites the written part of this one.
     auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
@@ -321,7 +335,10 @@ MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening ope
 MeshFileWriter::~MeshFileWriter() = default;
 MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
 io::Status MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
-  return impl_->append(pulse, compact);
+  return impl_->append(pulse, compact, codec::crc32(compact));
+}
+io::Status MeshFileWriter::append(int64_t pulse, const MeshRecord& record) {
+  return impl_->append(pulse, record.compact, record.checksum);
 }
 size_t MeshFileWriter::size() const { return impl_->size(); }
 std::optional<int64_t> MeshFileWriter::last_pulse() const { return impl_->last_pulse(); }
@@ -341,6 +358,9 @@ const std::vector<int64_t>& MeshFileReader::pulses() const { return impl_->pulse
 bool MeshFileReader::index_was_rebuilt() const { return impl_->index_was_rebuilt(); }
 io::Result<std::optional<std::vector<uint8_t>>> MeshFileReader::read(int64_t pulse) {
   return impl_->read(pulse);
+}
+io::Result<MeshRecord> MeshFileReader::read_record(int64_t pulse) {
+  return impl_->read_record(pulse);
 }
 
 }  // namespace v3d::take

@@ -14,6 +14,15 @@
 
 namespace v3d::take {
 
+/// A mesh as it is in the file.
+struct MeshRecord {
+  std::vector<uint8_t> compact;
+  uint32_t checksum = 0;  ///< CRC-32 of the compact frame that was written
+
+  /// False when the disk has changed the bytes.
+  bool is_intact() const;
+};
+
 /// Appends meshes to mesh.v3d. A separate thread syncs the file once a second during appends, so
 /// that a power cut loses at most the meshes of the last second; append() does not wait for it. One
 /// writing thread.
@@ -31,6 +40,8 @@ class MeshFileWriter {
   /// then not in the file, but a later one may succeed. Fails once after the disk lost meshes that
   /// it had accepted; sync() and close() then fail, too.
   [[nodiscard]] io::Status append(int64_t pulse, std::span<const uint8_t> compact);
+  /// Appends a record of another file. A damaged one stays damaged, so that readers still find it.
+  [[nodiscard]] io::Status append(int64_t pulse, const MeshRecord& record);
   /// Number of meshes in the file, and the pulse of the last one.
   size_t size() const;
   std::optional<int64_t> last_pulse() const;
@@ -57,6 +68,8 @@ class MeshFileReader {
   /// The compact frame of `pulse`; empty when there is none or its checksum is wrong. Fails with
   /// path and cause when the disk cannot read it.
   [[nodiscard]] io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse);
+  /// The record of `pulse`, also a damaged one. Requires one of pulses(). Fails as read().
+  [[nodiscard]] io::Result<MeshRecord> read_record(int64_t pulse);
 
  private:
   class Impl;

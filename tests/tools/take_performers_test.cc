@@ -19,6 +19,7 @@ namespace v3d::ctl {
 namespace {
 
 using recon::body_at;
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// Meshes of two bodies who walk towards each other, touch for ten pulses, and part again.
@@ -122,6 +123,25 @@ TEST_F(TwoBodies, skip_frames_that_cannot_be_decoded) {
   EXPECT_EQ(report.undecodable, 1);
   take::MeshFileReader meshes(mesh());
   EXPECT_EQ(meshes.read(1).value(), std::vector<uint8_t>(200, 7)) << "as it was";
+}
+
+TEST_F(TwoBodies, keep_frames_whose_bytes_are_damaged_on_the_disk) {
+  take::MeshFileWriter file(mesh());
+  append(0, file);
+  const std::vector<uint8_t> last(200, 7);
+  io::throw_if_failed(file.append(1, last));
+  io::throw_if_failed(file.close());
+  std::string bytes = read_file(mesh());
+  const size_t damaged = bytes.find(std::string(200, 7)) + 100;
+  bytes[damaged] ^= 1;
+  test::write_text(mesh(), bytes);
+  const PerformersReport report = label();
+  EXPECT_EQ(report.frames, 2);
+  EXPECT_EQ(report.undecodable, 1);
+  take::MeshFileReader meshes(mesh());
+  EXPECT_THAT(meshes.pulses(), ElementsAre(0, 1));
+  EXPECT_FALSE(meshes.read(1).value()) << "v3dctl verify still finds the damage";
+  EXPECT_THAT(read_file(mesh()), HasSubstr(bytes.substr(damaged - 100, 200))) << "as it was";
 }
 
 TEST_F(TwoBodies, are_not_labelled_when_a_mesh_claims_too_large_a_space) {

@@ -73,6 +73,10 @@ void PendingMeshFile::append(int64_t pulse, const std::vector<uint8_t>& compact)
   io::throw_if_failed(file_.append(pulse, compact));
 }
 
+void PendingMeshFile::append(int64_t pulse, const take::MeshRecord& record) {
+  io::throw_if_failed(file_.append(pulse, record));
+}
+
 void PendingMeshFile::close() { io::throw_if_failed(file_.close()); }
 
 void PendingMeshFile::finish() {

@@ -26,6 +26,8 @@ class PendingMeshFile {
   /// Requires increasing pulses. Throws std::runtime_error with path and cause for errors of the
   /// disk.
   void append(int64_t pulse, const std::vector<uint8_t>& compact);
+  /// Appends a record of another file unchanged, also a damaged one. Otherwise as above.
+  void append(int64_t pulse, const take::MeshRecord& record);
   /// Writes the index and syncs the file; append() must not follow. Throws as append().
   void close();
   /// close() and renames the file. Throws as append().

@@ -40,6 +40,12 @@ class CameraColourist {
     return revised;
   }
 
+  /// A frame that cannot be read.
+  void count_damaged() {
+    ++report_.frames;
+    ++report_.undecodable;
+  }
+
   CameraColourReport report() const {
     CameraColourReport report = report_;
     const auto decoded =
@@ -90,8 +96,12 @@ CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t 
   PendingMeshFile file(path);
   for (const int64_t pulse : meshes.pulses()) {
     stop_if_interrupted();
-    if (const auto compact = io::value_or_throw(meshes.read(pulse))) {
-      file.append(pulse, colourist.revise(*compact));
+    const take::MeshRecord mesh = io::value_or_throw(meshes.read_record(pulse));
+    if (mesh.is_intact()) {
+      file.append(pulse, colourist.revise(mesh.compact));
+    } else {
+      colourist.count_damaged();
+      file.append(pulse, mesh);
     }
     on_frame();
   }

@@ -73,6 +73,12 @@ class Labeller {
     return codec_.labelled(labels);
   }
 
+  /// A frame that cannot be read.
+  void count_damaged() {
+    ++report_.frames;
+    ++report_.undecodable;
+  }
+
   PerformersReport report() {
     for (auto& [identity, performer] : performers_) {
       performer.mean_vertices /= static_cast<double>(performer.pulses);
@@ -124,8 +130,12 @@ PerformersReport label_performers(const std::filesystem::path& take,
   PendingMeshFile file(path);
   for (const int64_t pulse : meshes.pulses()) {
     stop_if_interrupted();
-    if (const FrameBytes compact = io::value_or_throw(meshes.read(pulse))) {
-      file.append(pulse, labeller.label(pulse, *compact));
+    const take::MeshRecord mesh = io::value_or_throw(meshes.read_record(pulse));
+    if (mesh.is_intact()) {
+      file.append(pulse, labeller.label(pulse, mesh.compact));
+    } else {
+      labeller.count_damaged();
+      file.append(pulse, mesh);
     }
     on_frame();
   }
