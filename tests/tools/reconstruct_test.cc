@@ -19,6 +19,7 @@
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
 #include "take/take.h"
+#include "take/take_lock.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/evaluate/evaluation_page.h"
@@ -338,6 +339,12 @@ TEST_F(Reconstruct, rejects_an_empty_take) {
 TEST_F(Reconstruct, rejects_a_folder_that_is_not_a_take) {
   request_.take = folder_ / "images";
   EXPECT_THAT(rejection(), HasSubstr("images"));
+}
+
+TEST_F(Reconstruct, rejects_a_take_that_is_being_recorded) {
+  const auto lock = take::TakeLock::acquire({request_.take}, "cap01");
+  ASSERT_TRUE(lock);
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("is being recorded"), HasSubstr("on cap01")));
 }
 
 TEST_F(Reconstruct, keeps_the_old_meshes_after_an_error) {

@@ -144,6 +144,20 @@ TEST_F(TwoBodies, keep_frames_whose_bytes_are_damaged_on_the_disk) {
   EXPECT_THAT(read_file(mesh()), HasSubstr(bytes.substr(damaged - 100, 200))) << "as it was";
 }
 
+TEST_F(TwoBodies, are_not_labelled_while_their_meshes_are_written) {
+  take::MeshFileWriter file(mesh());
+  append(0, file);
+  const auto label_while_written = [&] {
+    label_performers(
+        folder_.path(), [&](int64_t) { append(1, file); }, [] {});
+  };
+  EXPECT_THAT(test::message_of<InputError>(label_while_written),
+              HasSubstr("mesh.v3d: has changed meanwhile"));
+  append(2, file);
+  io::throw_if_failed(file.close());
+  EXPECT_THAT(take::MeshFileReader(mesh()).pulses(), ElementsAre(0, 1, 2));
+}
+
 TEST_F(TwoBodies, are_not_labelled_when_a_mesh_claims_too_large_a_space) {
   take::MeshFileWriter file(mesh());
   const recon::SparseVolume volume = volume_at(0);

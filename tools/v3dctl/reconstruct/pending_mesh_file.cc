@@ -7,6 +7,8 @@
 #include <csignal>
 #include <string_view>
 #include <system_error>
+#include <tuple>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -61,6 +63,23 @@ fs::path new_partial_path(const fs::path& path) {
 
 std::string process_suffix() { return host_name() + "-" + std::to_string(getpid()); }
 
+FileVersion::FileVersion(fs::path path) : path_(std::move(path)) {
+  if (stat(path_.c_str(), &status_) != 0)
+    io::throw_input_error(io::io_error("read", path_).value());
+}
+
+void FileVersion::require_unchanged() const {
+  const auto facts = [](const struct stat& status) {
+    return std::tuple(status.st_dev, status.st_ino, status.st_size, status.st_mtim.tv_sec,
+                      status.st_mtim.tv_nsec);
+  };
+  if (facts(FileVersion(path_).status_) == facts(status_)) return;
+  throw InputError(
+      path_.string() +
+      ": has changed meanwhile, and stays as it is: v3d-recond or another command writes "
+      "it; repeat this command when the take has ended");
+}
+
 PendingMeshFile::PendingMeshFile(const fs::path& path)
     : path_(path), temporary_path_(new_partial_path(path)), file_(temporary_path_) {}
 
@@ -84,6 +103,12 @@ void PendingMeshFile::finish() {
   fs::rename(temporary_path_, path_);
   finished_ = true;
   sync_folder_of(path_);
+}
+
+void PendingMeshFile::finish(const FileVersion& source) {
+  close();
+  source.require_unchanged();
+  finish();
 }
 
 PendingMeshes::PendingMeshes(const fs::path& master_path, const std::optional<fs::path>& proxy_path)

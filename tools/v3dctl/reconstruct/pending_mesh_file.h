@@ -1,6 +1,8 @@
 // Mesh files of a take that get their names when they are complete.
 #pragma once
 
+#include <sys/stat.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -11,6 +13,19 @@
 #include "take/take.h"
 
 namespace v3d::ctl {
+
+/// State of a file, to detect that another program writes or replaces it.
+class FileVersion {
+ public:
+  /// Throws InputError when the file cannot be read.
+  explicit FileVersion(std::filesystem::path path);
+  /// Throws InputError when the file is another one, or was written, since the construction.
+  void require_unchanged() const;
+
+ private:
+  std::filesystem::path path_;
+  struct stat status_ {};
+};
 
 /// Mesh file with a hidden temporary name until finish(), `.mesh.v3d.partial-<host>-<process>`. The
 /// destructor removes an unfinished file. One thread.
@@ -32,6 +47,9 @@ class PendingMeshFile {
   void close();
   /// close() and renames the file. Throws as append().
   void finish();
+  /// finish() for meshes that were made of the file of the final path. Throws InputError when that
+  /// file is no longer `source`: v3d-recond may be writing it. Otherwise throws as append().
+  void finish(const FileVersion& source);
 
  private:
   std::filesystem::path path_;

@@ -15,6 +15,7 @@
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "common/console.h"
+#include "take/take_lock.h"
 
 namespace v3d::ctl {
 namespace {
@@ -88,7 +89,13 @@ Quality parse_quality(std::string_view text, std::string_view option) {
 }
 
 recorded::TakeFrames open_take(const ReconstructRequest& request) {
-  return {request.take, cameras_without(take::load_take_info({request.take}), request.leave_out)};
+  const take::TakeInfo info = take::load_take_info({request.take});
+  const std::string holder = io::value_or_throw(take::take_lock_holder({request.take}));
+  if (!holder.empty()) {
+    throw InputError(request.take.string() + ": is being recorded or recovered by " + holder +
+                     "; repeat this command when the take has ended");
+  }
+  return {request.take, cameras_without(info, request.leave_out)};
 }
 
 std::vector<std::string> cameras_without(const take::TakeInfo& info,

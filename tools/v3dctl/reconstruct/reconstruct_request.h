@@ -50,7 +50,8 @@ struct ReconstructRequest {
   std::optional<Studio> studio;        ///< gives defaults if the take belongs to this studio
 };
 
-/// Opens the frames of the requested cameras. Throws InputError for an unknown camera.
+/// Opens the frames of the requested cameras. Throws InputError for an unknown camera, and while a
+/// process records or recovers the take.
 recorded::TakeFrames open_take(const ReconstructRequest& request);
 
 /// The cameras of a take without those of `leave_out`. Throws InputError for a name that the take

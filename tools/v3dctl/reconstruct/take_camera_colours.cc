@@ -90,6 +90,7 @@ CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t 
   if (!std::filesystem::exists(path)) {
     throw InputError(path.string() + ": is not there: run v3dctl reconstruct " + take.string());
   }
+  const FileVersion source(path);
   take::MeshFileReader meshes(path);
   on_begin(std::ssize(meshes.pulses()));
   CameraColourist colourist(take, max_bytes);
@@ -105,7 +106,7 @@ CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t 
     }
     on_frame();
   }
-  file.finish();
+  file.finish(source);
   return colourist.report();
 }
 

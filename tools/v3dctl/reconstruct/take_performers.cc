@@ -124,6 +124,7 @@ PerformersReport label_performers(const std::filesystem::path& take,
   if (!std::filesystem::exists(path)) {
     throw InputError(path.string() + ": is not there: run v3dctl reconstruct " + take.string());
   }
+  const FileVersion source(path);
   take::MeshFileReader meshes(path);
   on_begin(std::ssize(meshes.pulses()));
   Labeller labeller(common_grid(meshes, path));
@@ -139,7 +140,7 @@ PerformersReport label_performers(const std::filesystem::path& take,
     }
     on_frame();
   }
-  file.finish();
+  file.finish(source);
   return labeller.report();
 }
 
