@@ -40,19 +40,20 @@ function(v3d_package component description)
 endfunction()
 
 set(common "v3d-common (= ${PROJECT_VERSION})")
+set(daemon_scripts ${CMAKE_SOURCE_DIR}/systemd/daemon/postinst ${CMAKE_SOURCE_DIR}/systemd/daemon/prerm)
 v3d_package(common "V3D studio: user, device and network settings"
   DEPENDS systemd udev procps
   CONTROL ${CMAKE_SOURCE_DIR}/systemd/postinst)
 v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger"
-  DEPENDS ${common} RECOMMENDS rsync openssh-server)
+  DEPENDS ${common} RECOMMENDS rsync openssh-server CONTROL ${daemon_scripts})
 v3d_package(lights "V3D studio: lamps on DMX, for a capture PC with OLA's daemon"
   DEPENDS "v3d-capture (= ${PROJECT_VERSION})" RECOMMENDS ola)
 v3d_package(recon "V3D studio: daemon of the reconstruction PC"
-  DEPENDS ${common} RECOMMENDS rsync openssh-server)
+  DEPENDS ${common} RECOMMENDS rsync openssh-server CONTROL ${daemon_scripts})
 v3d_package(viewer "V3D studio: the studio and its takes in a browser"
-  DEPENDS ${common} RECOMMENDS v3d-tools)
+  DEPENDS ${common} RECOMMENDS v3d-tools CONTROL ${daemon_scripts})
 v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
-  RECOMMENDS rsync openssh-client ffmpeg)
+  DEPENDS ${common} RECOMMENDS rsync openssh-client ffmpeg)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-java")
 v3d_package(import "V3D studio: images and videos (v3dctl import, v3dctl calibrate)"
   DEPENDS "v3d-tools (= ${PROJECT_VERSION})")
