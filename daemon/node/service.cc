@@ -6,6 +6,7 @@
 #include <spdlog/sinks/systemd_sink.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
+#include <sys/stat.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
@@ -16,6 +17,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <optional>
+#include <string>
 
 #include "base/core/error.h"
 #include "cli/command.h"
@@ -36,6 +38,15 @@ void on_stop_signal(int) {
   errno = error;
 }
 
+/// Whether systemd connected stderr with the journal. A program that a service runs with another
+/// stderr inherits $JOURNAL_STREAM, so the variable must name this stderr (systemd.exec(5)).
+bool stderr_is_the_journal() {
+  const char* const stream = std::getenv("JOURNAL_STREAM");
+  struct stat state {};
+  if (stream == nullptr || fstat(STDERR_FILENO, &state) != 0) return false;
+  return stream == std::to_string(state.st_dev) + ":" + std::to_string(state.st_ino);
+}
+
 }  // namespace
 
 void start_logging(const std::string& program, const std::string& level) {
@@ -44,7 +55,7 @@ void start_logging(const std::string& program, const std::string& level) {
     throw InputError("--log-level: '" + level +
                      "' is not one of trace, debug, info, warning, error, off");
   }
-  const bool under_systemd = std::getenv("JOURNAL_STREAM") != nullptr;
+  const bool under_systemd = stderr_is_the_journal();
   auto log = under_systemd ? spdlog::systemd_logger_mt(program) : spdlog::stderr_color_mt(program);
   if (!under_systemd) log->set_pattern("%H:%M:%S.%e %n %^%l%$ %v");
   log->set_level(parsed);

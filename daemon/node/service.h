@@ -14,8 +14,8 @@ namespace v3d::node {
 // systemd service: readiness, status, watchdog, log and stop signals. Adapter of libsystemd and
 // spdlog's sinks. Without systemd the notifications have no effect.
 
-/// Logs to the journal under systemd, else to stderr. `level`: trace, debug, info, warning, error
-/// or off. Throws InputError for another level.
+/// Logs to the journal where systemd connected stderr with it, else to stderr. `level`: trace,
+/// debug, info, warning, error or off. Throws InputError for another level.
 void start_logging(const std::string& program, const std::string& level);
 
 /// From now on SIGTERM and SIGINT only set stop_requested(). Call before any thread starts.

@@ -1,16 +1,24 @@
 #include "daemon/node/service.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <csignal>
+#include <cstdlib>
 #include <stdexcept>
+#include <string>
 #include <thread>
 
 namespace v3d::node {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 /// Makes the signals interrupt another thread than this one.
 void let_another_thread_be_interrupted() {
@@ -43,6 +51,40 @@ int status_of(bool (*work)(), int signal) {
   waitpid(pid, &status, 0);
   for (const int end : ends) close(end);
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// What a daemon with this $JOURNAL_STREAM and a studio file that is missing logs to its stderr, a
+/// file. `own`: the variable names this file, as systemd does for the journal.
+std::string logged_with(const std::string& journal_stream, bool own) {
+  const int file = memfd_create("stderr", 0);
+  const pid_t pid = fork();
+  if (pid == 0) {
+    dup2(file, STDERR_FILENO);
+    struct stat state {};
+    fstat(STDERR_FILENO, &state);
+    const std::string name = std::to_string(state.st_dev) + ":" + std::to_string(state.st_ino);
+    setenv("JOURNAL_STREAM", (own ? name : journal_stream).c_str(), 1);
+    std::array<std::string, 5> words = {"v3d-captured", "--studio", "none.toml", "--node", "cap01"};
+    std::array<char*, 5> arguments{};
+    std::ranges::transform(words, arguments.begin(), [](std::string& word) { return word.data(); });
+    _exit(daemon_main(words.size(), arguments.data(), {.name = words[0], .purpose = "-"},
+                      [](const Studio&, const std::string&) {}));
+  }
+  int status = -1;
+  waitpid(pid, &status, 0);
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  std::string text(1000, '\0');
+  text.resize(static_cast<size_t>(std::max<ssize_t>(0, pread(file, text.data(), text.size(), 0))));
+  close(file);
+  return text;
+}
+
+TEST(Log, goes_to_stderr_unless_systemd_connected_it_with_the_journal) {
+  const std::string line = "none.toml";
+  EXPECT_THAT(logged_with("1:1", false), HasSubstr(line)) << "of a service that redirects stderr";
+  EXPECT_THAT(logged_with("", false), HasSubstr(line));
+  EXPECT_THAT(logged_with("journal", false), HasSubstr(line));
+  EXPECT_THAT(logged_with("", true), IsEmpty());
 }
 
 TEST(StopSignal, ends_the_wait_for_it) {
