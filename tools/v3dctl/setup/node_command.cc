@@ -38,11 +38,24 @@ struct StudioFiles {
   int64_t serial = 0;        ///< of the member list
 };
 
+/// Without a member list, the studio file alone has the key with which the node's takes verify.
+void require_no_public_key(const Studio& studio, const std::string& name) {
+  const auto node = std::ranges::find(studio.nodes, name, &StudioNode::name);
+  if (node == studio.nodes.end() || node->public_key.empty()) return;
+  throw InputError(studio.path.string() + ": " + name +
+                   " has a public key already; --replace gives it a new one, with which its "
+                   "earlier takes do not verify");
+}
+
 /// Adds the node to the studio file and, where there is one, to the member list. Writes nothing.
 StudioFiles add_to_studio(const CommandLine& line, const Options& options,
                           const std::optional<wire::SigningKey>& key) {
   const fs::path path = line.studio_path();
   const std::string public_key = key ? key->public_key().text() : "";
+  const Studio before = parse_studio(read_file(path), path);
+  if (key && before.network.members.empty() && !options.replace) {
+    require_no_public_key(before, options.name);
+  }
   StudioFiles files;
   files.studio_text = with_node(read_file(path), path, options.name, public_key);
   files.studio = parse_studio(files.studio_text, path);
