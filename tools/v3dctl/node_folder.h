@@ -22,7 +22,8 @@ NodeFolder node_folder(const std::string& node, const std::filesystem::path& fol
 /// Calls rsync. Thread-safe.
 class Rsync {
  public:
-  /// `rsh`: remote shell of rsync; empty: ssh.
+  /// `rsh`: remote shell of rsync; empty: that of $RSYNC_RSH, else ssh, which ends when the other
+  /// PC does not reply for 30 s.
   explicit Rsync(std::string rsh) : rsh_(std::move(rsh)) {}
 
   /// Runs rsync --times with these options and paths. Throws InputError where rsync is missing.

@@ -15,8 +15,10 @@ namespace v3d::ctl {
 
 namespace fs = std::filesystem;
 
-UpdateFolder::UpdateFolder(std::string rsh, fs::path folder)
-    : rsync_(std::move(rsh)), folder_(std::move(folder)) {
+UpdateFolder::UpdateFolder(std::string rsh, fs::path folder, int silence_s)
+    : rsync_(std::move(rsh)),
+      folder_(std::move(folder)),
+      silence_("--timeout=" + std::to_string(silence_s)) {
   std::string name = fs::temp_directory_path() / "v3dctl-update-XXXXXX";
   if (mkdtemp(name.data()) == nullptr) throw InputError(errno_message(name));
   scratch_ = name;
@@ -29,7 +31,8 @@ UpdateFolder::~UpdateFolder() {
 
 void UpdateFolder::send_bundle(const std::string& node, const fs::path& bundle) const {
   // --inplace: an interrupted copy continues in its file. It may have the size and the time of the
-  // bundle, but other bytes.
+  // bundle, but other bytes. Without `silence_`, because the PC is silent while it writes the
+  // bundle to its disk.
   std::vector<std::string> options = {"--inplace", "--no-whole-file"};
   if (on_terminal()) options.emplace_back("--info=progress2");
   send(node, bundle, "bundle.raucb", std::move(options));
@@ -38,14 +41,14 @@ void UpdateFolder::send_bundle(const std::string& node, const fs::path& bundle) 
 void UpdateFolder::send_request(const std::string& node, const std::string& request) const {
   const fs::path file = scratch_ / "request";
   replace_file(file, request + "\n");
-  send(node, file, "request", {});
+  send(node, file, "request", {silence_});
 }
 
 std::string UpdateFolder::report(const std::string& node) const {
   const fs::path file = scratch_ / "result.json";
-  const ProcessResult fetched =
-      rsync_.run({"--ignore-times", "--max-size=" + std::to_string(kMaxInstallReportBytes)},
-                 {place(node, "result.json"), file}, Output::kCaptureBoth);
+  const ProcessResult fetched = rsync_.run(
+      {silence_, "--ignore-times", "--max-size=" + std::to_string(kMaxInstallReportBytes)},
+      {place(node, "result.json"), file}, Output::kCaptureBoth);
   if (fetched.status != 0) return "";
   return io::read_file(file, kMaxInstallReportBytes).value_or("");
 }

@@ -12,9 +12,11 @@ namespace v3d::ctl {
 /// The folder on the PCs of all nodes. One thread.
 class UpdateFolder {
  public:
-  /// `rsh`: remote shell of rsync; empty: ssh. `folder`: on each PC.
-  /// Throws InputError where no scratch folder can be made in $TMPDIR.
-  explicit UpdateFolder(std::string rsh, std::filesystem::path folder = "/var/lib/v3d/updates");
+  /// `rsh`: remote shell, as of Rsync. `folder`: on each PC. `silence_s`: a request or a report of
+  /// a PC that sends nothing for so many seconds is given up. Throws InputError where no scratch
+  /// folder can be made in $TMPDIR.
+  explicit UpdateFolder(std::string rsh, std::filesystem::path folder = "/var/lib/v3d/updates",
+                        int silence_s = 20);
   ~UpdateFolder();
   UpdateFolder(const UpdateFolder&) = delete;
   UpdateFolder& operator=(const UpdateFolder&) = delete;
@@ -35,6 +37,7 @@ class UpdateFolder {
 
   const Rsync rsync_;
   const std::filesystem::path folder_;
+  const std::string silence_;  ///< option of rsync
   std::filesystem::path scratch_;
 };
 
