@@ -10,7 +10,9 @@ import { launchBrowser, LCM_URL, ServedStudio, TIMEOUT_MS } from './served_studi
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const RATE = 20;
+const LONG_PULSES = 15;
 const SEED = 8;
+const BEGAN_MS = Date.now();
 let browser, page, probe;
 
 /** Sends live meshes. `over` resolves with a list that says of each pulse whether it is a key frame and whether it was lost. */
@@ -28,7 +30,10 @@ function sendLive(pulses, lostPercent) {
   return { over, end: () => sender.kill() };
 }
 
-/** Runs in the page before its scripts: checks every mesh that the worker posts. */
+/**
+ * Runs in the page before its scripts: checks every mesh that the worker posts. The worker posts the next one at once, not after the
+ * page has drawn, because software may draw slower than the meshes come.
+ */
 function checkMeshes() {
   const seen = (globalThis.seenMeshes = []);
   const wrong = ({ pulse, positions, colours, indices }) => {
@@ -52,7 +57,9 @@ function checkMeshes() {
     constructor(...how) {
       super(...how);
       this.addEventListener('message', ({ data }) => {
-        if (data.kind === 'frame') seen.push({ pulse: data.frame.pulse, wrong: wrong(data.frame) });
+        if (data.kind !== 'frame') return;
+        this.postMessage({ kind: 'drawn' });
+        seen.push({ pulse: data.frame.pulse, wrong: wrong(data.frame) });
       });
     }
   };
@@ -97,22 +104,26 @@ test('recovers at the next key frame after a loss and never shows a damaged mesh
   assert.deepEqual(seen.filter(({ wrong }) => wrong), [], 'no mesh is damaged');
   assert.deepEqual(seen.filter(({ pulse }) => !canBeShown.includes(pulse)), [], 'no mesh is shown that depends on a lost frame');
   assert.ok(seen.every(({ pulse }, n) => n === 0 || pulse > seen[n - 1].pulse), 'they are shown in order');
-  // The page shows the newest complete mesh. A busy machine may skip some, but no long stretch between two losses.
+  // The page shows the newest complete mesh. A busy machine may skip some, but not all of a long stretch between two losses.
+  // Unit tests check the recovery after every loss (tools/viewer/tests/live_work.test.ts).
   const stretches = [];
   for (const pulse of canBeShown) {
     if (pulse === stretches.at(-1)?.at(-1) + 1) stretches.at(-1).push(pulse);
     else stretches.push([pulse]);
   }
-  const unseen = stretches.filter((stretch) => stretch.length >= RATE / 4 && !seen.some(({ pulse }) => stretch.includes(pulse)));
-  assert.deepEqual(unseen, [], 'it recovers after every loss');
+  const long = stretches.filter((stretch) => stretch.length >= LONG_PULSES);
+  assert.ok(long.length >= 5, `${long.length} long stretches between losses`);
+  const unseen = long.filter((stretch) => !seen.some(({ pulse }) => stretch.includes(pulse)));
+  assert.deepEqual(unseen, [], 'it recovers after losses');
 });
 
 test('shows the latency of the mesh', async () => {
   const sender = sendLive(200, 0);
   try {
     await probe.shows('facts', 'behind the pulse');
-    const [, latency] = /(\d+) ms behind the pulse/.exec(await probe.text('facts'));
-    assert.ok(Number(latency) >= 0);
+    const [, latency] = /(-?\d+) ms behind the pulse/.exec(await probe.text('facts'));
+    const elapsed = Date.now() - BEGAN_MS;
+    assert.ok(Number(latency) >= 0 && Number(latency) <= elapsed, `${latency} ms behind a pulse that was sent in the last ${elapsed} ms`);
     await probe.shows('title', 'Live: lossy');
   } finally {
     sender.end();

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { OK, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { NEEDS_REFERENCE, OK, type Frame } from '../../../codec/v3d_decoder.mjs';
 import type { FromWorker } from '../player/src/worker_messages';
 import { LiveWork } from '../src/live_work';
 
@@ -8,20 +8,26 @@ class FakeSocket {
   static last: FakeSocket;
   static readonly OPEN = 1;
   readyState = FakeSocket.OPEN;
+  sent: string[] = [];
   onopen = () => {};
-  onmessage = (_: { data: ArrayBuffer }) => {};
+  onmessage = (_: { data: ArrayBuffer | string }) => {};
   onclose = () => {};
   constructor() {
     FakeSocket.last = this;
   }
-  send(): void {}
+  send(text: string): void {
+    this.sent.push(text);
+  }
   close(): void {}
 }
 
 /** Decodes a frame to a point at x = its pulse. */
 class FakeDecoder {
   decoded: number[] = [];
+  /** Pulses of frames whose reference was lost. */
+  withoutReference: number[] = [];
   decode(bytes: Uint8Array): number {
+    if (this.withoutReference.includes(bytes[0])) return NEEDS_REFERENCE;
     this.decoded.push(bytes[0]);
     return OK;
   }
@@ -33,8 +39,8 @@ class FakeDecoder {
 }
 
 /** A message of v3d-viewd with a frame that is no key frame. */
-function meshMessage(pulse: number): ArrayBuffer {
-  const head = new TextEncoder().encode(JSON.stringify({ type: 'mesh', number: pulse, take: 'fight', pulse, edge_ms: null, missing: [] }));
+function meshMessage(pulse: number, edgeMs: number | null): ArrayBuffer {
+  const head = new TextEncoder().encode(JSON.stringify({ type: 'mesh', number: pulse, take: 'fight', pulse, edge_ms: edgeMs, missing: [] }));
   const message = new Uint8Array(4 + head.length + 1);
   new DataView(message.buffer).setUint32(0, head.length, true);
   message.set(head, 4);
@@ -46,14 +52,18 @@ describe('live meshes', () => {
   let decoder: FakeDecoder;
   let work: LiveWork;
   let sent: number[];
+  let edges: (number | null | undefined)[];
 
   beforeEach(async () => {
     vi.useFakeTimers();
     vi.stubGlobal('WebSocket', FakeSocket);
     decoder = new FakeDecoder();
     sent = [];
+    edges = [];
     const post = (message: FromWorker) => {
-      if (message.kind === 'frame') sent.push(message.frame.pulse);
+      if (message.kind !== 'frame') return;
+      sent.push(message.frame.pulse);
+      edges.push(message.frame.live?.edgeMs);
     };
     work = new LiveWork(async () => decoder, post, 1, 'ws://studio/live');
     await work.open();
@@ -64,8 +74,8 @@ describe('live meshes', () => {
     vi.unstubAllGlobals();
   });
 
-  const receive = (pulse: number) => {
-    FakeSocket.last.onmessage({ data: meshMessage(pulse) });
+  const receive = (pulse: number, edgeMs: number | null = null) => {
+    FakeSocket.last.onmessage({ data: meshMessage(pulse, edgeMs) });
     vi.advanceTimersByTime(40);
   };
 
@@ -87,5 +97,33 @@ describe('live meshes', () => {
       work.drawn();
     }
     expect(sent).toEqual([1, 2, 3]);
+  });
+
+  it('are shown again after frames without their reference', () => {
+    decoder.withoutReference = [2, 3];
+    for (let pulse = 1; pulse <= 5; ++pulse) {
+      receive(pulse);
+      work.drawn();
+    }
+    expect(sent).toEqual([1, 4, 5]);
+  });
+
+  it('have the edge of their pulse in the time of the page, whose clock differs from that of the server', () => {
+    const now = () => performance.timeOrigin + performance.now();
+    const AHEAD_MS = 5000; // the clock of the server
+    FakeSocket.last.onopen();
+    const ping = /^ping (\d+)$/.exec(FakeSocket.last.sent.at(-1)!);
+    FakeSocket.last.onmessage({ data: JSON.stringify({ type: 'pong', ping: Number(ping![1]), now_ms: now() + AHEAD_MS }) });
+    const edge = now() - 120;
+    receive(1, edge + AHEAD_MS);
+    expect(Math.abs(edges[0]! - edge)).toBeLessThan(1); // the ping has whole milliseconds
+    work.drawn();
+    receive(2);
+    expect(edges[1]).toBeNull();
+  });
+
+  it('have no edge before the clock of the server is known', () => {
+    receive(1, 1000);
+    expect(edges).toEqual([null]);
   });
 });
