@@ -2,7 +2,6 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -11,6 +10,7 @@
 
 #include "sound/wave_file.h"
 #include "support/temporary_folder.h"
+#include "support/wait_for_child.h"
 
 namespace v3d::sound {
 namespace {
@@ -48,11 +48,15 @@ constexpr int kNeverFinish = 0;
 }
 
 /// Runs the program, and kills it `after` its acknowledgement number `kill_at`. Returns the number
-/// of samples that it acknowledged.
+/// of samples that it acknowledged. Fails the test when the program ends by itself before
+/// `finish_at`.
 int64_t record_and_kill(const std::filesystem::path& path, int kill_at, Duration after,
                         int finish_at = kNeverFinish) {
   int channel[2];
-  if (pipe2(channel, O_CLOEXEC) != 0) return -1;
+  if (pipe2(channel, O_CLOEXEC) != 0) {
+    ADD_FAILURE() << "pipe2() failed";
+    return -1;
+  }
   const pid_t child = fork();
   if (child == 0) {
     close(channel[0]);
@@ -60,7 +64,8 @@ int64_t record_and_kill(const std::filesystem::path& path, int kill_at, Duration
   }
   close(channel[1]);
   int64_t acknowledged = 0, written = 0;
-  for (int received = 0; read(channel[0], &written, sizeof written) == sizeof written;) {
+  int received = 0;
+  while (read(channel[0], &written, sizeof written) == sizeof written) {
     acknowledged = written;
     if (++received != kill_at) continue;
     const MonotonicInstant then = Monotonic::now() + after;
@@ -69,7 +74,10 @@ int64_t record_and_kill(const std::filesystem::path& path, int kill_at, Duration
     kill(child, SIGKILL);
   }
   close(channel[0]);
-  waitpid(child, nullptr, 0);
+  const int status = test::wait_for_child(child);
+  const bool has_finished = finish_at != kNeverFinish && status == 0;
+  EXPECT_TRUE(status == test::kKilled || has_finished) << "the program ended with " << status;
+  EXPECT_GE(received, kill_at);
   return acknowledged;
 }
 

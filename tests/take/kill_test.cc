@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -15,6 +14,7 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
+#include "support/wait_for_child.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
 #include "wire/codec.h"
@@ -52,11 +52,14 @@ struct Acknowledgement {
 }
 
 /// Runs the program, and kills it `after` it has sent acknowledgement number `kill_at`. Returns all
-/// acknowledged pulses by camera.
+/// acknowledged pulses by camera. Fails the test when the program ends by itself.
 std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int kill_at,
                                                     Duration after) {
   int channel[2];
-  if (pipe2(channel, O_CLOEXEC) != 0) return {};
+  if (pipe2(channel, O_CLOEXEC) != 0) {
+    ADD_FAILURE() << "pipe2() failed";
+    return {};
+  }
   const pid_t child = fork();
   if (child == 0) {
     close(channel[0]);
@@ -65,7 +68,8 @@ std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int 
   close(channel[1]);
   std::map<size_t, std::set<int64_t>> acknowledged;
   Acknowledgement done;
-  for (int received = 0; read(channel[0], &done, sizeof done) == sizeof done;) {
+  int received = 0;
+  while (read(channel[0], &done, sizeof done) == sizeof done) {
     acknowledged[static_cast<size_t>(done.camera)].insert(done.pulse);
     if (++received != kill_at) continue;
     const MonotonicInstant then = Monotonic::now() + after;
@@ -74,7 +78,8 @@ std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int 
     kill(child, SIGKILL);
   }
   close(channel[0]);
-  waitpid(child, nullptr, 0);
+  EXPECT_EQ(test::wait_for_child(child), test::kKilled) << "the program ended by itself";
+  EXPECT_GE(received, kill_at);
   return acknowledged;
 }
 

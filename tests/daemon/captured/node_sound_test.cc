@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -13,6 +12,7 @@
 #include "support/child_process.h"
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "support/wait_for_child.h"
 #include "take/take_timecode.h"
 
 namespace v3d::captured {
@@ -248,8 +248,10 @@ TEST_F(NodeSoundTest, loses_less_than_the_last_second_when_its_process_is_killed
            read(channel[0], &delivered, sizeof delivered) == sizeof delivered) {
     }
     kill(child, SIGKILL);
-    waitpid(child, nullptr, 0);
+    const int status = test::wait_for_child(child);
     close(channel[0]);
+    ASSERT_EQ(status, test::kKilled) << "the recorder ended by itself";
+    ASSERT_GE(delivered, until);
     const auto wave = sound::WaveReader::open(take.sound() / "cap01.wav");
     ASSERT_TRUE(wave) << wave.error().message;
     EXPECT_THAT(wave->samples(), Ge(delivered - kRate));
