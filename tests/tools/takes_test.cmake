@@ -182,10 +182,13 @@ expect("${out}" "^take kendo-07: exists already, complete, 4 cameras x 4 pulses,
 file(READ ${WORK}/archive/kendo-07/verified.toml verified)
 string(REPLACE "agrees = true" "agrees = false" disagrees "${verified}")
 file(WRITE ${WORK}/archive/kendo-07/verified.toml "${disagrees}")
+file(RENAME ${WORK}/archive/kendo-07/background/cam01.mean.png ${WORK}/plate.png)
 v3dctl(takes collect ${sources} --to ${WORK}/archive)
 expect_status(3)
-expect("${out}" "archive/kendo-07: disagrees with its ledger; v3dctl verify lists why\n")
-file(WRITE ${WORK}/archive/kendo-07/verified.toml "${verified}")
+expect("${out}" "cam01.mean.png: missing; .*take kendo-07: exists already, complete")
+file(RENAME ${WORK}/plate.png ${WORK}/archive/kendo-07/background/cam01.mean.png)
+v3dctl(takes collect ${sources} --to ${WORK}/archive)
+expect_status(0)
 
 # Slate, marks, list.
 v3dctl(takes slate kendo-07 --scene 12 --take 3 --note "the sword slips" --dir ${WORK}/archive)

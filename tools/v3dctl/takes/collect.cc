@@ -132,22 +132,21 @@ class Collector {
     return result;
   }
 
-  /// What the ledger of an existing copy and the record of its last verification say. Reads no
-  /// other file.
+  /// What the ledger of an existing copy says. A copy that disagreed with it when it was verified,
+  /// or was never verified, is verified again: its disk may have failed to read only once.
   static take::Verification earlier_verification(const take::TakePaths& place) {
     take::Verification found;
     try {
       found.info = load_take_info(place);
       found.ledger = take::load_ledger(place.ledger());
       // Reconstruction adds files. They do not change what the record says of the recording.
-      const std::string folder = place.folder.string();
-      if (!file_exists(place.verified())) {
-        found.disagreements.push_back(folder + ": was never verified; v3dctl verify reads it");
-      } else if (!take::parse_verified(read_take_text(place.verified()), place.verified()).agrees) {
-        found.disagreements.push_back(folder +
-                                      ": disagrees with its ledger; v3dctl verify lists why");
-      }
-    } catch (const InputError& error) {
+      const bool agrees =
+          file_exists(place.verified()) &&
+          take::parse_verified(read_take_text(place.verified()), place.verified()).agrees;
+      if (agrees) return found;
+      found = verify_take(place, take::ReadFrom::kDisk);
+      io::throw_if_failed(save_verified(place, found));
+    } catch (const std::exception& error) {
       found.disagreements.emplace_back(error.what());
     }
     return found;

@@ -23,8 +23,8 @@ struct CollectedTake {
   bool was_there = false;  ///< the copy existed; nothing was done
   std::string problem;     ///< why the take was not collected; empty: it was
   std::string meshes_of;   ///< node of the copied mesh.v3d, where several have one
-  /// Of a copy that existed: its ledger, and a line when the ledger or the record of its last
-  /// verification cannot be read, or the copy did not agree with its ledger.
+  /// Of a copy that existed: its ledger. The copy is verified again when its last verification
+  /// found a disagreement.
   take::Verification verification;
 };
 
