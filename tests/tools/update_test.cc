@@ -22,8 +22,10 @@ class SimulatedStudio final : public UpdateLink {
   enum class Pc {
     kUpdates,
     kFallsBack,
+    kFallsBackBeforeItsReportIsRead,
     kRefuses,
     kRestartsItsDaemonOnly,
+    kHasTheSameSystem,  ///< and restarts its daemon before
     kLosesARequest,
     kNeverReturns,
     kNoAppliance
@@ -35,7 +37,8 @@ class SimulatedStudio final : public UpdateLink {
     message.node = node;
     message.state = wire::NodeState::kIdle;
     message.version = pc == Pc::kNoAppliance ? "1.0.0" : "1.0.0+1-old";
-    message.values = {{"instance", 1}, {"slot_trial_flag", 0}};
+    if (pc == Pc::kHasTheSameSystem) message.version = "1.0.0+2-new";
+    message.values = {{"instance", 1}, {"boot_count", 7}, {"slot_trial_flag", 0}};
     health_[node] = message;
   }
   wire::HealthMessage& health_of(const std::string& node) { return health_.at(node); }
@@ -60,7 +63,8 @@ class SimulatedStudio final : public UpdateLink {
   std::string install_report(const std::string& node) override {
     if (seconds_ < 2 || node_.empty()) return report("an earlier request", "refused", "too old");
     if (pcs_.at(node) == Pc::kRefuses) return report(request_, "refused", "no valid signature");
-    return report(request_, seconds_ < 5 ? "installing" : "restarting");
+    const bool is_late = pcs_.at(node) == Pc::kFallsBackBeforeItsReportIsRead;
+    return report(request_, seconds_ < (is_late ? 12 : 5) ? "installing" : "restarting");
   }
   MonotonicInstant wait() override {
     now_ += std::chrono::seconds(1);
@@ -71,22 +75,32 @@ class SimulatedStudio final : public UpdateLink {
   bool is_unreachable_ = false;
 
  private:
-  void restart(const std::string& system, double trial) {
+  /// The health of a process that has just started.
+  void send_health(const std::string& system, double boots, double trial) {
     wire::HealthMessage& message = health_[node_];
     message.version = "1.0.0+" + system;
-    message.values = {{"instance", 1.0 + seconds_}, {"slot_trial_flag", trial}};
+    message.values = {
+        {"instance", 1.0 + seconds_}, {"boot_count", boots}, {"slot_trial_flag", trial}};
   }
   void change_health() {
     const Pc pc = pcs_.at(node_);
-    if (pc == Pc::kRestartsItsDaemonOnly && seconds_ == 4) restart("1-old", 0);
+    if (pc == Pc::kRestartsItsDaemonOnly && seconds_ == 4) send_health("1-old", 7, 0);
+    if (pc == Pc::kHasTheSameSystem && seconds_ == 4) send_health("2-new", 7, 0);
     if (pc == Pc::kNeverReturns && seconds_ == 8) health_.erase(node_);
-    if (pc == Pc::kUpdates || pc == Pc::kRestartsItsDaemonOnly || pc == Pc::kLosesARequest) {
-      if (seconds_ == 10) restart("2-new", 1);
-      if (seconds_ == 12) restart("2-new", 0);
+    if (pc == Pc::kUpdates || pc == Pc::kRestartsItsDaemonOnly || pc == Pc::kLosesARequest ||
+        pc == Pc::kHasTheSameSystem) {
+      if (seconds_ == 10) send_health("2-new", 8, 1);
+      if (seconds_ == 12) send_health("2-new", 8, 0);
     }
     if (pc == Pc::kFallsBack) {
-      if (seconds_ == 10) restart("2-new", 1);
-      if (seconds_ == 20) restart("1-old", 0);
+      if (seconds_ == 10) send_health("2-new", 8, 1);
+      if (seconds_ == 20) send_health("1-old", 9, 0);
+    }
+    if (pc == Pc::kFallsBackBeforeItsReportIsRead) {
+      if (seconds_ == 6) health_.erase(node_);
+      if (seconds_ == 9) send_health("1-old", 7, 0);
+      if (seconds_ == 9) health_.at(node_).values.erase("boot_count");  // not counted yet
+      if (seconds_ == 10) health_.at(node_).values["boot_count"] = 9;
     }
   }
 
@@ -125,6 +139,24 @@ TEST_F(Update, goes_from_node_to_node_and_stops_at_the_first_that_falls_back) {
   EXPECT_NE(nodes.at(1).message.find("1-old"), std::string::npos) << nodes.at(1).message;
   EXPECT_EQ(nodes.at(2).state, State::kNotTried);
   EXPECT_EQ(studio_.copied(), (std::vector<std::string>{"cap01", "cap02"}));
+}
+
+TEST_F(Update, falls_back_although_the_old_system_is_seen_before_the_report_of_the_restart) {
+  studio_.add("cap01", Pc::kFallsBackBeforeItsReportIsRead);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kFellBack) << nodes.at(0).message;
+}
+
+TEST_F(Update, to_the_same_system_is_not_done_before_the_pc_has_restarted) {
+  studio_.add("cap01", Pc::kHasTheSameSystem);
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
+  EXPECT_EQ(studio_.health_of("cap01").values.at("boot_count"), 8) << "the daemon restarted only";
+}
+
+TEST_F(Update, of_a_pc_that_has_not_counted_its_start_yet_is_no_fall_back) {
+  studio_.add("cap01", Pc::kRestartsItsDaemonOnly);
+  studio_.health_of("cap01").values.erase("boot_count");
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
 }
 
 TEST_F(Update, is_refused_before_anything_is_copied_while_a_node_has_a_take) {

@@ -53,12 +53,6 @@ double value_of(const wire::HealthMessage& health, const std::string& value, dou
   return found == health.values.end() ? otherwise : found->second;
 }
 
-/// The random number of the process that sent the health (node::NameMonitor::kInstance).
-double instance_of(const Health& health, const std::string& node) {
-  const auto message = health.find(node);
-  return message == health.end() ? -1 : value_of(message->second, "instance", -1);
-}
-
 /// Version of the appliance's system: behind the '+' of the program's version.
 std::string system_of(const wire::HealthMessage& health) {
   const size_t plus = health.version.find('+');
@@ -86,7 +80,7 @@ class NodeUpdate {
       end(UpdatedNode::State::kRefused, take);
       return result_;
     }
-    instance_ = instance_of(health, result_.node);
+    boots_ = value_of(health.at(result_.node), "boot_count", -1);
     try {
       link_.send_bundle(result_.node, request_.bundle);
       install();
@@ -145,22 +139,23 @@ class NodeUpdate {
     return true;
   }
 
-  /// True when the health of the new process ends the update.
+  /// True when the health after the restart of the PC ends the update.
   bool read_health() {
     const Health health = link_.health();
     const auto message = health.find(result_.node);
-    if (message == health.end() || instance_of(health, result_.node) == instance_) return false;
+    if (message == health.end()) return false;
+    // The count is missing until the PC has counted its start.
+    const double boots = value_of(message->second, "boot_count", boots_);
+    if (boots_ < 0) boots_ = boots;
+    if (boots == boots_) return false;
     // The PC may have restarted before its report was read. The report then has the version.
     const bool is_new = !result_.version.empty() && system_of(message->second) == result_.version;
     if (is_new && value_of(message->second, "slot_trial_flag", 1) == 0) {
       end(UpdatedNode::State::kUpdated);
       return true;
     }
-    if (is_new) return false;
-    if (!is_restarting_) {  // the daemon has restarted, not the PC
-      instance_ = instance_of(health, result_.node);
-      return false;
-    }
+    // On trial; or its report is still to be read, and says what interrupted the installation.
+    if (is_new || !is_restarting_) return false;
     end(UpdatedNode::State::kFellBack,
         "the new system did not start well; it runs " + printable(system_of(message->second)));
     return true;
@@ -169,7 +164,7 @@ class NodeUpdate {
   const UpdateRequest& request_;
   UpdateLink& link_;
   UpdatedNode result_;
-  double instance_ = -1;  ///< of the node's process before the restart
+  double boots_ = -1;  ///< starts of the PC before the update; -1: unknown
   bool has_report_ = false;
   bool is_restarting_ = false;
   MonotonicInstant next_request_;
