@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <csignal>
+#include <cstdlib>
 #include <functional>
 #include <stdexcept>
+
+#include "common/console.h"
 
 namespace v3d::ctl {
 namespace {
@@ -52,6 +56,7 @@ class SimulatedStudio final : public UpdateLink {
   void send_request(const std::string& node, const std::string& request) override {
     if (is_unreachable_) throw std::runtime_error("rsync to " + node + " ended with status 255");
     requests_.push_back(request);
+    if (interrupts_) std::raise(SIGINT);
     if (pcs_.at(node) == Pc::kLosesARequest) {
       if (requests_.size() == 1) return;
       if (requests_.size() == 2) throw std::runtime_error("the PC starts");
@@ -73,6 +78,7 @@ class SimulatedStudio final : public UpdateLink {
     return now_;
   }
   bool is_unreachable_ = false;
+  bool interrupts_ = false;  ///< after the request
 
  private:
   /// The health of a process that has just started.
@@ -202,6 +208,18 @@ TEST_F(Update, copies_nothing_to_silent_nodes_and_other_systems) {
   EXPECT_EQ(update({"cap01"}).at(0).state, State::kRefused);
   EXPECT_EQ(update({"cap09"}).at(0).state, State::kSilent);
   EXPECT_TRUE(studio_.copied().empty());
+}
+
+TEST_F(Update, that_the_user_interrupts_says_that_the_pc_goes_on) {
+  // In a process of its own, which stays interrupted.
+  const auto update_and_exit = [this] {
+    catch_interrupts();
+    studio_.add("cap01", Pc::kUpdates);
+    studio_.interrupts_ = true;
+    const std::string message = update({"cap01"}).at(0).message;
+    std::exit(message == "interrupted; the PC goes on: v3dctl health shows its version" ? 0 : 1);
+  };
+  EXPECT_EXIT(update_and_exit(), ::testing::ExitedWithCode(0), "");
 }
 
 TEST_F(Update, reports_a_failed_copy) {

@@ -83,6 +83,7 @@ class NodeUpdate {
     boots_ = value_of(health.at(result_.node), "boot_count", -1);
     try {
       link_.send_bundle(result_.node, request_.bundle);
+      stop_if_interrupted();
       install();
     } catch (const std::runtime_error& error) {
       end(UpdatedNode::State::kFailed, error.what());
@@ -103,7 +104,9 @@ class NodeUpdate {
     const MonotonicInstant deadline = now + request_.timeout;
     next_request_ = now + kRequestPeriod;
     while ((now = link_.wait()) < deadline) {
-      stop_if_interrupted();
+      if (interrupted()) {
+        throw std::runtime_error("interrupted; the PC goes on: v3dctl health shows its version");
+      }
       if (read_report(number) || read_health()) return;
       if (!has_report_ && now >= next_request_) repeat_request(number, now);
     }

@@ -63,6 +63,7 @@ void UpdateFolder::send(const std::string& node, const fs::path& file, const std
   const ProcessResult sent =
       rsync_.run(options, {fs::absolute(file), place(node, name)}, Output::kShow);
   if (sent.status == 0) return;
+  stop_if_interrupted();  // a terminal sends the signal to rsync, too
   throw std::runtime_error("rsync to " + place(node, name) + " ended with status " +
                            std::to_string(sent.status) + "; try: ssh " + node);
 }

@@ -22,7 +22,7 @@ class UpdateFolder {
   UpdateFolder& operator=(const UpdateFolder&) = delete;
 
   /// Copies the bundle. It is on the disk of the PC when this returns.
-  /// Throws std::runtime_error when rsync fails.
+  /// Throws std::runtime_error when rsync fails, or is interrupted by the user.
   void send_bundle(const std::string& node, const std::filesystem::path& bundle) const;
   /// Copies a request, which starts the installation. A power cut may remove it again, so it must
   /// be repeated until there is a report on it. Throws std::runtime_error when rsync fails.
