@@ -11,9 +11,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// TakePaths (take/take.h) has these names, too; tests/take/removal_test.cc compares them.
-constexpr std::array<std::string_view, 9> kTakeFiles{"take.toml",   "ledger.toml", "calib.toml",
-                                                     "studio.toml", "mesh.v3d",    "proxy.v3d",
-                                                     "motion.v3d",  "slate.toml",  "verified.toml"};
+constexpr std::array<std::string_view, 10> kTakeFiles{
+    "take.toml", "ledger.toml", "calib.toml", "studio.toml", "mesh.v3d",
+    "proxy.v3d", "motion.v3d",  "edit.json",  "slate.toml",  "verified.toml"};
 
 bool is_log(std::string_view name) {
   return name.ends_with(".lcmlog") || name.ends_with(".lcmlog.index");
@@ -21,7 +21,8 @@ bool is_log(std::string_view name) {
 
 bool is_take_file(std::string_view name) {
   return std::ranges::find(kTakeFiles, name) != kTakeFiles.end() || name.starts_with(".") ||
-         (name.starts_with("signature.") && name.ends_with(".toml"));
+         (name.starts_with("signature.") && name.ends_with(".toml")) ||
+         (name.starts_with("repaired.") && name.ends_with(".txt"));
 }
 
 bool is_take(const fs::path& folder) {

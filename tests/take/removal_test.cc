@@ -4,37 +4,65 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <regex>
+#include <string>
+#include <vector>
 
+#include "base/io/file.h"
 #include "base/io/recorded_file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/take_signature.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
+#include "take/logs/repaired_pulses.h"
 #include "take/take_listing.h"
 #include "take/take_removal.h"
 
 namespace v3d::take {
 namespace {
 
+using testing::IsSupersetOf;
 namespace fs = std::filesystem;
+
+/// The names in TakePaths, from its source: a file that is added there has to be a recorded file.
+std::vector<std::string> names_of_take_paths() {
+  const std::string source = read_file(V3D_TAKE_HEADER);
+  const std::regex name(R"-(return folder / "([^"]+)";)-");
+  std::vector<std::string> names;
+  for (std::sregex_iterator found(source.begin(), source.end(), name), end; found != end; ++found) {
+    names.push_back((*found)[1]);
+  }
+  return names;
+}
 
 TEST(RecordedFile, is_every_file_that_a_take_has) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};
-  for (const fs::path& path :
-       {paths.info(), paths.ledger(), paths.calib(), paths.studio(), paths.pulses(),
-        paths.frames("cam07"), segment_path(paths.frames("cam07"), 1),
-        segment_index_path(paths.frames("cam07")), paths.background() / "cam07.mean.png",
-        paths.mesh(), paths.proxy(), paths.motion(), paths.slate(), paths.reserve(),
-        paths.verified(), paths.folder / "signature.cap01.toml"}) {
+  std::vector<fs::path> files{paths.frames("cam07"),
+                              segment_path(paths.frames("cam07"), 1),
+                              segment_index_path(paths.frames("cam07")),
+                              paths.background() / "cam07.mean.png",
+                              paths.sound() / "cap01.wav",
+                              signature_path(paths, "cap01"),
+                              repaired_pulses_path(paths, "recon01")};
+  const std::vector<std::string> names = names_of_take_paths();
+  ASSERT_THAT(names,
+              IsSupersetOf({"take.toml", "pulses.lcmlog", "sound", "edit.json", ".reserve"}));
+  for (const std::string& name : names) {
+    if (paths.folder / name != paths.background() && paths.folder / name != paths.sound()) {
+      files.push_back(paths.folder / name);
+    }
+  }
+  for (const fs::path& path : files) {
     fs::create_directories(path.parent_path());
     test::write_text(path, "");
   }
-  for (const auto& entry : fs::recursive_directory_iterator(folder.path())) {
-    EXPECT_TRUE(entry.is_directory() || is_recorded_file(entry.path())) << entry.path();
-  }
+  for (const fs::path& path : files) EXPECT_TRUE(is_recorded_file(path)) << path;
+  test::write_text(folder / "notes.txt", "");
+  EXPECT_FALSE(is_recorded_file(folder / "notes.txt"));
 }
 
 class TakeRemoval : public testing::Test {

@@ -6,7 +6,10 @@ if(NOT status EQUAL 0)
   message(FATAL_ERROR "v3d-sim take: ${err}")
 endif()
 file(COPY ${WORK}/kendo-07/calib.toml DESTINATION ${WORK})
-foreach(name cam01.lcmlog pulses.lcmlog take.toml ledger.toml background/cam01.toml)
+# A reconstruction node lists the repaired pulses during the recording; an edited take has its operations.
+file(WRITE ${WORK}/kendo-07/repaired.recon01.txt "0\n")
+file(WRITE ${WORK}/kendo-07/edit.json "{}\n")
+foreach(name cam01.lcmlog pulses.lcmlog take.toml ledger.toml background/cam01.toml repaired.recon01.txt edit.json)
   file(SHA256 ${WORK}/kendo-07/${name} before)
   execute_process(COMMAND ${V3DCTL} calibrate convert ${WORK}/calib.toml ${WORK}/kendo-07/${name} --to toml
     RESULT_VARIABLE status ERROR_VARIABLE err OUTPUT_QUIET)

@@ -165,7 +165,7 @@ void write_clip(const TakeClip& edited, const fs::path& source, const std::strin
   info.state = take::TakeState::kComplete;
   io::throw_if_failed(io::create_folders(out));
   // edit.json comes first: it shows that the folder holds no recording.
-  replace_file(to.edit(), edits);
+  io::throw_if_failed(io::replace_file(to.edit(), edits));
   io::throw_if_failed(io::replace_file(to.calib(), read_file(from.calib())));
   io::throw_if_failed(io::replace_file(to.motion(), motion));
   replace_file(out / "skeleton.json", skeleton_file(edited));
