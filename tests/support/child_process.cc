@@ -1,6 +1,7 @@
 #include "support/child_process.h"
 
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -32,9 +33,15 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, std::filesys
 }
 
 ChildProcess::~ChildProcess() {
-  if (!runs()) return;
-  signal(SIGKILL);
-  wait(within(10));
+  if (runs()) {
+    signal(SIGKILL);
+    wait(within(10));
+  }
+  // ThreadSanitizer continues after a report, so a killed process has no exit status that shows it.
+  const io::Result<std::string> text = io::read_file(log_);
+  if (text && text->find("Sanitizer: ") != std::string::npos) {
+    ADD_FAILURE() << log_.string() << " has a report of a sanitizer:\n" << *text;
+  }
 }
 
 void ChildProcess::signal(int number) const { kill(pid_, number); }

@@ -18,7 +18,7 @@ class ChildProcess {
   /// Starts `command`, whose first part is the path of a program. Standard output and standard
   /// error are appended to `log`.
   ChildProcess(const std::vector<std::string>& command, std::filesystem::path log);
-  /// Kills the process when it still runs.
+  /// Kills the process when it still runs. Fails the test when its log has a report of a sanitizer.
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
