@@ -96,11 +96,13 @@ class AttackedStudio : public Studio4 {
         std::vector<std::string>{bin("v3dctl"), "watch", "--studio", folder_ / "keyless.toml"},
         folder_ / "keyless-watch.log");
   }
-  /// Without a key, `v3dctl health` ends by itself and shows both nodes.
+  /// Without a key, `v3dctl health` shows both nodes and ends by itself: with 0, or with 3 when a
+  /// node of the busy studio was silent for 2.5 s.
   void expect_keyless_health() const {
     ChildProcess health({bin("v3dctl"), "health", "--studio", folder_ / "keyless.toml"},
                         folder_ / "keyless-health.log");
-    EXPECT_TRUE(health.wait(within(60))) << health.output();
+    EXPECT_THAT(health.wait(within(60)), testing::Optional(testing::AnyOf(0, 3)))
+        << health.output();
     EXPECT_THAT(health.output(),
                 testing::AllOf(testing::HasSubstr("cap01"), testing::HasSubstr("recon01")));
   }

@@ -75,7 +75,7 @@ TEST_F(ViewedStudio, starts_again_and_records_beside_open_takes_whose_files_are_
   EXPECT_TRUE(get("/api/takes")->receives("kendo-08"));
 }
 
-TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_never_read) {
+TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_leave_without_reading) {
   std::vector<std::unique_ptr<Connection>> clients;
   for (int i = 0; i < 40; ++i) {
     clients.push_back(watch("/api/live"));

@@ -12,6 +12,8 @@
 #include <atomic>
 #include <future>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "base/io/unique_fd.h"
@@ -87,6 +89,25 @@ class Silent : public web::WebStream {
   std::optional<web::WebMessage> next() override { return {}; }
 };
 
+/// Always has a next message, up to kMessages. Counts those that the server has taken.
+class Torrent : public web::WebStream {
+ public:
+  static constexpr int kMessages = 4000;
+  static constexpr size_t kMessageBytes = 64 << 10;
+
+  explicit Torrent(std::shared_ptr<std::atomic<int>> taken) : taken_(std::move(taken)) {}
+  std::optional<web::WebMessage> next() override {
+    if (*taken_ == kMessages) return {};
+    ++*taken_;
+    return web::WebMessage{.is_text = false, .bytes = bytes_};
+  }
+
+ private:
+  const std::shared_ptr<std::atomic<int>> taken_;
+  const std::shared_ptr<const std::string> bytes_ =
+      std::make_shared<const std::string>(kMessageBytes, 'x');
+};
+
 class ServedSite : public test::ViewedSite {
  protected:
   ServedSite() {
@@ -101,10 +122,11 @@ class ServedSite : public test::ViewedSite {
                     disk_.wait();
                     return WebSite::list_takes(folder);
                   });
-    handler_.emplace(*site_, [](WebSite::StreamKind) { return std::make_unique<Silent>(); });
+    handler_.emplace(*site_, [this](WebSite::StreamKind) { return stream(); });
     server_ = std::make_unique<web::WebServer>(web::WebAddress{"127.0.0.1", 0}, *handler_, limits);
   }
   ~ServedSite() override { wake_disk(); }
+  virtual std::unique_ptr<web::WebStream> stream() { return std::make_unique<Silent>(); }
   void wake_disk() {
     if (!std::exchange(disk_is_awake_, true)) disk_sleeps_.set_value();
   }
@@ -160,6 +182,30 @@ TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_slots) {
   const std::ptrdiff_t viewers = web::ConnectionSlots::kMaxCommon;
   EXPECT_TRUE(std::none_of(clients_.begin(), clients_.begin() + viewers,
                            [](const auto& viewer) { return viewer->has_ended(); }));
+}
+
+class ServedTorrent : public ServedSite {
+ protected:
+  std::unique_ptr<web::WebStream> stream() override { return std::make_unique<Torrent>(taken_); }
+  /// Waits until the server takes no more messages between two requests that it answers.
+  bool waits_for_its_client() const {
+    int before = -1;
+    const auto is_still = [&] {
+      const int now = *taken_;
+      return gets_page() && std::exchange(before, now) == now;
+    };
+    return becomes_true(is_still, within(60));
+  }
+
+  const std::shared_ptr<std::atomic<int>> taken_ = std::make_shared<std::atomic<int>>(0);
+};
+
+TEST_F(ServedTorrent, takes_no_more_messages_for_a_client_that_never_reads) {
+  const auto idle = client();
+  idle->write(request("/api/live", kUpgrade));
+  ASSERT_TRUE(becomes_true([&] { return *taken_ > 0; }, within(60)));
+  ASSERT_TRUE(waits_for_its_client());
+  EXPECT_LT(*taken_, Torrent::kMessages / 10) << "the sockets hold some MB";
 }
 
 TEST_F(ServedSite, ends_a_slow_request_at_its_deadline) {
