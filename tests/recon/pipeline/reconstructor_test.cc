@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "base/core/error.h"
 #include "base/image/colour.h"
@@ -87,6 +88,27 @@ TEST(Reconstructor, reconstructs_a_coloured_ball_from_its_images) {
   EXPECT_GE(result.times.intersect, 0);
   EXPECT_GE(result.times.encode, 0);
   EXPECT_LT(result.times.deform, 0);  // did not run
+}
+
+TEST(Reconstructor, corrects_the_colours_of_cameras_by_their_responses) {
+  const Mesh ball = two_coloured_ball();
+  Rig rig = ring(12);
+  FrameSet set = photograph(ball, rig);
+  const Reconstruction equal_cameras = Reconstructor(rig, options()).reconstruct(set);
+  for (size_t c = 0; c < rig.size(); c += 2) {
+    for (uint8_t& grey : set.frames[c].image.bytes) grey /= 2;
+    rig[c].colour.matrix *= 2;
+  }
+  const Reconstruction corrected = Reconstructor(rig, options()).reconstruct(set);
+  ASSERT_EQ(corrected.mesh.vertices, equal_cameras.mesh.vertices);
+  ASSERT_EQ(corrected.mesh.colours.size(), equal_cameras.mesh.colours.size());
+  double difference = 0;  // grey values, of three channels
+  for (size_t v = 0; v < corrected.mesh.colours.size(); ++v) {
+    const Rgb8 a = corrected.mesh.colours[v], b = equal_cameras.mesh.colours[v];
+    difference += std::abs(a.r - b.r) + std::abs(a.g - b.g) + std::abs(a.b - b.b);
+  }
+  EXPECT_LT(difference / (3 * static_cast<double>(corrected.mesh.colours.size())), 2)
+      << "halved images lose a bit, and the mesh has rounded colours";
 }
 
 TEST(Reconstructor, returns_the_mesh_that_receivers_decode) {
