@@ -133,13 +133,17 @@ set(V3D_DISCOVERY_SECONDS 300)
 # All programs that ctest -L unit runs.
 add_custom_target(v3d_unit_tests)
 
-# v3d_test(<name> SOURCES ... LINK <target>... [LABELS <label>...])
-# Defines a GoogleTest program. Each of its tests becomes a CTest test with the labels (default: unit). Property tests run
-# with a fixed seed; to use another, run the program itself with RC_PARAMS=seed=N. tests/support is included as "support/name.h".
+# v3d_test(<name> SOURCES ... LINK <target>... [LABELS <label>...] [TIMEOUT <seconds>])
+# Defines a GoogleTest program. Each of its tests becomes a CTest test with the labels (default: unit) and the timeout (default:
+# 300 s). Property tests run with a fixed seed; to use another, run the program itself with RC_PARAMS=seed=N. tests/support is
+# included as "support/name.h".
 function(v3d_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINK;LABELS" ${ARGN})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   if(unit IN_LIST ARG_LABELS)
@@ -159,5 +163,5 @@ function(v3d_test name)
   endif()
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT ${V3D_DISCOVERY_SECONDS}
-    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300 ENVIRONMENT "RC_PARAMS=seed=20090219" ${sanitizer})
+    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "RC_PARAMS=seed=20090219" ${sanitizer})
 endfunction()
