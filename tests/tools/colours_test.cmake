@@ -28,7 +28,18 @@ if(NOT text MATCHES "Delta;E")
   message(SEND_ERROR "no Delta E in the report")
 endif()
 
-# The reconstruction takes the colours from the take's calibration.
+# The reconstruction takes the colours from the take's calibration: the same frames give other meshes. That these have the right
+# colours is tested by Reconstructor.corrects_the_colours_of_cameras_by_their_responses.
+file(SHA256 ${take}/mesh.v3d uncorrected)
+run_or_fail(${V3DCTL} reconstruct ${take} --voxel 20mm --bounds -1.5,-1.5,0,1.5,1.5,2)
+file(SHA256 ${take}/mesh.v3d again)
+if(NOT again STREQUAL uncorrected)
+  message(FATAL_ERROR "two reconstructions by one calibration differ")
+endif()
 file(COPY_FILE ${WORK}/calib.toml ${take}/calib.toml)
 run_or_fail(${V3DCTL} reconstruct ${take} --voxel 20mm --bounds -1.5,-1.5,0,1.5,1.5,2)
+file(SHA256 ${take}/mesh.v3d corrected)
+if(corrected STREQUAL uncorrected)
+  message(SEND_ERROR "the meshes do not depend on the colour responses of the calibration")
+endif()
 file(REMOVE_RECURSE ${WORK})
