@@ -19,9 +19,6 @@ constexpr char kOversized[] =
     "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
     "version";
 
-/// A message that seems older is late, or the clock of its sender was set back.
-constexpr Duration kSeemsOld = std::chrono::milliseconds(10);
-
 /// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
 constexpr int kMaxAnswers = 100;
 
@@ -177,7 +174,8 @@ bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& sta
   }
   if (!kind.needs_answer || !can_answer(signer)) return true;
   const bool has_answered = filter_.has_answered(stamp.session, signer);
-  if (!has_answered || filter_.age(stamp, now, signer) > kSeemsOld) ask(stamp, signer, now);
+  if (!has_answered || filter_.age(stamp, now, signer) > SessionReplayFilter::kSeemsOld)
+    ask(stamp, signer, now);
   return has_answered;
 }
 

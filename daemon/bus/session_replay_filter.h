@@ -61,6 +61,9 @@ class SessionReplayFilter {
   static constexpr size_t kMaxSessions = 256;
   /// The largest age of a recent message; it permits delays in the network.
   static constexpr Duration kOldest = std::chrono::seconds(5);
+  /// A message that seems older raises a question: it is late, or the clock of its sender was set
+  /// back or slewed. Then the times of pulses would be wrong by as much.
+  static constexpr Duration kSeemsOld = std::chrono::milliseconds(10);
   /// The largest lead of a sender's clock.
   static constexpr Duration kAhead = std::chrono::seconds(2);
   /// The largest difference in rate of two clocks: crystals deviate by 100 ppm, and the kernel

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "take/ledger/verify.h"
+#include "take/logs/mesh_file.h"
 #include "viewed_studio.h"
 
 namespace v3d {

@@ -221,15 +221,17 @@ void NodeProcess::process(Channel channel, size_t from, const wire::Bytes& bytes
 /// Accepts or rejects health and pulses, as MessageReceiver does.
 bool NodeProcess::accepts(const bus::SessionStamp& stamp) {
   if (sessions_.is_received(stamp)) return false;
-  if (sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session)) {
-    sessions_.note(stamp, receiver_time());
-    return true;
-  }
+  const bool is_accepted =
+      sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session);
+  const bool seems_old =
+      sessions_.age(stamp, receiver_time()) > bus::SessionReplayFilter::kSeemsOld;
+  if (is_accepted) sessions_.note(stamp, receiver_time());
+  if (is_accepted && !seems_old) return true;
   if (const auto nonce = questions_.ask(stamp.session, world_.time.now())) {
     send(Channel::kSession,
          encode(wire::SessionMessage{.sent = clock(), .session = stamp.session, .nonce = *nonce}));
   }
-  return false;
+  return is_accepted;
 }
 
 void NodeProcess::on_session_message(const wire::SessionMessage& message,
@@ -241,9 +243,10 @@ void NodeProcess::on_session_message(const wire::SessionMessage& message,
     answer.is_answer = true;
     return send(Channel::kSession, encode(answer));
   }
-  if (!questions_.answers(message.session, message.nonce, world_.time.now())) return;
+  const auto since_question = questions_.answers(message.session, message.nonce, world_.time.now());
+  if (!since_question) return;
   sessions_.accept({.session = message.session, .sequence = message.newest, .sent = stamp.sent},
-                   receiver_time());
+                   receiver_time(), *since_question);
 }
 
 void NodeProcess::send(Channel channel, const wire::Bytes& message) {

@@ -103,7 +103,7 @@ control::NodeReport SimulatedCapture::poll_arming() {
 void SimulatedCapture::open_take() {
   is_open_ = true;
   was_started_ = false;
-  pulses_ = captured::KnownPulses(order_.take);
+  pulses_ = captured::KnownPulses(order_.take, now());
   accounts_.clear();
   received_.clear();
   write_errors_ = 0;
@@ -139,7 +139,7 @@ std::optional<wire::CommandMessage> SimulatedCapture::rejoin() {
   if (!found) return std::nullopt;
   order_ = found->order;
   TakeOnDisk& take = on_disk();
-  pulses_ = captured::KnownPulses(order_.take, take.pulses, found->commanded);
+  pulses_ = captured::KnownPulses(order_.take, take.pulses, found->commanded, now());
   accounts_.clear();
   for (const auto& [camera, frames] : take.frames) {
     for (const int64_t pulse : frames) accounts_[camera].add(pulse, false);
@@ -284,15 +284,15 @@ void SimulatedCapture::on_other_health(const node::ReceivedHealth& message) {
 }
 
 void SimulatedCapture::on_pulse_message(const wire::PulseMessage& pulse) {
-  if (is_open_ && host_.trigger == nullptr && pulses_.accepts(pulse)) {
-    pulses_.add(pulse.pulse);
+  if (is_open_ && host_.trigger == nullptr && pulses_.accepts(pulse, now())) {
+    pulses_.add(pulse.pulse, now());
     if (records()) on_disk().pulses.insert(pulse.pulse);
   }
 }
 
 void SimulatedCapture::on_sensed(int64_t pulse) {
   if (!is_open_) return;
-  pulses_.add(pulse);
+  pulses_.add(pulse, now());
   if (records()) on_disk().pulses.insert(pulse);
 }
 

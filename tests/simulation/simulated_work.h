@@ -101,7 +101,7 @@ class SimulatedCapture : public SimulatedWork {
   MonotonicInstant ended_;
   MonotonicInstant last_frame_;
   MonotonicInstant learn_by_;
-  captured::KnownPulses pulses_{""};
+  captured::KnownPulses pulses_{"", {}};
   std::map<std::string, take::CameraAccount> accounts_;
   std::map<std::string, int64_t> received_;
   int64_t write_errors_ = 0;
