@@ -81,8 +81,8 @@ struct SessionPort {
 /// When a session's time is not proven to be recent, the receiver drops its messages and sends it a
 /// question. If clocks differ, the messages before the answer are lost. The first health messages
 /// and pulses of every session are lost in the same way (ChannelKind::needs_answer). If later ones
-/// seem to be 10 ms old, they are returned, and the session is asked again: its clock may have been
-/// set back, and the answer compares the clocks anew.
+/// seem to be older than SessionReplayFilter::kSeemsOld, they are returned, and the session is
+/// asked again: its clock may have been set back (SessionReplayFilter::accept()).
 ///
 /// When no authentication is required, the checks of MAC and time are skipped. One thread; counts()
 /// may be called from any thread.
