@@ -394,7 +394,8 @@ void MessageReceiver::on_answer(const wire::SessionMessage& answer, std::span<co
   if (!waited) return;
   filter_.accept({answer.session, answer.newest, stamp.sent}, now, *waited, *signer);
   const Duration ahead = stamp.sent - now.realtime;
-  if (std::chrono::abs(ahead) > filter_.kAhead) authenticator_.report(clocks_differ(ahead));
+  if (std::chrono::abs(ahead) > SessionReplayFilter::kAhead)
+    authenticator_.report(clocks_differ(ahead));
 }
 
 /// The signer of an answer. Empty when members are required and the signature is missing or wrong.

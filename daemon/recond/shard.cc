@@ -55,8 +55,7 @@ void Shard::join_after(int64_t pulse) {
   plausible_.add(first_, instant_);
 }
 
-// --- frame groups
-// -------------------------------------------------------------------------------
+// --- frame groups -------------------------------------------------------------------------------
 
 void Shard::update_frame_groups() {
   if (setup_.frame_groups == 1) return;
@@ -72,18 +71,16 @@ void Shard::update_frame_groups() {
   groups_ = std::move(wanted);
 }
 
-/// Is this the first set of a group that was joined while its frames were being
-/// sent?
+/// Is this the first set of a group that was joined while its frames were being sent?
 bool Shard::may_be_truncated(const recon::ReadySet& set) {
   const size_t group = bus::FrameNumbers::group_of(set.set.pulse, setup_.frame_groups);
   return new_groups_.erase(group) > 0 && !set.missing.empty();
 }
 
-// --- known pulses
-// -------------------------------------------------------------------------------
+// --- known pulses -------------------------------------------------------------------------------
 
-/// False for a pulse that is too far ahead: it would make all further ones
-/// late. The first one of a node that joins late may be any pulse of a take.
+/// False for a pulse that is too far ahead: it would make all further ones late. The first one of a
+/// node that joins late may be any pulse of a take.
 bool Shard::accept_pulse(int64_t pulse) {
   if (!plausible_.contains(pulse, instant_) || (!reorder_ && pulse >= take::kMaxPulses)) {
     ++counts_.implausible;
@@ -102,9 +99,8 @@ void Shard::on_pulse(int64_t pulse) {
   if (announced_.empty() || pulse > announced_.back().first) announced_.emplace_back(pulse, now_);
 }
 
-/// A pulse of the trigger becomes known when its set had the time to be
-/// assembled. Before, no node reports it as pending, and it would count as
-/// lost.
+/// A pulse of the trigger becomes known when its set had the time to be assembled. Before, no node
+/// reports it as pending, and it would count as lost.
 void Shard::record_announced() {
   const Duration before = now_ - setup_.deadline - kLossTimeout;
   while (!announced_.empty()) {
@@ -125,8 +121,7 @@ std::optional<Duration> Shard::known_since(int64_t pulse) const {
   return std::nullopt;
 }
 
-// --- sets
-// ---------------------------------------------------------------------------------------
+// --- sets ---------------------------------------------------------------------------------------
 
 void Shard::on_set(recon::ReadySet set) {
   const int64_t pulse = set.set.pulse;
@@ -172,9 +167,8 @@ void Shard::check_held_sets() {
   }
 }
 
-/// True when this node owns the pulse, or when the owner reports it as made and
-/// the mesh does not arrive. Nodes that lack it then wait in turn, by rank:
-/// usually the first one's mesh serves all.
+/// True when this node owns the pulse, or when the owner reports it as made and the mesh does not
+/// arrive. Nodes that lack it then wait in turn, by rank: usually the first one's mesh serves all.
 bool Shard::should_make(int64_t pulse, Held& held) {
   const size_t owner = members_.owner(pulse, now_);
   if (owner == self_) {
@@ -212,8 +206,7 @@ void Shard::give_up(int64_t pulse) {
   if (given_up_.size() > kMaxGivenUp) given_up_.pop_front();
 }
 
-// --- meshes
-// -------------------------------------------------------------------------------------
+// --- meshes -------------------------------------------------------------------------------------
 
 void Shard::on_status(const wire::ShardMessage& status) {
   if (status.take == setup_.take) members_.on_status(status, now_);
@@ -285,8 +278,7 @@ void Shard::skip(int64_t pulse) {
   if (held != held_.end()) release(held);
 }
 
-// --- publishing
-// ---------------------------------------------------------------------------------
+// --- publishing ---------------------------------------------------------------------------------
 
 void Shard::publish() {
   while (!unpublished_.empty()) {
@@ -304,9 +296,8 @@ void Shard::publish() {
   }
 }
 
-/// A node that joined late waits until the previous publisher has published
-/// everything before first_, so that no pulse is omitted. It waits at most
-/// kLossTimeout.
+/// A node that joined late waits until the previous publisher has published everything before
+/// first_, so that no pulse is omitted. It waits at most kLossTimeout.
 bool Shard::may_start_publishing(const Unpublished& front) const {
   if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= kLossTimeout) return true;
   const size_t before = members_.publisher(first_ - 1, now_);
@@ -315,8 +306,7 @@ bool Shard::may_start_publishing(const Unpublished& front) const {
   return status.ordered >= first_ - 1 && published_ >= status.shown;
 }
 
-// --- status and counts
-// --------------------------------------------------------------------------
+// --- status and counts --------------------------------------------------------------------------
 
 wire::ShardMessage Shard::status() const {
   wire::ShardMessage status;
@@ -324,8 +314,7 @@ wire::ShardMessage Shard::status() const {
   status.node = setup_.node;
   status.first = first_;
   status.ordered = reorder_ ? reorder_->next() - 1 : -1;
-  // A pulse that this node has skipped is done, too: the others need not wait
-  // for it.
+  // A pulse that this node has skipped is done, too: the others need not wait for it.
   status.done =
       own_pulses_.empty() ? std::max(newest_set_, status.ordered) : *own_pulses_.begin() - 1;
   status.shown = published_;
