@@ -287,13 +287,23 @@ void Shard::publish() {
     const size_t publisher = members_.publisher(pulse, now_);
     if (publisher != self_) published_ = std::max(published_, members_.status(publisher).shown);
     if (pulse > published_) {
-      if (publisher != self_ || !may_start_publishing(front)) return;
-      publishing_ = true;
-      published_ = pulse;
-      to_publish_.push_back(front.mesh);
+      const bool publishes = publisher == self_ && may_start_publishing(front);
+      if (!publishes && !is_omitted(front, publisher)) return;
+      if (publishes) {
+        publishing_ = true;
+        published_ = pulse;
+        to_publish_.push_back(front.mesh);
+      }
     }
     unpublished_.pop_front();
   }
+}
+
+/// Has the publisher, another node, skipped this pulse? It has no mesh of it then, and never
+/// publishes it.
+bool Shard::is_omitted(const Unpublished& front, size_t publisher) const {
+  return publisher != self_ && members_.status(publisher).ordered >= front.mesh.pulse &&
+         now_ - front.since >= kLossTimeout;
 }
 
 /// A node that joined late waits until the previous publisher has published everything before

@@ -142,7 +142,8 @@ class Shard {
   void order_meshes();
   void skip(int64_t pulse);
   void publish();
-  bool may_start_publishing(const Unpublished& first) const;
+  bool is_omitted(const Unpublished& front, size_t publisher) const;
+  bool may_start_publishing(const Unpublished& front) const;
 
   const Setup setup_;
   const size_t self_;  ///< index of this node in the roster

@@ -157,6 +157,38 @@ TEST_F(LastPulseOfAnotherNode, is_reported_when_its_mesh_does_not_arrive) {
   EXPECT_EQ(shard_.without_mesh(), std::vector<int64_t>{1});
 }
 
+TEST(ShardInGroups, does_not_wait_for_a_publisher_that_has_no_mesh_of_the_last_pulse) {
+  MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon2"}, now);
+  wire::ShardMessage publisher;
+  publisher.take = kTake;
+  publisher.node = "recon1";
+  publisher.first = 0;
+  publisher.done = 1;
+  const auto run = [&](int steps) {
+    for (int i = 0; i < steps; ++i) {
+      now += milliseconds(50);
+      publisher.sent = from_ns<Realtime>(to_ns(now));
+      shard.on_status(publisher);
+      shard.advance(now);
+    }
+  };
+  run(2);
+  for (const int64_t pulse : {0, 1}) {
+    wire::MeshMessage mesh;
+    mesh.take = kTake;
+    mesh.pulse = pulse;
+    shard.on_mesh(std::move(mesh));
+  }
+  publisher.shown = 0;
+  run(40);
+  EXPECT_FALSE(shard.is_settled()) << "the publisher may still publish pulse 1";
+  publisher.ordered = 1;
+  run(2);
+  EXPECT_TRUE(shard.is_settled());
+  EXPECT_TRUE(shard.take_to_publish().empty()) << "another node publishes";
+}
+
 TEST(ShardInGroups, reports_a_last_pulse_without_frames_as_done) {
   MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
   Shard shard({.take = kTake, .roster = {"recon1"}, .node = "recon1"}, now);
