@@ -34,8 +34,8 @@ function(v3d_share_a_name variable first second)
   endforeach()
 endfunction()
 
-# v3d_group_sources(<target>): puts each source into the first group with room whose sources define other names. Sources
-# with macros, or with included code for several instruction sets, are compiled alone.
+# v3d_group_sources(<target>): puts each source into the first group with room whose sources define other names. Sources with
+# macros, with included code for several instruction sets, or with an operator new of their own are compiled alone.
 function(v3d_group_sources target)
   get_target_property(sources ${target} SOURCES)
   get_target_property(folder ${target} SOURCE_DIR)
@@ -48,7 +48,7 @@ function(v3d_group_sources target)
     endif()
     file(READ ${path} text)
     set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${path})
-    if(text MATCHES "\n#define|\n#undef|\\.inc\"|foreach_target")
+    if(text MATCHES "\n#define|\n#undef|\\.inc\"|foreach_target|\nvoid\\* operator new")
       continue()
     endif()
     v3d_defined_names(names "\n${text}")
@@ -75,10 +75,9 @@ function(v3d_group_sources target)
   target_compile_options(${target} PRIVATE -Wno-shadow $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
 endfunction()
 
-# Groups the sources of all targets in a folder and below. Tests and benchmarks are compiled one by one, because their helpers
-# have equal names.
+# Groups the sources of all targets in a folder and below. Benchmarks are compiled one by one, because their helpers hide types.
 function(v3d_group_sources_below folder)
-  if(folder MATCHES "^${CMAKE_SOURCE_DIR}/(tests|tools/bench)$")
+  if(folder STREQUAL "${CMAKE_SOURCE_DIR}/tools/bench")
     return()
   endif()
   get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)

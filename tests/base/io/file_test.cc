@@ -51,7 +51,7 @@ std::vector<uint8_t> bytes_of(std::string_view text) { return {text.begin(), tex
 TEST(UniqueFd, closes_its_descriptor_once_and_transfers_it_on_move) {
   int number = -1;
   {
-    UniqueFd first(open("/dev/null", O_RDONLY | O_CLOEXEC));
+    UniqueFd first(::open("/dev/null", O_RDONLY | O_CLOEXEC));
     number = first.get();
     const UniqueFd second(std::move(first));
     EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): tests the moved-from state

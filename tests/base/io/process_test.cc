@@ -25,7 +25,7 @@ class Process : public testing::Test {
  protected:
   std::string output_of(const std::vector<std::string>& words, SpawnOptions options = {}) {
     const auto path = folder_ / "output";
-    options.output = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    options.output = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     const pid_t child = spawn_process(words, options);
     close(options.output);
     EXPECT_GT(child, 0);
@@ -63,7 +63,7 @@ TEST_F(Process, sets_errno_for_a_missing_program) {
 }
 
 TEST_F(Process, inherits_only_the_given_descriptors) {
-  const int inherited = open("/dev/zero", O_RDONLY);  // not close-on-exec
+  const int inherited = ::open("/dev/zero", O_RDONLY);  // not close-on-exec
   std::istringstream listed(output_of({"/bin/ls", "/proc/self/fd"}));
   std::vector<int> open_files;
   for (int fd = 0; listed >> fd;) open_files.push_back(fd);
@@ -78,7 +78,7 @@ TEST_F(Process, uses_dev_null_without_descriptors) {
 
 TEST_F(Process, reads_the_given_input) {
   test::write_text(folder_ / "input", "five words on one line");
-  const int input = open((folder_ / "input").c_str(), O_RDONLY | O_CLOEXEC);
+  const int input = ::open((folder_ / "input").c_str(), O_RDONLY | O_CLOEXEC);
   EXPECT_EQ(output_of({"/bin/cat"}, {.input = input}), "five words on one line");
   close(input);
 }
