@@ -4,6 +4,8 @@
 #include <numbers>
 #include <numeric>
 
+#include "base/core/statistics.h"
+
 namespace v3d::recon {
 namespace {
 
@@ -76,12 +78,6 @@ class Sweep {
   std::vector<Branch> branches_;
 };
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
-
 /// Of three nodes from one on: the perimeter of a single node is noisy.
 double narrowest(const ReebLevel& level, const GraphBranch& branch, size_t first) {
   double least = level.nodes[branch.nodes[first]].perimeter;
@@ -97,7 +93,7 @@ void measure_slender(const ReebLevel& level, const std::vector<size_t>& divided,
   for (size_t i = 0; i < branch.nodes.size(); ++i) {
     const ReebNode& node = level.nodes[branch.nodes[i]];
     if (divided[i] > 1) break;
-    if (i > 3 && narrowest(level, branch, i) > kWidening * median(perimeters)) break;
+    if (i > 3 && narrowest(level, branch, i) > kWidening * upper_median(perimeters)) break;
     if (i > 0) {
       const ReebNode& last = level.nodes[branch.nodes[i - 1]];
       branch.slender_length_m += (node.centre - last.centre).norm();
@@ -106,7 +102,7 @@ void measure_slender(const ReebLevel& level, const std::vector<size_t>& divided,
     ++branch.slender;
   }
   if (!perimeters.empty()) {
-    branch.slender_radius_m = median(perimeters) / (2 * std::numbers::pi);
+    branch.slender_radius_m = upper_median(perimeters) / (2 * std::numbers::pi);
   }
 }
 
