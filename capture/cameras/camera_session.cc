@@ -55,6 +55,7 @@ void CameraSession::disarm() {
   if (camera_) text_.clear();
   matcher_.reset();
   held_.clear();
+  strays_.clear();
   labelled_.clear();
   ready_ = running_ = expecting_ = missing_ = joins_late_ = resumes_take_ = false;
   train_is_over_ = false;
@@ -114,7 +115,8 @@ void CameraSession::receive(CameraFrame frame) {
   if (running_) {
     if (frame.pulse) expect_frames();
     const PulseMatch found = match(frame);
-    return deliver(std::move(frame), found);
+    deliver(std::move(frame), found);
+    return deliver_strays();
   }
   if (!edges_are_reported_) expect_frames();
   if (held_.empty() && !joins_late_) start_.damaged = new_damaged;
@@ -163,6 +165,7 @@ void CameraSession::check_loss(MonotonicInstant now) {
   const Duration silence = now - last_frame_;
   const Duration max_hold = std::min<Duration>(kSilentPeriods * period_, kMaxHold);
   if (!held_.empty() && pulses_have_begun() && silence >= max_hold) label_first_frames(true);
+  if (train_is_over_ && silence >= max_hold) deliver_strays();
   if (!expecting_ || silence < kSilentPeriods * period_) return;
   const std::string why = "no frame for " + std::to_string(kSilentPeriods) + " pulses";
   report_missing(why);
@@ -180,7 +183,7 @@ void CameraSession::report_missing(const std::string& why) {
 
 void CameraSession::reopen(const std::string& why) {
   if (!held_.empty() && pulses_have_begun()) label_first_frames(true);
-  deliver_held(held_.size());
+  set_aside(held_.size());
   report_missing(why);
   close();
   if (matcher_) matcher_->reopened();
@@ -211,6 +214,13 @@ void CameraSession::label_resumed_frames(bool no_more) {
 }
 
 void CameraSession::label_first_frames(bool no_more) {
+  if (!pulses_have_begun()) {
+    if (held_.size() < kStartFrames) return;
+    // That many in succession are of pulses whose reports were lost.
+    if (held_.back().received - held_.front().received > 2 * kStartFrames * period_) {
+      return set_aside(1);
+    }
+  }
   if (resumes_take_) return label_resumed_frames(no_more);
   const auto start = find_start(held_stamps(), start_, no_more);
   if (!start) return;
@@ -220,14 +230,32 @@ void CameraSession::label_first_frames(bool no_more) {
   deliver_held(start->strays);
 }
 
-/// Delivers all held frames. The first `strays` of them belong to no pulse and are suspect.
+/// Delivers all held frames but the first `strays`, which belong to no pulse.
 void CameraSession::deliver_held(size_t strays) {
-  for (size_t i = 0; !held_.empty(); ++i) {
-    CameraFrame frame = std::move(held_.front());
-    held_.pop_front();
-    const PulseMatch found = i < strays ? PulseMatch{0, true} : match(frame);
-    deliver(std::move(frame), found);
+  set_aside(strays);
+  if (held_.empty()) return;
+  for (; !held_.empty(); held_.pop_front()) {
+    const PulseMatch found = match(held_.front());
+    deliver(std::move(held_.front()), found);
   }
+  deliver_strays();
+}
+
+/// Removes the first `count` held frames: they were exposed before the pulses. The last ones of all
+/// are kept.
+void CameraSession::set_aside(size_t count) {
+  for (; count > 0; --count) {
+    if (start_.counter_of_pulse_0) start_.counter_of_pulse_0 = held_.front().counter + 1;
+    strays_.push_back(std::move(held_.front()));
+    held_.pop_front();
+    if (strays_.size() > kStartFrames) strays_.pop_front();
+  }
+}
+
+/// Delivers the strays, as suspect frames of pulse 0. The frame of pulse 0 must come first, because
+/// readers take the first frame of a pulse.
+void CameraSession::deliver_strays() {
+  for (; !strays_.empty(); strays_.pop_front()) deliver(std::move(strays_.front()), {0, true});
 }
 
 PulseMatch CameraSession::match(const CameraFrame& frame) {

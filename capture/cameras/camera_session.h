@@ -70,6 +70,8 @@ class CameraSession {
   void label_first_frames(bool no_more);
   void label_resumed_frames(bool no_more);
   void deliver_held(size_t strays);
+  void set_aside(size_t count);
+  void deliver_strays();
   std::vector<FrameStamp> held_stamps() const;
   void deliver(CameraFrame frame, PulseMatch match);
   PulseMatch match(const CameraFrame& frame);
@@ -91,11 +93,12 @@ class CameraSession {
   std::optional<PulseMatcher> matcher_;
   StartEvidence start_;
   bool edges_are_reported_ = false;
-  bool joins_late_ = false;        ///< rejoins a train that is already running
-  bool resumes_take_ = false;      ///< rejoins with frames from before the restart in the matcher
-  std::deque<CameraFrame> held_;   ///< first frames, not yet labelled
-  std::deque<Frame> labelled_;     ///< frames that step() returns next
-  MonotonicInstant last_frame_{};  ///< arrival of the last frame, or time of arm() or open()
+  bool joins_late_ = false;         ///< rejoins a train that is already running
+  bool resumes_take_ = false;       ///< rejoins with frames from before the restart in the matcher
+  std::deque<CameraFrame> held_;    ///< first frames, not yet labelled
+  std::deque<CameraFrame> strays_;  ///< exposed before the pulses; delivered after pulse 0
+  std::deque<Frame> labelled_;      ///< frames that step() returns next
+  MonotonicInstant last_frame_{};   ///< arrival of the last frame, or time of arm() or open()
   std::optional<uint64_t> last_counter_;
   int64_t damaged_at_last_ = 0;  ///< count of damaged frames at the last complete one or at ready
   bool ready_ = false;           ///< the camera was silent for kQuietPeriods after arm()

@@ -206,14 +206,16 @@ class FrameLogReader::Impl {
         continue;
       }
       labels_.push_back(head->label);
-      first_of_.emplace(head->label.pulse, &event);
+      const Stored stored{&event, head->label.suspect};
+      const auto [found, is_new] = stored_.emplace(head->label.pulse, stored);
+      if (!is_new && found->second.suspect && !stored.suspect) found->second = stored;
     }
   }
 
   std::optional<Frame> read_deep(int64_t pulse) {
-    const auto found = first_of_.find(pulse);
-    if (found == first_of_.end()) return std::nullopt;
-    const auto bytes = read(*found->second, SIZE_MAX);
+    const auto found = stored_.find(pulse);
+    if (found == stored_.end()) return std::nullopt;
+    const auto bytes = read(*found->second.event, SIZE_MAX);
     auto message = bytes ? wire::decode<wire::FrameMessage>(*bytes) : std::nullopt;
     if (!message) return std::nullopt;
     return std::move(message->frame);
@@ -234,10 +236,14 @@ class FrameLogReader::Impl {
     return std::nullopt;
   }
 
+  struct Stored {
+    const EventSpan* event = nullptr;
+    bool suspect = false;
+  };
   static constexpr size_t kMaxReadErrors = 16;
   EventLogReader log_;
   std::vector<FrameLabel> labels_;
-  std::unordered_map<int64_t, const EventSpan*> first_of_;
+  std::unordered_map<int64_t, Stored> stored_;  ///< by pulse: the first frame that is not suspect
   std::vector<std::string> read_errors_;
   int64_t damaged_ = 0;
 };

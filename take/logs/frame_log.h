@@ -79,8 +79,8 @@ class FrameLogReader {
   int64_t torn_bytes() const;
   /// The read errors until now, with path and cause. read() adds errors up to a total of 16.
   const std::vector<std::string>& read_errors() const;
-  /// The first frame of `pulse`, with 8 bits per sample (reduce_to_8_bits()). Empty when there is
-  /// none, or it is damaged or unreadable.
+  /// The first frame of `pulse` that is not suspect, else the first one, with 8 bits per sample
+  /// (reduce_to_8_bits()). Empty when there is none, or it is damaged or unreadable.
   std::optional<Frame> read(int64_t pulse);
   /// Like read(), with all recorded bits of a deep image.
   std::optional<Frame> read_deep(int64_t pulse);

@@ -208,14 +208,52 @@ TEST_F(SensedCameraSessionTest, takes_an_exposure_before_the_pulses_for_no_pulse
       session_->train_ended();
       play(seconds(1));
       ASSERT_EQ(frames_.size(), 51U) << ms;
-      EXPECT_EQ(frames_[0].image.bytes[0], Script::kStrayContent);
-      EXPECT_TRUE(frames_[0].label.suspect);
+      // The frame of pulse 0 comes first: readers take the first frame of a pulse.
+      const Frame& stray = frames_[is_timed ? 1 : 0];
+      EXPECT_EQ(stray.image.bytes[0], Script::kStrayContent);
+      EXPECT_EQ(stray.label.pulse, 0);
+      EXPECT_TRUE(stray.label.suspect);
       EXPECT_EQ(session_->status().suspect, is_timed ? 1 : 51) << ms;
       EXPECT_TRUE(!is_timed || mislabelled() == 1) << "only the stray, " << ms << " ms before";
     }
   }
   EXPECT_EQ(session_->status().losses, 0);
   EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(SensedCameraSessionTest, takes_many_exposures_before_the_pulses_for_no_pulse) {
+  make_ready();
+  for (int i = 0; i < 20; ++i) {
+    script_->stray = script_->now;
+    play(seconds(1));
+    ASSERT_EQ(session_->status().state, CameraState::kReady) << i;
+  }
+  script_->start_train(50);
+  play(51 * Script::kPeriod);
+  session_->train_ended();
+  play(seconds(1));
+  ASSERT_GE(frames_.size(), 50U);
+  EXPECT_EQ(frames_[0].image.bytes[0], 0);
+  const auto strays = static_cast<int64_t>(frames_.size()) - 50;
+  EXPECT_LE(strays, 2 * static_cast<int64_t>(kStartFrames)) << "the last ones";
+  EXPECT_EQ(mislabelled(), strays);
+  EXPECT_EQ(session_->status().suspect, strays);
+  EXPECT_EQ(session_->status().losses, 0);
+  EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(SensedCameraSessionTest,
+       delivers_an_exposure_before_the_pulses_of_a_camera_that_misses_all) {
+  make_ready();
+  script_->stray = script_->now;
+  play(seconds(1));
+  script_->silent = true;
+  script_->start_train(5);
+  play(seconds(1));
+  session_->train_ended();
+  play(seconds(1));
+  ASSERT_EQ(frames_.size(), 1U);
+  EXPECT_TRUE(frames_[0].label.suspect);
 }
 
 TEST_F(SensedCameraSessionTest, settles_again_after_an_exposure_without_a_pulse_and_a_loss) {
@@ -231,7 +269,7 @@ TEST_F(SensedCameraSessionTest, settles_again_after_an_exposure_without_a_pulse_
   script_->start_train(5);
   play(seconds(1));
   ASSERT_EQ(frames_.size(), 6U);
-  EXPECT_TRUE(frames_[0].label.suspect);
+  EXPECT_TRUE(frames_[1].label.suspect) << "after the frame of pulse 0";
   EXPECT_EQ(mislabelled(), 1) << "the stray";
   EXPECT_EQ(session_->status().suspect, 1);
 }

@@ -57,6 +57,22 @@ TEST(FrameLog, returns_every_frame_by_its_pulse) {
   EXPECT_FALSE(reader.read(4));
 }
 
+TEST(FrameLog, returns_the_frame_that_is_not_suspect_where_several_have_one_pulse) {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter writer(folder / "cam07.lcmlog");
+    for (const uint8_t content : {1, 2, 3}) {
+      wire::FrameMessage message = frame_of(0);
+      message.frame.label.suspect = content == 1;
+      message.frame.image.bytes[0] = content;
+      ASSERT_TRUE(writer.write(message));
+    }
+  }
+  const auto frame = FrameLogReader(folder / "cam07.lcmlog").read(0);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes[0], 2) << "the first certain one";
+}
+
 TEST(FrameLog, keeps_all_bits_of_a_deep_image_and_returns_8_of_them) {
   const TemporaryFolder folder;
   wire::FrameMessage message = frame_of(0);
