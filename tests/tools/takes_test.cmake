@@ -73,6 +73,29 @@ foreach(left slate.toml cam01.0001.lcmlog)
 endforeach()
 file(REMOVE_RECURSE ${WORK}/archive/.collect)
 
+# Nor is a part of a node that is not collected from: it may be the last copy.
+set(staged ${WORK}/archive/.collect/kendo-07/cap01)
+file(WRITE ${staged}/cam01.lcmlog "the last copy")
+v3dctl(takes collect --from cap02=far:${WORK}/cap02 --rsh ${WORK}/rsh --to ${WORK}/archive kendo-07)
+expect_status(3)
+expect("${out}" "kendo-07: not collected: [^\n]*cap01: is the part of cap01 that an earlier run has copied; collect from cap01, too, or move ")
+
+# Nor is an earlier take with files of the same names.
+string(REPLACE "started_ns = 17" "started_ns = 16" earlier "${of_cap01}")
+if(earlier STREQUAL of_cap01)
+  message(SEND_ERROR "take.toml has no time of its start")
+endif()
+file(WRITE ${staged}/take.toml "${earlier}")
+v3dctl(takes collect ${sources} --to ${WORK}/archive kendo-07)
+expect_status(3)
+expect("${out}" "kendo-07: not collected: [^\n]*cap01: is of an earlier take of this name on cap01; move ")
+file(READ ${staged}/cam01.lcmlog left)
+file(READ ${staged}/take.toml info_left)
+if(NOT left STREQUAL "the last copy" OR NOT info_left STREQUAL earlier OR EXISTS ${WORK}/archive/kendo-07)
+  message(SEND_ERROR "a part of an earlier run was removed, overwritten, or collected")
+endif()
+file(REMOVE_RECURSE ${WORK}/archive/.collect)
+
 # An interrupted copy of a log is continued.
 file(MAKE_DIRECTORY ${WORK}/archive/.collect/kendo-07/cap01)
 execute_process(COMMAND head -c 100000 ${WORK}/cap01/kendo-07/cam01.lcmlog

@@ -72,8 +72,9 @@ class Collector {
   using Sources = std::vector<const NodeFolder*>;
 
   fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
-  /// The leading dot excludes a collision with the folder of a node.
+  /// The leading dots exclude a collision with the folder of a node.
   static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
+  static fs::path incoming(const fs::path& staged) { return staged / ".incoming"; }
 
   bool is_requested(const std::string& take) const {
     const auto& names = request_.takes;
@@ -114,10 +115,16 @@ class Collector {
     if (file_exists(place.info())) {
       result.was_there = true;
       result.verification = earlier_verification(place);
-      remove_copies(stage(take));
+      try {
+        reject_parts_of_others(take, sources);
+        remove_copies(stage(take));
+      } catch (const InputError& error) {
+        result.verification.disagreements.emplace_back(error.what());
+      }
       return result;
     }
     try {
+      reject_parts_of_others(take, sources);
       std::vector<take::TakePaths> parts;
       for (const NodeFolder* source : sources) parts.push_back(fetch(take, *source));
       require_capture_nodes(parts);
@@ -132,6 +139,17 @@ class Collector {
     return result;
   }
 
+  /// Does a record say that the copy agreed with its ledger? A record that cannot be read says
+  /// nothing.
+  static bool agrees_by_record(const take::TakePaths& place) {
+    try {
+      return file_exists(place.verified()) &&
+             take::parse_verified(read_take_text(place.verified()), place.verified()).agrees;
+    } catch (const InputError&) {
+      return false;
+    }
+  }
+
   /// What the ledger of an existing copy says. A copy that disagreed with it when it was verified,
   /// or was never verified, is verified again: its disk may have failed to read only once.
   static take::Verification earlier_verification(const take::TakePaths& place) {
@@ -140,10 +158,7 @@ class Collector {
       found.info = load_take_info(place);
       found.ledger = take::load_ledger(place.ledger());
       // Reconstruction adds files. They do not change what the record says of the recording.
-      const bool agrees =
-          file_exists(place.verified()) &&
-          take::parse_verified(read_take_text(place.verified()), place.verified()).agrees;
-      if (agrees) return found;
+      if (agrees_by_record(place)) return found;
       found = verify_take(place, take::ReadFrom::kDisk);
       io::throw_if_failed(save_verified(place, found));
     } catch (const std::exception& error) {
@@ -172,15 +187,54 @@ class Collector {
     }
   }
 
+  /// Throws InputError when an earlier run has left a part of a node that is not collected from
+  /// now: it may be the last copy of its frames. It is neither joined nor removed.
+  void reject_parts_of_others(const std::string& take, const Sources& sources) const {
+    if (!fs::exists(stage(take))) return;
+    for (const fs::directory_entry& part : fs::directory_iterator(stage(take))) {
+      const std::string node = part.path().filename();
+      const bool is_source = std::ranges::any_of(
+          sources, [&](const NodeFolder* source) { return source->node == node; });
+      if (node.starts_with('.') || is_source || fs::is_empty(part)) continue;
+      throw InputError(part.path().string() + ": is the part of " + node +
+                       " that an earlier run has copied; collect from " + node +
+                       ", too, or move this folder elsewhere, and repeat the command");
+    }
+  }
+
+  /// Throws InputError when an earlier run has copied another take of this name from the node.
+  static void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
+                                const NodeFolder& source) {
+    std::optional<take::TakeInfo> copied;
+    try {
+      if (file_exists(part.info())) copied = load_take_info(part);
+    } catch (const InputError&) {
+      return;  // copied in part
+    }
+    if (!copied || copied->started == of_node.started) return;
+    throw InputError(part.folder.string() + ": is of an earlier take of this name on " +
+                     source.node + "; move " + part.folder.parent_path().string() +
+                     " out of the folder, and repeat the command");
+  }
+
   /// Copies the part of one node.
   take::TakePaths fetch(const std::string& take, const NodeFolder& source) {
     const take::TakePaths part{stage(take) / source.node};
-    io::throw_if_failed(io::create_folders(fs::absolute(part.folder)));
-    const std::string from = source.place + "/" + take;
-    copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
-    if (file_exists(part.info()) && load_take_info(part).state == take::TakeState::kRecording) {
-      throw InputError(source.node + " records it, or stopped and has not restarted since");
+    const take::TakePaths described{incoming(stage(take))};
+    remove_copies(described.folder);
+    for (const fs::path& folder : {part.folder, described.folder}) {
+      io::throw_if_failed(io::create_folders(fs::absolute(folder)));
     }
+    const std::string from = source.place + "/" + take;
+    copy(source, {"--include=/take.toml", "--exclude=*"}, from, described);
+    if (file_exists(described.info())) {
+      const take::TakeInfo info = load_take_info(described);
+      if (info.state == take::TakeState::kRecording) {
+        throw InputError(source.node + " records it, or stopped and has not restarted since");
+      }
+      reject_other_take(info, part, source);
+    }
+    remove_copies(described.folder);
     reject_other_files(source, from, part);
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
