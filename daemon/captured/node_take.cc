@@ -66,6 +66,11 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
   for (const auto& camera : cameras) take->add_pipeline(*camera.worker, camera.background);
+  // Nothing takes the frames of other cameras from their queues.
+  for (const auto& worker : context.cameras) {
+    const auto is_this = [&](const auto& camera) { return camera.worker == worker.get(); };
+    if (std::ranges::none_of(cameras, is_this)) worker->disarm();
+  }
   take->sync_names();
   take->begin_sound();
   return take;

@@ -63,6 +63,12 @@ TEST_F(StudioOfTwoNodes, records_without_a_camera_that_may_be_missing_and_has_no
   const control::Answer armed = arm_without({"cam02"});
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
   EXPECT_THAT(load_take_info(take()).cameras, ElementsAre("cam01"));
+  // Its frames, which nobody takes, do not make the others late.
+  ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+  EXPECT_EQ(value("cap01", "pulses_not_live"), 0) << log();
+  EXPECT_GT(value("cap01", "frames_published"), 0) << log();
+  EXPECT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
 }
 
 TEST_F(StudioOfTwoNodes, is_not_armed_when_all_cameras_may_be_missing) {
