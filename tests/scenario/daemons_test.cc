@@ -56,6 +56,7 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const int not_live = static_cast<int>(value("cap01", "pulses_not_live"));
   const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
@@ -76,7 +77,7 @@ TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
-  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>() + not_live, kPulses) << recon;
   take::MeshFileReader meshes(take().mesh());
   EXPECT_EQ(meshes.pulses().size(), recon["meshes"]);
   EXPECT_FALSE(meshes.index_was_rebuilt());
@@ -151,12 +152,13 @@ TEST_P(DeformingStudio4, reconstructs_the_pulses_it_has_time_for_to_the_bytes_of
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const int not_live = static_cast<int>(value("cap01", "pulses_not_live"));
   const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_GT(recon["meshes"], 0) << recon;
-  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>() + not_live, kPulses) << recon;
   take::MeshFileReader live(take().mesh());
   ASSERT_EQ(live.pulses().size(), recon["meshes"]);
   // The set of pulses with a live mesh is random, and a busy machine is late with some frames, and
@@ -293,20 +295,24 @@ TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_reports_it_once) {
   bus::Subscription<wire::MeshMessage> meshes(bus, wire::kMeshChannel, kPulses);
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const int not_live = static_cast<int>(value("cap01", "pulses_not_live"));
   const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_GT(recon["dropped"], 0) << recon;
   EXPECT_GT(recon["meshes"], 0) << recon;
-  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>() + not_live, kPulses) << recon;
   EXPECT_EQ(take::MeshFileReader(take().mesh()).pulses().size(), recon["meshes"]);
-  // Whole pulses are dropped: no published mesh lacks a camera.
-  int published = 0;
+  // Whole pulses are dropped: a published mesh lacks a camera only where its frame was late.
+  int published = 0, incomplete = 0;
   for (; const auto mesh = meshes.wait(Monotonic::now()); ++published) {
-    EXPECT_THAT(mesh->missing, IsEmpty());
+    incomplete += mesh->missing.empty() ? 0 : 1;
   }
   EXPECT_GT(published, 0);
+  EXPECT_LE(incomplete, recon["incomplete_sets"].get<int>()) << recon;
+  EXPECT_EQ(recon["frames_dropped"], 0) << recon;
+  EXPECT_EQ(recon["frames_lost"], 0) << recon;
 
   std::vector<std::string> reported;
   const auto is_recovered = [&] {

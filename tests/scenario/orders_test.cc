@@ -120,8 +120,14 @@ TEST_F(CommandedStudio, returns_the_message_of_v3dctl_when_the_studio_rejects_an
 TEST_F(CommandedStudio, rejects_orders_without_the_operators_token) {
   EXPECT_TRUE(post(R"({"do": "arm", "take": "kendo-07"})", "")->receives("401 Unauthorized"));
   EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->receives("401 Unauthorized"));
-  EXPECT_TRUE(
-      post(R"({"do": "start"})", "operators-012345678X")->receives("429 Too Many Requests"));
+  // At most one guess a second is answered; a slow machine may let a second pass between two.
+  EXPECT_TRUE(becomes_true(
+      [&] {
+        const auto reply = post(R"({"do": "start"})", "operators-012345678X");
+        return reply->receives("HTTP/1.1 4") &&
+               reply->text().find("429 Too Many Requests") != std::string::npos;
+      },
+      within(60)));
   Connection large(port_, "/api/order",
                    "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
                    "\r\nContent-Length: 1000000000\r\n",
