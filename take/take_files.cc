@@ -168,23 +168,28 @@ std::string checksum_line(std::string_view content) {
   return TomlWriter().text(kKey, checksum_text(checksum({bytes}))).written();
 }
 
-/// Throws InputError when the text has a checksum line that is wrong. Returns whether it has one.
-bool check_line(std::string_view text, const std::filesystem::path& path) {
-  if (!text.starts_with(std::string(kKey) + " = ")) return false;
-  const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
-  if (text.substr(0, line) == checksum_line(text.substr(line))) return true;
-  throw InputError(path.string() +
-                   ": damaged: the checksum in its first line is not that of the other lines");
+bool has_checksum_line(std::string_view text) {
+  return text.starts_with(std::string(kKey) + " = ");
 }
 
 }  // namespace
+
+bool has_right_checksum(std::string_view text) {
+  if (!has_checksum_line(text)) return false;
+  const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
+  return text.substr(0, line) == checksum_line(text.substr(line));
+}
 
 std::string with_checksum(std::string_view content) {
   return checksum_line(content) + std::string(content);
 }
 
 TomlTable parse_checksummed(std::string_view text, const std::filesystem::path& path) {
-  const bool has_checksum = check_line(text, path);
+  const bool has_checksum = has_checksum_line(text);
+  if (has_checksum && !has_right_checksum(text)) {
+    throw InputError(path.string() +
+                     ": damaged: the checksum in its first line is not that of the other lines");
+  }
   TomlTable table = TomlTable::parse(text, path);
   if (has_checksum) table.text(kKey);  // else an unknown field
   return table;

@@ -77,6 +77,9 @@ bool is_written_after_ledger(std::string_view name);
 /// `content` below the line with its checksum.
 std::string with_checksum(std::string_view content);
 
+/// Has the text a line with its checksum, and is that right?
+bool has_right_checksum(std::string_view text);
+
 /// Parses a file that with_checksum() made, or one of an earlier version without that line. Throws
 /// InputError when the checksum is wrong, and as TomlTable::parse() does.
 TomlTable parse_checksummed(std::string_view text, const std::filesystem::path& path);

@@ -6,6 +6,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "take/ledger/ledger.h"
 #include "take/take_lock.h"
 
 namespace v3d::captured {
@@ -58,9 +59,8 @@ bool lacks_signature(const take::TakePaths& take, const std::string& node) {
 
 /// The files that change when a take is recorded again or recovered again. Throws InputError.
 std::string account_of(const take::TakePaths& take) {
-  constexpr uint64_t kMaxBytes = 8 << 20;
-  return io::value_or_throw(io::read_file(take.info(), kMaxBytes)) +
-         io::value_or_throw(io::read_file(take.ledger(), kMaxBytes));
+  return io::value_or_throw(io::read_file(take.info(), take::kMaxLedgerBytes)) +
+         io::value_or_throw(io::read_file(take.ledger(), take::kMaxLedgerBytes));
 }
 
 }  // namespace

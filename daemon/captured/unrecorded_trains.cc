@@ -252,7 +252,7 @@ CheckedCamera CameraCheck::CheckedWorker::close(int64_t commanded, double rate_h
   stop();
   CheckedCamera camera;
   camera.pulses = account_.ledger(worker_.camera(), commanded);
-  camera.dropped = worker_.status().dropped;
+  camera.dropped = worker_.status().dropped + worker_.waiting();  // not examined in kMaxBacklogTime
   camera.quality = pictures_.result();
   camera.plates_focus = plates_focus_;
   if (segmenter_ && pictures_.pictures() > 0) {

@@ -16,6 +16,7 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_files.h"
 #include "take/take_removal.h"
 
 namespace v3d::take {
@@ -334,6 +335,21 @@ struct Count {
   bool keeps_ledger = false;  ///< the take was closed, and its ledger can be read
 };
 
+/// The ledger of a closed take could not be used. Throws std::runtime_error when it must not be
+/// replaced: it cannot be read now, or it is as it was written, by another version.
+void require_damaged_ledger(const TakePaths& paths) {
+  if (!file_exists(paths.ledger())) return;
+  const auto text = io::read_file(paths.ledger(), kMaxLedgerBytes, io::OpenMode::kReadWithinFolder);
+  if (!text) {
+    throw std::runtime_error(text.error().message + "; the take is closed, and its ledger is kept");
+  }
+  if (has_right_checksum(*text)) {
+    throw std::runtime_error(paths.ledger().string() +
+                             ": has unknown contents, but the right checksum: another version of "
+                             "V3D wrote it, and can recover the take; it is kept");
+  }
+}
+
 /// A closed take keeps its ledger, because new checksums would hide what has changed on the disk
 /// since. Exception: a recovered take whose logs hold more than its ledger is counted again. Its
 /// new ledger keeps the old entries of all files but the logs.
@@ -342,6 +358,7 @@ Count count_for_recovery(const TakePaths& paths) {
   Count count{.result = verifier.run()};
   const std::optional<Ledger>& stored = verifier.stored();
   count.keeps_ledger = stored.has_value();
+  if (!stored && count.result.info.state != TakeState::kRecording) require_damaged_ledger(paths);
   const bool counts_again = stored && count.result.info.state == TakeState::kRecovered &&
                             has_more_than(*stored, count.result.ledger);
   if (!counts_again) return count;

@@ -22,6 +22,7 @@
 #include "take/logs/event_log.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_files.h"
 
 namespace v3d::test {
 namespace {
@@ -235,6 +236,32 @@ TEST_F(TakeRecovery, is_idempotent) {
   EXPECT_EQ(read_file(segment_index_path(log())), index);
   EXPECT_EQ(read_file(paths_.ledger()), ledger);
   EXPECT_EQ(contents(), before_);
+}
+
+TEST_F(TakeRecovery, keeps_the_ledger_of_a_closed_take_that_another_version_wrote) {
+  recover_take(paths_);
+  std::string text = read_file(paths_.ledger());
+  text.erase(0, text.find('\n') + 1);
+  const std::string later = with_checksum("of_a_later_version = 1\n" + text);
+  test::write_text(paths_.ledger(), later);
+  EXPECT_THAT(test::message_of<std::runtime_error>([&] { recover_take(paths_); }),
+              HasSubstr("ledger.toml: has unknown contents, but the right checksum"));
+  EXPECT_EQ(read_file(paths_.ledger()), later);
+
+  test::write_text(paths_.ledger(), "xxh3 = '0'\n" + text);
+  recover_take(paths_);
+  EXPECT_EQ(verify_take(paths_).ledger.cameras[0].written, kFrames) << "a damaged one is replaced";
+}
+
+TEST_F(TakeRecovery, keeps_the_ledger_of_a_closed_take_that_cannot_be_read_now) {
+  recover_take(paths_);
+  const std::string ledger = read_file(paths_.ledger());
+  std::filesystem::rename(paths_.ledger(), paths_.folder / "elsewhere");
+  std::filesystem::create_directory(paths_.ledger());
+  EXPECT_THAT(test::message_of<std::runtime_error>([&] { recover_take(paths_); }),
+              HasSubstr("the take is closed, and its ledger is kept"));
+  EXPECT_TRUE(std::filesystem::is_directory(paths_.ledger()));
+  EXPECT_EQ(read_file(paths_.folder / "elsewhere"), ledger);
 }
 
 TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
