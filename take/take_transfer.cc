@@ -90,15 +90,21 @@ std::string seconds_between(RealtimeInstant a, RealtimeInstant b) {
   return format_count(std::llround(ns / 1e9));
 }
 
+/// When a pulse was, by the log of a part.
+struct PulseTime {
+  RealtimeInstant time;
+  const Part* part = nullptr;
+};
+
 /// The times of pulses by their numbers. Every node logs those that the trigger's node has sent.
-using PulseTimes = std::map<int64_t, RealtimeInstant>;
+using PulseTimes = std::map<int64_t, PulseTime>;
 
 /// Empty for a log that cannot be read: the verification of the joined take reports it.
-PulseTimes times_of_pulses(const TakePaths& part) {
+PulseTimes times_of_pulses(const Part& part) {
   PulseTimes times;
   try {
-    for (const wire::PulseMessage& message : read_pulses(part.pulses())) {
-      times.emplace(message.pulse, message.edge);
+    for (const wire::PulseMessage& message : read_pulses(part.paths.pulses())) {
+      times.emplace(message.pulse, PulseTime{message.edge, &part});
     }
   } catch (const InputError&) {
     times.clear();
@@ -106,24 +112,25 @@ PulseTimes times_of_pulses(const TakePaths& part) {
   return times;
 }
 
-/// Throws InputError when `part` has pulses of `known`, the pulses of `before`, and all at other
-/// times: a name that is used again, for a take without the node that has the earlier one. Adds the
-/// pulses of `part` to `known`.
-void reject_other_pulses(const Part& before, const Part& part, PulseTimes& known) {
-  PulseTimes times = times_of_pulses(part.paths);
+/// Throws InputError when `part` has pulses of `known`, and all at other times: a name that is used
+/// again, for a take without the node that has the earlier one. Adds the pulses of `part` to
+/// `known`.
+void reject_other_pulses(const Part& part, PulseTimes& known) {
+  PulseTimes times = times_of_pulses(part);
   std::optional<int64_t> differs;
   bool is_same = false;
-  for (const auto& [pulse, time] : times) {
+  for (const auto& [pulse, here] : times) {
     const auto found = known.find(pulse);
     if (found == known.end()) continue;
-    is_same = is_same || found->second == time;
+    is_same = is_same || found->second.time == here.time;
     if (!differs) differs = pulse;
   }
   if (differs && !is_same) {
-    throw InputError(before.paths.folder.string() + " and " + part.paths.folder.string() +
+    const PulseTime& before = known.at(*differs);
+    throw InputError(before.part->paths.folder.string() + " and " + part.paths.folder.string() +
                      ": are parts of different takes of one name: their pulses have other times, " +
                      "pulse " + format_count(*differs) + " differs by " +
-                     seconds_between(known.at(*differs), times.at(*differs)) + " s");
+                     seconds_between(before.time, times.at(*differs).time) + " s");
   }
   known.merge(times);
 }
@@ -228,7 +235,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   PulseTimes times;
   for (const Part& part : recorded) {
     reject_other_take(recorded.front(), part);
-    reject_other_pulses(recorded.front(), part, times);
+    reject_other_pulses(part, times);
     link_frames(part, into, info);
     info.started = std::min(info.started, part.info.started);
     if (part.info.state != TakeState::kComplete) info.state = part.info.state;

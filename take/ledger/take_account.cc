@@ -146,12 +146,14 @@ TakeFile read_entry(const TomlTable& table) {
 
 }  // namespace
 
-io::Status save_verified(const TakePaths& paths, const Verification& verification) {
+io::Status save_verified(const TakePaths& paths, const Verification& verification,
+                         const std::string& other_disagreement) {
   TomlWriter record;
   record.text("verdict", verification.ledger.verdict())
       .boolean("whole", verification.whole())
       .boolean("agrees", verification.disagreements.empty())
       .integer("at_ns", to_ns(Realtime::now()), "since 1970, CLOCK_REALTIME");
+  if (!other_disagreement.empty()) record.text("other_disagreement", other_disagreement);
   for (const TakeFile& file : verification.files) {
     record.element("file")
         .text("name", file.name)
@@ -179,6 +181,7 @@ Verified parse_verified(std::string_view text, const fs::path& path) {
   verified.whole = table.boolean_or("whole", false);
   verified.at = from_ns<Realtime>(table.integer("at_ns"));
   verified.agrees = table.boolean_or("agrees", false);
+  verified.other_disagreement = table.text_or("other_disagreement", {});
   for (const TomlTable& file : table.tables("file")) verified.files.push_back(read_entry(file));
   table.reject_unknown_fields();
   return verified;

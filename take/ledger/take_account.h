@@ -45,12 +45,16 @@ struct Verified {
   bool whole = false;
   /// All files matched the ledger. Frames may be missing if the ledger lists them as missing.
   bool agrees = false;
+  /// A disagreement that another check than that of the files found, as of signatures or images.
+  /// Empty: none, or not checked.
+  std::string other_disagreement;
   RealtimeInstant at;
   std::vector<TakeFile> files;  ///< every file of the take, with its checksum
 };
 
-/// Writes verified.toml with io::replace_file().
-[[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification);
+/// Writes verified.toml with io::replace_file(). `other_disagreement`: see Verified.
+[[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification,
+                                       const std::string& other_disagreement = {});
 
 /// Reads verified.toml and compares it with length and modification time of the current files.
 /// Reads no other file.

@@ -184,6 +184,14 @@ TEST_F(JoinParts, rejects_parts_whose_pulses_have_other_times) {
   record_pulses("cap02", {3, 4}, 1);
   EXPECT_NO_THROW(join()) << "no pulse in common";
   std::filesystem::remove_all(whole_.folder);
+  record("cap03", {"cam04"}, 3);
+  record_pulses("cap03", {3, 4}, 2);
+  EXPECT_THAT(test::message_of<InputError>([&] {
+                join_parts({part("cap01"), part("cap02"), part("cap03")}, whole_);
+              }),
+              HasSubstr("cap02 and " + part("cap03").folder.string() + ": are parts of different"))
+      << "the parts with the pulse";
+  std::filesystem::remove_all(whole_.folder);
   test::write_text(part("cap02").pulses(), "not a log, but more than the head of an event");
   EXPECT_NO_THROW(join()) << "a damaged log does not keep the frames out of the copy";
 }

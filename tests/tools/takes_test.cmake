@@ -212,6 +212,16 @@ expect("${out}" "cam01.mean.png: missing; .*take kendo-07: exists already, compl
 file(RENAME ${WORK}/plate.png ${WORK}/archive/kendo-07/background/cam01.mean.png)
 v3dctl(takes collect ${sources} --to ${WORK}/archive)
 expect_status(0)
+# A disagreement of the signatures is not one of the files, which collect verifies.
+v3dctl(verify ${WORK}/archive/kendo-07 --signed)
+expect_status(3)
+v3dctl(takes collect ${sources} --to ${WORK}/archive)
+expect_status(3)
+expect("${out}" "cannot check signatures without .* \\(found by v3dctl verify .*/archive/kendo-07; repeat it\\)")
+v3dctl(verify ${WORK}/archive/kendo-07)
+expect_status(0)
+v3dctl(takes collect ${sources} --to ${WORK}/archive)
+expect_status(0)
 
 # Slate, marks, list.
 v3dctl(takes slate kendo-07 --scene 12 --take 3 --note "the sword slips" --dir ${WORK}/archive)

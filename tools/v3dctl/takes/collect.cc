@@ -139,26 +139,32 @@ class Collector {
     return result;
   }
 
-  /// Does a record say that the copy agreed with its ledger? A record that cannot be read says
-  /// nothing.
-  static bool agrees_by_record(const take::TakePaths& place) {
+  /// The record of a verification of the copy. A record that cannot be read says nothing.
+  static std::optional<take::Verified> record_of(const take::TakePaths& place) {
     try {
-      return file_exists(place.verified()) &&
-             take::parse_verified(read_take_text(place.verified()), place.verified()).agrees;
+      if (!file_exists(place.verified())) return std::nullopt;
+      return take::parse_verified(read_take_text(place.verified()), place.verified());
     } catch (const InputError&) {
-      return false;
+      return std::nullopt;
     }
   }
 
   /// What the ledger of an existing copy says. A copy that disagreed with it when it was verified,
-  /// or was never verified, is verified again: its disk may have failed to read only once.
+  /// or was never verified, is verified again: its disk may have failed to read only once. A
+  /// disagreement of another check, as of signatures, stays until that check is repeated.
   static take::Verification earlier_verification(const take::TakePaths& place) {
     take::Verification found;
     try {
       found.info = load_take_info(place);
       found.ledger = take::load_ledger(place.ledger());
+      const std::optional<take::Verified> record = record_of(place);
       // Reconstruction adds files. They do not change what the record says of the recording.
-      if (agrees_by_record(place)) return found;
+      if (record && record->agrees) return found;
+      if (record && !record->other_disagreement.empty()) {
+        found.disagreements.push_back(record->other_disagreement + " (found by v3dctl verify " +
+                                      place.folder.string() + "; repeat it)");
+        return found;
+      }
       found = verify_take(place, take::ReadFrom::kDisk);
       io::throw_if_failed(save_verified(place, found));
     } catch (const std::exception& error) {

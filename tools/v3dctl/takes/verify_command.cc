@@ -165,8 +165,12 @@ void prepend_new_lines(std::vector<std::string> lines, std::vector<std::string>&
 }
 
 // Marks the take as verified, which `takes delete` requires. A read-only folder is reported.
-void save_result(const take::TakePaths& paths, const take::Verification& verification) {
-  const io::Status saved = save_verified(paths, verification);
+// `of_files`: the number of disagreements that the check of the files found.
+void save_result(const take::TakePaths& paths, const take::Verification& verification,
+                 size_t of_files) {
+  const auto& disagreements = verification.disagreements;
+  const std::string other = disagreements.size() > of_files ? disagreements[of_files] : "";
+  const io::Status saved = save_verified(paths, verification, printable(other));
   if (!saved) note("v3dctl: verified, but cannot save the result: " + saved.error().message);
 }
 
@@ -191,6 +195,7 @@ int run(const CommandLine& line, const Arguments& arguments) {
   }
   take::Verification verification =
       arguments.recover ? recover_and_verify(paths) : verify_take(paths, take::ReadFrom::kDisk);
+  const size_t of_files = verification.disagreements.size();
   ImageCheckResult images;
   if (arguments.images) {
     catch_interrupts();
@@ -216,7 +221,7 @@ int run(const CommandLine& line, const Arguments& arguments) {
         arguments.take.string());
     return kExitIncomplete;
   }
-  save_result(paths, verification);
+  save_result(paths, verification, of_files);
   return verification.whole() ? kExitDone : kExitIncomplete;
 }
 
