@@ -86,6 +86,11 @@ Board parse_charuco(std::string_view text, const std::vector<std::string>& parts
   const auto [columns, rows] = parse_sides(text, parts[1]);
   board.corner_columns = columns - 1;
   board.corner_rows = rows - 1;
+  if (board.corner_columns * board.corner_rows < kMinObservedCorners) {
+    fail(text, "its squares have " + std::to_string(board.corner_columns * board.corner_rows) +
+                   " corners in common; at least " + std::to_string(kMinObservedCorners) +
+                   " are needed to find it");
+  }
   board.square_m = parse_side(text, parts[2]);
   board.marker_m = parse_side(text, parts[3]);
   if (board.marker_m >= board.square_m) fail(text, "the marker must be smaller than its square");

@@ -51,6 +51,9 @@ struct Board {
 /// "charuco:4x5:SQUARE:MARKER:DICT[:inverted]" counts squares. Throws InputError with the syntax.
 Board parse_board(std::string_view text);
 
+/// An image with fewer corners of a ChArUco board does not show it.
+inline constexpr int kMinObservedCorners = 6;
+
 /// The corners of the board that one image shows, in whole-image pixels (CameraModel's convention).
 struct BoardObservation {
   std::vector<int> corners;  ///< in ascending order

@@ -17,7 +17,6 @@ namespace v3d::calib {
 namespace {
 
 namespace aruco = cv::aruco;
-constexpr int kMinCorners = 6;
 
 CharucoDictionary dictionary_named(const std::string& name) {
   constexpr std::array kNames = {std::pair{"DICT_4X4_50", aruco::DICT_4X4_50},
@@ -336,7 +335,7 @@ cv::Mat BoardDetector::prepared(ImageView image) const {
 std::optional<BoardObservation> BoardDetector::find_in(const cv::Mat& grey) const {
   if (charuco_) {
     BoardObservation observation = charuco_->find(grey);
-    if (observation.count() < kMinCorners || are_collinear(observation, board_))
+    if (observation.count() < kMinObservedCorners || are_collinear(observation, board_))
       return std::nullopt;
     return observation;
   }

@@ -180,9 +180,9 @@ CameraModel lens_of(const File& file, ImageSize size, Keys matrix, Keys distorti
 std::string name_of(const File& file, const OpencvDefaults& defaults) {
   const cv::FileNode node = file.find({"name"});
   const std::string name = node.isString() ? node.string() : defaults.name;
-  if (!is_file_name(name)) {
+  if (!is_camera_name(name)) {
     file.fail("'" + printable(name) +
-              "' is not a valid camera name: " + std::string(kFileNameRule));
+              "' is not a valid camera name: " + std::string(kCameraNameRule));
   }
   return name;
 }

@@ -83,9 +83,9 @@ Names camera_names(const std::vector<std::filesystem::path>& files,
         "cameras");
   }
   for (const std::string& name : names) {
-    if (is_file_name(name)) continue;
+    if (is_camera_name(name)) continue;
     throw InputError(where.string() + ": '" + printable(name) +
-                     "' is not a valid camera name: " + std::string(kFileNameRule));
+                     "' is not a valid camera name: " + std::string(kCameraNameRule));
   }
   return names;
 }

@@ -11,6 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/geometry/nearest_rotation.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "calib/rig/rig_alignment.h"
 
@@ -266,16 +267,31 @@ class Refiner {
     ceres::Solve(solver_options, &problem, &summary);
   }
 
-  /// Restores position, orientation and scale of the whole rig.
+  /// Restores position, orientation and scale of the whole rig. The orientation is the mean of the
+  /// cameras' orientations: their positions do not determine it when they are in one row.
   std::vector<CameraModel> restore_gauge(const std::vector<CameraModel>& cameras) const {
-    std::vector<Eigen::Vector3d> from, to;
     Rig now = rig_;
+    Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero(), mean_before = Eigen::Vector3d::Zero();
+    const auto count = static_cast<double>(cameras.size());
     for (size_t c = 0; c < cameras.size(); ++c) {
-      from.push_back(cameras[c].center());
-      to.push_back(before_[c].center());
+      turn +=
+          before_[c].cam_from_world().rotation.transpose() * cameras[c].cam_from_world().rotation;
+      mean += cameras[c].center() / count;
+      mean_before += before_[c].center() / count;
       now[c].model = cameras[c];
     }
-    return models_of(transformed_rig(now, align_points(from, to, true)));
+    Similarity restored;
+    restored.rigid.rotation = nearest_rotation(turn);
+    double along = 0, square = 0;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const Eigen::Vector3d offset = restored.rigid.rotation * (cameras[c].center() - mean);
+      along += offset.dot(before_[c].center() - mean_before);
+      square += offset.squaredNorm();
+    }
+    if (along > 0) restored.scale = along / square;
+    restored.rigid.translation = mean_before - restored.rigid.rotation * (restored.scale * mean);
+    return models_of(transformed_rig(now, restored));
   }
 
   RefineResult evaluate(const std::vector<CameraModel>& after, const std::vector<ErrorPx>& before,

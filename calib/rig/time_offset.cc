@@ -8,24 +8,29 @@ namespace v3d::calib {
 namespace {
 
 constexpr int kMinShared = 6;
+// An offset needs more: fewer instants have a small spread by chance.
+constexpr int kMinAtOffset = 10;
 // Another offset must reduce the spread of the relative pose to this factor.
 constexpr double kMaxSpreadRatio = 0.6;
 
-/// The evidence for an offset: many inliers with a small spread.
+/// The evidence for an offset: a large share of inliers, with a small spread.
 struct Support {
   int inliers = 0;
+  /// Of the shared instants. Runs of consecutive instants share fewer at an offset.
+  double share = 0;
   double spread_m = 0;
 };
 
 Support support_at(const CandidatePoses& a, const CandidatePoses& b, int offset) {
   const PairPose pair = pair_pose(a, b, offset);
-  return {pair.inliers, pair.spread_m};
+  return {pair.inliers, pair.inliers / std::max(1.0, static_cast<double>(pair.shared)),
+          pair.spread_m};
 }
 
 bool clearly_better(const Support& other, const Support& own) {
-  if (other.inliers < kMinShared) return false;
-  if (other.inliers > 2 * own.inliers) return true;
-  return other.inliers * 10 >= own.inliers * 8 && other.spread_m < kMaxSpreadRatio * own.spread_m;
+  if (other.inliers < kMinAtOffset) return false;
+  if (other.share > 2 * own.share) return true;
+  return other.share >= 0.8 * own.share && other.spread_m < kMaxSpreadRatio * own.spread_m;
 }
 
 /// The offset of b relative to a; empty where they share too few instants.
@@ -37,7 +42,7 @@ std::optional<int> pair_offset(const CandidatePoses& a, const CandidatePoses& b)
     for (const int sign : {1, -1}) {
       const Support other = support_at(a, b, sign * size);
       if (clearly_better(other, own) &&
-          (offset == 0 || other.spread_m * best.inliers < best.spread_m * other.inliers)) {
+          (offset == 0 || other.spread_m * best.share < best.spread_m * other.share)) {
         best = other;
         offset = sign * size;
       }

@@ -87,6 +87,19 @@ TEST_F(RigImages, of_a_take_in_which_a_camera_stopped_have_the_same_numbers) {
   EXPECT_THAT(numbers(sources), testing::Each(kEveryThird));
 }
 
+TEST_F(RigImages, of_a_long_take_are_in_runs_of_consecutive_pulses_for_time_offsets) {
+  test::write_video(folder_ / "a.avi", kSize, 40);
+  test::write_video(folder_ / "b.avi", kSize, 38);
+  RigSources sources;
+  sources.videos = {{"a", folder_ / "a.avi"}, {"b", folder_ / "b.avi"}};
+  sources.sampling = {.max_images = 20, .run = 6};
+  const std::set<int64_t> runs = {0,  1,  2,  3,  4,  5,  12, 13, 14, 15, 16,
+                                  17, 24, 25, 26, 27, 28, 29, 36, 37, 38, 39};
+  const auto found = numbers(sources);
+  EXPECT_EQ(found.at(0), runs);
+  EXPECT_THAT(found.at(1), testing::IsSubsetOf(runs));
+}
+
 /// A video of a board of 9x6 corners that does not move.
 void write_board_video(const std::filesystem::path& path, int frames) {
   std::mt19937 random(1);

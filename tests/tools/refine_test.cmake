@@ -39,6 +39,22 @@ function(expect_better wanted)
   endif()
 endfunction()
 
+# A calibration of other cameras, or of images of another size, is named.
+file(READ ${take}/calib.toml text)
+string(REPLACE "name = 'cam" "name = 'eye" renamed "${text}")
+file(WRITE ${WORK}/renamed.toml "${renamed}")
+string(REPLACE "[320, 240]" "[640, 480]" larger "${text}")
+file(WRITE ${WORK}/larger.toml "${larger}")
+foreach(wrong "renamed;has none of the cameras of the take" "larger;cam01: its images in the take are 320x240, but")
+  list(POP_FRONT wrong calib)
+  execute_process(COMMAND ${V3DCTL} calibrate refine --take ${take} --calib ${WORK}/${calib}.toml --out ${WORK}/none.toml
+    RESULT_VARIABLE status OUTPUT_QUIET ERROR_VARIABLE err)
+  string(FIND "${err}" "${wrong}" at)
+  if(NOT status EQUAL 2 OR at EQUAL -1 OR EXISTS ${WORK}/none.toml)
+    message(SEND_ERROR "${calib}: status ${status}, want a line with '${wrong}': ${err}")
+  endif()
+endforeach()
+
 refine(${take}/calib.toml ${WORK}/kept.toml)
 expect_better(OFF)
 set(error_of_truth ${before})

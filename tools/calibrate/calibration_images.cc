@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <ctime>
 #include <memory>
 #include <stdexcept>
@@ -15,6 +14,7 @@
 #include "base/core/error.h"
 #include "base/image/image.h"
 #include "common/console.h"
+#include "common/natural_order.h"
 #include "daemon/control/operator_client.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
@@ -30,10 +30,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Chooses runs of `run` frames, one of `stride` frames on average.
+struct FrameChoice {
+  int64_t stride = 1;
+  int64_t run = 1;
+  bool has(int64_t frame) const { return frame % (stride * run) < run; }
+};
+
 /// `frames`: the largest number of frames of a camera.
-int64_t stride_of(int64_t frames, const Sampling& sampling) {
-  if (sampling.every > 0) return sampling.every;
-  return std::max<int64_t>(1, (frames + sampling.max_images - 1) / sampling.max_images);
+FrameChoice choice_of(int64_t frames, const Sampling& sampling) {
+  if (sampling.every > 0) return {sampling.every, sampling.run};
+  const int64_t most = sampling.max_images;
+  return {std::max<int64_t>(1, (frames + most - 1) / most), sampling.run};
 }
 
 std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
@@ -45,21 +53,20 @@ std::vector<fs::path> matching_files(const std::string& pattern) {
   glob(pattern.c_str(), GLOB_TILDE, nullptr, &found);
   std::vector<fs::path> files(found.gl_pathv, found.gl_pathv + found.gl_pathc);
   globfree(&found);
-  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
-    return strverscmp(a.c_str(), b.c_str()) < 0;
-  });
+  std::ranges::sort(files, is_before_by_numbers);
   return files;
 }
 
 namespace {
 
-/// Reads every `stride`th frame of a video.
+/// Reads the chosen frames of a video.
 class VideoFrames {
  public:
-  VideoFrames(ctl::VideoFile video, int64_t stride) : video_(std::move(video)), stride_(stride) {}
+  VideoFrames(ctl::VideoFile video, FrameChoice choice)
+      : video_(std::move(video)), choice_(choice) {}
 
   std::optional<SourceImage> next() {
-    for (; frames_ % stride_ != 0; ++frames_) {
+    for (; !choice_.has(frames_); ++frames_) {
       if (!video_.skip()) return std::nullopt;
     }
     auto image = video_.next();
@@ -71,13 +78,13 @@ class VideoFrames {
 
  private:
   ctl::VideoFile video_;
-  int64_t stride_;
+  FrameChoice choice_;
   int64_t frames_ = 0;  ///< that were decoded
 };
 
-ImageSource video_source(const fs::path& file, ctl::VideoFile video, int64_t stride) {
-  ImageSource source{file.string(), video.announced_frames() / stride, {}};
-  const auto frames = std::make_shared<VideoFrames>(std::move(video), stride);
+ImageSource video_source(const fs::path& file, ctl::VideoFile video, FrameChoice choice) {
+  ImageSource source{file.string(), video.announced_frames() / choice.stride, {}};
+  const auto frames = std::make_shared<VideoFrames>(std::move(video), choice);
   source.next = [frames] { return frames->next(); };
   source.frames = [frames] { return frames->frames(); };
   return source;
@@ -92,10 +99,10 @@ std::vector<ImageSource> open_videos(const std::vector<fs::path>& files, const S
     videos.emplace_back(file);
     most = std::max(most, videos.back().announced_frames());
   }
-  const int64_t stride = stride_of(most, sampling);
+  const FrameChoice choice = choice_of(most, sampling);
   std::vector<ImageSource> sources;
   for (size_t i = 0; i < files.size(); ++i) {
-    sources.push_back(video_source(files[i], std::move(videos[i]), stride));
+    sources.push_back(video_source(files[i], std::move(videos[i]), choice));
   }
   return sources;
 }
@@ -133,8 +140,8 @@ CameraLog open_log(const fs::path& path) {
   return log;
 }
 
-ImageSource log_source(CameraLog log, int64_t stride) {
-  std::erase_if(log.pulses, [&](int64_t pulse) { return pulse % stride != 0; });
+ImageSource log_source(CameraLog log, FrameChoice choice) {
+  std::erase_if(log.pulses, [&](int64_t pulse) { return !choice.has(pulse); });
   ImageSource source{log.path, std::ssize(log.pulses), {}};
   source.next = [log = std::move(log.reader), pulses = std::move(log.pulses),
                  position = size_t{0}]() mutable -> std::optional<SourceImage> {
@@ -160,9 +167,9 @@ std::vector<ImageSource> open_take(const fs::path& take, const std::vector<std::
     logs.push_back(open_log(paths.frames(camera)));
     if (!logs.back().pulses.empty()) most = std::max(most, logs.back().pulses.back() + 1);
   }
-  const int64_t stride = stride_of(most, sampling);
+  const FrameChoice choice = choice_of(most, sampling);
   std::vector<ImageSource> sources;
-  for (CameraLog& log : logs) sources.push_back(log_source(std::move(log), stride));
+  for (CameraLog& log : logs) sources.push_back(log_source(std::move(log), choice));
   return sources;
 }
 

@@ -41,6 +41,9 @@ struct ImageSource {
 struct Sampling {
   int every = 0;
   int max_images = 300;
+  /// Takes runs of so many consecutive frames, at intervals that are longer by this factor: the
+  /// time offset of two cameras only shows in consecutive frames.
+  int run = 1;
 };
 
 /// Files that match a shell pattern ("boards/left*.jpg"), in natural order of their numbers.

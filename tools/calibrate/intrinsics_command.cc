@@ -101,14 +101,14 @@ void print_text(const std::string& camera, const FoundBoards& found, const calib
   }
 }
 
-void require_file_name(const Arguments& arguments) {
-  if (!is_file_name(arguments.camera)) {
-    throw InputError("--camera " + arguments.camera + ": " + std::string(kFileNameRule));
+void require_camera_name(const Arguments& arguments) {
+  if (!is_camera_name(arguments.camera)) {
+    throw InputError("--camera " + arguments.camera + ": " + std::string(kCameraNameRule));
   }
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
-  require_file_name(arguments);
+  require_camera_name(arguments);
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   ctl::catch_interrupts();
   const FoundBoards found = find_boards(arguments.camera, open_source(line, arguments), detector);

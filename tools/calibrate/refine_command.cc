@@ -33,8 +33,8 @@ struct Arguments {
 class Silhouettes {
  public:
   Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
-    const Box space =
-        ctl::default_bounds(rig, ctl::default_min_views(static_cast<int>(rig.size())));
+    require_common_cameras(arguments.calib);
+    const Box space = space_of(arguments.take);
     for (const RigCamera& camera : rig) views_.push_back(recon::bounds_mask(space, camera.model));
     const std::vector<int64_t> pulses = take_.pulses();
     const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());
@@ -56,13 +56,37 @@ class Silhouettes {
   }
 
  private:
+  /// Throws InputError where the take has none of the rig's cameras, or one with images of another
+  /// size.
+  void require_common_cameras(const std::string& calib) const {
+    bool has_common = false;
+    for (const RigCamera& camera : take_.rig()) {
+      const int c = find_camera(rig_, camera.name);
+      if (c < 0) continue;
+      has_common = true;
+      const ImageSize size = rig_[c].model.size();
+      if (size == camera.model.size()) continue;
+      throw InputError(camera.name + ": its images in the take are " +
+                       format_size(camera.model.size()) + ", but " + calib + " calibrates it at " +
+                       format_size(size));
+    }
+    if (!has_common) throw InputError(calib + ": has none of the cameras of the take");
+  }
+
+  /// The space of the take's studio file; without one, what the cameras see in common.
+  Box space_of(const std::string& take) const {
+    const std::optional<Studio> studio = take::load_take_studio({take});
+    if (studio) return studio->space.bounds;
+    return ctl::default_bounds(rig_, ctl::default_min_views(static_cast<int>(rig_.size())));
+  }
+
   void read(int64_t pulse) {
     constexpr int kSpeck = 2;  // pixels
     const auto frames = take_.read(pulse);
     std::vector<std::optional<Mask>> masks(rig_.size());
     for (size_t i = 0; i < frames.size(); ++i) {
       const int camera = find_camera(rig_, take_.rig()[i].name);
-      if (!frames[i] || camera < 0 || frames[i]->mask.size() != views_[camera].size()) continue;
+      if (!frames[i] || camera < 0) continue;
       masks[camera] = open(intersection_of(frames[i]->mask, views_[camera]), kSpeck);
     }
     instants_.push_back(std::move(masks));
@@ -95,6 +119,11 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
   for (const RigCamera& camera : rig) widest = std::max(widest, camera.name.size());
   for (size_t i = 0; i < rig.size(); ++i) {
     const calib::RefinedCamera& c = result.cameras[i];
+    if (c.tangents == 0) {
+      std::printf("%-*s  not refined: no tangent in common with another camera\n",
+                  static_cast<int>(widest), rig[i].name.c_str());
+      continue;
+    }
     std::printf("%-*s  silhouette error %.2f px before, %s %.2f px; image shift %s %.2f px\n",
                 static_cast<int>(widest), rig[i].name.c_str(), c.before_px,
                 result.better ? "after" : "at best", c.after_px, result.better ? "is" : "would be",

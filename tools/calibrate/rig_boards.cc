@@ -52,26 +52,36 @@ void RigArguments::add_to(cli::Command command) {
       .type_name("TAKE");
   add_live_option(command, live_s);
   command
-      .add_option("--timestamps", given.time_stamps,
-                  "Assigns frames of the videos to instants: sync_index,cam_id,frame_index")
-      .type_name("CSV");
-  command
       .add_option("--every", given.sampling.every,
                   "Use every Nth frame (default: about 300 frames)")
       .type_name("N")
       .check(cli::positive_number());
 }
 
+void RigArguments::add_time_stamps_to(cli::Command command) {
+  command
+      .add_option("--timestamps", given.time_stamps,
+                  "Assigns frames of the videos to instants: sync_index,cam_id,frame_index")
+      .type_name("CSV");
+}
+
+void RigArguments::require_used_options() const {
+  const int kinds = !videos.empty() + !images.empty() + !given.take.empty() + (live_s > 0);
+  if (kinds > 1) throw InputError(std::string(kOneSourceRule));
+  if (!given.time_stamps.empty() && videos.empty()) {
+    throw InputError("--timestamps assigns frames of videos: expected --video CAM=FILE");
+  }
+  if (given.sampling.every > 0 && !images.empty()) {
+    throw InputError("--every chooses frames of videos and takes; --images uses all that match");
+  }
+}
+
 RigSources RigArguments::sources(const ctl::CommandLine& line) const {
+  require_used_options();
   RigSources result = given;
   result.videos = ctl::parse_camera_files(videos, "--video");
   result.images = ctl::parse_camera_files(images, "--images");
-  if (live_s > 0) {
-    if (!result.videos.empty() || !result.images.empty() || !result.take.empty()) {
-      throw InputError(std::string(kOneSourceRule));
-    }
-    result.take = record_live_take(line.studio(), live_s);
-  }
+  if (live_s > 0) result.take = record_live_take(line.studio(), live_s);
   return result;
 }
 

@@ -29,9 +29,15 @@ struct RigArguments {
   RigSources given;
 
   void add_to(cli::Command command);
+  /// Adds --timestamps.
+  void add_time_stamps_to(cli::Command command);
   /// Records a take first where --live is given. Throws InputError for a malformed or repeated
-  /// CAM=FILE; also throws like record_live_take().
+  /// CAM=FILE, for several kinds of sources, and for options that the given kind does not use; also
+  /// throws like record_live_take().
   RigSources sources(const ctl::CommandLine& line) const;
+
+ private:
+  void require_used_options() const;
 };
 
 /// Adds the option --live SECONDS.

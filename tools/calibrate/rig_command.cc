@@ -10,6 +10,7 @@
 #include "base/io/file.h"
 #include "calib/rig/reports.h"
 #include "calib/rig/rig_fit.h"
+#include "calib/rig/time_offset.h"
 #include "calibrate/calibrate_commands.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
@@ -96,12 +97,22 @@ std::vector<std::string> images_of(const RigBoards& boards) {
   return images;
 }
 
+/// With frames in runs in which every time offset is found that the fit looks for.
+RigSources rig_sources(const ctl::CommandLine& line, const Arguments& arguments) {
+  RigSources sources = arguments.sources.sources(line);
+  if (sources.sampling.every == 0) sources.sampling.run = calib::kMaxTimeOffset + 1;
+  if (sources.sampling.every > 1) {
+    note("v3dctl: --every leaves no consecutive frames: cameras out of sync are not found");
+  }
+  return sources;
+}
+
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
   if (!arguments.before.empty()) options.previous = load_calib(arguments.before);
   ctl::catch_interrupts();
-  const RigBoards boards = find_rig_boards(arguments.sources.sources(line), detector);
+  const RigBoards boards = find_rig_boards(rig_sources(line, arguments), detector);
   if (boards.cameras.size() < 2) throw InputError("a rig needs at least two cameras");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_time_offsets(boards.cameras, fit);
@@ -131,6 +142,7 @@ void add_rig(ctl::CommandLine& line, cli::Command calibrate) {
   auto arguments = std::make_shared<Arguments>();
   add_board_option(command, arguments->board);
   arguments->sources.add_to(command);
+  arguments->sources.add_time_stamps_to(command);
   command
       .add_option(
           "--before", arguments->before,

@@ -32,6 +32,10 @@ TEST(Board, that_is_invalid_is_rejected_with_the_syntax) {
   }
   EXPECT_THAT(test::message_of<InputError>([] { parse_board("chess:6x6:25mm"); }),
               HasSubstr("quarter turn"));
+  EXPECT_THAT(
+      test::message_of<InputError>([] { parse_board("charuco:3x3:60mm:45mm:DICT_4X4_50"); }),
+      HasSubstr("4 corners in common; at least 6"));
+  EXPECT_EQ(parse_board("charuco:3x4:60mm:45mm:DICT_4X4_50").corner_rows, 3);
   EXPECT_THAT(test::message_of<InputError>([] { parse_board("board"); }),
               HasSubstr("chess:9x6:25mm"));
 }

@@ -122,6 +122,9 @@ TEST(Colmap, reports_errors_with_file_and_line) {
   EXPECT_THAT(colmap_error("1 PINHOLE 640 0 500 501 320 240\n", kImages), HasSubstr("WIDTH"));
   EXPECT_THAT(colmap_error("1 PINHOLE 640 480 500 501 320 240 0\n", kImages),
               HasSubstr("too many parameters"));
+  EXPECT_THAT(colmap_error(kCameras, "1 1 0 0 0 0 0 0 7 cam.0001.png\n\n"),
+              HasSubstr("'cam.0001' is not a valid camera name"))
+      << "a log has this name";
   EXPECT_EQ(colmap_error(kCameras, "1 1 0 0 0 0 0 0 2 a.png\n\n"),
             "sparse/images.txt:1: cameras.txt has no camera 2");
   EXPECT_THAT(colmap_error(kCameras, "1 1 1 0 0 0 0 0 7 a.png\n\n"),

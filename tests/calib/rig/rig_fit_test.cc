@@ -240,6 +240,23 @@ TEST_F(TimeOffset, of_several_images_is_reported_with_the_camera) {
   EXPECT_THAT(error_of_fit(slow_walk(truth_, -2), options_), HasSubstr("cam03 is 2 images early"));
 }
 
+/// The pulses of a long take that v3dctl reads: runs of six, and a break of six.
+std::vector<CameraObservations> in_runs(std::vector<CameraObservations> cameras) {
+  for (CameraObservations& camera : cameras) {
+    std::erase_if(camera.observations, [](const auto& seen) { return seen.first % 12 >= 6; });
+  }
+  return cameras;
+}
+
+TEST_F(TimeOffset, is_found_in_runs_of_consecutive_images) {
+  EXPECT_THAT(error_of_fit(in_runs(slow_walk(truth_, 3)), options_),
+              HasSubstr("cam03 is 3 images late"));
+  const RigFit fit = fit_rig(board(), in_runs(slow_walk(truth_, 1)), options_);
+  EXPECT_NEAR(fit.cameras[2].time_offset, 1, 0.01);
+  for (const CameraFit& camera : fit_rig(board(), in_runs(slow_walk(truth_, 0)), options_).cameras)
+    EXPECT_EQ(camera.time_offset, 0);
+}
+
 TEST_F(TimeOffset, of_one_image_is_corrected_and_reported) {
   const RigFit fit = fit_rig(board(), slow_walk(truth_, 1), options_);
   EXPECT_NEAR(fit.cameras[2].time_offset, 1, 0.01);

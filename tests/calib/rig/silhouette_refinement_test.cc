@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 #include "base/core/error.h"
@@ -64,6 +65,34 @@ TEST_F(SilhouetteRefining, reduces_a_calibration_error_of_one_pixel) {
   RecordProperty("before", std::to_string(test::error_px(before, truth_)));
   RecordProperty("after", std::to_string(test::error_px(result.rig, truth_)));
   EXPECT_LT(test::error_px(result.rig, truth_), 0.6 * test::error_px(before, truth_));
+}
+
+/// The positions of cameras in one row do not determine the rig's rotation about the row.
+TEST_F(SilhouetteRefining, keeps_the_orientation_of_cameras_in_one_row) {
+  Rig row;
+  for (int c = 0; c < 4; ++c) {
+    const RigidTransform pose = look_at({0.8 * c - 1.2, -3.5, 1.2}, {0, 0, 0.9});
+    const CameraModel& lens = truth_[0].model;
+    row.push_back({"cam0" + std::to_string(c),
+                   CameraModel(lens.size(), lens.matrix(), lens.distortion(), pose)});
+  }
+  std::vector<std::vector<Mask>> masks(12);
+  std::vector<SilhouetteSet> in_row(12);
+  for (size_t instant = 0; instant < in_row.size(); ++instant) {
+    for (const RigCamera& camera : row) {
+      masks[instant].push_back(
+          sim::true_silhouette(camera, 0.33 * static_cast<double>(instant), 3));
+    }
+    for (const Mask& mask : masks[instant]) in_row[instant].push_back(&mask);
+  }
+  const Rig before = test::displaced(row, 8, 5);
+  const RefineResult result = refine_by_silhouettes(before, in_row, {.expected_px = 8});
+  ASSERT_TRUE(result.better);
+  for (size_t c = 0; c < row.size(); ++c) {
+    const Eigen::Matrix3d turn = result.rig[c].model.cam_from_world().rotation *
+                                 before[c].model.cam_from_world().rotation.transpose();
+    EXPECT_LT(Eigen::AngleAxisd(turn).angle(), 0.05) << "radians, camera " << c;
+  }
 }
 
 TEST_F(SilhouetteRefining, keeps_a_correct_rig) {

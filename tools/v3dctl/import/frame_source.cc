@@ -3,11 +3,11 @@
 #include <strings.h>
 
 #include <algorithm>
-#include <cstring>
 #include <map>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "common/natural_order.h"
 #include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
@@ -155,9 +155,7 @@ std::vector<fs::path> images_in(const fs::path& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     if (!entry.is_directory() && has_image_name(entry.path())) files.push_back(entry.path());
   }
-  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
-    return strverscmp(a.filename().c_str(), b.filename().c_str()) < 0;
-  });
+  std::ranges::sort(files, is_before_by_numbers);
   return files;
 }
 
