@@ -81,6 +81,16 @@ function(check_rejections)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --video cam1)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --take /not/there)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --take /not/there --live 5)
+  expect_rejection_naming("expected --video"
+    calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --take /not/there --timestamps /not/there.csv)
+  expect_rejection_naming("--images uses all that match"
+    calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --images "cam1=/not/there/*.png" --every 2)
+  expect_rejection_naming("--timestamps"
+    calibrate floor --calib /not/there.toml --board chess:9x6:25mm --out /tmp/c.toml --take /not/there --timestamps /not/there.csv)
+  expect_rejection_naming("only lists pulses" skeleton /not/there --like 3 --export bvh /tmp/v3d-none.bvh)
+  expect_rejection_naming("--step 2m" track /not/there --step 2m)
+  expect_rejection_naming("--height scales the meshes of --meshes" track /not/there --height 1.8m)
+  expect_rejection_naming("pulses" calibrate intrinsics --board chess:9x6:25mm --camera pulses --images "/not/there/*.png")
   expect_rejection(calibrate intrinsics --board chess:9x6:25mm --live 5)
   expect_rejection(calibrate refine --take /not/there --out /tmp/c.toml)
   expect_rejection(calibrate colour --calib /not/there.toml --take /not/there --out /tmp/c.toml)

@@ -363,12 +363,51 @@ TEST_F(Reconstruct, reports_a_missing_camera) {
   EXPECT_EQ(report.incomplete, 1);
 }
 
+TEST(ReconstructReport, has_an_error_of_reading_once_for_all_parts) {
+  ReconstructReport whole, part;
+  part.read_errors = {"a.lcmlog: Input/output error"};
+  append(whole, part);
+  part.read_errors.emplace_back("b.lcmlog: Input/output error");
+  append(whole, part);
+  EXPECT_THAT(whole.read_errors,
+              testing::ElementsAre(HasSubstr("a.lcmlog"), HasSubstr("b.lcmlog")));
+}
+
 TEST(MinViews, are_four_but_with_few_cameras_all_but_one) {
   EXPECT_EQ(default_min_views(20), 4);
   EXPECT_EQ(default_min_views(5), 4);
   EXPECT_EQ(default_min_views(4), 3);
   EXPECT_EQ(default_min_views(2), 1);
   EXPECT_EQ(default_min_views(1), 1);
+}
+
+/// A rig of cameras at these places that look in one direction.
+Rig parallel_rig(const std::vector<Eigen::Vector3d>& places) {
+  const CameraModel lens = test::small_rig(2)[0].model;
+  Rig rig;
+  for (const Eigen::Vector3d& place : places) {
+    const RigidTransform pose = look_at(place, place + Eigen::Vector3d(0, 3, -0.1));
+    rig.push_back(
+        {"cam" + std::to_string(rig.size()), CameraModel(lens.size(), lens.matrix(), {}, pose)});
+  }
+  return rig;
+}
+
+TEST(ObservedBounds, are_rejected_for_views_that_do_not_converge) {
+  const auto rejection = [](const Rig& rig) {
+    return test::message_of<InputError>([&] { default_bounds(rig, 1); });
+  };
+  EXPECT_THAT(rejection(parallel_rig({{0, 0, 1}, {0.5, 0, 1}, {1, 0, 1}})),
+              AllOf(HasSubstr("do not converge"), HasSubstr("--bounds")));
+  EXPECT_THAT(rejection(parallel_rig({{0, 0, 1}})),
+              AllOf(HasSubstr("one camera limits no space"), HasSubstr("--bounds")));
+  Rig diverging = test::small_rig(4);
+  for (RigCamera& camera : diverging) {
+    const Eigen::Vector3d at = camera.model.center();
+    camera.model = CameraModel(camera.model.size(), camera.model.matrix(), {},
+                               look_at(at, at - camera.model.viewing_direction()));
+  }
+  EXPECT_THAT(rejection(diverging), HasSubstr("do not converge"));
 }
 
 TEST(ObservedBounds, are_rejected_when_no_point_is_seen_by_enough_cameras) {

@@ -1,19 +1,27 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 
 #include "base/core/error.h"
+#include "codec/frame_codec.h"
 #include "common/console.h"
+#include "recon/figures.h"
+#include "recon/pipeline/compact_frame.h"
 #include "recon/skeleton/joint_rotations.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
 #include "tools/gliding_take.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
 
@@ -110,6 +118,39 @@ TEST(SkeletonFiles, have_a_row_for_each_time_as_bvh_also_for_pulses_without_a_sk
   EXPECT_THAT(rows[2], HasSubstr(" 38.197186 "));
 }
 
+std::vector<double> numbers_of(const std::string& row) {
+  std::istringstream in(row);
+  return {std::istream_iterator<double>(in), {}};
+}
+
+TEST(SkeletonFiles, have_no_jump_between_the_angles_of_rows_as_bvh) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  TakeSkeleton skeleton = turning(30);  // more than two turns
+  for (size_t n = 0; n < skeleton.structure.pulses.size(); ++n) {
+    const double lean = (n % 2 == 0 ? 1 : -1) * (1 + 0.1 * static_cast<double>(n)) * kDegree;
+    auto& pelvis = skeleton.structure.pulses[n].rotations[recon::kPelvis];
+    pelvis = Eigen::Matrix3d(pelvis * Eigen::AngleAxisd(lean, Eigen::Vector3d::UnitX()));
+  }
+  const std::vector<std::string> rows = bvh_rows(skeleton_bvh(skeleton));
+  ASSERT_EQ(rows.size(), 30U);
+  for (size_t n = 0; n < rows.size(); ++n) {
+    const std::vector<double> row = numbers_of(rows[n]);
+    // The columns of the root: position, then the angles about z, x and y. z of the file is x here.
+    const Eigen::Matrix3d rotation =
+        (Eigen::AngleAxisd(row[3] * kDegree, Eigen::Vector3d::UnitX()) *
+         Eigen::AngleAxisd(row[4] * kDegree, Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(row[5] * kDegree, Eigen::Vector3d::UnitZ()))
+            .toRotationMatrix();
+    EXPECT_TRUE(rotation.isApprox(skeleton.structure.pulses[n].rotations[recon::kPelvis], 1e-6))
+        << n;
+    for (size_t column = 3; n > 0 && column < row.size(); ++column) {
+      if (column % 6 < 3) continue;
+      EXPECT_LT(std::abs(row[column] - numbers_of(rows[n - 1])[column]), 60)
+          << "row " << n << ", column " << column;
+    }
+  }
+}
+
 TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {
   EXPECT_EQ(test::message_of<InputError>([] { skeleton_glb(turning(2), "take"); }),
             "--export glb needs a tracked surface: run v3dctl track first");
@@ -132,6 +173,58 @@ TEST_F(LearntSkeleton, is_not_that_of_another_performer_where_the_take_states_no
   EXPECT_EQ(test::message_of<InputError>([&] { learn(2); }),
             "--performer 2: pulse 0 of " + (folder_ / "take").string() +
                 " does not state performers; expected a take after v3dctl performers");
+}
+
+/// Writes mesh.v3d of the gliding person. All vertices are of performer 1, but for the last one.
+void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
+  const VertexLattice lattice{{-2, -2, -1}, 1.0 / 1024};
+  const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
+  std::vector<uint32_t> number(person.vertices.size(), UINT32_MAX);
+  std::vector<Eigen::Vector3f> vertices;  // in the order in which triangles use them
+  codec::FrameContent content;
+  std::vector<codec::VertexTriangle> triangles;
+  for (const auto& corners : person.triangles) {
+    auto& triangle = triangles.emplace_back();
+    for (size_t k = 0; k < 3; ++k) {
+      uint32_t& v = number[corners[k]];
+      if (v == UINT32_MAX) {
+        v = static_cast<uint32_t>(vertices.size());
+        vertices.push_back(rounded_to(lattice, person.vertices[corners[k]]));
+      }
+      triangle[k] = v;
+    }
+  }
+  std::vector<uint8_t> labels(vertices.size(), 1);
+  labels.back() = of_last;
+  const auto positions = recon::vertex_positions(vertices);
+  content.positions = positions;
+  content.triangles = triangles;
+  content.labels = labels;
+  std::filesystem::remove(take.mesh());
+  take::MeshFileWriter file(take.mesh());
+  for (int pulse = 0; pulse < test::kGlidingPulses; ++pulse) {
+    content.facts.pulse = pulse;
+    content.facts.origin = {-2, -2, -1};
+    content.facts.step = lattice.step;
+    const auto encoded = codec::FrameEncoder({}).encode(content);
+    ASSERT_TRUE(encoded);
+    EXPECT_TRUE(file.append(pulse, *encoded));
+  }
+  EXPECT_TRUE(file.close());
+}
+
+TEST_F(LearntSkeleton, uses_the_tracked_surface_of_a_labelled_take_with_one_performer) {
+  write_labelled_meshes({folder_ / "take"}, 1);
+  EXPECT_EQ(learn(1).tracked.size(), 1U);
+  write_labelled_meshes({folder_ / "take"}, 0);
+  EXPECT_EQ(learn(1).tracked.size(), 1U) << "a vertex of nobody";
+
+  write_labelled_meshes({folder_ / "take"}, 2);
+  const TakeSkeleton of_two = learn(1);
+  EXPECT_THAT(of_two.tracked, testing::IsEmpty());
+  EXPECT_EQ(test::message_of<InputError>([&] { skeleton_glb(of_two, "take"); }),
+            "--export glb needs a tracked surface: motion.v3d is not used: the take has several "
+            "performers");
 }
 
 using LearntSkeletonDeathTest = LearntSkeleton;

@@ -19,12 +19,14 @@
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate_motion.h"
 #include "v3dctl/import/import.h"
+#include "v3dctl/motion/pulse_source.h"
 #include "v3dctl/motion/take_motion.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -99,6 +101,31 @@ TEST_F(Track, follows_the_meshes_of_a_folder_scaled_and_turned_upright) {
   for (const auto& [x, y, z] : motion->decode(0, 3)->positions) last.vertices.emplace_back(x, y, z);
   const Box box = recon::bounds_of(last);
   EXPECT_NEAR(box.size().z(), 1.8, 0.02) << "y was up";
+}
+
+Mesh scaled(Mesh mesh, float scale) {
+  for (Eigen::Vector3f& vertex : mesh.vertices) vertex *= scale;
+  return mesh;
+}
+
+TEST_F(Track, has_the_scale_of_the_first_mesh_by_number_also_for_later_frames) {
+  fs::create_directory(folder_ / "body");
+  write_obj(folder_ / "body" / "scan_2.obj", body_at(0));
+  write_obj(folder_ / "body" / "scan_10.obj", scaled(body_at(0), 0.5F));
+  const auto height = [&](take::FrameRange frames) {
+    return recon::bounds_of(open_mesh_folder(folder_ / "body", 1.8, frames)->read(0)->surface)
+        .size()
+        .z();
+  };
+  EXPECT_NEAR(height({}), 1.8, 1e-3);
+  EXPECT_NEAR(height({1, 2}), 0.9, 1e-3);
+}
+
+TEST_F(Track, rejects_meshes_that_are_too_large_for_the_steps_before_it_tracks) {
+  fs::create_directory(folder_ / "body");
+  write_obj(folder_ / "body" / "0.obj", scaled(body_at(0), 900));  // millimetres
+  EXPECT_THAT(rejection(of_meshes("body")), AllOf(HasSubstr("--step"), HasSubstr("--height")));
+  EXPECT_EQ(turns_, 0);
 }
 
 TEST_F(Track, rejects_a_folder_without_meshes_and_a_face_without_its_vertex) {

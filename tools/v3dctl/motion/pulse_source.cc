@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "common/natural_order.h"
 #include "common/obj_file.h"
 #include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
@@ -69,7 +70,7 @@ class FolderMeshes : public ObservedPulses {
       const fs::path extension = entry.path().extension();
       if (extension == ".obj" || extension == ".ply") files.push_back(entry.path());
     }
-    std::ranges::sort(files);
+    std::ranges::sort(files, is_before_by_numbers);
     for (size_t i = 0; i < files.size(); ++i) {
       const auto pulse = static_cast<int64_t>(i);
       if (!frames.contains(pulse)) continue;
@@ -79,7 +80,7 @@ class FolderMeshes : public ObservedPulses {
     if (files_.empty()) {
       throw InputError(folder.string() + ": has no mesh to track; expected files .obj or .ply");
     }
-    const Box box = recon::bounds_of(read_mesh(files_[0]));
+    const Box box = recon::bounds_of(read_mesh(files[0]));
     y_is_up_ = box.size().y() > box.size().z();
     const double height = y_is_up_ ? box.size().y() : box.size().z();
     if (height_m > 0 && height > 0) scale_ = height_m / height;

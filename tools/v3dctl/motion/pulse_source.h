@@ -38,9 +38,10 @@ class ObservedPulses {
 std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& take,
                                                  take::FrameRange frames);
 
-/// The files .obj and .ply of a folder, in the order of their names; pulses count from 0.
-/// `height_m`: extent along z of the first mesh after scaling; 0: coordinates are metres. A mesh
-/// whose y axis points up (its largest extent is along y) is turned. Throws InputError for a folder
+/// The files .obj and .ply of a folder, in the order of their numbers; pulses count from 0.
+/// `height_m`: extent along z of the first mesh of the folder after scaling; 0: coordinates are
+/// metres. Meshes are turned where the y axis points up (the largest extent of the first mesh is
+/// along y). Throws InputError for a folder
 /// without meshes.
 std::unique_ptr<ObservedPulses> open_mesh_folder(const std::filesystem::path& folder,
                                                  double height_m, take::FrameRange frames);

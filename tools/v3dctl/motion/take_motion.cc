@@ -1,5 +1,6 @@
 #include "v3dctl/motion/take_motion.h"
 
+#include <fmt/core.h>
 #include <tbb/global_control.h>
 #include <tbb/info.h>
 #include <tbb/task_arena.h>
@@ -13,8 +14,10 @@
 #include "base/core/time.h"
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
+#include "codec/motion_pulse.h"
 #include "common/console.h"
 #include "recon/pipeline/compact_frame.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/motion/pulse_source.h"
 
 namespace v3d::ctl {
@@ -154,6 +157,20 @@ class MotionMaker {
   std::string bytes_;
 };
 
+/// Throws InputError where the steps of motion.v3d do not reach from the middle of the surface to
+/// its ends: before the tracking, which takes seconds a pulse.
+void require_steps(const TrackRequest& request, const Mesh& surface) {
+  const double reach = codec::kMaxLattice * request.step_m;
+  if (surface.vertices.empty()) return;
+  const double half = 0.5 * recon::bounds_of(surface).size().maxCoeff();
+  if (half <= reach) return;
+  throw InputError(fmt::format(
+      "{}: its first surface has an extent of {:.4g} m, but steps of {:.4g} m reach "
+      "{:.4g} m; expected a larger --step{}",
+      request.input.string(), 2 * half, request.step_m, 2 * reach,
+      request.meshes_only ? ", or --height for meshes in other units than metres" : ""));
+}
+
 }  // namespace
 
 TrackReport track_take(const TrackRequest& request,
@@ -169,7 +186,10 @@ TrackReport track_take(const TrackRequest& request,
                                     static_cast<size_t>(threads));
   tbb::task_arena arena(threads);
   MotionMaker maker(*input, request, on_pulse);
-  TrackReport report = arena.execute([&] { return maker.run(); });
+  TrackReport report = arena.execute([&] {
+    require_steps(request, input->read(0)->surface);
+    return maker.run();
+  });
   if (request.out.empty()) {
     io::throw_if_failed(io::replace_file(take::TakePaths{request.input}.motion(), maker.bytes()));
   } else {

@@ -10,6 +10,7 @@
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
+#include "codec/motion_header.h"
 #include "common/console.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
@@ -59,6 +60,12 @@ std::filesystem::path output_of(const Arguments& arguments) {
   return take::TakePaths{arguments.take}.motion();
 }
 
+double step_of(const std::string& text) {
+  const double step = parse_length(text);
+  if (step >= codec::MotionLimits::kMinStep && step <= codec::MotionLimits::kMaxStep) return step;
+  throw InputError("--step " + text + ": expected a length from 1e-9 m to 1 m");
+}
+
 TrackRequest request_of(const Arguments& arguments) {
   TrackRequest request;
   request.meshes_only = !arguments.meshes.empty();
@@ -73,10 +80,13 @@ TrackRequest request_of(const Arguments& arguments) {
     request.input = arguments.take;
     request.out = arguments.out;
   }
+  if (!arguments.height.empty() && !request.meshes_only) {
+    throw InputError("--height scales the meshes of --meshes; those of a take are in metres");
+  }
   if (!arguments.height.empty()) request.height_m = parse_length(arguments.height);
   request.frames = parse_frame_range(arguments.frames);
   request.tracking = tracking_of(arguments);
-  request.step_m = parse_length(arguments.step);
+  request.step_m = step_of(arguments.step);
   request.threads = arguments.threads;
   return request;
 }

@@ -27,7 +27,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 double min_of(const std::vector<double>& values) {
-  return values.empty() ? 0 : *std::min_element(values.begin(), values.end());
+  return *std::min_element(values.begin(), values.end());
+}
+
+/// Null where no frame has a silhouette.
+Json mean_json(const std::vector<double>& values) {
+  return values.empty() ? Json(nullptr) : Json(mean(values));
 }
 
 /// The sum of counts.
@@ -46,13 +51,15 @@ Json stages_json(const ReconstructReport& report) {
 }
 
 Json iou_json(const ReconstructReport& report) {
-  return {{"mean", mean(report.silhouette_iou)}, {"min", min_of(report.silhouette_iou)}};
+  const std::vector<double>& values = report.silhouette_iou;
+  return {{"mean", mean_json(values)},
+          {"min", values.empty() ? Json(nullptr) : Json(min_of(values))}};
 }
 
 Json silhouettes_json(const ReconstructReport& report) {
   Json cameras = Json::object();
   for (size_t i = 0; i < report.cameras.size(); ++i) {
-    cameras[report.cameras[i]] = mean(report.camera_iou[i]);
+    cameras[report.cameras[i]] = mean_json(report.camera_iou[i]);
   }
   Json json = iou_json(report);
   json["cameras"] = cameras;
@@ -146,6 +153,10 @@ void print_mesh(const char* what, const ReconstructReport& report) {
 }
 
 void print_silhouettes(const ReconstructReport& report) {
+  if (report.silhouette_iou.empty()) {
+    std::printf("silhouettes  no frame shows one\n");
+    return;
+  }
   std::printf("silhouettes  IoU %.3f (mean), %.3f (minimum)\n", mean(report.silhouette_iou),
               min_of(report.silhouette_iou));
 }

@@ -69,7 +69,10 @@ ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complet
 void append(ReconstructReport& whole, const ReconstructReport& part) {
   whole.frames += part.frames;
   whole.incomplete += part.incomplete;
-  append_all(whole.read_errors, part.read_errors);
+  for (const std::string& error : part.read_errors) {  // those of its task so far
+    if (std::ranges::find(whole.read_errors, error) == whole.read_errors.end())
+      whole.read_errors.push_back(error);
+  }
   for (const FrameSamples& of : kFrameSamples) append_all(whole.*of.values, part.*of.values);
   for (size_t c = 0; c < whole.camera_iou.size(); ++c) {
     append_all(whole.camera_iou[c], part.camera_iou[c]);

@@ -239,9 +239,15 @@ namespace {
 
 constexpr int kSamples = 64;  // along each axis
 
-// Least squares: solves sum over cameras of (I - d d^T)(p - c) = 0. A small weight of the cameras'
-// mean position keeps the system regular for parallel axes.
+bool is_in_front(const RigCamera& camera, const Eigen::Vector3d& point) {
+  return (point - camera.model.center()).dot(camera.model.viewing_direction()) > 0;
+}
+
+// Least squares: solves sum over cameras of (I - d d^T)(p - c) = 0, with a small weight of the
+// cameras' mean position. Throws InputError where the axes are almost parallel, or most cameras
+// look away from that point: these see a space without an end.
 Eigen::Vector3d point_nearest_to_axes(const Rig& rig) {
+  constexpr double kMinSquaredSine = 2e-4;  // two axes at 1.6 degrees
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const RigCamera& camera : rig) {
@@ -251,7 +257,18 @@ Eigen::Vector3d point_nearest_to_axes(const Rig& rig) {
     a += across;
     b += across * camera.model.center();
   }
-  return a.ldlt().solve(b);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(a);
+  const auto cameras = static_cast<double>(rig.size());
+  if (axes.eigenvalues().minCoeff() > kMinSquaredSine * cameras) {
+    const Eigen::Vector3d point = a.ldlt().solve(b);
+    const auto in_front = std::ranges::count_if(
+        rig, [&](const RigCamera& camera) { return is_in_front(camera, point); });
+    if (2 * in_front > std::ssize(rig)) return point;
+  }
+  throw InputError(std::string(rig.size() == 1 ? "one camera limits no space"
+                                               : "the views of the cameras do not converge, so "
+                                                 "they limit no space") +
+                   "; expected --bounds, or a studio file with [space]");
 }
 
 int cameras_seeing(const Rig& rig, const Eigen::Vector3d& point) {

@@ -101,7 +101,7 @@ int default_min_views(int cameras);
 /// Box around the points that at least `min_cameras` cameras see (world frame, metres). Points are
 /// limited to a ball around the point nearest to all optical axes, with the median distance of the
 /// cameras as radius, and sampled on a 64^3 grid.
-/// Throws InputError when there is no such point.
+/// Throws InputError when there is no such point, and for cameras whose views do not converge.
 Box observed_bounds(const Rig& rig, int min_cameras);
 
 /// observed_bounds() by at least half the cameras and at least `min_views` of them.

@@ -100,8 +100,21 @@ std::string file_name(int performer) {
   return "skeleton.performer" + std::to_string(performer) + ".json";
 }
 
+void require_similarity_options(const Arguments& arguments) {
+  if (arguments.format.empty() && arguments.out.empty() && arguments.truth.empty() &&
+      arguments.performer == 1) {
+    return;
+  }
+  throw InputError(
+      "--like only lists pulses, of the whole surface: OUT, --export, --truth and --performer are "
+      "for a skeleton");
+}
+
 int run(const Arguments& arguments) {
-  if (arguments.like >= 0) return find_similar(arguments);
+  if (arguments.like >= 0) {
+    require_similarity_options(arguments);
+    return find_similar(arguments);
+  }
   if (arguments.format.empty() != arguments.out.empty()) {
     throw InputError("--export bvh|glb|trc and OUT, its file, are given together");
   }

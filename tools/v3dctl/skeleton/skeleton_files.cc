@@ -63,6 +63,25 @@ Json skin_json(const std::vector<int64_t>& pulses, const recon::Skin& skin) {
 
 double rounded(double value, double step) { return std::round(value / step) * step; }
 
+/// Angles about z, x and y, radians, with `rotation` = Rz Rx Ry. Of all these, the ones nearest to
+/// `near`: programs that filter or resample the channels of BVH take them for numbers on a line.
+Vector3d angles_near(const Vector3d& near, const Matrix3d& rotation) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  const double sine = std::clamp(rotation(2, 1), -1.0, 1.0);
+  const bool is_locked = 1 - std::abs(sine) < 1e-9;  // z and y turn about one axis
+  const Vector3d angles =
+      is_locked ? Vector3d(std::atan2(rotation(1, 0), rotation(0, 0)), std::asin(sine), 0)
+                : Vector3d(std::atan2(-rotation(0, 1), rotation(1, 1)), std::asin(sine),
+                           std::atan2(-rotation(2, 0), rotation(2, 2)));
+  const Vector3d others =
+      angles.cwiseProduct(Vector3d(1, -1, 1)) + Vector3d::Constant(std::numbers::pi);
+  const auto unwrapped = [&](const Vector3d& candidate) {
+    return Vector3d(candidate + kTurn * ((near - candidate) / kTurn).array().round().matrix());
+  };
+  const Vector3d a = unwrapped(angles), b = unwrapped(others);
+  return (a - near).lpNorm<1>() <= (b - near).lpNorm<1>() ? a : b;
+}
+
 class BvhWriter {
  public:
   explicit BvhWriter(const TakeSkeleton& skeleton) : skeleton_(skeleton) {}
@@ -70,6 +89,7 @@ class BvhWriter {
   std::string write() {
     text_ = "HIERARCHY\n";
     write_joint(recon::kPelvis, 0);
+    angles_.assign(order_.size(), Vector3d::Zero());
     const auto& pulses = skeleton_.structure.pulses;
     const double rate = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
     const int64_t frames = pulses.empty() ? 0 : number(pulses.back()) - number(pulses.front()) + 1;
@@ -139,16 +159,16 @@ class BvhWriter {
   /// The position of every joint in the frame of its parent: shoulders and hips move a little.
   void write_pulse(const recon::SkeletonPulse& pulse) {
     std::string separator;
-    for (const Joint joint : order_) {
+    for (size_t i = 0; i < order_.size(); ++i) {
+      const Joint joint = order_[i];
       const Joint from = recon::parent(joint);
       const bool is_root = joint == recon::kPelvis;
       const Matrix3d to_parent =
           is_root ? Matrix3d(Matrix3d::Identity()) : Matrix3d(pulse.rotations[from].transpose());
       const Vector3d origin = is_root ? Vector3d(Vector3d::Zero()) : pulse.joints[from];
       const Vector3d place = y_up(Vector3d(to_parent * (pulse.joints[joint] - origin)));
-      const Vector3d angles =
-          y_up(Matrix3d(to_parent * pulse.rotations[joint])).eulerAngles(2, 0, 1) * 180 /
-          std::numbers::pi;
+      angles_[i] = angles_near(angles_[i], y_up(Matrix3d(to_parent * pulse.rotations[joint])));
+      const Vector3d angles = angles_[i] * 180 / std::numbers::pi;
       text_ += fmt::format("{}{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {:.6f}", separator, place.x(),
                            place.y(), place.z(), angles.x(), angles.y(), angles.z());
       separator = " ";
@@ -158,6 +178,7 @@ class BvhWriter {
 
   const TakeSkeleton& skeleton_;
   std::vector<Joint> order_;
+  std::vector<Vector3d> angles_;  ///< of the row before, radians
   std::string text_;
 };
 

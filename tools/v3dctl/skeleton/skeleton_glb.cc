@@ -64,7 +64,9 @@ class SkinnedScene {
       if (!skeleton_.skins[b].influences.empty()) shown_.push_back(b);
     }
     if (shown_.empty()) {
-      throw InputError("--export glb needs a tracked surface: run v3dctl track first");
+      throw InputError("--export glb needs a tracked surface: " + (skeleton_.unused_motion.empty()
+                                                                       ? "run v3dctl track first"
+                                                                       : skeleton_.unused_motion));
     }
     for (size_t n = 0; n < shown_.size(); ++n) add_segment(n);
     animation_["name"] = "take";

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "base/core/error.h"
@@ -29,12 +30,13 @@ Mesh checked_mesh(const fs::path& take, recon::CompactFrame frame) {
   return std::move(frame.mesh);
 }
 
-/// Uses the tracked surfaces of a take.
-void add_tracked(const fs::path& take, bool has_labels, TakeSkeleton& result) {
+/// Uses the tracked surfaces of a take. `identities`: of its performers; none: not stated.
+void add_tracked(const fs::path& take, const std::set<uint8_t>& identities, TakeSkeleton& result) {
   const fs::path file = take::TakePaths{take}.motion();
   if (!fs::exists(file)) return;
-  if (has_labels) {
-    result.problems.emplace_back("motion.v3d is not used: the take has several performers");
+  if (identities.size() > 1) {
+    result.unused_motion = "motion.v3d is not used: the take has several performers";
+    result.problems.push_back(result.unused_motion);
     return;
   }
   result.tracked = read_tracked_bodies(file, result.pulses);
@@ -66,11 +68,11 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   std::vector<recon::BodyEvidence> evidence;
   std::vector<double> times_ms;
   int64_t several = 0, without = 0;
-  bool has_labels = false;
+  std::set<uint8_t> identities;
   std::string reason;
   for (const int64_t pulse : result.pulses) {
     recon::CompactFrame frame = meshes.read(pulse);
-    has_labels = has_labels || !frame.performers.empty();
+    identities.insert(frame.performers.begin(), frame.performers.end());
     keep_performer(take, frame, performer);
     const Mesh mesh = checked_mesh(take, std::move(frame));
     const auto begin = std::chrono::steady_clock::now();
@@ -101,7 +103,8 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   if (result.structure.pulses.empty()) {
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
-  add_tracked(take, has_labels, result);
+  identities.erase(0);  // vertices of nobody
+  add_tracked(take, identities, result);
   return result;
 }
 

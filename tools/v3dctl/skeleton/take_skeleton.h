@@ -19,6 +19,7 @@ struct TakeSkeleton {
   recon::KinematicStructure structure;
   std::vector<recon::TrackedBody> tracked;  ///< segments of motion.v3d; none without the file
   std::vector<recon::Skin> skins;           ///< of each
+  std::string unused_motion;  ///< why motion.v3d is not used; empty: it is, or does not exist
   /// One line for each kind of problem: pulses without a body, several performers.
   std::vector<std::string> problems;
   double graph_ms = 0;  ///< median time of one graph
