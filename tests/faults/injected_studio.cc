@@ -131,7 +131,10 @@ DaemonRun InjectedStudio::run(const Fault& fault) {
   run_.was_ready = await([&] { return health_.contains(node_); }, 20) && injected_->runs();
   if (operation_ == DaemonOperation::kRejoin) {
     const auto records = [&] { return state_of(node_) == wire::NodeState::kRecording; };
-    await(records, 4);
+    const auto has_failed = [&] {
+      return injected_->output().find("cannot rejoin the running take") != std::string::npos;
+    };
+    await([&] { return records() || has_failed(); }, 20);
     run_.is_done = run_.is_done && records();
   } else if (run_.was_ready) {
     record();
