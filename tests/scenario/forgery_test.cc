@@ -1,9 +1,10 @@
-// Scenario tests of forged messages (health, pulses, frames, events), sent by a process without the
-// studio key and by a node that an attacker controls.
+// Scenario tests of forged messages (commands, health, pulses, frames, events), sent by a process
+// without the studio key and by a node that an attacker controls.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -226,6 +227,90 @@ TEST_F(MemberStudioWithForger, uses_no_frame_that_one_node_sends_for_the_camera_
   }
   // After an accepted frame of a later pulse, all frames would be late.
   EXPECT_LT(expect_a_complete_take()["frames_late"], kFramesAfterAttack);
+}
+
+/// An attacker that receives and records every command. With the studio key, its datagrams pass the
+/// check of their MAC.
+class Eavesdropper {
+ public:
+  explicit Eavesdropper(const std::string& url, const wire::StudioKey* key = nullptr) : bus_(url) {
+    if (key != nullptr) bus_.authenticator().set_key(*key);
+    subscription_.emplace(
+        bus_.subscribe(wire::kCommandChannel, [this](const bus::ReceivedMessage& message) {
+          const std::lock_guard lock(mutex_);
+          ++received_;
+          if (recording_) recorded_.emplace_back(message.bytes.begin(), message.bytes.end());
+        }));
+  }
+  /// Waits up to 30 s for `at_least` commands and returns them. Later commands are only counted.
+  std::vector<wire::Bytes> recorded(size_t at_least) {
+    EXPECT_TRUE(becomes_true([&] { return received() >= at_least; }, within(30)));
+    const std::lock_guard lock(mutex_);
+    recording_ = false;
+    return recorded_;
+  }
+  /// Sends all messages of `batch`, at most as many as a socket buffer holds, and waits until they
+  /// are received here.
+  void send(const std::vector<wire::Bytes>& batch) {
+    const size_t before = received();
+    for (const wire::Bytes& bytes : batch) bus_.publish_command(bytes);
+    ASSERT_TRUE(becomes_true([&] { return received() >= before + batch.size(); }, within(30)));
+  }
+
+ private:
+  size_t received() {
+    const std::lock_guard lock(mutex_);
+    return received_;
+  }
+  std::mutex mutex_;
+  size_t received_ = 0;
+  bool recording_ = true;
+  std::vector<wire::Bytes> recorded_;
+  bus::Bus bus_;
+  std::optional<bus::Bus::Listening> subscription_;  // last: its thread uses the other members
+};
+
+TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
+  constexpr int kBatches = 50;
+  constexpr int kEach = 20;
+  const wire::StudioKey key = wire::StudioKey::load(studio_.network.key);
+  Eavesdropper stranger(studio_.network.lcm_url), attacker(studio_.network.lcm_url, &key);
+  arm_and_start(0);
+  // Arm, commit, start for one node, start for the other node.
+  const std::vector<wire::Bytes> recorded = attacker.recorded(4);
+  ASSERT_GE(recorded.size(), 4U);
+  wire::CommandMessage stop;
+  stop.sender = "stranger";
+  stop.verb = wire::CommandVerb::kStop;
+  stop.to = {"cap01", "recon01"};
+  std::mt19937 random(7);
+  for (int i = 0; i < kBatches; ++i) {
+    std::vector<wire::Bytes> batch;
+    for (int k = 0; k < kEach; ++k) {
+      stop.counter = i * kEach + k;
+      stop.sent = Realtime::now();
+      batch.push_back(encode_with_mac(stop, wire::StudioKey::make()));
+      stop.sent -= std::chrono::hours(1);
+      batch.push_back(encode_with_mac(stop, key));
+      batch.push_back(recorded[random() % recorded.size()]);
+      batch.push_back(recorded[random() % recorded.size()]);
+      batch.back()[random() % batch.back().size()] ^= static_cast<uint8_t>(1 << random() % 8);
+    }
+    stranger.send(batch);
+    attacker.send(batch);
+  }
+  const double of_each_kind = 0.9 * kBatches * kEach;  // a busy machine loses some
+  for (const char* node : {"cap01", "recon01"}) {
+    EXPECT_TRUE(reaches(node, "messages_forged", 4 * of_each_kind)) << log();
+    EXPECT_TRUE(reaches(node, "commands_forged", 2 * of_each_kind)) << log();
+    EXPECT_TRUE(reaches(node, "commands_without_nonce", of_each_kind)) << log();
+    // Replayed commands whose nonce has expired meanwhile are counted above.
+    EXPECT_TRUE(reaches(node, "commands_replayed", 1)) << log();
+    EXPECT_EQ(client_->health(within(5)).at(node).state, wire::NodeState::kRecording);
+  }
+  const control::Answer stopped = command(wire::CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
 
 }  // namespace

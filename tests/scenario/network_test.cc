@@ -27,7 +27,8 @@ using test::within;
 
 constexpr int kCameras = 15;
 constexpr size_t kRecon = kCameras;  ///< port of the reconstruction's host
-constexpr double kRateHz = 20;
+/// A busy machine delivers a first frame within 0.9 periods, or its camera has suspect frames.
+constexpr char kRateHz[] = "10";
 
 class StudioOf16 : public testing::Test {
  protected:
@@ -58,7 +59,7 @@ class StudioOf16 : public testing::Test {
     ChildProcess& simulator = start_at(
         static_cast<size_t>(i),
         {bin("v3d-sim"), "studio", folder, "--cameras", std::to_string(kCameras), "--size", "80x60",
-         "--rate", "20", "--loop-frames", "4", "--empty-pulses", "8", "--voxel", "80mm"},
+         "--rate", kRateHz, "--loop-frames", "4", "--empty-pulses", "8", "--voxel", "80mm"},
         node(i) + "-sim.log");
     const bool serves = becomes_true(
         [&] { return simulator.output().find("ready\n") != std::string::npos; }, within(60));
@@ -194,7 +195,8 @@ class StudioOf16 : public testing::Test {
       check_losses(stopped, before, has_all_pulses);
       if (has_all_pulses && whole_trains_ == 1) check_disks("take-" + std::to_string(i));
     }
-    EXPECT_GT(whole_trains_, count / 2) << "this machine does not reach 20 pulses a second";
+    EXPECT_GT(whole_trains_, count / 2)
+        << "this machine does not reach " << kRateHz << " pulses a second";
     EXPECT_GT(lost_, 0);
     EXPECT_GT(incomplete_, 0) << "frame sets without a camera are counted";
     std::printf(

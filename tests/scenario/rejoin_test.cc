@@ -178,7 +178,7 @@ TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_kill
   ASSERT_GE(std::ssize(until_killed), 19) << "one may not be written whole";
   start_recond();
   client_.emplace(studio_);
-  ASSERT_TRUE(reaches("recon01", "live_fps", 5)) << log();
+  ASSERT_TRUE(reaches("recon01", "meshes", static_cast<double>(until_killed.size() + 10))) << log();
   const double before = value("recon01", "meshes");
   ASSERT_TRUE(reaches("recon01", "meshes", before + 20)) << log();
   const control::Answer stopped = command(wire::CommandVerb::kStop);

@@ -85,6 +85,7 @@ TEST_F(DefectiveStudio8, repairs_live_silhouettes_to_the_bytes_of_v3dctl_and_nam
   ASSERT_TRUE(reaches("recon01", std::string(kFaulty) + ".repaired_pulses", 3)) << log();
   // Meshes of several key frames: those after a late frame cannot be compared.
   ASSERT_TRUE(reaches("recon01", "meshes", 60)) << log();
+  ASSERT_TRUE(reaches("recon01", "repair_repaired", 30)) << log();
   const auto event = repair_event();
   ASSERT_TRUE(event) << log();
   EXPECT_EQ(event->subject, kFaulty);

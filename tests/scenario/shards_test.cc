@@ -9,6 +9,7 @@
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <sstream>
 
 #include "base/io/file.h"
@@ -163,15 +164,16 @@ class SharedStudio : public testing::Test {
     ASSERT_TRUE(started.done()) << text_of(started);
   }
 
-  double value(int i, const std::string& name) {
+  double value(const std::string& sender, const std::string& name) {
     viewer_->receive();
     while (client_->next_health(Monotonic::now())) {
     }
     const auto health = client_->health(within(2));
-    const auto found = health.find(node(i));
+    const auto found = health.find(sender);
     if (found == health.end() || !found->second.values.contains(name)) return -1;
     return found->second.values.at(name);
   }
+  double value(int i, const std::string& name) { return value(node(i), name); }
   void wait_for(int i, const std::string& name, double wanted) {
     ASSERT_TRUE(becomes_true([&] { return value(i, name) >= wanted; }, within(120)))
         << node(i) << " " << name << " " << value(i, name) << "\n"
@@ -271,6 +273,27 @@ class SharedStudio : public testing::Test {
     accounted.insert(accounted.end(), meshes.begin(), meshes.end());
     EXPECT_THAT(viewer_->shown(), testing::IsSubsetOf(accounted));
     EXPECT_GE(std::ssize(viewer_->shown()) + viewer_->lost(), std::ssize(meshes));
+  }
+
+  /// True when nodes made meshes of pulses of a node that was silent for a while.
+  bool was_taken_over() const {
+    bool taken_over = false;
+    for (int i = 0; i < kNodes; ++i) taken_over |= account(i)["shard_taken_over"] > 0;
+    return taken_over;
+  }
+  /// The files of two nodes hold the same pulses, except for those that either lists as without a
+  /// mesh.
+  void expect_same_files_but_for_lost(int i, int k) const {
+    std::set<int64_t> lost;
+    for (const int index : {i, k}) {
+      for (const int64_t pulse : account(index)["without_mesh"].get<Pulses>()) lost.insert(pulse);
+    }
+    const auto kept = [&](int index) {
+      Pulses pulses = file(index);
+      std::erase_if(pulses, [&](int64_t pulse) { return lost.contains(pulse); });
+      return pulses;
+    };
+    EXPECT_EQ(kept(i), kept(k)) << node(i) << " and " << node(k);
   }
 
   /// Kills recon03 during a take. The other nodes take over its share, and have or list every
@@ -378,25 +401,35 @@ class SharedStudioInGroups : public SharedStudio {
 
 TEST_F(SharedStudioInGroups,
        makes_one_mesh_of_every_pulse_where_each_host_receives_only_its_own_frames) {
-  arm_and_start();
-  wait_for(0, "meshes", 20);
   const std::array before = {datagrams(1), datagrams(2), datagrams(3)};
-  const double pulses_before = value(0, "meshes");
-  wait_for(0, "meshes", pulses_before + 40);
-  const std::array after = {datagrams(1), datagrams(2), datagrams(3)};
-  const double pulses = value(0, "meshes") - pulses_before;
+  arm_and_start();
+  wait_for(0, "meshes", 100);
+  const MonotonicInstant stop_sent = Monotonic::now();
   stop();
-  const Pulses all = published_by_camera();
+  const double drain_s = to_seconds(Monotonic::now() - stop_sent);
+  const std::array after = {datagrams(1), datagrams(2), datagrams(3)};
+  // A busy machine may give a node no time for 0.4 s. The others then take it for dead: they lack
+  // the frames of its pulses, and receive its group meanwhile.
+  const bool was_silent = was_taken_over();
   for (int i = 0; i < kNodes; ++i) {
-    expect_complete(i, 0);
+    expect_complete(i, was_silent ? kRateHz : 0);
     expect_published_as_in_file(i);
-    EXPECT_EQ(file(i), file(0));
+    if (was_silent) {
+      expect_same_files_but_for_lost(i, 0);
+    } else {
+      EXPECT_EQ(file(i), file(0));
+    }
     EXPECT_EQ(account(i)["frames_lost"], 0) << "frames of other groups do not count as lost";
     // On average five of the 15 frames of a pulse, and about ten messages that all nodes receive:
-    // meshes, pulses, health, previews.
-    EXPECT_LT(static_cast<double>(after[i] - before[i]), 20 * pulses) << node(i);
+    // meshes, pulses, health, previews. Without pulses, they receive about 35 messages a second.
+    const double most = 20 * static_cast<double>(commanded()) + 35 * drain_s;
+    if (!was_silent) {
+      EXPECT_LT(static_cast<double>(after[i] - before[i]), most) << node(i);
+    }
   }
-  EXPECT_GE(std::accumulate(all.begin(), all.end(), int64_t{0}), 14 * commanded()) << "frames";
+  const auto live = commanded() - static_cast<int64_t>(value("cap01", "pulses_not_live"));
+  const Pulses all = published_by_camera();
+  EXPECT_GE(std::accumulate(all.begin(), all.end(), int64_t{0}), 14 * live) << "frames";
 }
 
 TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_pulses_of_a_killed_node_and_names_them) {

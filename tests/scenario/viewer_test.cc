@@ -27,11 +27,12 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   const auto studio = watch("/api/studio");
   const auto live = watch("/api/live");
   EXPECT_TRUE(studio->receives("\"state\":\"idle\"")) << studio->text() << viewd_->output();
-  arm_and_start(kPulses);
+  arm_and_start(0);
   EXPECT_TRUE(studio->receives("\"state\":\"recording\"")) << viewd_->output();
   EXPECT_TRUE(studio->receives("\"type\":\"preview\"")) << viewd_->output();
-  ASSERT_TRUE(becomes_idle()) << log();
+  ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
   ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
+  const std::string end = std::to_string(verify_take(take()).ledger.commanded);
   // A busy machine does not make a mesh of every pulse.
   const auto meshes = take::MeshFileReader(take().mesh()).pulses();
   ASSERT_FALSE(meshes.empty()) << log();
@@ -43,7 +44,8 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   EXPECT_TRUE(get("/takes/kendo-07/mesh.v3d")->receives("V3DM"));
   EXPECT_TRUE(get("/takes/kendo-07/cam01.lcmlog")->receives("404 Not Found"));
   EXPECT_TRUE(get("/api/takes/kendo-07/photographs/39/cam04.jpg")->receives("JFIF"));
-  EXPECT_TRUE(get("/api/takes/kendo-07/photographs/40/cam04.jpg")->receives("404 Not Found"));
+  EXPECT_TRUE(
+      get("/api/takes/kendo-07/photographs/" + end + "/cam04.jpg")->receives("404 Not Found"));
 }
 
 /// For each file that the daemons read: a take that a crash left open, and whose file is a FIFO.
@@ -87,7 +89,7 @@ TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_leave_without_re
   EXPECT_TRUE(get("/")->receives("<!doctype html>")) << viewd_->output();
   EXPECT_TRUE(viewd_->runs());
   viewd_->signal(SIGTERM);
-  EXPECT_EQ(viewd_->wait(within(10)), 0) << viewd_->output();
+  EXPECT_EQ(viewd_->wait(within(30)), 0) << viewd_->output();
 }
 
 constexpr const char* kSmallStudio = R"(

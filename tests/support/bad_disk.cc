@@ -2,6 +2,7 @@
 // exists, it selects a fault of all event logs:
 //   slow N    every write takes N milliseconds
 //   broken    every write fails (EIO)
+//   pulses    every write to the pulse log fails (EIO)
 //   forgets   writes succeed, and fsync() fails (EIO)
 #include <dlfcn.h>
 #include <sys/uio.h>
@@ -16,11 +17,13 @@
 
 namespace {
 
-bool is_event_log(int fd) {
+/// The path of an event log; empty for another file.
+std::string event_log(int fd) {
   char link[64], path[4096];
   std::snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
   const ssize_t length = readlink(link, path, sizeof path);
-  return length > 0 && std::string_view(path, static_cast<size_t>(length)).ends_with(".lcmlog");
+  const std::string_view file(path, length > 0 ? static_cast<size_t>(length) : 0);
+  return std::string(file.ends_with(".lcmlog") ? file : "");
 }
 
 struct DiskFault {
@@ -48,17 +51,20 @@ Function* real(const char* name) {
 
 extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
   static auto* const next = real<ssize_t(int, const iovec*, int, off_t)>("pwritev");
-  const DiskFault fault = is_event_log(fd) ? disk_fault() : DiskFault();
+  const std::string log = event_log(fd);
+  const DiskFault fault = log.empty() ? DiskFault() : disk_fault();
   const timespec pause{0, fault.milliseconds * 1'000'000};
   nanosleep(&pause, nullptr);
-  if (fault.name != "broken") return next(fd, parts, count, offset);
+  const bool fails =
+      fault.name == "broken" || (fault.name == "pulses" && log.ends_with("/pulses.lcmlog"));
+  if (!fails) return next(fd, parts, count, offset);
   errno = EIO;
   return -1;
 }
 
 extern "C" int fsync(int fd) {
   static auto* const next = real<int(int)>("fsync");
-  if (!is_event_log(fd) || disk_fault().name != "forgets") return next(fd);
+  if (event_log(fd).empty() || disk_fault().name != "forgets") return next(fd);
   errno = EIO;
   return -1;
 }
