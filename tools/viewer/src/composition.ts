@@ -220,7 +220,7 @@ export class Composition {
   /** The worst state of all takes on the stage. */
   get viewsState(): ViewsState {
     const states = [...this.actors.values()].map((actor) => actor.viewsState);
-    return states.includes('none') ? 'none' : states.includes('coming') ? 'coming' : 'here';
+    return (['too many', 'none', 'coming'] as const).find((state) => states.includes(state)) ?? 'here';
   }
 
   private begin(take: SceneTake): void {

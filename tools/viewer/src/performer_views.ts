@@ -7,7 +7,7 @@ import { parseVertexViews } from './vertex_views';
 /** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */
 export const takeOfMeshes = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
 
-async function fetchViews(take: string, pulse: number): Promise<VertexViews | null> {
+async function fetchViews(take: string, pulse: number): Promise<VertexViews | 'too many' | null> {
   const answer = await fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`);
   if (!answer) return null;
   const views = parseVertexViews(await answer.arrayBuffer());
@@ -15,14 +15,16 @@ async function fetchViews(take: string, pulse: number): Promise<VertexViews | nu
   return views;
 }
 
-/** 'none': the shown pulse has no views; 'coming': they were requested. */
-export type ViewsState = 'here' | 'coming' | 'none';
+/** 'none': the shown pulse has no views; 'coming': they were requested; 'too many': the take has more cameras than the shader. */
+export type ViewsState = 'here' | 'coming' | 'none' | 'too many';
 
 export class PerformerViews {
   private readonly store: PulseStore<VertexViews>;
   private shown = -1;
   private ahead: number[] = [];
   private coded: CodedViews = null;
+  /** The take has more cameras than the shader. Its views, which are expensive for the server, are not requested again. */
+  private tooMany = false;
 
   constructor(
     take: string,
@@ -32,11 +34,19 @@ export class PerformerViews {
     private readonly changed: () => void,
   ) {
     this.store = new PulseStore<VertexViews>({
-      fetch: (pulse) => fetchViews(take, pulse),
+      fetch: (pulse) => this.fetch(take, pulse),
       ready: (pulse) => {
         if (pulse === this.shown) this.apply();
       },
     });
+  }
+
+  private async fetch(take: string, pulse: number): Promise<VertexViews | null> {
+    if (this.tooMany) return null;
+    const views = await fetchViews(take, pulse);
+    if (views !== 'too many') return views;
+    this.tooMany = true;
+    return null;
   }
 
   /** To call when the performer shows this pulse; `ahead`: the next pulses, if known; `coded`: views of its frame. */
@@ -57,6 +67,7 @@ export class PerformerViews {
 
   get state(): ViewsState {
     if (this.performer.hasViews) return 'here';
+    if (this.tooMany) return 'too many';
     if (this.coded !== null) return this.coded === 'unread' ? 'coming' : 'none';
     return this.store.get(this.shown) === undefined ? 'coming' : 'none';
   }

@@ -1,7 +1,7 @@
 // Photographs and camera views of the open take: the photograph over the view from a camera, and the notes about them on the
 // page.
 import { find } from './page';
-import type { CodedViews } from '../player/src/camera_views';
+import { type CodedViews, MAX_CAMERAS } from '../player/src/camera_views';
 import { PerformerViews, type ViewsState } from './performer_views';
 import { fetchThere, PulseStore } from '../player/src/pulse_store';
 import type { RigCamera } from './rig';
@@ -157,6 +157,7 @@ export class Pictures {
     const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
     if (state === 'here') return '';
     if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;
+    if (state === 'too many') return `${instead}: this look supports at most ${MAX_CAMERAS} cameras.`;
     if (state === 'none') return `${instead}: the raw frames, which show what each camera sees, are not on this PC, and the take keeps no colours of cameras.`;
     return this.views ? '' : `${instead}: what each camera sees is known of recorded takes only.`;
   }

@@ -6,10 +6,11 @@ type Head = Pick<VertexViews, 'pulse' | 'vertices' | 'cameras'>;
 
 const SIGHTS = [0, 128, 255, 0];
 
-/** Null when the message is malformed or has too many cameras. */
-export function parseVertexViews(message: ArrayBuffer): VertexViews | null {
+/** Null: the message is malformed; 'too many': it has more cameras than the shader. */
+export function parseVertexViews(message: ArrayBuffer): VertexViews | 'too many' | null {
   const split = splitMessage<Head>(message);
-  if (!split || !(split.head.cameras?.length <= MAX_CAMERAS) || !(split.head.vertices >= 0)) return null;
+  if (!split || !(split.head.cameras?.length >= 0) || !(split.head.vertices >= 0)) return null;
+  if (split.head.cameras.length > MAX_CAMERAS) return 'too many';
   const { head, bytes } = split;
   const rows = Math.max(1, Math.ceil(head.vertices / ROW));
   const sightBytes = Math.ceil(head.vertices / 4);

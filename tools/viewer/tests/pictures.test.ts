@@ -1,10 +1,12 @@
 import { Vector4 } from 'three';
-import { describe, expect, it } from 'vitest';
-import { ROW } from '../player/src/camera_views';
+import { describe, expect, it, vi } from 'vitest';
+import { ROW, type VertexViews } from '../player/src/camera_views';
 import { codedViews, hasCodedViews } from '../player/src/coded_views';
 import { distort, mostRadius2 } from '../src/lens';
 import { Playback } from '../player/src/playback';
 import { PulseStore } from '../player/src/pulse_store';
+import type { Performer } from '../src/performer';
+import { PerformerViews } from '../src/performer_views';
 import { projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { parseVertexViews } from '../src/vertex_views';
 
@@ -193,11 +195,12 @@ describe('views of vertices', () => {
   }
   const axis = [0, 0, 1];
   const two = { pulse: 7, vertices: 5, cameras: [{ name: 'a', axis }, { name: 'b', axis }] };
+  const crowd = { ...two, vertices: 0, cameras: Array.from({ length: 65 }, () => ({ name: 'a', axis })) };
   // a sees the first and the fifth, b the second at the rim of its silhouette.
   const bytes = [0b00000010, 0b10, 1, 2, 3, 4, 5, 6, 0b00000100, 0, 7, 8, 9];
 
   it('are in one layer for each camera', () => {
-    const views = parseVertexViews(message(two, bytes))!;
+    const views = parseVertexViews(message(two, bytes)) as VertexViews;
     const texel = (camera: number, vertex: number) => [...views.texels.subarray(4 * (camera * ROW + vertex), 4 * (camera * ROW + vertex) + 4)];
     expect(views.rows).toBe(1);
     expect([0, 1, 2, 3, 4].map((vertex) => texel(0, vertex))).toEqual(
@@ -208,7 +211,7 @@ describe('views of vertices', () => {
 
   it('fill as many rows as they need', () => {
     const many = { pulse: 0, vertices: ROW + 1, cameras: [{ name: 'a', axis }] };
-    const views = parseVertexViews(message(many, new Array<number>(Math.ceil((ROW + 1) / 4)).fill(0)))!;
+    const views = parseVertexViews(message(many, new Array<number>(Math.ceil((ROW + 1) / 4)).fill(0))) as VertexViews;
     expect(views.rows).toBe(2);
     expect(views.texels.length).toBe(2 * ROW * 4);
   });
@@ -220,7 +223,21 @@ describe('views of vertices', () => {
     expect(parseVertexViews(message({ ...two, vertices: -1 }, bytes))).toBeNull();
     expect(parseVertexViews(message({}, bytes))).toBeNull();
     expect(parseVertexViews(new ArrayBuffer(3))).toBeNull();
-    const crowd = { ...two, vertices: 0, cameras: Array.from({ length: 65 }, () => ({ name: 'a', axis })) };
-    expect(parseVertexViews(message(crowd, []))).toBeNull();
+    expect(parseVertexViews(message(crowd, []))).toBe('too many');
+  });
+
+  it('are requested once of a take with more cameras than the shader has', async () => {
+    const request = vi.fn(async () => new Response(message(crowd, [])));
+    vi.stubGlobal('fetch', request);
+    const performer = { hasViews: false, setViews: () => undefined } as unknown as Performer;
+    const views = new PerformerViews('dome', performer, () => true, () => undefined);
+    for (const pulse of [7, 8]) {
+      views.show(pulse);
+      await new Promise((done) => setTimeout(done));
+      expect(views.state).toBe('too many');
+    }
+    expect(request).toHaveBeenCalledTimes(1);
+    vi.unstubAllGlobals();
+    views.end();
   });
 });
