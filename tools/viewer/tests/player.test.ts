@@ -4,9 +4,12 @@ import { fileNameOf, lineOf } from '../player/src/clip';
 import { parseManifest } from '../player/src/manifest';
 import { type MeshoptDecoder, readSegment } from '../player/src/segment_file';
 import { SurfaceGeometry } from '../player/src/surface_geometry';
+import { SurfaceQueue } from '../player/src/surface_queue';
+import type { SurfaceWorker } from '../player/src/surface_worker';
 import { chooseVideo, pictureAt } from '../player/src/video_frames';
 import { matchSegments, spread } from '../player/src/volume_clip';
 import { resolveSource } from '../player/src/volume_player';
+import type { ShownFrame } from '../player/src/worker_messages';
 
 const messageOf = (act: () => unknown) => {
   try {
@@ -247,5 +250,30 @@ describe('a surface on the graphics card', () => {
     expect((surface.geometry.getAttribute('position') as { version: number }).version).toBe(1);
     show(Uint32Array.of(2, 1, 0));
     expect(surface.indexUploads).toBe(2);
+  });
+});
+
+describe('a queue of surfaces', () => {
+  it('shows a surface that arrived too late for an earlier request', async () => {
+    const settle = () => new Promise((done) => setTimeout(done));
+    const asked: number[] = [];
+    let ready = 0;
+    // A worker that sends no surface twice in succession, as the real one.
+    const worker = { want: (number: number) => { if (asked.at(-1) !== number) asked.push(number); } } as unknown as SurfaceWorker;
+    const numberOf = new Map(Array.from({ length: 26 }, (_, n) => [n, n]));
+    const queue = new SurfaceQueue(() => worker, numberOf, parseManifest(JSON.stringify(file())), () => ++ready);
+    const frame = (number: number) => ({ number }) as ShownFrame;
+    queue.want(4, false, false);
+    queue.answer(4, frame(4));
+    await settle();
+    queue.want(5, false, false);
+    queue.want(4, false, false); // 4 is kept: nothing else is requested
+    queue.answer(5, frame(5)); // too late
+    await settle();
+    expect([queue.get(5), ready]).toEqual([undefined, 1]);
+    queue.want(5, false, false);
+    await settle();
+    expect([queue.get(5)?.number, ready, asked]).toEqual([5, 2, [4, 5]]);
+    queue.end();
   });
 });

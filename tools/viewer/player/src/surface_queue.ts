@@ -14,6 +14,8 @@ const MAX_LATE = 8;
 export class SurfaceQueue {
   private readonly store: PulseStore<ShownFrame>;
   private asked: { picture: number; resolve(frame: ShownFrame | null): void } | null = null;
+  /** Last answer of the worker, which does not send it again. */
+  private last: { number: number; frame: ShownFrame | null } | null = null;
 
   constructor(
     private readonly worker: () => SurfaceWorker,
@@ -42,6 +44,7 @@ export class SurfaceQueue {
 
   /** Answer of the worker. */
   answer(number: number, frame: ShownFrame | null): void {
+    this.last = { number, frame };
     if (!this.asked || this.numberOf.get(this.asked.picture) !== number) return;
     this.asked.resolve(frame);
     this.asked = null;
@@ -52,9 +55,12 @@ export class SurfaceQueue {
   }
 
   private fetch(picture: number): Promise<ShownFrame | null> {
+    const number = this.numberOf.get(picture)!;
+    // It may have arrived too late for an earlier request.
+    if (this.last?.number === number) return Promise.resolve(this.last.frame);
     return new Promise((resolve) => {
       this.asked = { picture, resolve };
-      this.worker().want(this.numberOf.get(picture)!);
+      this.worker().want(number);
     });
   }
 }
