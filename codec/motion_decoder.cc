@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "codec/byte_stream.h"
 #include "codec/connectivity_code.h"
@@ -206,10 +208,13 @@ class MotionReader::Impl {
   SegmentDecoder* decoder(size_t segment) {
     if (segment >= heads_.size()) return nullptr;
     if (!decoder_ || segment != current_) {
+      decoder_.reset();  // also if memory is exhausted: half a template must not stay
+      auto next = std::make_unique<SegmentDecoder>(bytes_[segment], heads_[segment]);
+      valid_ = next->decode_template();
+      decoder_ = std::move(next);
       current_ = segment;
-      valid_ = decoder_.emplace(bytes_[segment], heads_[segment]).decode_template();
     }
-    return valid_ ? &*decoder_ : nullptr;
+    return valid_ ? decoder_.get() : nullptr;
   }
 
   const MotionPulse* decode(size_t segment, size_t index) {
@@ -222,7 +227,7 @@ class MotionReader::Impl {
   std::vector<MotionHead> heads_;
   std::vector<MotionSegmentInfo> infos_;
   std::vector<std::span<const uint8_t>> bytes_;  ///< of each segment
-  std::optional<SegmentDecoder> decoder_;
+  std::unique_ptr<SegmentDecoder> decoder_;
   size_t current_ = 0;
   bool valid_ = false;
 };

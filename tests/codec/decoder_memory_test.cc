@@ -6,6 +6,7 @@
 #include "codec/v3d_decoder.h"
 #include "support/allocation_count.h"
 #include "tests/codec/coded_scene.h"
+#include "tests/codec/motion_scene.h"
 
 namespace v3d::codec {
 namespace {
@@ -37,6 +38,45 @@ TEST(DecoderMemory, leaves_no_frame_of_freed_memory_wherever_it_is_exhausted) {
     ASSERT_EQ(v3d_decoder_frame(decoder.get()), nullptr) << n;
     ASSERT_EQ(decode(decoder, large), V3D_OK) << n;
     ASSERT_EQ(v3d_decoder_frame(decoder.get())->pulse, 1) << n;
+  }
+  EXPECT_GT(failures, 10);
+}
+
+using Motion = std::unique_ptr<v3d_motion, decltype(&v3d_motion_free)>;
+
+/// A motion file whose segment 0 is decoded.
+Motion opened(const std::vector<uint8_t>& file) {
+  v3d_motion* motion = nullptr;
+  EXPECT_EQ(v3d_motion_open(&motion, file.data(), file.size()), V3D_OK);
+  EXPECT_NE(v3d_motion_decode(motion, 0, 0), nullptr);
+  return {motion, v3d_motion_free};
+}
+
+std::vector<float> positions_of(const v3d_motion_pulse* pulse, size_t vertices) {
+  return pulse == nullptr ? std::vector<float>()
+                          : std::vector<float>(pulse->positions, pulse->positions + 3 * vertices);
+}
+
+TEST(DecoderMemory, decodes_a_segment_whose_memory_was_exhausted_before_as_a_fresh_decoder_does) {
+  MotionSegment first = moving_tube(3, 6, 5), second = moving_tube(3, 6, 5);
+  for (int64_t& pulse : second.pulses) pulse += 10;
+  paint(first, 3);
+  paint(second, 3);
+  const std::vector<uint8_t> file = motion_file({first, second});
+  const size_t vertices = second.positions[0].size();
+  const Motion fresh = opened(file);
+  const auto expected = positions_of(v3d_motion_decode(fresh.get(), 1, 0), vertices);
+  ASSERT_FALSE(expected.empty());
+  int failures = 0;
+  for (int n = 1;; ++n) {
+    const Motion motion = opened(file);
+    test::fail_allocation(n);
+    const v3d_motion_pulse* pulse = v3d_motion_decode(motion.get(), 1, 0);
+    test::fail_allocation(0);
+    if (pulse != nullptr) break;
+    ++failures;
+    ASSERT_EQ(positions_of(v3d_motion_decode(motion.get(), 1, 0), vertices), expected) << n;
+    ASSERT_NE(v3d_motion_decode(motion.get(), 0, 0), nullptr) << n;
   }
   EXPECT_GT(failures, 10);
 }
