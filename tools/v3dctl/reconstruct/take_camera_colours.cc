@@ -33,7 +33,9 @@ class CameraColourist {
     }
     std::vector<uint8_t> revised = codec_.with_cameras(views(), max_bytes_);
     const auto [bytes, step] = codec_.camera_cost();
-    if (bytes == 0) ++report_.without;
+    if (bytes > 0) ++coloured_;
+    // A pulse without a surface has nothing to colour.
+    if (bytes == 0 && !codec_.frame().positions.empty()) ++report_.without;
     report_.mean_bytes += static_cast<double>(bytes);
     report_.mean_step += step;
     report_.mean_frame_bytes += static_cast<double>(revised.size());
@@ -50,8 +52,7 @@ class CameraColourist {
     CameraColourReport report = report_;
     const auto decoded =
         static_cast<double>(std::max<int64_t>(1, report.frames - report.undecodable));
-    const auto coloured = static_cast<double>(
-        std::max<int64_t>(1, report.frames - report.undecodable - report.without));
+    const auto coloured = static_cast<double>(std::max<int64_t>(1, coloured_));
     report.mean_bytes /= decoded;
     report.mean_frame_bytes /= decoded;
     report.mean_step /= coloured;
@@ -79,6 +80,7 @@ class CameraColourist {
   std::optional<recorded::TakeFrames> frames_;
   codec::FrameReviser codec_;
   CameraColourReport report_;
+  int64_t coloured_ = 0;  ///< frames with colours of cameras
 };
 
 }  // namespace

@@ -11,8 +11,8 @@ namespace v3d::ctl {
 struct CameraColourReport {
   int64_t frames = 0;
   int64_t undecodable = 0;  ///< frames that stay as they were: damaged, or without their reference
-  /// Frames without colours of cameras: a camera has no readable raw frame, or the frame is too
-  /// large (codec::FrameLimits::kCameraColours).
+  /// Frames with a surface, but without colours of cameras: a camera has no readable raw frame, or
+  /// the frame is too large (codec::FrameLimits::kCameraColours).
   int64_t without = 0;
   /// Means over all frames, bytes.
   double mean_bytes = 0;        ///< of the colours of cameras

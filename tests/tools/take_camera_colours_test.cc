@@ -1,0 +1,45 @@
+#include "v3dctl/reconstruct/take_camera_colours.h"
+
+#include <gtest/gtest.h>
+
+#include "base/io/file.h"
+#include "recon/hull/sparse_volume.h"
+#include "recon/performers/blocks.h"
+#include "recon/pipeline/compact_frame.h"
+#include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+namespace {
+
+std::vector<uint8_t> encoded(codec::FrameEncoder& encoder, int64_t pulse,
+                             const std::vector<recon::Block>& blocks) {
+  const recon::SparseVolume volume = recon::volume_of(blocks);
+  const codec::BrickVolume bricks = volume.view();
+  const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
+                                                 {9, 99, 200});
+  codec::FrameContent content;
+  content.facts.pulse = pulse;
+  content.facts.step = volume.grid().voxel_m / 2;
+  content.volume = &bricks;
+  content.colours = colours;
+  return encoder.encode(content).value();
+}
+
+TEST(CameraColours, are_not_missed_at_a_pulse_without_a_surface) {
+  const test::TemporaryFolder folder;
+  codec::FrameEncoder encoder({});
+  take::MeshFileWriter file(take::TakePaths{folder.path()}.mesh());
+  io::throw_if_failed(file.append(0, encoded(encoder, 0, {})));
+  io::throw_if_failed(file.append(1, encoded(encoder, 1, {recon::body_at(0)})));
+  io::throw_if_failed(file.close());
+  const CameraColourReport report = add_camera_colours(
+      folder.path(), 0, [](int64_t) {}, [] {});
+  EXPECT_EQ(report.frames, 2);
+  EXPECT_EQ(report.undecodable, 0);
+  EXPECT_EQ(report.without, 1) << "the body, of which there are no raw frames";
+}
+
+}  // namespace
+}  // namespace v3d::ctl
