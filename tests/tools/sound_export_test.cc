@@ -102,6 +102,26 @@ TEST_F(FlacExport, has_the_timecode_of_the_first_sample_as_tags) {
   EXPECT_THAT(tags(), HasSubstr("TAG:time_reference=1727998272"));
 }
 
+using FlacExportDeathTest = FlacExport;
+
+TEST_F(FlacExportDeathTest, leaves_no_folder_after_an_interrupt) {
+  write_take();
+  const auto ffmpeg = folder_ / "ffmpeg";
+  test::write_text(ffmpeg, "#!/bin/sh\nkill -INT $PPID\nexit 255\n");
+  std::filesystem::permissions(ffmpeg, std::filesystem::perms::owner_all);
+  const auto export_interrupted = [&] {
+    setenv("PATH", (folder_.path().string() + ":" + std::getenv("PATH")).c_str(), 1);
+    const auto act = [&] { export_flac(take_.folder, folder_ / "out"); };
+    std::_Exit(test::message_of<std::runtime_error>(act) == "interrupted" ? 7 : 0);
+  };
+  EXPECT_EXIT(export_interrupted(), testing::ExitedWithCode(7), "");
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    names.push_back(entry.path().filename());
+  }
+  EXPECT_THAT(names, testing::UnorderedElementsAre("ffmpeg", "kendo-07"));
+}
+
 TEST_F(FlacExport, is_refused_for_a_take_without_sound_and_for_nine_channels) {
   test::write_sounds_of_ledger(take_, {});
   io::throw_if_failed(save_take_info(take_, test::begun_take({})));

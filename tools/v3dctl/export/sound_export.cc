@@ -45,6 +45,7 @@ void encode(const fs::path& wave, const fs::path& flac) {
   for (std::string& tag : timecode_tags(wave)) command.push_back(std::move(tag));
   command.insert(command.end(), {"-c:a", "flac", "file:" + flac.string()});
   const ProcessResult done = run_process(command, Output::kShow);
+  stop_if_interrupted();  // a terminal interrupts ffmpeg, too
   if (done.status != 0) throw std::runtime_error(flac.string() + ": ffmpeg could not write it");
 }
 
@@ -65,6 +66,7 @@ int export_flac(const fs::path& take, const fs::path& out) {
   if (const io::Status made = io::create_folders(fs::absolute(out).parent_path()); !made) {
     io::throw_input_error(made.error());
   }
+  catch_interrupts();
   PartialFolder folder(out);
   for (const take::SoundLedger& sound : sounds) {
     stop_if_interrupted();

@@ -392,8 +392,8 @@ int export_volume(const VolumeExport& request) {
   if (const io::Status made = io::create_folders(fs::absolute(request.out).parent_path()); !made) {
     io::throw_input_error(made.error());
   }
-  PartialFolder folder(request.out);
   catch_interrupts();
+  PartialFolder folder(request.out);
   const take::TakeTimecode timecodes(paths);
   const WrittenParts parts =
       write_parts(request, folder.path(), surfaces, segments, info, timecodes);
