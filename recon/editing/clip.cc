@@ -31,18 +31,7 @@ ClipFrame frame_at(const Clip& clip, size_t first, double time) {
   const double share = time - static_cast<double>(before);
   const ClipFrame& a = clip.frames[first + before];
   if (share < 1e-9) return a;
-  const ClipFrame& b = clip.frames[first + before + 1];
-  ClipFrame result = share < 0.5 ? a : b;
-  const SkeletonPulse skeleton = blended(a.skeleton, b.skeleton, share);
-  if (a.surface != b.surface) {
-    pose(clip, result, skeleton);
-    return result;
-  }
-  for (size_t v = 0; v < result.places.size(); ++v) {
-    result.places[v] = a.places[v] + static_cast<float>(share) * (b.places[v] - a.places[v]);
-  }
-  result.skeleton = skeleton;
-  return result;
+  return frame_between(clip, a, clip.frames[first + before + 1], share);
 }
 
 Joint other_side(Joint joint) {
@@ -130,6 +119,20 @@ SkeletonPulse blended(const SkeletonPulse& a, const SkeletonPulse& b, double sha
     result.rotations[j] = from.slerp(share, to).toRotationMatrix();
     result.confidence[j] = std::min(a.confidence[j], b.confidence[j]);
   }
+  return result;
+}
+
+ClipFrame frame_between(const Clip& clip, const ClipFrame& a, const ClipFrame& b, double share) {
+  ClipFrame result = share < 0.5 ? a : b;
+  const SkeletonPulse skeleton = blended(a.skeleton, b.skeleton, share);
+  if (a.surface != b.surface) {
+    pose(clip, result, skeleton);
+    return result;
+  }
+  for (size_t v = 0; v < result.places.size(); ++v) {
+    result.places[v] = a.places[v] + static_cast<float>(share) * (b.places[v] - a.places[v]);
+  }
+  result.skeleton = skeleton;
   return result;
 }
 

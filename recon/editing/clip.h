@@ -45,6 +45,10 @@ std::optional<Joint> find_joint(std::string_view text);
 /// spherical interpolation.
 SkeletonPulse blended(const SkeletonPulse& a, const SkeletonPulse& b, double share);
 
+/// A frame between `a` (share 0) and `b` (share 1): vertices on straight lines where both have one
+/// surface, otherwise the nearer frame with the blended() skeleton. `clip` has their surfaces.
+ClipFrame frame_between(const Clip& clip, const ClipFrame& a, const ClipFrame& b, double share);
+
 /// Moves the surface of a frame from its skeleton to another one; details stay, because only the
 /// difference of the two skeletons acts through the skin.
 void pose(const Clip& clip, ClipFrame& frame, const SkeletonPulse& skeleton);

@@ -9,6 +9,7 @@
 #include "base/io/file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
+#include "support/file_size_limit.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take_listing.h"
@@ -116,6 +117,24 @@ TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   EXPECT_EQ(read_file(out / "edit.json"), "{}");
 }
 
+TEST_F(EditTake, keeps_its_speed_where_pulses_are_lost) {
+  test::write_gliding_motion(take::TakePaths{take_}.motion(), {{0, 2, 4, 6, 8}});
+  const TakeClip edited = read();
+  ASSERT_EQ(edited.clip.frames.size(), 9U);
+  EXPECT_EQ(edited.left_out, 0);
+  const float first = edited.clip.frames[0].places[0].x();
+  for (size_t f = 0; f < 9; ++f) {
+    EXPECT_NEAR(edited.clip.frames[f].places[0].x() - first, 0.01 * static_cast<double>(f), 1e-3);
+  }
+}
+
+TEST_F(EditTake, counts_lost_pulses_between_two_surfaces_as_left_out) {
+  test::write_gliding_motion(take::TakePaths{take_}.motion(), {{0, 1, 2}, {6, 7, 8}});
+  const TakeClip edited = read();
+  EXPECT_EQ(edited.clip.frames.size(), 6U);
+  EXPECT_EQ(edited.left_out, 3);
+}
+
 TEST_F(EditTake, has_the_bone_lengths_that_the_positions_of_its_joints_have) {
   const fs::path out = folder_ / "edited";
   write_clip(read(), take_, "{}", out);
@@ -157,6 +176,19 @@ TEST_F(EditTake, replaces_an_earlier_edit_and_nothing_else) {
       test::message_of<InputError>([&] { write_clip(edited, take_, "{}", take_); });
   EXPECT_THAT(message, HasSubstr("holds something else than an edited take"));
   EXPECT_FALSE(fs::exists(take_ / "edit.json"));
+}
+
+TEST_F(EditTake, stays_whole_when_a_later_edit_cannot_be_written) {
+  const TakeClip edited = read();
+  const fs::path out = folder_ / "edited";
+  write_clip(edited, take_, "{}", out);
+  {
+    const test::FileSizeLimit limit(8192);  // less than motion.v3d
+    EXPECT_THROW(write_clip(edited, take_, "{ }", out), std::runtime_error);
+  }
+  EXPECT_EQ(read_file(out / "edit.json"), "{}");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 2)
+      << "the take and the edited one";
 }
 
 TEST_F(EditTake, is_not_written_over_a_recording_that_holds_the_list_of_operations) {

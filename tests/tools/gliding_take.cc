@@ -14,20 +14,30 @@
 namespace v3d::test {
 
 void write_gliding_motion(const std::filesystem::path& file, int first, int last) {
+  std::vector<int64_t> pulses;
+  for (int pulse = first; pulse < last; ++pulse) pulses.push_back(pulse);
+  write_gliding_motion(file, {pulses});
+}
+
+void write_gliding_motion(const std::filesystem::path& file,
+                          const std::vector<std::vector<int64_t>>& segments) {
   const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
-  codec::MotionSegment segment;
-  for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
-  for (int pulse = first; pulse < last; ++pulse) {
-    segment.pulses.push_back(pulse);
-    auto& places = segment.positions.emplace_back();
-    for (const Eigen::Vector3f& p : person.vertices) {
-      places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
-    }
-  }
   const std::vector<uint8_t> header = codec::MotionWriter::header();
   std::string bytes(header.begin(), header.end());
-  const auto encoded = codec::MotionWriter({}).add(segment);
-  bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+  codec::MotionWriter writer({});
+  for (const std::vector<int64_t>& pulses : segments) {
+    codec::MotionSegment segment;
+    for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
+    segment.pulses = pulses;
+    for (const int64_t pulse : pulses) {
+      auto& places = segment.positions.emplace_back();
+      for (const Eigen::Vector3f& p : person.vertices) {
+        places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
+      }
+    }
+    const auto encoded = writer.add(segment);
+    bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+  }
   write_text(file, bytes);
 }
 

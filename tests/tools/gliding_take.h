@@ -1,7 +1,9 @@
 // A small take whose only surface is tracked, without images.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <vector>
 
 namespace v3d::test {
 
@@ -14,5 +16,8 @@ void write_gliding_take(const std::filesystem::path& take, double rate_hz = 25);
 
 /// Writes a motion file of the same person at pulses first to last - 1.
 void write_gliding_motion(const std::filesystem::path& file, int first, int last);
+/// The same with the pulses of each segment.
+void write_gliding_motion(const std::filesystem::path& file,
+                          const std::vector<std::vector<int64_t>>& segments);
 
 }  // namespace v3d::test

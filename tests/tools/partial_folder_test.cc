@@ -64,5 +64,19 @@ TEST_F(PartialFolderTest, replaces_no_folder_that_has_got_files_meanwhile) {
   EXPECT_EQ(entries(), 1);
 }
 
+TEST_F(PartialFolderTest, replaces_a_folder_with_files_when_it_may) {
+  fs::create_directory(folder_ / "out");
+  test::write_text(folder_ / "out/file", "earlier");
+  {
+    PartialFolder partial(folder_ / "out", PartialFolder::Existing::kReplace);
+    test::write_text(partial.path() / "other", "new");
+    EXPECT_EQ(read_file(folder_ / "out/file"), "earlier");
+    partial.finish();
+    EXPECT_EQ(read_file(folder_ / "out/other"), "new");
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "out/file"));
+  EXPECT_EQ(entries(), 1);
+}
+
 }  // namespace
 }  // namespace v3d

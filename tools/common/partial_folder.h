@@ -1,6 +1,7 @@
 // A new folder that appears under its name when it is complete.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 namespace v3d {
@@ -13,9 +14,14 @@ std::filesystem::path normal_folder(const std::filesystem::path& folder);
 /// called. One thread.
 class PartialFolder {
  public:
-  /// Makes `folder`.partial-XXXXXX. Throws InputError when `folder` exists and is not an empty
-  /// folder, or when the new folder cannot be made, for instance without the parent of `folder`.
-  explicit PartialFolder(const std::filesystem::path& folder);
+  enum class Existing : uint8_t {
+    kRefuse,   ///< only an empty folder may have the final name
+    kReplace,  ///< finish() removes a folder of the final name, with all that it holds
+  };
+  /// Makes `folder`.partial-XXXXXX. Throws InputError when `folder` exists and may not be replaced,
+  /// or when the new folder cannot be made, for instance without the parent of `folder`.
+  explicit PartialFolder(const std::filesystem::path& folder,
+                         Existing existing = Existing::kRefuse);
   ~PartialFolder();
   PartialFolder(const PartialFolder&) = delete;
   PartialFolder& operator=(const PartialFolder&) = delete;
@@ -24,12 +30,14 @@ class PartialFolder {
   const std::filesystem::path& path() const { return path_; }
   /// The name after finish(): absolute, without a slash at its end.
   const std::filesystem::path& final_path() const { return folder_; }
-  /// Renames the folder to its final name, and waits until the name is on the disk. Throws
-  /// std::runtime_error with path and cause, also when the final name is taken by now.
+  /// Renames the folder to its final name, and waits until the name is on the disk. A folder that
+  /// it replaces has its name until then. Throws std::runtime_error with path and cause, also when
+  /// the final name is taken by now and may not be replaced.
   void finish();
 
  private:
   std::filesystem::path folder_, path_;
+  Existing existing_;
   bool finished_ = false;
 };
 

@@ -22,15 +22,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// All that an edited take contains. edit.json is written first.
+/// All that an edited take contains. edit.json shows that the folder holds no recording.
 constexpr std::array<std::string_view, 5> kFiles{"edit.json", "calib.toml", "motion.v3d",
                                                  "skeleton.json", "take.toml"};
 
 /// The name of the take in a folder.
 std::string name_of(const fs::path& folder) { return normal_folder(folder).filename(); }
 
-/// The frames of all tracked surfaces with a skin. A pulse that two segments share has the surface
-/// of the later one.
+/// Frames for the lost pulses between the last frame and `next`, which is `step` pulses later.
+void fill(recon::Clip& clip, const recon::ClipFrame& next, int64_t step) {
+  const size_t last = clip.frames.size() - 1;
+  for (int64_t n = 1; n < step; ++n) {
+    const double share = static_cast<double>(n) / static_cast<double>(step);
+    clip.frames.push_back(recon::frame_between(clip, clip.frames[last], next, share));
+  }
+}
+
+/// The frames of all tracked surfaces with a skin: one for each pulse from the first to the last of
+/// a segment. A pulse that two segments share has the surface of the later one.
 recon::Clip clip_of(TakeSkeleton& skeleton) {
   std::map<int64_t, const recon::SkeletonPulse*> skeletons;
   for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
@@ -45,10 +54,12 @@ recon::Clip clip_of(TakeSkeleton& skeleton) {
     if (body.pulses.front() == last) clip.frames.pop_back();
     clip.surfaces.push_back({body.surface.triangles, std::move(skeleton.skins[b])});
     for (size_t p = 0; p < body.pulses.size(); ++p) {
-      clip.frames.push_back({.surface = clip.surfaces.size() - 1,
+      recon::ClipFrame frame{.surface = clip.surfaces.size() - 1,
                              .places = std::move(body.positions[p]),
                              .colours = std::move(body.colours[p]),
-                             .skeleton = *skeletons.at(body.pulses[p])});
+                             .skeleton = *skeletons.at(body.pulses[p])};
+      if (p > 0) fill(clip, frame, body.pulses[p] - body.pulses[p - 1]);
+      clip.frames.push_back(std::move(frame));
     }
     last = body.pulses.back();
   }
@@ -143,7 +154,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   TakeClip result;
   result.has_prop = skeleton.structure.has_prop;
   result.lengths = skeleton.structure.lengths;
-  const int64_t pulses = std::ssize(skeleton.pulses);
+  const int64_t pulses = skeleton.pulses.back() - skeleton.pulses.front() + 1;
   result.clip = clip_of(skeleton);
   if (result.clip.frames.empty()) {
     throw InputError(take.string() +
@@ -157,19 +168,22 @@ void write_clip(const TakeClip& edited, const fs::path& source, const std::strin
                 const fs::path& out) {
   check_output(out);
   const std::string motion = motion_file(edited.clip, out);
-  const take::TakePaths from{source}, to{out};
+  const fs::path place = normal_folder(fs::weakly_canonical(out));
+  io::throw_if_failed(io::create_folders(place.parent_path()));
+  PartialFolder folder(place, PartialFolder::Existing::kReplace);
+  const take::TakePaths from{source}, to{folder.path()};
   take::TakeInfo info = take::load_take_info(from);
   info.name = name_of(out);
   info.rate_hz = edited.clip.rate_hz;
   info.pulses = std::ssize(edited.clip.frames);
   info.state = take::TakeState::kComplete;
-  io::throw_if_failed(io::create_folders(out));
-  // edit.json comes first: it shows that the folder holds no recording.
   io::throw_if_failed(io::replace_file(to.edit(), edits));
   io::throw_if_failed(io::replace_file(to.calib(), read_file(from.calib())));
   io::throw_if_failed(io::replace_file(to.motion(), motion));
-  replace_file(out / "skeleton.json", skeleton_file(edited));
+  replace_file(to.folder / "skeleton.json", skeleton_file(edited));
   io::throw_if_failed(take::save_take_info(to, info));
+  check_output(out);  // another program may have written there meanwhile
+  folder.finish();
 }
 
 }  // namespace v3d::ctl

@@ -14,10 +14,12 @@ struct TakeClip {
   recon::Clip clip;
   bool has_prop = false;
   recon::BodyLengths lengths{0, 0};  ///< learnt; of the first of spliced takes
-  int64_t left_out = 0;  ///< pulses of the take without a tracked surface that has a skin
+  /// Pulses from the first to the last mesh of the take that are in no tracked segment with a skin.
+  int64_t left_out = 0;
 };
 
-/// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Calls
+/// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Lost
+/// pulses inside a tracked segment are interpolated, so that the action keeps its speed. Calls
 /// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
 /// without a tracked surface; std::runtime_error after an interrupt.
 TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
@@ -28,9 +30,9 @@ TakeClip read_clip(const std::filesystem::path& take, const std::function<void(i
 void check_output(const std::filesystem::path& out);
 
 /// Writes a take of its own: take.toml, calib.toml of `source`, motion.v3d, skeleton.json and
-/// edit.json with the text `edits`. Pulses are numbered from 0. Throws InputError as
-/// check_output(), and for a clip that exceeds the limits of motion.v3d;
-/// std::runtime_error for errors of the disk.
+/// edit.json with the text `edits`. Pulses are numbered from 0. An earlier edit in `out` stays
+/// until the new one is complete. Throws InputError as check_output(), and for a clip that exceeds
+/// the limits of motion.v3d; std::runtime_error for errors of the disk.
 void write_clip(const TakeClip& edited, const std::filesystem::path& source,
                 const std::string& edits, const std::filesystem::path& out);
 

@@ -16,9 +16,13 @@ export interface Bend {
   ramp: number;
 }
 
-/** The pulses of the frames that `v3dctl edit` numbers from 0: those of surfaces with a skin. */
+/** The pulses of the frames that `v3dctl edit` numbers from 0: from the first to the last of each surface with a skin. */
 export const editedFrames = ({ skins }: Skeleton): number[] =>
-  [...new Set(skins.flatMap(({ pulses }) => pulses))].sort((a, b) => a - b);
+  [...new Set(skins.flatMap(({ pulses }) => consecutive(pulses)))].sort((a, b) => a - b);
+
+/** Also the lost pulses between them. */
+const consecutive = (pulses: readonly number[]): number[] =>
+  pulses.length ? Array.from({ length: pulses[pulses.length - 1] - pulses[0] + 1 }, (_, n) => pulses[0] + n) : [];
 
 /** The skin of the surface that has this pulse and this number of vertices. The later one of a shared pulse is shown. */
 export function skinAt({ skins }: Skeleton, pulse: number, vertices: number): Skin | null {

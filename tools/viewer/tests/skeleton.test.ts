@@ -162,10 +162,17 @@ describe('a bend', () => {
   it('numbers the frames of surfaces with a skin from 0', () => {
     const one = skeleton();
     const [first] = one.skins;
-    const skins = [{ ...first, pulses: [5, 6, 7] }, { ...first, pulses: [7, 9], vertices: 8 }];
-    expect(editedFrames({ ...one, skins })).toEqual([5, 6, 7, 9]);
+    const skins = [{ ...first, pulses: [5, 6, 7] }, { ...first, pulses: [7, 8], vertices: 8 }];
+    expect(editedFrames({ ...one, skins })).toEqual([5, 6, 7, 8]);
     expect(skinAt({ ...one, skins }, 7, 8)).toBe(skins[1]);
     expect(skinAt({ ...one, skins }, 6, 8)).toBeNull();
+  });
+
+  it('numbers lost pulses inside a surface, and none between two surfaces', () => {
+    const one = skeleton();
+    const [first] = one.skins;
+    const skins = [{ ...first, pulses: [4, 6, 9] }, { ...first, pulses: [12, 13], vertices: 8 }];
+    expect(editedFrames({ ...one, skins })).toEqual([4, 5, 6, 7, 8, 9, 12, 13]);
   });
 
   it('is an operation that follows those of an edited take', () => {
