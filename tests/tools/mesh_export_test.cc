@@ -196,6 +196,22 @@ TEST_F(MeshExport, rejects_an_unknown_format) {
   EXPECT_THROW(parse_mesh_format(""), InputError);
 }
 
+TEST(PerformerFilter, leaves_a_pulse_without_a_surface_empty) {
+  std::vector<ExportedCamera> cameras;
+  PerformerFilter filter("take", 2);
+  recon::CompactFrame frame;
+  filter.apply(frame, cameras);
+  EXPECT_TRUE(frame.mesh.vertices.empty());
+  EXPECT_FALSE(filter.is_present());
+  frame.pulse = 3;
+  frame.mesh = tetrahedron();
+  EXPECT_THAT(test::message_of<InputError>([&] { filter.apply(frame, cameras); }),
+              HasSubstr("frame 3 does not state performers"));
+  frame.performers.assign(4, 2);
+  filter.apply(frame, cameras);
+  EXPECT_TRUE(filter.is_present());
+}
+
 class PlyReader : public MeshExport {
  protected:
   Mesh read(const std::string& bytes) {

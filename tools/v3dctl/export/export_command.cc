@@ -132,6 +132,9 @@ int run(const Arguments& arguments) {
   const take::FrameRange range = parse_frame_range(arguments.frames);
   const std::vector<int64_t> frames = meshes.frames(range);
   const bool to_file = is_file(arguments, format, frames.size());
+  catch_interrupts();
+  // Before the first file is written: a wrong number would replace files by empty ones.
+  require_performer(meshes, frames, arguments.take, arguments.performer);
   std::error_code error;
   if (!to_file && !fs::create_directories(arguments.out, error) &&
       !fs::is_directory(arguments.out)) {
@@ -142,7 +145,6 @@ int run(const Arguments& arguments) {
   if (arguments.view_dependent) colours.emplace(arguments.take);
   std::optional<TexturePainter> painter;
   if (arguments.atlas_side > 0) painter.emplace(arguments.take, "--atlas");
-  catch_interrupts();
   Progress progress("export", std::ssize(frames));
   PerformerFilter performer(arguments.take, arguments.performer);
   const take::TakeTimecode timecodes({arguments.take});
@@ -165,7 +167,6 @@ int run(const Arguments& arguments) {
                 .timecode = timecodes.at(frame)});
     progress.advance();
   }
-  performer.require_present();
   const int64_t incomplete =
       colours ? colours->incomplete() : (painter ? painter->incomplete() : 0);
   const int status = report_incomplete_frames(incomplete, arguments.take);

@@ -164,6 +164,7 @@ void require_distinct(const std::vector<std::string>& cameras) {
 void PerformerFilter::apply(recon::CompactFrame& frame, std::vector<ExportedCamera>& cameras) {
   if (performer_ == 0) return;
   if (frame.performers.empty()) {
+    if (frame.mesh.triangles.empty()) return;  // a pulse without a surface has no labels
     throw InputError("--performer: frame " + std::to_string(frame.pulse) +
                      " does not state performers; expected a take after v3dctl performers " +
                      take_.string());
@@ -174,10 +175,22 @@ void PerformerFilter::apply(recon::CompactFrame& frame, std::vector<ExportedCame
 }
 
 void PerformerFilter::require_present() const {
-  if (performer_ == 0 || is_present_) return;
+  if (is_present()) return;
   throw InputError("--performer " + std::to_string(performer_) +
                    ": no exported frame shows this performer; v3dctl performers " + take_.string() +
                    " lists them");
+}
+
+void require_performer(recorded::MeshFrames& meshes, const std::vector<int64_t>& frames,
+                       const fs::path& take, int performer) {
+  PerformerFilter filter(take, performer);
+  std::vector<ExportedCamera> no_cameras;
+  for (size_t n = 0; n < frames.size() && !filter.is_present(); ++n) {
+    stop_if_interrupted();
+    recon::CompactFrame frame = meshes.read(frames[n]);
+    filter.apply(frame, no_cameras);
+  }
+  filter.require_present();
 }
 
 const fs::path& require_raw_frames(const fs::path& take, const std::string& option) {

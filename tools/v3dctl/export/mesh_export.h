@@ -82,8 +82,10 @@ class PerformerFilter {
   PerformerFilter(std::filesystem::path take, int performer)
       : take_(std::move(take)), performer_(performer) {}
   /// Removes triangles and vertices, of the latter the colours in `cameras`, too. Throws InputError
-  /// for a frame that does not state performers.
+  /// for a frame with a surface that does not state performers.
   void apply(recon::CompactFrame& frame, std::vector<ExportedCamera>& cameras);
+  /// Has a frame shown the performer? Always true for performer 0.
+  bool is_present() const { return performer_ == 0 || is_present_; }
   /// Throws InputError unless a frame showed the performer.
   void require_present() const;
 
@@ -92,6 +94,11 @@ class PerformerFilter {
   int performer_;
   bool is_present_ = false;
 };
+
+/// Throws InputError unless one of the `frames` shows the performer; 0: any. Reads frames until one
+/// does. Throws std::runtime_error after an interrupt.
+void require_performer(recorded::MeshFrames& meshes, const std::vector<int64_t>& frames,
+                       const std::filesystem::path& take, int performer);
 
 /// Returns `take`. Throws InputError, beginning with `option`, for a take that was kept without the
 /// raw frames of a camera.
