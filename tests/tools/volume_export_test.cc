@@ -247,6 +247,14 @@ TEST_F(VolumeExportTake, shows_the_colours_of_vertices_for_a_take_without_raw_fr
   }
 }
 
+TEST_F(VolumeExportTake, is_complete_without_a_camera_of_the_studio_that_was_not_recorded) {
+  Rig studio = rig_;
+  studio.push_back({"absent", test::small_rig(7).back().model});
+  fs::remove(take::TakePaths{take_}.calib());
+  save_calib(take::TakePaths{take_}.calib(), studio);
+  EXPECT_EQ(exported({0, 1}), kExitDone);
+}
+
 TEST_F(VolumeExportTake, has_the_sound_of_its_pulses_in_every_video) {
   add_sound();
   EXPECT_EQ(exported({1, 5}), kExitDone);

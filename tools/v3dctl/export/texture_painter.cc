@@ -19,6 +19,7 @@ TexturePainter::TexturePainter(const std::filesystem::path& take, const std::str
       cameras, [&](const std::string& camera) { return file_exists(paths.frames(camera)); });
   if (recorded) {
     frames_.emplace(require_raw_frames(take, option), std::vector<std::string>());
+    rig_ = frames_->rig();
   } else {
     note("v3dctl: the texture has the colours of vertices: " + take.string() +
          " has no raw frames");

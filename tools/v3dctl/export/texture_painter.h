@@ -31,6 +31,7 @@ class TexturePainter {
   int64_t incomplete() const { return incomplete_; }
 
  private:
+  /// Of the cameras that were recorded; calib.toml has all cameras of the studio.
   Rig rig_;
   std::optional<recorded::TakeFrames> frames_;
   int64_t incomplete_ = 0;
