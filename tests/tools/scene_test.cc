@@ -188,6 +188,28 @@ TEST_F(ScenePictures, become_a_video_with_a_video_as_background) {
   EXPECT_THROW(none.picture(0), InputError);
 }
 
+TEST_F(ScenePictures, leave_an_earlier_video_until_the_new_one_is_complete) {
+  if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
+  replace_file(folder_ / "duel.mp4", "earlier");
+  const auto entries = [&] {
+    return std::distance(std::filesystem::directory_iterator(folder_.path()),
+                         std::filesystem::directory_iterator());
+  };
+  const auto before = entries();
+  const Image picture({64, 48}, PixelFormat::kRGB8);
+  {
+    VideoWriter given_up(folder_ / "duel.mp4", {64, 48}, 25);
+    given_up.add(picture);
+  }
+  EXPECT_EQ(read_file(folder_ / "duel.mp4"), "earlier");
+  EXPECT_EQ(entries(), before);
+  VideoWriter video(folder_ / "duel.mp4", {64, 48}, 25);
+  video.add(picture);
+  video.close();
+  EXPECT_GT(std::filesystem::file_size(folder_ / "duel.mp4"), 100U);
+  EXPECT_EQ(entries(), before);
+}
+
 TEST_F(ScenePictures, reject_a_background_video_whose_size_changes) {
   if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
   std::string motion_jpeg;

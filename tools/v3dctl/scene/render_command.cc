@@ -171,6 +171,9 @@ int run_scene(const Arguments& arguments) {
     throw InputError(arguments.out.string() +
                      ": expected a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
   }
+  if (picture && !arguments.frames.empty()) {
+    throw InputError("--frames: expected a video or a folder, or no --frames beside --at");
+  }
   const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
   const take::FrameRange range = frames_of(arguments, scene);
@@ -189,6 +192,9 @@ int run_scene(const Arguments& arguments) {
 }
 
 int run_take(const Arguments& arguments) {
+  if (!arguments.frames.empty()) {
+    throw InputError("--frames: expected --scene; of a take --frame N is drawn");
+  }
   if (arguments.camera.empty() == (arguments.turntable == 0)) {
     throw InputError("render: expected either --camera CAM or --turntable K");
   }
@@ -240,21 +246,26 @@ void add_render(CommandLine& line) {
           .type_name("SCENE.json");
   command.add_option("--at", arguments->at_s, "One picture, at this time of the scene")
       .type_name("SECONDS")
-      .check(cli::number_in(0, 36'000));
+      .check(cli::number_in(0, 36'000))
+      .needs(scene);
   command.add_option("--size", arguments->size, "Size of the pictures of a scene, in pixels")
       .type_name("WIDTHxHEIGHT")
-      .show_default();
+      .show_default()
+      .needs(scene);
   add_frames_option(command, arguments->frames);
   command.add_option("--frame", arguments->frame, "Pulse number of the frame (otherwise the first)")
       .type_name("N")
-      .check(cli::non_negative_number());
+      .check(cli::non_negative_number())
+      .excludes(scene);
   command.add_option("--camera", arguments->camera, "The view of this camera of the take")
-      .type_name("CAM");
+      .type_name("CAM")
+      .excludes(scene);
   command
       .add_option("--turntable", arguments->turntable,
                   "Views from K sides in one picture, with a floor")
       .type_name("K")
-      .check(cli::integer_in(1, 64));
+      .check(cli::integer_in(1, 64))
+      .excludes(scene);
   command.add_flag(
       "--view-dependent", arguments->view_dependent,
       "View-dependent colours: images of cameras with a similar direction have the most "

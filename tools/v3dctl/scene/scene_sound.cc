@@ -1,10 +1,7 @@
 #include "v3dctl/scene/scene_sound.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <system_error>
 #include <utility>
 
 #include "base/io/file.h"
@@ -100,24 +97,8 @@ std::vector<float> SceneSound::next(int64_t samples) {
 }
 
 SceneSoundFile::SceneSoundFile(SceneSound& sound, const fs::path& video, double seconds)
-    : path_(video.parent_path() /
-            ("." + video.filename().string() + "." + std::to_string(getpid()) + ".wav")) {
-  try {
-    write(sound, seconds);
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove(path_, ignored);
-    throw;
-  }
-}
-
-SceneSoundFile::~SceneSoundFile() {
-  std::error_code ignored;
-  fs::remove(path_, ignored);
-}
-
-void SceneSoundFile::write(SceneSound& sound, double seconds) const {
-  auto file = sound::WaveWriter::create(path_, {.rate_hz = kSceneSoundRate, .channels = 2}, {});
+    : file_(video.parent_path() / (video.filename().string() + ".wav")) {
+  auto file = sound::WaveWriter::create(path(), {.rate_hz = kSceneSoundRate, .channels = 2}, {});
   io::throw_if_failed(file ? io::Status() : tl::make_unexpected(file.error()));
   for (int64_t left = samples_of(seconds); left > 0; left -= kBlock) {
     stop_if_interrupted();

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/partial_file.h"
 #include "take/take_sound.h"
 #include "v3dctl/scene/scene_file.h"
 #include "v3dctl/scene/time_stretch.h"
@@ -84,14 +85,10 @@ class SceneSoundFile {
   /// Writes `seconds` of `sound` to a hidden file beside `video`. Throws std::runtime_error with
   /// path and cause when the file cannot be written.
   SceneSoundFile(SceneSound& sound, const std::filesystem::path& video, double seconds);
-  ~SceneSoundFile();
-  SceneSoundFile(const SceneSoundFile&) = delete;
-  SceneSoundFile& operator=(const SceneSoundFile&) = delete;
-  const std::filesystem::path& path() const { return path_; }
+  const std::filesystem::path& path() const { return file_.path(); }
 
  private:
-  void write(SceneSound& sound, double seconds) const;
-  const std::filesystem::path path_;
+  const PartialFile file_;
 };
 
 }  // namespace v3d::ctl

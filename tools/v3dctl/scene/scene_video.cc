@@ -136,7 +136,8 @@ bool VideoWriter::writes(const fs::path& path) {
 VideoWriter::VideoWriter(const fs::path& path, ImageSize size, double rate_hz,
                          const VideoOptions& options)
     : path_(path),
-      ffmpeg_(writer_words(path, size, rate_hz, options), ProcessStream::End::kStdin) {}
+      file_(path),
+      ffmpeg_(writer_words(file_.path(), size, rate_hz, options), ProcessStream::End::kStdin) {}
 
 void VideoWriter::add(const Image& picture) {
   if (ffmpeg_.write(picture.bytes)) return;
@@ -144,8 +145,10 @@ void VideoWriter::add(const Image& picture) {
 }
 
 void VideoWriter::close() {
-  if (ffmpeg_.finish() == 0) return;
-  throw std::runtime_error(path_.string() + ": ffmpeg could not write it");
+  if (ffmpeg_.finish() != 0) {
+    throw std::runtime_error(path_.string() + ": ffmpeg could not write it");
+  }
+  file_.finish();
 }
 
 VideoReader::VideoReader(fs::path path, ImageSize size, double rate_hz)

@@ -8,6 +8,7 @@
 
 #include "base/image/image.h"
 #include "base/io/child_process.h"
+#include "common/partial_file.h"
 
 namespace v3d::ctl {
 
@@ -30,23 +31,25 @@ struct VideoOptions {
   std::string timecode = {};
 };
 
-/// Encodes pictures. One thread.
+/// Encodes pictures. The file gets its name, in place of an existing one, when it is complete
+/// (PartialFile). One thread.
 class VideoWriter {
  public:
   /// Whether the extension of `path` is one of these.
   static bool writes(const std::filesystem::path& path);
 
-  /// Throws InputError without ffmpeg on this PC, and for an odd width or height.
+  /// Throws InputError without ffmpeg on this PC, for an odd width or height, and as PartialFile().
   VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz,
               const VideoOptions& options = {});
   /// Adds a picture, RGB8 of the given size. Throws std::runtime_error after ffmpeg has failed;
   /// ffmpeg prints the cause.
   void add(const Image& picture);
-  /// Completes the file. Throws as add().
+  /// Completes the file. Throws as add() and PartialFile::finish().
   void close();
 
  private:
   std::filesystem::path path_;
+  PartialFile file_;  ///< removed after the end of ffmpeg
   ProcessStream ffmpeg_;
 };
 
