@@ -8,7 +8,9 @@
 #include <numbers>
 #include <optional>
 
+#include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "recon/skeleton/head_series.h"
 #include "recon/skeleton/joint_rotations.h"
 
 namespace v3d::recon {
@@ -29,11 +31,12 @@ constexpr double kMaxTurn = 0.6;  ///< of a body from one pulse to the next, rad
 /// of less than the second do not count.
 constexpr double kTowardsToes = 0.2, kToesAgree = 0.9;
 constexpr double kMaxJumpM = 0.25;  ///< of an end from one pulse to the next
-/// How far a head can be from the last one: at once, more for each pulse between, at most. Metres.
-constexpr double kHeadNearM = 0.05, kHeadStepM = 0.025, kHeadFarM = 0.6;
-constexpr std::ptrdiff_t kMaxGap = 40;  ///< pulses between which a head is interpolated
-constexpr double kInterpolated = 0.5;   ///< weight of an interpolated head
-constexpr int kRounds = 2;              ///< of learning the outline
+/// A pose is not carried over a gap of more pulses, nor over one in which the body moves farther.
+constexpr int64_t kMaxCarried = 40;
+constexpr double kMaxCarriedM = 0.6;
+/// Weights of the poses of neighbours in a smoothed one, by the pulses between.
+constexpr std::array<double, 3> kSmoothing{1, 0.5, 0.15};
+constexpr int kRounds = 2;  ///< of learning the outline
 constexpr double kConfidentM = 0.05;
 
 Vector3d horizontal(const Vector3d& v) {
@@ -54,11 +57,11 @@ struct TakeFacts {
   bool has_prop = false, both_hands_hold = false;
 };
 
-TakeFacts facts_of(std::span<const BodyEvidence> evidence, const std::vector<size_t>& usable) {
+TakeFacts facts_of(const std::vector<SeenPulse>& seen) {
   std::vector<double> heights, all_heights, lengths;
   size_t props = 0, free_hands = 0;
-  for (const size_t i : usable) {
-    const BodyEvidence& pulse = evidence[i];
+  for (const SeenPulse& one : seen) {
+    const BodyEvidence& pulse = *one.evidence;
     all_heights.push_back(pulse.top_m - pulse.bottom_m);
     if (pulse.head) heights.push_back(all_heights.back());
     if (pulse.prop) lengths.push_back((pulse.prop->tip - pulse.prop->base).norm());
@@ -66,7 +69,7 @@ TakeFacts facts_of(std::span<const BodyEvidence> evidence, const std::vector<siz
     free_hands += pulse.hands.empty() ? 0 : 1;
   }
   const auto share = [&](size_t count) {
-    return static_cast<double>(count) / static_cast<double>(usable.size());
+    return static_cast<double>(count) / static_cast<double>(seen.size());
   };
   TakeFacts facts;
   facts.stature_m = percentile(heights.empty() ? all_heights : heights, 0.75);
@@ -76,25 +79,40 @@ TakeFacts facts_of(std::span<const BodyEvidence> evidence, const std::vector<siz
   return facts;
 }
 
-/// Fits all pulses, one after the other from a start, then each again.
+/// Pulses first to last - 1, from each of which the pose is carried to the next.
+struct Stretch {
+  size_t first = 0, last = 0;
+};
+
+bool can_carry(const SeenPulse& from, const SeenPulse& to) {
+  const int64_t elapsed = to.number - from.number;
+  if (elapsed == 1) return true;
+  const double moved = (to.evidence->centre - from.evidence->centre).norm();
+  return elapsed <= kMaxCarried && moved <= kMaxCarriedM;
+}
+
+std::vector<Stretch> stretches_of(const std::vector<SeenPulse>& seen) {
+  std::vector<Stretch> stretches;
+  for (size_t n = 0; n < seen.size(); ++n) {
+    if (n == 0 || !can_carry(seen[n - 1], seen[n])) stretches.push_back({n, n});
+    stretches.back().last = n + 1;
+  }
+  return stretches;
+}
+
+/// Fits all pulses: those of a stretch one after the other from a start, then each again.
 class TakeFit {
  public:
-  TakeFit(std::span<const BodyEvidence> evidence, std::vector<size_t> usable)
-      : evidence_(evidence),
-        usable_(std::move(usable)),
-        facts_(facts_of(evidence, usable_)),
+  explicit TakeFit(std::vector<SeenPulse> seen)
+      : seen_(std::move(seen)),
+        facts_(facts_of(seen_)),
         lengths_(facts_.stature_m, facts_.prop_m),
         outline_(body_outline(facts_.stature_m)),
-        poses_(usable_.size()) {}
+        poses_(seen_.size()) {}
 
   KinematicStructure run() {
-    follow_head();
-    const size_t start = choose_start();
-    track(start);
-    if (faces_backwards()) {
-      turned_ = true;
-      track(start);
-    }
+    for (const Stretch& stretch : stretches_of(seen_)) begin(stretch);
+    const size_t start = choose_start({0, seen_.size()});
     for (int round = 0; round < kRounds; ++round) {
       learn_outline();
       refit();
@@ -103,73 +121,33 @@ class TakeFit {
   }
 
  private:
-  struct Head {
-    Vector3d head = Vector3d::Zero(), neck = Vector3d::Zero();
-    double weight = 0;
-  };
+  const BodyEvidence& pulse(size_t n) const { return *seen_[n].evidence; }
 
-  const BodyEvidence& pulse(size_t n) const { return evidence_[usable_[n]]; }
+  /// Pulses from the earlier of two to the later.
+  int64_t elapsed(size_t a, size_t b) const { return std::abs(seen_[b].number - seen_[a].number); }
 
-  size_t choose_start() const {
-    size_t best = 0;
+  void begin(const Stretch& stretch) {
+    const auto heads =
+        follow_head(std::span(seen_).subspan(stretch.first, stretch.last - stretch.first));
+    heads_.insert(heads_.end(), heads.begin(), heads.end());
+    const size_t start = choose_start(stretch);
+    track(stretch, start, false);
+    if (faces_backwards(stretch)) track(stretch, start, true);
+  }
+
+  size_t choose_start(const Stretch& stretch) const {
+    size_t best = stretch.first;
     const auto score = [&](size_t n) {
       const BodyEvidence& seen = pulse(n);
       return seen.branches_m + (seen.is_good() ? 10 : 0) + (heads_[n].weight == 1 ? 20 : 0);
     };
-    for (size_t n = 1; n < usable_.size(); ++n) {
+    for (size_t n = best + 1; n < stretch.last; ++n) {
       if (score(n) > score(best)) best = n;
     }
     return best;
   }
 
-  /// The head at all pulses: the longest series of ends of graphs that agree with one another, and
-  /// places between them. A raised arm can look like a head.
-  void follow_head() {
-    heads_.assign(usable_.size(), {});
-    std::vector<int> length(usable_.size(), 0);
-    std::vector<std::ptrdiff_t> before(usable_.size(), -1);
-    std::ptrdiff_t last = -1;
-    for (std::ptrdiff_t n = 0; n < std::ssize(usable_); ++n) {
-      if (!pulse(static_cast<size_t>(n)).head) continue;
-      const auto at = static_cast<size_t>(n);
-      length[at] = 1;
-      for (std::ptrdiff_t m = n - 1; m >= 0 && n - m <= kMaxGap; --m) {
-        const auto from = static_cast<size_t>(m);
-        if (length[from] < length[at] || !agree(from, at)) continue;
-        length[at] = length[from] + 1;
-        before[at] = m;
-      }
-      if (last < 0 || length[at] > length[static_cast<size_t>(last)]) last = n;
-    }
-    while (last >= 0) {
-      const auto at = static_cast<size_t>(last);
-      heads_[at] = {*pulse(at).head, *pulse(at).neck, 1};
-      if (before[at] >= 0) {
-        const BodyEvidence& earlier = pulse(static_cast<size_t>(before[at]));
-        heads_[static_cast<size_t>(before[at])] = {*earlier.head, *earlier.neck, 1};
-        interpolate_head(before[at], last);
-      }
-      last = before[at];
-    }
-  }
-
-  bool agree(size_t m, size_t n) const {
-    if (!pulse(m).head) return false;
-    const double reach = std::min(kHeadNearM + kHeadStepM * static_cast<double>(n - m), kHeadFarM);
-    return (*pulse(m).head - *pulse(n).head).norm() < reach;
-  }
-
-  void interpolate_head(std::ptrdiff_t from, std::ptrdiff_t to) {
-    const Head& a = heads_[static_cast<size_t>(from)];
-    const Head& b = heads_[static_cast<size_t>(to)];
-    for (std::ptrdiff_t n = from + 1; n < to; ++n) {
-      const double t = static_cast<double>(n - from) / static_cast<double>(to - from);
-      heads_[static_cast<size_t>(n)] = {(1 - t) * a.head + t * b.head,
-                                        (1 - t) * a.neck + t * b.neck, kInterpolated};
-    }
-  }
-
-  JointPositions first_pose(size_t n) const {
+  JointPositions first_pose(size_t n, bool turned) const {
     const BodyEvidence& seen = pulse(n);
     const Vector3d middle = seen.head.value_or(seen.centre);
     Vector3d forward = toes_of(seen);
@@ -178,7 +156,7 @@ class TakeFit {
       for (const Vector3d& hand : seen.hands) forward += horizontal(hand - middle);
     }
     double yaw = std::atan2(forward.y(), forward.x());
-    if (turned_) yaw += std::numbers::pi;
+    if (turned) yaw += std::numbers::pi;
     Vector3d pelvis = middle;
     if (seen.feet.size() == 2) {
       pelvis = 0.6 * pelvis + 0.2 * (seen.feet[0].centre + seen.feet[1].centre);
@@ -192,14 +170,14 @@ class TakeFit {
     return pose;
   }
 
-  void track(size_t start) {
-    FittedPose first{.joints = first_pose(start)};
+  void track(const Stretch& stretch, size_t start, bool turned) {
+    FittedPose first{.joints = first_pose(start, turned)};
     for (int i = 0; i < 3; ++i) {
       first = fit(start, first.joints, first.joints, 0.3, kFirstIterations);
     }
     poses_[start] = first;
-    for (size_t n = start + 1; n < usable_.size(); ++n) carry(n - 1, n);
-    for (size_t n = start; n-- > 0;) carry(n + 1, n);
+    for (size_t n = start + 1; n < stretch.last; ++n) carry(n - 1, n);
+    for (size_t n = start; n-- > stretch.first;) carry(n + 1, n);
   }
 
   /// Places of the right and the left hand on the prop. The right hand is nearer to the tip.
@@ -224,9 +202,9 @@ class TakeFit {
     return std::atan2(a.cross(b).z(), a.head<2>().dot(b.head<2>()));
   }
 
-  /// Turns a body about its vertical axis, if not by more than one can turn in a pulse.
-  static void turn(JointPositions& joints, double angle) {
-    if (std::abs(angle) > kMaxTurn) return;
+  /// Turns a body about its vertical axis, if not by more than one can turn in `pulses`.
+  static void turn(JointPositions& joints, double angle, int64_t pulses) {
+    if (std::abs(angle) > kMaxTurn * static_cast<double>(pulses)) return;
     const Eigen::AngleAxisd rotation(angle, Vector3d::UnitZ());
     const Vector3d centre = joints[kPelvis];
     for (Vector3d& joint : joints) joint = centre + rotation * (joint - centre);
@@ -239,9 +217,10 @@ class TakeFit {
     const auto a = towards_hands(before, expected[kNeck]);
     const auto b = towards_hands(now, expected[kNeck]);
     if (a && b) {
-      turn(expected, angle_between(*a, *b));
+      turn(expected, angle_between(*a, *b), elapsed(from, to));
     } else if (!facts_.both_hands_hold && toes_of(now).norm() > kToesAgree) {
-      turn(expected, kTowardsToes * angle_between(forward_of(expected), toes_of(now)));
+      turn(expected, kTowardsToes * angle_between(forward_of(expected), toes_of(now)),
+           elapsed(from, to));
     }
     poses_[to] = fit(to, expected, expected, 0.6, kIterations + 5);
   }
@@ -278,7 +257,7 @@ class TakeFit {
   }
 
   /// The pelvis is above the middle between neck and feet: otherwise a person falls.
-  void add_balance(const Head& head, const JointPositions& expected,
+  void add_balance(const HeadPlace& head, const JointPositions& expected,
                    std::vector<JointTarget>& targets) const {
     const Vector3d neck = head.weight > 0 ? head.neck : expected[kNeck];
     Vector3d feet = Vector3d::Zero();
@@ -329,7 +308,7 @@ class TakeFit {
     problem.expected = expected;
     problem.expected_weight = expected_weight;
     problem.has_prop = facts_.has_prop;
-    const Head& head = heads_[n];
+    const HeadPlace& head = heads_[n];
     if (head.weight > 0) {
       problem.targets.push_back({kHead, head.head, kHeadWeight * head.weight});
       problem.targets.push_back({kNeck, head.neck, kHeadWeight * head.weight});
@@ -354,10 +333,10 @@ class TakeFit {
   }
 
   /// Do most feet point backwards? Then left and right are exchanged.
-  bool faces_backwards() const {
+  bool faces_backwards(const Stretch& stretch) const {
     if (facts_.both_hands_hold) return false;
     double sum = 0;
-    for (size_t n = 0; n < poses_.size(); ++n) {
+    for (size_t n = stretch.first; n < stretch.last; ++n) {
       sum += toes_of(pulse(n)).dot(forward_of(poses_[n].joints));
     }
     return sum < 0;
@@ -414,28 +393,31 @@ class TakeFit {
   void refit() {
     std::vector<FittedPose> refined(poses_.size());
     tbb::parallel_for(size_t{0}, poses_.size(), [&](size_t n) {
-      JointPositions expected = poses_[n].joints;
-      if (n > 0 && n + 1 < poses_.size()) {
-        for (size_t j = 0; j < kJoints; ++j) {
-          expected[j] =
-              0.5 * expected[j] + 0.25 * (poses_[n - 1].joints[j] + poses_[n + 1].joints[j]);
-        }
-      }
-      refined[n] = fit(n, poses_[n].joints, expected, 1, kIterations);
+      refined[n] = fit(n, poses_[n].joints, mean_with_neighbours(n), 1, kIterations);
     });
     poses_ = std::move(refined);
   }
 
+  /// No mean across a gap: a performer can be elsewhere behind it.
+  JointPositions mean_with_neighbours(size_t n) const {
+    JointPositions mean = poses_[n].joints;
+    if (n == 0 || n + 1 >= poses_.size() || elapsed(n - 1, n + 1) != 2) return mean;
+    for (size_t j = 0; j < kJoints; ++j) {
+      mean[j] = 0.5 * mean[j] + 0.25 * (poses_[n - 1].joints[j] + poses_[n + 1].joints[j]);
+    }
+    return mean;
+  }
+
   JointPositions smoothed(size_t n) const {
     JointPositions sum = poses_[n].joints;
-    double weights = 1;
+    double weights = kSmoothing[0];
     for (const int step : {-2, -1, 1, 2}) {
       const auto other = static_cast<std::ptrdiff_t>(n) + step;
       if (other < 0 || other >= static_cast<std::ptrdiff_t>(poses_.size())) continue;
-      const double weight = std::abs(step) == 1 ? 0.5 : 0.15;
-      for (size_t j = 0; j < kPropBase; ++j) {
-        sum[j] += weight * poses_[static_cast<size_t>(other)].joints[j];
-      }
+      const auto at = static_cast<size_t>(other);
+      if (elapsed(at, n) >= std::ssize(kSmoothing)) continue;
+      const double weight = kSmoothing[static_cast<size_t>(elapsed(at, n))];
+      for (size_t j = 0; j < kPropBase; ++j) sum[j] += weight * poses_[at].joints[j];
       weights += weight;
     }
     for (size_t j = 0; j < kPropBase; ++j) sum[j] /= weights;
@@ -448,10 +430,10 @@ class TakeFit {
     structure.lengths = lengths_;
     structure.outline = outline_;
     structure.has_prop = facts_.has_prop;
-    structure.start = usable_[start];
+    structure.start = seen_[start].index;
     for (size_t n = 0; n < poses_.size(); ++n) {
       SkeletonPulse skeleton;
-      skeleton.index = usable_[n];
+      skeleton.index = seen_[n].index;
       skeleton.joints = smoothed(n);
       skeleton.rotations = joint_rotations(skeleton.joints);
       for (size_t j = 0; j < kJoints; ++j) {
@@ -465,25 +447,26 @@ class TakeFit {
     return structure;
   }
 
-  std::span<const BodyEvidence> evidence_;
-  std::vector<size_t> usable_;
+  std::vector<SeenPulse> seen_;
   TakeFacts facts_;
   BodyLengths lengths_;
   std::vector<Capsule> outline_;
   std::vector<FittedPose> poses_;
-  std::vector<Head> heads_;
-  bool turned_ = false;
+  std::vector<HeadPlace> heads_;
 };
 
 }  // namespace
 
-KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence) {
-  std::vector<size_t> usable;
+KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence,
+                                       std::span<const int64_t> pulses) {
+  V3D_CHECK(pulses.empty() || pulses.size() == evidence.size());
+  std::vector<SeenPulse> seen;
   for (size_t i = 0; i < evidence.size(); ++i) {
-    if (evidence[i].problem.empty()) usable.push_back(i);
+    if (!evidence[i].problem.empty()) continue;
+    seen.push_back({i, pulses.empty() ? static_cast<int64_t>(i) : pulses[i], &evidence[i]});
   }
-  if (usable.empty()) return {};
-  return TakeFit(evidence, std::move(usable)).run();
+  if (seen.empty()) return {};
+  return TakeFit(std::move(seen)).run();
 }
 
 }  // namespace v3d::recon

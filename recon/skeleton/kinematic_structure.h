@@ -27,13 +27,15 @@ struct KinematicStructure {
   bool has_prop = false;
   std::vector<Capsule> outline;       ///< of the performer, as body_outline()
   std::vector<SkeletonPulse> pulses;  ///< in the order of the evidence
-  size_t start = 0;                   ///< index of the evidence where tracking began
+  size_t start = 0;                   ///< index of the evidence of the best pulse to begin with
   size_t good = 0;                    ///< pulses whose graph shows head, feet and hands or a prop
 };
 
-/// Learns one skeleton with constant bone lengths from the evidence of all pulses. Evidence with a
-/// problem gives no pulse; no evidence gives no structure (no pulses). Works in the caller's TBB
-/// arena; deterministic. Method and sources: docs/skeleton.md.
-KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence);
+/// Learns one skeleton with constant bone lengths from the evidence of all pulses. `pulses`: the
+/// number of each pulse, ascending; empty: they are successive. Evidence with a problem gives no
+/// pulse; no evidence gives no structure (no pulses). Works in the caller's TBB arena;
+/// deterministic. Method and sources: docs/skeleton.md.
+KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence,
+                                       std::span<const int64_t> pulses = {});
 
 }  // namespace v3d::recon
