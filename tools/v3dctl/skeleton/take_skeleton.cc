@@ -99,7 +99,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   if (without > 0) {
     result.problems.push_back(count_of(without, "pulse") + " without a body: " + reason);
   }
-  result.structure = recon::kinematic_structure(evidence);
+  result.structure = recon::kinematic_structure(evidence, result.pulses);
   if (result.structure.pulses.empty()) {
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
