@@ -217,7 +217,7 @@ TEST_F(LearntSkeleton, uses_the_tracked_surface_of_a_labelled_take_with_one_perf
   write_labelled_meshes({folder_ / "take"}, 1);
   EXPECT_EQ(learn(1).tracked.size(), 1U);
   write_labelled_meshes({folder_ / "take"}, 0);
-  EXPECT_EQ(learn(1).tracked.size(), 1U) << "a vertex of nobody";
+  EXPECT_EQ(learn(1).tracked.size(), 1U) << "label 0: the performer is unknown";
 
   write_labelled_meshes({folder_ / "take"}, 2);
   const TakeSkeleton of_two = learn(1);

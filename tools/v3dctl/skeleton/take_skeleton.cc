@@ -103,7 +103,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   if (result.structure.pulses.empty()) {
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
-  identities.erase(0);  // vertices of nobody
+  identities.erase(0);  // the label of vertices whose performer is unknown
   add_tracked(take, identities, result);
   return result;
 }
