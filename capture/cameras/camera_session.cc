@@ -11,8 +11,10 @@ namespace {
 
 constexpr int kQuietPeriods = 2;
 constexpr int kSilentPeriods = 3;
-/// Held frames are delivered if no further frame arrives within this time.
+/// Held frames are delivered if no further frame arrives within this time, or within two periods.
 constexpr Duration kMaxHold = std::chrono::milliseconds(300);
+/// A step that took longer was not spent waiting.
+constexpr Duration kMaxWait = 2 * CameraSession::kMaxStep;
 /// Number of frames of a train that measure the latency: few enough for the clock not to drift.
 constexpr size_t kLatencyFrames = 2 * kStartFrames;
 
@@ -31,7 +33,7 @@ void CameraSession::arm(Duration period, bool edges_are_reported) {
   matcher_.emplace(period);
   start_ = {.period = period, .latency = latency_};
   edges_are_reported_ = edges_are_reported;
-  last_frame_ = options_.now();
+  heard(options_.now());
   latency_frames_ = 0;
   counts_.frames = counts_.suspect = 0;
   counts_.last_pulse = -1;
@@ -69,7 +71,7 @@ void CameraSession::train_ended() {
 void CameraSession::pulse_at(const PulseEdge& edge) {
   if (!matcher_ || running_ || !ready_) return;
   if (!train_is_over_ && !std::exchange(expecting_, true)) {
-    last_frame_ = std::max(last_frame_, edge.is_timed ? edge.at : options_.now());
+    heard(std::max(last_frame_, edge.is_timed ? edge.at : options_.now()));
   }
   if (edge.is_timed) start_.edge = edge;
 }
@@ -89,22 +91,35 @@ void CameraSession::advance() {
     return;
   }
   if (auto frame = camera_->wait(wait_deadline())) return receive(std::move(*frame));
+  observe_silence();
+  check_quiet();
+  check_loss();
+}
+
+void CameraSession::heard(MonotonicInstant at) {
+  last_frame_ = at;
+  silence_ = {};
+}
+
+/// A thread that did not run for a while has not waited for that long, and frames may be waiting
+/// for it.
+void CameraSession::observe_silence() {
   const MonotonicInstant now = options_.now();
-  check_quiet(now);
-  check_loss(now);
+  silence_ += std::clamp<Duration>(now - std::max(checked_, last_frame_), {}, kMaxWait);
+  checked_ = now;
 }
 
 /// Time until which step() waits for a frame: at most one step, and not beyond the time at which a
 /// silent camera counts as lost.
 MonotonicInstant CameraSession::wait_deadline() const {
-  const MonotonicInstant now = options_.now();
-  const MonotonicInstant latest = now + (matcher_ ? kMaxStep : kIdleStep);
-  const MonotonicInstant lost_at = last_frame_ + kSilentPeriods * period_;
-  return expecting_ && lost_at > now ? std::min(lost_at, latest) : latest;
+  const Duration step = matcher_ ? kMaxStep : kIdleStep;
+  const Duration until_lost = kSilentPeriods * period_ - silence_;
+  return options_.now() +
+         (expecting_ && until_lost > Duration() ? std::min(until_lost, step) : step);
 }
 
 void CameraSession::receive(CameraFrame frame) {
-  last_frame_ = frame.received;
+  heard(frame.received);
   last_counter_ = frame.counter;
   const int64_t damaged = camera_->statistics().damaged;
   const int64_t new_damaged = damaged - std::exchange(damaged_at_last_, damaged);
@@ -140,7 +155,7 @@ void CameraSession::open() {
     close();
     retry_at_ = options_.now() + options_.retry_after;
   }
-  last_frame_ = options_.now();
+  heard(options_.now());
 }
 
 void CameraSession::close() {
@@ -150,8 +165,8 @@ void CameraSession::close() {
   start_.counter_of_pulse_0.reset();
 }
 
-void CameraSession::check_quiet(MonotonicInstant now) {
-  if (!matcher_ || ready_ || running_ || now - last_frame_ < kQuietPeriods * period_) return;
+void CameraSession::check_quiet() {
+  if (!matcher_ || ready_ || running_ || silence_ < kQuietPeriods * period_) return;
   ready_ = true;
   missing_ = false;
   text_.clear();
@@ -160,16 +175,16 @@ void CameraSession::check_quiet(MonotonicInstant now) {
   damaged_at_last_ = damaged;
 }
 
-void CameraSession::check_loss(MonotonicInstant now) {
+void CameraSession::check_loss() {
   if (camera_->lost()) return reopen("stopped answering");
-  const Duration silence = now - last_frame_;
-  const Duration max_hold = std::min<Duration>(kSilentPeriods * period_, kMaxHold);
-  if (!held_.empty() && pulses_have_begun() && silence >= max_hold) label_first_frames(true);
-  if (train_is_over_ && silence >= max_hold) deliver_strays();
-  if (!expecting_ || silence < kSilentPeriods * period_) return;
+  const Duration max_hold =
+      std::min<Duration>(kSilentPeriods * period_, std::max<Duration>(kMaxHold, 2 * period_));
+  if (!held_.empty() && pulses_have_begun() && silence_ >= max_hold) label_first_frames(true);
+  if (train_is_over_ && silence_ >= max_hold) deliver_strays();
+  if (!expecting_ || silence_ < kSilentPeriods * period_) return;
   const std::string why = "no frame for " + std::to_string(kSilentPeriods) + " pulses";
   report_missing(why);
-  if (silence >= options_.reopen_after) reopen(why);
+  if (silence_ >= options_.reopen_after) reopen(why);
 }
 
 void CameraSession::report_missing(const std::string& why) {

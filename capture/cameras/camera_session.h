@@ -23,7 +23,10 @@ namespace v3d::capture {
 /// kIdleStep otherwise, except for the time to open a camera.
 ///
 /// The first frames of a train are held until their pulse is known: mostly none, at most
-/// kStartFrames.
+/// kStartFrames, and kMaxStartFrames after a stall of this host.
+///
+/// A camera counts as silent only while step() waits. While this host stalls, frames may be
+/// waiting.
 class CameraSession {
  public:
   static constexpr Duration kMaxStep = std::chrono::milliseconds(20);
@@ -57,8 +60,10 @@ class CameraSession {
   void open();
   void reopen(const std::string& why);
   void report_missing(const std::string& why);
-  void check_quiet(MonotonicInstant now);
-  void check_loss(MonotonicInstant now);
+  void heard(MonotonicInstant at);
+  void observe_silence();
+  void check_quiet();
+  void check_loss();
   MonotonicInstant wait_deadline() const;
   void receive(CameraFrame frame);
   void expect_frames() { expecting_ = !train_is_over_; }
@@ -99,6 +104,8 @@ class CameraSession {
   std::deque<CameraFrame> strays_;  ///< exposed before the pulses; delivered after pulse 0
   std::deque<Frame> labelled_;      ///< frames that step() returns next
   MonotonicInstant last_frame_{};   ///< arrival of the last frame, or time of arm() or open()
+  MonotonicInstant checked_{};      ///< last call of observe_silence()
+  Duration silence_{};              ///< time waited for a frame since last_frame_
   std::optional<uint64_t> last_counter_;
   int64_t damaged_at_last_ = 0;  ///< count of damaged frames at the last complete one or at ready
   bool ready_ = false;           ///< the camera was silent for kQuietPeriods after arm()

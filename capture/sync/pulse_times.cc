@@ -108,6 +108,14 @@ double periods(Duration duration, Duration period) {
   return static_cast<double>(duration.count()) / static_cast<double>(period.count());
 }
 
+/// Whether the frames arrived in less time than they were exposed: the host stalled before, and
+/// later frames are less late.
+bool is_catching_up(std::span<const FrameStamp> frames, Duration period) {
+  const Duration exposed = frames.back().exposed - frames.front().exposed;
+  const Duration received = frames.back().received - frames.front().received;
+  return periods(exposed - received, period) > kMaxArrivalDelay;
+}
+
 /// Number of frames at the front that arrived before pulse 0.
 size_t count_strays(std::span<const FrameStamp> frames, const StartEvidence& e) {
   const auto of_the_train = std::ranges::find_if(frames, [&](const FrameStamp& frame) {
@@ -167,8 +175,9 @@ Duration latency_of(MonotonicInstant received, int64_t pulse, const PulseEdge& e
 
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const StartEvidence& e,
                                      bool no_more) {
-  const bool all = no_more || frames.size() >= kStartFrames;
+  bool all = no_more || frames.size() >= kStartFrames;
   if (!e.edge) return all ? std::optional(start_by_counter(frames, e)) : std::nullopt;
+  if (!no_more && frames.size() < kMaxStartFrames && is_catching_up(frames, e.period)) all = false;
   const size_t strays = count_strays(frames, e);
   const auto result = [&](int64_t pulse, bool certain) {
     return TrainStart{.strays = strays, .pulse = pulse, .certain = certain};

@@ -103,14 +103,17 @@ struct TrainStart {
   bool certain = false;  ///< false: all labels of the train may be shifted
 };
 
-/// Maximum number of frames that find_start() needs.
+/// Maximum number of frames that find_start() needs, if the host did not stall.
 inline constexpr size_t kStartFrames = 8;
+/// Maximum number of frames that it needs while this host catches up after a stall: it reads the
+/// frames faster than they are exposed, so a later one is on time.
+inline constexpr size_t kMaxStartFrames = 24;
 
 /// Finds the pulse of the first frame of a train.
 ///
 /// `frames` are the first frames of the train, in order of arrival. Returns empty while further
-/// frames would help. It never does so with kStartFrames frames, or with `no_more`: these are all
-/// frames for now.
+/// frames would help. It never does so with kMaxStartFrames frames, with kStartFrames that show no
+/// stall, or with `no_more`: these are all frames for now.
 ///
 /// No frame arrives before its pulse. So if a frame arrived less than a period after pulse 0, the
 /// first frame is of pulse 0, whatever was lost. Otherwise two sources give the pulse:

@@ -212,6 +212,8 @@ ActiveTake::Context CaptureNode::take_context() {
 
 void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
   cameras_.pulse_at(edge);
+  // poll_recording() may be late, and until then cameras would report the silence as a loss.
+  if (edge.pulse + 1 == plan_.train.count) cameras_.train_ended();
   if (!edge.is_timed) return;
   pulse_times_.add(edge.pulse, edge.at);
   if (sound_) sound_->pulse_at(edge);

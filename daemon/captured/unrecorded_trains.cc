@@ -52,20 +52,22 @@ std::vector<std::vector<Image>> BackgroundLearner::collect_plates() {
     const MonotonicInstant now = Monotonic::now();
     return now > end || (train_ended_ && now - last_frame_ > kFrameTimeout);
   };
-  while (!stopping_ && !is_complete() && !timed_out()) {
+  // A process that was stopped for long takes the frames that wait.
+  for (bool may_wait = true; !stopping_ && !is_complete() && (may_wait || !timed_out());) {
     heartbeat_.beat();
+    may_wait = false;
     for (size_t i = 0; i < workers_.size(); ++i) {
-      if (plates[i].size() < wanted) take_plate(i, plates[i]);
+      if (plates[i].size() < wanted && take_plate(i, plates[i])) may_wait = true;
     }
   }
   return plates;
 }
 
-void BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
+bool BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
   capture::CameraWorker& worker = *workers_[index];
   // All cameras expose at the same time, so waiting for them in turn costs no time.
   auto frame = worker.take(Monotonic::now() + kPollInterval);
-  if (!frame) return;
+  if (!frame) return false;
   reduce_to_8_bits(frame->image);
   PreviewSender& preview = previews_[index];
   if (const int64_t pulse = frame->label.pulse; preview.wants(pulse)) {
@@ -75,6 +77,7 @@ void BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
   last_frame_ = Monotonic::now();
   // This camera is done: missing frames from here on are no loss.
   if (plates.size() == static_cast<size_t>(plan_.plates)) worker.train_ended();
+  return true;
 }
 
 void BackgroundLearner::save_model(const capture::CameraWorker& worker,

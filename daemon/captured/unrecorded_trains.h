@@ -62,7 +62,8 @@ class BackgroundLearner {
  private:
   Result run();
   std::vector<std::vector<Image>> collect_plates();
-  void take_plate(size_t index, std::vector<Image>& plates);
+  /// Appends the next plate of a camera. False if none arrives.
+  bool take_plate(size_t index, std::vector<Image>& plates);
   void save_model(const capture::CameraWorker& worker, const std::vector<Image>& plates);
 
   const std::vector<capture::CameraWorker*> workers_;

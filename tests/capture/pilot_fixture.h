@@ -59,7 +59,7 @@ class CameraSessionTest : public testing::Test {
   void make_ready() {
     session_->disarm();
     ASSERT_TRUE(reach(CameraState::kIdle));
-    session_->arm(Script::kPeriod, sensed_);
+    session_->arm(script_->period, sensed_);
     ASSERT_TRUE(reach(CameraState::kReady));
   }
 
@@ -89,7 +89,7 @@ class SensedCameraSessionTest : public CameraSessionTest {
     make_ready();
     frames_.clear();
     script_->start_train(pulses);
-    play((pulses + 1) * Script::kPeriod);
+    play((pulses + 1) * script_->period);
     session_->train_ended();
     play(std::chrono::seconds(1));
   }

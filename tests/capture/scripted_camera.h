@@ -24,6 +24,9 @@ struct Script {
   // Pulse train; empty if there is none.
   std::optional<MonotonicInstant> train;
   int64_t pulses = 0;
+  Duration period = kPeriod;
+
+  Duration host_stalls{};  ///< the next wait() returns so late and without a frame; then 0
 
   // The camera.
   bool plugged = true;
@@ -40,7 +43,7 @@ struct Script {
   Duration first_is_late{};                      ///< extra delay of the first frame after start()
   int opened = 0;                                ///< number of successful start() calls
 
-  MonotonicInstant exposure(int64_t pulse) const { return *train + pulse * kPeriod; }
+  MonotonicInstant exposure(int64_t pulse) const { return *train + pulse * period; }
   void start_train(int64_t count) {
     train = now + std::chrono::milliseconds(3);
     pulses = count;
@@ -62,6 +65,10 @@ class ScriptedCamera : public Camera {
 
   std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
     Script& s = *script_;
+    if (s.host_stalls > Duration()) {
+      s.now = deadline + std::exchange(s.host_stalls, {});
+      return {};
+    }
     if (s.stray && s.plugged && *s.stray + Script::kLatency <= deadline) return stray();
     while (s.train && s.plugged) {
       if (s.train != train_) {

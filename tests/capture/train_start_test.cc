@@ -114,11 +114,21 @@ TEST(TrainStart, does_not_depend_on_which_pulse_is_reported) {
 TEST(TrainStart, is_not_certain_if_the_host_stalled) {
   StartEvidence evidence = known(0.4);
   evidence.counter_of_pulse_0.reset();
-  std::vector<FrameStamp> seen = frames(0, kStartFrames, 0.4);
-  for (FrameStamp& f : seen) f.received = at(9.4);
+  std::vector<FrameStamp> seen = frames(0, kMaxStartFrames, 0.4);
+  for (FrameStamp& f : seen) f.received = at(kMaxStartFrames + 1.4);
   const auto start = find_start(seen, evidence, false);
   ASSERT_TRUE(start);
   EXPECT_FALSE(start->certain);
+}
+
+TEST(TrainStart, waits_while_the_host_catches_up_after_a_stall) {
+  std::vector<FrameStamp> seen = frames(0, 10, 0.4);
+  for (FrameStamp& f : seen) f.received = at(9.95);
+  for (size_t n = 1; n < seen.size(); ++n) {
+    EXPECT_FALSE(find_start({seen.data(), n}, known(0.4), false)) << n;
+  }
+  seen.push_back(frame(10, kCounter + 10, 0.4));
+  expect(find_start(seen, known(0.4), false), 0, true);
 }
 
 TEST(TrainStart, counts_damaged_frames) {
@@ -173,7 +183,7 @@ struct RandomStart {
     };
     const auto chance = [&](double p) { return uniform(0, 1) < p; };
     const double latency = uniform(0.05, 2.5);
-    const double stall = chance(0.2) ? uniform(0, 10) : 0;  // the host stalls for so many periods
+    const double stall = chance(0.2) ? uniform(0, 26) : 0;  // the host stalls for so many periods
     int64_t lost = chance(0.3) ? static_cast<int64_t>(uniform(1, 4)) : 0;
     const bool missed = chance(0.1);
     const uint64_t before = chance(0.2) ? 1 : 0;  // frames lost at the end of the previous train
@@ -182,7 +192,7 @@ struct RandomStart {
     // Excludes the case that pulse_times.h lists as a limit.
     if (missed && !evidence.latency && latency > 0) lost = 0;
     first = lost + (missed && evidence.latency ? 1 : 0);
-    for (int64_t k = 0; seen.size() < kStartFrames; ++k) {
+    for (int64_t k = 0; seen.size() < kMaxStartFrames; ++k) {
       if (k > 0 && chance(0.1)) continue;
       const auto pulse = static_cast<double>(first + k);
       FrameStamp stamp = frame(pulse, kCounter + static_cast<uint64_t>(lost + k), latency);
