@@ -27,7 +27,7 @@ class StudioOfTwoNodes : public Studio4 {
 
 TEST_F(StudioOfTwoNodes, arms_the_name_of_an_aborted_take_again_after_another_take) {
   arm_and_start(10);
-  ASSERT_TRUE(reaches("cap02", "frames_written", 20)) << log();
+  ASSERT_TRUE(becomes_idle()) << log();
   ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
   take_name_ = "kendo-08";
   const control::Answer armed = command(wire::CommandVerb::kArm);
@@ -43,7 +43,7 @@ TEST_F(StudioOfTwoNodes, arms_the_name_of_an_aborted_take_again_after_another_ta
 
 TEST_F(StudioOfTwoNodes, waits_at_start_until_every_node_has_closed_the_take) {
   run_v3dctl({"arm", take_name_, "--pulses", "10"}, 0);
-  run_v3dctl({"start", "--wait"}, 0);
+  run_v3dctl({"start", "--wait", "--timeout", "50"}, 0);
   for (const take::TakePaths& part : {take(), take_of_cap02()}) {
     EXPECT_EQ(load_take_info(part).state, take::TakeState::kComplete) << part.folder;
   }
@@ -68,7 +68,9 @@ TEST_F(StudioOfTwoNodes, records_without_a_camera_that_may_be_missing_and_has_no
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   // A busy machine may delay some pulses. With a full queue of cam02, all but the first few are
   // late.
-  EXPECT_LT(value("cap01", "pulses_not_live"), 20) << log();
+  const double not_live = value("cap01", "pulses_not_live");
+  EXPECT_GE(not_live, 0) << "cap01 sends no health";
+  EXPECT_LT(not_live, 20) << log();
   EXPECT_TRUE(reaches("cap01", "frames_published", 20)) << log();
   EXPECT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
 }

@@ -18,6 +18,8 @@ using testing::HasSubstr;
 
 class ClockStudio4 : protected test::SetClockPreloaded, public Studio4 {
  protected:
+  ClockStudio4() : Studio4({.rate = "10"}) {}
+
   void expect_complete_take_with_live_meshes() {
     const control::Answer stopped = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
@@ -41,6 +43,7 @@ TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_tak
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
   const double stale_before = value("recon01", "messages_stale");
+  ASSERT_GE(stale_before, 0) << "recon01 sends no health";
   set_clock(-60);
   ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
   EXPECT_TRUE(becomes_true(
@@ -58,7 +61,7 @@ TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_tak
 /// cap02 has no sense line: it compares its clock with that of cap01.
 class ClockStudioOfTwoNodes : protected test::SetClockPreloaded, public Studio4 {
  protected:
-  ClockStudioOfTwoNodes() : Studio4({.two_nodes = true}) {}
+  ClockStudioOfTwoNodes() : Studio4({.rate = "10", .two_nodes = true}) {}
 
   void expect_certain_take(const std::string& name) {
     take_name_ = name;

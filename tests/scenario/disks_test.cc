@@ -27,7 +27,7 @@ constexpr int64_t kPulseBytes = 4 * 320 * 240;
 /// Takes are written to a tmpfs of 48 MB.
 class SmallDiskStudio4 : public Studio4 {
  protected:
-  SmallDiskStudio4() : Studio4({.takes = "takes"}) {
+  SmallDiskStudio4() : Studio4({.rate = "10", .takes = "takes"}) {
     if (!disk_.is_mounted()) throw std::runtime_error("cannot mount a tmpfs here");
   }
   const test::SmallDisk disk_{folder_ / "takes", 48'000'000};
@@ -35,7 +35,7 @@ class SmallDiskStudio4 : public Studio4 {
 
 TEST_F(SmallDiskStudio4, rejects_arming_when_the_disk_has_too_little_space) {
   EXPECT_THAT(command(wire::CommandVerb::kArm).replies.at("cap01").text,
-              HasSubstr("needs 1.84 GB for 5 min, 48 MB free (room for"));
+              HasSubstr("needs 922 MB for 5 min, 48 MB free (room for"));
   EXPECT_THAT(command(wire::CommandVerb::kArm, 200).replies.at("cap01").text,
               HasSubstr("needs 61.4 MB for 200 pulses, 48 MB free"));
   ASSERT_TRUE(command(wire::CommandVerb::kAbort).done());
@@ -65,7 +65,7 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   bus::Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 256);
   const control::Answer armed = command(wire::CommandVerb::kArm, 100);
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-  disk_.leave((32 + 20) * kPulseBytes);  // the queue and one second of recording
+  disk_.leave((32 + 10) * kPulseBytes);  // the queue and one second of recording
   ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
   std::string event_text;
   const auto ended = [&] {
@@ -125,9 +125,11 @@ struct BadDiskPreloaded {
 /// A studio whose disk a test can make faulty (support/bad_disk.cc).
 class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
  protected:
+  BadDiskStudio4() : Studio4({.rate = "10"}) {}
+
   void set_disk_fault(const std::string& fault) { test::write_text(control(), fault); }
-  /// Each write takes 70 ms, longer than a period of the trigger (50 ms).
-  void set_disk_slow() { set_disk_fault("slow 70"); }
+  /// Each write takes 250 ms, longer than a period of the trigger (100 ms).
+  void set_disk_slow() { set_disk_fault("slow 250"); }
   void recover() { std::filesystem::remove(control()); }
 
   /// Every commanded pulse was received, and every received frame is written or listed as missing.
@@ -190,9 +192,9 @@ TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_fra
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   // The first lost frame ends the take, so pulses are lost before it. The count in the health may
-  // be a second old, which is 20 pulses.
+  // be a second old, which is 10 pulses.
   set_disk_fault("pulses");
-  ASSERT_TRUE(reaches("cap01", "pulses_sensed", value("cap01", "pulses_sensed") + 40)) << log();
+  ASSERT_TRUE(reaches("cap01", "pulses_sensed", value("cap01", "pulses_sensed") + 20)) << log();
   set_disk_fault("broken");
   ASSERT_TRUE(receives_event(events, "take")) << log();
   EXPECT_TRUE(receives_event(events, "pulses", wire::Severity::kWarning))

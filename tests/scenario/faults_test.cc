@@ -49,9 +49,13 @@ constexpr int64_t kPulses = 25;
 
 /// Hz, of stories in which the arrival decides the number of a suspect frame: a busy machine reads
 /// frames in less than half a period.
-constexpr char kSlow[] = "4";
+constexpr char kSlow[] = "2";
 
-/// A studio whose cam02 has the faults. 10 Hz, so that a busy machine skips no pulse.
+/// Pulse of a fault after which the arrival alone decides. It does so after eight frames on time
+/// (capture/sync/pulse_matcher.cc). A busy machine delivers some of the earlier frames late.
+constexpr int64_t kArrivalsKnown = 16;
+
+/// A studio whose cam02 has the faults. 10 Hz, so that a busy machine loses no other frame.
 class FaultyStudio : public Studio4 {
  protected:
   explicit FaultyStudio(const std::string& faults, const std::string& rate_hz = "10")
@@ -66,15 +70,17 @@ class FaultyStudio : public Studio4 {
     stop();
   }
 
-  /// Records until cam02 was lost, came back and delivered `frames` frames.
-  void run_until_back(int64_t frames) {
+  /// Records until cam02 has delivered `frames` certain frames after its fault at `pulse`.
+  void run_until_back(int64_t pulse, int64_t frames) {
     arm_and_start(0);
-    ASSERT_TRUE(reaches("cap01", "cam02.losses", 1)) << log();
-    const double before = value("cap01", "cam02.frames");
-    ASSERT_TRUE(reaches("cap01", "cam02.frames", before + static_cast<double>(frames))) << log();
+    const auto is_back = [&] {
+      const double all = value("cap01", "cam02.frames");
+      return all - value("cap01", "cam02.frames_suspect") >= static_cast<double>(pulse + frames);
+    };
+    ASSERT_TRUE(becomes_true(is_back, within(60))) << log();
   }
-  void record_until_back(int64_t frames) {
-    run_until_back(frames);
+  void record_until_back(int64_t pulse, int64_t frames) {
+    run_until_back(pulse, frames);
     stop();
   }
 
@@ -170,7 +176,7 @@ TEST_F(DroppedFrames, are_listed_as_missing_and_make_no_other_frame_suspect) {
   EXPECT_EQ(verdict(), "take kendo-07: incomplete, 4 cameras x 25 pulses, 3 missing, 0 suspect");
 }
 
-/// 4 Hz: without the frame of pulse 0, the arrival decides the first number.
+/// 2 Hz: without the frame of pulse 0, the arrival decides the first number.
 class DroppedFirstFrame : public FaultyStudio {
  protected:
   DroppedFirstFrame() : FaultyStudio(fault(0, "drop"), kSlow) {}
@@ -226,15 +232,16 @@ TEST_F(MissedTrigger, is_listed_as_missing_and_makes_the_next_frame_suspect) {
 
 class DuplicatedFrame : public FaultyStudio {
  protected:
-  DuplicatedFrame() : FaultyStudio(fault(10, "duplicate"), kSlow) {}
+  DuplicatedFrame() : FaultyStudio(fault(kArrivalsKnown, "duplicate"), kSlow) {}
 };
 TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
   record(kPulses);
   EXPECT_EQ(faulty().written, kPulses + 1);
   EXPECT_THAT(faulty().missing, IsEmpty());
-  EXPECT_THAT(faulty().duplicate, ElementsAre(10));
+  EXPECT_THAT(faulty().duplicate, ElementsAre(kArrivalsKnown));
   // A busy machine may deliver a frame late, which makes it suspect, too.
-  EXPECT_THAT(faulty().suspect, AllOf(IsSupersetOf({10, 11}), IsSubsetOf({10, 11, 12, 13})));
+  EXPECT_THAT(faulty().suspect, AllOf(IsSupersetOf(range(kArrivalsKnown, kArrivalsKnown + 1)),
+                                      IsSubsetOf(range(kArrivalsKnown, kArrivalsKnown + 3))));
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
   EXPECT_EQ(verdict(), "take kendo-07: incomplete, 4 cameras x 25 pulses, 0 missing, " +
                            std::to_string(faulty().suspect.size()) + " suspect, 1 duplicate");
@@ -244,20 +251,21 @@ TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
 class DuplicatedFrameAndLateLastFrame : public FaultyStudio {
  protected:
   DuplicatedFrameAndLateLastFrame()
-      : FaultyStudio(fault(10, "duplicate") + fault(kPulses - 1, "delay", "ms = 500"), kSlow) {}
+      : FaultyStudio(fault(kArrivalsKnown, "duplicate") + fault(kPulses - 1, "delay", "ms = 500"),
+                     kSlow) {}
 };
 TEST_F(DuplicatedFrameAndLateLastFrame, have_a_frame_of_each_pulse) {
   record(kPulses);
   EXPECT_EQ(faulty().written, kPulses + 1);
   EXPECT_THAT(faulty().missing, IsEmpty());
-  EXPECT_THAT(faulty().duplicate, ElementsAre(10));
+  EXPECT_THAT(faulty().duplicate, ElementsAre(kArrivalsKnown));
 }
 
-/// The camera is silent for 600 ms: longer than three pulses, shorter than the second after which
+/// The camera is silent for 650 ms: longer than three pulses, shorter than the second after which
 /// it is reopened.
 class DelayedFrames : public FaultyStudio {
  protected:
-  DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 500")) {}
+  DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 550")) {}
 };
 TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
   record(kPulses);
@@ -269,14 +277,14 @@ TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
   EXPECT_TRUE(reports("recording again, at pulse "));
 }
 
-/// 4 Hz. After the reopening, clock and arrival must agree within 0.4 periods
+/// 2 Hz. After the reopening, clock and arrival must agree within 0.4 periods
 /// (capture/sync/pulse_matcher.cc): at 10 Hz that is 40 ms, too little on a busy machine.
 class UnpluggedCamera : public FaultyStudio {
  protected:
-  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 4000"), kSlow) {}
+  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 8000"), kSlow) {}
 };
 TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clock) {
-  record_until_back(10);
+  record_until_back(10, 5);
   EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
@@ -286,16 +294,18 @@ TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clo
   EXPECT_THAT(faulty().duplicate, IsEmpty());
 }
 
-/// 4 Hz: a frame that a busy machine delays by half a period gets the number of the next pulse.
+/// 2 Hz: a frame that a busy machine delays by half a period gets the number of the next pulse.
 class CameraWithNewClock : public FaultyStudio {
  protected:
-  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 2500\nnew_clock = true"), kSlow) {}
+  CameraWithNewClock()
+      : FaultyStudio(fault(kArrivalsKnown, "unplug", "ms = 5000\nnew_clock = true"), kSlow) {}
 };
 TEST_F(CameraWithNewClock,
        rejoins_the_take_with_suspect_frames_until_arrival_times_confirm_the_pulse) {
-  record_until_back(20);
+  record_until_back(kArrivalsKnown, 5);
   ASSERT_GE(faulty().missing.size(), 10U);
-  EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
+  EXPECT_EQ(faulty().missing,
+            range(kArrivalsKnown, kArrivalsKnown - 1 + std::ssize(faulty().missing)))
       << "one gap";
   EXPECT_THAT(faulty().duplicate, IsEmpty());
   ASSERT_THAT(faulty().suspect, testing::Not(IsEmpty()));
@@ -305,13 +315,13 @@ TEST_F(CameraWithNewClock,
       << "later frames are not suspect";
 }
 
-/// 4 Hz, for the same reason.
+/// 2 Hz, for the same reason.
 class FrozenCamera : public FaultyStudio {
  protected:
   FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6"), kSlow) {}
 };
 TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
-  run_until_back(12);
+  run_until_back(10, 5);
   stop_and_check();
   EXPECT_THAT(faulty().missing, testing::IsSupersetOf(not_sent("cam02")));
   expect_one_gap_from(10, 6);
@@ -326,7 +336,7 @@ class CameraFrozenForLong : public FaultyStudio {
   CameraFrozenForLong() : FaultyStudio(fault(10, "freeze", "pulses = 20")) {}
 };
 TEST_F(CameraFrozenForLong, is_reopened_and_continues_in_the_take) {
-  run_until_back(10);
+  run_until_back(10, 5);
   stop_and_check();
   EXPECT_THAT(faulty().missing, testing::IsSupersetOf(not_sent("cam02")));
   expect_one_gap_from(10, 20);
@@ -346,25 +356,28 @@ TEST_F(BlackImage, is_recorded_under_its_pulse_like_any_other) {
 
 class ClockAhead : public FaultyStudio {
  protected:
-  ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500"), kSlow) {}
+  ClockAhead() : FaultyStudio(fault(kArrivalsKnown, "clock", "jump_ms = 1000"), kSlow) {}
 };
 TEST_F(ClockAhead, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   // A busy machine may deliver a frame late, which makes it suspect, too.
-  EXPECT_THAT(faulty().suspect, AllOf(Contains(10), IsSubsetOf({10, 11, 12})));
+  EXPECT_THAT(faulty().suspect, AllOf(Contains(kArrivalsKnown),
+                                      IsSubsetOf(range(kArrivalsKnown, kArrivalsKnown + 2))));
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
 }
 
+/// By more than ten periods: after a smaller step back, the frames may as well be late.
 class ClockBehind : public FaultyStudio {
  protected:
-  ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500"), kSlow) {}
+  ClockBehind() : FaultyStudio(fault(kArrivalsKnown, "clock", "jump_ms = -6000"), kSlow) {}
 };
 TEST_F(ClockBehind, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   // A busy machine may deliver a frame late, which makes it suspect, too.
-  EXPECT_THAT(faulty().suspect, AllOf(Contains(10), IsSubsetOf({10, 11, 12})));
+  EXPECT_THAT(faulty().suspect, AllOf(Contains(kArrivalsKnown),
+                                      IsSubsetOf(range(kArrivalsKnown, kArrivalsKnown + 2))));
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
 }
 

@@ -32,8 +32,8 @@ Pulses range(int64_t first, int64_t last) {
   return pulses;
 }
 
-/// cap01 with the trigger, cap02 with sound, and recon01. 10 Hz, so that a busy machine skips no
-/// pulse.
+/// cap01 with the trigger, cap02 with sound, and recon01. 10 Hz, so that a busy machine loses no
+/// frame.
 class StudioOfThree : public Studio4 {
  protected:
   StudioOfThree()
@@ -61,12 +61,16 @@ class StudioOfThree : public Studio4 {
     ASSERT_TRUE(stopped_.done()) << text_of(stopped_) << log();
   }
   /// Joins the parts of both nodes and compares them with the simulator's record of all exposures.
-  void check_joined() {
+  /// At most `max_unsensed` of the last pulses were commanded and not sensed.
+  void check_joined(int64_t max_unsensed = 0) {
     const take::TakePaths whole{folder_ / "joined"};
     join_parts({take(), {folder_ / "cap02" / take_name_}}, whole);
     verified_ = verify_take(whole);
     EXPECT_THAT(verified_.disagreements, IsEmpty());
-    EXPECT_EQ(verified_.ledger.sensed, verified_.ledger.commanded);
+    ASSERT_EQ(verified_.ledger.cameras.size(), 4U);
+    ASSERT_TRUE(verified_.ledger.sensed);
+    EXPECT_GE(*verified_.ledger.sensed, verified_.ledger.commanded - max_unsensed);
+    EXPECT_LE(*verified_.ledger.sensed, verified_.ledger.commanded);
     const auto exposures = sim::load_exposures(folder_ / "exposures.csv");
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
     EXPECT_EQ(check.mislabelled_not_suspect, 0) << testing::PrintToString(check.problems);
@@ -153,7 +157,6 @@ TEST_F(StudioOfThree,
   record_with_a_restart_of_cap02(SIGKILL);
   check_joined();
   const auto& cameras = verified_.ledger.cameras;
-  ASSERT_EQ(cameras.size(), 4U);
   for (const size_t i : {0, 1}) EXPECT_THAT(cameras[i].missing, IsEmpty()) << cameras[i].name;
   for (const size_t i : {2, 3}) expect_one_gap(cameras[i]);
   const auto replied = nlohmann::json::parse(stopped_.replies.at("cap02").detail);
@@ -205,10 +208,12 @@ TEST_F(StudioOfThree, ends_the_take_on_all_nodes_when_the_node_of_the_trigger_is
   expect_all_become_idle();
   const control::Answer stopped = command(wire::CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-  check_joined();
+  check_joined(1);
   for (const take::CameraLedger& camera : verified_.ledger.cameras) {
     EXPECT_GE(camera.written, 20) << camera.name;
-    EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
+    // The node may have been killed before it reported a pulse, which was exposed.
+    EXPECT_THAT(camera.suspect, testing::Each(testing::Ge(*verified_.ledger.sensed)))
+        << camera.name;
   }
 }
 

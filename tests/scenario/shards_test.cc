@@ -267,12 +267,16 @@ class SharedStudio : public testing::Test {
   /// The published meshes are those in the file of node `i`, except for those lost on the network,
   /// which are counted. The last mesh of a killed node may have reached the publisher only; node
   /// `i` then lists it as lost.
-  void expect_published_as_in_file(int i) const {
+  void expect_published_as_in_file(int i) {
     const Pulses meshes = file(i);
     Pulses accounted = account(i)["without_mesh"].get<Pulses>();
     accounted.insert(accounted.end(), meshes.begin(), meshes.end());
+    const auto has_all = [&] {  // the last mesh may come after the reply to the stop
+      viewer_->receive();
+      return std::ssize(viewer_->shown()) + viewer_->lost() >= std::ssize(meshes);
+    };
+    EXPECT_TRUE(becomes_true(has_all, within(30))) << testing::PrintToString(viewer_->shown());
     EXPECT_THAT(viewer_->shown(), testing::IsSubsetOf(accounted));
-    EXPECT_GE(std::ssize(viewer_->shown()) + viewer_->lost(), std::ssize(meshes));
   }
 
   /// True when nodes made meshes of pulses of a node that was silent for a while.
@@ -343,8 +347,14 @@ TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) 
 
 TEST_F(SharedStudio, loses_no_pulse_when_a_node_is_killed) {
   kill_third_node_in_take(0);
-  const Pulses before = file(2);
-  EXPECT_EQ(before, range(0, std::ssize(before))) << "the file of the killed node has no gap";
+  const Pulses of_killed = file(2);
+  ASSERT_FALSE(of_killed.empty());
+  std::set<int64_t> known(of_killed.begin(), of_killed.end());
+  for (const int64_t pulse : account(0)["without_mesh"].get<Pulses>()) {
+    if (pulse < of_killed.back()) known.insert(pulse);
+  }
+  EXPECT_EQ(Pulses(known.begin(), known.end()), range(0, of_killed.back() + 1))
+      << "the file of the killed node lacks only pulses of which no node has a mesh";
 }
 
 TEST_F(SharedStudio, continues_to_publish_when_the_publishing_node_is_killed) {
@@ -421,11 +431,11 @@ TEST_F(SharedStudioInGroups,
     } else {
       EXPECT_EQ(file(i), file(0));
     }
-    EXPECT_EQ(account(i)["frames_lost"], 0) << "frames of other groups do not count as lost";
     // On average five of the 15 frames of a pulse, and about ten messages that all nodes receive:
     // meshes, pulses, health, previews. Without pulses, they receive about 35 messages a second.
     const double most = 20 * (static_cast<double>(commanded()) - pulses_before) + 35 * drain_s;
     if (!was_silent) {
+      EXPECT_EQ(account(i)["frames_lost"], 0) << "frames of other groups do not count as lost";
       EXPECT_LT(static_cast<double>(after[i] - before[i]), most) << node(i);
     }
   }

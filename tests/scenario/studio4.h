@@ -61,6 +61,12 @@ class Studio4 : public testing::Test {
     if (options.two_nodes) start_second_captured();
     start_recond();
     client_.emplace(studio_);
+    // A busy machine opens the cameras slowly, and the background waits 15 s for them.
+    const int of_cap01 = options.cameras - (options.two_nodes ? 2 : 0);
+    if (!reaches("cap01", "cameras_streaming", of_cap01))
+      throw std::runtime_error("cameras: " + log());
+    if (options.two_nodes && !reaches("cap02", "cameras_streaming", 2))
+      throw std::runtime_error("cameras: " + log());
     wire::CommandMessage learn;
     learn.verb = wire::CommandVerb::kBackground;
     learn.pulses = kEmptyPulses;
@@ -260,12 +266,12 @@ class Studio4 : public testing::Test {
   bool reaches(const std::string& node, const std::string& name, double wanted) {
     return becomes_true([&] { return value(node, name) >= wanted; }, within(60));
   }
-  /// Waits up to 60 s until both nodes are idle, as after a train of known length. False at
-  /// timeout.
+  /// Waits up to 60 s until all nodes are idle, as after a train of known length. False at timeout.
   bool becomes_idle() {
     const auto idle = [&] {
       const auto health = client_->health(within(5));
-      return health.size() == 2 && std::ranges::all_of(health, [](const auto& entry) {
+      return health.size() == (second_captured_ ? 3U : 2U) &&
+             std::ranges::all_of(health, [](const auto& entry) {
                return entry.second.state == wire::NodeState::kIdle;
              });
     };
