@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <tuple>
 
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
@@ -97,6 +98,16 @@ void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
   for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
     if (!recorded.contains(pulse)) camera.missing.push_back(pulse);
   }
+}
+
+/// The account of the sense line, greater where the node sensed more pulses. Nodes with the same
+/// counts are ordered by their lists, so that the order of the nodes has no effect on merge().
+auto sense_line(const Ledger& part) { return std::tie(part.sensed, part.commanded, part.unsensed); }
+
+std::vector<int64_t> union_of(const std::vector<int64_t>& a, const std::vector<int64_t>& b) {
+  std::vector<int64_t> numbers;
+  std::ranges::set_union(a, b, std::back_inserter(numbers));
+  return numbers;
 }
 
 CameraLedger read_camera(const TomlTable& table) {
@@ -211,18 +222,18 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
 
 Ledger merge(const std::vector<Ledger>& parts) {
   Ledger whole;
+  if (const auto most = std::ranges::max_element(parts, {}, sense_line); most != parts.end()) {
+    whole.sensed = most->sensed;
+    whole.unsensed = most->unsensed;
+  }
   for (const Ledger& part : parts) whole.commanded = std::max(whole.commanded, part.commanded);
   whole.commanded_is_minimum = std::ranges::all_of(parts, [&](const Ledger& part) {
     return part.commanded < whole.commanded || part.commanded_is_minimum;
   });
   for (const Ledger& part : parts) {
     whole.take = part.take;
-    if (part.sensed >= whole.sensed) {
-      whole.sensed = part.sensed;
-      whole.unsensed = part.unsensed;
-      whole.extra = part.extra;
-      whole.runt = part.runt;
-    }
+    whole.extra = std::max(whole.extra, part.extra);
+    whole.runt = union_of(whole.runt, part.runt);
     for (CameraLedger camera : part.cameras) {
       add_missing(camera, part.commanded, whole.commanded);
       whole.cameras.push_back(std::move(camera));

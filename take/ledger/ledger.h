@@ -110,9 +110,11 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
                      const std::vector<int64_t>& suspect, int64_t commanded);
 
 /// Merges the ledgers of all nodes of a take: the cameras of all nodes, and the pulses of the node
-/// that sensed the most. The number of pulses is a minimum only when it is one in each of the parts
-/// that have the highest number. If a camera's node counted fewer pulses, the remaining pulses are
-/// missing for that camera, except those with a suspect frame.
+/// that sensed the most. Extra and runt pulses are those of all nodes: only the node with the sense
+/// line counts them, and other nodes report as many sensed pulses. The number of pulses is a
+/// minimum only when it is one in each of the parts that have the highest number. If a camera's
+/// node counted fewer pulses, the remaining pulses are missing for that camera, except those with a
+/// suspect frame.
 Ledger merge(const std::vector<Ledger>& parts);
 
 /// Formats ascending numbers, neighbours as ranges: "3-17, 20".

@@ -197,6 +197,49 @@ TEST(Ledger, merges_the_cameras_of_all_nodes_and_the_pulses_of_the_node_with_the
   }
 }
 
+TEST(Ledger, keeps_extra_and_runt_pulses_when_a_node_without_the_sense_line_has_as_many_pulses) {
+  Ledger trigger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  trigger.cameras.push_back(account("cam01", {0, 1, 2}, {}, 3));
+  Ledger other = trigger;
+  other.cameras.front().name = "cam02";
+  trigger.extra = 2;
+  trigger.runt = {1};
+  for (const auto& parts : {std::vector{trigger, other}, std::vector{other, trigger}}) {
+    const Ledger whole = merge(parts);
+    EXPECT_EQ(whole.extra, 2);
+    EXPECT_EQ(whole.runt, Numbers{1});
+    EXPECT_FALSE(whole.complete());
+  }
+}
+
+/// The ledger of a node. Only the node with the sense line has unsensed, extra and runt pulses.
+Ledger any_ledger(bool has_sense_line, int64_t max_pulses) {
+  const auto pulse = rc::gen::inRange<int64_t>(0, max_pulses);
+  Ledger ledger{.take = "kendo-07", .commanded = *pulse, .sensed = {}, .cameras = {}};
+  if (*rc::gen::arbitrary<bool>()) ledger.sensed = *pulse;
+  if (!has_sense_line) return ledger;
+  ledger.sensed = *pulse;
+  ledger.extra = *pulse;
+  for (int64_t n = 0; n < max_pulses; ++n) {
+    if (*rc::gen::arbitrary<bool>()) ledger.runt.push_back(n);
+    if (*rc::gen::arbitrary<bool>()) ledger.unsensed.push_back(n);
+  }
+  return ledger;
+}
+
+RC_GTEST_PROP(Ledger, has_the_same_pulses_in_whatever_order_the_nodes_are_merged, ()) {
+  std::vector<Ledger> parts{any_ledger(true, 4)};
+  const int others = *rc::gen::inRange(0, 4);
+  for (int i = 0; i < others; ++i) parts.push_back(any_ledger(false, 4));
+  const Ledger whole = merge(parts);
+  RC_ASSERT(whole.extra == parts.front().extra);
+  RC_ASSERT(whole.runt == parts.front().runt);
+  std::ranges::rotate(parts, parts.begin() + *rc::gen::inRange(0, others + 1));
+  const Ledger rotated = merge(parts);
+  RC_ASSERT(rotated.verdict() == whole.verdict());
+  RC_ASSERT(rotated.unsensed == whole.unsensed);
+}
+
 TEST(Ledger, lists_problems_by_camera_with_pulse_ranges) {
   Ledger ledger = whole_ledger();
   EXPECT_TRUE(problem_lines(ledger).empty());
