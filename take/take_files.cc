@@ -46,6 +46,19 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
   return {};
 }
 
+/// The names of the folders in `folder`, without symbolic links to folders.
+io::Result<std::vector<std::string>> folders_in(const fs::path& folder) {
+  const auto entries = io::list_folder(folder);
+  if (!entries) return tl::make_unexpected(entries.error());
+  std::vector<std::string> folders;
+  for (const fs::path& entry : *entries) {
+    const auto type = io::entry_type_of(entry);
+    if (!type) return tl::make_unexpected(type.error());
+    if (*type == fs::file_type::directory) folders.push_back(entry.filename());
+  }
+  return folders;
+}
+
 /// Writes dirty pages of `file` to disk, then drops its cached pages. Ignores EINVAL and EROFS of
 /// fdatasync(): file systems without dirty pages and read-only mounts need no sync.
 io::Status drop_from_page_cache(const io::File& file) {
@@ -107,6 +120,25 @@ io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
   if (!listed) return tl::make_unexpected(listed.error());
   std::ranges::sort(names);
   return names;
+}
+
+io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths) {
+  const std::string background = paths.background().filename(), sound = paths.sound().filename();
+  const auto folders = folders_in(paths.folder);
+  if (!folders) return folders;
+  std::vector<std::string> foreign;
+  for (const std::string& folder : *folders) {
+    if (folder.starts_with(".shards-")) continue;  // of v3dctl reconstruct
+    if (folder != background && folder != sound) {
+      foreign.push_back(folder);
+      continue;
+    }
+    const auto inner = folders_in(paths.folder / folder);
+    if (!inner) return inner;
+    for (const std::string& name : *inner) foreign.push_back((fs::path(folder) / name).string());
+  }
+  std::ranges::sort(foreign);
+  return foreign;
 }
 
 bool is_signature(std::string_view name) {

@@ -45,6 +45,11 @@ enum class ReadFrom : uint8_t {
 /// and cause when a folder cannot be listed.
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
+/// Sorted names of the folders in a take that V3D neither makes nor reads, as "kendo-08" and
+/// "sound/mix": for example a take that was moved into another one. No program verifies or copies
+/// the files in them. Fails with path and cause when a folder cannot be listed.
+[[nodiscard]] io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths);
+
 /// True for the name of a signature file: signature.<node>.toml (take_signature.h).
 bool is_signature(std::string_view name);
 

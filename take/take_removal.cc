@@ -5,10 +5,12 @@
 #include <string>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "take/logs/log_files.h"
 #include "take/logs/mesh_file_layout.h"
+#include "take/take_files.h"
 
 namespace v3d::take {
 namespace {
@@ -20,7 +22,28 @@ constexpr std::string_view kDeleted = ".deleted-";
 
 }  // namespace
 
+io::Status check_removable(const TakePaths& paths) {
+  const auto type = io::entry_type_of(paths.folder);
+  if (!type) return tl::make_unexpected(type.error());
+  if (*type == fs::file_type::symlink) {
+    std::error_code unreadable;
+    const std::string target = fs::canonical(paths.folder, unreadable);
+    return io::io_error("delete", paths.folder,
+                        "it is a symbolic link to " + printable(target) +
+                            "; delete the take there, with the folder above it as --dir");
+  }
+  const auto folders = foreign_folders(paths);
+  if (!folders) return tl::make_unexpected(folders.error());
+  if (folders->empty()) return {};
+  std::vector<std::string> names;
+  for (const std::string& folder : *folders) names.push_back(printable(folder) + "/");
+  return io::io_error("delete", paths.folder,
+                      "it contains " + join_names(names) +
+                          ", which no verification and no copy includes; move it out of the take");
+}
+
 io::Status delete_take(const TakePaths& paths) {
+  if (auto removable = check_removable(paths); !removable) return removable;
   const std::string name = paths.folder.filename();
   const InterruptedDeletion rest{name, paths.folder.parent_path() / (std::string(kDeleted) + name)};
   // An earlier take of this name may have been deleted and the deletion interrupted.

@@ -16,8 +16,14 @@ namespace v3d::take {
 /// Folder inside the takes folder for takes that appeared to be empty. No take may have this name.
 inline constexpr const char* kQuarantineFolder = "quarantine";
 
-/// Deletes a take: renames its folder to ".deleted-<name>", then removes it. After an interruption
-/// the take is no longer listed, and finish_deletion() removes the rest. Fails with path and cause.
+/// Succeeds for a folder whose files can all be deleted as those of one take. Fails with path and
+/// cause when the folder is a symbolic link, because the take is elsewhere, and when it has
+/// foreign_folders(), because no verification and no copy includes their files.
+[[nodiscard]] io::Status check_removable(const TakePaths& paths);
+
+/// Deletes a take that check_removable() accepts: renames its folder to ".deleted-<name>", then
+/// removes it. After an interruption the take is no longer listed, and finish_deletion() removes
+/// the rest. Fails with path and cause.
 [[nodiscard]] io::Status delete_take(const TakePaths& paths);
 
 /// The rest of a deletion that was interrupted: of the process, by a power cut or by a disk error.

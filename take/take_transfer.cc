@@ -140,6 +140,8 @@ void link_folder(const fs::path& from, const fs::path& to) {
   if (!file_exists(from)) return;
   io::throw_if_failed(io::create_folders(to));
   for (const fs::path& file : io::value_or_throw(io::list_folder(from))) {
+    // files_not_joined() names folders.
+    if (io::value_or_throw(io::entry_type_of(file)) == fs::file_type::directory) continue;
     link_if_present(file, to / file.filename());
   }
 }
@@ -268,6 +270,9 @@ std::vector<std::string> files_not_joined(const std::vector<TakePaths>& parts,
       const bool is_of_program = is_written_after_ledger(name) || is_of_log(name, part.pulses());
       if (is_of_program || file_exists(whole.folder / name)) continue;
       files.push_back((part.folder.filename() / name).string());
+    }
+    for (const std::string& folder : io::value_or_throw(foreign_folders(part))) {
+      files.push_back((part.folder.filename() / folder).string() + "/");
     }
   }
   std::ranges::sort(files);

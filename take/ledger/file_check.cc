@@ -19,6 +19,7 @@ void FileCheck::finish() {
   for (const std::string& name : *names) {
     if (name != paths_.verified().filename()) read(name);
   }
+  note_foreign_folders();
   std::ranges::sort(result_.files, {}, &TakeFile::name);
   if (!has_list()) return;
   for (const TakeFile& file : stored_->files) {
@@ -72,6 +73,14 @@ void FileCheck::report_unnamed(const std::string& name) {
   const std::string what = "is not named in the ledger";
   if (is_part_of_take(name)) return disagree(name, what + "; move it out of the take");
   result_.notes.push_back(name + ": " + what);
+}
+
+void FileCheck::note_foreign_folders() {
+  const auto folders = foreign_folders(paths_);
+  if (!folders) return result_.disagreements.push_back(folders.error().message);
+  for (const std::string& folder : *folders) {
+    result_.notes.push_back(folder + "/: is no folder of a take, and is not verified");
+  }
 }
 
 void FileCheck::disagree(const std::string& name, const std::string& what) {

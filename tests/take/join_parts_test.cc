@@ -269,6 +269,18 @@ TEST_F(JoinParts, names_the_files_that_are_no_part_of_a_take) {
               ElementsAre("cap01/notes.txt"));
 }
 
+TEST_F(JoinParts, leaves_out_and_names_folders_that_are_no_part_of_a_take) {
+  for (const char* folder : {"kendo-08", "background/old"}) {
+    std::filesystem::create_directories(part("cap01").folder / folder);
+    test::write_text(part("cap01").folder / folder / "cam01.lcmlog", "of another take");
+  }
+  join();
+  EXPECT_FALSE(std::filesystem::exists(whole_.folder / "kendo-08"));
+  EXPECT_FALSE(std::filesystem::exists(whole_.background() / "old"));
+  EXPECT_THAT(files_not_joined({part("recon01"), part("cap01"), part("cap02")}, whole_),
+              ElementsAre("cap01/background/old/", "cap01/kendo-08/"));
+}
+
 TEST_F(JoinParts, has_the_lists_of_repaired_pulses_of_all_nodes) {
   test::write_text(part("recon01").folder / "repaired.recon01.txt", "1\n");
   test::write_text(part("cap02").folder / "repaired.recon02.txt", "2\n");

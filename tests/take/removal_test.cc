@@ -163,5 +163,46 @@ TEST_F(TakeRemoval, deletes_the_whole_take) {
   EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 
+TEST_F(TakeRemoval, rejects_a_take_with_another_take_in_it) {
+  record();
+  for (const char* folder : {"kendo-08", "background/kendo-08", ".old"}) {
+    const fs::path inner = paths_.folder / folder;
+    fs::create_directories(inner);
+    test::write_text(inner / "cam07.lcmlog", "the only copy");
+    const auto deleted = delete_take(paths_);
+    ASSERT_FALSE(deleted) << folder;
+    EXPECT_EQ(deleted.error().message,
+              "cannot delete " + paths_.folder.string() + ": it contains " + folder +
+                  "/, which no verification and no copy includes; move it out of the take");
+    EXPECT_TRUE(fs::exists(inner / "cam07.lcmlog"));
+    fs::remove_all(inner);
+  }
+}
+
+TEST_F(TakeRemoval, deletes_the_folders_of_a_take_with_the_links_but_not_their_targets) {
+  record();
+  for (const char* folder : {"background", "sound", ".shards-0123"}) {
+    fs::create_directories(paths_.folder / folder);
+  }
+  fs::create_directories(folder_ / "elsewhere");
+  fs::create_directory_symlink("../elsewhere", paths_.folder / "more");
+  const auto deleted = delete_take(paths_);
+  EXPECT_TRUE(deleted) << deleted.error().message;
+  EXPECT_FALSE(fs::exists(paths_.folder));
+  EXPECT_TRUE(fs::exists(folder_ / "elsewhere"));
+}
+
+TEST_F(TakeRemoval, rejects_a_link_to_a_take_and_names_the_take) {
+  record();
+  const TakePaths link{folder_ / "kendo-06"};
+  fs::create_directory_symlink("kendo-07", link.folder);
+  const auto deleted = delete_take(link);
+  ASSERT_FALSE(deleted);
+  EXPECT_THAT(deleted.error().message, testing::HasSubstr("kendo-06: it is a symbolic link to " +
+                                                          fs::canonical(paths_.folder).string() +
+                                                          "; delete the take there"));
+  EXPECT_TRUE(fs::is_symlink(link.folder));
+}
+
 }  // namespace
 }  // namespace v3d::take

@@ -181,6 +181,9 @@ void require_deletable(const take::TakeListing& take) {
   if (take.slate.mark == take::Mark::kCircled) {
     throw InputError(name + " is circled: v3dctl takes clear " + name);
   }
+  if (const io::Status removable = check_removable(take.paths); !removable) {
+    io::throw_input_error(removable.error());
+  }
 }
 
 /// Reads the copy back from its disk. Throws InputError when it is incomplete, and reports the
