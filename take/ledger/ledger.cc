@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <iterator>
 #include <tuple>
 
@@ -15,11 +16,16 @@
 namespace v3d::take {
 namespace {
 
-/// Appends the numbers from `first` to `last`; none if `first` > `last`.
-void append_run(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
+/// Appends the numbers from `first` to `last` that differ by `step`, of which `last` is one; none
+/// if `first` > `last`.
+void append_run(int64_t first, int64_t last, int64_t step, std::vector<int64_t>& numbers) {
   if (first > last) return;
-  for (; first < last; ++first) numbers.push_back(first);
+  for (; first < last; first += step) numbers.push_back(first);
   numbers.push_back(last);
+}
+
+void append_run(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
+  append_run(first, last, 1, numbers);
 }
 
 /// Calls `visit(first, last)` for each run of consecutive numbers. `numbers` ascend.
@@ -32,6 +38,22 @@ void for_each_run(const std::vector<int64_t>& numbers, Visit visit) {
   }
 }
 
+/// Calls `visit(first, last, step)` for each run of numbers with a constant difference, such as
+/// every second pulse. `numbers` ascend.
+template <class Visit>
+void for_each_stepped_run(const std::vector<int64_t>& numbers, Visit visit) {
+  const auto difference = [&](size_t i) {  // of any two numbers: a damaged label can be any number
+    return static_cast<uint64_t>(numbers[i + 1]) - static_cast<uint64_t>(numbers[i]);
+  };
+  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
+    last = first;
+    const uint64_t step = first + 1 < numbers.size() ? difference(first) : 1;
+    const bool is_run = step >= 1 && step <= static_cast<uint64_t>(kMaxPulses);
+    while (is_run && last + 1 < numbers.size() && difference(last) == step) ++last;
+    visit(numbers[first], numbers[last], is_run ? static_cast<int64_t>(step) : 1);
+  }
+}
+
 int64_t read_count(const TomlTable& table, std::string_view key) {
   const int64_t n = table.integer(key);
   if (n < 0 || n > kMaxPulses) {
@@ -40,60 +62,80 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
   return n;
 }
 
-constexpr std::string_view kRunsSuffix = "_runs";
+// The forms of a list of numbers. `key`: all numbers; `key` + "_runs": first and last number of
+// each run of consecutive numbers; `key` + "_steps": first number, last number and difference of
+// each run of numbers with a constant difference.
+constexpr std::string_view kRunsSuffix = "_runs", kStepsSuffix = "_steps";
 
-/// The numbers of the field `key`, or those of its runs of consecutive numbers: first and last
-/// number of each run, in the field `key` + "_runs". Empty where the table has neither.
-std::vector<int64_t> read_numbers(const TomlTable& table, std::string_view key) {
-  const std::string runs_key = std::string(key).append(kRunsSuffix);
-  if (table.has(key)) return table.integers(key);
-  if (!table.has(runs_key)) return {};
-  const std::vector<int64_t> runs = table.integers(runs_key);
-  if (runs.size() % 2 != 0) table.fail(runs_key, "expected pairs of a first and a last number");
+/// The numbers of runs: the field `key` has `width` values of each, with a difference if there are
+/// three.
+std::vector<int64_t> read_runs(const TomlTable& table, const std::string& key, size_t width) {
+  const std::vector<int64_t> runs = table.integers(key);
+  if (runs.size() % width != 0) {
+    table.fail(key, width == 2 ? "expected pairs of a first and a last number"
+                               : "expected a first number, a last number and a difference");
+  }
   std::vector<int64_t> numbers;
-  for (size_t i = 0; i < runs.size(); i += 2) {
-    const int64_t first = runs[i], last = runs[i + 1];
+  for (size_t i = 0; i < runs.size(); i += width) {
+    const int64_t first = runs[i], last = runs[i + 1], step = width == 3 ? runs[i + 2] : 1;
     const auto room = static_cast<uint64_t>(kMaxPulses - std::ssize(numbers));
-    if (last < first || static_cast<uint64_t>(last) - static_cast<uint64_t>(first) >= room) {
-      table.fail(runs_key,
+    const uint64_t length = static_cast<uint64_t>(last) - static_cast<uint64_t>(first);
+    if (last < first || step < 1 || length % static_cast<uint64_t>(step) != 0 ||
+        length / static_cast<uint64_t>(step) >= room) {
+      table.fail(key,
                  "expected ascending runs of at most " + format_count(kMaxPulses) + " numbers");
     }
-    append_run(first, last, numbers);
+    append_run(first, last, step, numbers);
   }
   return numbers;
 }
 
-/// Like read_numbers() for a field that every ledger has in one of its two forms.
+/// The numbers of the field `key` in any form. Empty where the table has none.
+std::vector<int64_t> read_numbers(const TomlTable& table, std::string_view key) {
+  const std::string runs_key = std::string(key).append(kRunsSuffix);
+  const std::string steps_key = std::string(key).append(kStepsSuffix);
+  if (table.has(key)) return table.integers(key);
+  if (table.has(runs_key)) return read_runs(table, runs_key, 2);
+  return table.has(steps_key) ? read_runs(table, steps_key, 3) : std::vector<int64_t>();
+}
+
+/// Like read_numbers() for a field that every ledger has in one of its forms.
 std::vector<int64_t> read_required_numbers(const TomlTable& table, const std::string& key) {
-  const bool is_there = table.has(key) || table.has(key + std::string(kRunsSuffix));
+  const bool is_there = table.has(key) || table.has(key + std::string(kRunsSuffix)) ||
+                        table.has(key + std::string(kStepsSuffix));
   return is_there ? read_numbers(table, key) : table.integers(key);
 }
 
-/// Long lists are written as runs: a node that left a take of hours misses every later pulse. Short
-/// lists are not, so that earlier versions read all other ledgers.
+/// Long lists are written in their shortest form: a node that left a take of hours misses every
+/// later pulse, and a camera at half the rate misses every second one. Short lists are not, so that
+/// earlier versions read all other ledgers.
 void write_numbers(const std::string& key, const std::vector<int64_t>& numbers,
                    TomlWriter& ledger) {
   constexpr size_t kMaxListed = 1000;
-  if (numbers.size() > kMaxListed) {
-    std::vector<int64_t> runs;
-    for_each_run(numbers, [&](int64_t first, int64_t last) {
-      runs.push_back(first);
-      runs.push_back(last);
-    });
-    if (runs.size() < numbers.size()) {
-      ledger.integers(key + std::string(kRunsSuffix), runs);
-      return;
-    }
+  if (numbers.size() <= kMaxListed) {
+    ledger.integers(key, numbers);
+    return;
   }
-  ledger.integers(key, numbers);
+  std::vector<int64_t> runs, stepped;
+  for_each_run(numbers, [&](int64_t first, int64_t last) {
+    runs.insert(runs.end(), {first, last});
+  });
+  for_each_stepped_run(numbers, [&](int64_t first, int64_t last, int64_t step) {
+    stepped.insert(stepped.end(), {first, last, step});
+  });
+  if (stepped.size() < std::min(runs.size(), numbers.size())) {
+    ledger.integers(key + std::string(kStepsSuffix), stepped);
+  } else if (runs.size() < numbers.size()) {
+    ledger.integers(key + std::string(kRunsSuffix), runs);
+  } else {
+    ledger.integers(key, numbers);
+  }
 }
 
 /// Adds the pulses from `counted` to `commanded`, which the camera's node did not count, as
-/// missing. Omits pulses with a suspect frame. Adds nothing above kMaxAdded pulses, the length of
-/// hours of recording.
+/// missing. Omits pulses with a suspect frame. Adds nothing above kMaxPulses, which no take has.
 void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
-  constexpr int64_t kMaxAdded = 1'000'000;
-  if (commanded - counted > kMaxAdded) return;  // the count is implausible
+  if (commanded > kMaxPulses) return;
   const std::set<int64_t> recorded(camera.suspect.begin(), camera.suspect.end());
   for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
     if (!recorded.contains(pulse)) camera.missing.push_back(pulse);
@@ -345,7 +387,14 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
   for (const SoundLedger& sound : ledger.sounds) write_sound_ledger(sound, file);
   for (const TakeNode& node : ledger.absent_nodes) write_node("absent_node", node, file);
   for (const TakeFile& entry : ledger.files) write_file_entry(entry, file);
-  return io::replace_file(path, with_checksum(file.written()));
+  const std::string text = with_checksum(file.written());
+  if (text.size() > kMaxLedgerBytes) {
+    return io::io_error("write", path,
+                        "the ledger has " + format_count(std::ssize(text)) +
+                            " bytes; expected at most " + format_count(int64_t{kMaxLedgerBytes}),
+                        EFBIG);
+  }
+  return io::replace_file(path, text);
 }
 
 bool PulseSet::contains(int64_t pulse) const {

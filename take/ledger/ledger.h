@@ -125,8 +125,8 @@ std::vector<std::string> problem_lines(const Ledger& ledger);
 /// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);
 
-/// Maximum length of ledger.toml, bytes. The longest lists every second pulse of hours as missing,
-/// for each camera of a large studio: 50 MB.
+/// Maximum length of ledger.toml, bytes. The longest lists many pulses of hours, without any
+/// regularity, as missing for each camera of a large studio: 50 MB.
 inline constexpr uint64_t kMaxLedgerBytes = 64 << 20;
 
 /// Reads ledger.toml, whose first line has the checksum (XXH3) of all following bytes. Ledgers of
@@ -134,7 +134,8 @@ inline constexpr uint64_t kMaxLedgerBytes = 64 << 20;
 /// when the file is missing, damaged or longer than kMaxLedgerBytes.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
-/// Writes ledger.toml with its checksum, with io::replace_file().
+/// Writes ledger.toml with its checksum, with io::replace_file(). Fails with EFBIG, and keeps the
+/// earlier file, when load_ledger() would reject the new one as too long.
 [[nodiscard]] io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
 // Number of frames that a camera exposed, derived from its frame counter.

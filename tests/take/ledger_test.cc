@@ -136,6 +136,71 @@ TEST(Ledger, has_the_pulses_of_hours_without_a_node_in_a_few_lines) {
   EXPECT_EQ(loaded.runt, missing);
 }
 
+TEST(Ledger, of_a_day_in_which_cameras_had_half_the_rate_has_a_few_lines) {
+  constexpr int64_t kDay = 5'000'000;
+  Numbers missing;
+  for (int64_t pulse = 1; pulse < kDay; pulse += 2) {
+    if (pulse % 1'000'001 == 0) --pulse;  // the camera started again
+    missing.push_back(pulse);
+  }
+  const Ledger ledger = ledger_with_missing(3, missing);
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(save_ledger(folder / "ledger.toml", ledger));
+  EXPECT_LT(std::filesystem::file_size(folder / "ledger.toml"), 4096U);
+  EXPECT_EQ(load_ledger(folder / "ledger.toml").cameras, ledger.cameras);
+}
+
+RC_GTEST_PROP(Ledger, has_the_same_long_lists_after_saving_and_loading, ()) {
+  const auto step = rc::gen::element<int64_t>(1, 1, 2, 3, 7);
+  const auto length = *rc::gen::inRange<size_t>(0, 2500);
+  Numbers numbers{*rc::gen::inRange<int64_t>(-9, 9)};
+  while (numbers.size() < length) {
+    const int64_t difference = *step;
+    const auto run = *rc::gen::inRange<size_t>(1, 300);
+    for (size_t i = 0; i < run; ++i) numbers.push_back(numbers.back() + difference);
+  }
+  const test::TemporaryFolder folder;
+  const Ledger ledger = ledger_with_missing(1, numbers);
+  RC_ASSERT(save_ledger(folder / "ledger.toml", ledger).has_value());
+  RC_ASSERT(load_ledger(folder / "ledger.toml").cameras == ledger.cameras);
+}
+
+TEST(Ledger, that_no_program_could_read_replaces_none) {
+  const test::TemporaryFolder folder;
+  ASSERT_TRUE(save_ledger(folder / "ledger.toml", whole_ledger()));
+  Numbers irregular;
+  uint32_t noise = 1;
+  for (int64_t pulse = 5'000'000; irregular.size() < 1'000'000; pulse += 1 + (noise >> 16) % 3) {
+    irregular.push_back(pulse);
+    noise = noise * 1664525 + 1013904223;
+  }
+  const io::Status saved = save_ledger(folder / "ledger.toml", ledger_with_missing(8, irregular));
+  ASSERT_FALSE(saved);
+  EXPECT_EQ(saved.error().code, EFBIG);
+  EXPECT_THAT(saved.error().message, testing::HasSubstr("bytes; expected at most 67,108,864"));
+  EXPECT_EQ(load_ledger(folder / "ledger.toml").verdict(), whole_ledger().verdict());
+}
+
+TEST(Ledger, lists_every_pulse_of_a_node_that_left_a_take_of_hours_when_it_is_merged) {
+  Ledger first{.take = "kendo-07", .commanded = 1'000'002, .sensed = 1'000'002, .cameras = {}};
+  Ledger second{.take = "kendo-07", .commanded = 1, .sensed = std::nullopt, .cameras = {}};
+  second.cameras.push_back(account("cam02", {0}, {}, 1));
+  const Ledger whole = merge({first, second});
+  ASSERT_EQ(whole.cameras.front().missing.size(), 1'000'001U);
+  EXPECT_EQ(whole.cameras.front().missing.front(), 1);
+  EXPECT_EQ(whole.cameras.front().missing.back(), 1'000'001);
+}
+
+TEST(Ledger, rejects_steps_that_are_no_triples_or_do_not_meet_the_last_number) {
+  const std::string before = "take = 'a'\ncommanded = 3\nsensed = 0\nunsensed_steps = ";
+  for (const char* steps : {"[1, 2]", "[2, 1, 1]", "[1, 3, 0]", "[1, 3, -1]", "[1, 4, 2]",
+                            "[0, 10000000, 1]", "[-9223372036854775808, 9223372036854775807, 1]"}) {
+    EXPECT_THROW(parse_ledger(before + steps + "\n", "ledger.toml"), InputError) << steps;
+  }
+  EXPECT_EQ(parse_ledger(before + "[1, 5, 2, 8, 8, 1]\n", "ledger.toml").unsensed,
+            (Numbers{1, 3, 5, 8}));
+}
+
 TEST(Ledger, rejects_runs_that_are_no_pairs_descend_or_are_longer_than_any_take) {
   const std::string before = "take = 'a'\ncommanded = 3\nsensed = 0\nunsensed_runs = ";
   for (const char* runs : {"[1]", "[2, 1]", "[0, 9223372036854775807]",
