@@ -5,8 +5,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
+#include <csignal>
 #include <optional>
 #include <set>
 
@@ -15,6 +18,7 @@
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "take/take_removal.h"
+#include "wire/secret_keys.h"
 
 namespace v3d::take {
 namespace {
@@ -146,6 +150,101 @@ io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths) {
     locks.push_back(*std::move(lock));
   }
   return locks;
+}
+
+namespace {
+
+int open_at(const fs::path& path, int flags) {
+  return io::uninterrupted(
+      [&] { return open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0644); });
+}
+
+std::string text_in(int fd) {
+  std::array<char, 512> text{};
+  const ssize_t size = pread(fd, text.data(), text.size(), 0);
+  return {text.data(), static_cast<size_t>(std::max<ssize_t>(size, 0))};
+}
+
+/// Changes with every start of the PC, and differs between PCs. Empty when it cannot be read.
+std::string boot_id() {
+  const io::UniqueFd fd(open_at("/proc/sys/kernel/random/boot_id", O_RDONLY));
+  if (!fd) return {};
+  const std::string text = text_in(fd.get());
+  return text.substr(0, text.find('\n'));
+}
+
+/// What this process writes into its `.deletion` files. No other process writes the same.
+std::string deletion_text() {
+  static const int64_t number = wire::random_nonce();
+  return this_process() + "\nboot " + boot_id() + "\nlock " + std::to_string(number) + "\n";
+}
+
+/// True when a process of this PC that has ended wrote the text of deletion_text().
+bool is_of_ended_process(const std::string& text) {
+  constexpr std::string_view kStart = "process ";
+  const std::string boot = boot_id();
+  if (!text.starts_with(kStart) || boot.empty()) return false;
+  if (text.find("\nboot " + boot + "\n") == std::string::npos) return false;
+  pid_t pid = 0;
+  const auto parsed = std::from_chars(text.data() + kStart.size(), text.data() + text.size(), pid);
+  return parsed.ec == std::errc() && pid > 0 && kill(pid, 0) != 0 && errno == ESRCH;
+}
+
+bool may_not_write(int error) { return error == EROFS || error == EACCES || error == EPERM; }
+bool is_full(int error) { return error == ENOSPC || error == EDQUOT; }
+
+/// Opens an existing `.deletion` file, for writing if possible. Fails with EEXIST or EDEADLK while
+/// a process has the lock, and with ENOENT when there is no file.
+io::Result<io::UniqueFd> open_left_file(const fs::path& path, const std::string& own) {
+  io::UniqueFd fd(open_at(path, O_RDWR));
+  if (!fd && may_not_write(errno)) fd.reset(open_at(path, O_RDONLY));
+  if (!fd) return io::io_error("lock", path);
+  const std::string text = text_in(fd.get());
+  if (text.starts_with(own)) {
+    return io::io_error("lock", path, "this process has locked it", EDEADLK);
+  }
+  const bool is_held = !is_of_ended_process(text) ||
+                       (flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK);
+  if (!is_held) return fd;
+  return io::io_error("lock", path,
+                      holder_in(fd.get()) +
+                          " deletes this take, or needs it as a copy; if that process has ended, "
+                          "remove this file",
+                      EEXIST);
+}
+
+}  // namespace
+
+io::Result<DeletionLock> DeletionLock::acquire(const TakePaths& paths) {
+  const fs::path path = paths.folder / ".deletion";
+  const std::string own = deletion_text();
+  const auto held = [&](io::UniqueFd fd) {
+    static_cast<void>(pwrite(fd.get(), own.data(), own.size(), 0) > 0);
+    return DeletionLock(path, std::move(fd));
+  };
+  for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
+    io::UniqueFd created(open_at(path, O_RDWR | O_CREAT | O_EXCL));
+    const int error = errno;
+    if (created) {
+      static_cast<void>(flock(created.get(), LOCK_EX | LOCK_NB));  // for open_left_file()
+      return held(std::move(created));
+    }
+    if (error != EEXIST && !may_not_write(error) && !is_full(error)) {
+      return io::io_error("lock", path);
+    }
+    auto left = open_left_file(path, own);
+    const bool is_absent = !left && left.error().code == ENOENT;
+    if (!left && !is_absent) return tl::make_unexpected(left.error());
+    if (is_absent && error != EEXIST) return DeletionLock({}, {});
+    if (is_absent || !is_current(left->get(), path)) continue;  // its holder has just ended
+    if ((fcntl(left->get(), F_GETFL) & O_ACCMODE) == O_RDONLY) return DeletionLock({}, {});
+    return held(*std::move(left));
+  }
+  return io::io_error("lock", path, "other processes create and remove it repeatedly", EAGAIN);
+}
+
+DeletionLock::~DeletionLock() {
+  if (fd_ && is_current(fd_.get(), path_)) remove_working_file(path_);
 }
 
 }  // namespace v3d::take

@@ -1,4 +1,4 @@
-// A child process that holds the lock of a node on a take.
+// A child process that holds a lock of a take.
 #pragma once
 
 #include <sys/wait.h>
@@ -16,13 +16,17 @@ namespace v3d::test {
 class LockHolder {
  public:
   /// Returns when the process holds the lock. Throws std::runtime_error when it does not get it.
-  LockHolder(const take::TakePaths& paths, const std::string& node) {
+  LockHolder(const take::TakePaths& paths, const std::string& node)
+      : LockHolder([&] { return take::TakeLock::acquire(paths, node); }) {}
+  /// The same for what `acquire` returns in the process: false when it is not granted.
+  template <class Acquire>
+  explicit LockHolder(Acquire acquire) {
     int ends[2];
     if (pipe(ends) != 0) throw std::runtime_error("pipe");
     const io::UniqueFd reader(ends[0]);
     io::UniqueFd writer(ends[1]);
     pid_ = fork();
-    if (pid_ == 0) hold(paths, node, writer.get());
+    if (pid_ == 0) hold(acquire, writer.get());
     writer.reset();
     char held = 0;
     if (read(reader.get(), &held, 1) != 1) throw std::runtime_error("the lock was not granted");
@@ -41,8 +45,9 @@ class LockHolder {
   }
 
  private:
-  [[noreturn]] static void hold(const take::TakePaths& paths, const std::string& node, int report) {
-    const auto lock = take::TakeLock::acquire(paths, node);
+  template <class Acquire>
+  [[noreturn]] static void hold(const Acquire& acquire, int report) {
+    const auto lock = acquire();
     if (!lock || write(report, "x", 1) != 1) _exit(1);
     for (;;) pause();
   }

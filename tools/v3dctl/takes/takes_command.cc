@@ -2,15 +2,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "common/console.h"
-#include "take/ledger/take_account.h"
 #include "take/ledger/take_signature.h"
-#include "take/take_lock.h"
+#include "take/take_deletion.h"
 #include "take/take_removal.h"
-#include "take/take_transfer.h"
 #include "v3dctl/options.h"
 #include "v3dctl/takes/collect.h"
 #include "v3dctl/takes/named_takes.h"
@@ -165,41 +164,6 @@ struct DeleteArguments {
   bool yes = false;
 };
 
-[[noreturn]] void refuse_unverified(const take::TakeListing& take) {
-  throw InputError(take.info.name + " is not verified, or has changed since: v3dctl verify " +
-                   take.paths.folder.string());
-}
-
-/// Throws InputError for a take that must not be deleted.
-void require_deletable(const take::TakeListing& take) {
-  const std::string& name = take.info.name;
-  if (take.info.state == take::TakeState::kRecording) {
-    throw InputError(name + " is being recorded, or was not closed: v3dctl verify --recover " +
-                     take.paths.folder.string());
-  }
-  if (!take.examined) refuse_unverified(take);
-  if (take.slate.mark == take::Mark::kCircled) {
-    throw InputError(name + " is circled: v3dctl takes clear " + name);
-  }
-  if (const io::Status removable = check_removable(take.paths); !removable) {
-    io::throw_input_error(removable.error());
-  }
-}
-
-/// Reads the copy back from its disk. Throws InputError when it is incomplete, and reports the
-/// missing files.
-void require_copy(const take::TakeListing& take, const fs::path& copies) {
-  const auto verified = load_verified(take.paths);
-  if (!verified) refuse_unverified(take);
-  const take::TakePaths copy{copies / take.info.name};
-  const std::vector<std::string> missing = missing_in_copy(take.paths, *verified, copy);
-  if (missing.empty()) return;
-  for (const std::string& text : missing) note(text);
-  throw InputError(take.info.name + " is not deleted: its copy in " + copies.string() +
-                   " is incomplete; move " + copy.folder.string() +
-                   " away, then v3dctl takes collect copies the take again");
-}
-
 std::vector<take::InterruptedDeletion> interrupted_in(const fs::path& folder) {
   return io::value_or_throw(take::interrupted_deletions(folder));
 }
@@ -237,7 +201,7 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   const std::vector<take::TakeListing> takes = named_takes(line, *arguments.takes);
   double bytes = 0;
   for (const take::TakeListing& take : takes) {
-    require_deletable(take);
+    take::require_deletable(take);
     bytes += static_cast<double>(take.bytes);
   }
   if (!arguments.yes) {
@@ -245,15 +209,12 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
     throw InputError(format_bytes(bytes) +
                      " would be deleted permanently; add --yes to delete them");
   }
-  std::vector<std::vector<take::TakeLock>> locks;  // until all takes are deleted
+  std::vector<take::TakePaths> paths;
+  for (const take::TakeListing& take : takes) paths.push_back(take.paths);
+  take::TakeDeletion deletion(std::move(paths), arguments.copy);
+  deletion.compare([](const std::string& text) { note(text); });
   for (const take::TakeListing& take : takes) {
-    locks.push_back(io::value_or_throw(lock_whole_take(take.paths)));
-  }
-  for (const take::TakeListing& take : takes) {
-    if (!arguments.no_copy) require_copy(take, arguments.copy);
-  }
-  for (const take::TakeListing& take : takes) {
-    io::throw_if_failed(delete_take(take.paths));
+    deletion.remove(take.paths);
     std::printf("deleted %s\n", take.info.name.c_str());
   }
   finish_deletions(folder);
