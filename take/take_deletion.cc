@@ -85,6 +85,10 @@ void TakeDeletion::lock_copies() {
                        " has no copy of it");
     }
     auto lock = DeletionLock::acquire(copy);
+    if (!lock && lock.error().code == EDEADLK) {
+      throw InputError(take.folder.string() + " is not deleted: " + copy.folder.string() +
+                       " is the take itself by another path, not a copy");
+    }
     deletion_locks_.push_back(io::value_or_throw(std::move(lock)));
     take_locks_.push_back(lock_copy(copy));
   }

@@ -1,7 +1,11 @@
 #include "take/take_deletion.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <functional>
 #include <memory>
@@ -21,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
+
+constexpr const char* kOtherMount = "/other-mount/";  ///< paths that stat() sees on another device
 
 /// The verified takes kendo-07 and kendo-08 of a node, and their copies in an archive.
 class TakeDeletions : public testing::Test {
@@ -197,5 +203,27 @@ TEST(DeletionLocks, do_not_exclude_where_no_file_can_be_created) {
   EXPECT_FALSE(lock->excludes());
 }
 
+/// A second mount of the folder of takes, as NFS of the PC's own export: the same files with
+/// another device number.
+TEST_F(TakeDeletions, are_rejected_with_the_take_itself_through_another_mount_as_the_copy) {
+  const fs::path mount = folder_ / "other-mount";
+  fs::create_directories(mount);
+  fs::create_directory_symlink(node_, mount / "takes");
+  ASSERT_FALSE(fs::equivalent(node_ / "kendo-07", mount / "takes/kendo-07"));
+  EXPECT_THAT(error_of_construction(on_node(), mount / "takes"),
+              HasSubstr("node/kendo-07 is not deleted: " + (mount / "takes/kendo-07").string() +
+                        " is the take itself by another path, not a copy"));
+}
+
 }  // namespace
 }  // namespace v3d::take
+
+/// Replaces that of the C library: another device for files below kOtherMount.
+extern "C" int stat(const char* path, struct stat* status) {
+  const auto result = static_cast<int>(syscall(SYS_newfstatat, AT_FDCWD, path, status, 0));
+  if (result == 0 &&
+      std::string_view(path).find(v3d::take::kOtherMount) != std::string_view::npos) {
+    ++status->st_dev;
+  }
+  return result;
+}
