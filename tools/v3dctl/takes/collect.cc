@@ -4,6 +4,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "base/core/error.h"
@@ -15,6 +16,8 @@
 #include "take/ledger/take_account.h"
 #include "take/take_files.h"
 #include "take/take_transfer.h"
+#include "v3dctl/reconstruct/pending_mesh_file.h"
+#include "v3dctl/takes/node_takes.h"
 
 namespace v3d::ctl {
 namespace {
@@ -28,15 +31,30 @@ void remove_copies(const fs::path& folder) {
   if (error) throw fs::filesystem_error("cannot remove", folder, error);
 }
 
-/// Name of the take in a line of rsync --list-only, or "". The path is the last word:
-/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
-std::string take_in_listing(const std::string& line) {
-  const size_t space = line.rfind(' ');
-  const fs::path path = space == std::string::npos ? line : line.substr(space + 1);
-  const bool marks_take = path.filename() == "take.toml" || path.filename() == "mesh.v3d";
-  const std::string name = path.parent_path();
-  return marks_take && is_file_name(name) ? name : "";
-}
+/// A hidden folder of this process in the staging folder, for files that it needs for a moment.
+/// Removes the folder, and the staging folder if it is empty then.
+class RunFolder {
+ public:
+  /// `staging`: relative to `to`. Throws std::runtime_error when it cannot be created.
+  RunFolder(const fs::path& to, const fs::path& staging)
+      : name_(staging / (".run-" + process_suffix())), path_(to / name_) {
+    io::throw_if_failed(io::create_folders(path_));
+  }
+  ~RunFolder() {
+    std::error_code ignored;  // a remaining folder has no effect
+    fs::remove_all(path_, ignored);
+    fs::remove(path_.parent_path(), ignored);
+  }
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
+
+  /// Relative to the folder of the copies.
+  const fs::path& name() const { return name_; }
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path name_, path_;
+};
 
 /// The files of a take that only the receiver has, by the output of rsync --dry-run --delete
 /// --itemize-changes: "*deleting   cam01.0001.lcmlog". Without folders, and without temporary
@@ -61,7 +79,7 @@ class Collector {
 
   std::vector<CollectedTake> run() {
     io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
-    for (const NodeFolder& source : request_.sources) list(source);
+    read_sources();
     require_takes();
     std::vector<CollectedTake> collected;
     for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
@@ -71,7 +89,9 @@ class Collector {
  private:
   using Sources = std::vector<const NodeFolder*>;
 
-  fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
+  static constexpr const char* kStaging = ".collect";
+  fs::path stage(const std::string& take) const { return request_.to / kStaging / take; }
+  take::TakePaths place_of(const std::string& take) const { return {request_.to / take}; }
   /// The leading dots exclude a collision with the folder of a node.
   static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
   static fs::path incoming(const fs::path& staged) { return staged / ".incoming"; }
@@ -81,24 +101,56 @@ class Collector {
     return names.empty() || std::find(names.begin(), names.end(), take) != names.end();
   }
 
-  void list(const NodeFolder& source) {
-    // The first pattern has no slash at its end: rsync omits without a message what it cannot
-    // examine and what is excluded as a file.
-    const ProcessResult listed =
-        rsync_.run({"--recursive", "--list-only", "--include=/*", "--include=/*/take.toml",
-                    "--include=/*/mesh.v3d", "--exclude=*"},
-                   {source.place + "/"}, Output::kCapture);
-    if (listed.status != 0) {
-      throw InputError("cannot list the takes of " + source.node + " at " + source.place +
-                       " (rsync ended with status " + std::to_string(listed.status) +
-                       "); to skip the node, name the others with --from");
+  /// Lists the takes of all nodes, and compares those that the folder has with their copies.
+  void read_sources() {
+    const RunFolder own(fs::absolute(request_.to), kStaging);
+    for (const NodeFolder& source : request_.sources) {
+      const NodeTakes found = list_node_takes(rsync_, source, own.name());
+      if (found.has_probe) {
+        throw InputError("--to " + request_.to.string() + ": is the folder of takes of " +
+                         source.node +
+                         " itself; name another folder, or the other nodes with "
+                         "--from");
+      }
+      for (const std::string& take : found.takes) {
+        if (is_requested(take)) takes_[take].push_back(&source);
+      }
+      compare_copies(source, found.recorded, own.path() / source.node);
     }
-    std::istringstream lines(listed.output);
-    for (std::string line; std::getline(lines, line);) {
-      const std::string take = take_in_listing(line);
-      if (take.empty() || !is_requested(take)) continue;
-      Sources& sources = takes_[take];
-      if (sources.empty() || sources.back() != &source) sources.push_back(&source);
+  }
+
+  /// Compares the takes of a node with those of their names in the folder of the copies. `into`: a
+  /// new folder for take.toml and ledger.toml of the takes.
+  void compare_copies(const NodeFolder& source, const std::set<std::string>& recorded,
+                      const fs::path& into) {
+    std::set<std::string> both;
+    for (const std::string& take : recorded) {
+      if (is_requested(take) && file_exists(place_of(take).info())) both.insert(take);
+    }
+    if (both.empty()) return;
+    io::throw_if_failed(io::create_folders(into));
+    fetch_summaries(rsync_, source, both, into);
+    for (const std::string& take : both) {
+      std::string& difference = differences_[take];
+      if (difference.empty()) difference = difference_of(take, source, {into / take});
+    }
+  }
+
+  /// Why a copy is not that of the part of a node; empty: it is, or cannot be read, which
+  /// earlier_verification() reports.
+  std::string difference_of(const std::string& take, const NodeFolder& source,
+                            const take::TakePaths& fetched) const {
+    std::optional<TakeSummary> copy;
+    try {
+      copy = read_summary(place_of(take));
+    } catch (const InputError&) {
+      return "";
+    }
+    try {
+      return difference_from_copy(read_summary(fetched), source.node, *copy, place_of(take).folder);
+    } catch (const InputError&) {
+      return "cannot read take.toml of " + source.node + ", to compare it with " +
+             place_of(take).folder.string();
     }
   }
 
@@ -111,9 +163,11 @@ class Collector {
   CollectedTake collect(const std::string& take, const Sources& sources) {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
-    const take::TakePaths place{request_.to / take};
+    const take::TakePaths place = place_of(take);
     if (file_exists(place.info())) {
       result.was_there = true;
+      result.problem = differences_[take];
+      if (!result.problem.empty()) return result;
       result.verification = earlier_verification(place);
       try {
         reject_parts_of_others(take, sources);
@@ -349,6 +403,9 @@ class Collector {
   const CollectRequest& request_;
   const Rsync rsync_;
   std::map<std::string, Sources> takes_;
+  /// By the name of a take: why the take in the folder of the copies is not that of the nodes.
+  /// Empty: it is.
+  std::map<std::string, std::string> differences_;
 };
 
 }  // namespace

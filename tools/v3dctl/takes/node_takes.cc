@@ -1,0 +1,129 @@
+#include "v3dctl/takes/node_takes.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <sstream>
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "base/core/time.h"
+#include "common/console.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Path in a line of rsync --list-only. It is the last word:
+/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
+fs::path path_in_listing(const std::string& line) {
+  const size_t space = line.rfind(' ');
+  return space == std::string::npos ? line : line.substr(space + 1);
+}
+
+bool are_of_one_minute(RealtimeInstant a, RealtimeInstant b) {
+  constexpr int64_t kMinuteNs = 60'000'000'000;
+  return std::abs(to_ns(a) - to_ns(b)) < kMinuteNs;
+}
+
+/// Has the copy a log of a camera of the part, with the same content? Empty: no log is in both
+/// ledgers with a checksum. Logs without a byte say nothing.
+std::optional<bool> has_log_of(const TakeSummary& part, const TakeSummary& copy) {
+  if (!part.ledger || !copy.ledger) return std::nullopt;
+  std::optional<bool> found;
+  for (const std::string& camera : part.info.cameras) {
+    const std::string name = take::TakePaths{}.frames(camera);
+    const take::TakeFile* recorded = part.ledger->file(name);
+    const take::TakeFile* copied = copy.ledger->file(name);
+    if (!recorded || recorded->bytes == 0 || !recorded->checksum) continue;
+    if (!copied || !copied->checksum) continue;
+    if (*copied->checksum == *recorded->checksum) return true;
+    found = false;
+  }
+  return found;
+}
+
+bool are_of_one_take(const TakeSummary& part, const TakeSummary& copy) {
+  if (part.info.started == copy.info.started) return true;
+  return has_log_of(part, copy).value_or(are_of_one_minute(part.info.started, copy.info.started));
+}
+
+std::string time_text(const take::TakeInfo& info) {
+  return local_time(info.started, "%Y-%m-%d %H:%M:%S");
+}
+
+}  // namespace
+
+NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source, const fs::path& probe) {
+  // The first pattern has no slash at its end: rsync omits without a message what it cannot
+  // examine and what is excluded as a file.
+  const ProcessResult listed =
+      rsync.run({"--recursive", "--list-only", "--include=/*", "--include=/*/take.toml",
+                 "--include=/*/mesh.v3d", "--include=/" + probe.string(), "--exclude=*"},
+                {source.place + "/"}, Output::kCapture);
+  if (listed.status != 0) {
+    throw InputError("cannot list the takes of " + source.node + " at " + source.place +
+                     " (rsync ended with status " + std::to_string(listed.status) +
+                     "); to skip the node, name the others with --from");
+  }
+  NodeTakes found;
+  std::istringstream lines(listed.output);
+  for (std::string line; std::getline(lines, line);) {
+    const fs::path path = path_in_listing(line);
+    const std::string take = path.parent_path(), file = path.filename();
+    if (path == probe) found.has_probe = true;
+    if ((file != "take.toml" && file != "mesh.v3d") || !is_file_name(take)) continue;
+    found.takes.insert(take);
+    if (file == "take.toml") found.recorded.insert(take);
+  }
+  return found;
+}
+
+TakeSummary read_summary(const take::TakePaths& paths) {
+  TakeSummary summary{.info = load_take_info(paths), .ledger = {}};
+  try {
+    summary.ledger = take::load_ledger(paths.ledger());
+  } catch (const InputError&) {  // missing, damaged, or of another version
+  }
+  return summary;
+}
+
+void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
+                     const std::set<std::string>& takes, const fs::path& into) {
+  constexpr int kSomeFilesFailed = 23, kSomeFilesVanished = 24;
+  std::vector<std::string> options = {"--recursive"};
+  for (const std::string& take : takes) {
+    for (const char* end : {"", "/take.toml", "/ledger.toml"}) {
+      options.push_back("--include=/" + take + end);
+    }
+  }
+  options.emplace_back("--exclude=*");
+  const int status =
+      rsync.run(options, {source.place + "/", into.string() + "/"}, Output::kShow).status;
+  if (status == 0 || status == kSomeFilesFailed || status == kSomeFilesVanished) return;
+  throw InputError("cannot read the takes of " + source.node + " at " + source.place +
+                   " (rsync ended with status " + std::to_string(status) +
+                   "); to skip the node, name the others with --from");
+}
+
+std::string difference_from_copy(const TakeSummary& part, const std::string& node,
+                                 const TakeSummary& copy, const fs::path& place) {
+  if (!are_of_one_take(part, copy)) {
+    return place.string() + ": is another take of this name, of " + time_text(copy.info) +
+           "; that of " + node + " is of " + time_text(part.info) +
+           ": collect it into another folder (--to)";
+  }
+  if (part.info.state == take::TakeState::kRecording) {
+    return place.string() + ": is a copy from before " + node + " continued the take, which it " +
+           "records, or stopped and has not restarted since";
+  }
+  std::vector<std::string> absent;
+  std::ranges::copy_if(part.info.cameras, std::back_inserter(absent), [&](const auto& camera) {
+    return std::ranges::find(copy.info.cameras, camera) == copy.info.cameras.end();
+  });
+  if (absent.empty()) return "";
+  return place.string() + ": lacks " + join_names(absent) + " of " + node +
+         "; move it to another folder, and repeat the command";
+}
+
+}  // namespace v3d::ctl
