@@ -69,3 +69,43 @@ expect("${err}" "--to ${WORK}/mounted: is the folder of takes of cap01 itself; "
 if(EXISTS ${WORK}/cap01/.collect)
   message(SEND_ERROR "something was left in .collect of a node")
 endif()
+
+# Folders that are no takes are named, and make no takes. A take behind a link is a take.
+simulate(${WORK}/cap02/kendo-08 4)
+simulate(${WORK}/elsewhere/kendo-11 4)
+foreach(odd "old kendo-09" "für-01" ".deleted-kendo-10")
+  file(WRITE "${WORK}/cap02/${odd}/take.toml" "")
+endforeach()
+file(CREATE_LINK ../elsewhere/kendo-11 ${WORK}/cap02/kendo-11 SYMBOLIC)
+file(CREATE_LINK ../not-mounted/kendo-12 ${WORK}/cap02/kendo-12 SYMBOLIC)
+execute_process(COMMAND sh -c "echo mix >\"$(printf '${WORK}/cap02/kendo-08/B\\374ro.txt')\"")
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/links)
+expect_status(0)
+expect("${out}" "note: cap02/B\\?ro.txt: is not copied, [^\n]*\ntake kendo-08: complete, [^\n]*\ntake kendo-11: complete, [^\n]*\n$")
+expect("${err}" "note: cap02: 'old kendo-09' is no name of a take, and is not collected\n")
+expect("${err}" "note: cap02: '[^\n]*-01' is no name of a take, and is not collected\n")
+expect("${err}" "note: cap02: 'kendo-12' is a symbolic link to no folder, and is not collected; is its disk mounted\\?\n")
+if(err MATCHES "deleted-kendo-10" OR "${out}${err}" MATCHES "kendo-09:")
+  message(SEND_ERROR "a folder that is no take was collected, or an interrupted deletion is named: ${out}${err}")
+endif()
+expect_equal_files(${WORK}/links/kendo-11/cam02.lcmlog ${WORK}/elsewhere/kendo-11/cam02.lcmlog)
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/links kendo-11)
+expect_status(0)
+expect("${out}${err}" "^take kendo-11: exists already, complete, [^\n]*\n$")
+# Names of files that are not UTF-8 end no JSON.
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/json kendo-08 --json)
+expect_status(0)
+expect("${out}" "\"notes\": \\[[^]]*\"cap02/B\\?ro.txt: is not copied")
+
+# A leftover that cannot be read does not end the command.
+file(MAKE_DIRECTORY ${WORK}/loop/.collect)
+file(CREATE_LINK kendo-08 ${WORK}/loop/.collect/kendo-08 SYMBOLIC)
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/loop)
+expect_status(3)
+expect("${out}" "^take kendo-08: not collected: [^\n]*Too many levels of symbolic links[^\n]*\ntake kendo-11: complete, ")
+
+# A relative folder with a colon is no host.
+execute_process(COMMAND ${V3DCTL} takes collect --from cap02=${WORK}/cap02 --to 2026-11-29T10:30 kendo-08
+  WORKING_DIRECTORY ${WORK} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
+expect_status(0)
+expect_equal_files(${WORK}/cap02/kendo-08/cam01.lcmlog ${WORK}/2026-11-29T10:30/kendo-08/cam01.lcmlog)

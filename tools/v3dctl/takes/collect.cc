@@ -75,10 +75,13 @@ std::vector<std::string> absent_files(const std::string& itemized) {
 
 class Collector {
  public:
-  explicit Collector(const CollectRequest& request) : request_(request), rsync_(request.rsh) {}
+  explicit Collector(CollectRequest request) : request_(std::move(request)), rsync_(request_.rsh) {
+    // rsync takes a relative path with a colon for a host.
+    request_.to = fs::absolute(request_.to);
+  }
 
   std::vector<CollectedTake> run() {
-    io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
+    io::throw_if_failed(io::create_folders(request_.to));
     read_sources();
     require_takes();
     std::vector<CollectedTake> collected;
@@ -103,7 +106,7 @@ class Collector {
 
   /// Lists the takes of all nodes, and compares those that the folder has with their copies.
   void read_sources() {
-    const RunFolder own(fs::absolute(request_.to), kStaging);
+    const RunFolder own(request_.to, kStaging);
     for (const NodeFolder& source : request_.sources) {
       const NodeTakes found = list_node_takes(rsync_, source, own.name());
       if (found.has_probe) {
@@ -115,7 +118,19 @@ class Collector {
       for (const std::string& take : found.takes) {
         if (is_requested(take)) takes_[take].push_back(&source);
       }
+      if (request_.takes.empty()) note_uncollected(source, found);
       compare_copies(source, found.recorded, own.path() / source.node);
+    }
+  }
+
+  static void note_uncollected(const NodeFolder& source, const NodeTakes& found) {
+    for (const std::string& name : found.odd_names) {
+      note("note: " + source.node + ": '" + printable(name) +
+           "' is no name of a take, and is not collected");
+    }
+    for (const std::string& name : found.broken_links) {
+      note("note: " + source.node + ": '" + name +
+           "' is a symbolic link to no folder, and is not collected; is its disk mounted?");
     }
   }
 
@@ -125,7 +140,7 @@ class Collector {
                       const fs::path& into) {
     std::set<std::string> both;
     for (const std::string& take : recorded) {
-      if (is_requested(take) && file_exists(place_of(take).info())) both.insert(take);
+      if (is_requested(take) && has_copy(take)) both.insert(take);
     }
     if (both.empty()) return;
     io::throw_if_failed(io::create_folders(into));
@@ -134,6 +149,12 @@ class Collector {
       std::string& difference = differences_[take];
       if (difference.empty()) difference = difference_of(take, source, {into / take});
     }
+  }
+
+  /// False also where this cannot be determined, which collect() reports.
+  bool has_copy(const std::string& take) const {
+    const auto type = io::type_of(place_of(take).info());
+    return type && *type != fs::file_type::not_found;
   }
 
   /// Why a copy is not that of the part of a node; empty: it is, or cannot be read, which
@@ -163,34 +184,41 @@ class Collector {
   CollectedTake collect(const std::string& take, const Sources& sources) {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
-    const take::TakePaths place = place_of(take);
-    if (file_exists(place.info())) {
-      result.was_there = true;
-      result.problem = differences_[take];
-      if (!result.problem.empty()) return result;
-      result.verification = earlier_verification(place);
-      try {
-        reject_parts_of_others(take, sources);
-        remove_copies(stage(take));
-      } catch (const InputError& error) {
-        result.verification.disagreements.emplace_back(error.what());
-      }
-      return result;
-    }
     try {
-      reject_parts_of_others(take, sources);
-      std::vector<take::TakePaths> parts;
-      for (const NodeFolder* source : sources) parts.push_back(fetch(take, *source));
-      require_capture_nodes(parts);
-      const take::MeshPart meshes = part_with_most_meshes(parts);
-      if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
-      result.verification = join(take, sources, parts, place);
-      // After the record of the verification, because the copy itself is right.
-      std::ranges::copy(meshes.errors, std::back_inserter(result.verification.disagreements));
+      if (file_exists(place_of(take).info())) {
+        judge_copy(sources, result);
+      } else {
+        copy_take(sources, result);
+      }
     } catch (const std::exception& error) {
       result.problem = error.what();
     }
     return result;
+  }
+
+  void judge_copy(const Sources& sources, CollectedTake& result) {
+    result.was_there = true;
+    result.problem = differences_[result.name];
+    if (!result.problem.empty()) return;
+    result.verification = earlier_verification(place_of(result.name));
+    try {
+      reject_parts_of_others(result.name, sources);
+      remove_copies(stage(result.name));
+    } catch (const std::exception& error) {
+      result.verification.disagreements.emplace_back(error.what());
+    }
+  }
+
+  void copy_take(const Sources& sources, CollectedTake& result) {
+    reject_parts_of_others(result.name, sources);
+    std::vector<take::TakePaths> parts;
+    for (const NodeFolder* source : sources) parts.push_back(fetch(result.name, *source));
+    require_capture_nodes(parts);
+    const take::MeshPart meshes = part_with_most_meshes(parts);
+    if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
+    result.verification = join(result.name, sources, parts, place_of(result.name));
+    // After the record of the verification, because the copy itself is right.
+    std::ranges::copy(meshes.errors, std::back_inserter(result.verification.disagreements));
   }
 
   /// The record of a verification of the copy. A record that cannot be read says nothing.
@@ -283,7 +311,7 @@ class Collector {
     const take::TakePaths described{incoming(stage(take))};
     remove_copies(described.folder);
     for (const fs::path& folder : {part.folder, described.folder}) {
-      io::throw_if_failed(io::create_folders(fs::absolute(folder)));
+      io::throw_if_failed(io::create_folders(folder));
     }
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, described);
@@ -400,7 +428,7 @@ class Collector {
     return verification;
   }
 
-  const CollectRequest& request_;
+  CollectRequest request_;
   const Rsync rsync_;
   std::map<std::string, Sources> takes_;
   /// By the name of a take: why the take in the folder of the copies is not that of the nodes.

@@ -84,6 +84,22 @@ std::string interrupted_text(const std::vector<take::InterruptedDeletion>& delet
          (names.size() == 1 ? " take" : " takes") + " was interrupted: " + join_names(names);
 }
 
+std::vector<std::string> printable_lines(std::vector<std::string> lines) {
+  for (std::string& line : lines) line = printable(line);
+  return lines;
+}
+
+std::string printable_text(const std::string& text) {
+  std::string result;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    result += printable(text.substr(begin, end - begin));
+    if (end < text.size()) result += '\n';
+    begin = end + 1;
+  }
+  return result;
+}
+
 cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
                                   const std::string& description, const std::string& example) {
   cli::Command command = takes.add_subcommand(name, description);

@@ -14,11 +14,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Path in a line of rsync --list-only. It is the last word:
-/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
-fs::path path_in_listing(const std::string& line) {
-  const size_t space = line.rfind(' ');
-  return space == std::string::npos ? line : line.substr(space + 1);
+/// A line of rsync --list-only: "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml". rsync
+/// writes the bytes of a name that are no text as "\#012".
+struct ListedEntry {
+  char type = ' ';  ///< 'd': folder, 'l': link to no folder, as of --copy-dirlinks
+  fs::path path;
+};
+
+/// Empty for a line that is no entry.
+std::optional<ListedEntry> parse_entry(const std::string& line) {
+  size_t end = 0;
+  for (int column = 0; column < 4; ++column) {  // permissions, bytes, date, time
+    end = line.find(' ', line.find_first_not_of(' ', end));
+    if (end == std::string::npos) return std::nullopt;
+  }
+  return ListedEntry{line.front(), line.substr(end + 1)};
+}
+
+/// Adds an entry of the folder of takes to `found`.
+void add_entry(const ListedEntry& entry, NodeTakes& found) {
+  const std::string take = entry.path.parent_path(), file = entry.path.filename();
+  if (take.empty() && entry.type == 'l' && is_file_name(file)) found.broken_links.insert(file);
+  if (take.empty() || take.starts_with('.') || take.find('/') != std::string::npos) return;
+  if (file != "take.toml" && file != "mesh.v3d") return;
+  if (!is_file_name(take)) {
+    found.odd_names.insert(take);
+    return;
+  }
+  found.takes.insert(take);
+  if (file == "take.toml") found.recorded.insert(take);
 }
 
 bool are_of_one_minute(RealtimeInstant a, RealtimeInstant b) {
@@ -57,10 +81,10 @@ std::string time_text(const take::TakeInfo& info) {
 NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source, const fs::path& probe) {
   // The first pattern has no slash at its end: rsync omits without a message what it cannot
   // examine and what is excluded as a file.
-  const ProcessResult listed =
-      rsync.run({"--recursive", "--list-only", "--include=/*", "--include=/*/take.toml",
-                 "--include=/*/mesh.v3d", "--include=/" + probe.string(), "--exclude=*"},
-                {source.place + "/"}, Output::kCapture);
+  const ProcessResult listed = rsync.run(
+      {"--recursive", "--copy-dirlinks", "--list-only", "--include=/*", "--include=/*/take.toml",
+       "--include=/*/mesh.v3d", "--include=/" + probe.string(), "--exclude=*"},
+      {source.place + "/"}, Output::kCapture);
   if (listed.status != 0) {
     throw InputError("cannot list the takes of " + source.node + " at " + source.place +
                      " (rsync ended with status " + std::to_string(listed.status) +
@@ -69,12 +93,10 @@ NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source, const fs
   NodeTakes found;
   std::istringstream lines(listed.output);
   for (std::string line; std::getline(lines, line);) {
-    const fs::path path = path_in_listing(line);
-    const std::string take = path.parent_path(), file = path.filename();
-    if (path == probe) found.has_probe = true;
-    if ((file != "take.toml" && file != "mesh.v3d") || !is_file_name(take)) continue;
-    found.takes.insert(take);
-    if (file == "take.toml") found.recorded.insert(take);
+    const std::optional<ListedEntry> entry = parse_entry(line);
+    if (!entry) continue;
+    if (entry->path == probe) found.has_probe = true;
+    add_entry(*entry, found);
   }
   return found;
 }
@@ -91,7 +113,7 @@ TakeSummary read_summary(const take::TakePaths& paths) {
 void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
                      const std::set<std::string>& takes, const fs::path& into) {
   constexpr int kSomeFilesFailed = 23, kSomeFilesVanished = 24;
-  std::vector<std::string> options = {"--recursive"};
+  std::vector<std::string> options = {"--recursive", "--copy-dirlinks"};
   for (const std::string& take : takes) {
     for (const char* end : {"", "/take.toml", "/ledger.toml"}) {
       options.push_back("--include=/" + take + end);

@@ -17,11 +17,16 @@ namespace v3d::ctl {
 struct NodeTakes {
   std::set<std::string> takes;     ///< takes with a take.toml or a mesh.v3d
   std::set<std::string> recorded;  ///< those with a take.toml
+  /// Folders with a take.toml or a mesh.v3d whose names are no names of takes.
+  std::set<std::string> odd_names;
+  /// Symbolic links to no folder: the disk of their target may not be mounted.
+  std::set<std::string> broken_links;
   /// The folder has the entry `probe`, so it is the folder in which the caller created it.
   bool has_probe = false;
 };
 
-/// Lists the folder of takes of a node. `probe`: a path relative to the folder. Throws InputError
+/// Lists the folder of takes of a node. A symbolic link to the folder of a take is a take, because
+/// operators move takes to other disks. `probe`: a path relative to the folder. Throws InputError
 /// when the folder cannot be listed.
 NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source,
                           const std::filesystem::path& probe);

@@ -277,10 +277,12 @@ std::string text_of_existing(const take::Ledger& ledger, const std::string& name
 }
 
 std::string text_of(const CollectedTake& take) {
-  if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
+  if (!take.problem.empty()) {
+    return "take " + take.name + ": not collected: " + printable_text(take.problem);
+  }
   std::string text;
-  for (const std::string& line : take.verification.disagreements) text += line + "\n";
-  for (const std::string& line : take.verification.notes) text += "note: " + line + "\n";
+  for (const std::string& line : take.verification.disagreements) text += printable(line) + "\n";
+  for (const std::string& line : take.verification.notes) text += "note: " + printable(line) + "\n";
   if (!take.meshes_of.empty()) {
     text += "mesh.v3d of " + take.meshes_of + ", which has most meshes\n";
   }
@@ -294,11 +296,11 @@ Json collected_json(const std::vector<CollectedTake>& takes) {
     list.push_back({{"name", take.name},
                     {"collected", take.problem.empty()},
                     {"was_there", take.was_there},
-                    {"problem", take.problem},
+                    {"problem", printable_text(take.problem)},
                     {"meshes_of", take.meshes_of},
                     {"complete", is_whole(take)},
-                    {"disagreements", take.verification.disagreements},
-                    {"notes", take.verification.notes}});
+                    {"disagreements", printable_lines(take.verification.disagreements)},
+                    {"notes", printable_lines(take.verification.notes)}});
   }
   return {{"takes", list}};
 }

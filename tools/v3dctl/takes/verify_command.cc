@@ -29,6 +29,7 @@
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
+#include "v3dctl/takes/named_takes.h"
 
 namespace v3d::ctl {
 
@@ -79,12 +80,6 @@ Json images_json(const ImageCheckResult& result) {
                     {"shift_px", {displacement.shift.x(), displacement.shift.y()}}});
   }
   return list;
-}
-
-/// File names in a take may have any bytes.
-std::vector<std::string> printable_lines(std::vector<std::string> lines) {
-  for (std::string& line : lines) line = printable(line);
-  return lines;
 }
 
 Json verification_json(const take::Verification& verification) {
