@@ -109,3 +109,49 @@ execute_process(COMMAND ${V3DCTL} takes collect --from cap02=${WORK}/cap02 --to 
   WORKING_DIRECTORY ${WORK} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
 expect_status(0)
 expect_equal_files(${WORK}/cap02/kendo-08/cam01.lcmlog ${WORK}/2026-11-29T10:30/kendo-08/cam01.lcmlog)
+
+# Two commands do not collect one take into one folder: the second is refused while the first copies.
+file(MAKE_DIRECTORY ${WORK}/bin)
+find_program(RSYNC rsync REQUIRED)
+file(WRITE ${WORK}/bin/rsync "#!/bin/sh
+case \" $* \" in *' --inplace '*)
+  if [ ! -e ${WORK}/second ]; then
+    PATH='$ENV{PATH}' ${V3DCTL} takes collect --from cap02=${WORK}/cap02 --to ${WORK}/shared kendo-08 >${WORK}/second
+    echo \"status $?\" >>${WORK}/second
+  fi
+esac
+exec ${RSYNC} \"$@\"
+")
+file(CHMOD ${WORK}/bin/rsync PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
+set(path "$ENV{PATH}")
+set(ENV{PATH} "${WORK}/bin:${path}")
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/shared kendo-08)
+set(ENV{PATH} "${path}")
+expect_status(0)
+file(READ ${WORK}/second second)
+expect("${second}" "^take kendo-08: not collected: cannot lock [^\n]*: process [0-9]+ on [^\n]* has locked it\nstatus 3\n$")
+if(EXISTS ${WORK}/shared/.collect OR NOT EXISTS ${WORK}/shared/kendo-08/take.toml)
+  message(SEND_ERROR "the first command did not collect its take, or left something in .collect")
+endif()
+
+# A part in .collect whose files are also those of a collected take: this take is not changed.
+file(MAKE_DIRECTORY ${WORK}/shared/.collect/kendo-08/cap02)
+execute_process(COMMAND cp -al ${WORK}/shared/kendo-08/. ${WORK}/shared/.collect/kendo-08/cap02)
+file(MAKE_DIRECTORY ${WORK}/shared/best)
+file(RENAME ${WORK}/shared/kendo-08 ${WORK}/shared/best/kendo-08)
+file(COPY ${WORK}/cap02/kendo-08/cam01.lcmlog DESTINATION ${WORK}/intact)
+execute_process(COMMAND sh -c "printf X | dd of=${WORK}/cap02/kendo-08/cam01.lcmlog bs=1 seek=2000 conv=notrunc status=none")
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/shared kendo-08)
+expect_status(3)
+expect_equal_files(${WORK}/shared/best/kendo-08/cam01.lcmlog ${WORK}/intact/cam01.lcmlog)
+expect_equal_files(${WORK}/shared/kendo-08/cam01.lcmlog ${WORK}/cap02/kendo-08/cam01.lcmlog)
+file(COPY ${WORK}/intact/cam01.lcmlog DESTINATION ${WORK}/cap02/kendo-08)
+
+# A folder in the place of the copy is reported before anything is copied.
+file(WRITE ${WORK}/occupied/kendo-08/notes.txt "")
+v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/occupied kendo-08)
+expect_status(3)
+expect("${out}" "not collected: ${WORK}/occupied/kendo-08: exists, and has no take.toml; move it out of the folder\n$")
+if(EXISTS ${WORK}/occupied/.collect)
+  message(SEND_ERROR "a take was copied that has no place")
+endif()

@@ -16,45 +16,13 @@
 #include "take/ledger/take_account.h"
 #include "take/take_files.h"
 #include "take/take_transfer.h"
-#include "v3dctl/reconstruct/pending_mesh_file.h"
 #include "v3dctl/takes/node_takes.h"
+#include "v3dctl/takes/staging_folder.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Removes a part of the staging folder. Throws std::filesystem::filesystem_error.
-void remove_copies(const fs::path& folder) {
-  const std::error_code error =
-      io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(folder, code); });
-  if (error) throw fs::filesystem_error("cannot remove", folder, error);
-}
-
-/// A hidden folder of this process in the staging folder, for files that it needs for a moment.
-/// Removes the folder, and the staging folder if it is empty then.
-class RunFolder {
- public:
-  /// `staging`: relative to `to`. Throws std::runtime_error when it cannot be created.
-  RunFolder(const fs::path& to, const fs::path& staging)
-      : name_(staging / (".run-" + process_suffix())), path_(to / name_) {
-    io::throw_if_failed(io::create_folders(path_));
-  }
-  ~RunFolder() {
-    std::error_code ignored;  // a remaining folder has no effect
-    fs::remove_all(path_, ignored);
-    fs::remove(path_.parent_path(), ignored);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-
-  /// Relative to the folder of the copies.
-  const fs::path& name() const { return name_; }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path name_, path_;
-};
 
 /// The files of a take that only the receiver has, by the output of rsync --dry-run --delete
 /// --itemize-changes: "*deleting   cam01.0001.lcmlog". Without folders, and without temporary
@@ -75,10 +43,10 @@ std::vector<std::string> absent_files(const std::string& itemized) {
 
 class Collector {
  public:
-  explicit Collector(CollectRequest request) : request_(std::move(request)), rsync_(request_.rsh) {
-    // rsync takes a relative path with a colon for a host.
-    request_.to = fs::absolute(request_.to);
-  }
+  explicit Collector(CollectRequest request)
+      : request_(with_absolute_folder(std::move(request))),
+        staging_(request_.to),
+        rsync_(request_.rsh) {}
 
   std::vector<CollectedTake> run() {
     io::throw_if_failed(io::create_folders(request_.to));
@@ -86,14 +54,20 @@ class Collector {
     require_takes();
     std::vector<CollectedTake> collected;
     for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
+    staging_.remove_if_empty();
     return collected;
   }
 
  private:
   using Sources = std::vector<const NodeFolder*>;
 
-  static constexpr const char* kStaging = ".collect";
-  fs::path stage(const std::string& take) const { return request_.to / kStaging / take; }
+  /// rsync takes a relative path with a colon for a host.
+  static CollectRequest with_absolute_folder(CollectRequest request) {
+    request.to = fs::absolute(request.to);
+    return request;
+  }
+
+  fs::path stage(const std::string& take) const { return staging_.of(take); }
   take::TakePaths place_of(const std::string& take) const { return {request_.to / take}; }
   /// The leading dots exclude a collision with the folder of a node.
   static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
@@ -106,17 +80,18 @@ class Collector {
 
   /// Lists the takes of all nodes, and compares those that the folder has with their copies.
   void read_sources() {
-    const RunFolder own(request_.to, kStaging);
+    const RunFolder own(request_.to);
     for (const NodeFolder& source : request_.sources) {
       const NodeTakes found = list_node_takes(rsync_, source, own.name());
       if (found.has_probe) {
         throw InputError("--to " + request_.to.string() + ": is the folder of takes of " +
                          source.node +
-                         " itself; name another folder, or the other nodes with "
-                         "--from");
+                         " itself; name another folder, or the other nodes with --from");
       }
       for (const std::string& take : found.takes) {
-        if (is_requested(take)) takes_[take].push_back(&source);
+        if (!is_requested(take)) continue;
+        takes_[take].push_back(&source);
+        if (has_copy(take)) existing_.insert(take);
       }
       if (request_.takes.empty()) note_uncollected(source, found);
       compare_copies(source, found.recorded, own.path() / source.node);
@@ -140,7 +115,7 @@ class Collector {
                       const fs::path& into) {
     std::set<std::string> both;
     for (const std::string& take : recorded) {
-      if (is_requested(take) && has_copy(take)) both.insert(take);
+      if (existing_.contains(take)) both.insert(take);
     }
     if (both.empty()) return;
     io::throw_if_failed(io::create_folders(into));
@@ -185,6 +160,7 @@ class Collector {
     CollectedTake result{
         .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
     try {
+      const take::TakeLock lock = staging_.lock(take);
       if (file_exists(place_of(take).info())) {
         judge_copy(sources, result);
       } else {
@@ -198,6 +174,9 @@ class Collector {
 
   void judge_copy(const Sources& sources, CollectedTake& result) {
     result.was_there = true;
+    if (!existing_.contains(result.name)) {
+      throw InputError("another process has just collected it; repeat the command to compare it");
+    }
     result.problem = differences_[result.name];
     if (!result.problem.empty()) return;
     result.verification = earlier_verification(place_of(result.name));
@@ -210,7 +189,9 @@ class Collector {
   }
 
   void copy_take(const Sources& sources, CollectedTake& result) {
+    reject_other_folder(place_of(result.name));
     reject_parts_of_others(result.name, sources);
+    remove_copies(joined(stage(result.name)));
     std::vector<take::TakePaths> parts;
     for (const NodeFolder* source : sources) parts.push_back(fetch(result.name, *source));
     require_capture_nodes(parts);
@@ -275,6 +256,13 @@ class Collector {
     }
   }
 
+  /// Throws InputError when the place of the copy has a folder that is no take.
+  static void reject_other_folder(const take::TakePaths& place) {
+    if (io::value_or_throw(io::entry_type_of(place.folder)) == fs::file_type::not_found) return;
+    throw InputError(place.folder.string() +
+                     ": exists, and has no take.toml; move it out of the folder");
+  }
+
   /// Throws InputError when an earlier run has left a part of a node that is not collected from
   /// now: it may be the last copy of its frames. It is neither joined nor removed.
   void reject_parts_of_others(const std::string& take, const Sources& sources) const {
@@ -324,6 +312,7 @@ class Collector {
     }
     remove_copies(described.folder);
     reject_other_files(source, from, part);
+    remove_shared_names(part.folder);
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
     std::vector<std::string> options = {"--inplace",
@@ -412,7 +401,6 @@ class Collector {
                           const std::vector<take::TakePaths>& parts, const take::TakePaths& place) {
     const fs::path staged = stage(take);
     const take::TakePaths whole{joined(staged)};
-    remove_copies(whole.folder);
     join_parts(parts, whole);
     take::Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
@@ -422,15 +410,19 @@ class Collector {
     // Before the rename: after a power cut, a take with its final name is whole.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
-    remove_copies(staged);
-    std::error_code not_empty;
-    fs::remove(staged.parent_path(), not_empty);
+    try {
+      remove_copies(staged);
+    } catch (const fs::filesystem_error& error) {  // the take is collected
+      verification.notes.emplace_back(error.what());
+    }
     return verification;
   }
 
-  CollectRequest request_;
+  const CollectRequest request_;
+  const StagingFolder staging_;
   const Rsync rsync_;
   std::map<std::string, Sources> takes_;
+  std::set<std::string> existing_;  ///< takes that the folder of the copies had at the start
   /// By the name of a take: why the take in the folder of the copies is not that of the nodes.
   /// Empty: it is.
   std::map<std::string, std::string> differences_;
