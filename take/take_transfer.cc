@@ -10,6 +10,7 @@
 #include "base/core/text.h"
 #include "base/core/time.h"
 #include "base/io/file.h"
+#include "take/joined_slate.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/take_signature.h"
@@ -146,12 +147,11 @@ void link_folder(const fs::path& from, const fs::path& to) {
   }
 }
 
-/// Links the files that are not specific to a camera: calibration, studio file, slate, signatures,
-/// lists of repaired pulses, plates, sound.
+/// Links the files that are not specific to a camera: calibration, studio file, signatures, lists
+/// of repaired pulses, plates, sound.
 void link_shared_files(const TakePaths& part, const TakePaths& into) {
   link_if_present(part.calib(), into.calib());
   link_if_present(part.studio(), into.studio());
-  link_if_present(part.slate(), into.slate());
   for (const std::string& name : io::value_or_throw(take_file_names(part))) {
     if (!is_signature(name) && !is_repaired_pulses(name)) continue;
     link_if_present(part.folder / name, into.folder / name);
@@ -244,6 +244,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
     ledgers.push_back(part.ledger);
   }
   for (const TakePaths& part : parts) link_shared_files(part, into);
+  io::throw_if_failed(join_slates(parts, into));
   if (const TakePaths* meshes = part_with_most_meshes(parts).part) {
     link_if_present(meshes->mesh(), into.mesh());
     link_if_present(meshes->proxy(), into.proxy());

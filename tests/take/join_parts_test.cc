@@ -9,6 +9,7 @@
 #include "support/message_of.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
+#include "take/joined_slate.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/logs/frame_log.h"
@@ -279,6 +280,31 @@ TEST_F(JoinParts, leaves_out_and_names_folders_that_are_no_part_of_a_take) {
   EXPECT_FALSE(std::filesystem::exists(whole_.background() / "old"));
   EXPECT_THAT(files_not_joined({part("recon01"), part("cap01"), part("cap02")}, whole_),
               ElementsAre("cap01/background/old/", "cap01/kendo-08/"));
+}
+
+TEST_F(JoinParts, has_the_slates_of_all_nodes) {
+  join();
+  EXPECT_FALSE(std::filesystem::exists(whole_.slate()));
+  std::filesystem::remove_all(whole_.folder);
+  test::write_text(part("cap01").slate(), "scene = '12'\nnote = 'slips'\n");
+  test::write_text(part("cap02").slate(), "mark = 'circled'\nnote = 'use the second attack'\n");
+  join();
+  EXPECT_EQ(load_slate(whole_.slate()).text(),
+            "scene 12, circled, slips; cap02: use the second attack");
+}
+
+TEST_F(JoinParts, reports_a_slate_that_cannot_be_read) {
+  const std::vector<TakePaths> parts = {part("cap01"), part("cap02")};
+  test::write_text(part("cap01").slate(), "mark = 'good'\n");
+  join_parts(parts, whole_);
+  EXPECT_EQ(read_file(whole_.slate()), "mark = 'good'\n") << "there is no other";
+  EXPECT_THAT(slates_not_joined(parts, whole_), IsEmpty());
+  std::filesystem::remove_all(whole_.folder);
+  test::write_text(part("cap02").slate(), "mark = 'circled'\n");
+  join_parts(parts, whole_);
+  EXPECT_EQ(load_slate(whole_.slate()).mark, Mark::kCircled);
+  EXPECT_THAT(slates_not_joined(parts, whole_),
+              ElementsAre(HasSubstr("cap01/slate.toml: is not copied: ")));
 }
 
 TEST_F(JoinParts, has_the_lists_of_repaired_pulses_of_all_nodes) {

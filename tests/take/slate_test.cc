@@ -4,6 +4,7 @@
 #include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "take/joined_slate.h"
 #include "take/take_listing.h"
 
 namespace v3d::take {
@@ -43,6 +44,43 @@ TEST(Slate, reports_the_invalid_field) {
               testing::HasSubstr("slate.toml:1: mark: expected"));
   EXPECT_THAT(error_message("scene = 12\n"), testing::HasSubstr("slate.toml:1: scene: expected"));
   EXPECT_THAT(error_message("actor = \"Li\"\n"), testing::HasSubstr("actor"));
+}
+
+TEST(MergedSlate, has_the_fields_of_all_and_names_the_nodes_where_they_differ) {
+  const Slate merged = merged_slate(
+      {{"cap01", {.scene = {}, .take = "3", .note = "slips", .mark = Mark::kRejected}},
+       {"cap02", {.scene = "12", .take = "4", .note = "second attack", .mark = Mark::kCircled}},
+       {"cap03", {.scene = "12", .take = {}, .note = "slips", .mark = Mark::kNone}}});
+  EXPECT_EQ(merged, (Slate{.scene = "12",
+                           .take = "3",
+                           .note = "slips; cap01: rejected; cap02: take 4, second attack",
+                           .mark = Mark::kCircled}));
+}
+
+/// A circled take is not deleted, whatever another PC says.
+TEST(MergedSlate, loses_no_text_and_no_circle_of_any_node) {
+  const std::vector<std::string> texts = {"", "12", "a slip"};
+  std::vector<Slate> slates;
+  for (const std::string& scene : texts) {
+    for (const std::string& note : texts) {
+      for (const Mark mark : {Mark::kNone, Mark::kCircled, Mark::kRejected}) {
+        slates.push_back({.scene = scene, .take = note, .note = note, .mark = mark});
+      }
+    }
+  }
+  for (const Slate& a : slates) {
+    EXPECT_EQ(merged_slate({{"cap01", a}, {"cap02", a}}), a) << "equal slates are not repeated";
+    for (const Slate& b : slates) {
+      const Slate merged = merged_slate({{"cap01", a}, {"cap02", b}});
+      for (const Slate& slate : {a, b}) {
+        for (const std::string& text : {slate.scene, slate.take, slate.note}) {
+          EXPECT_THAT(merged.text(), testing::HasSubstr(text));
+        }
+        EXPECT_THAT(merged.text(), testing::HasSubstr(std::string(name(slate.mark))));
+        EXPECT_TRUE(slate.mark != Mark::kCircled || merged.mark == Mark::kCircled);
+      }
+    }
+  }
 }
 
 }  // namespace

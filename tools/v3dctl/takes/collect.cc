@@ -13,6 +13,7 @@
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "common/console.h"
+#include "take/joined_slate.h"
 #include "take/ledger/take_account.h"
 #include "take/take_files.h"
 #include "take/take_transfer.h"
@@ -407,6 +408,7 @@ class Collector {
     for (const std::string& file : files_not_joined(parts, whole)) {
       verification.notes.push_back(file + ": is not copied, because it is no file of a take");
     }
+    std::ranges::copy(slates_not_joined(parts, whole), std::back_inserter(verification.notes));
     // Before the rename: after a power cut, a take with its final name is whole.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
