@@ -155,3 +155,33 @@ expect("${out}" "not collected: ${WORK}/occupied/kendo-08: exists, and has no ta
 if(EXISTS ${WORK}/occupied/.collect)
   message(SEND_ERROR "a take was copied that has no place")
 endif()
+
+if(NOT FAULT_INJECTOR)
+  return()
+endif()
+# Without hard links a take is copied when it is joined. One that would fill the disk is refused before it is copied.
+file(MAKE_DIRECTORY ${WORK}/exfat ${WORK}/cap03)
+file(COPY ${WORK}/cap02/kendo-08 DESTINATION ${WORK}/cap03)
+execute_process(COMMAND truncate -s 65536 ${WORK}/report)
+set(no_links ${CMAKE_COMMAND} -E env LD_PRELOAD=${FAULT_INJECTOR} V3D_FAULT_PROGRAM=v3dctl V3D_FAULT_PREFIX=${WORK}/exfat
+  V3D_FAULT_REPORT=${WORK}/report V3D_FAULT_CALL=link V3D_FAULT_NUMBER=1 V3D_FAULT_LASTS=1 V3D_FAULT_KIND=EIO)
+set(collect ${V3DCTL} takes collect --from cap03=${WORK}/cap03 --to ${WORK}/exfat)
+execute_process(COMMAND ${no_links} ${collect} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
+expect_status(0)
+expect_equal_files(${WORK}/exfat/kendo-08/cam02.lcmlog ${WORK}/cap02/kendo-08/cam02.lcmlog)
+file(REMOVE_RECURSE ${WORK}/exfat/kendo-08)
+foreach(camera 5 6 7 8)
+  execute_process(COMMAND truncate -s 15T ${WORK}/cap03/kendo-08/cam0${camera}.lcmlog)
+endforeach()
+# This rsync copies no frames: the files would fill the disk of the test.
+file(WRITE ${WORK}/bin/rsync "#!/bin/sh
+case \" $* \" in *' --inplace '*) exit 99 ;; esac
+exec ${RSYNC} \"$@\"
+")
+set(ENV{PATH} "${WORK}/bin:${path}")
+execute_process(COMMAND ${no_links} ${collect} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
+set(ENV{PATH} "${path}")
+file(REMOVE_RECURSE ${WORK}/cap03)
+expect_status(3)
+expect("${out}" "not collected: ${WORK}/exfat: its file system has no hard links, so [^\n]* 13[12][0-9.]* TB more; [0-9.]+ [kMGTP]*B are free; [^\n]*\n$")
+file(REMOVE_RECURSE ${WORK})

@@ -5,7 +5,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <sstream>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -15,32 +14,15 @@
 #include "common/console.h"
 #include "take/joined_slate.h"
 #include "take/ledger/take_account.h"
-#include "take/take_files.h"
 #include "take/take_transfer.h"
 #include "v3dctl/takes/node_takes.h"
+#include "v3dctl/takes/rsync_output.h"
 #include "v3dctl/takes/staging_folder.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// The files of a take that only the receiver has, by the output of rsync --dry-run --delete
-/// --itemize-changes: "*deleting   cam01.0001.lcmlog". Without folders, and without temporary
-/// files, which vanish on a node.
-std::vector<std::string> absent_files(const std::string& itemized) {
-  constexpr std::string_view kMark = "*deleting ";
-  std::vector<std::string> files;
-  std::istringstream lines(itemized);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.starts_with(kMark)) continue;
-    std::string name = line.substr(line.find_first_not_of(' ', kMark.size()));
-    const bool is_of_take = take::is_part_of_take(name) || take::is_written_after_ledger(name);
-    const bool is_folder = name.ends_with('/');
-    if (is_of_take && !is_folder && !io::is_temporary(name)) files.push_back(std::move(name));
-  }
-  return files;
-}
 
 class Collector {
  public:
@@ -194,7 +176,13 @@ class Collector {
     reject_parts_of_others(result.name, sources);
     remove_copies(joined(stage(result.name)));
     std::vector<take::TakePaths> parts;
-    for (const NodeFolder* source : sources) parts.push_back(fetch(result.name, *source));
+    int64_t bytes = 0;
+    for (const NodeFolder* source : sources) {
+      parts.push_back({stage(result.name) / source->node});
+      bytes += prepare(result.name, *source, parts.back());
+    }
+    require_space(result.name, parts, bytes);
+    for (size_t i = 0; i < parts.size(); ++i) fetch(result.name, *sources[i], parts[i]);
     require_capture_nodes(parts);
     const take::MeshPart meshes = part_with_most_meshes(parts);
     if (mesh_files(parts) > 1) result.meshes_of = meshes.part->folder.filename();
@@ -279,6 +267,11 @@ class Collector {
     }
   }
 
+  static void reject_recording(const take::TakeInfo& info, const NodeFolder& source) {
+    if (info.state != take::TakeState::kRecording) return;
+    throw InputError(source.node + " records it, or stopped and has not restarted since");
+  }
+
   /// Throws InputError when an earlier run has copied another take of this name from the node.
   static void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
                                 const NodeFolder& source) {
@@ -294,9 +287,10 @@ class Collector {
                      " out of the folder, and repeat the command");
   }
 
-  /// Copies the part of one node.
-  take::TakePaths fetch(const std::string& take, const NodeFolder& source) {
-    const take::TakePaths part{stage(take) / source.node};
+  /// Throws InputError when the part of a node cannot be collected now. Returns the bytes of its
+  /// files on the node.
+  int64_t prepare(const std::string& take, const NodeFolder& source,
+                  const take::TakePaths& part) const {
     const take::TakePaths described{incoming(stage(take))};
     remove_copies(described.folder);
     for (const fs::path& folder : {part.folder, described.folder}) {
@@ -306,13 +300,33 @@ class Collector {
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, described);
     if (file_exists(described.info())) {
       const take::TakeInfo info = load_take_info(described);
-      if (info.state == take::TakeState::kRecording) {
-        throw InputError(source.node + " records it, or stopped and has not restarted since");
-      }
+      reject_recording(info, source);
       reject_other_take(info, part, source);
     }
     remove_copies(described.folder);
-    reject_other_files(source, from, part);
+    return reject_other_files(source, from, part);
+  }
+
+  /// Throws InputError when the parts, of which earlier runs have copied some files, and a joined
+  /// take without hard links do not fit on the disk: the copy would take hours until it is full.
+  void require_space(const std::string& take, const std::vector<take::TakePaths>& parts,
+                     int64_t bytes) const {
+    if (has_hard_links(stage(take))) return;
+    int64_t needed = 2 * bytes;
+    for (const take::TakePaths& part : parts) needed -= bytes_in(part.folder);
+    const uint64_t available = io::value_or_throw(io::free_bytes(stage(take)));
+    // Some file systems do not know their free space.
+    if (available == 0 || needed <= static_cast<int64_t>(available)) return;
+    throw InputError(request_.to.string() +
+                     ": its file system has no hard links, so the take needs its space twice until "
+                     "it is joined, " +
+                     format_bytes(static_cast<double>(needed)) + " more; " +
+                     format_bytes(static_cast<double>(available)) +
+                     " are free; collect it into a file system with hard links, such as ext4");
+  }
+
+  /// Copies the part of one node.
+  void fetch(const std::string& take, const NodeFolder& source, const take::TakePaths& part) const {
     remove_shared_names(part.folder);
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
@@ -323,22 +337,23 @@ class Collector {
                                         "--exclude=/.*.partial-*",
                                         "--exclude=/.*.lock"};
     if (on_terminal()) options.emplace_back("--info=progress2");
-    copy(source, options, from, part);
-    return part;
+    copy(source, options, source.place + "/" + take, part);
+    // The node may have continued the take while those of others were copied.
+    if (file_exists(part.info())) reject_recording(load_take_info(part), source);
   }
 
   /// Throws InputError when an earlier run has left files in the staging folder that the node does
   /// not have. They may be of an earlier take of this name, or the node may have lost them: they
-  /// are neither joined nor removed.
-  void reject_other_files(const NodeFolder& source, const std::string& from,
-                          const take::TakePaths& part) const {
+  /// are neither joined nor removed. Returns the bytes of the files on the node.
+  int64_t reject_other_files(const NodeFolder& source, const std::string& from,
+                             const take::TakePaths& part) const {
     const ProcessResult compared =
-        rsync_.run({"--recursive", "--dry-run", "--delete", "--itemize-changes", "--size-only",
-                    "--exclude=/.*", "--exclude=/verified.toml"},
+        rsync_.run({"--recursive", "--dry-run", "--delete", "--itemize-changes", "--stats",
+                    "--size-only", "--exclude=/.*", "--exclude=/verified.toml"},
                    {from + "/", part.folder.string() + "/"}, Output::kCapture);
     require_success(compared, source);
     const std::vector<std::string> files = absent_files(compared.output);
-    if (files.empty()) return;
+    if (files.empty()) return total_bytes(compared.output);
     throw InputError(part.folder.string() + ": has files that " + source.node +
                      " does not have, of an earlier take of this name or lost on the node (" +
                      join_names(files) + "); move " + part.folder.parent_path().string() +
@@ -354,7 +369,7 @@ class Collector {
   /// Compares the content of every file, because size and time do not prove a file of an earlier
   /// run.
   void copy(const NodeFolder& source, std::vector<std::string> options, const std::string& from,
-            const take::TakePaths& part) {
+            const take::TakePaths& part) const {
     options.insert(options.end(), {"--recursive", "--ignore-times"});
     const ProcessResult copied =
         rsync_.run(options, {from + "/", part.folder.string() + "/"}, Output::kShow);

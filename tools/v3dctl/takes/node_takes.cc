@@ -8,28 +8,12 @@
 #include "base/core/text.h"
 #include "base/core/time.h"
 #include "common/console.h"
+#include "v3dctl/takes/rsync_output.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A line of rsync --list-only: "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml". rsync
-/// writes the bytes of a name that are no text as "\#012".
-struct ListedEntry {
-  char type = ' ';  ///< 'd': folder, 'l': link to no folder, as of --copy-dirlinks
-  fs::path path;
-};
-
-/// Empty for a line that is no entry.
-std::optional<ListedEntry> parse_entry(const std::string& line) {
-  size_t end = 0;
-  for (int column = 0; column < 4; ++column) {  // permissions, bytes, date, time
-    end = line.find(' ', line.find_first_not_of(' ', end));
-    if (end == std::string::npos) return std::nullopt;
-  }
-  return ListedEntry{line.front(), line.substr(end + 1)};
-}
 
 /// Adds an entry of the folder of takes to `found`.
 void add_entry(const ListedEntry& entry, NodeTakes& found) {

@@ -58,6 +58,23 @@ void remove_shared_names(const fs::path& part) {
   }
 }
 
+bool has_hard_links(const fs::path& folder) {
+  const fs::path file = folder / ".probe", second = folder / ".probe-2";
+  replace_file(file, "");
+  fs::remove(second);  // of a run that was killed
+  std::error_code error;
+  fs::create_hard_link(file, second, error);
+  fs::remove(file);
+  fs::remove(second);
+  return !error;
+}
+
+int64_t bytes_in(const fs::path& folder) {
+  int64_t bytes = 0;
+  for (const fs::path& file : files_in(folder)) bytes += static_cast<int64_t>(fs::file_size(file));
+  return bytes;
+}
+
 RunFolder::RunFolder(const fs::path& to)
     : name_(fs::path(StagingFolder::kName) / (".run-" + process_suffix())), path_(to / name_) {
   io::throw_if_failed(io::create_folders(path_));

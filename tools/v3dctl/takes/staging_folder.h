@@ -1,6 +1,7 @@
 // The staging folder of `takes collect`: the parts of takes until they are joined.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 
@@ -33,6 +34,14 @@ void remove_copies(const std::filesystem::path& folder);
 /// take, whose staging folder was not removed after the join. rsync writes into existing files, and
 /// would change the collected take. Throws InputError or std::filesystem::filesystem_error.
 void remove_shared_names(const std::filesystem::path& part);
+
+/// Can the file system of a folder give one file two names? Throws std::runtime_error when no file
+/// can be written there.
+bool has_hard_links(const std::filesystem::path& folder);
+
+/// Bytes of all files in a folder and its folders. Throws InputError or
+/// std::filesystem::filesystem_error.
+int64_t bytes_in(const std::filesystem::path& folder);
 
 /// A hidden folder of this process in the staging folder, for files that it needs for a moment.
 /// Removes the folder, and the staging folder if it is empty then.
