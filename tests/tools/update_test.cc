@@ -176,6 +176,13 @@ TEST_F(Update, is_refused_before_anything_is_copied_while_a_node_has_a_take) {
   EXPECT_TRUE(studio_.copied().empty());
 }
 
+TEST_F(Update, is_refused_while_the_system_that_runs_is_on_trial) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.health_of("cap01").values["slot_trial_flag"] = 1;
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kRefused);
+  EXPECT_TRUE(studio_.copied().empty());
+}
+
 TEST_F(Update, reports_why_a_pc_refuses_a_bundle_and_ignores_earlier_reports) {
   studio_.add("cap01", Pc::kRefuses);
   const auto nodes = update({"cap01"});

@@ -76,6 +76,11 @@ class NodeUpdate {
       end(UpdatedNode::State::kRefused, "its PC is not the appliance; use apt there");
       return result_;
     }
+    if (value_of(health.at(result_.node), "slot_trial_flag", 0) != 0) {
+      end(UpdatedNode::State::kRefused,
+          "its system is on trial; repeat the update when v3dctl health shows slot_trial_flag no");
+      return result_;
+    }
     if (const std::string take = active_take(health); !take.empty()) {
       end(UpdatedNode::State::kRefused, take);
       return result_;
