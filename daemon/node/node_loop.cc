@@ -136,6 +136,8 @@ void NodeLoop::publish_health() {
   report_counts(health);
   report_problem(health);
   check_name(health);
+  // For alerts: metrics have no text.
+  health.values["problem_flag"] = health.text.empty() ? 0 : 1;
   if (is_stopping_) health.values[kStopping] = 1;
   bus_.publish_authenticated(wire::health_channel(identity_.node), encode(health));
   if (metrics_) metrics_->update(health);

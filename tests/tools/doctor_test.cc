@@ -58,6 +58,17 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
                                       "cap02 clock offset", "cap02 update", "cap03", "versions"}));
 }
 
+TEST(Doctor, of_all_nodes_names_a_node_that_reports_a_problem_without_a_fault) {
+  wire::HealthMessage health;
+  health.node = "cap01";
+  health.state = wire::NodeState::kIdle;
+  health.text = "cannot read the free space of /var/lib/v3d/takes: No such file or directory";
+  const Finding finding = check_nodes({"cap01"}, {{"cap01", health}}).front();
+  EXPECT_EQ(finding.verdict, Verdict::kBad);
+  EXPECT_NE(finding.text.find(health.text), std::string::npos) << finding.text;
+  EXPECT_FALSE(finding.remedy.empty());
+}
+
 TEST(Doctor, of_all_nodes_names_hot_cameras_and_cameras_of_one_model_with_other_firmware) {
   wire::HealthMessage first;
   first.node = "cap01";

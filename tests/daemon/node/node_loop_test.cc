@@ -165,6 +165,15 @@ TEST_F(NodeLoops, report_that_they_drain_even_if_this_takes_no_time) {
   EXPECT_TRUE(becomes_true(drains, within(10)));
 }
 
+TEST_F(NodeLoops, have_a_flag_while_they_report_a_problem) {
+  start();
+  control::OperatorClient client(studio_);
+  const auto flag = [&] { return client.health(within(5)).at("cap01").values.at("problem_flag"); };
+  EXPECT_EQ(flag(), 0);
+  const RunningNode other(studio_, "cap01");
+  EXPECT_TRUE(becomes_true([&] { return flag() == 1; }, within(60))) << "two nodes of one name";
+}
+
 TEST_F(NodeLoops, pass_a_signing_key_that_is_made_or_replaced_to_the_capture_node) {
   studio_.storage.signing_key = folder_ / "node.key";
   start();

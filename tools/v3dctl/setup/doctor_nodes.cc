@@ -62,10 +62,11 @@ Finding check_cameras_of(const wire::HealthMessage& health, double cameras) {
   return {Verdict::kBad, health.node + " cameras", text, "v3dctl doctor " + health.node + " there"};
 }
 
+/// The text of a health message is a problem, also without a fault: "no take can be armed".
 Finding check_state(const wire::HealthMessage& health) {
   const std::string text = health.program + " " + health.version +
                            (health.text.empty() ? ", no problem" : ": " + health.text);
-  const bool is_bad = health.state == wire::NodeState::kFault;
+  const bool is_bad = health.state == wire::NodeState::kFault || !health.text.empty();
   return {is_bad ? Verdict::kBad : Verdict::kGood, health.node, text,
           is_bad ? "journalctl -u 'v3d-*' there" : ""};
 }
