@@ -32,6 +32,7 @@ class SimulatedStudio final : public UpdateLink {
     kHasTheSameSystem,  ///< and restarts its daemon before
     kLosesARequest,
     kNeverReturns,
+    kWaits,  ///< for a take that does not end
     kNoAppliance
   };
 
@@ -68,6 +69,7 @@ class SimulatedStudio final : public UpdateLink {
   std::string install_report(const std::string& node) override {
     if (seconds_ < 2 || node_.empty()) return report("an earlier request", "refused", "too old");
     if (pcs_.at(node) == Pc::kRefuses) return report(request_, "refused", "no valid signature");
+    if (pcs_.at(node) == Pc::kWaits) return report(request_, "waiting", "cap02 armed kendo-02");
     const bool is_late = pcs_.at(node) == Pc::kFallsBackBeforeItsReportIsRead;
     return report(request_, seconds_ < (is_late ? 12 : 5) ? "installing" : "restarting");
   }
@@ -173,7 +175,19 @@ TEST_F(Update, is_refused_before_anything_is_copied_while_a_node_has_a_take) {
     studio_.health_of("cap02").state = state;
     EXPECT_THROW(update({"cap01"}), std::runtime_error);
   }
+  studio_.health_of("cap02").state = wire::NodeState::kIdle;
+  studio_.health_of("cap02").take = "kendo-02";
+  EXPECT_THROW(update({"cap01"}), std::runtime_error) << "the take is being armed";
   EXPECT_TRUE(studio_.copied().empty());
+}
+
+TEST_F(Update, says_that_a_pc_waits_for_the_end_of_a_take_and_will_restart) {
+  studio_.add("cap01", Pc::kWaits);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kFailed);
+  EXPECT_EQ(nodes.at(0).message,
+            "the update is installed, and the PC restarts when no take is armed or recorded "
+            "(cap02 armed kendo-02)");
 }
 
 TEST_F(Update, is_refused_while_the_system_that_runs_is_on_trial) {

@@ -35,15 +35,30 @@ std::string text_field(const nlohmann::json& object, const char* key) {
   return printable(field->get_ref<const std::string&>());
 }
 
-/// The node, state and name of a take that is armed, recorded or closed; empty where there is none.
+/// What the node does with a take: "is armed"; empty where it has none. A node that is being armed
+/// is idle, with the name of its take.
+std::string take_state(const wire::HealthMessage& health) {
+  switch (health.state) {
+    case wire::NodeState::kArmed:
+    case wire::NodeState::kRecording:
+    case wire::NodeState::kDraining:
+      return "is " + std::string(name(health.state));
+    case wire::NodeState::kIdle:
+      return health.take.empty() ? "" : "is being armed";
+    case wire::NodeState::kFault:
+      break;
+  }
+  return "";
+}
+
+/// The node, state and name of a take that is being armed, armed, recorded or closed; empty where
+/// there is none.
 std::string active_take(const Health& health) {
   for (const auto& [node, message] : health) {
-    const bool has_take = message.state == wire::NodeState::kArmed ||
-                          message.state == wire::NodeState::kRecording ||
-                          message.state == wire::NodeState::kDraining;
-    if (!has_take) continue;
-    return node + " is " + std::string(name(message.state)) + " for take " +
-           printable(message.take) + "; update when v3dctl stop has closed it";
+    const std::string state = take_state(message);
+    if (state.empty()) continue;
+    return node + " " + state + " for take " + printable(message.take) +
+           "; update when v3dctl stop has closed it";
   }
   return "";
 }
@@ -110,13 +125,23 @@ class NodeUpdate {
     next_request_ = now + kRequestPeriod;
     while ((now = link_.wait()) < deadline) {
       if (interrupted()) {
-        throw std::runtime_error("interrupted; the PC goes on: v3dctl health shows its version");
+        throw std::runtime_error("interrupted; " +
+                                 (waits_for_.empty() ? "the PC goes on" : wait_text()) +
+                                 ": v3dctl health shows its version");
       }
       if (read_report(number) || read_health()) return;
       if (!has_report_ && now >= next_request_) repeat_request(number, now);
     }
-    end(UpdatedNode::State::kFailed,
-        is_restarting_ ? "it does not report after the restart" : "the installation does not end");
+    end(UpdatedNode::State::kFailed, timeout_text());
+  }
+
+  std::string wait_text() const {
+    return "the update is installed, and the PC restarts when no take is armed or recorded (" +
+           waits_for_ + ")";
+  }
+  std::string timeout_text() const {
+    if (is_restarting_) return "it does not report after the restart";
+    return waits_for_.empty() ? "the installation does not end" : wait_text();
   }
 
   /// A PC that loses its power may lose a request, too. Its number makes the PC obey it once.
@@ -137,6 +162,7 @@ class NodeUpdate {
     has_report_ = true;
     if (!report->version.empty()) result_.version = report->version;
     is_restarting_ = report->state == InstallReport::State::kRestarting;
+    read_wait(*report);
     if (report->state == InstallReport::State::kRefused) {
       end(UpdatedNode::State::kRefused, report->message);
     } else if (report->state == InstallReport::State::kFailed) {
@@ -145,6 +171,14 @@ class NodeUpdate {
       return false;
     }
     return true;
+  }
+
+  void read_wait(const InstallReport& report) {
+    std::string waits_for;
+    if (report.state == InstallReport::State::kWaiting) waits_for = report.message;
+    if (waits_for == waits_for_) return;
+    waits_for_ = std::move(waits_for);
+    if (!waits_for_.empty()) note(result_.node + ": waits before its restart: " + waits_for_);
   }
 
   /// True when the health after the restart of the PC ends the update.
@@ -175,6 +209,8 @@ class NodeUpdate {
   double boots_ = -1;  ///< starts of the PC before the update; -1: unknown
   bool has_report_ = false;
   bool is_restarting_ = false;
+  std::string
+      waits_for_;  ///< before the restart: node, state and take; empty where it does not wait
   MonotonicInstant next_request_;
 };
 
