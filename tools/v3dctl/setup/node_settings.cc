@@ -81,7 +81,21 @@ bool is_settings_file(const fs::path& file) {
          file.extension() == ".link";
 }
 
-/// Removes an earlier settings folder, its `id` first, so that no PC takes a part of it.
+/// True for the keys of a settings folder.
+bool is_secret(const fs::path& file) {
+  return file.filename() == "studio.key" || file.filename() == "signing.key";
+}
+
+/// Fills a file with zeros. Its removal alone would leave its bytes on the stick.
+void overwrite(const fs::path& path) {
+  io::File file = io::value_or_throw(io::File::open(path, io::OpenMode::kWriteExisting));
+  const std::vector<uint8_t> zeros(io::value_or_throw(file.size()));
+  io::throw_if_failed(file.write(0, {zeros}));
+  io::throw_if_failed(file.sync());
+}
+
+/// Removes an earlier settings folder, its `id` first, so that no PC takes a part of it. Its keys
+/// are overwritten: a studio key stays valid.
 void remove_settings(const fs::path& folder) {
   fs::remove(folder / kIdFile);
   io::throw_if_failed(io::sync_folder(folder));
@@ -91,7 +105,10 @@ void remove_settings(const fs::path& folder) {
                        ": is no file of v3dctl node add; move it out of the folder");
     }
   }
-  for (const auto& entry : fs::directory_iterator(folder)) fs::remove(entry.path());
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (is_secret(entry.path())) overwrite(entry.path());
+    fs::remove(entry.path());
+  }
   fs::remove(folder);
 }
 
