@@ -3,15 +3,17 @@
 # V3D-BOOT; the boot menu (grub.cfg) explains its variables.
 #
 # Its first 512 bytes hold all variables, and it is written in place, in one request: a disk writes a sector whole or not at
-# all. A file that a power cut damaged all the same is like a missing one: the slots start in turn.
+# all. A file that a power cut damaged all the same is like a missing one: the slots start in turn. A missing one is made with
+# the next change.
 
 # booted_slot: the slot that runs, A or B.
 booted_slot() { sed -n 's/.*\bv3d\.slot=\([AB]\)\b.*/\1/p' "${cmdline:-/proc/cmdline}"; }
 other_slot() { if [ "$1" = A ]; then echo B; else echo A; fi; }
 
-# read_slots FILE: sets ORDER, A_STATE, A_TRIES, B_STATE and B_TRIES.
+# read_slots FILE: sets ORDER, A_STATE, A_TRIES, B_STATE and B_TRIES. The file may be missing.
 read_slots() {
   ORDER='A B' A_STATE=trial A_TRIES=3 B_STATE=trial B_TRIES=3
+  [ -f "$1" ] || return 0
   while IFS='=' read -r name value; do
     case $name=$value in
       ORDER='A B' | ORDER='B A') ORDER=$value ;;
