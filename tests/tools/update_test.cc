@@ -7,6 +7,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "base/core/error.h"
 #include "common/console.h"
 
 namespace v3d::ctl {
@@ -124,8 +125,10 @@ using Pc = SimulatedStudio::Pc;
 class Update : public ::testing::Test {
  protected:
   std::vector<UpdatedNode> update(const std::vector<std::string>& nodes) {
-    return update_nodes({"new.raucb", nodes, std::chrono::seconds(100)}, studio_);
+    request_.nodes = nodes;
+    return update_nodes(request_, studio_);
   }
+  UpdateRequest request_{.bundle = "new.raucb", .nodes = {}, .timeout = std::chrono::seconds(100)};
   SimulatedStudio studio_;
 };
 
@@ -226,9 +229,31 @@ TEST_F(Update, fails_when_a_pc_does_not_return) {
 
 TEST_F(Update, copies_nothing_to_silent_nodes_and_other_systems) {
   studio_.add("cap01", Pc::kNoAppliance);
-  EXPECT_EQ(update({"cap01"}).at(0).state, State::kRefused);
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kOtherSystem);
   EXPECT_EQ(update({"cap09"}).at(0).state, State::kSilent);
   EXPECT_TRUE(studio_.copied().empty());
+}
+
+TEST_F(Update, of_all_nodes_continues_behind_a_pc_that_is_no_appliance) {
+  studio_.add("recon01", Pc::kNoAppliance);
+  studio_.add("cap01", Pc::kUpdates);
+  EXPECT_EQ(update({"recon01", "cap01"}).at(1).state, State::kNotTried);
+  request_.skips_other_systems = true;
+  const auto nodes = update({"recon01", "cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kOtherSystem);
+  EXPECT_EQ(nodes.at(1).state, State::kUpdated);
+}
+
+TEST_F(Update, is_refused_on_an_appliance_that_it_would_restart) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.add("cap02", Pc::kUpdates);
+  studio_.add("recon01", Pc::kNoAppliance);
+  request_.host = "cap02";
+  EXPECT_THROW(update({"cap01", "cap02"}), InputError);
+  EXPECT_TRUE(studio_.copied().empty());
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
+  request_.host = "recon01";
+  EXPECT_EQ(update({"recon01"}).at(0).state, State::kOtherSystem);
 }
 
 TEST_F(Update, that_the_user_interrupts_says_that_the_pc_goes_on) {

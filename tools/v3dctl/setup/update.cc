@@ -2,11 +2,13 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
 
+#include "base/core/error.h"
 #include "base/core/text.h"
 #include "common/console.h"
 #include "wire/secret_keys.h"
@@ -74,6 +76,16 @@ std::string system_of(const wire::HealthMessage& health) {
   return plus == std::string::npos ? "" : health.version.substr(plus + 1);
 }
 
+void require_other_pcs(const UpdateRequest& request, const Health& health) {
+  const auto own = health.find(request.host);
+  if (own == health.end() || system_of(own->second).empty()) return;
+  if (std::ranges::find(request.nodes, request.host) == request.nodes.end()) return;
+  throw InputError(
+      "update: " + request.host +
+      " is this PC, whose restart would end the command; run it on another PC, or name "
+      "the other nodes with --node");
+}
+
 class NodeUpdate {
  public:
   NodeUpdate(const UpdateRequest& request, UpdateLink& link, std::string node)
@@ -88,7 +100,7 @@ class NodeUpdate {
       return result_;
     }
     if (system_of(health.at(result_.node)).empty()) {
-      end(UpdatedNode::State::kRefused, "its PC is not the appliance; use apt there");
+      end(UpdatedNode::State::kOtherSystem, "its PC is not the appliance; use apt there");
       return result_;
     }
     if (value_of(health.at(result_.node), "slot_trial_flag", 0) != 0) {
@@ -233,6 +245,8 @@ std::string_view name(UpdatedNode::State state) {
   switch (state) {
     case UpdatedNode::State::kUpdated:
       return "updated";
+    case UpdatedNode::State::kOtherSystem:
+      return "other system";
     case UpdatedNode::State::kRefused:
       return "refused";
     case UpdatedNode::State::kFailed:
@@ -248,6 +262,7 @@ std::string_view name(UpdatedNode::State state) {
 }
 
 std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& link) {
+  require_other_pcs(request, link.health());
   if (const std::string take = active_take(link.health()); !take.empty()) {
     throw std::runtime_error("refused: " + take);
   }
@@ -259,7 +274,9 @@ std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& 
     } else {
       nodes.push_back({node, UpdatedNode::State::kNotTried, "", ""});
     }
-    continues = nodes.back().state == UpdatedNode::State::kUpdated;
+    const UpdatedNode::State state = nodes.back().state;
+    continues = state == UpdatedNode::State::kUpdated ||
+                (state == UpdatedNode::State::kOtherSystem && request.skips_other_systems);
   }
   return nodes;
 }

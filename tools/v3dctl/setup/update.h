@@ -53,12 +53,14 @@ class UpdateLink {
 
 struct UpdateRequest {
   std::filesystem::path bundle;
-  std::vector<std::string> nodes;  ///< in this order
-  Duration timeout{};              ///< of one node, after the copy
+  std::vector<std::string> nodes;    ///< in this order
+  Duration timeout{};                ///< of one node, after the copy
+  std::string host = {};             ///< this PC; as an appliance it cannot be updated from here
+  bool skips_other_systems = false;  ///< continue behind a PC that is no appliance
 };
 
 struct UpdatedNode {
-  enum class State { kUpdated, kRefused, kFailed, kFellBack, kSilent, kNotTried };
+  enum class State { kUpdated, kOtherSystem, kRefused, kFailed, kFellBack, kSilent, kNotTried };
   std::string node;
   State state = State::kNotTried;
   std::string version;  ///< of the bundle; empty where the PC did not report it
@@ -67,10 +69,12 @@ struct UpdatedNode {
 std::string_view name(UpdatedNode::State state);
 
 /// Updates the nodes one after the other, and stops at the first that is not updated, so that a bad
-/// bundle stops one PC at most. A node is updated when its health, sent by a process that has
-/// started since, has the version of the bundle and its slot is confirmed (slot_trial_flag 0).
-/// It fell back when such health has another version.
-/// Throws std::runtime_error, before anything is copied, where a take is armed, recorded or closed.
+/// bundle stops one PC at most. A PC that is no appliance is skipped where the request says so. A
+/// node is updated when its health, sent by a process that has started since, has the version of
+/// the bundle and its slot is confirmed (slot_trial_flag 0). It fell back when such health has
+/// another version. Before anything is copied, throws InputError where a node is an appliance and
+/// this PC, whose restart would end the command, and std::runtime_error where a take is armed,
+/// recorded or closed.
 std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& link);
 
 }  // namespace v3d::ctl

@@ -95,13 +95,26 @@ Json nodes_json(const std::vector<UpdatedNode>& nodes) {
   return {{"nodes", list}};
 }
 
-bool is_updated(const UpdatedNode& node) { return node.state == UpdatedNode::State::kUpdated; }
+/// Exit status: done where every node is updated that can be.
+int status_of(std::vector<UpdatedNode> nodes, bool skips_other_systems) {
+  if (skips_other_systems) {
+    std::erase_if(nodes, [](const UpdatedNode& node) {
+      return node.state == UpdatedNode::State::kOtherSystem;
+    });
+  }
+  const auto updated = static_cast<size_t>(
+      std::ranges::count(nodes, UpdatedNode::State::kUpdated, &UpdatedNode::state));
+  if (updated == 0) return kExitFailed;
+  return updated == nodes.size() ? kExitDone : kExitIncomplete;
+}
 
 int run_update(const CommandLine& line, const UpdateArguments& arguments) {
   const Studio studio = line.studio();
   UpdateRequest request{.bundle = arguments.bundle,
                         .nodes = requested_nodes(studio, arguments),
-                        .timeout = from_seconds(arguments.timeout_s)};
+                        .timeout = from_seconds(arguments.timeout_s),
+                        .host = host_name(),
+                        .skips_other_systems = arguments.all};
   if (access(request.bundle.c_str(), R_OK) != 0) {
     throw InputError(errno_message(request.bundle) + "; tools/build-image makes bundles");
   }
@@ -116,8 +129,7 @@ int run_update(const CommandLine& line, const UpdateArguments& arguments) {
   } else {
     for (const UpdatedNode& node : nodes) std::printf("%s\n", text_of(node).c_str());
   }
-  if (std::all_of(nodes.begin(), nodes.end(), is_updated)) return kExitDone;
-  return std::any_of(nodes.begin(), nodes.end(), is_updated) ? kExitIncomplete : kExitFailed;
+  return status_of(nodes, request.skips_other_systems);
 }
 
 }  // namespace
@@ -131,7 +143,8 @@ void add_update(CommandLine& line) {
   command.add_option("--node", arguments->nodes, "A node to update (may be repeated)")
       .type_name("NODE")
       .take_one_word();
-  command.add_flag("--all", arguments->all, "Update all nodes, in the order of the studio file");
+  command.add_flag("--all", arguments->all,
+                   "Update all appliances, in the order of the studio file");
   command.add_option("--rsh", arguments->rsh, "Remote shell of rsync (otherwise ssh)")
       .type_name("COMMAND");
   command
