@@ -69,6 +69,20 @@ TEST(Doctor, of_all_nodes_names_a_node_that_reports_a_problem_without_a_fault) {
   EXPECT_FALSE(finding.remedy.empty());
 }
 
+TEST(Doctor, of_all_nodes_compares_programs_and_the_systems_of_appliances) {
+  const auto verdict = [](const std::vector<std::string>& versions) {
+    std::map<std::string, wire::HealthMessage> health;
+    for (const std::string& version : versions) {
+      health["node" + std::to_string(health.size())].version = version;
+    }
+    return check_nodes({}, health).back().verdict;
+  };
+  EXPECT_EQ(verdict({"1.0.0+7", "1.0.0+7", "1.0.0"}), Verdict::kGood) << "one is no appliance";
+  EXPECT_EQ(verdict({"1.0.0+7", "1.0.0+8"}), Verdict::kBad);
+  EXPECT_EQ(verdict({"1.0.0+7", "1.1.0"}), Verdict::kBad);
+  EXPECT_EQ(verdict({"1.0.0", "1.1.0"}), Verdict::kBad);
+}
+
 TEST(Doctor, of_all_nodes_names_hot_cameras_and_cameras_of_one_model_with_other_firmware) {
   wire::HealthMessage first;
   first.node = "cap01";

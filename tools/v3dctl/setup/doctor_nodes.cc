@@ -71,15 +71,23 @@ Finding check_state(const wire::HealthMessage& health) {
           is_bad ? "journalctl -u 'v3d-*' there" : ""};
 }
 
+/// All nodes need the same program, and the appliances the same system: the version of an appliance
+/// is "1.4.0+SYSTEM". The alert V3dVersionsDiffer compares the same.
 Finding check_versions(const Health& health) {
-  std::set<std::string> versions;
+  std::set<std::string> versions, programs, systems;
   std::string text;
   for (const auto& [node, message] : health) {
+    const size_t plus = message.version.find('+');
+    programs.insert(message.version.substr(0, plus));
+    if (plus != std::string::npos) systems.insert(message.version);
     if (!versions.insert(message.version).second) continue;
     text += (text.empty() ? "" : ", ") + node + " has " + message.version;
   }
-  if (versions.size() <= 1) return {Verdict::kGood, "versions", "all nodes have the same", ""};
-  return {Verdict::kBad, "versions", text, "v3dctl update BUNDLE --all"};
+  if (programs.size() <= 1 && systems.size() <= 1) {
+    return {Verdict::kGood, "versions", "all nodes have the same", ""};
+  }
+  return {Verdict::kBad, "versions", text,
+          "v3dctl update BUNDLE --all; on PCs that are no appliance, apt"};
 }
 
 /// Cameras above the limit of the alert V3dCameraHot.
