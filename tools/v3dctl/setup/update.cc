@@ -130,8 +130,7 @@ class NodeUpdate {
   }
 
   void install() {
-    const std::string number = fmt::format("{:016x}", static_cast<uint64_t>(wire::random_nonce()));
-    link_.send_request(result_.node, number);
+    link_.send_request(result_.node, number_);
     MonotonicInstant now = link_.wait();
     const MonotonicInstant deadline = now + request_.timeout;
     next_request_ = now + kRequestPeriod;
@@ -141,8 +140,8 @@ class NodeUpdate {
                                  (waits_for_.empty() ? "the PC goes on" : wait_text()) +
                                  ": v3dctl health shows its version");
       }
-      if (read_report(number) || read_health()) return;
-      if (!has_report_ && now >= next_request_) repeat_request(number, now);
+      if (read_report() || read_health()) return;
+      if (!has_report_ && now >= next_request_) repeat_request(now);
     }
     end(UpdatedNode::State::kFailed, timeout_text());
   }
@@ -151,29 +150,45 @@ class NodeUpdate {
     return "the update is installed, and the PC restarts when no take is armed or recorded (" +
            waits_for_ + ")";
   }
-  std::string timeout_text() const {
-    if (is_restarting_) return "it does not report after the restart";
-    return waits_for_.empty() ? "the installation does not end" : wait_text();
+  std::string timeout_text() {
+    if (is_restarting_) {
+      const std::string problem = problem_of_new_system();
+      return "it does not report after the restart" + (problem.empty() ? "" : "; " + problem) +
+             "; systemctl status 'v3d-*' there";
+    }
+    if (!waits_for_.empty()) return wait_text();
+    return "the installation does not end; systemctl status v3d-update there";
+  }
+
+  /// Why the new system ended its trial. Empty where it did not report it: its kernel did not
+  /// start, or the PC does not reply.
+  std::string problem_of_new_system() {
+    if (problem_.empty()) {
+      const auto report = parse_install_report(link_.install_report(result_.node), number_);
+      if (report) problem_ = report->message;
+    }
+    return problem_.empty() ? "" : "the new system did not start well: " + problem_;
   }
 
   /// A PC that loses its power may lose a request, too. Its number makes the PC obey it once.
-  void repeat_request(const std::string& number, MonotonicInstant now) {
+  void repeat_request(MonotonicInstant now) {
     next_request_ = now + kRequestPeriod;
     try {
-      link_.send_request(result_.node, number);
+      link_.send_request(result_.node, number_);
     } catch (const std::runtime_error&) {
       // The PC starts again; the deadline ends the attempts.
     }
   }
 
   /// True when the report ends the update.
-  bool read_report(const std::string& number) {
+  bool read_report() {
     if (is_restarting_) return false;
-    const auto report = parse_install_report(link_.install_report(result_.node), number);
+    const auto report = parse_install_report(link_.install_report(result_.node), number_);
     if (!report) return false;
     has_report_ = true;
     if (!report->version.empty()) result_.version = report->version;
     is_restarting_ = report->state == InstallReport::State::kRestarting;
+    if (is_restarting_) problem_ = report->message;
     read_wait(*report);
     if (report->state == InstallReport::State::kRefused) {
       end(UpdatedNode::State::kRefused, report->message);
@@ -210,19 +225,23 @@ class NodeUpdate {
     }
     // On trial; or its report is still to be read, and says what interrupted the installation.
     if (is_new || !is_restarting_) return false;
-    end(UpdatedNode::State::kFellBack,
-        "the new system did not start well; it runs " + printable(system_of(message->second)));
+    std::string problem = problem_of_new_system();
+    if (problem.empty()) problem = "the new system did not start well";
+    end(UpdatedNode::State::kFellBack, problem + "; it runs " +
+                                           printable(system_of(message->second)) +
+                                           "; journalctl -b -1, as root there, shows more");
     return true;
   }
 
+  const std::string number_ = fmt::format("{:016x}", static_cast<uint64_t>(wire::random_nonce()));
   const UpdateRequest& request_;
   UpdateLink& link_;
   UpdatedNode result_;
   double boots_ = -1;  ///< starts of the PC before the update; -1: unknown
   bool has_report_ = false;
   bool is_restarting_ = false;
-  std::string
-      waits_for_;  ///< before the restart: node, state and take; empty where it does not wait
+  std::string waits_for_;  ///< before the restart: node, state and take, or empty
+  std::string problem_;    ///< of the new system, after its trial
   MonotonicInstant next_request_;
 };
 
