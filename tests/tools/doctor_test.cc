@@ -52,6 +52,7 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
     if (finding.verdict == Verdict::kGood) continue;
     bad.push_back(finding.subject);
     EXPECT_FALSE(finding.remedy.empty()) << finding.subject;
+    EXPECT_EQ(finding.remedy.find("sudo"), std::string::npos) << "the appliance has no sudo";
   }
   EXPECT_EQ(bad,
             (std::vector<std::string>{"cap02 cameras", "cap02 disk space", "cap02 disk wear",

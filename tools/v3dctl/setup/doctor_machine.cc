@@ -112,7 +112,7 @@ Finding check_disk_speed(const std::filesystem::path& folder, double needed) {
   const auto speed = measure_writes(file);
   if (speed) return judge_disk_speed(*speed, needed);
   return {Verdict::kUnknown, "disk speed", speed.error().message,
-          "run v3dctl doctor as a member of the group v3d, or by sudo"};
+          "run v3dctl doctor as a member of the group v3d, or as root"};
 }
 
 Finding check_usb_memory(long mb, bool has_usb_cameras) {
@@ -123,7 +123,7 @@ Finding check_usb_memory(long mb, bool has_usb_cameras) {
   if (!has_usb_cameras)
     return {Verdict::kGood, "USB memory", text + "; there are none on this PC", ""};
   return {Verdict::kBad, "USB memory", text + ": frames will be lost",
-          "echo 1000 | sudo tee /sys/module/usbcore/parameters/usbfs_memory_mb; permanently: "
+          "as root: echo 1000 >/sys/module/usbcore/parameters/usbfs_memory_mb; permanently: "
           "usbcore.usbfs_memory_mb=1000 on the kernel's command line"};
 }
 
@@ -180,7 +180,7 @@ Finding check_clock(const std::map<std::string, double>& values, bool kernel_syn
   const auto flag = values.find("clock_synchronised_flag");
   const auto offset = values.find("clock_offset_us");
   const std::string install =
-      "sudo apt install chrony, with the same server on every PC of the studio";
+      "as root: apt install chrony, with the same server on every PC of the studio";
   if (flag != values.end() && flag->second == 0) {
     return {Verdict::kBad, "clock", "chronyd has no usable source",
             "chronyc sources: check that its servers are reachable"};
@@ -189,7 +189,9 @@ Finding check_clock(const std::map<std::string, double>& values, bool kernel_syn
     const std::string text =
         "synchronised by chronyd, " + value_text("offset_us", offset->second) + " from its servers";
     if (std::abs(offset->second) < kMaxOffsetUs) return {Verdict::kGood, "clock", text, ""};
-    return {Verdict::kBad, "clock", text, "sudo chronyc makestep, before the next take"};
+    return {
+        Verdict::kBad, "clock", text,
+        "before the next take, wait until chronyd has corrected it, or as root: chronyc makestep"};
   }
   if (flag != values.end())
     return {Verdict::kGood, "clock", "synchronised by systemd-timesyncd", ""};

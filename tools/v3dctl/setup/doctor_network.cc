@@ -137,7 +137,7 @@ Finding check_receive_buffer(long long bytes) {
   const std::string text = "net.core.rmem_max is " + format_bytes(static_cast<double>(bytes));
   if (bytes >= kMinReceiveBuffer) return {Verdict::kGood, "receive buffer", text, ""};
   return {Verdict::kBad, "receive buffer", text + ": frames will be lost",
-          "sudo sysctl -w net.core.rmem_max=33554432, or install sysctl.d/60-v3d.conf"};
+          "as root: sysctl -w net.core.rmem_max=33554432, or install sysctl.d/60-v3d.conf"};
 }
 
 Finding check_multicast(const std::string& lcm_url) {
@@ -151,16 +151,16 @@ Finding check_multicast(const std::string& lcm_url) {
     return {Verdict::kGood, "multicast", group->address + " has a route", ""};
   }
   return {Verdict::kBad, "multicast", errno_message(group->address),
-          "sudo ip route add 224.0.0.0/4 dev eth0, with the interface of the studio network"};
+          "as root: ip route add 224.0.0.0/4 dev eth0, with the interface of the studio network"};
 }
 
 Finding check_packet_socket() {
   const Socket socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP));
   if (socket.fd() >= 0) return {Verdict::kGood, "packet socket", "this user may open one", ""};
   // The unit of the daemon grants the permission; users usually do not have it.
-  return {
-      Verdict::kUnknown, "packet socket", "not permitted to this user (CAP_NET_RAW)",
-      "the unit v3d-captured@.service grants it; by hand: sudo setcap cap_net_raw+ep v3d-captured"};
+  return {Verdict::kUnknown, "packet socket", "not permitted to this user (CAP_NET_RAW)",
+          "the unit v3d-captured@.service grants it; by hand, as root: setcap cap_net_raw+ep "
+          "v3d-captured"};
 }
 
 namespace {
@@ -259,7 +259,7 @@ Finding check_mtu(const std::string& interface, int mtu, int packet_size) {
   const std::string text = interface + " sends packets of up to " + std::to_string(mtu) + " bytes";
   if (mtu >= packet_size) return {Verdict::kGood, "MTU", text, ""};
   return {Verdict::kBad, "MTU", text + "; its cameras send " + std::to_string(packet_size),
-          "sudo ip link set dev " + interface + " mtu " + std::to_string(packet_size) +
+          "as root: ip link set dev " + interface + " mtu " + std::to_string(packet_size) +
               " (and on the switch), or packet_size = " + std::to_string(mtu) +
               " in the studio file"};
 }

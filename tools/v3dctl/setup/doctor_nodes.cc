@@ -38,7 +38,8 @@ constexpr ValueCheck kValueChecks[] = {
      "v3dctl health shows what the daemon uses"},
     {"clock_synchronised_flag", "clock", [](double v) { return v == 0; }, "chronyc sources there"},
     {"clock_offset_us", "clock offset", [](double v) { return std::abs(v) > 1000; },
-     "sudo chronyc makestep there, before the next take"},
+     "before the next take, wait until chronyd has corrected it, or as root there: chronyc "
+     "makestep"},
     {"slot_trial_flag", "update", [](double v) { return v != 0; },
      "wait for the end of its trial; systemctl status v3d-slot-check there"},
 };

@@ -61,7 +61,7 @@ Finding judge_wakeups(const std::vector<Duration>& lateness, bool is_realtime, D
         "isolate a processor for the trigger (docs/appliance.md, real time), or lower the rate";
   } else {
     finding.verdict = Verdict::kUnknown;
-    finding.remedy = "run v3dctl doctor by sudo: this user has no real-time priority";
+    finding.remedy = "run v3dctl doctor as root: this user has no real-time priority";
   }
   return finding;
 }
