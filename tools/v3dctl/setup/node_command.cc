@@ -1,4 +1,6 @@
 // node add: prepares a stick from which an appliance takes its settings at its first start.
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -128,6 +130,14 @@ NodeSettings settings_of(const Options& options, const StudioFiles& files,
   return settings;
 }
 
+/// Throws InputError unless this file can be replaced: a PC must not get a key that no list has.
+void require_replaceable(const fs::path& path) {
+  const fs::path folder = fs::absolute(path).parent_path();
+  if (access(folder.c_str(), W_OK | X_OK) == 0) return;
+  throw InputError(errno_message(folder.string()) + "; v3dctl node add enters the node in " +
+                   path.filename().string());
+}
+
 int run_add(const CommandLine& line, const Options& options) {
   require_host_name(options.name);
   std::optional<wire::SigningKey> key;
@@ -136,13 +146,16 @@ int run_add(const CommandLine& line, const Options& options) {
   const StudioFiles files = add_to_studio(line, options, key);
   require_appliance_paths(files.studio_text, before.path);
   const NodeSettings settings = settings_of(options, files, key);
+  const bool changes_studio = files.studio_text != read_file(before.path);
+  if (changes_studio) require_replaceable(before.path);
+  if (!files.members_text.empty()) require_replaceable(before.network.members);
   const fs::path folder = write_node_settings(options.out, settings, options.replace);
   update_other_settings(options.out, settings);
 
   std::printf(
       "wrote %s: unmount the stick (label V3D-SETUP), plug it into the PC, and switch it on\n",
       folder.c_str());
-  if (files.studio_text != read_file(before.path)) {
+  if (changes_studio) {
     replace_file(before.path, files.studio_text);
     std::printf("changed %s: copy it to every PC of the studio\n", before.path.c_str());
   }

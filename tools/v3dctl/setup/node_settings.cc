@@ -71,14 +71,15 @@ const StudioNode* node_of(const Studio& studio, std::string_view name) {
   return found == studio.nodes.end() ? nullptr : &*found;
 }
 
-/// True for the files that this program and a PC write into a settings folder.
+/// True for the files that this program and a PC write into a settings folder. An interrupted
+/// command leaves temporary files.
 bool is_settings_file(const fs::path& file) {
   static const std::set<std::string> kNames = {
       "hostname",     "role",        "studio.toml", "calib.toml",      "members.toml",
       "studio.key",   "signing.key", "pc",          "authorized_keys", "root_authorized_keys",
       "time_servers", "taken",       "report.txt",  "report.new"};
   return kNames.contains(file.filename()) || file.extension() == ".network" ||
-         file.extension() == ".link";
+         file.extension() == ".link" || io::is_temporary(file);
 }
 
 /// True for the keys of a settings folder.
