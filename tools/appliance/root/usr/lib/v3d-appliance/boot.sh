@@ -8,11 +8,16 @@ partition() { readlink -f "/dev/disk/by-partlabel/$1"; }
 # id_of FILE: number of the user or group v3d of the root; FILE is passwd or group.
 id_of() { sed -n 's/^v3d:[^:]*:\([0-9]*\):.*/\1/p' "$rootmnt/etc/$1"; }
 
-# mount_data: the data partition; without it, memory, so that somebody can log in and look. In memory the folder of takes is
-# read-only and has no takes: the capture daemon reports it and refuses to arm. A take in memory would be lost.
+# mount_data: repairs and mounts the data partition; without it, memory, so that somebody can log in and look ($in_memory). In
+# memory the folder of takes is read-only and has no takes: the capture daemon reports it and refuses to arm. A take in memory would
+# be lost.
 mount_data() {
+  in_memory=''
+  # It replays the journal, and checks all only when the file system has an error. What it cannot repair by itself stays.
+  e2fsck -p "$(partition v3d-data)" || true
   mount -t ext4 -o rw,noatime "$(partition v3d-data)" "$data" && return 0
   echo "v3d: the data partition cannot be mounted: nothing can be recorded, and no change stays" >&2
+  in_memory=yes
   mount -t tmpfs tmpfs "$data"
   mkdir "$data/v3d"
   user=$(id_of passwd) group=$(id_of group)
@@ -34,9 +39,10 @@ install_setting() {
   : >"$3.new" && chmod "$2" "$3.new" && tr -d '\r' <"$1" >>"$3.new" && mv "$3.new" "$3"
 }
 
-# source_of NAME: the file of a setting, or nothing. What a stick has set (take-setup) precedes the folder of V3D-BOOT.
+# source_of NAME: the file of a setting, or nothing. What a stick has set (take-setup) precedes the folder of V3D-BOOT; without the
+# data partition, what the last good start used (keep-settings).
 source_of() {
-  for folder in "$data/setup/current" "$settings"; do
+  for folder in "$first" "$settings"; do
     if [ -f "$folder/$1" ]; then echo "$folder/$1" && return; fi
   done
 }
@@ -77,7 +83,8 @@ time_sources() {
 # boot_settings FOLDER: copies the settings of a stick, and those in the folder of the partition V3D-BOOT, into /etc. Without
 # the folder, nothing is removed.
 boot_settings() {
-  settings=$1 records=$data/system/settings
+  settings=$1 records=$data/system/settings first=$data/setup/current
+  [ -z "${in_memory:-}" ] || first=$settings/rescue
   setting hostname 644 "$rootmnt/etc/hostname" stays
   for name in studio.toml calib.toml members.toml role time_servers; do
     setting "$name" 644 "$rootmnt/etc/v3d/$name" unless-changed
@@ -87,7 +94,7 @@ boot_settings() {
   # Always: whoever removes the file here revokes these logins.
   setting authorized_keys 644 "$rootmnt/etc/ssh/authorized_keys.d/crew" always
   setting root_authorized_keys 644 "$rootmnt/etc/ssh/authorized_keys.d/root" always
-  for folder in "$data/setup/current" "$settings" "$records"; do
+  for folder in "$first" "$settings" "$records"; do
     for file in "$folder"/*.network "$folder"/*.link; do
       setting "${file##*/}" 644 "$rootmnt/etc/systemd/network/${file##*/}" unless-changed
     done
