@@ -112,8 +112,8 @@ void MachineHealth::update_processor_time() {
 }
 
 void MachineHealth::report_appliance(std::map<std::string, double>& values) const {
-  constexpr std::array<std::string_view, 6> kNames = {
-      "slot_number",     "slot_trial_flag",        "boot_count",
+  constexpr std::array<std::string_view, 7> kNames = {
+      "slot_number",     "slot_trial_flag",        "boot_count",       "unclean_starts",
       "watchdog_resets", "disk_smart_failed_flag", "disk_wear_percent"};
   std::ifstream file(root_ / "run/v3d-appliance/health");
   std::string name;

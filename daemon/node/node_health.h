@@ -34,7 +34,9 @@ class MachineHealth {
   ///   slot_number               the slot that runs: 1 for A, 2 for B
   ///   slot_trial_flag           1 until the slot has started well after an update
   ///   boot_count                starts since the data partition was made
-  ///   watchdog_resets           how many of them followed a reset by the hardware watchdog
+  ///   unclean_starts            how many of them followed no shutdown: power, watchdog, a panic
+  ///   watchdog_resets           how many of them followed a reset by the hardware watchdog; absent
+  ///                             where its driver does not report resets
   ///   disk_smart_failed_flag    1 when a disk reports by SMART that it fails
   ///   disk_wear_percent         share of the rated writes that the most worn disk has had
   /// Processor values are absent at the first call. Calls less than half a second apart repeat

@@ -75,12 +75,13 @@ TEST(MachineHealth, reports_what_the_appliance_counts_and_ignores_other_lines) {
   std::filesystem::create_directories(machine.root() / "run/v3d-appliance");
   write_text(machine.root() / "run/v3d-appliance/health",
              "slot_number 2\nslot_trial_flag 0\ncpu_machine_percent 1\nboot_count 12\n"
-             "watchdog_resets 1\ndisk_wear_percent x\nboot_count 99\n");
+             "watchdog_resets 1\nunclean_starts 2\ndisk_wear_percent x\nboot_count 99\n");
   const auto values = machine.report();
   EXPECT_EQ(values.at("slot_number"), 2);
   EXPECT_EQ(values.at("slot_trial_flag"), 0);
   EXPECT_EQ(values.at("boot_count"), 12);
   EXPECT_EQ(values.at("watchdog_resets"), 1);
+  EXPECT_EQ(values.at("unclean_starts"), 2);
   EXPECT_FALSE(values.contains("cpu_machine_percent")) << "not a value of the appliance";
   EXPECT_FALSE(values.contains("disk_wear_percent")) << "not a number";
 }
