@@ -10,6 +10,9 @@ namespace {
 
 using Knot = PulseMap::Knot;
 
+/// Knots are at least this far apart, pulses and samples.
+constexpr double kMinStep = 1e-6;
+
 /// The value at `x` of the line through the two knots around it, as functions of one coordinate.
 double interpolate(const std::vector<Knot>& knots, double x, double Knot::*from, double Knot::*to) {
   V3D_CHECK(knots.size() >= 2);
@@ -31,8 +34,7 @@ double PulseMap::pulse_of(double sample) const {
 
 void PulseMapBuilder::add(const Knot& point) {
   const bool ascends = points_ == 0 || (point.pulse > last_.pulse && point.sample > last_.sample);
-  const bool is_in_gap = in_gap_ && point.sample <= gap_.begin;
-  if (!ascends || is_in_gap) return;
+  if (!ascends || (in_gap_ && !is_after_gap(point))) return;
   ++points_;
   if (knots_.empty() || in_gap_) {
     start_line(point);
@@ -44,6 +46,13 @@ void PulseMapBuilder::add(const Knot& point) {
   last_ = point;
 }
 
+/// The end of the gap may be an estimate, and behind the next points.
+bool PulseMapBuilder::is_after_gap(const Knot& point) const {
+  const Knot& before = knots_.back();
+  return point.sample > gap_.begin && point.pulse > before.pulse + kMinStep &&
+         point.sample > before.sample + kMinStep;
+}
+
 void PulseMapBuilder::start_line(const Knot& point) {
   in_gap_ = false;
   has_line_ = false;
@@ -51,11 +60,8 @@ void PulseMapBuilder::start_line(const Knot& point) {
   // The line starts at the end of the gap, but after the line before it.
   const Knot before = knots_.back();
   const double pulse = point.pulse - (point.sample - gap_.begin) / gap_.slope;
-  constexpr double kLeast = 1e-6;
-  const Knot begin{.pulse = std::max(pulse, before.pulse + kLeast),
-                   .sample = std::max(gap_.begin, before.sample + kLeast)};
-  if (begin.pulse >= point.pulse || begin.sample >= point.sample) return push(point);
-  push(begin);
+  push({.pulse = std::max(pulse, before.pulse + kMinStep),
+        .sample = std::max(gap_.begin, before.sample + kMinStep)});
   extend_door(point);
 }
 
@@ -79,8 +85,10 @@ bool PulseMapBuilder::extend_door(const Knot& point) {
 Knot PulseMapBuilder::end_of_line() const {
   const Knot& anchor = knots_.back();
   const double run = last_.pulse - anchor.pulse;
-  // A door of less than the tolerance around the anchor may include slopes of 0 or less.
-  const double slope = std::clamp((last_.sample - anchor.sample) / run, min_slope_, max_slope_);
+  double slope = std::clamp((last_.sample - anchor.sample) / run, min_slope_, max_slope_);
+  // The anchor may be above the last point, by less than the tolerance. The door has ascending
+  // lines then, too, because the points ascend.
+  if (slope <= 0) slope = max_slope_ / 2;
   return {.pulse = last_.pulse, .sample = anchor.sample + slope * run};
 }
 
@@ -90,21 +98,21 @@ void PulseMapBuilder::push(const Knot& knot) {
     covered_.sample += knot.sample - knots_.back().sample;
   }
   knots_.push_back(knot);
-  if (knots_.size() >= kMaxKnots) thin_out();
+  if (knots_.size() >= max_knots_) thin_out();
 }
 
-/// Doubles the tolerance, and removes the knots that it makes unnecessary.
+/// Doubles the tolerance, until at most half of the knots are necessary. The points are within the
+/// first tolerance of the old knots, and these within the rest of the new one of the kept knots.
 void PulseMapBuilder::thin_out() {
-  tolerance_ *= 2;
-  PulseMapBuilder thinned(tolerance_ / 2);
-  for (const Knot& knot : knots_) thinned.add(knot);
-  std::vector<Knot> kept = thinned.map().knots;
-  if (kept.size() > kMaxKnots / 2) {  // the points are not on lines at all
-    std::vector<Knot> every_other;
-    for (size_t i = 0; i < kept.size(); i += 2) every_other.push_back(kept[i]);
-    kept = std::move(every_other);
-  }
-  if (kept.back() != knots_.back()) kept.push_back(knots_.back());
+  const double first = tolerance_;
+  std::vector<Knot> kept;
+  do {
+    tolerance_ *= 2;
+    PulseMapBuilder thinned(tolerance_ - first);
+    for (const Knot& knot : knots_) thinned.add(knot);
+    kept = thinned.map().knots;
+  } while (kept.size() > max_knots_ / 2);
+  // The last one has the pulse of the old anchor. It is the anchor of the open line now.
   knots_ = std::move(kept);
 }
 
@@ -114,9 +122,9 @@ void PulseMapBuilder::add_gap(double end, double begin, double slope) {
   in_gap_ = true;
   if (has_line_) push(end_of_line());
   has_line_ = false;
-  const Knot& last = knots_.back();
+  const Knot last = knots_.back();
   if (end > last.sample) {
-    knots_.push_back({.pulse = last.pulse + (end - last.sample) / slope, .sample = end});
+    push({.pulse = last.pulse + (end - last.sample) / slope, .sample = end});
   }
 }
 

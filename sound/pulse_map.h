@@ -28,18 +28,20 @@ struct PulseMap {
   double pulse_of(double sample) const;
 };
 
-/// Builds a map from points, without keeping them: every added point is within the tolerance of the
-/// map. Points must ascend in both coordinates; others are ignored.
+/// Builds a map from points, without keeping them: every added point is within tolerance() of the
+/// map. Points must ascend in both coordinates, and behind a gap be above its end; others are
+/// ignored.
 ///
 /// Source: Bristol, "Swinging door trending: adaptive trend recording?", ISA National Conference
-/// 1990; the knots here lie within the door, not on points. When kMaxKnots are reached, the
-/// tolerance is doubled. One thread.
+/// 1990; the knots here lie within the door, not on points. When the most knots are reached, the
+/// tolerance is doubled, until half of them are enough. One thread.
 class PulseMapBuilder {
  public:
   static constexpr size_t kMaxKnots = 20'000;
 
-  /// `tolerance`: samples.
-  explicit PulseMapBuilder(double tolerance) : tolerance_(tolerance) {}
+  /// `tolerance`: samples. `max_knots`: 4 or more; map() has at most one more.
+  explicit PulseMapBuilder(double tolerance, size_t max_knots = kMaxKnots)
+      : tolerance_(tolerance), max_knots_(max_knots) {}
 
   void add(const PulseMap::Knot& point);
   /// Ends the line at the last point, extended to sample `end` with `slope`, samples per pulse. The
@@ -47,7 +49,7 @@ class PulseMapBuilder {
   void add_gap(double end, double begin, double slope);
   /// The map of all points.
   PulseMap map() const;
-  /// Samples.
+  /// Samples; grows with the number of knots.
   double tolerance() const { return tolerance_; }
   int64_t points() const { return points_; }
   /// Samples per pulse over all lines, gaps excluded; 0 without a line.
@@ -59,6 +61,7 @@ class PulseMapBuilder {
     double slope = 0;
   };
 
+  bool is_after_gap(const PulseMap::Knot& point) const;
   void start_line(const PulseMap::Knot& point);
   bool extend_door(const PulseMap::Knot& point);
   PulseMap::Knot end_of_line() const;
@@ -66,6 +69,7 @@ class PulseMapBuilder {
   void thin_out();
 
   double tolerance_;
+  size_t max_knots_;
   std::vector<PulseMap::Knot> knots_;  ///< the last is the anchor of the open line
   bool has_line_ = false;              ///< the open line has a point besides its anchor
   PulseMap::Knot last_;                ///< the last point

@@ -19,23 +19,37 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
   return n;
 }
 
-/// Pairs of numbers; the first ascend.
+/// Pairs of numbers.
 std::vector<std::vector<double>> read_pairs(const TomlTable& table, std::string_view key) {
   if (!table.has(key)) return {};
   std::vector<std::vector<double>> rows = table.rows(key);
-  for (size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].size() != 2) table.fail(key, "expected pairs of numbers");
-    if (i > 0 && !(rows[i][0] > rows[i - 1][0])) table.fail(key, "expected ascending pairs");
+  for (const std::vector<double>& row : rows) {
+    if (row.size() != 2) table.fail(key, "expected pairs of numbers");
   }
   return rows;
 }
 
+/// The first numbers ascend.
+std::vector<std::vector<double>> read_gaps(const TomlTable& table) {
+  std::vector<std::vector<double>> gaps = read_pairs(table, "gaps");
+  for (size_t i = 1; i < gaps.size(); ++i) {
+    if (!(gaps[i][0] > gaps[i - 1][0])) table.fail("gaps", "expected ascending pairs");
+  }
+  return gaps;
+}
+
+/// Earlier versions wrote some knots twice, with positions a few samples apart. The first is right.
 sound::PulseMap read_map(const TomlTable& table) {
   sound::PulseMap map;
   for (const auto& row : read_pairs(table, "map")) {
-    map.knots.push_back({.pulse = row[0], .sample = row[1]});
-    const size_t n = map.knots.size();
-    if (n > 1 && !(row[1] > map.knots[n - 2].sample)) table.fail("map", "expected ascending pairs");
+    const sound::PulseMap::Knot knot{.pulse = row[0], .sample = row[1]};
+    if (!map.knots.empty()) {
+      const sound::PulseMap::Knot& last = map.knots.back();
+      if (knot.pulse == last.pulse) continue;
+      const bool ascends = knot.pulse > last.pulse && knot.sample > last.sample;
+      if (!ascends) table.fail("map", "expected ascending pairs");
+    }
+    map.knots.push_back(knot);
   }
   return map;
 }
@@ -81,7 +95,7 @@ SoundLedger read_sound_ledger(const TomlTable& table) {
   sound.samples = read_count(table, "samples");
   sound.xruns = read_count(table, "xruns");
   sound.lost_samples = read_count(table, "lost_samples");
-  sound.gaps = read_pairs(table, "gaps");
+  sound.gaps = read_gaps(table);
   sound.map_source = table.text_or("map_source", sound.map_source);
   sound.map = read_map(table);
   sound.uncertainty_us = table.number_or("uncertainty_us", 0);

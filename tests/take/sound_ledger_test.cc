@@ -93,6 +93,13 @@ TEST(SoundLedger, with_a_map_that_descends_is_rejected) {
               HasSubstr("ledger.toml:3: map: expected ascending pairs"));
 }
 
+TEST(SoundLedger, of_an_earlier_version_with_two_knots_of_one_pulse_has_the_first) {
+  const std::string text =
+      "file = 'sound/a.wav'\nnode = 'a'\nmap = [[0, 10], [4, 50.5], [4, 46.1], [9, 100]]\n";
+  const SoundLedger sound = read_sound_ledger(TomlTable::parse(text, "ledger.toml"));
+  EXPECT_EQ(sound.map, (sound::PulseMap{{{0, 10}, {4, 50.5}, {9, 100}}}));
+}
+
 TEST(SoundLedger, with_a_run_of_timecode_that_ends_before_it_begins_is_rejected) {
   const std::string text = "file = 'sound/a.wav'\nnode = 'a'\ntimecode_runs = [[10, 0, 5, 1]]\n";
   EXPECT_THAT(test::message_of<InputError>(
