@@ -21,7 +21,9 @@ TakeTimecode::TakeTimecode(const TakePaths& paths) {
   if (type == std::filesystem::file_type::not_found) return;
   std::vector<SoundLedger> sounds = load_ledger(paths.ledger()).sounds;
   int rank = 0;
-  for (const SoundLedger& sound : sounds) rank = std::max(rank, timecode_rank(sound));
+  for (const SoundLedger& sound : sounds) {
+    if (!sound.timecode_runs.empty()) rank = std::max(rank, timecode_rank(sound));
+  }
   for (SoundLedger& sound : sounds) {
     const auto rate = sound::timecode_rate_from_name(sound.timecode_rate);
     const bool is_known = rate && sound.map.is_known() && !sound.timecode_runs.empty();

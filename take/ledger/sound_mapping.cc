@@ -128,7 +128,8 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
   sound.missing_edges = mapped.missing_edges;
   sound.extra_edges = mapped.extra_edges;
   const auto& timecode = track.timecode();
-  if (!timecode || !timecode->rate() || !mapped.map.is_known()) return;
+  // Its rate may be known by the studio file although there was no LTC.
+  if (!timecode || timecode->runs().empty() || !mapped.map.is_known()) return;
   const auto text_at = [&](int64_t pulse) {
     const auto at = timecode->at(mapped.map.sample_of(static_cast<double>(pulse)));
     return at ? sound::timecode_text(*at, *timecode->rate()) : "";

@@ -159,6 +159,16 @@ TEST_F(RecordedSounds, have_positions_by_the_clocks_of_the_pcs_without_a_pulse_c
   EXPECT_EQ(sounds[0].timecode_source, "none");
 }
 
+TEST_F(RecordedSounds, without_ltc_have_no_timecode_although_its_rate_is_known) {
+  write_studio("pulse_channel = 2\ntimecode_channel = 1\ntimecode_rate = '25'\n");
+  write_sound(kBegin);
+  recover_take(paths_);
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_EQ(sounds[0].map_source, "pulse channel");
+  EXPECT_EQ(sounds[0].timecode_source, "none");
+}
+
 TEST_F(RecordedSounds, that_were_finished_before_the_kill_have_positions_by_the_wall_clock) {
   write_studio("");
   write_sound(kBegin, sound::WaveTimecode{.samples_since_midnight = 36'000LL * kRate});

@@ -51,6 +51,12 @@ TEST_F(TakeTimecodeTest, of_ltc_excludes_the_time_of_day_of_other_files) {
   EXPECT_EQ(text_at(90, {day, ltc}), "none") << "the LTC ended long before";
 }
 
+TEST_F(TakeTimecodeTest, of_the_output_counts_beside_a_file_in_which_no_ltc_was_found) {
+  const SoundLedger output = test::timecoded_sound("output", "25", {{1000, 10, 200'000, 113}});
+  const SoundLedger silent = test::timecoded_sound("ltc", "25", {});
+  EXPECT_EQ(text_at(0, {silent, output}), "00:00:00:10");
+}
+
 TEST_F(TakeTimecodeTest, is_unknown_without_sound_and_without_a_map_of_pulses) {
   EXPECT_FALSE(TakeTimecode({folder_ / "no-such-take"}).at(0));
   EXPECT_EQ(text_at(0, {}), "none");
