@@ -23,7 +23,10 @@ class SampleClock {
   /// False at the start and after a gap, until kSettling stamps have come: the median of their
   /// offsets is then the first pair, because single stamps may be late by milliseconds.
   bool is_known() const { return is_settled_; }
-  /// The position that was recorded at an instant. Requires is_known().
+  /// True from the first settling on: after a gap, sample_at() is right to the deviation of the
+  /// gap.
+  bool has_estimate() const { return filter_.has_started(); }
+  /// The position that was recorded at an instant. Requires has_estimate().
   double sample_at(MonotonicInstant at) const;
   /// The inverse.
   MonotonicInstant instant_of(double sample) const;

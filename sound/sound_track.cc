@@ -60,8 +60,9 @@ int64_t SoundTrack::add(const SoundBlock& block) {
     device_xruns_ = block.xruns;
   }
   if (block.xruns != device_xruns_) {
-    // Unknown before the first stamps: then the gap is closed up.
-    const double expected = clock_.is_known() ? clock_.sample_at(block.at) : 0;
+    // Unknown before the first stamps: then the gap is closed up. Soon after another gap, the
+    // estimate from before that gap counts.
+    const double expected = clock_.has_estimate() ? clock_.sample_at(block.at) : 0;
     silence = std::clamp<int64_t>(std::llround(expected) - length - samples_, 0,
                                   kMaxGapSeconds * setup_.sound.rate_hz);
     add_silence(silence, kEstimate);

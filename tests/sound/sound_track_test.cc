@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -64,13 +65,18 @@ class Recording {
     }
     return block;
   }
-  /// Adds all blocks but those from `lost_from` to `lost_until`, samples.
-  void play(SoundTrack& track, int64_t lost_from, int64_t lost_until, bool as_xrun) const {
+  /// From the first sample to the end, exclusive.
+  struct Range {
+    int64_t from = 0, until = 0;
+  };
+  /// Adds all blocks but the lost ones.
+  void play(SoundTrack& track, const std::vector<Range>& lost, bool as_xrun) const {
     int64_t delivered = 0, xruns = 0;
     size_t pulse = 0;
     for (int64_t first = 0; first + kBlock <= std::ssize(pulses_); first += kBlock) {
-      if (as_xrun && first == lost_until) ++xruns;
-      const bool is_lost = first >= lost_from && first < lost_until;
+      if (as_xrun) xruns += std::ranges::count(lost, first, &Range::until);
+      const bool is_lost = std::ranges::any_of(
+          lost, [&](const Range& range) { return first >= range.from && first < range.until; });
       for (; pulse < edges_.size() && edges_[pulse] < static_cast<double>(first); ++pulse) {
         track.add_pulse(static_cast<int64_t>(pulse), at_sample(edges_[pulse], rate_hz_));
       }
@@ -94,7 +100,7 @@ TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse_at_48_and_96_k
     SCOPED_TRACE(rate_hz);
     const Recording recording(rate_hz);
     SoundTrack track({.sound = three_channels(rate_hz)});
-    recording.play(track, 0, 0, false);
+    recording.play(track, {}, false);
     EXPECT_EQ(track.samples(), 10 * rate_hz);
     EXPECT_EQ(track.xruns(), 0);
     const MappedPulses mapped = track.pulses();
@@ -109,7 +115,7 @@ TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse_at_48_and_96_k
 TEST(SoundTrack, fills_blocks_that_were_dropped_with_as_many_samples_of_silence) {
   const Recording recording;
   SoundTrack track({.sound = three_channels()});
-  recording.play(track, 5 * kRate, 6 * kRate, false);
+  recording.play(track, {{5 * kRate, 6 * kRate}}, false);
   EXPECT_EQ(track.samples(), 10 * kRate);
   EXPECT_THAT(track.gaps(), ElementsAre(SoundGap{5 * kRate, kRate}));
   EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 0.1));
@@ -118,11 +124,22 @@ TEST(SoundTrack, fills_blocks_that_were_dropped_with_as_many_samples_of_silence)
 TEST(SoundTrack, estimates_the_length_of_an_xrun_from_time_stamps) {
   const Recording recording;
   SoundTrack track({.sound = three_channels()});
-  recording.play(track, 5 * kRate, 6 * kRate, true);
+  recording.play(track, {{5 * kRate, 6 * kRate}}, true);
   ASSERT_EQ(track.xruns(), 1);
   EXPECT_EQ(track.gaps()[0].sample, 5 * kRate);
   EXPECT_THAT(static_cast<double>(track.gaps()[0].samples), DoubleNear(kRate, 5));
   EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 5));
+}
+
+TEST(SoundTrack, estimates_the_length_of_an_xrun_that_follows_another_one_within_50_ms) {
+  const Recording recording;
+  SoundTrack track({.sound = three_channels()});
+  constexpr int64_t kBegin = 6 * kRate + 5 * kBlock;
+  recording.play(track, {{5 * kRate, 6 * kRate}, {kBegin, kBegin + kRate}}, true);
+  ASSERT_EQ(track.xruns(), 2);
+  EXPECT_THAT(static_cast<double>(track.gaps()[1].samples), DoubleNear(kRate, 5));
+  EXPECT_THAT(static_cast<double>(track.samples()), DoubleNear(10 * kRate, 10));
+  EXPECT_THAT(track.pulses().map.sample_of(200), DoubleNear(recording.edge(200), 10));
 }
 
 /// Limits the memory of this process to 256 MiB more than it has.
