@@ -142,6 +142,20 @@ TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_reports_an_estimate
   }
 }
 
+TEST(ScpiGenerator, does_not_count_the_time_of_switching_the_output_off) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    const auto generator = generator_on(bench, trigger_of(d.dialect));
+    generator->arm(train_of({}));
+    generator->start();
+    bench.answer_takes = milliseconds(100);
+    bench.host.now += seconds(3600);
+    generator->stop();
+    EXPECT_EQ(generator->commanded(), 90'001);
+  }
+}
+
 /// Stores the level of the gate line in a variable.
 class GateLine : public OutputLine {
  public:
@@ -154,6 +168,21 @@ class GateLine : public OutputLine {
  private:
   bool& active_;
 };
+
+TEST(ScpiGenerator, counts_until_the_gate_line_is_closed) {
+  Bench bench("bnc575");
+  bool gate = false;
+  StudioTrigger trigger = trigger_of(Dialect::kBnc575);
+  trigger.gate = StudioLine{.chip = "gpiochip0", .line = "GATE"};
+  const auto generator = generator_on(
+      bench, trigger, [&](const StudioLine&) { return std::make_unique<GateLine>(gate); });
+  generator->arm(train_of({}));
+  generator->start();
+  bench.host.now += seconds(3600);
+  bench.unplugged_after = 0;
+  generator->stop();
+  EXPECT_EQ(generator->commanded(), 90'001) << "the instrument did not answer for 6 s";
+}
 
 TEST(ScpiGenerator, opens_the_gate_line_for_a_train_without_end) {
   for (const Named& d : kDialects) {

@@ -119,6 +119,7 @@ void ScpiGenerator::silence() {
 }
 
 void ScpiGenerator::turn_off() {
+  off_sent_ = clock_.now();
   apply(dialect_.off);
   output_on_ = false;
 }
@@ -165,12 +166,17 @@ void ScpiGenerator::start() {
 void ScpiGenerator::stop() {
   if (!output_on_ || stopped_) return;
   if (gate_ && !gate_->set(false)) fault_ = "gate line " + line_text(*trigger_.gate) + " is gone";
+  const MonotonicInstant gate_closed = clock_.now();
+  const bool is_gate_closed = is_gated() && fault_.empty();
   try {
     with_retries([this] { turn_off(); });
   } catch (const InputError& error) {
     if (may_run_) fault_ = std::string("pulses may continue: ") + error.what();
   }
-  if (started_) stopped_ = clock_.now();
+  // The answers to the commands come after the last pulse.
+  if (started_) {
+    stopped_ = is_gate_closed ? gate_closed : output_on_ ? clock_.now() : off_sent_;
+  }
 }
 
 MonotonicInstant ScpiGenerator::end() const {

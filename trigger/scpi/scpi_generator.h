@@ -70,11 +70,12 @@ class ScpiGenerator : public PulseGenerator {
   std::unique_ptr<Instrument> instrument_;
   std::unique_ptr<OutputLine> gate_;
   MonotonicInstant deadline_;
-  bool output_on_ = false;  ///< the output may be connected
-  bool may_run_ = false;    ///< start() was called since arm()
+  MonotonicInstant off_sent_;  ///< when the output was last turned off
+  bool output_on_ = false;     ///< the output may be connected
+  bool may_run_ = false;       ///< start() was called since arm()
   std::optional<MonotonicInstant> start_sent_;
   std::optional<MonotonicInstant> started_;  ///< the sending has ended
-  std::optional<MonotonicInstant> stopped_;
+  std::optional<MonotonicInstant> stopped_;  ///< the pulses have ended, as far as is known
   std::string fault_;
 };
 
