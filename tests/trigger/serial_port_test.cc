@@ -123,7 +123,7 @@ TEST(SerialPort, reports_a_silent_or_unplugged_instrument_and_a_device_that_is_n
       test::message_of<InstrumentError>([] { SerialPort absent("/dev/nonexistent", 9600); }),
       HasSubstr("/dev/nonexistent"));
   EXPECT_EQ(test::message_of<InputError>([] { SerialPort null("/dev/null", 9600); }),
-            "is not a serial port");
+            "/dev/null: is not a serial port; expected one such as /dev/ttyUSB0");
 }
 
 }  // namespace

@@ -61,7 +61,8 @@ SerialPort::SerialPort(const std::filesystem::path& device, int baud)
   error_code error;
   port.open(device, error);
   const int code = error.value();
-  if (code == ENOTTY) throw InputError("is not a serial port");
+  if (code == ENOTTY)
+    throw InputError(device.string() + ": is not a serial port; expected one such as /dev/ttyUSB0");
   if (error) {
     const std::string cause = device.string() + ": " + error.message();
     if (code == ENOENT || code == ENXIO || code == ENODEV || code == EIO) {
@@ -77,7 +78,8 @@ SerialPort::SerialPort(const std::filesystem::path& device, int baud)
     port.set_option(asio::serial_port::stop_bits(asio::serial_port::stop_bits::one));
     port.set_option(asio::serial_port::flow_control(asio::serial_port::flow_control::none));
   } catch (const boost::system::system_error&) {
-    throw InputError("cannot be set to " + std::to_string(baud) + " baud, 8N1");
+    throw InputError(device.string() + ": cannot be set to " + std::to_string(baud) +
+                     " baud, 8N1; expected a rate that the port has");
   }
 }
 
