@@ -69,6 +69,7 @@ class SoundTake {
   void take_pulses();
   io::Status create_file(const sound::SoundBlock& first);
   io::Status write(const sound::SoundBlock& block, int64_t silence);
+  io::Status write_silence(int64_t samples);
   /// The ledger's table of the file.
   take::SoundLedger describe() const;
   /// Fills the timecode without LTC: that of the output, or the time of day.

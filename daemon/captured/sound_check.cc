@@ -26,16 +26,20 @@ void SoundCheck::process(const sound::SoundBlock& block) {
   const int64_t silence = track_.add(block);
   if (!first_pulse_ || block.at < *first_pulse_) return;
   if (!searched_from_) searched_from_ = before;
-  const std::vector<float> second(static_cast<size_t>(input_.rate_hz));
-  for (int64_t left = silence; left > 0; left -= std::ssize(second)) {
-    finder_.push(std::span(second).first(static_cast<size_t>(std::min(left, std::ssize(second)))));
-  }
+  if (silence > 0) search_silence(silence);
   std::vector<float> mono(block.values.size() / static_cast<size_t>(input_.channels));
   for (const int number : audible_) {
     const auto channel = sound::channel_of(block.values, input_.channels, number);
     for (size_t i = 0; i < mono.size(); ++i) mono[i] += channel[i] / std::ssize(audible_);
   }
   finder_.push(mono);
+}
+
+void SoundCheck::search_silence(int64_t samples) {
+  const std::vector<float> second(static_cast<size_t>(input_.rate_hz));
+  for (int64_t left = samples; left > 0; left -= std::ssize(second)) {
+    finder_.push(std::span(second).first(static_cast<size_t>(std::min(left, std::ssize(second)))));
+  }
 }
 
 CheckedSound SoundCheck::close() {

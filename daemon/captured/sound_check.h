@@ -35,6 +35,7 @@ class SoundCheck {
 
  private:
   void process(const sound::SoundBlock& block);
+  void search_silence(int64_t samples);
   void take_pulses();
 
   const StudioSound input_;

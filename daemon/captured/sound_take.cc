@@ -96,17 +96,25 @@ io::Status SoundTake::create_file(const sound::SoundBlock& first) {
 }
 
 io::Status SoundTake::write(const sound::SoundBlock& block, int64_t silence) {
+  // Most blocks follow without a gap, and must not cost the memory of a second of silence.
+  if (silence > 0) {
+    if (auto done = write_silence(silence); !done) return done;
+  }
+  if (auto done = file_->write(block.values); !done) return done;
+  syncing_->mark_dirty();
+  return syncing_->pop_error();
+}
+
+io::Status SoundTake::write_silence(int64_t samples) {
   const std::vector<int32_t> second(
       static_cast<size_t>(setup_.sound.rate_hz * setup_.sound.channels));
-  for (int64_t left = silence * setup_.sound.channels; left > 0;) {
+  for (int64_t left = samples * setup_.sound.channels; left > 0;) {
     const auto count = std::min<int64_t>(left, std::ssize(second));
     const std::span values(second.data(), static_cast<size_t>(count));
     if (auto done = file_->write(values); !done) return done;
     left -= count;
   }
-  if (auto done = file_->write(block.values); !done) return done;
-  syncing_->mark_dirty();
-  return syncing_->pop_error();
+  return {};
 }
 
 std::optional<take::SoundLedger> SoundTake::close() {
