@@ -116,6 +116,39 @@ MountOptions parse_mount_options(const Arguments& arguments) {
   return options;
 }
 
+/// Throws InputError where the file could not be written after the work. `option`: "--out"
+void check_output(const std::string& option, const std::filesystem::path& file) {
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  if (!std::filesystem::is_directory(folder)) {
+    throw InputError(option + " " + file.string() + ": its folder " + folder.string() +
+                     " does not exist");
+  }
+  if (std::filesystem::is_directory(file)) {
+    throw InputError(option + " " + file.string() + ": is a folder, expected the name of a file");
+  }
+}
+
+bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(a)) ==
+         std::filesystem::weakly_canonical(std::filesystem::absolute(b));
+}
+
+void check_outputs(const Arguments& arguments) {
+  check_output("--out", arguments.out);
+  if (std::filesystem::exists(arguments.out)) {
+    throw InputError(arguments.out +
+                     ": exists already and is not replaced by a planned rig; use another name, or "
+                     "move the file");
+  }
+  if (arguments.plot.empty()) return;
+  check_output("--plot", arguments.plot);
+  const std::string plot = "--plot " + arguments.plot + ": is the file of ";
+  if (is_same_file(arguments.plot, arguments.out)) throw InputError(plot + "--out; use another");
+  if (!arguments.fixed.empty() && is_same_file(arguments.plot, arguments.fixed)) {
+    throw InputError(plot + "--fixed; use another");
+  }
+}
+
 Request parse_request(const Arguments& arguments) {
   Request request;
   request.space = parse_space(arguments.space);
@@ -133,11 +166,7 @@ Request parse_request(const Arguments& arguments) {
         fmt::format("--fixed {}: has {}, expected at most the {} of --cameras", arguments.fixed,
                     ctl::count_of(std::ssize(request.fixed), "camera"), arguments.cameras));
   }
-  if (std::filesystem::exists(arguments.out)) {
-    throw InputError(arguments.out +
-                     ": exists already and is not replaced by a planned rig; use another name, or "
-                     "move the file");
-  }
+  check_outputs(arguments);
   return request;
 }
 
@@ -237,10 +266,11 @@ int run(const Arguments& arguments) {
   }
   const Rig rig = rig_of(request.fixed, placement);
   const Coverage coverage = measure_coverage(models_of(rig), held_out_action(request));
-  save_calib(arguments.out, rig);
+  // The calibration is last: its file shows that the plan is complete.
   if (!arguments.plot.empty()) {
     replace_file(arguments.plot, plot_of(rig, request.fixed.size(), request.space));
   }
+  save_calib(arguments.out, rig);
   if (arguments.json) {
     Json json = json_of(coverage);
     json["cameras"] = json_of(rig, coverage, request, placement);
