@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
+#include <string>
 
 #include "base/core/error.h"
 #include "sound/timecode.h"
@@ -130,12 +132,18 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
   const auto& timecode = track.timecode();
   // Its rate may be known by the studio file although there was no LTC.
   if (!timecode || timecode->runs().empty() || !mapped.map.is_known()) return;
-  const auto text_at = [&](int64_t pulse) {
-    const auto at = timecode->at(mapped.map.sample_of(static_cast<double>(pulse)));
-    return at ? sound::timecode_text(*at, *timecode->rate()) : "";
+  const sound::TimecodeRate rate = *timecode->rate();
+  // Where LTC begins later or ends earlier, it is continued, as for sound::first_timecode().
+  constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
+  const auto text_at = [&](int64_t pulse) -> std::string {
+    const auto frames =
+        sound::timecode_frames_at(timecode->runs(), rate, sound.rate_hz,
+                                  mapped.map.sample_of(static_cast<double>(pulse)), kAnyDistance);
+    if (!frames) return "";
+    return sound::timecode_text(sound::timecode_of(std::llround(std::floor(*frames)), rate), rate);
   };
   sound.timecode_source = "ltc";
-  sound.timecode_rate = name(*timecode->rate());
+  sound.timecode_rate = name(rate);
   sound.first_timecode = text_at(first_pulse);
   sound.last_timecode = text_at(last_pulse);
   sound.timecode_jumps = timecode->jumps();

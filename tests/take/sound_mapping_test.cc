@@ -54,13 +54,13 @@ wire::PulseMessage message_of(int64_t pulse) {
   return message;
 }
 
-/// Channel 1 has a tone, channel 2 the pulses, channel 3 timecode from 10:00:00:00 on.
-std::vector<int32_t> recorded_sound() {
+/// Channel 1 is silent, channel 2 has the pulses, channel 3 timecode: 10:00:00:00 is at a sample.
+std::vector<int32_t> recorded_sound(int64_t timecode_begin = 0) {
   const auto samples = static_cast<int64_t>(truth(kPulses) + kRate);
   std::vector<int32_t> values(static_cast<size_t>(samples * kChannels));
   add_pulses(values, kPulses, kRate);
   sound::LtcWriter timecode(kRate, sound::TimecodeRate::k25, {.hours = 10});
-  for (int64_t s = 0; s < samples;) {
+  for (int64_t s = timecode_begin; s < samples;) {
     for (const float value : timecode.next()) {
       if (s == samples) break;
       values[static_cast<size_t>(s++ * kChannels + 2)] = static_cast<int32_t>(value * kMaxValue);
@@ -157,6 +157,17 @@ TEST_F(RecordedSounds, have_positions_by_the_clocks_of_the_pcs_without_a_pulse_c
   EXPECT_NEAR(error_of(sounds[0]), kClockError + 80e-6 * truth(kPulses) / kRate, 0.5e-3);
   EXPECT_THAT(error_of(sounds[0]), Lt(3e-6 * sounds[0].uncertainty_us));
   EXPECT_EQ(sounds[0].timecode_source, "none");
+}
+
+TEST_F(RecordedSounds, with_ltc_that_begins_3_s_after_the_first_pulse_have_a_first_timecode) {
+  write_studio("pulse_channel = 2\ntimecode_channel = 3\n");
+  constexpr int64_t kHalfFrame = 960;
+  write_wave(kBegin, kRate, recorded_sound(std::llround(4.5 * kRate) + kHalfFrame));
+  recover_take(paths_);
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_EQ(sounds[0].first_timecode, "09:59:56:24");
+  EXPECT_EQ(sounds[0].last_timecode, "10:00:16:23");
 }
 
 TEST_F(RecordedSounds, without_ltc_have_no_timecode_although_its_rate_is_known) {
