@@ -14,6 +14,20 @@ void add_absent_nodes(const std::vector<take::TakeNode>& nodes, Json& json) {
   }
 }
 
+/// Adds `sounds`, the sound files and what problem_line() reports of them, if there are any.
+void add_sounds(const std::vector<take::SoundLedger>& sounds, nlohmann::json& json) {
+  for (const take::SoundLedger& sound : sounds) {
+    json["sounds"].push_back({{"file", sound.file},
+                              {"node", sound.node},
+                              {"samples", sound.samples},
+                              {"map_source", sound.map_source},
+                              {"xruns", sound.xruns},
+                              {"lost_samples", sound.lost_samples},
+                              {"missing_edges", sound.missing_edges},
+                              {"timecode_jumps", sound.timecode_jumps}});
+  }
+}
+
 nlohmann::ordered_json take_json(const take::TakeListing& take) {
   std::error_code error;
   const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
@@ -75,6 +89,7 @@ std::string ledger_json(const take::Ledger& ledger) {
       {"cameras", cameras}};
   if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
   add_absent_nodes(ledger.absent_nodes, json);
+  add_sounds(ledger.sounds, json);
   return json.dump();
 }
 

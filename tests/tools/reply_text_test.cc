@@ -14,6 +14,7 @@ using testing::AllOf;
 using testing::ElementsAre;
 using testing::EndsWith;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::StartsWith;
 using Outcome = wire::ReplyMessage::Outcome;
 
@@ -110,6 +111,25 @@ TEST(TakeAccounts, keep_a_number_of_pulses_that_is_a_minimum) {
     answer.replies["cap01"] = reply(Outcome::kDone, "", control::ledger_json(recovered));
     EXPECT_EQ(merge_ledgers(answer).ledger.commanded_is_minimum, is_minimum);
   }
+}
+
+TEST(TakeAccounts, have_the_problems_of_the_sound_of_every_node) {
+  control::Answer answer;
+  for (const std::string node : {"cap01", "cap02"}) {
+    take::Ledger ledger;
+    ledger.take = "kendo";
+    ledger.sounds.push_back({.file = "sound/" + node + ".wav", .node = node});
+    ledger.sounds[0].samples = 172'800'000;
+    ledger.sounds[0].map_source = "time stamps";
+    ledger.sounds[0].missing_edges = 30'000;
+    answer.replies[node] = reply(Outcome::kDone, "", control::ledger_json(ledger));
+  }
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_THAT(account.unreadable, IsEmpty());
+  EXPECT_THAT(problem_lines(account.ledger),
+              ElementsAre("sound/cap01.wav: 30,000 pulses without an edge in the sound",
+                          "sound/cap02.wav: 30,000 pulses without an edge in the sound"));
+  EXPECT_EQ(to_json(account.ledger).at("sounds").size(), 2U);
 }
 
 TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {

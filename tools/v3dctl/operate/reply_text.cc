@@ -65,6 +65,32 @@ int64_t read_count(const Json& json) {
   return static_cast<int64_t>(n);
 }
 
+// Throws a Json exception if the value is no count of samples.
+int64_t read_sample_count(const Json& json) {
+  constexpr double kMaxSamples = 1e13;  // years
+  const auto n = json.get<double>();
+  if (!(n >= 0 && n <= kMaxSamples)) throw Json::other_error::create(501, "no count", nullptr);
+  return static_cast<int64_t>(n);
+}
+
+// Throws a Json exception if the value is no list of sound files.
+std::vector<take::SoundLedger> parse_sounds(const Json& json) {
+  std::vector<take::SoundLedger> sounds;
+  for (const Json& entry : json) {
+    take::SoundLedger sound;
+    sound.file = printable(entry.at("file").get<std::string>());
+    sound.node = entry.at("node").get<std::string>();
+    sound.samples = read_sample_count(entry.at("samples"));
+    sound.map_source = entry.at("map_source").get<std::string>();
+    sound.xruns = read_count(entry.at("xruns"));
+    sound.lost_samples = read_sample_count(entry.at("lost_samples"));
+    sound.missing_edges = read_count(entry.at("missing_edges"));
+    sound.timecode_jumps = read_count(entry.at("timecode_jumps"));
+    sounds.push_back(std::move(sound));
+  }
+  return sounds;
+}
+
 // Throws a Json exception if the value is no ledger.
 take::Ledger parse_ledger(const Json& json) {
   take::Ledger ledger;
@@ -88,6 +114,7 @@ take::Ledger parse_ledger(const Json& json) {
     read_numbers(entry, "suspect", camera.suspect);
     ledger.cameras.push_back(camera);
   }
+  if (json.contains("sounds")) ledger.sounds = parse_sounds(json.at("sounds"));
   return ledger;
 }
 
