@@ -21,15 +21,14 @@ TakeTimecode::TakeTimecode(const TakePaths& paths) {
   if (type == std::filesystem::file_type::not_found) return;
   std::vector<SoundLedger> sounds = load_ledger(paths.ledger()).sounds;
   int rank = 0;
-  for (const SoundLedger& sound : sounds) {
-    if (!sound.timecode_runs.empty()) rank = std::max(rank, timecode_rank(sound));
-  }
   for (SoundLedger& sound : sounds) {
     const auto rate = sound::timecode_rate_from_name(sound.timecode_rate);
     const bool is_known = rate && sound.map.is_known() && !sound.timecode_runs.empty();
-    if (!is_known || timecode_rank(sound) < rank) continue;
+    if (!is_known) continue;
+    rank = std::max(rank, timecode_rank(sound));
     files_.push_back({.rate = *rate, .sound = std::move(sound)});
   }
+  std::erase_if(files_, [&](const auto& file) { return timecode_rank(file.sound) < rank; });
 }
 
 std::optional<PulseTimecode> TakeTimecode::at(int64_t pulse) const {

@@ -41,6 +41,7 @@ class GpioGenerator : public PulseGenerator, private PulseOutput {
   int64_t commanded() const override { return train_.commanded(); }
   std::optional<MonotonicInstant> first_pulse() const override { return train_.first_pulse(); }
   bool finished() const override { return train_.finished(); }
+  bool is_paced_by_this_host() const override { return true; }
   PulseStatistics statistics() const override { return train_.statistics(); }
   std::string fault() const override;
 

@@ -76,6 +76,8 @@ class PulseGenerator {
   /// False where commanded() is an estimate by this host's clock; then the count of the sense line
   /// is more accurate.
   virtual bool counts_exactly() const { return true; }
+  /// True where pulse n is exactly n periods after first_pulse() on this host's clock.
+  virtual bool is_paced_by_this_host() const { return false; }
   /// Statistics of the pulses since start(); zeros where another device makes the pulses.
   virtual PulseStatistics statistics() const = 0;
   /// The fault of the running train, one line; empty when there is none.

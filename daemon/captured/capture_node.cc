@@ -216,8 +216,7 @@ void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
   if (edge.pulse + 1 == plan_.train.count) cameras_.train_ended();
   if (!edge.is_timed) return;
   pulse_times_.add(edge.pulse, edge.at);
-  if (sound_) sound_->pulse_at(edge);
-  if (timecode_) timecode_->pulse_at(edge);
+  notify_sound(edge);
 }
 
 // --- phases -------------------------------------------------------------------------------------
@@ -225,6 +224,7 @@ void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
 std::optional<control::NodeReport> CaptureNode::poll(control::Phase phase) {
   for (const auto& camera : cameras_) camera_monitor_.update(*camera);
   if (const auto edge = trigger_.unsensed_first_pulse()) notify_cameras(*edge);
+  for (const auto& edge : trigger_.unsensed_pulses()) notify_sound(edge);
   try {
     switch (phase) {
       case control::Phase::kArming:

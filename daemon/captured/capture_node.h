@@ -61,8 +61,13 @@ class CaptureNode : public control::NodeDelegate {
   std::string ready_text() const;
 
   ActiveTake::Context take_context();
-  /// Passes a pulse on to the cameras. Any thread.
+  /// Passes a pulse on to cameras, sound and timecode. Any thread.
   void notify_cameras(const capture::PulseEdge& edge);
+  /// Passes a pulse on to sound and timecode. Any thread.
+  void notify_sound(const capture::PulseEdge& edge) {
+    if (sound_) sound_->pulse_at(edge);
+    if (timecode_) timecode_->pulse_at(edge);
+  }
 
   std::optional<control::NodeReport> poll_arming();
   std::optional<control::NodeReport> poll_learning();

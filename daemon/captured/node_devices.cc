@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
@@ -178,9 +179,14 @@ NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, bus::Bus
   }
 }
 
+NodeTrigger::NodeTrigger(std::unique_ptr<trigger::PulseGenerator> generator,
+                         std::unique_ptr<trigger::PulseSensor> sensor)
+    : is_sensed_(sensor != nullptr), generator_(std::move(generator)), sensor_(std::move(sensor)) {}
+
 void NodeTrigger::arm(const trigger::PulseTrain& train) {
   if (monitor_) monitor_->reset();
   if (!generator_) return;
+  period_ = period_of(train.rate_hz);
   generator_->stop();
   generator_->arm(train);
 }
@@ -191,6 +197,7 @@ void NodeTrigger::set_clock_fault(const std::string& fault) {
 
 void NodeTrigger::start() {
   first_pulse_reported_ = false;
+  next_unsensed_ = 1;
   if (monitor_) monitor_->reset();
   if (generator_) generator_->start();
 }
@@ -205,6 +212,18 @@ std::optional<capture::PulseEdge> NodeTrigger::unsensed_first_pulse() {
   if (!first) return std::nullopt;
   first_pulse_reported_ = true;
   return capture::PulseEdge{.pulse = 0, .at = *first};
+}
+
+std::vector<capture::PulseEdge> NodeTrigger::unsensed_pulses() {
+  std::vector<capture::PulseEdge> pulses;
+  if (sensor_ || !generator_ || !generator_->is_paced_by_this_host()) return pulses;
+  const auto first = generator_->first_pulse();
+  if (!first || !first_pulse_reported_) return pulses;
+  const int64_t end = generator_->commanded();
+  for (; next_unsensed_ < end; ++next_unsensed_) {
+    pulses.push_back({.pulse = next_unsensed_, .at = *first + next_unsensed_ * period_});
+  }
+  return pulses;
 }
 
 void NodeTrigger::poll(const std::string& take) {

@@ -88,6 +88,9 @@ class NodeTrigger {
   /// Touches no hardware. `studio` and `bus` outlive the trigger. Throws InputError when a trigger
   /// setting of the studio file is not supported.
   NodeTrigger(const Studio& studio, const std::string& node, bus::Bus& bus);
+  /// A trigger of this node. `sensor`: null without a sense line.
+  NodeTrigger(std::unique_ptr<trigger::PulseGenerator> generator,
+              std::unique_ptr<trigger::PulseSensor> sensor);
 
   /// The pulses are generated on this node.
   bool is_here() const { return generator_ != nullptr; }
@@ -110,6 +113,9 @@ class NodeTrigger {
   /// Without a sense line: pulse 0 with the time at which it was commanded. Returned once per
   /// train, and on the trigger's node only.
   std::optional<capture::PulseEdge> unsensed_first_pulse();
+  /// Without a sense line, where this host paces the pulses: those after pulse 0 that were
+  /// commanded since the last call.
+  std::vector<capture::PulseEdge> unsensed_pulses();
   /// On other nodes: reads the health messages that have arrived. Call it often. `take`: the take
   /// being recorded.
   void poll(const std::string& take);
@@ -135,7 +141,9 @@ class NodeTrigger {
   std::unique_ptr<trigger::PulseGenerator> generator_;  ///< null on other nodes
   std::unique_ptr<trigger::PulseSensor> sensor_;
   std::unique_ptr<node::TrainMonitor> monitor_;
+  Duration period_{};  ///< of the train
   bool first_pulse_reported_ = false;
+  int64_t next_unsensed_ = 1;  ///< pulse number
 };
 
 }  // namespace v3d::captured

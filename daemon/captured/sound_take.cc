@@ -148,10 +148,10 @@ take::SoundLedger SoundTake::describe() const {
     ledger.gaps.push_back({static_cast<double>(gap.sample), static_cast<double>(gap.samples)});
     ledger.lost_samples += gap.samples;
   }
-  if (first_pulse_) {
-    take::describe_track(track_, first_pulse_->pulse, last_pulse_->pulse, ledger);
-    if (ledger.timecode_source == "none") describe_generated(ledger);
-  }
+  // LTC is known without pulses, too.
+  take::describe_track(track_, first_pulse_ ? first_pulse_->pulse : 0,
+                       last_pulse_ ? last_pulse_->pulse : 0, ledger);
+  if (first_pulse_ && ledger.timecode_source == "none") describe_generated(ledger);
   return ledger;
 }
 

@@ -154,6 +154,7 @@ std::string problem_line(const SoundLedger& sound) {
     parts.push_back(format_count(sound.xruns) + " xruns, " + format_count(sound.lost_samples) +
                     " samples lost");
   }
+  if (sound.map_source == "none") parts.push_back("no pulse has a position in the sound");
   if (sound.missing_edges > 0) {
     parts.push_back(format_count(sound.missing_edges) + " pulses without an edge in the sound");
   }

@@ -131,7 +131,7 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
   sound.extra_edges = mapped.extra_edges;
   const auto& timecode = track.timecode();
   // Its rate may be known by the studio file although there was no LTC.
-  if (!timecode || timecode->runs().empty() || !mapped.map.is_known()) return;
+  if (!timecode || timecode->runs().empty()) return;
   const sound::TimecodeRate rate = *timecode->rate();
   // Where LTC begins later or ends earlier, it is continued, as for sound::first_timecode().
   constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
@@ -144,10 +144,11 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
   };
   sound.timecode_source = "ltc";
   sound.timecode_rate = name(rate);
-  sound.first_timecode = text_at(first_pulse);
-  sound.last_timecode = text_at(last_pulse);
   sound.timecode_jumps = timecode->jumps();
   sound.timecode_runs = timecode->runs();
+  if (!mapped.map.is_known()) return;
+  sound.first_timecode = text_at(first_pulse);
+  sound.last_timecode = text_at(last_pulse);
 }
 
 std::vector<std::string> map_recorded_sounds(const TakePaths& paths,

@@ -12,7 +12,7 @@
 namespace v3d::take {
 
 /// Copies the map of pulses, its edges and the LTC of a finished track into `sound`. `first_pulse`,
-/// `last_pulse`: those whose timecode the ledger names.
+/// `last_pulse`: those whose timecode the ledger names, if the pulses have a map.
 void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t last_pulse,
                     SoundLedger& sound);
 

@@ -115,6 +115,14 @@ TEST(SoundLedger, reports_xruns_as_a_problem_of_the_take) {
                           "the sound"));
 }
 
+TEST(SoundLedger, reports_that_no_pulse_has_a_position) {
+  SoundLedger sound = ledger_entry();
+  sound.map = {};
+  sound.map_source = "none";
+  sound.xruns = sound.missing_edges = 0;
+  EXPECT_EQ(problem_line(sound), "sound/cap01.wav: no pulse has a position in the sound");
+}
+
 TEST(SoundOfATake, is_verified_against_the_ledger) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder / "kendo-07"};

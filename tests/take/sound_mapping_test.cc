@@ -170,6 +170,20 @@ TEST_F(RecordedSounds, with_ltc_that_begins_3_s_after_the_first_pulse_have_a_fir
   EXPECT_EQ(sounds[0].last_timecode, "10:00:16:23");
 }
 
+TEST_F(RecordedSounds, without_positions_of_pulses_keep_their_ltc) {
+  write_studio("pulse_channel = 2\ntimecode_channel = 3\n");
+  std::filesystem::remove(paths_.pulses());
+  write_pulses(0, 1);
+  write_sound(kBegin);
+  recover_take(paths_);
+  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+  ASSERT_EQ(sounds.size(), 1U);
+  EXPECT_EQ(sounds[0].map_source, "none");
+  EXPECT_EQ(sounds[0].timecode_source, "ltc");
+  EXPECT_EQ(sounds[0].timecode_runs.size(), 1U);
+  EXPECT_EQ(sounds[0].first_timecode, "");
+}
+
 TEST_F(RecordedSounds, without_ltc_have_no_timecode_although_its_rate_is_known) {
   write_studio("pulse_channel = 2\ntimecode_channel = 1\ntimecode_rate = '25'\n");
   write_sound(kBegin);

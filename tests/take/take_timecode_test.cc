@@ -57,6 +57,13 @@ TEST_F(TakeTimecodeTest, of_the_output_counts_beside_a_file_in_which_no_ltc_was_
   EXPECT_EQ(text_at(0, {silent, output}), "00:00:00:10");
 }
 
+TEST_F(TakeTimecodeTest, of_the_output_counts_beside_ltc_without_positions_of_pulses) {
+  const SoundLedger output = test::timecoded_sound("output", "25", {{1000, 10, 200'000, 113}});
+  SoundLedger unmapped = test::timecoded_sound("ltc", "25", {{1000, 90, 2920, 91}});
+  unmapped.map = {};
+  EXPECT_EQ(text_at(0, {unmapped, output}), "00:00:00:10");
+}
+
 TEST_F(TakeTimecodeTest, is_unknown_without_sound_and_without_a_map_of_pulses) {
   EXPECT_FALSE(TakeTimecode({folder_ / "no-such-take"}).at(0));
   EXPECT_EQ(text_at(0, {}), "none");

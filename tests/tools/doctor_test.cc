@@ -1,6 +1,7 @@
 #include "v3dctl/setup/doctor.h"
 
 #include <arpa/inet.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -17,6 +18,7 @@
 namespace v3d::ctl {
 namespace {
 
+using testing::HasSubstr;
 using Verdict = Finding::Verdict;
 
 TEST(Doctor, requires_a_receive_buffer_for_a_burst_of_frames) {
@@ -165,6 +167,22 @@ TEST(Doctor, names_a_missing_folder_of_takes) {
 
 TEST(Doctor, has_no_verdict_about_a_bus_that_is_not_udp) {
   EXPECT_EQ(check_multicast("memq://").verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, reports_sound_whose_pulses_have_no_times) {
+  Studio studio;
+  studio.trigger.node = "cap01";
+  studio.sounds = {{.node = "cap01", .device = "null", .timecode_rate = {}},
+                   {.node = "cap02", .device = "null", .timecode_rate = {}}};
+  studio.trigger.kind = TriggerKind::kGpio;
+  EXPECT_EQ(check_sound_devices(studio, "cap01").size(), 1U) << "its PC paces the pulses";
+  ASSERT_EQ(check_sound_devices(studio, "cap02").size(), 2U);
+  EXPECT_EQ(check_sound_devices(studio, "cap02")[1].verdict, Verdict::kBad);
+  EXPECT_THAT(check_sound_devices(studio, "cap02")[1].text, HasSubstr("is not sensed"));
+  studio.trigger.kind = TriggerKind::kScpi;
+  EXPECT_EQ(check_sound_devices(studio, "cap01").size(), 2U);
+  studio.trigger.sense = StudioLine{.chip = "gpiochip0", .line = "SENSE"};
+  EXPECT_EQ(check_sound_devices(studio, "cap01").size(), 1U);
 }
 
 TEST(Doctor, opens_the_sound_devices_of_a_node) {

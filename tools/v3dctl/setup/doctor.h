@@ -50,7 +50,8 @@ uint32_t source_address_to(const std::string& address);
 // --- sound: doctor_sound.cc
 
 /// Whether the sound devices of the studio open, the inputs of [[sound]] and that of
-/// [timecode_output]; a device that a daemon uses is good. `node`: only those of this node, on this
+/// [timecode_output]; a device that a daemon uses is good. And whether the sound gets the times of
+/// the pulses. `node`: only those of this node, on this
 /// PC; empty: those of all nodes, where one that does not open may be on another PC.
 std::vector<Finding> check_sound_devices(const Studio& studio, const std::string& node);
 

@@ -1,4 +1,6 @@
 #include <cerrno>
+#include <optional>
+#include <utility>
 
 #include "sound/sound_input.h"
 #include "sound/sound_output.h"
@@ -24,6 +26,15 @@ Finding finding_of(const std::string& subject, const std::string& device,
               : ""};
 }
 
+/// Nothing where the sound gets the times of the pulses.
+std::optional<Finding> finding_of_pulses(const StudioTrigger& trigger, const StudioSound& sound) {
+  const bool is_paced_here = trigger.kind == TriggerKind::kGpio && sound.node == trigger.node;
+  if (trigger.is_sensed() || is_paced_here) return std::nullopt;
+  return Finding{Finding::Verdict::kBad, "sound of " + sound.node,
+                 "no pulse gets a position in the sound, because the trigger is not sensed",
+                 "connect a sense line to the trigger's node and describe it in [trigger.sense]"};
+}
+
 }  // namespace
 
 std::vector<Finding> check_sound_devices(const Studio& studio, const std::string& node) {
@@ -33,6 +44,9 @@ std::vector<Finding> check_sound_devices(const Studio& studio, const std::string
     if (is_here && sound.node != node) continue;
     findings.push_back(finding_of("sound of " + sound.node, sound.device,
                                   sound::open_sound_input(sound, {}), is_here));
+    if (auto pulses = finding_of_pulses(studio.trigger, sound)) {
+      findings.push_back(*std::move(pulses));
+    }
   }
   if (studio.timecode_output && (!is_here || studio.trigger.node == node)) {
     findings.push_back(finding_of("timecode output", studio.timecode_output->device,

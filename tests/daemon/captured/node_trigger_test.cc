@@ -1,0 +1,78 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+
+#include "daemon/captured/node_devices.h"
+
+namespace v3d::captured {
+namespace {
+
+using testing::IsEmpty;
+using testing::SizeIs;
+
+constexpr Duration kPeriod = std::chrono::milliseconds(40);
+const MonotonicInstant kFirst{std::chrono::seconds(100)};
+
+/// A generator that counts as a test says.
+struct CountingGenerator : trigger::PulseGenerator {
+  void silence() override {}
+  void arm(const trigger::PulseTrain&) override { count = 0; }
+  void start() override {}
+  void stop() override {}
+  int64_t commanded() const override { return count; }
+  std::optional<MonotonicInstant> first_pulse() const override {
+    return count > 0 ? std::optional(kFirst) : std::nullopt;
+  }
+  bool finished() const override { return false; }
+  bool is_paced_by_this_host() const override { return is_paced_here; }
+  trigger::PulseStatistics statistics() const override { return {}; }
+  std::string fault() const override { return {}; }
+
+  int64_t count = 0;
+  bool is_paced_here = true;
+};
+
+/// A trigger without a sense line.
+class UnsensedTrigger : public testing::Test {
+ protected:
+  UnsensedTrigger() { start(); }
+
+  void start() {
+    trigger_.arm({.rate_hz = 25, .width = std::chrono::milliseconds(1), .count = {}});
+    trigger_.start();
+  }
+
+  CountingGenerator* const generator_ = new CountingGenerator;
+  NodeTrigger trigger_{std::unique_ptr<trigger::PulseGenerator>(generator_), nullptr};
+};
+
+TEST_F(UnsensedTrigger, that_this_host_paces_reports_every_pulse_once_with_its_time) {
+  EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+  generator_->count = 1;
+  EXPECT_EQ(trigger_.unsensed_first_pulse()->pulse, 0);
+  EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+  generator_->count = 50;
+  const auto pulses = trigger_.unsensed_pulses();
+  ASSERT_THAT(pulses, SizeIs(49));
+  EXPECT_EQ(pulses.front().pulse, 1);
+  EXPECT_EQ(pulses.front().at, kFirst + kPeriod);
+  EXPECT_EQ(pulses.back().pulse, 49);
+  EXPECT_EQ(pulses.back().at, kFirst + 49 * kPeriod);
+  EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+  start();
+  generator_->count = 3;
+  ASSERT_TRUE(trigger_.unsensed_first_pulse());
+  EXPECT_THAT(trigger_.unsensed_pulses(), SizeIs(2)) << "of the next train";
+}
+
+TEST_F(UnsensedTrigger, that_another_device_paces_reports_its_first_pulse_alone) {
+  generator_->is_paced_here = false;
+  generator_->count = 50;
+  EXPECT_TRUE(trigger_.unsensed_first_pulse());
+  EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace v3d::captured
