@@ -490,9 +490,7 @@ void CaptureNode::report_signed_takes(wire::HealthMessage& health) {
 
 std::string CaptureNode::trigger_warning(const TakeCounts& counts) const {
   if (const std::string fault = trigger_.fault(); !fault.empty()) return fault;
-  const int64_t unseen = counts.commanded - kLatePeriods - counts.sensed;
-  if (trigger_.sensor() == nullptr || !take_has_ledger() || unseen <= 0) return "";
-  return format_count(counts.commanded - counts.sensed) + " pulses commanded but not sensed";
+  return take_has_ledger() ? trigger_.unsensed_warning(counts.sensed) : "";
 }
 
 bool CaptureNode::progressed_since(MonotonicInstant since) const {

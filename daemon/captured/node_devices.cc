@@ -9,6 +9,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "capture/cameras/camera.h"
 #include "daemon/node/take_folder.h"
@@ -16,6 +17,11 @@
 
 namespace v3d::captured {
 namespace {
+
+/// A pulse may be sensed so many periods late.
+constexpr int64_t kLatePulses = 5;
+/// An estimated number of pulses is wrong by less than 1 in kClockToleranceDivisor.
+constexpr int64_t kClockToleranceDivisor = 2000;
 
 bool contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -243,6 +249,16 @@ int64_t NodeTrigger::commanded(int64_t seen) const {
   if (sensor_count_is_better()) return seen;
   // On other nodes: the messages of the last pulses may have been lost.
   return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
+}
+
+std::string NodeTrigger::unsensed_warning(int64_t sensed) const {
+  if (!generator_ || !sensor_) return "";
+  const bool is_estimate = sensor_count_is_better();
+  const int64_t due = generator_->commanded();
+  const int64_t margin = kLatePulses + (is_estimate ? due / kClockToleranceDivisor : 0);
+  if (due - margin <= sensed) return "";
+  return (is_estimate ? "about " : "") + format_count(due - sensed) +
+         " pulses commanded but not sensed";
 }
 
 void NodeTrigger::report(wire::HealthMessage& health) const {

@@ -133,6 +133,9 @@ class NodeTrigger {
   std::string fault() const { return generator_ ? generator_->fault() : ""; }
   std::string warning() const { return generator_ ? generator_->warning() : ""; }
   std::string sensor_fault() const { return sensor_ ? sensor_->fault() : ""; }
+  /// How many pulses of the train the sense line lacks, one line; empty where it lacks none that
+  /// are due, and without a sense line. `sensed`: pulses on the line.
+  std::string unsensed_warning(int64_t sensed) const;
   /// Adds the statistics of the pulses to `health`; nothing on other nodes.
   void report(wire::HealthMessage& health) const;
 

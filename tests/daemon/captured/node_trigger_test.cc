@@ -27,11 +27,19 @@ struct CountingGenerator : trigger::PulseGenerator {
   }
   bool finished() const override { return false; }
   bool is_paced_by_this_host() const override { return is_paced_here; }
+  bool counts_exactly() const override { return is_exact; }
   trigger::PulseStatistics statistics() const override { return {}; }
   std::string fault() const override { return {}; }
 
   int64_t count = 0;
   bool is_paced_here = true;
+  bool is_exact = true;
+};
+
+struct SilentSensor : trigger::PulseSensor {
+  void reset() override {}
+  std::optional<trigger::SensedPulse> wait(MonotonicInstant) override { return {}; }
+  std::string fault() const override { return {}; }
 };
 
 /// A trigger without a sense line.
@@ -72,6 +80,19 @@ TEST_F(UnsensedTrigger, that_another_device_paces_reports_its_first_pulse_alone)
   generator_->count = 50;
   EXPECT_TRUE(trigger_.unsensed_first_pulse());
   EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+}
+
+TEST(SensedTrigger, warns_of_a_lost_sense_line_also_where_the_commanded_pulses_are_an_estimate) {
+  auto* const generator = new CountingGenerator;
+  const NodeTrigger trigger(std::unique_ptr<trigger::PulseGenerator>(generator),
+                            std::make_unique<SilentSensor>());
+  generator->count = 400;
+  EXPECT_EQ(trigger.unsensed_warning(300), "100 pulses commanded but not sensed");
+  EXPECT_EQ(trigger.unsensed_warning(395), "");
+  generator->is_exact = false;
+  EXPECT_EQ(trigger.unsensed_warning(300), "about 100 pulses commanded but not sensed");
+  generator->count = 100'000;
+  EXPECT_EQ(trigger.unsensed_warning(99'950), "") << "the clocks differ";
 }
 
 }  // namespace
