@@ -1,6 +1,7 @@
 #include "daemon/captured/timecode_output.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "daemon/captured/time_of_day.h"
 #include "sound/ltc_player.h"
@@ -12,6 +13,32 @@ constexpr Duration kWaitTimeout = std::chrono::milliseconds(200);
 constexpr Duration kReopenAfter = std::chrono::seconds(1);
 /// Interval of the blocks, and of the looks at a device without space.
 constexpr Duration kBlock = std::chrono::milliseconds(10);
+
+/// A device that has played no sample for this long, in so many waits, has failed. The waits count,
+/// too: a process that was stopped has time pass without one.
+constexpr Duration kMaxStall = std::chrono::seconds(2);
+constexpr int kMaxIdleWaits = kMaxStall / kWaitTimeout;
+
+/// Whether a device plays on.
+class ProgressMonitor {
+ public:
+  /// False when the device has stopped.
+  bool add(int64_t played) {
+    const MonotonicInstant now = Monotonic::now();
+    if (played_ != played) {
+      played_ = played;
+      moved_ = now;
+      idle_waits_ = 0;
+      return true;
+    }
+    return ++idle_waits_ < kMaxIdleWaits || now - moved_ < kMaxStall;
+  }
+
+ private:
+  int64_t played_ = -1;
+  MonotonicInstant moved_{};
+  int idle_waits_ = 0;
+};
 
 /// The studio file has a valid rate and start.
 sound::TimecodeClock clock_of(const StudioTimecodeOutput& output) {
@@ -25,8 +52,11 @@ sound::TimecodeClock clock_of(const StudioTimecodeOutput& output) {
 
 }  // namespace
 
-TimecodeOutput::TimecodeOutput(const StudioTimecodeOutput& output)
-    : output_(output), clock_(clock_of(output)), thread_([this] { run(); }) {}
+TimecodeOutput::TimecodeOutput(const StudioTimecodeOutput& output, OpenSoundOutput open)
+    : output_(output),
+      open_(std::move(open)),
+      clock_(clock_of(output)),
+      thread_([this] { run(); }) {}
 
 TimecodeOutput::~TimecodeOutput() {
   {
@@ -60,7 +90,7 @@ sound::TimecodeClock TimecodeOutput::clock() const {
 
 void TimecodeOutput::run() {
   do {
-    auto device = sound::open_sound_output(output_);
+    auto device = open_(output_);
     if (device) {
       set_fault("");
       play(**device);
@@ -75,9 +105,13 @@ void TimecodeOutput::play(sound::SoundOutput& device) {
   sound::LtcPlayer player(output_.rate_hz, clock().rate());
   const auto block = static_cast<int64_t>(to_seconds(kBlock) * output_.rate_hz);
   int64_t underruns = 0;
+  ProgressMonitor progress;
   while (wait(Duration(0))) {
     const auto played = device.wait(kWaitTimeout);
     if (!played) return set_fault(played.error().message);
+    if (!progress.add(played->played)) {
+      return set_fault(output_.device + " plays no samples, and reports no error");
+    }
     if (played->underruns != underruns) {
       const std::lock_guard lock(mutex_);
       status_.underruns += played->underruns - underruns;

@@ -3,24 +3,32 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
 
 #include "base/config/studio_file.h"
+#include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
 #include "sound/sound_output.h"
 #include "sound/timecode_clock.h"
 
 namespace v3d::captured {
 
+using OpenSoundOutput = std::function<io::Result<std::unique_ptr<sound::SoundOutput>>(
+    const StudioTimecodeOutput& output)>;
+
 /// Plays longitudinal timecode on a sound device, in step with the pulses (sound/ltc_player.h), in
-/// a thread of its own. After an error the device is opened again every second; the timecode counts
-/// on. Any thread may call the functions; none waits for the device.
+/// a thread of its own. After an error, and when no sample was played for two seconds, the device
+/// is opened again every second; the timecode counts on. Any thread may call the functions; none
+/// waits for the device.
 class TimecodeOutput {
  public:
   /// The timecode starts now, at the time of day or at StudioTimecodeOutput::start.
-  explicit TimecodeOutput(const StudioTimecodeOutput& output);
+  explicit TimecodeOutput(const StudioTimecodeOutput& output,
+                          OpenSoundOutput open = sound::open_sound_output);
   ~TimecodeOutput();
   TimecodeOutput(const TimecodeOutput&) = delete;
   TimecodeOutput& operator=(const TimecodeOutput&) = delete;
@@ -46,6 +54,7 @@ class TimecodeOutput {
   bool wait(Duration duration);
 
   const StudioTimecodeOutput output_;
+  const OpenSoundOutput open_;
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
   bool stopping_ = false;

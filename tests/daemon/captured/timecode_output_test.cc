@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstring>
+#include <memory>
+#include <span>
 
 #include "base/io/file.h"
 #include "daemon/captured/node_sound.h"
@@ -19,6 +22,15 @@ using testing::Ge;
 using testing::HasSubstr;
 
 constexpr int kRate = 48'000;
+
+/// A device that stops after 480 samples without an error, as after a loss of its word clock.
+class StoppedOutput : public sound::SoundOutput {
+ public:
+  io::Result<sound::PlayedSamples> wait(Duration) override {
+    return sound::PlayedSamples{.played = 480, .at = Monotonic::now()};
+  }
+  io::Status write(std::span<const float>) override { return {}; }
+};
 
 class TimecodeOutputTest : public testing::Test {
  protected:
@@ -105,6 +117,24 @@ TEST_F(TimecodeOutputTest, reports_a_device_that_cannot_be_opened) {
       test::becomes_true([&] { return !timecode.status().fault.empty(); }, test::within(60)));
   EXPECT_THAT(timecode.status().fault, HasSubstr("cannot open hw:CARD=NoSuchCard"));
   EXPECT_FALSE(timecode.status().is_open);
+}
+
+TEST_F(TimecodeOutputTest, opens_a_device_again_that_plays_nothing_and_reports_no_error) {
+  std::atomic<int> opened = 0;
+  TimecodeOutput timecode(output(), [&](const StudioTimecodeOutput&) {
+    ++opened;
+    return io::Result<std::unique_ptr<sound::SoundOutput>>(std::make_unique<StoppedOutput>());
+  });
+  TimecodeOutput::Status status;
+  EXPECT_TRUE(test::becomes_true(
+      [&] {
+        status = timecode.status();
+        return !status.fault.empty();
+      },
+      test::within(60)));
+  EXPECT_THAT(status.fault, HasSubstr("plays no samples, and reports no error"));
+  EXPECT_FALSE(status.is_open);
+  EXPECT_TRUE(test::becomes_true([&] { return opened > 1; }, test::within(60)));
 }
 
 }  // namespace
