@@ -115,4 +115,9 @@ void BackgroundGenerator::stop() {
   wait_until_done(kMaxWait, task);
 }
 
+void BackgroundGenerator::retry_stop() {
+  if (output_on_ || !is_idle() || generator_->fault().empty()) return;
+  enqueue([this] { generator_->stop(); });
+}
+
 }  // namespace v3d::trigger

@@ -34,6 +34,7 @@ class BackgroundGenerator : public PulseGenerator {
   bool armed() override;
   void start() override;
   void stop() override;
+  void retry_stop() override;
   int64_t commanded() const override { return status().commanded; }
   std::optional<MonotonicInstant> first_pulse() const override { return status().first_pulse; }
   bool finished() const override { return status().finished; }

@@ -65,6 +65,9 @@ class PulseGenerator {
   /// No pulse starts after this returns, unless fault() reports that pulses may continue.
   /// Idempotent.
   virtual void stop() = 0;
+  /// After a stop() that failed: tries again, as when an instrument was plugged in again. Does not
+  /// wait. Otherwise nothing. Call it once a second.
+  virtual void retry_stop() {}
   /// Pulses commanded since start(): those whose time in the train has passed. A pulse that was
   /// skipped because it was late counts, too, and keeps its number; fault() reports it.
   virtual int64_t commanded() const = 0;

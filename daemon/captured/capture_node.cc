@@ -389,6 +389,7 @@ std::string CaptureNode::fault_text() const {
 }
 
 void CaptureNode::report_health(wire::HealthMessage& health) {
+  trigger_.retry_stop();
   health.text = fault_text();
   health.values["cameras"] = static_cast<double>(cameras_.size());
   const io::Result<double> free = node::disk_free_bytes(studio_);

@@ -109,6 +109,10 @@ class NodeTrigger {
   void set_clock_fault(const std::string& fault);
   void start();
   void stop();
+  /// After a stop() that failed: tries again, without waiting. Call it once a second.
+  void retry_stop() {
+    if (generator_) generator_->retry_stop();
+  }
 
   /// Without a sense line: pulse 0 with the time at which it was commanded. Returned once per
   /// train, and on the trigger's node only.

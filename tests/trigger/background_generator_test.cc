@@ -39,6 +39,7 @@ struct Bench {
   std::string hangs_in;
   std::vector<std::string> calls;
   bool is_plugged_in = true;
+  std::string fault;  ///< of the generator; change it while no call runs
 };
 
 /// A generator whose calls block while bench.hangs_in names them.
@@ -63,7 +64,7 @@ class HangingGenerator : public PulseGenerator {
   std::optional<MonotonicInstant> first_pulse() const override { return {}; }
   bool finished() const override { return !running_; }
   PulseStatistics statistics() const override { return {}; }
-  std::string fault() const override { return {}; }
+  std::string fault() const override { return bench_.fault; }
 
  private:
   Bench& bench_;
@@ -146,6 +147,25 @@ TEST_F(BackgroundGeneratorTest, reports_that_pulses_may_continue_until_stop_succ
   bench_.hang_in("");
   EXPECT_TRUE(becomes_true([&] { return generator_.fault().empty(); }, within(10)));
   EXPECT_EQ(generator_.commanded(), 8);
+}
+
+TEST_F(BackgroundGeneratorTest, stops_again_after_a_stop_that_failed_and_never_a_running_train) {
+  bench_.fault = "pulses may continue: usb:0957:2c07: was unplugged";
+  arm();
+  generator_.start();
+  generator_.retry_stop();
+  generator_.stop();
+  bench_.hang_in("stop");
+  generator_.retry_stop();
+  generator_.retry_stop();
+  EXPECT_EQ(generator_.fault(), bench_.fault) << "the second stop still runs";
+  bench_.hang_in("");
+  generator_.silence();  // waits for the stop
+  EXPECT_THAT(bench_.recorded_calls(),
+              testing::ElementsAre("arm", "start", "stop", "stop", "silence"));
+  bench_.fault.clear();
+  generator_.retry_stop();
+  EXPECT_EQ(bench_.recorded_calls().size(), 5U);
 }
 
 }  // namespace

@@ -327,6 +327,22 @@ TEST(ScpiGenerator, reports_that_pulses_may_continue_when_it_cannot_stop_them) {
               HasSubstr("pulses may continue: usb:0957:2c07: was unplugged and"));
 }
 
+TEST(ScpiGenerator, stops_the_pulses_when_it_is_plugged_in_again) {
+  Bench bench("siglent-sdg");
+  const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
+  generator->arm(train_of({}));
+  generator->start();
+  bench.unplugged_after = 0;
+  generator->stop();
+  EXPECT_TRUE(bench.generator.output_on());
+  const int64_t commanded = generator->commanded();
+  bench.unplugged_after = -1;
+  generator->stop();
+  EXPECT_FALSE(bench.generator.output_on());
+  EXPECT_EQ(generator->fault(), "");
+  EXPECT_EQ(generator->commanded(), commanded) << "the take has ended";
+}
+
 TEST(ScpiGeneratorDeathTest, aborts_with_a_message_when_it_is_started_before_arm) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));

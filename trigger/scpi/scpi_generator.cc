@@ -164,17 +164,19 @@ void ScpiGenerator::start() {
 }
 
 void ScpiGenerator::stop() {
-  if (!output_on_ || stopped_) return;
-  if (gate_ && !gate_->set(false)) fault_ = "gate line " + line_text(*trigger_.gate) + " is gone";
+  if (!output_on_) return;
+  std::string fault;
+  if (gate_ && !gate_->set(false)) fault = "gate line " + line_text(*trigger_.gate) + " is gone";
   const MonotonicInstant gate_closed = clock_.now();
-  const bool is_gate_closed = is_gated() && fault_.empty();
+  const bool is_gate_closed = is_gated() && fault.empty();
   try {
     with_retries([this] { turn_off(); });
   } catch (const InputError& error) {
-    if (may_run_) fault_ = std::string("pulses may continue: ") + error.what();
+    if (may_run_) fault = std::string("pulses may continue: ") + error.what();
   }
+  fault_ = fault;
   // The answers to the commands come after the last pulse.
-  if (started_) {
+  if (started_ && !stopped_) {
     stopped_ = is_gate_closed ? gate_closed : output_on_ ? clock_.now() : off_sent_;
   }
 }

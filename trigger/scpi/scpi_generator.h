@@ -28,6 +28,7 @@ class ScpiGenerator : public PulseGenerator {
   void silence() override;
   void arm(const PulseTrain& train) override;
   void start() override;
+  /// Tries again when an earlier call has failed.
   void stop() override;
   int64_t commanded() const override;
   /// When the start was sent, which is up to a period before pulse 0. The end of the sending is no
