@@ -26,7 +26,11 @@ void TimecodeClock::add_pulse(int64_t pulse, MonotonicInstant at) {
 
 double TimecodeClock::offset_in_train(MonotonicInstant at) const {
   const double x = to_seconds(at - train_->first);
-  return train_->offset + train_->pulses.at(x) - x;
+  const double end = to_seconds(train_->last - train_->first);
+  if (x >= end) return train_->offset + train_->pulses.at(x) - x;
+  // Before the last pulse the filter would extend its present drift backwards. A line from the
+  // first pulse, where the offset is known, is exact at both ends.
+  return train_->offset + x / end * (train_->pulses.at(end) - end);
 }
 
 double TimecodeClock::offset_at(MonotonicInstant at) const {

@@ -31,7 +31,8 @@ class TimecodeClock {
   void begin_train(double pulse_rate_hz);
   /// A pulse of the train and its time. Numbers ascend; pulses before begin_train() are ignored.
   void add_pulse(int64_t pulse, MonotonicInstant at);
-  /// Frames since midnight, with their fraction; may exceed a day (timecode_of()).
+  /// Frames since midnight, with their fraction; may exceed a day (timecode_of()). Within a train,
+  /// exact at its first pulse and from its last one on, linear between.
   double frames_at(MonotonicInstant at) const;
 
  private:

@@ -181,6 +181,21 @@ TEST(TimecodeClock, counts_on_the_clock_of_the_pulses_in_a_train) {
   EXPECT_NEAR(last - first, 24'999, 0.01) << "one frame for each pulse";
 }
 
+TEST(TimecodeClock, keeps_the_timecode_of_the_first_pulse_when_the_clock_of_the_host_is_slewed) {
+  TimecodeClock clock(TimecodeRate::k25, 100, instant(0));
+  clock.begin_train(kPulseRate);
+  double at = 10;
+  clock.add_pulse(0, instant(at));
+  const double first = clock.frames_at(instant(10));
+  constexpr int64_t kPulses = 25'000;
+  for (int64_t n = 1; n < kPulses; ++n) {
+    at += 0.04 * (n < kPulses / 2 ? 1 + 100e-6 : 1);  // 50 ms in all
+    clock.add_pulse(n, instant(at));
+  }
+  EXPECT_NEAR(clock.frames_at(instant(10)), first, 0.01);
+  EXPECT_NEAR(clock.frames_at(instant(at)) - first, kPulses - 1, 0.01);
+}
+
 TEST(TimecodeClock, never_jumps_and_returns_to_the_clock_of_the_host) {
   TimecodeClock clock(TimecodeRate::k25, 0, instant(0));
   clock.begin_train(kPulseRate);
