@@ -27,9 +27,9 @@ using test::ChildProcess;
 using test::ViewedStudio;
 using test::within;
 
-constexpr int kPulses = 100;
+constexpr int kPulses = 50;
 /// Lower bound of the meshes in the take without attacks. They give the processor time of a mesh.
-constexpr double kMinMeshes = 50;
+constexpr double kMinMeshes = 25;
 /// Upper bound of the growth of one process, kB.
 constexpr double kMaxGrowthKb = 16 * 1024;
 /// Upper bound of the time until the trigger's node has accepted a stop, which ends the pulses, s.
@@ -41,15 +41,17 @@ constexpr double kMaxProcessorUs = 250;
 class HostileNetwork : public ViewedStudio {
  protected:
   explicit HostileNetwork(const test::Studio4Options& options = {})
-      : ViewedStudio("", at_live_quality(options)) {
+      : ViewedStudio("", at_live_quality_and_5_hz(options)) {
     // A take whose file is a FIFO.
     std::filesystem::create_directories(folder_ / "trap");
     mkfifo((folder_ / "trap/take.toml").c_str(), 0666);
   }
 
-  /// At live quality, the processor time of a mesh does not depend on the load of the machine.
-  static test::Studio4Options at_live_quality(test::Studio4Options options) {
+  /// At live quality, the processor time of a mesh does not depend on the load of the machine. At
+  /// 5 Hz, a busy machine records whole takes.
+  static test::Studio4Options at_live_quality_and_5_hz(test::Studio4Options options) {
     options.more += "quality = \"live\"\n";
+    options.rate = "5";
     return options;
   }
 
