@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <random>
 
 #include "daemon/bus/bus.h"
@@ -52,10 +51,14 @@ class Attacker {
   bus::Bus other_key_;
 };
 
+/// At 5 Hz and live quality, a busy machine records whole takes and reconstructs them.
 class ForgedStudio : public Studio4 {
  protected:
   explicit ForgedStudio(bool has_members = false)
-      : Studio4({.rate = "10", .has_members = has_members, .two_nodes = true}) {}
+      : Studio4({.more = "quality = \"live\"\n",
+                 .rate = "5",
+                 .has_members = has_members,
+                 .two_nodes = true}) {}
 
   static constexpr int kFramesAfterAttack = 40;
   using Send = std::function<void(const std::string& channel, const wire::Bytes& bytes)>;
@@ -100,9 +103,9 @@ class ForgedStudio : public Studio4 {
     frame.frame.image = Image({0, 0}, PixelFormat::kBayerRG8);
     forge(send, wire::frame_channel("cam01"), frame, seq);
   }
-  /// Checks that all nodes still record and that both takes are complete after stop. Returns the
-  /// reply of recon01.
-  nlohmann::json expect_a_complete_take() {
+  /// Checks that all nodes still record, that the reconstruction uses the frames, and that both
+  /// takes are complete after stop.
+  void expect_a_complete_take() {
     record_to_the_end();
     const control::Answer stopped = command(wire::CommandVerb::kStop);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
@@ -110,16 +113,21 @@ class ForgedStudio : public Studio4 {
       const take::Verification verified = take::verify_take({folder});
       EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
     }
-    return nlohmann::json::parse(stopped.replies.at("recon01").detail);
   }
   void record_to_the_end() {
+    const double late = value("recon01", "frames_late");
     ASSERT_TRUE(
         reaches("cap02", "frames_written", value("cap02", "frames_written") + kFramesAfterAttack))
         << log();
     while (const auto event = client_->next_event(Monotonic::now())) {
       EXPECT_NE(event->text, "forged");
     }
-    for (const auto& [node, health] : client_->health(within(5))) {
+    // A busy machine may be late with a few frames. After an accepted frame of a later pulse, all
+    // frames are late, twice as many as those of cap02.
+    EXPECT_LT(value("recon01", "frames_late") - late, kFramesAfterAttack);
+    const auto all_health = client_->health(within(5));
+    EXPECT_EQ(all_health.size(), 3U);
+    for (const auto& [node, health] : all_health) {
       EXPECT_EQ(health.state, wire::NodeState::kRecording) << node << ": " << health.text;
     }
   }
@@ -147,9 +155,7 @@ TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_w
     EXPECT_TRUE(reaches(node, "messages_forged", kForged)) << log();
     EXPECT_TRUE(reaches(node, "messages_replayed", 3)) << log();
   }
-  // A busy machine may be late with a few frames. After an accepted frame of a later pulse, all
-  // frames would be late, at least the kFramesAfterAttack of cap02.
-  EXPECT_LT(expect_a_complete_take()["frames_late"], kFramesAfterAttack);
+  expect_a_complete_take();
 }
 
 /// A studio with a member list. An attacker controls cap02: it has the studio key and the signing
@@ -180,14 +186,15 @@ TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_
   int64_t seq = 0;
   for (; seq < kForged; ++seq) forge_messages(send, seq);
   for (const char* node : {"cap01", "cap02", "recon01"}) {
-    const auto are_counted = [&] {
+    const auto are_counted_and_reported = [&] {
       forge_messages(send, ++seq);
-      return value(node, "messages_unsigned") >= kForged / 2;
+      wire::HealthMessage health = client_->health(within(5))[node];
+      return health.values["messages_unsigned"] >= kForged / 2 &&
+             health.text.find("of member cap02 is rejected: only cap01 may send it") !=
+                 std::string::npos;
     };
-    EXPECT_TRUE(becomes_true(are_counted, within(60))) << node << log();
+    EXPECT_TRUE(becomes_true(are_counted_and_reported, within(60))) << node << log();
     EXPECT_EQ(value(node, "messages_forged"), 0) << node;
-    EXPECT_THAT(client_->health(within(5)).at(node).text,
-                testing::HasSubstr("of member cap02 is rejected: only cap01 may send it"));
   }
   expect_a_complete_take();
 }
@@ -225,8 +232,7 @@ TEST_F(MemberStudioWithForger, uses_no_frame_that_one_node_sends_for_the_camera_
   for (const char* node : {"cap01", "cap02", "recon01"}) {
     EXPECT_EQ(value(node, "messages_forged"), 0) << node;
   }
-  // After an accepted frame of a later pulse, all frames would be late.
-  EXPECT_LT(expect_a_complete_take()["frames_late"], kFramesAfterAttack);
+  expect_a_complete_take();
 }
 
 /// An attacker that receives and records every command. With the studio key, its datagrams pass the
@@ -270,7 +276,13 @@ class Eavesdropper {
   std::optional<bus::Bus::Listening> subscription_;  // last: its thread uses the other members
 };
 
-TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
+/// At 5 Hz, a busy machine records whole takes.
+class CommandedStudio4 : public Studio4 {
+ protected:
+  CommandedStudio4() : Studio4({.rate = "5"}) {}
+};
+
+TEST_F(CommandedStudio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
   constexpr int kBatches = 50;
   constexpr int kEach = 20;
   const wire::StudioKey key = wire::StudioKey::load(studio_.network.key);
@@ -284,10 +296,11 @@ TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands)
   stop.verb = wire::CommandVerb::kStop;
   stop.to = {"cap01", "recon01"};
   std::mt19937 random(7);
-  for (int i = 0; i < kBatches; ++i) {
+  int sent = 0;
+  const auto send_batch = [&] {
     std::vector<wire::Bytes> batch;
     for (int k = 0; k < kEach; ++k) {
-      stop.counter = i * kEach + k;
+      stop.counter = sent * kEach + k;
       stop.sent = Realtime::now();
       batch.push_back(encode_with_mac(stop, wire::StudioKey::make()));
       stop.sent -= std::chrono::hours(1);
@@ -298,12 +311,23 @@ TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands)
     }
     stranger.send(batch);
     attacker.send(batch);
-  }
-  const double of_each_kind = 0.9 * kBatches * kEach;  // a busy machine loses some
+    ++sent;
+  };
+  while (sent < kBatches) send_batch();
+  const double of_each_kind = 0.9 * kBatches * kEach;
   for (const char* node : {"cap01", "recon01"}) {
-    EXPECT_TRUE(reaches(node, "messages_forged", 4 * of_each_kind)) << log();
-    EXPECT_TRUE(reaches(node, "commands_forged", 2 * of_each_kind)) << log();
-    EXPECT_TRUE(reaches(node, "commands_without_nonce", of_each_kind)) << log();
+    // The receive buffer of a busy node overflows, so the attack continues until all are counted.
+    const auto are_counted = [&] {
+      if (value(node, "messages_forged") >= 4 * of_each_kind &&
+          value(node, "commands_forged") >= 2 * of_each_kind &&
+          value(node, "commands_without_nonce") >= of_each_kind) {
+        return true;
+      }
+      send_batch();
+      client_->next_health(within(2));
+      return false;
+    };
+    EXPECT_TRUE(becomes_true(are_counted, within(60))) << node << log();
     // Replayed commands whose nonce has expired meanwhile are counted above.
     EXPECT_TRUE(reaches(node, "commands_replayed", 1)) << log();
     EXPECT_EQ(client_->health(within(5)).at(node).state, wire::NodeState::kRecording);
