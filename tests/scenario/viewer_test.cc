@@ -36,7 +36,13 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   // A busy machine does not make a mesh of every pulse.
   const auto meshes = take::MeshFileReader(take().mesh()).pulses();
   ASSERT_FALSE(meshes.empty()) << log();
-  EXPECT_TRUE(live->receives("\"pulse\":" + std::to_string(meshes.back()))) << viewd_->output();
+  // A busy v3d-viewd does not pass on every mesh.
+  const auto shows_a_mesh = [&] {
+    return std::ranges::any_of(meshes, [&](int64_t pulse) {
+      return live->text().find("\"pulse\":" + std::to_string(pulse) + ",") != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(becomes_true(shows_a_mesh, within(30))) << viewd_->output();
   const std::string count = "\"meshes\":" + std::to_string(meshes.size());
   EXPECT_TRUE(get("/api/takes")->receives(count)) << get("/api/takes")->text();
   EXPECT_TRUE(get("/api/takes")->receives("\"state\":\"complete\""));
@@ -48,8 +54,15 @@ TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
       get("/api/takes/kendo-07/photographs/" + end + "/cam04.jpg")->receives("404 Not Found"));
 }
 
+/// At 4 Hz: a daemon that has just started knows no latency of its cameras. It is certain of the
+/// first pulse if one of its first frames arrives within a period.
+class RestartedViewedStudio : public ViewedStudio {
+ protected:
+  RestartedViewedStudio() : ViewedStudio("", {.rate = "4"}) {}
+};
+
 /// For each file that the daemons read: a take that a crash left open, and whose file is a FIFO.
-TEST_F(ViewedStudio, starts_again_and_records_beside_open_takes_whose_files_are_fifos) {
+TEST_F(RestartedViewedStudio, starts_again_and_records_beside_open_takes_whose_files_are_fifos) {
   arm_and_start(5);
   ASSERT_TRUE(becomes_idle()) << log();
   ASSERT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
@@ -69,7 +82,7 @@ TEST_F(ViewedStudio, starts_again_and_records_beside_open_takes_whose_files_are_
   start_recond();
   client_.emplace(studio_);
   take_name_ = "kendo-08";
-  ASSERT_TRUE(becomes_true([&] { return command(wire::CommandVerb::kArm, 5).done(); }, within(60)))
+  ASSERT_TRUE(becomes_true([&] { return command(wire::CommandVerb::kArm, 10).done(); }, within(60)))
       << log();
   ASSERT_TRUE(command(wire::CommandVerb::kStart).done()) << log();
   ASSERT_TRUE(becomes_idle()) << log();
@@ -154,19 +167,22 @@ class ViewerWithFewDescriptors : public testing::Test {
 };
 
 TEST_F(ViewerWithFewDescriptors, limits_the_rate_of_accept_attempts_without_free_descriptors) {
+  const MonotonicInstant begin = Monotonic::now();
   std::vector<std::unique_ptr<Connection>> clients;
   for (int i = 0; i < 2 * kDescriptors; ++i) {
     clients.push_back(std::make_unique<Connection>(port_, "/", ""));
   }
   const std::string not_accepted = "a connection was not accepted";
-  ASSERT_TRUE(becomes_true([&] { return count_in_log(not_accepted) > 0; }, within(30)));
-  const MonotonicInstant begin = Monotonic::now();
   ASSERT_TRUE(becomes_true([&] { return count_in_log(not_accepted) > 5; }, within(30)));
   // The daemon tries ten times a second. Without a pause it would try thousands of times.
   const auto attempts = count_in_log(not_accepted);
   const double seconds = to_seconds(Monotonic::now() - begin);
   EXPECT_LE(attempts, 12 * (seconds + 1)) << seconds << " s";
   EXPECT_GE(count_in_log("cannot accept a connection"), 1) << viewd_->output();
+  const auto gets_a_reply = [](const auto& client) {
+    return client->text().find("HTTP/1.1 ") != std::string::npos;
+  };
+  EXPECT_TRUE(becomes_true([&] { return std::ranges::any_of(clients, gets_a_reply); }, within(30)));
   for (const auto& client : clients) EXPECT_THAT(client->text(), Not(HasSubstr("404")));
   clients.clear();
   // 503 is right until the daemon has closed the connections of these clients.
