@@ -12,31 +12,50 @@
 namespace v3d::test {
 namespace {
 
+using testing::AnyOf;
 using testing::DoubleNear;
 using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Optional;
 using testing::SizeIs;
 
 constexpr int kRate = 48'000;
 constexpr int64_t kPulses = 60;
 
+struct SoundStudioOptions {
+  std::string device = "simulated:ppm=80";
+  int rate_hz = kRate;
+  std::string pulse_rate = "20";         ///< Hz
+  std::vector<std::string> simulator{};  ///< further options of v3d-sim
+};
+
 /// Four cameras and a sound device whose clock is 80 ppm fast.
 class SoundStudio : public Studio4 {
  protected:
-  explicit SoundStudio(const std::string& device = "simulated:ppm=80",
-                       const std::vector<std::string>& simulator = {}, int rate_hz = kRate)
+  explicit SoundStudio(const SoundStudioOptions& options = {})
       : Studio4({.more = "[[sound]]\nnode = 'cap01'\nchannels = 3\npulse_channel = 2\n"
                          "timecode_channel = 3\nrate_hz = " +
-                         std::to_string(rate_hz) + "\ndevice = '" + device + "'\n",
-                 .simulator = simulator}) {}
+                         std::to_string(options.rate_hz) + "\ndevice = '" + options.device + "'\n",
+                 .rate = options.pulse_rate,
+                 .simulator = options.simulator}) {}
+
+  /// The output of a check. It ends with 3 where a busy machine lost a frame.
+  std::string check(const std::vector<std::string>& more) {
+    std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml", "check"};
+    line.insert(line.end(), more.begin(), more.end());
+    std::filesystem::remove(folder_ / "check.log");  // of an earlier call
+    ChildProcess v3dctl(line, folder_ / "check.log");
+    EXPECT_THAT(v3dctl.wait(within(60)), Optional(AnyOf(0, 3))) << v3dctl.output() << log();
+    return v3dctl.output();
+  }
 };
 
 /// The same at 96 kHz.
 class HighRateSoundStudio : public SoundStudio {
  protected:
   static constexpr int kHighRate = 96'000;
-  HighRateSoundStudio() : SoundStudio("simulated:ppm=80", {}, kHighRate) {}
+  HighRateSoundStudio() : SoundStudio({.rate_hz = kHighRate}) {}
 };
 
 TEST_F(HighRateSoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) {
@@ -63,7 +82,7 @@ TEST_F(HighRateSoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) 
   ASSERT_EQ(wave->samples(), sound.samples);
   // The simulated timecode begins with the device, before the file.
   const sound::WaveOrigin& origin = wave->origin();
-  EXPECT_THAT(origin.timecode_rate, testing::Optional(sound::TimecodeRate::k25));
+  EXPECT_THAT(origin.timecode_rate, Optional(sound::TimecodeRate::k25));
   EXPECT_THAT(origin.samples_since_midnight, Ge(36'000LL * kHighRate));
   EXPECT_THAT(run_v3dctl({"takes"}, 0), HasSubstr("timecode " + sound.first_timecode + " to "));
   for (const int64_t pulse : {int64_t{0}, kPulses / 2, kPulses - 1}) {
@@ -78,7 +97,9 @@ TEST_F(HighRateSoundStudio, a_take_has_the_sound_and_the_sample_of_every_pulse) 
 TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
   ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
   arm_and_start(0);
-  ASSERT_TRUE(reaches("cap01", "sound_samples", 2 * kRate));
+  // The sound begins before the pulses, which map it.
+  ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
+  ASSERT_TRUE(reaches("cap01", "sound_samples", value("cap01", "sound_samples") + kRate)) << log();
   const auto reported = static_cast<int64_t>(value("cap01", "sound_samples"));
   captured_->signal(SIGKILL);
   captured_->wait(within(10));
@@ -97,38 +118,40 @@ TEST_F(SoundStudio, a_killed_daemon_leaves_the_sound_for_the_recovery) {
   EXPECT_EQ(verified.ledger.sounds[0].timecode_source, "ltc");
 }
 
-/// The performer stops 0.4 periods, 20 ms, after pulse 30 of the first train after the background;
-/// a clap sounds 57 ms after this pulse.
+/// The performer stops 0.4 periods, 40 ms, after pulse 30 of the first train after the background;
+/// a clap sounds 77 ms after this pulse. At 10 Hz: all cameras must have the pulses around it.
 class ClapStudio : public SoundStudio {
  protected:
   ClapStudio()
-      : SoundStudio("simulated:clap_ms=57,clap_edge=" + std::to_string(kEmptyPulses + 31),
-                    {"--clap", "30.4"}) {}
+      : SoundStudio(
+            {.device = "simulated:clap_ms=77,clap_edge=" + std::to_string(kEmptyPulses + 31),
+             .pulse_rate = "10",
+             .simulator = {"--clap", "30.4"}}) {}
 };
 
 TEST_F(ClapStudio, is_told_by_the_check_how_much_later_the_sound_is_than_the_pictures) {
   ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
-  const std::string text = run_v3dctl({"check", "--json", "--pulses", "60"}, 0);
-  const auto check = nlohmann::json::parse(text.substr(text.find('{')));
-  ASSERT_THAT(check["sounds"], SizeIs(1)) << text;
-  const auto& sound = check["sounds"][0];
+  const std::string text = check({"--json", "--pulses", "50"});
+  const auto report = nlohmann::json::parse(text.substr(text.find('{')));
+  ASSERT_THAT(report["sounds"], SizeIs(1)) << text;
+  const auto& sound = report["sounds"][0];
   EXPECT_EQ(sound["node"], "cap01");
   ASSERT_TRUE(sound["sound_pulse"].is_number()) << text;
-  EXPECT_NEAR(sound["sound_pulse"], 30 + 57.0 / 50, 0.05);
+  EXPECT_NEAR(sound["sound_pulse"], 30 + 77.0 / 100, 0.05);
   EXPECT_THAT(sound["cameras"], SizeIs(4)) << text;
   const double uncertainty_ms = sound["uncertainty_ms"];
-  EXPECT_NEAR(uncertainty_ms, 25, 1);
+  EXPECT_NEAR(uncertainty_ms, 50, 2);
   EXPECT_NEAR(sound["offset_ms"], 37, uncertainty_ms);
   for (const auto& camera : sound["cameras"]) {
-    EXPECT_NEAR(camera["offset_ms"], 37, 50) << "within a pulse: " << camera;
+    EXPECT_NEAR(camera["offset_ms"], 37, 100) << "within a pulse: " << camera;
   }
-  EXPECT_THAT(run_v3dctl({"check", "--pulses", "20"}, 0),
-              HasSubstr("sound of cap01: no clap heard"));
+  EXPECT_THAT(check({"--pulses", "10"}), HasSubstr("sound of cap01: no clap heard"));
 }
 
+/// At 5 Hz, a busy machine records whole takes.
 class AbsentSoundStudio : public SoundStudio {
  protected:
-  AbsentSoundStudio() : SoundStudio("hw:CARD=NoSuchCard") {}
+  AbsentSoundStudio() : SoundStudio({.device = "hw:CARD=NoSuchCard", .pulse_rate = "5"}) {}
 };
 
 TEST_F(AbsentSoundStudio, a_sound_device_that_is_absent_does_not_stop_the_pictures) {
@@ -136,12 +159,12 @@ TEST_F(AbsentSoundStudio, a_sound_device_that_is_absent_does_not_stop_the_pictur
       [&] { return log().find("cannot open hw:CARD=NoSuchCard") != std::string::npos; },
       within(60)))
       << "an event names the device";
-  arm_and_start(kPulses);
+  arm_and_start(20);
   ASSERT_TRUE(becomes_idle()) << log();
   const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole());
   EXPECT_THAT(verified.ledger.sounds, IsEmpty());
-  EXPECT_THAT(run_v3dctl({"check", "--pulses", "20"}, 0),
+  EXPECT_THAT(check({"--pulses", "10"}),
               HasSubstr("sound of cap01: cannot open hw:CARD=NoSuchCard"));
 }
 
