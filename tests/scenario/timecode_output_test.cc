@@ -20,7 +20,7 @@ using testing::SizeIs;
 
 constexpr int kRate = 48'000;
 constexpr int64_t kPulses = 60;
-constexpr int kAttempts = 5;
+constexpr int kAttempts = 10;
 
 /// Sets the environment that preloads v3d_sound_writes into daemons started during its lifetime.
 struct SoundWritesPreloaded {
@@ -76,20 +76,25 @@ class TimecodeStudio : protected SoundWritesPreloaded, public Studio4 {
     for (const sound::LtcFrame& frame : reader.push(samples)) track.add(frame);
     return track;
   }
-  /// Records a take. Returns when the device started to play; empty: the machine was too busy.
+  /// Records a take and ends the daemon. Returns when the device started to play; empty: the
+  /// machine was too busy.
   std::optional<MonotonicInstant> record(const std::string& name) {
     take_name_ = name;
     arm_and_start(kPulses);
     EXPECT_TRUE(becomes_idle()) << log();
+    underruns_ = value("cap01", "timecode_output_underruns");
+    captured_->signal(SIGTERM);
+    EXPECT_EQ(captured_->wait(within(30)), 0) << log();
     return start_of_playing();
   }
   void restart_captured() {
-    captured_->signal(SIGTERM);
-    EXPECT_EQ(captured_->wait(within(30)), 0) << log();
     std::filesystem::remove(writes());
     std::filesystem::remove(played());
     start_captured();
+    client_.emplace(studio_);  // without the health of the ended daemon
   }
+
+  double underruns_ = -1;  ///< of the timecode output, at the end of the last take
 };
 
 TEST_F(TimecodeStudio, plays_at_every_pulse_the_timecode_that_the_ledger_has_for_it) {
@@ -101,9 +106,7 @@ TEST_F(TimecodeStudio, plays_at_every_pulse_the_timecode_that_the_ledger_has_for
     start = record("kendo-" + std::to_string(attempt));
   }
   ASSERT_TRUE(start) << "the daemon was stopped for 0.2 s in each of the takes";
-  EXPECT_EQ(value("cap01", "timecode_output_underruns"), 0);
-  captured_->signal(SIGTERM);
-  EXPECT_EQ(captured_->wait(within(30)), 0) << log();
+  EXPECT_EQ(underruns_, 0);
 
   const sound::TimecodeTrack played = played_timecode();
   EXPECT_EQ(played.jumps(), 0);
