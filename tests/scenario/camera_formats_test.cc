@@ -64,14 +64,18 @@ class DeepStudio : public Studio4, public testing::WithParamInterface<const char
   }
 };
 
-TEST_P(DeepStudio, keeps_all_bits_in_the_take_and_has_a_mesh_of_every_pulse) {
+TEST_P(DeepStudio, keeps_all_bits_in_the_take_and_has_meshes_of_the_pulses_it_sends) {
   const PixelFormat image = camera_format_from_name(GetParam()).value().image;
   const int low_bits = (1 << (bits_per_sample(image) - 8)) - 1;
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
   const take::Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, IsEmpty());
-  EXPECT_EQ(take::MeshFileReader(take().mesh()).pulses().size(), kPulses) << log();
+  // A busy capture node does not send every pulse, and a busy reconstruction drops some.
+  const int64_t live = take::load_ledger(take().ledger()).cameras.at(0).published;
+  const auto meshes = std::ssize(take::MeshFileReader(take().mesh()).pulses());
+  EXPECT_EQ(meshes + static_cast<int64_t>(value("recon01", "dropped")), live) << log();
+  EXPECT_GT(meshes, 0) << log();
   for (const char* camera : kCameras) {
     take::FrameLogReader frames(take().frames(camera));
     for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
