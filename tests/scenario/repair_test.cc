@@ -30,7 +30,8 @@ constexpr char kFaulty[] = "cam03";
 class DefectiveStudio8 : public test::Studio4 {
  protected:
   DefectiveStudio8()
-      : Studio4({.cameras = 8, .more = "repair = true\n", .rate = "5"}),
+      // A pulse is repaired only while no other waits: at 2 Hz also on a busy machine.
+      : Studio4({.cameras = 8, .more = "repair = true\n", .rate = "2"}),
         bus_(studio_.network.lcm_url) {}
   void SetUp() override {
     events_.emplace(bus_, wire::kEventChannel, 1024);
@@ -84,8 +85,8 @@ TEST_F(DefectiveStudio8, repairs_live_silhouettes_to_the_bytes_of_v3dctl_and_nam
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", std::string(kFaulty) + ".repaired_pulses", 3)) << log();
   // Meshes of several key frames: those after a late frame cannot be compared.
-  ASSERT_TRUE(reaches("recon01", "meshes", 60)) << log();
-  ASSERT_TRUE(reaches("recon01", "repair_repaired", 30)) << log();
+  ASSERT_TRUE(reaches("recon01", "repair_repaired", 15)) << log();
+  ASSERT_TRUE(reaches("recon01", "meshes", 40)) << log();
   const auto event = repair_event();
   ASSERT_TRUE(event) << log();
   EXPECT_EQ(event->subject, kFaulty);
