@@ -205,13 +205,13 @@ void NodeLoop::report_counts(wire::HealthMessage& health) const {
 }
 
 void NodeLoop::report_problem(wire::HealthMessage& health) const {
-  std::string problem = credential_problem();
-  if (problem.empty()) problem = filter_.problem(Monotonic::now());
-  if (problem.empty()) problem = bus_.authenticator().trouble(Realtime::now());
-  // Problems of the delegate go first, unless nothing works without credentials.
-  const bool is_free =
-      health.state != wire::NodeState::kFault && (health.text.empty() || !files_.is_ready());
-  if (is_free) health.text = problem;
+  if (health.state == wire::NodeState::kFault) return;
+  std::vector<std::string> problems = {health.text, credential_problem(),
+                                       filter_.problem(Monotonic::now()),
+                                       bus_.authenticator().trouble(Realtime::now())};
+  if (!files_.is_ready()) std::swap(problems[0], problems[1]);  // nothing works without credentials
+  std::erase(problems, "");
+  health.text = fmt::format("{}", fmt::join(problems, "; "));
 }
 
 void NodeLoop::feed_watchdog() {

@@ -57,7 +57,8 @@ class NodeLoop {
   void check_clock(wire::HealthMessage& health);
   /// Counters of commands, messages and datagrams.
   void report_counts(wire::HealthMessage& health) const;
-  /// If the text of `health` is empty, sets it to the problem of the credentials or messages.
+  /// Appends problems of credentials, commands and messages to the text of `health`. A node that
+  /// cannot keep up reports an attack, too.
   void report_problem(wire::HealthMessage& health) const;
   void read_credentials();
   void pass_on_signing_key();

@@ -21,9 +21,11 @@ namespace {
 using test::becomes_true;
 using test::within;
 
-/// A node that only keeps the signing keys that it gets. It needs no time to arm or to drain.
+/// A node that keeps the signing keys that it gets and reports `problem`. It needs no time to arm
+/// or to drain.
 class IdleDelegate : public control::NodeDelegate {
  public:
+  explicit IdleDelegate(std::string problem) : problem_(std::move(problem)) {}
   /// The public keys, oldest first. Any thread.
   std::vector<wire::PublicKey> signing_keys() const {
     const std::scoped_lock lock(mutex_);
@@ -48,10 +50,11 @@ class IdleDelegate : public control::NodeDelegate {
     }
     return std::nullopt;
   }
-  void report_health(wire::HealthMessage&) override {}
+  void report_health(wire::HealthMessage& health) override { health.text = problem_; }
   bool progressed_since(MonotonicInstant) const override { return true; }
 
  private:
+  const std::string problem_;
   mutable std::mutex mutex_;
   std::vector<wire::PublicKey> keys_;
 };
@@ -59,8 +62,8 @@ class IdleDelegate : public control::NodeDelegate {
 /// A node with its loop in a thread.
 class RunningNode {
  public:
-  RunningNode(const Studio& studio, const std::string& node)
-      : bus_(studio.network.lcm_url, {}, bus::ChannelList(studio)) {
+  RunningNode(const Studio& studio, const std::string& node, const std::string& problem = "")
+      : bus_(studio.network.lcm_url, {}, bus::ChannelList(studio)), delegate_(problem) {
     bus_.authenticator().require_authentication();
     loop_.emplace(NodeIdentity{node, "v3d-test", bus::credentials_of_node(studio, node), ""}, bus_,
                   delegate_);
@@ -274,6 +277,17 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
   EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is not an operator"));
+}
+
+TEST_F(MemberLoops, report_a_rejected_list_beside_the_problem_of_their_delegate) {
+  const std::string problem = "cannot keep up: 7 pulses dropped";
+  capture_.emplace(studio_, "cap01", problem);
+  recon_.emplace(studio_, "recon01", problem);
+  control::OperatorClient ada(studio_);
+  EXPECT_TRUE(health_has(ada, problem));
+  write_members(1, {member("ada", ada_)});
+  EXPECT_TRUE(health_has(ada, "expected more than 1, which is in force"));
+  EXPECT_TRUE(health_has(ada, problem + "; "));
 }
 
 TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
