@@ -59,7 +59,7 @@ void InjectedStudio::start_simulator() {
   const std::string cameras = operation_ == DaemonOperation::kReconstruct ? "3" : "1";
   simulator_.emplace(
       std::vector<std::string>{kBin + "/v3d-sim", "studio", folder_.path(), "--cameras", cameras,
-                               "--size", "96x72", "--rate", "25", "--loop-frames", "5",
+                               "--size", "96x72", "--rate", "8", "--loop-frames", "5",
                                "--empty-pulses", std::to_string(kPlates), "--voxel", "100mm"},
       folder_ / "v3d-sim.log");
   const auto serves = [&] { return simulator_->output().find("ready\n") != std::string::npos; };

@@ -27,7 +27,9 @@ enum class DaemonOperation {
   kRejoin,       ///< v3d-captured with one camera was killed in a take; it starts and records again
   kReconstruct,  ///< v3d-recond starts and reconstructs a take of three cameras live
 };
-inline constexpr int64_t kInjectedPulses = 30;
+/// At 8 Hz: a daemon that has just started is certain of the first pulse if one of its first frames
+/// arrives within a period.
+inline constexpr int64_t kInjectedPulses = 12;
 
 /// Result of one run of the daemon.
 struct DaemonRun {
