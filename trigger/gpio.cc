@@ -88,8 +88,11 @@ void GpioSensor::reset() {
 void GpioSensor::run() {
   make_thread_realtime();
   while (!stopping_ && !input_->gone()) {
-    if (const auto edge = input_->wait(Monotonic::now() + kPollInterval)) on_edge(*edge);
-    report_overdue();
+    if (const auto edge = input_->wait(Monotonic::now() + kPollInterval)) {
+      on_edge(*edge);
+    } else {
+      report_overdue();  // while edges wait to be read, one of them may be the end of the pulse
+    }
   }
   if (stopping_) return;
   const std::lock_guard lock(mutex_);

@@ -5,6 +5,7 @@
 
 #include <condition_variable>
 #include <deque>
+#include <latch>
 #include <mutex>
 
 #include "base/core/error.h"
@@ -112,14 +113,22 @@ TEST(GpioGenerator, makes_a_late_pulse_with_full_width_and_skips_one_that_is_too
 }
 
 TEST(GpioGenerator, leaves_the_line_inactive_when_it_is_stopped_or_destroyed_during_a_pulse) {
+  SlowHost host;
   Script script;
-  script.clock = HostClock();
+  script.clock = host.clock();
+  std::latch stopped(1);
+  HostClock clock = host.clock();
+  clock.sleep_until = [&, sleep_until = clock.sleep_until](MonotonicInstant until) {
+    if (!script.changes_to(true).empty()) stopped.wait();  // within the first pulse
+    sleep_until(until);
+  };
   {
-    GpioGenerator generator(kTrigger, opener(script));
+    GpioGenerator generator(kTrigger, opener(script), clock);
     generator.arm({.rate_hz = 20, .width = milliseconds(25), .count = {}});
     generator.start();
-    ASSERT_TRUE(eventually([&] { return !script.changes_to(true).empty(); }));
+    EXPECT_TRUE(eventually([&] { return !script.changes_to(true).empty(); }));
     generator.stop();
+    stopped.count_down();
   }
   EXPECT_EQ(script.changes_to(true).size(), 1U);
   EXPECT_FALSE(script.changes.back().active);
@@ -217,12 +226,12 @@ std::optional<SensedPulse> next_of(GpioSensor& sensor) {
 
 TEST(GpioSensor, reports_every_pulse_with_its_first_edge_and_its_width) {
   EdgeScript script;
-  GpioSensor sensor(kTrigger, opener(script));
-  sensor.reset();
   for (int k = 0; k < 40; ++k) {
     script.put(true, k * milliseconds(40));
     script.put(false, k * milliseconds(40) + milliseconds(1));
   }
+  GpioSensor sensor(kTrigger, opener(script));
+  sensor.reset();
   for (int k = 0; k < 40; ++k) {
     const auto pulse = next_of(sensor);
     ASSERT_TRUE(pulse);
@@ -234,15 +243,36 @@ TEST(GpioSensor, reports_every_pulse_with_its_first_edge_and_its_width) {
 
 TEST(GpioSensor, reports_a_pulse_whose_end_was_lost_and_none_for_a_lost_start) {
   EdgeScript script;
-  GpioSensor sensor(kTrigger, opener(script));
-  sensor.reset();
   script.put(false, milliseconds(-10));
   script.put(true, milliseconds(0));
   script.put(true, milliseconds(40));
   script.put(false, milliseconds(41));
+  GpioSensor sensor(kTrigger, opener(script));
+  sensor.reset();
   EXPECT_EQ(next_of(sensor)->width, std::nullopt);
   EXPECT_TRUE(next_of(sensor)->width);
   EXPECT_FALSE(sensor.wait(Monotonic::now() + milliseconds(1)));
+}
+
+TEST(GpioSensor, reports_the_width_of_a_pulse_whose_edges_are_read_seconds_late) {
+  EdgeScript script;
+  script.put(true, -seconds(3));
+  script.put(false, -seconds(3) + milliseconds(1));
+  GpioSensor sensor(kTrigger, opener(script));
+  sensor.reset();
+  const auto pulse = next_of(sensor);
+  ASSERT_TRUE(pulse);
+  EXPECT_EQ(pulse->width, milliseconds(1));
+}
+
+TEST(GpioSensor, reports_a_pulse_without_an_end_when_no_edge_follows) {
+  EdgeScript script;
+  script.put(true, -seconds(3));
+  GpioSensor sensor(kTrigger, opener(script));
+  sensor.reset();
+  const auto pulse = next_of(sensor);
+  ASSERT_TRUE(pulse);
+  EXPECT_EQ(pulse->width, std::nullopt);
 }
 
 TEST(GpioSensor, reports_a_lost_line_and_restarts_its_count_at_reset) {
