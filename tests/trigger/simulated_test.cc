@@ -139,6 +139,8 @@ TEST(SimulatedGenerator, sends_no_edge_after_stop_returns) {
   generator.stop();
   EXPECT_TRUE(generator.finished());
   const int64_t commanded = generator.commanded();
+  // The server echoes an edge when it reads it, to clients that connected after it was sent, too.
+  ASSERT_TRUE(cable.wait_for_edges(static_cast<size_t>(commanded - generator.skipped())));
   SimulatedSensor sensor(cable.path());
   sensor.reset();
   EXPECT_FALSE(sensor.wait(stopped + milliseconds(50)));
