@@ -6,8 +6,9 @@
 
 namespace v3d::trigger {
 
-BackgroundGenerator::BackgroundGenerator(std::unique_ptr<PulseGenerator> generator)
-    : generator_(std::move(generator)), thread_([this] { run(); }) {}
+BackgroundGenerator::BackgroundGenerator(std::unique_ptr<PulseGenerator> generator,
+                                         Duration max_wait)
+    : generator_(std::move(generator)), max_wait_(max_wait), thread_([this] { run(); }) {}
 
 BackgroundGenerator::~BackgroundGenerator() {
   stop();
@@ -99,8 +100,9 @@ bool BackgroundGenerator::armed() {
 void BackgroundGenerator::start() {
   started_ = true;
   const int64_t task = enqueue([this] { generator_->start(); });
-  if (!wait_until_done(kMaxWait, task)) {
-    throw InputError("the trigger does not start: no answer from the generator within 2 s");
+  if (!wait_until_done(max_wait_, task)) {
+    throw InputError("the trigger does not start: no answer from the generator within " +
+                     std::to_string(max_wait_ / std::chrono::seconds(1)) + " s");
   }
   rethrow_last_error();
 }
@@ -112,7 +114,7 @@ void BackgroundGenerator::stop() {
   const int64_t task = enqueue([this] { generator_->stop(); });
   last_status_.finished = true;
   if (started) last_status_.fault = "pulses may continue: the generator has not answered yet";
-  wait_until_done(kMaxWait, task);
+  wait_until_done(max_wait_, task);
 }
 
 void BackgroundGenerator::retry_stop() {

@@ -17,14 +17,13 @@ namespace v3d::trigger {
 ///
 /// An instrument may take seconds to answer, and a system call on an instrument that hangs cannot
 /// be interrupted. A thread that feeds a watchdog must not make such a call. Tasks run in the order
-/// of the calls. arm() returns at once; start() and stop() return after at most kMaxWait. After a
+/// of the calls. arm() returns at once; start() and stop() return after at most `max_wait`. After a
 /// stop() that takes longer, fault() reports that pulses may continue until the task ends. Only
 /// silence() and the destructor wait without a limit.
 class BackgroundGenerator : public PulseGenerator {
  public:
-  static constexpr Duration kMaxWait = std::chrono::seconds(2);
-
-  explicit BackgroundGenerator(std::unique_ptr<PulseGenerator> generator);
+  explicit BackgroundGenerator(std::unique_ptr<PulseGenerator> generator,
+                               Duration max_wait = std::chrono::seconds(2));
   ~BackgroundGenerator() override;
   BackgroundGenerator(const BackgroundGenerator&) = delete;
   BackgroundGenerator& operator=(const BackgroundGenerator&) = delete;
@@ -64,6 +63,7 @@ class BackgroundGenerator : public PulseGenerator {
   void run();
 
   const std::unique_ptr<PulseGenerator> generator_;  ///< used by the thread only, while tasks run
+  const Duration max_wait_;
   Status last_status_;       ///< status before the pending tasks, as changed by arm() and stop()
   int64_t arming_task_ = 0;  ///< number of the task, until armed() has reported its result; else 0
   bool output_on_ = false;   ///< between arm() and stop()
