@@ -46,6 +46,8 @@ class ActionGenerator : public PulseGenerator, private PulseOutput {
   void stop() override;
   /// Commands that were sent: up to `lead_ms` more than pulses whose time has passed.
   int64_t commanded() const override { return train_.commanded(); }
+  /// The number of commands that were skipped, because this host was late.
+  int64_t skipped() const { return train_.skipped(); }
   std::optional<MonotonicInstant> first_pulse() const override;
   bool finished() const override;
   PulseStatistics statistics() const override;

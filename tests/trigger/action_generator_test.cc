@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 
 #include <array>
+#include <map>
 #include <vector>
 
 #include "base/core/error.h"
@@ -21,7 +22,7 @@ using std::chrono::seconds;
 using testing::HasSubstr;
 
 constexpr char kAddress[] = "127.0.0.21";
-/// So slow, and with so long a lead, that a busy machine skips no pulse: 60 ms may pass.
+/// So slow, and with so long a lead, that a machine skips a pulse only when it is 50 ms late.
 constexpr double kRateHz = 4;
 constexpr double kLeadMs = 100;
 constexpr int64_t kPtpAhead = 1'800'000'000'000'000'000;  ///< PTP time minus CLOCK_MONOTONIC, ns
@@ -76,30 +77,37 @@ TEST(ActionGenerator, schedules_evenly_spaced_pulses_and_senses_what_is_acknowle
   ASSERT_TRUE(camera.is_bound());
   ActionGenerator generator(action(), ptp_now);
   const auto sensor = generator.own_sensor();
-  generator.arm({kRateHz, milliseconds(1), 5});
+  generator.arm({kRateHz, milliseconds(1), {}});
   sensor->reset();
   generator.start();
-  std::vector<int64_t> times;
-  for (int64_t pulse = 0; pulse < 5; ++pulse) {
+  std::map<int64_t, int64_t> times;  // of the commands, by pulse
+  const MonotonicInstant deadline = Monotonic::now() + seconds(60);
+  for (int sensed_pulses = 0; sensed_pulses < 5;) {
+    ASSERT_LT(Monotonic::now(), deadline);
     const auto command = camera.receive();
     ASSERT_TRUE(command && command->time_ns);
     EXPECT_EQ(command->device_key, 7U);
     EXPECT_EQ(command->group_key, 8U);
     EXPECT_EQ(command->group_mask, 9U);
     EXPECT_TRUE(command->wants_acknowledgement);
-    times.push_back(*command->time_ns);
+    times[command->request - 1] = *command->time_ns - kPtpAhead;
     camera.acknowledge(command->request);
-    const auto sensed = sensor->wait(Monotonic::now() + seconds(20));
-    ASSERT_TRUE(sensed);
-    EXPECT_EQ(sensed->number, pulse);
-    EXPECT_EQ(to_ns(sensed->at) - to_ns(*generator.first_pulse()), times[pulse] - times[0]);
+    const auto sensed = sensor->wait(from_ns<Monotonic>(*command->time_ns - kPtpAhead) +
+                                     ActionAcknowledgements::kDeadline);
+    if (!sensed) continue;  // a busy host acknowledged it too late
+    ++sensed_pulses;
+    ASSERT_TRUE(times.contains(sensed->number));
+    EXPECT_NEAR(static_cast<double>(times[sensed->number]), static_cast<double>(to_ns(sensed->at)),
+                1e6);
+    EXPECT_EQ(to_ns(sensed->at) - to_ns(*generator.first_pulse()), sensed->number * 250'000'000);
   }
-  for (size_t i = 1; i < times.size(); ++i) EXPECT_EQ(times[i] - times[i - 1], 250'000'000);
-  EXPECT_NEAR(static_cast<double>(times[0] - kPtpAhead),
-              static_cast<double>(to_ns(*generator.first_pulse())), 1e6);
+  const auto [first, first_time] = *times.begin();
+  for (const auto& [pulse, time] : times) {
+    EXPECT_EQ(time - first_time, (pulse - first) * 250'000'000);
+  }
   generator.stop();
   EXPECT_TRUE(generator.finished());
-  EXPECT_EQ(generator.commanded(), 5);
+  EXPECT_GE(generator.commanded(), 5);
 }
 
 TEST(ActionGenerator, continues_without_acknowledgements_and_names_the_camera) {
@@ -107,14 +115,17 @@ TEST(ActionGenerator, continues_without_acknowledgements_and_names_the_camera) {
   const auto sensor = generator.own_sensor();
   generator.arm({kRateHz, milliseconds(1), 3});
   generator.start();
-  const MonotonicInstant deadline = Monotonic::now() + seconds(20);
-  while (generator.warning().find("3 ack") == std::string::npos && Monotonic::now() < deadline) {
+  const auto is_over = [&] {
+    return generator.finished() && generator.statistics().acks_missing == 3 - generator.skipped();
+  };
+  const MonotonicInstant deadline = Monotonic::now() + seconds(60);
+  while (!is_over() && Monotonic::now() < deadline) {
     EXPECT_FALSE(sensor->wait(Monotonic::now() + milliseconds(10)));
   }
-  EXPECT_EQ(generator.warning(), "3 acknowledgements of action commands missing: cam01");
-  EXPECT_EQ(generator.statistics().acks_missing, 3);
+  ASSERT_TRUE(is_over());
+  EXPECT_EQ(generator.warning(), std::to_string(3 - generator.skipped()) +
+                                     " acknowledgements of action commands missing: cam01");
   EXPECT_EQ(generator.statistics().acks_rejected, 0);
-  EXPECT_TRUE(generator.finished());
   EXPECT_EQ(generator.commanded(), 3);
 }
 
@@ -162,7 +173,14 @@ TEST(ActionGenerator, reports_a_clock_that_is_set_during_the_train) {
   const auto second = camera.receive();
   const auto third = camera.receive();
   ASSERT_TRUE(first && second && third);
-  EXPECT_EQ(*third->time_ns - *first->time_ns, 500'000'000) << "the spacing stays";
+  EXPECT_EQ(*third->time_ns - *first->time_ns,
+            int64_t{third->request - first->request} * 250'000'000)
+      << "the spacing stays";
+  // A busy host may have received commands that were sent before the step.
+  const MonotonicInstant deadline = Monotonic::now() + seconds(60);
+  while (generator.fault().find("clock") == std::string::npos && Monotonic::now() < deadline) {
+    ASSERT_TRUE(camera.receive());
+  }
   generator.stop();
   EXPECT_EQ(generator.fault(), "the clock of this PC was set during the train");
 }
