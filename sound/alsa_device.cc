@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <optional>
 
 #include "sound/sound_input.h"
 #include "sound/sound_output.h"
@@ -140,11 +141,13 @@ class AlsaOutput : public SoundOutput {
     for (const float sample : samples) append(sample, raw);
     const auto count = static_cast<snd_pcm_uframes_t>(samples.size());
     const snd_pcm_sframes_t done = snd_pcm_writei(pcm_.get(), raw.data(), count);
-    const bool is_first = written_ == 0;
+    const int64_t before = written_;
     written_ += std::ssize(samples);  // also those that an underrun loses
     if (done < 0) return recover(static_cast<int>(done));
-    if (is_first) {
-      start_ = Monotonic::now();
+    if (!start_) {
+      start_ = Monotonic::now() - from_seconds(static_cast<double>(before) / output_.rate_hz);
+    }
+    if (before == 0) {
       snd_pcm_sframes_t delay = 0;
       takes_at_once_ = snd_pcm_delay(pcm_.get(), &delay) == 0 && delay == 0;
     }
@@ -162,10 +165,16 @@ class AlsaOutput : public SoundOutput {
     }
   }
 
-  /// For a device that takes samples at once: as if it played them at its rate.
-  void pace(PlayedSamples& played) const {
-    const double elapsed = to_seconds(played.at - start_) * output_.rate_hz;
-    played.played = std::min(written_, static_cast<int64_t>(elapsed));
+  /// For a device that takes samples at once: as if it played them at its rate. After an underrun
+  /// it starts again with the next samples.
+  void pace(PlayedSamples& played) {
+    const auto due =
+        start_ ? static_cast<int64_t>(to_seconds(played.at - *start_) * output_.rate_hz) : written_;
+    if (due > written_) {
+      played.underruns = ++underruns_;
+      start_.reset();
+    }
+    played.played = std::min(written_, due);
     const int64_t buffer = int64_t{output_.rate_hz} * kOutputBufferUs / 1'000'000;
     played.space = std::min(played.space, buffer - (written_ - played.played));
   }
@@ -186,7 +195,9 @@ class AlsaOutput : public SoundOutput {
   int64_t written_ = 0;
   int64_t underruns_ = 0;
   bool takes_at_once_ = false;
-  MonotonicInstant start_;  ///< of the first write()
+  /// Of a device that takes samples at once: its start, later by the time of all underruns. Empty:
+  /// it has nothing to play.
+  std::optional<MonotonicInstant> start_;
 };
 
 /// For alsa-lib, which otherwise prints to standard error: results have the cause.
