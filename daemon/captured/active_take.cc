@@ -199,6 +199,8 @@ bool ActiveTake::sensed_count_is_known(int64_t commanded) const {
 }
 
 TakeResult ActiveTake::close() {
+  // First, because the log would have a pulse that comes later, and the ledger would not.
+  pulses_->close();
   TakeResult result;
   take::Ledger& ledger = result.ledger;
   ledger.commanded = commanded();
@@ -210,7 +212,6 @@ TakeResult ActiveTake::close() {
   if (recording_) recording_->stop_pipelines(ledger);
   result.counts = counts();
   check_.reset();
-  pulses_->close();
   const auto pulses = std::exchange(pulses_, nullptr);
   if (recording_) {
     const bool is_empty = is_empty_take(ledger, was_started_, context_.trigger.is_here());

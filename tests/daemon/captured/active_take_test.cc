@@ -4,9 +4,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <thread>
 
+#include "base/io/process.h"
 #include "daemon/node/take_folder.h"
 #include "support/child_process.h"
 #include "support/fsync_hook.h"
@@ -125,6 +129,25 @@ TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
   EXPECT_EQ(result.counts.commanded, kPulses);
   EXPECT_EQ(result.close_report.error, "");
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
+  EXPECT_EQ(logged_pulses(paths()), result.ledger.sensed.value());
+}
+
+TEST_F(TakeOfTheTriggersNode, has_the_pulses_of_its_log_in_its_ledger_when_one_is_recorded_late) {
+  const pid_t closing_thread = gettid();
+  std::atomic<bool> is_late = false, is_closing = false;
+  ActiveTake::Context late = context();
+  late.on_edge = [&](const capture::PulseEdge&) {  // until close() waits for this thread
+    if (is_late.exchange(true)) return;
+    while (!is_closing || !thread_sleeps(closing_thread)) std::this_thread::yield();
+  };
+  trigger_.arm(plan(wire::CommandVerb::kArm).train);
+  const auto take = ActiveTake::begin(late, plan(wire::CommandVerb::kArm));
+  take->start();
+  trigger_.start();
+  EXPECT_TRUE(becomes_true([&] { return is_late.load(); }, within(30)));
+  is_closing = true;
+  const TakeResult result = take->close();
+  EXPECT_GE(logged_pulses(paths()), 1);
   EXPECT_EQ(logged_pulses(paths()), result.ledger.sensed.value());
 }
 
