@@ -115,8 +115,6 @@ BackgroundLearner::Result BackgroundLearner::run() try {
 namespace {
 
 constexpr Duration kCheckPollInterval = std::chrono::milliseconds(20);
-/// Longest time to examine the frames that wait at the end of a check.
-constexpr Duration kMaxBacklogTime = std::chrono::seconds(2);
 
 /// Empty when there is no model yet, or it does not match the camera: a check works without one.
 std::optional<segmentation::BackgroundModel> background_of(const capture::CameraWorker& worker,
@@ -140,7 +138,9 @@ std::optional<segmentation::BackgroundModel> background_of(const capture::Camera
 class CameraCheck::CheckedWorker {
  public:
   CheckedWorker(capture::CameraWorker& camera_worker, const Setup& setup, bus::Bus& bus)
-      : worker_(camera_worker), preview_(bus, camera_worker.camera(), setup.rate_hz) {
+      : worker_(camera_worker),
+        preview_(bus, camera_worker.camera(), setup.rate_hz),
+        backlog_time_(setup.backlog_time) {
     if (const auto model = background_of(worker_, setup.background)) {
       segmenter_.emplace(*model, segmentation::SegmentOptions{});
       plates_focus_ = focus_of(*model);
@@ -167,6 +167,7 @@ class CameraCheck::CheckedWorker {
 
   capture::CameraWorker& worker_;
   PreviewSender preview_;
+  const Duration backlog_time_;
   std::optional<segmentation::Segmenter> segmenter_;
   std::optional<double> plates_focus_;
   // The members below belong to the thread until it has ended, except the atomic ones.
@@ -187,7 +188,7 @@ void CameraCheck::CheckedWorker::run() {
   std::optional<MonotonicInstant> end;
   while (!end || Monotonic::now() < *end) {
     heartbeat_.beat();
-    if (stopping_ && !end) end = Monotonic::now() + kMaxBacklogTime;
+    if (stopping_ && !end) end = Monotonic::now() + backlog_time_;
     auto frame = worker_.take(Monotonic::now() + (end ? Duration::zero() : kCheckPollInterval));
     if (!frame && end) return;
     if (!frame) continue;
@@ -255,7 +256,7 @@ CheckedCamera CameraCheck::CheckedWorker::close(int64_t commanded, double rate_h
   stop();
   CheckedCamera camera;
   camera.pulses = account_.ledger(worker_.camera(), commanded);
-  camera.dropped = worker_.status().dropped + worker_.waiting();  // not examined in kMaxBacklogTime
+  camera.dropped = worker_.status().dropped + worker_.waiting();  // not examined in backlog_time_
   camera.quality = pictures_.result();
   camera.plates_focus = plates_focus_;
   if (segmenter_ && pictures_.pictures() > 0) {

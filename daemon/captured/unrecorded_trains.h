@@ -98,6 +98,8 @@ class CameraCheck {
   struct Setup {
     double rate_hz = 0;                ///< of the pulses
     std::filesystem::path background;  ///< folder of the background models; may be empty
+    /// Longest time to examine the frames that wait at the end of the check.
+    Duration backlog_time = std::chrono::seconds(2);
   };
   /// The workers are armed; they and `bus` outlive the check.
   CameraCheck(const std::vector<capture::CameraWorker*>& workers, const Setup& setup,

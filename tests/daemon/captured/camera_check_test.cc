@@ -11,6 +11,10 @@ constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr int64_t kFrames = 24;
 constexpr Duration kPeriod = std::chrono::milliseconds(1);  // of the clock of FrameSource
 
+/// A busy host has enough time to examine all frames.
+const CameraCheck::Setup kSetup{
+    .rate_hz = 50, .background = {}, .backlog_time = std::chrono::minutes(1)};
+
 /// An armed camera whose frames take milliseconds to examine.
 struct LargeCamera {
   LargeCamera() {
@@ -38,7 +42,7 @@ TEST(CheckOfCameras, examines_all_frames_that_have_arrived_before_its_end) {
   LargeCamera first, second;
   ASSERT_TRUE(first.is_ready() && second.is_ready());
   ASSERT_TRUE(first.exposes_all() && second.exposes_all());
-  CameraCheck check({&first.worker, &second.worker}, {.rate_hz = 50, .background = {}}, bus);
+  CameraCheck check({&first.worker, &second.worker}, kSetup, bus);
   const std::vector<CheckedCamera> checked = check.close(kFrames);
   ASSERT_EQ(checked.size(), 2U);
   for (const CheckedCamera& camera : checked) {
@@ -55,7 +59,7 @@ TEST(CheckOfCameras, counts_frames_that_the_node_was_too_slow_to_examine) {
   ASSERT_TRUE(camera.exposes_all());
   camera.source->expose();  // the queue is full
   ASSERT_TRUE(capture::eventually([&] { return camera.worker.status().frames == kFrames + 1; }));
-  CameraCheck check({&camera.worker}, {.rate_hz = 50, .background = {}}, bus);
+  CameraCheck check({&camera.worker}, kSetup, bus);
   const CheckedCamera checked = check.close(kFrames + 1).front();
   EXPECT_EQ(checked.dropped, 1);
   EXPECT_EQ(checked.pulses.missing, std::vector<int64_t>{0});
