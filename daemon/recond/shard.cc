@@ -27,7 +27,7 @@ Shard::Shard(const Setup& setup, MonotonicInstant now)
     : setup_(setup),
       self_(index_in(setup.roster, setup.node)),
       instant_(now),
-      members_(setup.roster, self_) {
+      members_(setup.roster, self_, setup.liveness_timeout) {
   // No node is known to be alive yet, so receive the pulses of all.
   groups_ = bus::all_frame_groups(setup.frame_groups);
   if (setup.joins_late) return;
@@ -102,7 +102,7 @@ void Shard::on_pulse(int64_t pulse) {
 /// A pulse of the trigger becomes known when its set had the time to be assembled. Before, no node
 /// reports it as pending, and it would count as lost.
 void Shard::record_announced() {
-  const Duration before = now_ - setup_.deadline - kLossTimeout;
+  const Duration before = now_ - setup_.deadline - setup_.loss_timeout;
   while (!announced_.empty()) {
     const auto [pulse, since] = announced_.front();
     if (pulse >= reorder_->next()) {
@@ -181,7 +181,8 @@ bool Shard::should_make(int64_t pulse, Held& held) {
     return false;
   }
   if (!held.reported_done) held.reported_done = now_;
-  if (now_ - *held.reported_done < kRepeatAfter * (1 + members_.rank(pulse, now_))) return false;
+  if (now_ - *held.reported_done < setup_.repeat_after * (1 + members_.rank(pulse, now_)))
+    return false;
   ++counts_.repeated;
   return true;
 }
@@ -246,7 +247,7 @@ bool Shard::is_lost(int64_t pulse) const {
   const auto since = known_since(pulse);
   if (!since) return false;
   if (reorder_->is_full() || now_ - *since >= kMaxWait) return true;
-  return !is_pending(pulse) && now_ - *since >= kLossTimeout;
+  return !is_pending(pulse) && now_ - *since >= setup_.loss_timeout;
 }
 
 void Shard::order_meshes() {
@@ -303,13 +304,14 @@ void Shard::publish() {
 /// publishes it.
 bool Shard::is_omitted(const Unpublished& front, size_t publisher) const {
   return publisher != self_ && members_.status(publisher).ordered >= front.mesh.pulse &&
-         now_ - front.since >= kLossTimeout;
+         now_ - front.since >= setup_.loss_timeout;
 }
 
 /// A node that joined late waits until the previous publisher has published everything before
-/// first_, so that no pulse is omitted. It waits at most kLossTimeout.
+/// first_, so that no pulse is omitted. It waits at most the loss timeout.
 bool Shard::may_start_publishing(const Unpublished& front) const {
-  if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= kLossTimeout) return true;
+  if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= setup_.loss_timeout)
+    return true;
   const size_t before = members_.publisher(first_ - 1, now_);
   if (before == self_) return true;
   const wire::ShardMessage& status = members_.status(before);

@@ -69,6 +69,10 @@ class Shard {
     size_t frame_groups = 1;  ///< number of groups (channel_list.h)
     /// The longest time from a pulse until its set is assembled here.
     Duration deadline = std::chrono::milliseconds(200);
+    // Tests on a real network set longer ones, because a busy host delays threads.
+    Duration liveness_timeout = ShardMembers::kLivenessTimeout;
+    Duration loss_timeout = kLossTimeout;
+    Duration repeat_after = kRepeatAfter;
   };
   Shard(const Setup& setup, MonotonicInstant now);
 

@@ -27,8 +27,11 @@ bus::FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups) {
   return found;
 }
 
-ShardMembers::ShardMembers(std::vector<std::string> roster, size_t self)
-    : roster_(std::move(roster)), self_(self), members_(roster_.size()) {}
+ShardMembers::ShardMembers(std::vector<std::string> roster, size_t self, Duration liveness_timeout)
+    : roster_(std::move(roster)),
+      self_(self),
+      liveness_timeout_(liveness_timeout),
+      members_(roster_.size()) {}
 
 bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
   const auto found = std::find(roster_.begin(), roster_.end(), status.node);
@@ -48,7 +51,7 @@ bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
 
 bool ShardMembers::is_alive(size_t index, Duration now) const {
   const auto& received = members_[index].received;
-  return index == self_ || (received && now - *received < kLivenessTimeout);
+  return index == self_ || (received && now - *received < liveness_timeout_);
 }
 
 size_t ShardMembers::alive_count(Duration now) const {

@@ -50,13 +50,14 @@ class ActiveTimeClock {
 };
 
 /// The state of each node, from its status messages. A node counts as alive until it was silent for
-/// kLivenessTimeout. Times are of one ActiveTimeClock and never decrease. One thread.
+/// the timeout. Times are of one ActiveTimeClock and never decrease. One thread.
 class ShardMembers {
  public:
   static constexpr Duration kLivenessTimeout = std::chrono::milliseconds(400);
 
   /// `roster` is sorted; `self` is the index of this node in it.
-  ShardMembers(std::vector<std::string> roster, size_t self);
+  ShardMembers(std::vector<std::string> roster, size_t self,
+               Duration liveness_timeout = kLivenessTimeout);
 
   /// Status of another node. Returns false, and ignores it, when it is of an unknown node or of
   /// this one, or older than the last one of a node that is alive.
@@ -95,6 +96,7 @@ class ShardMembers {
 
   const std::vector<std::string> roster_;
   const size_t self_;
+  const Duration liveness_timeout_;
   std::vector<Member> members_;  ///< by index in the roster
   int64_t forgotten_ = 0;        ///< pulses before this one
 };

@@ -278,7 +278,10 @@ class SharedPipelines : public ReconPipelineOnBus {
     std::atomic<int> sequences = 0;
     std::optional<ReconPipeline> pipeline;
   };
-  void begin(Node& node, const std::string& name) {
+  /// On a busy host a thread may pause for seconds: then only `liveness_timeout` names a node that
+  /// has ended.
+  void begin(Node& node, const std::string& name,
+             Duration liveness_timeout = std::chrono::minutes(1)) {
     node.pipeline.emplace(
         ReconPipeline::Setup{.take = "kendo-07",
                              .mesh_file = folder_ / (name + ".v3d"),
@@ -290,7 +293,10 @@ class SharedPipelines : public ReconPipelineOnBus {
                              .shard = Shard::Setup{.take = "kendo-07",
                                                    .roster = {"recon01", "recon02"},
                                                    .node = name,
-                                                   .frame_groups = node.bus.frame_groups()}},
+                                                   .frame_groups = node.bus.frame_groups(),
+                                                   .liveness_timeout = liveness_timeout,
+                                                   .loss_timeout = std::chrono::minutes(1),
+                                                   .repeat_after = std::chrono::minutes(1)}},
         node.bus);
   }
   static bool have(Node& a, Node& b, auto what) {
@@ -369,11 +375,12 @@ TEST_F(SharedPipelinesInGroups, receive_frames_of_their_own_pulses_and_get_all_m
 
 TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
   constexpr int64_t kPulses = 12;
+  constexpr Duration kLivenessTimeout = std::chrono::seconds(5);
   Node one(kGroups);
   {
     Node two(kGroups);
-    begin(one, "recon01");
-    begin(two, "recon02");
+    begin(one, "recon01", kLivenessTimeout);
+    begin(two, "recon02", kLivenessTimeout);
     ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
     ASSERT_TRUE(send_and_wait(0, kPulses, one));
   }
