@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "base/core/error.h"
+#include "daemon/bus/multicast_socket.h"
 #include "support/child_process.h"
 #include "support/message_of.h"
 #include "support/raw_datagrams.h"
@@ -410,7 +411,9 @@ TEST(Bus, counts_datagrams_that_the_kernel_drops_while_a_handler_blocks) {
   const auto listening = bus.subscribe(
       "V3D_FRAME_.*", [&](const ReceivedMessage&) { const std::lock_guard wait(busy); });
   const std::vector<uint8_t> frame(60'000);
-  for (int i = 0; i < 300; ++i) bus.publish("V3D_FRAME_cam01", frame);  // 18 MB, 4 times the buffer
+  // More than the ring and the buffer of the kernel hold together.
+  constexpr size_t kCount = DatagramRing::kPlaces + 300;
+  for (size_t i = 0; i < kCount; ++i) bus.publish("V3D_FRAME_cam01", frame);
   held.unlock();
   EXPECT_TRUE(becomes_true(
       [&] {
