@@ -234,17 +234,15 @@ TEST(SimulatedSound, claps_at_its_time_after_a_pulse) {
 
 TEST(SimulatedSound, delivers_consecutive_blocks_with_the_pulses_that_came) {
   StudioSound sound = three_channels();
-  bool has_come = false;
-  auto input = make_simulated_input(sound, {}, [&]() -> std::vector<MonotonicInstant> {
-    if (std::exchange(has_come, true)) return {};
-    return {Monotonic::now()};
-  });
+  std::vector<MonotonicInstant> coming;
+  auto input = make_simulated_input(sound, {}, [&] { return std::exchange(coming, {}); });
   SoundTrack track({.sound = sound});
   for (int i = 0; i < 40; ++i) {
     const auto block = input->read(std::chrono::seconds(10));
     ASSERT_TRUE(block && *block);
     EXPECT_EQ((*block)->position, i * kBlock);
     EXPECT_EQ(track.add(**block), 0);
+    if (i == 0) coming = {(*block)->at + std::chrono::milliseconds(100)};  // ten blocks later
   }
   const auto peaks = track.pop_peaks();
   EXPECT_THAT(peaks[0], DoubleNear(0.1, 0.01));
