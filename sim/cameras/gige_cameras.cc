@@ -179,6 +179,11 @@ class GigeCameras::Device {
 
   int64_t ignored() const { return ignored_; }
 
+  bool is_plugged_in() const {
+    const std::lock_guard lock(mutex_);
+    return !unplugged_;
+  }
+
  private:
   /// An image to send.
   struct QueuedImage {
@@ -397,7 +402,8 @@ class GigeCameras::Device {
   const AcknowledgementSocket acknowledgements_;
   ArvGvFakeCamera* server_ = nullptr;  ///< null while unplugged
 
-  std::mutex mutex_;  ///< guards the next members and the order of writes to the trigger register
+  /// Guards the next members and the order of writes to the trigger register.
+  mutable std::mutex mutex_;
   ArvFakeCamera* fake_ = nullptr;  ///< owned by server_; null while unplugged
   SimulatedClock clock_;
   uint16_t number_ = kFirstNumber;  ///< of the next frame
@@ -478,6 +484,10 @@ int64_t GigeCameras::ignored() const {
     sum += device->ignored();
   }
   return sum;
+}
+
+bool GigeCameras::is_plugged_in(int camera) const {
+  return devices_[static_cast<size_t>(camera)]->is_plugged_in();
 }
 
 }  // namespace v3d::sim

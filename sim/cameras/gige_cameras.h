@@ -89,6 +89,8 @@ class GigeCameras {
   int64_t actions() const { return actions_; }
   /// The number of edges that cameras without a fault ignored, over all cameras.
   int64_t ignored() const;
+  /// False from the edge of a fault that unplugs the camera until the camera obeys edges again.
+  bool is_plugged_in(int camera) const;
 
  private:
   class GenicamFile;

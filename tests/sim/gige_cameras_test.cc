@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "base/core/error.h"
+#include "support/child_process.h"
 #include "support/message_of.h"
 
 namespace v3d::sim {
@@ -42,6 +43,8 @@ class Receiver {
     arv_camera_set_string(camera_.get(), "TriggerMode", "On", nullptr);
     arv_camera_gv_set_packet_size(camera_.get(), 30000, nullptr);
     stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, nullptr));
+    // A busy host may stop the camera's thread within an image.
+    g_object_set(stream_.get(), "frame-retention", 10'000'000U, nullptr);
     for (int i = 0; i < kBuffers; ++i) {
       arv_stream_push_buffer(
           stream_.get(), arv_buffer_new_allocate(arv_camera_get_payload(camera_.get(), nullptr)));
@@ -217,12 +220,11 @@ TEST(GigeCameras, disconnect_while_unplugged_and_restart_their_counters) {
   studio.cameras().trigger(0, Monotonic::now());
   ASSERT_NE(receiver->next(), nullptr);
   studio.cameras().trigger(1, Monotonic::now());
-  // Repeat the open until the camera is connected again.
   receiver.reset();
-  const MonotonicInstant deadline = Monotonic::now() + std::chrono::seconds(20);
-  do {
-    receiver.emplace(0);
-  } while (receiver->camera() == nullptr && Monotonic::now() < deadline);
+  ASSERT_TRUE(
+      test::becomes_true([&] { return studio.cameras().is_plugged_in(0); }, test::within(60)));
+  receiver.emplace(0);
+  ASSERT_NE(receiver->camera(), nullptr);
   studio.cameras().trigger(2, Monotonic::now());
   const Owned<ArvBuffer> buffer = receiver->next();
   ASSERT_NE(buffer, nullptr);
@@ -290,11 +292,18 @@ TEST(GigeCameras, expose_at_the_time_of_an_action_command_with_their_keys) {
   set_keys(wrong_key.camera(), 7, true);
   const Commander commander;
   io::ActionCommand command{.device_key = 1, .group_key = 2, .group_mask = 2};
-  for (int pulse = 0; pulse < 2; ++pulse) {
+  int pulse = 0;
+  for (int in_time = 0; in_time < 2; ++pulse) {
+    ASSERT_LT(pulse, Studio::kEdges);
     command.request = static_cast<uint16_t>(pulse + 1);
     command.time_ns = tai_now() + 2'000'000'000;
     commander.send(command);
-    EXPECT_EQ(commander.acknowledgement(), "127.0.0.11: success");
+    const std::string answer = commander.acknowledgement();
+    // A busy host may read the command two seconds late.
+    if (answer != "127.0.0.11: command too late") {
+      ASSERT_EQ(answer, "127.0.0.11: success");
+      ++in_time;
+    }
     ASSERT_NE(first.next(), nullptr);
     EXPECT_GE(tai_now(), *command.time_ns);
     const std::vector<Exposure> record = studio.exposures();
@@ -302,7 +311,7 @@ TEST(GigeCameras, expose_at_the_time_of_an_action_command_with_their_keys) {
     EXPECT_EQ(record.back().camera, 0);
     EXPECT_EQ(record.back().edge, pulse);
   }
-  EXPECT_EQ(studio.cameras().actions(), 2);
+  EXPECT_EQ(studio.cameras().actions(), pulse);
 }
 
 TEST(GigeCameras, reject_the_time_of_an_action_without_ptp_and_report_a_late_one) {
