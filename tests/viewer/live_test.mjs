@@ -3,6 +3,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { join } from 'node:path';
+import { createInterface } from 'node:readline';
 import { after, before, test } from 'node:test';
 import { PageProbe } from './eyes.mjs';
 import { launchBrowser, LCM_URL, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
@@ -10,24 +11,43 @@ import { launchBrowser, LCM_URL, ServedStudio, TIMEOUT_MS } from './served_studi
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const RATE = 20;
-const LONG_PULSES = 15;
 const SEED = 8;
 const BEGAN_MS = Date.now();
 let browser, page, probe;
 
-/** Sends live meshes. `over` resolves with a list that says of each pulse whether it is a key frame and whether it was lost. */
-function sendLive(pulses, lostPercent) {
+/**
+ * Sends live meshes. `over` resolves with a list that says of each pulse whether it is a key frame and whether it was lost. Before a
+ * loss after sent meshes, `beforeLoss` is called with the list until then, and the sender waits for it.
+ */
+function sendLive(pulses, lostPercent, beforeLoss = async () => {}) {
   const sender = spawn(join(build, 'tests/viewer_live'), [LCM_URL, pulses, RATE, lostPercent, SEED].map(String));
-  let output = '';
-  sender.stdout.on('data', (data) => (output += data));
-  const over = new Promise((done, fail) => sender.on('exit', (status) => {
-    if (status !== 0) return fail(new Error(`viewer_live ended with ${status}`));
-    done(output.trim().split('\n').map((line) => {
+  const fates = [];
+  const over = new Promise((done, fail) => {
+    createInterface({ input: sender.stdout }).on('line', (line) => {
+      if (line === 'pause') {
+        beforeLoss(fates).then(() => sender.stdin.write('\n')).catch((error) => {
+          fail(error);
+          sender.kill();
+        });
+        return;
+      }
       const [pulse, kind, fate] = line.split(' ');
-      return { pulse: Number(pulse), key: kind === 'key', lost: fate === 'lost' };
-    }));
-  }));
+      fates.push({ pulse: Number(pulse), key: kind === 'key', lost: fate === 'lost' });
+    });
+    sender.on('close', (status) => (status === 0 ? done(fates) : fail(new Error(`viewer_live ended with ${status}`))));
+  });
   return { over, end: () => sender.kill() };
+}
+
+/** The pulses that can be shown: those whose frame, and every frame before it until its key frame, was not lost. */
+function showable(fates) {
+  const pulses = [];
+  let whole = false;
+  for (const { pulse, key, lost } of fates) {
+    whole = !lost && (key || whole);
+    if (whole) pulses.push(pulse);
+  }
+  return pulses;
 }
 
 /**
@@ -87,16 +107,15 @@ test('reports that nothing is live', async () => {
 });
 
 test('recovers at the next key frame after a loss and never shows a damaged mesh', async (story) => {
-  const sender = sendLive(400, 5);
-  const fates = await sender.over;
-  const canBeShown = [];
-  let whole = false;
-  for (const { pulse, key, lost } of fates) {
-    whole = !lost && (key || whole);
-    if (whole) canBeShown.push(pulse);
-  }
-  const last = canBeShown.at(-1);
-  await seesPulse(last);
+  // The page shows the newest complete mesh, and a busy machine skips some. The last one before a loss is the newest until the
+  // sender continues.
+  const seesNewest = async (sent) => {
+    const newest = showable(sent).at(-1);
+    if (newest !== undefined) await seesPulse(newest);
+  };
+  const fates = await sendLive(400, 5, seesNewest).over;
+  await seesNewest(fates);
+  const canBeShown = showable(fates);
   const seen = await seenMeshes();
   const lost = fates.filter((fate) => fate.lost);
   story.diagnostic(`${lost.length} of ${fates.length} frames lost, ${fates.length - canBeShown.length} not to be shown, ${seen.length} shown`);
@@ -104,17 +123,9 @@ test('recovers at the next key frame after a loss and never shows a damaged mesh
   assert.deepEqual(seen.filter(({ wrong }) => wrong), [], 'no mesh is damaged');
   assert.deepEqual(seen.filter(({ pulse }) => !canBeShown.includes(pulse)), [], 'no mesh is shown that depends on a lost frame');
   assert.ok(seen.every(({ pulse }, n) => n === 0 || pulse > seen[n - 1].pulse), 'they are shown in order');
-  // The page shows the newest complete mesh. A busy machine may skip some, but not all of a long stretch between two losses.
-  // Unit tests check the recovery after every loss (tools/viewer/tests/live_work.test.ts).
-  const stretches = [];
-  for (const pulse of canBeShown) {
-    if (pulse === stretches.at(-1)?.at(-1) + 1) stretches.at(-1).push(pulse);
-    else stretches.push([pulse]);
-  }
-  const long = stretches.filter((stretch) => stretch.length >= LONG_PULSES);
-  assert.ok(long.length >= 5, `${long.length} long stretches between losses`);
-  const unseen = long.filter((stretch) => !seen.some(({ pulse }) => stretch.includes(pulse)));
-  assert.deepEqual(unseen, [], 'it recovers after losses');
+  const lastBeforeLosses = canBeShown.filter((pulse, n) => canBeShown[n + 1] !== pulse + 1);
+  assert.ok(lastBeforeLosses.length >= 5, `${lastBeforeLosses.length} stretches between losses`);
+  assert.deepEqual(lastBeforeLosses.filter((last) => !seen.some(({ pulse }) => pulse === last)), [], 'it recovers after losses');
 });
 
 test('shows the latency of the mesh', async () => {

@@ -1,7 +1,8 @@
 // usage: viewer_live LCM_URL PULSES RATE_HZ LOST_PERCENT SEED: sends live meshes as v3d-recond does
 // and leaves some out, as a lossy network would. Each mesh is a ball whose size and colour identify
 // its pulse (live_test.mjs computes the same). Prints a line for each pulse: number, "key" or
-// "inter", "sent" or "lost".
+// "inter", "sent" or "lost". Before a loss after sent meshes it prints "pause" and waits for a line
+// of input.
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -41,17 +42,30 @@ wire::MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
   return message;
 }
 
+/// Returns false at the end of the input.
+bool wait_for_input() {
+  std::printf("pause\n");
+  std::fflush(stdout);
+  return std::getchar() != EOF;
+}
+
 void send(const std::string& url, int64_t pulses, double rate_hz, double lost_percent,
           uint32_t seed) {
   bus::Bus bus(url);
   codec::FrameEncoder encoder({.key_every = kKeyEvery});
   std::mt19937 random(seed);
   MonotonicInstant due = Monotonic::now();
+  bool was_sent = false;
   for (int64_t pulse = 0; pulse < pulses; ++pulse) {
     codec::Scene scene(codec::ball(radius_of(pulse)));
     auto compact = *encoder.encode(ball_frame(scene, pulse, colour_of(pulse)));
     const bool key = !codec::read_header(compact)->is(codec::FrameHeader::kInter);
     const bool lost = random() % 10'000 < lost_percent * 100;
+    if (lost && was_sent) {
+      if (!wait_for_input()) return;
+      due = Monotonic::now();
+    }
+    was_sent = !lost;
     if (!lost) bus.publish(wire::kMeshChannel, wire::encode(message_of(pulse, std::move(compact))));
     std::printf("%lld %s %s\n", static_cast<long long>(pulse), key ? "key" : "inter",
                 lost ? "lost" : "sent");

@@ -9,7 +9,7 @@ import { chromium } from '../../tools/viewer/node_modules/playwright-core/index.
 /** Timeout of all waits, ms. It is long because the machine may be busy. */
 export const TIMEOUT_MS = 60_000;
 
-export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
+export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304';
 
 export const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
