@@ -16,15 +16,16 @@ namespace v3d::captured {
 namespace {
 
 constexpr int kRestartAfterMs = 1000;
-constexpr int kEndTimeoutMs = 2000;
 constexpr int kNoTimeout = -1;
 constexpr size_t kMaxText = 4096;  ///< of lines from the program
 
 }  // namespace
 
-LightOutput::LightOutput(const StudioLights& lights, std::filesystem::path program)
+LightOutput::LightOutput(const StudioLights& lights, std::filesystem::path program,
+                         std::chrono::milliseconds end_timeout)
     : lights_(lights),
       program_(std::move(program)),
+      end_timeout_(end_timeout),
       changed_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       thread_([this] { run(); }) {}
 
@@ -101,7 +102,7 @@ void LightOutput::end(Sender sender) {
   shutdown(sender.socket.get(), SHUT_WR);
   std::string text;
   pollfd ready{sender.socket.get(), POLLIN, 0};
-  while (poll(&ready, 1, kEndTimeoutMs) > 0 && receive(ready.fd, text)) {
+  while (poll(&ready, 1, static_cast<int>(end_timeout_.count())) > 0 && receive(ready.fd, text)) {
   }
   kill_process(sender.process);
   const std::lock_guard lock(mutex_);

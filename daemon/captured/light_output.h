@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <string>
@@ -19,8 +20,9 @@ namespace v3d::captured {
 /// waits.
 class LightOutput {
  public:
-  /// Starts with the work light. `program`: path of v3d-lights.
-  LightOutput(const StudioLights& lights, std::filesystem::path program);
+  /// Starts with the work light. `program`: path of v3d-lights. `end_timeout`: for its last line.
+  LightOutput(const StudioLights& lights, std::filesystem::path program,
+              std::chrono::milliseconds end_timeout = std::chrono::seconds(2));
   /// Leaves the work light on, if the lamps can be reached.
   ~LightOutput();
   LightOutput(const LightOutput&) = delete;
@@ -56,6 +58,7 @@ class LightOutput {
 
   const StudioLights lights_;
   const std::filesystem::path program_;
+  const std::chrono::milliseconds end_timeout_;
   const io::UniqueFd changed_;  ///< eventfd: show() or the destructor was called
   mutable std::mutex mutex_;    ///< guards the members below
   bool stopping_ = false, unsent_ = true;

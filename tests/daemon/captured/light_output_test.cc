@@ -28,7 +28,7 @@ bool has_fault(const LightOutput& lights, const std::string& text) {
 TEST(LightOutput, shows_the_work_light_then_the_take_light_and_the_work_light_at_its_end) {
   const test::Olad olad;
   {
-    LightOutput lights(kLights, V3D_LIGHTS);
+    LightOutput lights(kLights, V3D_LIGHTS, std::chrono::minutes(1));
     ASSERT_TRUE(connects(lights)) << lights.status().fault;
     ASSERT_TRUE(olad.becomes(kWork));
     lights.show(Scene::kTake);
