@@ -19,5 +19,5 @@ export default defineConfig({
     rollupOptions: { input: { index: here('index.html'), studio: here('studio.html') } },
   },
   server: { fs: { allow: ['../..'] }, proxy: { '/api': { target: daemon, ws: true }, '/takes': daemon } },
-  test: { include: ['tests/*.test.ts'] },
+  test: { include: ['tests/*.test.ts'], testTimeout: 60_000 },
 });
