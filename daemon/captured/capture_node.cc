@@ -296,7 +296,7 @@ std::optional<control::NodeReport> CaptureNode::poll_draining() {
   return control::NodeReport{
       .event = error.empty() ? control::Input::kDrained : control::Input::kBroken,
       .text = error.empty() ? result.ledger.verdict() : error,
-      .detail = control::ledger_json(result.ledger)};
+      .detail = control::ledger_detail(result.ledger)};
 }
 
 TakeResult CaptureNode::close_take() {

@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "daemon/control/packed_numbers.h"
+
 namespace v3d::control {
 namespace {
 
@@ -56,6 +58,50 @@ nlohmann::ordered_json take_json(const take::TakeListing& take) {
   return json;
 }
 
+size_t count_of_numbers(const take::Ledger& ledger) {
+  size_t count = ledger.unsensed.size() + ledger.runt.size();
+  for (const take::CameraLedger& c : ledger.cameras) {
+    count += c.missing.size() + c.duplicate.size() + c.suspect.size();
+  }
+  return count;
+}
+
+nlohmann::json list_json(const std::vector<int64_t>& numbers, bool is_packed) {
+  return is_packed ? nlohmann::json(pack_numbers(numbers)) : nlohmann::json(numbers);
+}
+
+/// `is_packed`: its lists of pulses are packed.
+nlohmann::json json_of(const take::Ledger& ledger, bool is_packed) {
+  const auto list = [&](const std::vector<int64_t>& numbers) {
+    return list_json(numbers, is_packed);
+  };
+  nlohmann::json cameras = nlohmann::json::array();
+  for (const take::CameraLedger& c : ledger.cameras) {
+    cameras.push_back({{"name", c.name},
+                       {"exposed", c.exposed},
+                       {"received", c.received},
+                       {"written", c.written},
+                       {"published", c.published},
+                       {"missing", list(c.missing)},
+                       {"duplicate", list(c.duplicate)},
+                       {"suspect", list(c.suspect)}});
+  }
+  nlohmann::json json = {
+      {"take", ledger.take},
+      {"complete", ledger.complete()},
+      {"pulses",
+       {{"commanded", ledger.commanded},
+        {"sensed", ledger.sensed ? nlohmann::json(*ledger.sensed) : nlohmann::json()},
+        {"unsensed", list(ledger.unsensed)},
+        {"extra", ledger.extra},
+        {"runt", list(ledger.runt)}}},
+      {"cameras", cameras}};
+  if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
+  add_absent_nodes(ledger.absent_nodes, json);
+  add_sounds(ledger.sounds, json);
+  return json;
+}
+
 }  // namespace
 
 std::string takes_json(const std::vector<take::TakeListing>& takes, int indent) {
@@ -65,32 +111,12 @@ std::string takes_json(const std::vector<take::TakeListing>& takes, int indent) 
   return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-std::string ledger_json(const take::Ledger& ledger) {
-  nlohmann::json cameras = nlohmann::json::array();
-  for (const take::CameraLedger& c : ledger.cameras) {
-    cameras.push_back({{"name", c.name},
-                       {"exposed", c.exposed},
-                       {"received", c.received},
-                       {"written", c.written},
-                       {"published", c.published},
-                       {"missing", c.missing},
-                       {"duplicate", c.duplicate},
-                       {"suspect", c.suspect}});
-  }
-  nlohmann::json json = {
-      {"take", ledger.take},
-      {"complete", ledger.complete()},
-      {"pulses",
-       {{"commanded", ledger.commanded},
-        {"sensed", ledger.sensed ? nlohmann::json(*ledger.sensed) : nlohmann::json()},
-        {"unsensed", ledger.unsensed},
-        {"extra", ledger.extra},
-        {"runt", ledger.runt}}},
-      {"cameras", cameras}};
-  if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
-  add_absent_nodes(ledger.absent_nodes, json);
-  add_sounds(ledger.sounds, json);
-  return json.dump();
+std::string ledger_json(const take::Ledger& ledger) { return json_of(ledger, false).dump(); }
+
+std::string ledger_detail(const take::Ledger& ledger) {
+  std::string detail = json_of(ledger, count_of_numbers(ledger) > kMaxListedNumbers).dump();
+  if (detail.size() <= kMaxDetailBytes) return detail;
+  return nlohmann::json({{"take", ledger.take}, {"complete", false}, {"cameras", nullptr}}).dump();
 }
 
 std::string numbers_json(const std::map<std::string, double>& values) {
@@ -100,7 +126,7 @@ std::string numbers_json(const std::map<std::string, double>& values) {
 std::string recon_json(const std::map<std::string, double>& values,
                        const std::vector<int64_t>& without_mesh) {
   nlohmann::json json(values);
-  json["without_mesh"] = without_mesh;
+  json["without_mesh"] = list_json(without_mesh, without_mesh.size() > kMaxListedNumbers);
   return json.dump();
 }
 

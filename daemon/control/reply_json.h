@@ -23,8 +23,22 @@ std::string ledger_json(const take::Ledger& ledger);
 /// nlohmann::json::dump().
 std::string takes_json(const std::vector<take::TakeListing>& takes, int indent = -1);
 std::string numbers_json(const std::map<std::string, double>& values);
+
+// Details of replies. The channel of replies drops a message of more than 4 MiB, and a take of
+// hours can have millions of missing pulses.
+
+/// Lists of more numbers than this, all lists of a reply together, are packed (packed_numbers.h). A
+/// version that does not know packed lists cannot parse the reply, and says so.
+inline constexpr size_t kMaxListedNumbers = 100'000;
+/// A ledger that is longer than this, although its lists are packed, is not sent.
+inline constexpr size_t kMaxDetailBytes = 3 << 20;
+
+/// As ledger_json(), with strings in place of its lists of pulses where these are long. Without
+/// pulses and cameras where it would be longer than kMaxDetailBytes; readers then report the ledger
+/// as unreadable.
+std::string ledger_detail(const take::Ledger& ledger);
 /// The result of a reconstruction node in a shared take: its numbers, and the pulses without a mesh
-/// as `without_mesh` [..].
+/// as `without_mesh` [..], packed where they are many.
 std::string recon_json(const std::map<std::string, double>& values,
                        const std::vector<int64_t>& without_mesh);
 

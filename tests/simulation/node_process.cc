@@ -96,7 +96,7 @@ void NodeProcess::boot() {
     if (!host_.captures) protocol_->remember(name, "meshes recovered", "{}");
     if (!take.ledger) continue;
     protocol_->remember(name, "recovered " + take.ledger->verdict(),
-                        control::ledger_json(*take.ledger));
+                        control::ledger_detail(*take.ledger));
   }
   plan_turn(world_.time.now());
 }

@@ -235,11 +235,11 @@ std::optional<control::NodeReport> SimulatedCapture::poll_draining() {
   if (take != host_.disk.takes.end() && take->second.is_open) {
     return control::NodeReport{.event = control::Input::kBroken,
                                .text = "cannot write the ledger",
-                               .detail = control::ledger_json(ledger)};
+                               .detail = control::ledger_detail(ledger)};
   }
   return control::NodeReport{.event = control::Input::kDrained,
                              .text = ledger.verdict(),
-                             .detail = control::ledger_json(ledger)};
+                             .detail = control::ledger_detail(ledger)};
 }
 
 take::Ledger SimulatedCapture::close_take() {

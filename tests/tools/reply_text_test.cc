@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "daemon/control/reply_json.h"
 
@@ -141,6 +142,84 @@ TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
   for (const take::CameraLedger& camera : ledger.cameras) {
     EXPECT_EQ(camera.missing.size(), camera.name == "cam02" ? 10U : 0U);
   }
+}
+
+/// A ledger of 15 cameras, with these missing pulses each.
+take::Ledger ledger_of_15(const std::vector<int64_t>& missing, int64_t commanded) {
+  take::Ledger ledger;
+  ledger.take = "kendo";
+  ledger.commanded = ledger.sensed.emplace(commanded);
+  for (int n = 1; n <= 15; ++n) {
+    take::CameraLedger& camera = ledger.cameras.emplace_back();
+    camera.name = "cam" + std::to_string(n);
+    camera.received = camera.exposed = camera.written = commanded - std::ssize(missing);
+    camera.missing = missing;
+  }
+  return ledger;
+}
+
+/// Every `step`-th pulse of an hour at 60 Hz.
+std::vector<int64_t> pulses_of_an_hour(int64_t step) {
+  std::vector<int64_t> pulses;
+  for (int64_t pulse = 0; pulse < 216'000; pulse += step) pulses.push_back(pulse);
+  return pulses;
+}
+
+TEST(TakeAccounts, of_an_hour_without_frames_fit_into_a_reply) {
+  constexpr size_t kMaxReply = 1 << 20;
+  for (const int64_t step : {1, 2, 3}) {
+    const std::vector<int64_t> missing = pulses_of_an_hour(step);
+    take::Ledger ledger = ledger_of_15(missing, 216'000);
+    ledger.unsensed = ledger.runt = missing;
+    ledger.cameras[3].suspect = ledger.cameras[4].duplicate = missing;
+    control::Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", control::ledger_detail(ledger));
+    EXPECT_LT(answer.replies["cap01"].detail.size(), kMaxReply) << step;
+    const TakeAccount account = merge_ledgers(answer);
+    EXPECT_THAT(account.unreadable, IsEmpty());
+    EXPECT_TRUE(account.ledger.cameras == ledger.cameras) << step;
+    EXPECT_TRUE(account.ledger.unsensed == missing && account.ledger.runt == missing) << step;
+    const Json replied = answer_json(answer)["replies"][0]["detail"];
+    EXPECT_TRUE(replied == to_json(ledger)) << "lists in --json are never packed";
+  }
+}
+
+TEST(TakeAccounts, of_short_takes_are_replied_as_earlier_versions_read_them) {
+  const take::Ledger ledger = ledger_of_15({4, 5, 9}, 10);
+  EXPECT_EQ(control::ledger_detail(ledger), control::ledger_json(ledger));
+  EXPECT_EQ(control::recon_json({{"meshes", 7}}, {4, 5, 9}),
+            "{\"meshes\":7.0,\"without_mesh\":[4,5,9]}");
+}
+
+TEST(TakeAccounts, that_are_too_long_for_a_reply_name_their_node) {
+  std::vector<int64_t> missing;  // without a pattern, so that nothing packs them
+  for (std::minstd_rand random; missing.size() < 1'000'000;) {
+    missing.push_back((missing.empty() ? 0 : missing.back()) + 1 +
+                      static_cast<int64_t>(random() % 3));
+  }
+  control::Answer answer;
+  const std::string detail = control::ledger_detail(ledger_of_15(missing, 2'000'000));
+  EXPECT_LE(detail.size(), control::kMaxDetailBytes);
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail);
+  EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01"));
+}
+
+TEST(TakeAccounts, do_not_unpack_more_numbers_than_a_reply_may_name) {
+  std::string text = detail("cam01", 1);
+  text.replace(text.find("[4]"), 3, "\"0:9000000000\"");
+  control::Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", text);
+  EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01"));
+}
+
+TEST(TakeAccounts, unpack_the_pulses_without_a_mesh) {
+  const std::vector<int64_t> without = pulses_of_an_hour(2);
+  const std::string detail = control::recon_json(
+      {{"meshes", 108'000}, {"shard_pulses", 108'000}, {"shard_taken_over", 0}}, without);
+  EXPECT_LT(detail.size(), 100'000U);
+  control::Answer answer;
+  answer.replies["recon1"] = reply(Outcome::kDone, "", detail);
+  EXPECT_TRUE(merge_ledgers(answer).without_mesh == without);
 }
 
 TEST(TakeAccounts, do_not_merge_different_takes) {

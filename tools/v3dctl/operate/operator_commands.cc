@@ -223,12 +223,14 @@ int run_stop(const CommandLine& line, const Options& options) {
   const control::Answer answer = send(client, options, report);
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
-  // The cameras of a node without a reply miss every pulse.
-  const bool from_all = answer.done() && account.of_another_take.empty();
+  // The cameras of a node without a reply, or without a ledger that can be read, miss every pulse.
+  const bool from_all =
+      answer.done() && account.of_another_take.empty() && account.unreadable.empty();
   if (recorded && !from_all) account = merge_ledgers(answer, cameras_of(studio));
   if (answer.done() || recorded) report_account(account, report);
   for (const std::string& node : account.unreadable) {
-    report.warn("v3dctl: cannot read the ledger of " + node);
+    report.warn("v3dctl: cannot read the ledger of " + node +
+                ", which replied: " + answer.replies.at(node).text);
   }
   for (const std::string& node : account.of_another_take) {
     report.warn("v3dctl: " + node + " replied for another take; its part of " +
@@ -244,8 +246,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   if (!answer.done()) return report_refusal(client, answer, "", report, json);
   report.print(std::move(json));
   if (!recorded) return kExitDone;
-  return account.ledger.complete() && account.unreadable.empty() && from_all ? kExitDone
-                                                                             : kExitIncomplete;
+  return account.ledger.complete() && from_all ? kExitDone : kExitIncomplete;
 }
 
 int run_status(const CommandLine& line, const Options& options) {

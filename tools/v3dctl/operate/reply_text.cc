@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <initializer_list>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "base/core/text.h"
+#include "daemon/control/packed_numbers.h"
 #include "daemon/control/reply_json.h"
 #include "take/take.h"
 #include "v3dctl/operate/health_text.h"
@@ -50,6 +52,40 @@ std::string reply_text(const wire::ReplyMessage& reply, const std::string& done_
   if (reply.outcome == wire::ReplyMessage::Outcome::kRefused) return reply.text;
   const bool done = reply.outcome == wire::ReplyMessage::Outcome::kDone;
   return padded(done ? done_word : "pending", 9) + reply.text;
+}
+
+/// Limit of the numbers in the packed lists of one reply: those of 15 cameras that miss every pulse
+/// of 6 hours at 60 Hz.
+constexpr size_t kMaxUnpacked = 20'000'000;
+
+/// Replaces the packed lists (packed_numbers.h) with these names by lists of numbers. Leaves other
+/// strings. `room`: numbers that may still be unpacked.
+void unpack_lists(Json& json, std::initializer_list<const char*> names, size_t& room) {
+  for (const char* name : names) {
+    const auto list = json.find(name);
+    if (list == json.end() || !list->is_string()) continue;
+    const auto numbers = control::unpack_numbers(list->get_ref<const std::string&>(), room);
+    if (!numbers) continue;
+    room -= numbers->size();
+    *list = *numbers;
+  }
+}
+
+/// The JSON of a reply, with lists of numbers; discarded where the detail is no JSON.
+Json parse_detail(const std::string& text) {
+  Json detail = Json::parse(text, nullptr, false);
+  if (!detail.is_object()) return detail;
+  size_t room = kMaxUnpacked;
+  unpack_lists(detail, {"without_mesh"}, room);
+  if (const auto pulses = detail.find("pulses"); pulses != detail.end() && pulses->is_object()) {
+    unpack_lists(*pulses, {"unsensed", "runt"}, room);
+  }
+  const auto cameras = detail.find("cameras");
+  if (cameras == detail.end() || !cameras->is_array()) return detail;
+  for (Json& camera : *cameras) {
+    if (camera.is_object()) unpack_lists(camera, {"missing", "duplicate", "suspect"}, room);
+  }
+  return detail;
 }
 
 void read_numbers(const Json& from, const char* key, std::vector<int64_t>& to) {
@@ -224,8 +260,8 @@ Json answer_json(const control::Answer& answer) {
   Json replies = Json::array();
   for (const auto& [node, reply] : answer.replies) {
     Json entry = {{"node", node}, {"outcome", outcome_name(reply.outcome)}, {"text", reply.text}};
-    const Json detail = Json::parse(reply.detail, nullptr, false);
-    if (detail.is_object()) entry["detail"] = detail;
+    Json detail = parse_detail(reply.detail);
+    if (detail.is_object()) entry["detail"] = std::move(detail);
     replies.push_back(std::move(entry));
   }
   return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
@@ -238,7 +274,7 @@ TakeAccount merge_ledgers(const control::Answer& answer, const std::vector<std::
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
     try {
-      const Json detail = Json::parse(reply.detail);
+      const Json detail = parse_detail(reply.detail);
       if (detail.is_object() && !detail.contains("cameras")) {
         merge_maxima(detail, reconstruction);
         if (detail.contains("shard_pulses")) add_shard(node, detail, account);
