@@ -97,6 +97,13 @@ std::optional<Duration> watchdog_period() {
   return std::chrono::microseconds(microseconds);
 }
 
+void WorkProgress::report(MonotonicInstant now) {
+  if (reported_ && now - *reported_ < std::chrono::seconds(1)) return;
+  reported_ = now;
+  constexpr auto kExtension = std::chrono::duration_cast<std::chrono::microseconds>(kMaxPause);
+  sd_notify(0, ("WATCHDOG=1\nEXTEND_TIMEOUT_USEC=" + std::to_string(kExtension.count())).c_str());
+}
+
 }  // namespace service
 
 namespace {

@@ -32,6 +32,20 @@ void status(const std::string& line);
 void feed_watchdog();
 /// The time within which the watchdog must be fed; empty without a watchdog.
 std::optional<Duration> watchdog_period();
+
+/// Reports to systemd that work of the main thread proceeds, so that a start of any length is not
+/// ended while it reads a take of hours, but one that hangs is. One thread.
+class WorkProgress {
+ public:
+  /// systemd waits as long for the next report, also where TimeoutStartSec is shorter.
+  static constexpr Duration kMaxPause = std::chrono::minutes(15);
+
+  /// Call often: once a second it feeds the watchdog, and extends the time for the start.
+  void report(MonotonicInstant now = Monotonic::now());
+
+ private:
+  std::optional<MonotonicInstant> reported_;
+};
 }  // namespace service
 
 // Common main() of the daemons: options, log, signals, and exit statuses for errors.

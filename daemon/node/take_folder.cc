@@ -14,6 +14,7 @@
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "daemon/node/persisted_command.h"
+#include "daemon/node/service.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/take_removal.h"
@@ -53,6 +54,12 @@ bool holds_logs(const take::TakePaths& paths) {
   const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(paths.folder));
   return std::ranges::any_of(entries,
                              [](const fs::path& entry) { return entry.extension() == ".lcmlog"; });
+}
+
+/// Takes of hours are read for minutes.
+take::Verification recover_with_progress(const take::TakePaths& paths) {
+  service::WorkProgress progress;
+  return recover_take(paths, take::AfterReadErrors::kStayOpen, [&] { progress.report(); });
 }
 
 /// Result of a recovery, for the daemon's log.
@@ -122,7 +129,7 @@ take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node) 
 void recover_reopened_take(const take::TakePaths& paths, const std::string& node) {
   try {
     const take::TakeLock lock = lock_take(paths, node);
-    for (const std::string& error : recover_take(paths).read_errors) {
+    for (const std::string& error : recover_with_progress(paths).read_errors) {
       spdlog::error("{} stays open: {}", paths.folder.string(), error);
     }
   } catch (const std::exception& error) {
@@ -176,7 +183,8 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
       const bool has_command = io::value_or_throw(has_persisted_command(paths, node));
       if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;
       const take::TakeLock lock = lock_take(paths, node);
-      take::Verification found = recover_take(paths);
+      service::status("recovering " + folder.filename().string());
+      take::Verification found = recover_with_progress(paths);
       if (found.read_errors.empty()) {
         takes.push_back({summary_of(found), std::move(found.ledger)});
       } else {

@@ -45,6 +45,7 @@ take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node);
 
 /// Recovers a take that could not be resumed: writes its ledger and state. Does nothing while
 /// another process records into it. Errors are logged; the next start of the daemon tries again.
+/// Reports its progress to systemd.
 void recover_reopened_take(const take::TakePaths& paths, const std::string& node);
 
 /// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
@@ -71,7 +72,7 @@ struct RecoveredTake {
 };
 /// Recovers the takes of `node`, which has these cameras, that a crash left open
 /// (is_open_take_of()): writes their ledgers and sets their state to recovered. Skips a take that
-/// another process records into as `node`; its line says so.
+/// another process records into as `node`; its line says so. Reports its progress to systemd.
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras);
 

@@ -68,9 +68,10 @@ io::Result<std::optional<wire::FrameHead>> read_head(const EventLogReader& log,
 }
 
 template <class Message>
-io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems) {
+io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems,
+                          const ReadProgress& progress) {
   if (is_absent_log(path)) return {};  // the verification reports it
-  const auto log = EventLogReader::open(path);
+  const auto log = EventLogReader::open(path, progress);
   if (!log) return tl::make_unexpected(log.error());
   for (uint32_t number = 0; number < log->segments().size(); ++number) {
     const LogSegment& segment = log->segments()[number];
@@ -93,9 +94,9 @@ io::Status index_segments(const std::filesystem::path& path, IndexProblems& prob
   return {};
 }
 
-template io::Status index_segments<wire::PulseMessage>(const std::filesystem::path&,
-                                                       IndexProblems&);
-template io::Status index_segments<wire::FrameMessage>(const std::filesystem::path&,
-                                                       IndexProblems&);
+template io::Status index_segments<wire::PulseMessage>(const std::filesystem::path&, IndexProblems&,
+                                                       const ReadProgress&);
+template io::Status index_segments<wire::FrameMessage>(const std::filesystem::path&, IndexProblems&,
+                                                       const ReadProgress&);
 
 }  // namespace v3d::take

@@ -35,6 +35,7 @@ struct IndexProblems {
 /// Writes the index of every segment that has none, or none that can be used. A segment with a read
 /// error gets no index, and the next recovery retries.
 template <class Message>  // wire::PulseMessage, wire::FrameMessage
-io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems);
+io::Status index_segments(const std::filesystem::path& path, IndexProblems& problems,
+                          const ReadProgress& progress = {});
 
 }  // namespace v3d::take

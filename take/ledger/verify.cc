@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <iterator>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -60,8 +61,12 @@ enum class LedgerUse : uint8_t { kCompare, kIgnore };
 class Verifier {
  public:
   Verifier(const TakePaths& paths, Depth depth, ReadFrom from,
-           LedgerUse ledger_use = LedgerUse::kCompare)
-      : paths_(paths), depth_(depth), from_(from), ledger_use_(ledger_use) {
+           LedgerUse ledger_use = LedgerUse::kCompare, ReadProgress progress = {})
+      : paths_(paths),
+        depth_(depth),
+        from_(from),
+        ledger_use_(ledger_use),
+        progress_(std::move(progress)) {
     result_.info = load_take_info(paths);
   }
 
@@ -183,7 +188,7 @@ class Verifier {
 
   CountedCamera count_frames(const std::string& camera) {
     CountedCamera counted{.name = camera};
-    if (const auto log = EventLogReader::open(paths_.frames(camera))) {
+    if (const auto log = EventLogReader::open(paths_.frames(camera), progress_)) {
       note_unused_indexes(*log);
       count_events(*log, counted);
     } else {
@@ -199,6 +204,7 @@ class Verifier {
     std::vector<std::string> errors = log.read_errors();
     for (const EventSpan& event : log.events()) {
       const auto label = read_label(log, event, camera, depth_);
+      if (progress_) progress_();
       if (!label) {
         ++unreadable;
         if (errors.empty()) errors.push_back(label.error().message);
@@ -315,6 +321,7 @@ class Verifier {
   const Depth depth_;
   const ReadFrom from_;
   const LedgerUse ledger_use_;
+  const ReadProgress progress_;
   std::optional<Ledger> stored_;
   Verification result_;
 };
@@ -353,8 +360,8 @@ void require_damaged_ledger(const TakePaths& paths) {
 /// A closed take keeps its ledger, because new checksums would hide what has changed on the disk
 /// since. Exception: a recovered take whose logs hold more than its ledger is counted again. Its
 /// new ledger keeps the old entries of all files but the logs.
-Count count_for_recovery(const TakePaths& paths) {
-  Verifier verifier(paths, Depth::kLabels, ReadFrom::kPageCache);
+Count count_for_recovery(const TakePaths& paths, const ReadProgress& progress) {
+  Verifier verifier(paths, Depth::kLabels, ReadFrom::kPageCache, LedgerUse::kCompare, progress);
   Count count{.result = verifier.run()};
   const std::optional<Ledger>& stored = verifier.stored();
   count.keeps_ledger = stored.has_value();
@@ -362,8 +369,8 @@ Count count_for_recovery(const TakePaths& paths) {
   const bool counts_again = stored && count.result.info.state == TakeState::kRecovered &&
                             has_more_than(*stored, count.result.ledger);
   if (!counts_again) return count;
-  count = {.result =
-               Verifier(paths, Depth::kLabels, ReadFrom::kPageCache, LedgerUse::kIgnore).run()};
+  Verifier again(paths, Depth::kLabels, ReadFrom::kPageCache, LedgerUse::kIgnore, progress);
+  count = {.result = again.run()};
   for (const TakeFile& file : stored->files) {
     if (!file.name.ends_with(".lcmlog")) count.result.ledger.files.push_back(file);
   }
@@ -392,13 +399,15 @@ Verification verify_take(const TakePaths& paths, ReadFrom from) {
   return Verifier(paths, Depth::kFrames, from).run();
 }
 
-Verification recover_take(const TakePaths& paths, AfterReadErrors after) {
+Verification recover_take(const TakePaths& paths, AfterReadErrors after,
+                          const ReadProgress& progress) {
   IndexProblems problems;
   io::throw_if_failed(index_segments<wire::PulseMessage>(paths.pulses(), problems));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    io::throw_if_failed(index_segments<wire::FrameMessage>(paths.frames(camera), problems));
+    io::throw_if_failed(
+        index_segments<wire::FrameMessage>(paths.frames(camera), problems, progress));
   }
-  auto [result, keeps_ledger] = count_for_recovery(paths);
+  auto [result, keeps_ledger] = count_for_recovery(paths, progress);
   std::ranges::copy(problems.notes, std::back_inserter(result.notes));
   for (const std::string& error : problems.read_errors) {
     const bool is_known =

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "take/ledger/ledger.h"
+#include "take/logs/log_files.h"
 #include "take/take.h"
 
 namespace v3d::take {
@@ -74,8 +75,10 @@ enum class AfterReadErrors : uint8_t {
 ///
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
-/// written. The state in take.toml is then unchanged, and a later call can succeed.
+/// written. The state in take.toml is then unchanged, and a later call can succeed. `progress` is
+/// called for each event of the camera logs, several times.
 Verification recover_take(const TakePaths& paths,
-                          AfterReadErrors after = AfterReadErrors::kStayOpen);
+                          AfterReadErrors after = AfterReadErrors::kStayOpen,
+                          const ReadProgress& progress = {});
 
 }  // namespace v3d::take

@@ -25,12 +25,14 @@ uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_
 /// Finds the events of one segment, and resynchronises after damaged bytes.
 class SegmentScan {
  public:
-  explicit SegmentScan(LogSegment& segment)
-      : segment_(segment), end_(segment.index ? segment.index->whole_bytes : segment.bytes) {}
+  SegmentScan(LogSegment& segment, const ReadProgress& progress)
+      : segment_(segment),
+        progress_(progress),
+        end_(segment.index ? segment.index->whole_bytes : segment.bytes) {}
 
-  /// Appends the segment's events to `events`, and fills in the counts of LogSegment.
-  void run(uint32_t number, std::vector<EventSpan>& events) {
-    uint64_t offset = 0;
+  /// Appends the segment's events from `offset` on to `events`, and fills in the counts of
+  /// LogSegment.
+  void run(uint32_t number, uint64_t offset, std::vector<EventSpan>& events) {
     auto event = event_at(offset);
     while (offset < end_) {
       auto following = event ? event_at(end_of(*event)) : std::nullopt;
@@ -51,7 +53,7 @@ class SegmentScan {
       offset = *next;
       event = event_at(offset);
     }
-    segment_.torn_bytes = end_ - offset;
+    segment_.torn_bytes = end_ - std::min(offset, end_);
   }
 
  private:
@@ -59,6 +61,7 @@ class SegmentScan {
   size_t read(uint64_t offset, std::span<uint8_t> bytes) {
     const auto got = segment_.file.read(offset, bytes);
     failed_ = !got;
+    if (progress_) progress_();
     if (got) return *got;
     if (segment_.read_error.empty()) {
       segment_.read_error = got.error().message + " (at byte " + std::to_string(offset) + ")";
@@ -127,6 +130,7 @@ class SegmentScan {
   }
 
   LogSegment& segment_;
+  const ReadProgress& progress_;
   const uint64_t end_;   ///< end of the searched bytes
   bool failed_ = false;  ///< the last read failed
 };
@@ -161,7 +165,8 @@ io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
 
 }  // namespace
 
-io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log) {
+io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log,
+                                                const ReadProgress& progress, uint64_t from) {
   auto found = existing_segments(log);
   if (!found && found.error().code != ENOENT) return tl::make_unexpected(found.error());
   std::vector<std::filesystem::path> paths = found.value_or(std::vector<std::filesystem::path>());
@@ -171,14 +176,16 @@ io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log
     auto segment = open_segment(path);
     if (!segment) return tl::make_unexpected(segment.error());
     reader.segments_.push_back(*std::move(segment));
-    SegmentScan(reader.segments_.back())
-        .run(static_cast<uint32_t>(reader.segments_.size() - 1), reader.events_);
+    SegmentScan(reader.segments_.back(), progress)
+        .run(static_cast<uint32_t>(reader.segments_.size() - 1), std::exchange(from, 0),
+             reader.events_);
   }
   return reader;
 }
 
-EventLogReader::EventLogReader(const std::filesystem::path& log)
-    : EventLogReader(io::value_or_throw(open(log))) {
+EventLogReader::EventLogReader(const std::filesystem::path& log, const ReadProgress& progress,
+                               uint64_t from)
+    : EventLogReader(io::value_or_throw(open(log, progress, from))) {
   const std::vector<std::string> errors = read_errors();
   if (!events_.empty() || torn_bytes() <= static_cast<int64_t>(kEventHeaderSize)) return;
   throw InputError(errors.empty()

@@ -55,11 +55,15 @@ struct LogSegment {
 class EventLogReader {
  public:
   /// Opens all segments of `log`. Fails when no segment exists or one cannot be opened (EACCES,
-  /// EMFILE, a FIFO, ...). Bytes that are not events are no failure.
-  [[nodiscard]] static io::Result<EventLogReader> open(const std::filesystem::path& log);
+  /// EMFILE, a FIFO, ...). Bytes that are not events are no failure. `from`: the end of an event of
+  /// the first segment; the events before it are left out.
+  [[nodiscard]] static io::Result<EventLogReader> open(const std::filesystem::path& log,
+                                                       const ReadProgress& progress = {},
+                                                       uint64_t from = 0);
   /// Like open(), for set-up. Throws InputError when open() fails, and when the log contains bytes
   /// but no whole event and has no index of a recovery. An empty file is a log without events.
-  explicit EventLogReader(const std::filesystem::path& log);
+  explicit EventLogReader(const std::filesystem::path& log, const ReadProgress& progress = {},
+                          uint64_t from = 0);
 
   const std::vector<EventSpan>& events() const { return events_; }
   const std::vector<LogSegment>& segments() const { return segments_; }

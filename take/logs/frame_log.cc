@@ -63,13 +63,17 @@ io::Result<int64_t> count_events(const std::filesystem::path& log,
   return events;
 }
 
-io::Result<AppendPosition> append_position(const std::filesystem::path& log, LogOpening opening) {
+io::Result<AppendPosition> append_position(const std::filesystem::path& log, LogOpening opening,
+                                           std::optional<int64_t> earlier_events) {
   if (opening == LogOpening::kNew) return AppendPosition{log, 0};
   const auto segments = existing_segments(log);
   if (!segments) return tl::make_unexpected(segments.error());
-  const auto events = count_events(log, *segments);
-  if (!events) return tl::make_unexpected(events.error());
-  return AppendPosition{next_segment(log, *segments), *events};
+  if (!earlier_events) {
+    const auto events = count_events(log, *segments);
+    if (!events) return tl::make_unexpected(events.error());
+    earlier_events = *events;
+  }
+  return AppendPosition{next_segment(log, *segments), *earlier_events};
 }
 
 }  // namespace
@@ -77,8 +81,9 @@ io::Result<AppendPosition> append_position(const std::filesystem::path& log, Log
 class EventLogWriter::Impl {
  public:
   Impl(const std::filesystem::path& log, LogOpening opening, LogHashing hashing,
-       Duration sync_period)
-      : Impl(io::value_or_throw(append_position(log, opening)), hashing, sync_period) {}
+       Duration sync_period, std::optional<int64_t> earlier_events)
+      : Impl(io::value_or_throw(append_position(log, opening, earlier_events)), hashing,
+             sync_period) {}
   /// Creates the segment; fails when the file exists.
   Impl(const AppendPosition& position, LogHashing hashing, Duration sync_period)
       : events_(position.events),
@@ -176,8 +181,9 @@ class EventLogWriter::Impl {
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening,
-                               LogHashing hashing, Duration sync_period)
-    : impl_(std::make_unique<Impl>(path, opening, hashing, sync_period)) {}
+                               LogHashing hashing, Duration sync_period,
+                               std::optional<int64_t> earlier_events)
+    : impl_(std::make_unique<Impl>(path, opening, hashing, sync_period, earlier_events)) {}
 EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;
@@ -196,10 +202,12 @@ io::Status EventLogWriter::sync() { return impl_->sync(); }
 
 class FrameLogReader::Impl {
  public:
-  explicit Impl(const std::filesystem::path& path) : log_(path), read_errors_(log_.read_errors()) {
+  Impl(const std::filesystem::path& path, const ReadProgress& progress, uint64_t from)
+      : log_(path, progress, from), read_errors_(log_.read_errors()) {
     damaged_ = log_.damaged_places();
     for (const EventSpan& event : log_.events()) {
       const auto bytes = read(event, wire::kFrameHeadSize);
+      if (progress) progress();
       const auto head = bytes ? wire::decode_frame_head(*bytes) : std::nullopt;
       if (!head || head->message_size != event.data_size) {
         ++damaged_;
@@ -222,6 +230,7 @@ class FrameLogReader::Impl {
   }
 
   const std::vector<FrameLabel>& labels() const { return labels_; }
+  int64_t events() const { return std::ssize(log_.events()); }
   int64_t damaged() const { return damaged_; }
   int64_t torn_bytes() const { return log_.torn_bytes(); }
   const std::vector<std::string>& read_errors() const { return read_errors_; }
@@ -248,13 +257,15 @@ class FrameLogReader::Impl {
   int64_t damaged_ = 0;
 };
 
-FrameLogReader::FrameLogReader(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
+FrameLogReader::FrameLogReader(const std::filesystem::path& path, const ReadProgress& progress,
+                               uint64_t from)
+    : impl_(std::make_unique<Impl>(path, progress, from)) {}
 FrameLogReader::~FrameLogReader() = default;
 FrameLogReader::FrameLogReader(FrameLogReader&&) noexcept = default;
 FrameLogReader& FrameLogReader::operator=(FrameLogReader&&) noexcept = default;
 
 const std::vector<FrameLabel>& FrameLogReader::labels() const { return impl_->labels(); }
+int64_t FrameLogReader::events() const { return impl_->events(); }
 int64_t FrameLogReader::damaged_events() const { return impl_->damaged(); }
 int64_t FrameLogReader::torn_bytes() const { return impl_->torn_bytes(); }
 const std::vector<std::string>& FrameLogReader::read_errors() const { return impl_->read_errors(); }

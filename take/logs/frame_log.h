@@ -34,10 +34,12 @@ class EventLogWriter {
 
   /// kNew creates the first segment and fails when the log exists; kContinue creates the segment
   /// after the last one. Throws InputError when the file cannot be created. The caller must sync
-  /// the folder.
+  /// the folder. `earlier_events`: number of events in the log that is continued; where it is
+  /// empty, and a segment has no index, they are counted, which reads the log.
   explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
                           LogHashing hashing = LogHashing::kChecksum,
-                          Duration sync_period = kSyncPeriod);
+                          Duration sync_period = kSyncPeriod,
+                          std::optional<int64_t> earlier_events = {});
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;
@@ -66,14 +68,18 @@ class EventLogReader;
 /// reader.
 class FrameLogReader {
  public:
-  /// Throws InputError as EventLogReader does.
-  explicit FrameLogReader(const std::filesystem::path& path);
+  /// Reads the head of each frame; `progress` and `from` are as for EventLogReader::open(). Throws
+  /// InputError as EventLogReader does.
+  explicit FrameLogReader(const std::filesystem::path& path, const ReadProgress& progress = {},
+                          uint64_t from = 0);
   ~FrameLogReader();
   FrameLogReader(FrameLogReader&&) noexcept;
   FrameLogReader& operator=(FrameLogReader&&) noexcept;
 
   /// Labels of all frames in file order, including duplicates.
   const std::vector<FrameLabel>& labels() const;
+  /// Number of whole events, including those that are no frames.
+  int64_t events() const;
   /// Number of events that cannot be decoded, and bytes after the last whole event.
   int64_t damaged_events() const;
   int64_t torn_bytes() const;

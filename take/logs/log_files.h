@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -61,6 +62,10 @@ std::filesystem::path segment_index_path(const std::filesystem::path& segment);
 /// Writes the index with a checksum of its own (take/take_files.h).
 [[nodiscard]] io::Status save_segment_index(const std::filesystem::path& segment,
                                             const SegmentIndex& index);
+
+/// Called after each read of a log that is read from begin to end, which may take minutes. An
+/// exception ends the reading.
+using ReadProgress = std::function<void()>;
 
 // Options for opening a growing file of a take: new or continued, and which checksums to compute.
 

@@ -2,13 +2,11 @@
 // input.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <unistd.h>
 
 #include <csignal>
 
 #include "support/child_process.h"
+#include "support/notify_socket.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {
@@ -47,52 +45,10 @@ calib = "calib.toml"
 node = "RECON"
 )";
 
-/// The notification socket of systemd: receives the notifications of daemons started during its
-/// lifetime.
-class NotifySocket {
- public:
-  explicit NotifySocket(const std::string& path)
-      : fd_(socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    path.copy(address.sun_path, sizeof address.sun_path - 1);
-    if (bind(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) ADD_FAILURE();
-    setenv("NOTIFY_SOCKET", path.c_str(), 1);
-    setenv("WATCHDOG_USEC", "400000", 1);
-  }
-  ~NotifySocket() {
-    unsetenv("NOTIFY_SOCKET");
-    unsetenv("WATCHDOG_USEC");
-    close(fd_);
-  }
-  NotifySocket(const NotifySocket&) = delete;
-  NotifySocket& operator=(const NotifySocket&) = delete;
-
-  /// All notifications until now, one line each.
-  const std::string& received() {
-    char line[4096];
-    for (ssize_t n = 0; (n = recv(fd_, line, sizeof line, 0)) > 0;) {
-      received_.append(line, static_cast<size_t>(n));
-      received_ += '\n';
-    }
-    return received_;
-  }
-  /// Waits up to 30 s until `word` was received `times` times. False at timeout.
-  bool receives(const std::string& word, int times) {
-    return becomes_true(
-        [&] {
-          received();
-          int found = 0;
-          for (size_t at = 0; (at = received_.find(word, at)) != std::string::npos; ++at) ++found;
-          return found >= times;
-        },
-        within(30));
-  }
-
- private:
-  int fd_;
-  std::string received_;
-};
+/// Waits up to 30 s until `word` was received `times` times. False at timeout.
+bool receives(test::NotifySocket& notified, const std::string& word, int times) {
+  return becomes_true([&] { return notified.count(word) >= times; }, within(30));
+}
 
 class Service : public testing::Test {
  protected:
@@ -121,14 +77,14 @@ class Service : public testing::Test {
 TEST_F(Service, notifies_systemd_when_it_is_ready_alive_and_stopping) {
   for (const auto& [program, node] :
        {std::pair{"v3d-captured", "cap01"}, {"v3d-recond", "recon01"}}) {
-    NotifySocket systemd(folder_ / (std::string(node) + ".notify"));
+    test::NotifySocket systemd(folder_ / (std::string(node) + ".notify"));
     ChildProcess daemon = start(program, node);
-    EXPECT_TRUE(systemd.receives("READY=1", 1)) << daemon.output();
-    EXPECT_TRUE(systemd.receives("WATCHDOG=1", 3)) << daemon.output();
-    EXPECT_TRUE(systemd.receives("STATUS=idle", 1)) << daemon.output();
+    EXPECT_TRUE(receives(systemd, "READY=1", 1)) << daemon.output();
+    EXPECT_TRUE(receives(systemd, "WATCHDOG=1", 3)) << daemon.output();
+    EXPECT_TRUE(receives(systemd, "STATUS=idle", 1)) << daemon.output();
     daemon.signal(SIGTERM);
     EXPECT_EQ(daemon.wait(within(30)), 0) << daemon.output();
-    EXPECT_TRUE(systemd.receives("STOPPING=1", 1)) << daemon.output();
+    EXPECT_TRUE(receives(systemd, "STOPPING=1", 1)) << daemon.output();
   }
 }
 

@@ -111,6 +111,51 @@ TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {
   EXPECT_EQ(reader.read(0)->image.bytes, frame_of(0).frame.image.bytes);
 }
 
+TEST(FrameLog, is_read_from_the_end_of_an_event_on) {
+  const TemporaryFolder folder;
+  EventLogWriter writer(folder / "cam07.lcmlog");
+  const std::vector<int64_t> pulses = {3, 4, 5};
+  std::vector<int64_t> ends = {0};
+  for (const int64_t pulse : pulses) {
+    ASSERT_TRUE(writer.write(frame_of(pulse)));
+    ends.push_back(writer.bytes());
+  }
+  for (size_t n = 0; n < ends.size(); ++n) {
+    FrameLogReader reader(writer.path(), {}, static_cast<uint64_t>(ends[n]));
+    EXPECT_EQ(pulses_of(reader),
+              std::vector(pulses.begin() + static_cast<ptrdiff_t>(n), pulses.end()));
+    EXPECT_EQ(reader.torn_bytes(), 0);
+    const auto last = reader.read(pulses.back());
+    ASSERT_EQ(last.has_value(), n < pulses.size());
+    EXPECT_TRUE(!last || last->image.bytes == frame_of(pulses.back()).frame.image.bytes);
+  }
+}
+
+TEST(FrameLog, reports_progress_for_each_event_and_is_not_read_further_after_an_exception) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0, 1, 2, 3, 4});
+  int reports = 0;
+  const FrameLogReader reader(folder / "cam07.lcmlog", [&] { ++reports; });
+  EXPECT_GE(reports, 2 * 5) << "for its header and for its label";
+  int last = 0;
+  const auto stop = [&] {
+    if (++last == 3) throw std::runtime_error("stop");
+  };
+  EXPECT_THROW(FrameLogReader(folder / "cam07.lcmlog", stop), std::runtime_error);
+  EXPECT_EQ(last, 3);
+}
+
+TEST(FrameLog, is_continued_with_the_number_of_events_that_the_caller_knows) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0, 1});
+  constexpr int64_t kEarlier = 70;
+  EventLogWriter writer(folder / "cam07.lcmlog", LogOpening::kContinue, LogHashing::kChecksum,
+                        EventLogWriter::kSyncPeriod, kEarlier);
+  ASSERT_TRUE(writer.write(frame_of(7)));
+  const std::string segment = read_file(folder / "cam07.0001.lcmlog");
+  EXPECT_EQ(segment[4 + 7], kEarlier) << "the lowest byte of the event's number";
+}
+
 /// Earlier versions recorded such cameras, and a recovery by them found no event.
 TEST(FrameLog, returns_the_frames_of_a_camera_whose_channel_is_too_long_for_lcm) {
   const TemporaryFolder folder;

@@ -126,6 +126,12 @@ class TakeRecovery : public testing::Test {
   std::map<std::string, std::string> before_;
 };
 
+TEST_F(TakeRecovery, reports_progress_while_it_reads) {
+  int64_t reports = 0;
+  recover_take(paths_, AfterReadErrors::kStayOpen, [&] { ++reports; });
+  EXPECT_GE(reports, 3 * kFrames) << "for its index, for the events, and for their labels";
+}
+
 TEST_F(TakeRecovery, keeps_every_frame_when_a_header_is_unreadable) {
   for (const int64_t event : {0, 1, 10, 19}) {
     {

@@ -14,6 +14,9 @@
 #include <string>
 #include <thread>
 
+#include "support/notify_socket.h"
+#include "support/temporary_folder.h"
+
 namespace v3d::node {
 namespace {
 
@@ -85,6 +88,18 @@ TEST(Log, goes_to_stderr_unless_systemd_connected_it_with_the_journal) {
   EXPECT_THAT(logged_with("", false), HasSubstr(line));
   EXPECT_THAT(logged_with("journal", false), HasSubstr(line));
   EXPECT_THAT(logged_with("", true), IsEmpty());
+}
+
+TEST(WorkProgress, extends_the_start_and_feeds_the_watchdog_once_a_second) {
+  const test::TemporaryFolder folder;
+  test::NotifySocket systemd(folder / "notify");
+  service::WorkProgress progress;
+  for (int n = 0; n < 25; ++n) {
+    progress.report(MonotonicInstant(n * std::chrono::milliseconds(100)));
+    systemd.received();  // the socket holds few messages
+  }
+  EXPECT_EQ(systemd.count("EXTEND_TIMEOUT_USEC=900000000\n"), 3);
+  EXPECT_EQ(systemd.count("WATCHDOG=1"), 3);
 }
 
 TEST(StopSignal, ends_the_wait_for_it) {

@@ -9,6 +9,7 @@
 #include "support/begun_take.h"
 #include "support/lock_holder.h"
 #include "support/message_of.h"
+#include "support/notify_socket.h"
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
 #include "take/take_removal.h"
@@ -137,6 +138,19 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
   EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecovered);
   EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
+}
+
+TEST_F(TakeFolderTest, extends_the_time_for_the_start_while_it_is_recovered) {
+  create_take(studio_, info_);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  wire::FrameMessage message;
+  message.frame.camera = "cam01";
+  message.frame.image = Image({64, 48}, PixelFormat::kMono8);
+  ASSERT_TRUE(take::EventLogWriter(paths.frames("cam01")).write(message));
+  test::NotifySocket systemd(folder_ / "notify");
+  ASSERT_EQ(recover_open_takes(studio_, "cap01", {"cam01"}).size(), 1U);
+  EXPECT_THAT(systemd.received(), HasSubstr("STATUS=recovering kendo-07"));
+  EXPECT_THAT(systemd.received(), HasSubstr("EXTEND_TIMEOUT_USEC="));
 }
 
 TEST_F(TakeFolderTest, is_not_recovered_when_its_deletion_was_interrupted) {
