@@ -51,9 +51,9 @@ std::unique_ptr<ActiveTake> ActiveTake::begin(Context context, Plan plan) {
   return take;
 }
 
-std::unique_ptr<ActiveTake> ActiveTake::resume(Context context, Plan plan, int64_t commanded) {
+std::unique_ptr<ActiveTake> ActiveTake::resume(Context context, Plan plan, TakeToResume resumed) {
   std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(context), std::move(plan)));
-  take->resume_recording(commanded);
+  take->resume_recording(std::move(resumed));
   return take;
 }
 
@@ -83,14 +83,12 @@ void ActiveTake::start_recording() {
   recording_ = std::move(recording);
 }
 
-void ActiveTake::resume_recording(int64_t commanded) {
+void ActiveTake::resume_recording(TakeToResume resumed) {
   const take::TakePaths paths = node::take_paths(context_.studio, plan_.order.take);
-  NodeTake::LoggedPulses pulses;
-  pulses.edges = read_edge_times(paths, pulses.problems);
-  PulseRecorder::Resume resume{.sensed = {}, .commanded = commanded};
-  for (const auto& [pulse, edge] : pulses.edges) resume.sensed.insert(pulse);
-  auto recording =
-      NodeTake::resume(context_, recording_plan(), pulses, context_.trigger.reports_edges());
+  PulseRecorder::Resume resume{.sensed = {}, .commanded = resumed.commanded};
+  for (const auto& [pulse, edge] : resumed.recorded.edges) resume.sensed.insert(pulse);
+  auto recording = NodeTake::resume(context_, recording_plan(), std::move(resumed),
+                                    context_.trigger.reports_edges());
   start_pulse_recorder(paths.pulses(), std::move(resume));
   context_.trigger.start();
   was_started_ = true;

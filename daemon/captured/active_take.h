@@ -61,9 +61,9 @@ class ActiveTake {
   /// Starts the take, check or background that `plan.order` requests. Cameras and trigger are
   /// armed. Throws InputError when the disk fails check_disk(), or the sense line cannot be opened.
   static std::unique_ptr<ActiveTake> begin(Context context, Plan plan);
-  /// Resumes a take that this node recorded before its daemon restarted. Pulses run; `commanded` of
-  /// them were sent before. Throws InputError; the caller must then disarm the cameras.
-  static std::unique_ptr<ActiveTake> resume(Context context, Plan plan, int64_t commanded);
+  /// Resumes a take that this node recorded before its daemon restarted. Pulses run. Throws
+  /// InputError; the caller must then disarm the cameras.
+  static std::unique_ptr<ActiveTake> resume(Context context, Plan plan, TakeToResume resumed);
 
   /// The disk space and rate that a take of these cameras needs.
   static DiskDemand disk_demand(const NodeCameras& cameras, const Plan& plan);
@@ -100,7 +100,7 @@ class ActiveTake {
   ActiveTake(Context context, Plan plan) : context_(std::move(context)), plan_(std::move(plan)) {}
   NodeTake::Plan recording_plan() const;
   void start_recording();
-  void resume_recording(int64_t commanded);
+  void resume_recording(TakeToResume resumed);
   void start_check();
   std::optional<CheckedSound> end_sound_check();
   /// Writes no log where `log` is empty.

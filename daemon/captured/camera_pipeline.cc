@@ -1,6 +1,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "base/core/error.h"
 #include "daemon/captured/node_take.h"
@@ -11,21 +12,31 @@ namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 
+/// Ends the reading of a log.
+struct Stopped {};
+
+/// Number of events of the log that is continued; empty where it is not known.
+std::optional<int64_t> earlier_events(const std::optional<ResumeState>& resume) {
+  return resume && resume->log ? std::optional(resume->log->events()) : std::nullopt;
+}
+
 }  // namespace
 
 CameraPipeline::CameraPipeline(capture::CameraWorker& worker, Setup setup, Shared shared)
     : worker_(worker),
       shared_(shared),
       take_(std::move(setup.take)),
-      path_(setup.log),
       is_resumed_(setup.resume),
       segmenter_(std::move(setup.segmenter)),
       log_(setup.log, is_resumed_ ? take::LogOpening::kContinue : take::LogOpening::kNew,
-           setup.hashing),
+           setup.hashing, take::EventLogWriter::kSyncPeriod, earlier_events(setup.resume)),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {
-  if (setup.resume) restore_counts(*setup.resume);
+  if (setup.resume) {
+    restore_counts(*setup.resume);
+    earlier_log_ = std::move(setup.resume->log);
+  }
   thread_ = std::thread([this] { run(); });
 }
 
@@ -44,32 +55,49 @@ void CameraPipeline::restore_counts(const ResumeState& state) {
 
 /// Masks depend on all earlier frames, because the segmenter adapts to the background. After a
 /// restart it learns again from the frames in the log. New frames are meanwhile written, but not
-/// published.
-void CameraPipeline::replay_log() {
-  size_t learnt = 0;
+/// published. Then it learns from these, which may take long enough for further ones.
+void CameraPipeline::replay_logs() {
   try {
-    for (size_t known = 1; learnt < known && !stopping_;) {
-      take::FrameLogReader log(path_);
-      known = log.labels().size();
-      for (; learnt < known && !stopping_; ++learnt) replay_frame(log, log.labels()[learnt].pulse);
+    if (earlier_log_) replay(*earlier_log_);
+    earlier_log_.reset();
+    for (int64_t from = 0; from < log_.bytes() && !stopping_;) {
+      const auto begin = static_cast<uint64_t>(std::exchange(from, log_.bytes()));
+      const auto progress = [this] {
+        if (stopping_) throw Stopped();
+        write_waiting_frames();
+      };
+      take::FrameLogReader added(log_.path(), progress, begin);
+      replay(added);
     }
+  } catch (const Stopped&) {
   } catch (const InputError& error) {  // a disk that fails is reported by the next write
     spdlog::warn("{}", error.what());
   }
 }
 
-void CameraPipeline::replay_frame(take::FrameLogReader& log, int64_t pulse) {
-  heartbeat_.beat();
-  while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
-  if (!segmenter_.learns_from(pulse)) return;
+void CameraPipeline::replay(take::FrameLogReader& log) {
+  for (const FrameLabel& label : log.labels()) {
+    if (stopping_) return;
+    write_waiting_frames();
+    if (segmenter_.learns_from(label.pulse)) learn_again(log, label.pulse);
+  }
+}
+
+void CameraPipeline::learn_again(take::FrameLogReader& log, int64_t pulse) {
   const auto raw = log.read(pulse);
   if (raw && raw->image.size == segmenter_.size() && raw->image.format == segmenter_.format()) {
     segment(*raw, true);
   }
 }
 
+/// Call often while a log is read: the queue of the camera is short.
+void CameraPipeline::write_waiting_frames() {
+  heartbeat_.beat();
+  while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
+}
+
 void CameraPipeline::run() {
-  if (is_resumed_) replay_log();
+  if (is_resumed_) replay_logs();
   while (!stopping_) {
     heartbeat_.beat();
     auto frame = worker_.take(Monotonic::now() + kPollInterval);

@@ -69,7 +69,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
       cameras_(studio, node, pulse_times_),
       slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
       signer_(studio, node),
-      recovered_takes_(studio, node) {
+      recovered_takes_(studio, node),
+      rejoin_(studio, node_, persisted_commands_, recovered_takes_) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -131,6 +132,7 @@ void CaptureNode::reset_for_order(const wire::CommandMessage& order,
 
 void CaptureNode::prepare(const wire::CommandMessage& order, std::optional<int64_t> pulses) {
   check_order(order);
+  rejoin_.cancel();
   persisted_commands_.drop_all();
   reset_for_order(order, pulses);
   if (lights_) lights_->show(LightOutput::Scene::kTake);
@@ -178,29 +180,23 @@ void CaptureNode::disarm() {
 std::optional<wire::CommandMessage> CaptureNode::rejoin() {
   // The train ended with the daemon of the trigger's node.
   if (trigger_.is_here()) return std::nullopt;
-  const auto rejoin_order = persisted_commands_.find_running(*trigger_.monitor());
-  if (!rejoin_order) return std::nullopt;
-  reset_for_order(rejoin_order->order, std::nullopt);
-  const std::string& take = plan_.order.take;
   try {
-    const auto no_signing = recovered_takes_.hold();
-    take_ = ActiveTake::resume(take_context(), plan_, rejoin_order->commanded);
+    auto resumed = rejoin_.poll(*trigger_.monitor());
+    if (!resumed) return std::nullopt;
+    reset_for_order(resumed->order, std::nullopt);
+    const std::string what =
+        plan_.order.take + " again, from pulse " + std::to_string(resumed->commanded);
+    take_ = ActiveTake::resume(take_context(), plan_, *std::move(resumed));
+    rejoin_.cancel();
     recovered_takes_.set_paused(true);
+    events_.send(wire::Severity::kWarning, "take", node_ + " restarted and records " + what,
+                 node::advice::kRejoined);
   } catch (const std::exception&) {
     cameras_.disarm();
-    const take::TakePaths paths = node::take_paths(studio_, take);
-    const auto holder = take_lock_holder(paths);
-    if (!holder || !holder->empty()) throw;  // another process of this node records the take
-    node::drop_command(studio_, node_, take);
-    node::recover_reopened_take(paths, node_);
-    recovered_takes_.search(signer_.signer());
+    if (rejoin_.give_up()) recovered_takes_.search(signer_.signer());
     throw;
   }
   if (lights_) lights_->show(LightOutput::Scene::kTake);
-  events_.send(wire::Severity::kWarning, "take",
-               node_ + " restarted and records " + take + " again, from pulse " +
-                   std::to_string(rejoin_order->commanded),
-               node::advice::kRejoined);
   return plan_.order;
 }
 
@@ -222,6 +218,7 @@ void CaptureNode::notify_cameras(const capture::PulseEdge& edge) {
 // --- phases -------------------------------------------------------------------------------------
 
 std::optional<control::NodeReport> CaptureNode::poll(control::Phase phase) {
+  rejoin_.cancel_unless_polled();
   for (const auto& camera : cameras_) camera_monitor_.update(*camera);
   if (const auto edge = trigger_.unsensed_first_pulse()) notify_cameras(*edge);
   for (const auto& edge : trigger_.unsensed_pulses()) notify_sound(edge);

@@ -18,6 +18,7 @@
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
+#include "daemon/captured/take_rejoin.h"
 #include "daemon/captured/take_signers.h"
 #include "daemon/captured/timecode_output.h"
 #include "daemon/control/node_protocol.h"
@@ -115,6 +116,7 @@ class CaptureNode : public control::NodeDelegate {
   std::unique_ptr<LightOutput> lights_;       ///< null: the node sends no light
   NodeSigner signer_;
   RecoveredTakeSigner recovered_takes_;
+  TakeRejoin rejoin_;
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order

@@ -77,15 +77,14 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
 }
 
 std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& plan,
-                                           const LoggedPulses& pulses, bool edges_are_reported) {
+                                           TakeToResume resumed, bool edges_are_reported) {
   const take::TakePaths paths = node::take_paths(context.studio, plan.order.take);
-  take::TakeLock lock = node::lock_take(paths, context.name);
   const bool is_recovered = load_take_info(paths).state != take::TakeState::kRecording;
   // Mark the take as open first: a crash after this line must be recovered with its new frames.
   take::TakeInfo info = node::reopen_take(paths);
   std::unique_ptr<NodeTake> take(
-      new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
-  take->unread_ = pulses.problems;
+      new NodeTake(context, std::move(info), plan.disk, std::move(resumed.lock)));
+  take->unread_ = resumed.recorded.problems;
   // After a failed sync the kernel can drop what it did not write, and the next sync succeeds. So
   // only another recovery, which reads the logs, can close the take.
   if (!is_recovered) {
@@ -93,8 +92,9 @@ std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& p
   }
   for (const auto& worker : context.cameras) {
     const std::string& camera = worker->camera();
-    if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;
-    ResumeState resume = read_resume_state(take->paths_, camera, pulses.edges);
+    const auto recorded = resumed.recorded.cameras.find(camera);
+    if (recorded == resumed.recorded.cameras.end()) continue;
+    ResumeState& resume = recorded->second;
     take->unread_.insert(take->unread_.end(), resume.problems.begin(), resume.problems.end());
     worker->rejoin(period_of(take->info_.rate_hz), edges_are_reported, resume.camera);
     take->add_pipeline(*worker, segmentation::load_background(take->paths_.background(), camera),

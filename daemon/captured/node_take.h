@@ -22,6 +22,7 @@
 #include "daemon/captured/preview.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
+#include "daemon/captured/take_rejoin.h"
 #include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_signature.h"
@@ -88,8 +89,10 @@ class CameraPipeline {
  private:
   void run();
   void restore_counts(const ResumeState& state);
-  void replay_log();
-  void replay_frame(take::FrameLogReader& log, int64_t pulse);
+  void replay_logs();
+  void replay(take::FrameLogReader& log);
+  void learn_again(take::FrameLogReader& log, int64_t pulse);
+  void write_waiting_frames();
   void process(Frame frame);
   void write_only(Frame frame);
   void count_finished_frame();
@@ -104,7 +107,7 @@ class CameraPipeline {
   capture::CameraWorker& worker_;
   const Shared shared_;
   const std::string take_;
-  const std::filesystem::path path_;
+  std::optional<take::FrameLogReader> earlier_log_;  ///< of before a restart; empty when replayed
   const bool is_resumed_;
   segmentation::Segmenter segmenter_;
   take::EventLogWriter log_;
@@ -165,16 +168,11 @@ class NodeTake {
   /// name. After another failure, the folder is in the quarantine and the name is free again.
   static std::unique_ptr<NodeTake> begin(const Context& context, const Plan& plan);
 
-  /// The pulses in the log of a take, by which cameras find their pulse numbers.
-  struct LoggedPulses {
-    EdgeTimes edges = {};
-    std::vector<std::string> problems = {};  ///< why pulses may be absent
-  };
   /// Resumes a take after a restart. `edges_are_reported`: see NodeTrigger::reports_edges(). A take
   /// whose recovery has failed stays open when it is closed. Throws InputError; the caller must
   /// then disarm the cameras.
   static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
-                                          const LoggedPulses& pulses, bool edges_are_reported);
+                                          TakeToResume resumed, bool edges_are_reported);
 
   /// Ends the recording of sound.
   ~NodeTake();

@@ -4,7 +4,6 @@
 
 #include "base/core/error.h"
 #include "capture/sync/pulse_times.h"
-#include "take/logs/frame_log.h"
 #include "take/logs/log_files.h"
 
 namespace v3d::captured {
@@ -16,17 +15,18 @@ constexpr size_t kLastFrames = 256;
 constexpr Duration kMaxLatency = std::chrono::seconds(1);
 
 /// Adds to `problems` why frames of the log may be absent.
-std::vector<FrameLabel> labels_of(const std::filesystem::path& log,
-                                  std::vector<std::string>& problems) {
-  if (take::is_absent_log(log)) return {};
+std::optional<take::FrameLogReader> read_log(const std::filesystem::path& log,
+                                             const take::ReadProgress& progress,
+                                             std::vector<std::string>& problems) {
+  if (take::is_absent_log(log)) return std::nullopt;
   try {
-    const take::FrameLogReader reader(log);
+    take::FrameLogReader reader(log, progress);
     const std::vector<std::string>& errors = reader.read_errors();
     problems.insert(problems.end(), errors.begin(), errors.end());
-    return reader.labels();
+    return reader;
   } catch (const InputError& error) {
     problems.emplace_back(error.what());
-    return {};
+    return std::nullopt;
   }
 }
 
@@ -81,9 +81,11 @@ EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>&
 }
 
 ResumeState read_resume_state(const take::TakePaths& take, const std::string& camera,
-                              const EdgeTimes& edges) {
+                              const EdgeTimes& edges, const take::ReadProgress& progress) {
   ResumeState state;
-  const std::vector<FrameLabel> labels = labels_of(take.frames(camera), state.problems);
+  state.log = read_log(take.frames(camera), progress, state.problems);
+  const std::vector<FrameLabel> none;
+  const std::vector<FrameLabel>& labels = state.log ? state.log->labels() : none;
   for (const FrameLabel& label : labels) {
     state.account.add(label.pulse, label.suspect);
     state.exposures.add(label.camera_counter);

@@ -4,11 +4,13 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "capture/cameras/camera.h"
 #include "take/ledger/ledger.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
 namespace v3d::captured {
@@ -24,12 +26,16 @@ struct ResumeState {
   capture::CameraResumeState camera;
   take::CameraAccount account;  ///< of every frame in the log
   take::ExposureCount exposures;
+  /// The log of these frames, so that it is not read again; empty where there is none that can be
+  /// read.
+  std::optional<take::FrameLogReader> log{};
   std::vector<std::string> problems{};  ///< why frames may be absent: path and cause
 };
 
-/// Reads the log of one camera. A log that does not exist gives a state without frames; so does a
-/// log that cannot be read, with the cause. Requires: recover_take() has completed.
+/// Reads the log of one camera, which takes minutes for a take of hours. A log that does not exist
+/// gives a state without frames; so does a log that cannot be read, with the cause. Requires:
+/// recover_take() has completed.
 ResumeState read_resume_state(const take::TakePaths& take, const std::string& camera,
-                              const EdgeTimes& edges);
+                              const EdgeTimes& edges, const take::ReadProgress& progress = {});
 
 }  // namespace v3d::captured

@@ -37,9 +37,9 @@ class NodeDelegate {
   /// Stops pulses and closes the take, in any phase. Idempotent.
   virtual void disarm() = 0;
 
-  /// Called while the node is idle. If the take that the node recorded before a restart still runs,
-  /// starts to record into it again and returns its order; otherwise empty. Exceptions are logged,
-  /// and the node stays idle.
+  /// Called at every poll() of an idle node that may rejoin. If the take that the node recorded
+  /// before a restart still runs, starts to record into it again and returns its order; otherwise,
+  /// and while its logs are read, empty. Exceptions are logged, and the node stays idle.
   virtual std::optional<wire::CommandMessage> rejoin() { return std::nullopt; }
 
   /// The next report, if any. Called every NodeProtocol::kPollPeriod at work.

@@ -79,6 +79,14 @@ class ActiveTakeTest : public testing::Test {
     return {.order = order,
             .train = {.rate_hz = 10, .width = std::chrono::milliseconds(1), .count = kPulses}};
   }
+  /// The take as a restarted daemon finds it.
+  TakeToResume recorded(int64_t commanded) {
+    take::TakeLock lock = node::lock_take(paths(), node_);
+    return {.order = plan(wire::CommandVerb::kArm).order,
+            .commanded = commanded,
+            .lock = std::move(lock),
+            .recorded = RecordedTakeReader(paths(), {}).result()};
+  }
   take::TakePaths paths() const { return node::take_paths(studio_, kTake); }
   bool exists(const std::filesystem::path& file) const { return std::filesystem::exists(file); }
 
@@ -353,7 +361,7 @@ TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
   }
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kRecording) << "as a crash leaves it";
   recover_take(paths());
-  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 5);
+  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), recorded(5));
   EXPECT_EQ(take->counts().sensed, 2);
   publish_pulse(6);
   ASSERT_TRUE(receives(*take, 7, 3));
@@ -362,6 +370,56 @@ TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
   EXPECT_EQ(result.close_report.error, "");
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);
   EXPECT_EQ(logged_pulses(paths()), 3);
+}
+
+/// The order and the take of before the restart are on the disk.
+class TakeToRejoin : public TakeOfAnotherNode {
+ protected:
+  TakeToRejoin() {
+    ActiveTake::Plan armed = plan(wire::CommandVerb::kArm);
+    armed.order.sender = "ada@pc";
+    const auto take = ActiveTake::begin(context(), armed);
+    publish_pulse(0);
+    EXPECT_TRUE(receives(*take, 1, 1));
+  }
+  bool is_locked() const { return !take_lock_holder(paths()).value().empty(); }
+
+  RecoveredTakeSigner signing_{studio_, node_};
+};
+
+TEST_F(TakeToRejoin, is_returned_with_its_lock_and_its_latest_number_of_pulses) {
+  node::PersistedCommands commands(studio_, node_);
+  TakeRejoin rejoin(studio_, node_, commands, signing_);
+  std::vector<TakeToResume> resumed;
+  const auto poll = [&] {
+    rejoin.cancel_unless_polled();
+    publish_commanded(7);
+    if (auto found = rejoin.poll(*trigger_.monitor())) resumed.push_back(*std::move(found));
+    return !resumed.empty();
+  };
+  ASSERT_TRUE(becomes_true(poll, within(30)));
+  EXPECT_TRUE(is_locked());
+  EXPECT_EQ(resumed[0].order.take, kTake);
+  EXPECT_EQ(resumed[0].commanded, 7);
+  EXPECT_EQ(resumed[0].recorded.edges.size(), 1U);
+  resumed.clear();
+  EXPECT_FALSE(is_locked());
+}
+
+TEST_F(TakeToRejoin, is_unlocked_when_the_node_may_not_rejoin_any_more) {
+  node::PersistedCommands commands(studio_, node_);
+  TakeRejoin rejoin(studio_, node_, commands, signing_);
+  std::vector<TakeToResume> resumed;
+  const auto poll = [&] {
+    publish_commanded(7);
+    if (auto found = rejoin.poll(*trigger_.monitor())) resumed.push_back(*std::move(found));
+    return is_locked();
+  };
+  ASSERT_TRUE(becomes_true(poll, within(30)));
+  resumed.clear();
+  rejoin.cancel_unless_polled();
+  rejoin.cancel_unless_polled();
+  EXPECT_FALSE(is_locked());
 }
 
 TEST_F(TakeOfAnotherNode, stays_open_when_its_recovery_has_failed) {
@@ -377,7 +435,7 @@ TEST_F(TakeOfAnotherNode, stays_open_when_its_recovery_has_failed) {
     ASSERT_EQ(std::ssize(recovered), 1);
     ASSERT_THAT(recovered[0].line, testing::HasSubstr("No space left on device"));
   }
-  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), 1);
+  const auto take = ActiveTake::resume(context(), plan(wire::CommandVerb::kArm), recorded(1));
   publish_pulse(1);
   ASSERT_TRUE(receives(*take, 2, 2));
   EXPECT_THAT(

@@ -1,0 +1,103 @@
+// Rejoining the running take after a restart: which take, and what this node has recorded of it.
+#pragma once
+
+#include <atomic>
+#include <future>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/config/studio_file.h"
+#include "daemon/captured/resume_state.h"
+#include "daemon/captured/take_signers.h"
+#include "daemon/node/peer_health.h"
+#include "daemon/node/persisted_command.h"
+#include "take/take.h"
+#include "take/take_lock.h"
+#include "wire/messages.h"
+
+namespace v3d::captured {
+
+/// What a node has recorded of a take before its restart.
+struct RecordedTake {
+  EdgeTimes edges = {};                          ///< of the pulse log
+  std::vector<std::string> problems = {};        ///< why pulses may be absent
+  std::map<std::string, ResumeState> cameras{};  ///< by name
+};
+
+/// Reads the logs of a take in a thread, which may take minutes. The owner is one thread.
+class RecordedTakeReader {
+ public:
+  /// `progress`: called by the thread after each read.
+  RecordedTakeReader(take::TakePaths take, std::vector<std::string> cameras,
+                     take::ReadProgress progress = {});
+  /// Waits for the thread, which ends after its next read.
+  ~RecordedTakeReader();
+  RecordedTakeReader(const RecordedTakeReader&) = delete;
+  RecordedTakeReader& operator=(const RecordedTakeReader&) = delete;
+
+  bool is_done() const;
+  /// Waits until is_done(). Call once. Throws what prevented the reading.
+  RecordedTake result() { return result_.get(); }
+
+ private:
+  std::atomic<bool> stopping_ = false;
+  std::future<RecordedTake> result_;
+  std::thread thread_;
+};
+
+/// A take that is resumed.
+struct TakeToResume {
+  wire::CommandMessage order;
+  int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
+  take::TakeLock lock;
+  RecordedTake recorded;
+};
+
+/// Finds the take that the node rejoins, locks it and reads its logs. No call waits for the logs,
+/// so the node executes orders meanwhile. One thread.
+class TakeRejoin {
+ public:
+  /// Everything referred to outlives this object.
+  TakeRejoin(const Studio& studio, const std::string& node, node::PersistedCommands& commands,
+             RecoveredTakeSigner& signer)
+      : studio_(studio), node_(node), commands_(commands), signer_(signer) {}
+
+  /// Call while the node may rejoin. Returns the running take once its logs have been read. Throws
+  /// InputError when it cannot be locked, or not be read.
+  ///
+  /// Until cancel(), no recovered take is signed, because signing needs the lock.
+  std::optional<TakeToResume> poll(node::TrainMonitor& train);
+  /// Call before each poll() that may follow: cancels when the last call was followed by none.
+  void cancel_unless_polled();
+  /// Ends the reading and releases the lock, if it was not returned.
+  void cancel();
+  /// After a failure: closes the part of the take that was recorded. False while another process of
+  /// this node records the take.
+  bool give_up();
+
+ private:
+  struct Reading {
+    std::unique_lock<std::mutex> no_signing;
+    int64_t commanded = 0;
+    std::optional<take::TakeLock> lock;
+    std::optional<RecordedTakeReader> reader;
+  };
+
+  void begin(const node::PersistedCommands::Found& found);
+  void follow(node::TrainMonitor& train);
+
+  const Studio& studio_;
+  const std::string& node_;
+  node::PersistedCommands& commands_;
+  RecoveredTakeSigner& signer_;
+  wire::CommandMessage order_;  ///< of the take that is or was read
+  std::unique_ptr<Reading> reading_;
+  bool was_polled_ = false;  ///< since cancel_unless_polled()
+};
+
+}  // namespace v3d::captured

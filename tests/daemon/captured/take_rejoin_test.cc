@@ -1,0 +1,80 @@
+#include "daemon/captured/take_rejoin.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <future>
+#include <stdexcept>
+
+#include "support/temporary_folder.h"
+
+namespace v3d::captured {
+namespace {
+
+using testing::IsEmpty;
+
+class ReaderOfARecordedTake : public testing::Test {
+ protected:
+  ReaderOfARecordedTake() {
+    take::EventLogWriter pulses(take_.pulses());
+    for (const std::string& camera : kCameras) {
+      take::EventLogWriter frames(take_.frames(camera));
+      for (int64_t pulse = 0; pulse < kFrames; ++pulse) {
+        wire::FrameMessage message;
+        message.frame.camera = camera;
+        message.frame.label.pulse = pulse;
+        message.frame.image = Image({16, 8}, PixelFormat::kMono8);
+        EXPECT_TRUE(frames.write(message));
+      }
+    }
+    for (int64_t pulse = 0; pulse < kFrames; ++pulse) {
+      wire::PulseMessage message;
+      message.pulse = pulse;
+      EXPECT_TRUE(pulses.write(message));
+    }
+  }
+
+  static constexpr int64_t kFrames = 5;
+  const std::vector<std::string> kCameras = {"cam01", "cam02"};
+  const test::TemporaryFolder folder_;
+  const take::TakePaths take_{folder_.path()};
+};
+
+TEST_F(ReaderOfARecordedTake, returns_pulses_and_frames_without_waiting_for_the_disk) {
+  std::promise<void> disk;
+  const std::shared_future<void> disk_answers = disk.get_future().share();
+  RecordedTakeReader reader(take_, kCameras, [disk_answers] { disk_answers.wait(); });
+  EXPECT_FALSE(reader.is_done());
+  disk.set_value();
+  const RecordedTake recorded = reader.result();
+  EXPECT_EQ(recorded.edges.size(), static_cast<size_t>(kFrames));
+  EXPECT_THAT(recorded.problems, IsEmpty());
+  ASSERT_EQ(recorded.cameras.size(), 2U);
+  for (const auto& [camera, state] : recorded.cameras) {
+    EXPECT_EQ(state.camera.delivered, kFrames);
+    EXPECT_THAT(state.problems, IsEmpty());
+    ASSERT_TRUE(state.log);
+    EXPECT_EQ(state.log->events(), kFrames);
+  }
+}
+
+TEST_F(ReaderOfARecordedTake, reports_a_log_that_cannot_be_read) {
+  test::write_text(take_.frames("cam03"), std::string(1000, 'x'));
+  const RecordedTake recorded = RecordedTakeReader(take_, {"cam03", "cam04"}).result();
+  EXPECT_THAT(recorded.cameras.at("cam03").problems, testing::SizeIs(1));
+  EXPECT_FALSE(recorded.cameras.at("cam03").log);
+  EXPECT_THAT(recorded.cameras.at("cam04").problems, IsEmpty()) << "it has no log";
+}
+
+TEST_F(ReaderOfARecordedTake, ends_at_an_exception) {
+  int reads = 0;
+  RecordedTakeReader reader(take_, kCameras, [&] {
+    ++reads;
+    throw std::runtime_error("cancelled");
+  });
+  EXPECT_THROW(reader.result(), std::runtime_error);
+  EXPECT_EQ(reads, 1);
+}
+
+}  // namespace
+}  // namespace v3d::captured
