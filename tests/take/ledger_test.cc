@@ -299,7 +299,7 @@ RC_GTEST_PROP(Ledger, has_the_same_pulses_in_whatever_order_the_nodes_are_merged
   const Ledger whole = merge(parts);
   RC_ASSERT(whole.extra == parts.front().extra);
   RC_ASSERT(whole.runt == parts.front().runt);
-  std::ranges::rotate(parts, parts.begin() + *rc::gen::inRange(0, others + 1));
+  std::rotate(parts.begin(), parts.begin() + *rc::gen::inRange(0, others + 1), parts.end());
   const Ledger rotated = merge(parts);
   RC_ASSERT(rotated.verdict() == whole.verdict());
   RC_ASSERT(rotated.unsensed == whole.unsensed);
