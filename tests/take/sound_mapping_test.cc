@@ -86,6 +86,12 @@ class RecordedSounds : public testing::Test {
       ASSERT_TRUE(pulses.write(message_of(pulse)));
     }
   }
+  /// The sound file in the ledger, which has no other.
+  SoundLedger only_sound() const {
+    const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
+    EXPECT_EQ(sounds.size(), 1U);
+    return sounds.empty() ? SoundLedger{} : sounds.front();
+  }
   void write_studio(const std::string& sound) {
     test::write_text(paths_.studio(), test::studio_text({{"cap01", {"cam01"}}}) +
                                           "[[sound]]\nnode = 'cap01'\n" +
@@ -120,14 +126,13 @@ TEST_F(RecordedSounds, have_the_pulses_of_the_pulse_channel_after_a_recovery) {
   write_studio("pulse_channel = 2\ntimecode_channel = 3\n");
   write_sound(kBegin + from_seconds(kClockError));
   EXPECT_THAT(recover_take(paths_).notes, IsEmpty());
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].map_source, "pulse channel");
-  EXPECT_EQ(sounds[0].missing_edges, 0);
-  EXPECT_THAT(error_of(sounds[0]), Lt(0.1e-3));
-  EXPECT_NEAR(sounds[0].drift_ppm, 80, 5);
-  EXPECT_EQ(sounds[0].timecode_source, "ltc");
-  EXPECT_EQ(sounds[0].first_timecode, "10:00:01:12");
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.map_source, "pulse channel");
+  EXPECT_EQ(found.missing_edges, 0);
+  EXPECT_THAT(error_of(found), Lt(0.1e-3));
+  EXPECT_NEAR(found.drift_ppm, 80, 5);
+  EXPECT_EQ(found.timecode_source, "ltc");
+  EXPECT_EQ(found.first_timecode, "10:00:01:12");
 }
 
 // The clocks of sound and PC part by 48 ms, more than a period of the pulses.
@@ -141,22 +146,20 @@ TEST_F(RecordedSounds, have_the_right_pulses_after_ten_minutes) {
   add_pulses(values, kManyPulses, kSlowRate);
   write_wave(kBegin, kSlowRate, values);
   EXPECT_THAT(recover_take(paths_).notes, IsEmpty());
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].missing_edges, 0);
-  EXPECT_THAT(error_of(sounds[0], kManyPulses, kSlowRate), Lt(0.2e-3));
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.missing_edges, 0);
+  EXPECT_THAT(error_of(found, kManyPulses, kSlowRate), Lt(0.2e-3));
 }
 
 TEST_F(RecordedSounds, have_positions_by_the_clocks_of_the_pcs_without_a_pulse_channel) {
   write_studio("");
   write_sound(kBegin + from_seconds(kClockError));
   recover_take(paths_);
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].map_source, "time stamps");
-  EXPECT_NEAR(error_of(sounds[0]), kClockError + 80e-6 * truth(kPulses) / kRate, 0.5e-3);
-  EXPECT_THAT(error_of(sounds[0]), Lt(3e-6 * sounds[0].uncertainty_us));
-  EXPECT_EQ(sounds[0].timecode_source, "none");
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.map_source, "time stamps");
+  EXPECT_NEAR(error_of(found), kClockError + 80e-6 * truth(kPulses) / kRate, 0.5e-3);
+  EXPECT_THAT(error_of(found), Lt(3e-6 * found.uncertainty_us));
+  EXPECT_EQ(found.timecode_source, "none");
 }
 
 TEST_F(RecordedSounds, with_ltc_that_begins_3_s_after_the_first_pulse_have_a_first_timecode) {
@@ -164,10 +167,9 @@ TEST_F(RecordedSounds, with_ltc_that_begins_3_s_after_the_first_pulse_have_a_fir
   constexpr int64_t kHalfFrame = 960;
   write_wave(kBegin, kRate, recorded_sound(std::llround(4.5 * kRate) + kHalfFrame));
   recover_take(paths_);
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].first_timecode, "09:59:56:24");
-  EXPECT_EQ(sounds[0].last_timecode, "10:00:16:23");
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.first_timecode, "09:59:56:24");
+  EXPECT_EQ(found.last_timecode, "10:00:16:23");
 }
 
 TEST_F(RecordedSounds, without_positions_of_pulses_keep_their_ltc) {
@@ -176,31 +178,28 @@ TEST_F(RecordedSounds, without_positions_of_pulses_keep_their_ltc) {
   write_pulses(0, 1);
   write_sound(kBegin);
   recover_take(paths_);
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].map_source, "none");
-  EXPECT_EQ(sounds[0].timecode_source, "ltc");
-  EXPECT_EQ(sounds[0].timecode_runs.size(), 1U);
-  EXPECT_EQ(sounds[0].first_timecode, "");
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.map_source, "none");
+  EXPECT_EQ(found.timecode_source, "ltc");
+  EXPECT_EQ(found.timecode_runs.size(), 1U);
+  EXPECT_EQ(found.first_timecode, "");
 }
 
 TEST_F(RecordedSounds, without_ltc_have_no_timecode_although_its_rate_is_known) {
   write_studio("pulse_channel = 2\ntimecode_channel = 1\ntimecode_rate = '25'\n");
   write_sound(kBegin);
   recover_take(paths_);
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_EQ(sounds[0].map_source, "pulse channel");
-  EXPECT_EQ(sounds[0].timecode_source, "none");
+  const SoundLedger found = only_sound();
+  EXPECT_EQ(found.map_source, "pulse channel");
+  EXPECT_EQ(found.timecode_source, "none");
 }
 
 TEST_F(RecordedSounds, that_were_finished_before_the_kill_have_positions_by_the_wall_clock) {
   write_studio("");
   write_sound(kBegin, sound::WaveTimecode{.samples_since_midnight = 36'000LL * kRate});
   EXPECT_THAT(recover_take(paths_).notes, IsEmpty());
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_NEAR(error_of(sounds[0]), 80e-6 * truth(kPulses) / kRate, 0.5e-3);
+  const SoundLedger found = only_sound();
+  EXPECT_NEAR(error_of(found), 80e-6 * truth(kPulses) / kRate, 0.5e-3);
 }
 
 TEST_F(RecordedSounds, beside_pulses_with_impossible_times_have_the_others) {
@@ -216,9 +215,8 @@ TEST_F(RecordedSounds, beside_pulses_with_impossible_times_have_the_others) {
   }
   write_sound(kBegin);
   recover_take(paths_);
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_THAT(error_of(sounds[0]), Lt(0.1e-3));
+  const SoundLedger found = only_sound();
+  EXPECT_THAT(error_of(found), Lt(0.1e-3));
 }
 
 TEST_F(RecordedSounds, of_another_hour_get_no_map_and_a_line_with_the_cause) {
@@ -226,10 +224,9 @@ TEST_F(RecordedSounds, of_another_hour_get_no_map_and_a_line_with_the_cause) {
   write_sound(kBegin + std::chrono::hours(1));
   EXPECT_THAT(recover_take(paths_).notes,
               ElementsAre(HasSubstr("cap01.wav: no pulse of the take is within its time")));
-  const std::vector<SoundLedger> sounds = load_ledger(paths_.ledger()).sounds;
-  ASSERT_EQ(sounds.size(), 1U);
-  EXPECT_FALSE(sounds[0].map.is_known());
-  EXPECT_GT(sounds[0].samples, 0);
+  const SoundLedger found = only_sound();
+  EXPECT_FALSE(found.map.is_known());
+  EXPECT_GT(found.samples, 0);
 }
 
 }  // namespace

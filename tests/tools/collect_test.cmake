@@ -1,20 +1,7 @@
 # Tests which takes takes collect finds, and when it collects none. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 
-# v3dctl ARGS...: sets status, out, err.
-macro(v3dctl)
-  execute_process(COMMAND ${V3DCTL} ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
-endmacro()
-function(expect text pattern)
-  if(NOT text MATCHES "${pattern}")
-    message(SEND_ERROR "expected ${pattern}, got (status ${status}): ${out}${err}")
-  endif()
-endfunction()
-function(expect_status wanted)
-  if(NOT status EQUAL wanted)
-    message(SEND_ERROR "expected status ${wanted}, got ${status}: ${out}${err}")
-  endif()
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/v3dctl_result.cmake)
 function(expect_equal_files a b)
   execute_process(COMMAND cmp ${a} ${b} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
   expect_status(0)

@@ -2,20 +2,7 @@
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK}/cap01 ${WORK}/cap02)
 
-# v3dctl ARGS...: sets status, out, err.
-macro(v3dctl)
-  execute_process(COMMAND ${V3DCTL} ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
-endmacro()
-function(expect text pattern)
-  if(NOT text MATCHES "${pattern}")
-    message(SEND_ERROR "expected ${pattern}, got (status ${status}): ${out}${err}")
-  endif()
-endfunction()
-function(expect_status wanted)
-  if(NOT status EQUAL wanted)
-    message(SEND_ERROR "expected status ${wanted}, got ${status}: ${out}${err}")
-  endif()
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/v3dctl_result.cmake)
 
 # One simulated take, as two nodes with two cameras each would have recorded it.
 execute_process(COMMAND ${V3D_SIM} take ${WORK}/whole/kendo-07 --frames 4 --cameras 4 --size 320x240

@@ -316,24 +316,26 @@ TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_but_not_started) {
   EXPECT_TRUE(generator->finished());
 }
 
-TEST(ScpiGenerator, reports_that_pulses_may_continue_when_it_cannot_stop_them) {
-  Bench bench("siglent-sdg");
-  const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
+/// A generator that was unplugged during a train, and could not be stopped.
+std::unique_ptr<ScpiGenerator> unplugged_generator(Bench& bench) {
+  auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
   generator->arm(train_of({}));
   generator->start();
   bench.unplugged_after = 0;
   generator->stop();
+  return generator;
+}
+
+TEST(ScpiGenerator, reports_that_pulses_may_continue_when_it_cannot_stop_them) {
+  Bench bench("siglent-sdg");
+  const auto generator = unplugged_generator(bench);
   EXPECT_THAT(generator->fault(),
               HasSubstr("pulses may continue: usb:0957:2c07: was unplugged and"));
 }
 
 TEST(ScpiGenerator, stops_the_pulses_when_it_is_plugged_in_again) {
   Bench bench("siglent-sdg");
-  const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
-  generator->arm(train_of({}));
-  generator->start();
-  bench.unplugged_after = 0;
-  generator->stop();
+  const auto generator = unplugged_generator(bench);
   EXPECT_TRUE(bench.generator.output_on());
   const int64_t commanded = generator->commanded();
   bench.unplugged_after = -1;

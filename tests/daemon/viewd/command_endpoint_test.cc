@@ -358,9 +358,11 @@ TEST_F(OperatorToken, must_differ_from_the_viewers_token) {
 }
 
 ProgramEnd end_of(const std::vector<std::string>& words, Duration patience) {
-  const MonotonicInstant begun = Monotonic::now();
-  ChildProgram program(words, begun + patience);
-  std::optional<ProgramEnd> end = program.poll(begun);  // a busy host may poll next when it kills
+  const MonotonicInstant start = Monotonic::now();
+  ChildProgram program(words, start + patience);
+  // A program is terminated at its deadline, and killed some time after. The first poll is for the
+  // time of the start, so that a busy host does not kill it at once.
+  std::optional<ProgramEnd> end = program.poll(start);
   EXPECT_TRUE(
       becomes_true([&] { return (end = program.poll(Monotonic::now())).has_value(); }, within(30)));
   return end.value_or(ProgramEnd{});
