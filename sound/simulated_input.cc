@@ -15,8 +15,9 @@ namespace v3d::sound {
 namespace {
 
 constexpr double kPulseSeconds = 1e-3;
-/// Pulses are known this long after their edge, at the latest.
-constexpr Duration kLatency = std::chrono::milliseconds(100);
+/// Delay of the samples. A pulse that a busy host reports later than this has no edge in them. Less
+/// than a node waits for the last samples of a take.
+constexpr Duration kLatency = std::chrono::milliseconds(300);
 constexpr double kXrunSeconds = 0.1;
 constexpr double kToneHz = 440;
 constexpr double kToneLevel = 0.1;  // -20 dB
