@@ -20,7 +20,8 @@ namespace {
   throw std::runtime_error(
       errno_message("network.lcm_url: cannot join " + url) +
       ": usually the multicast route is missing; try: ip link set dev IFACE multicast on && ip "
-      "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine)");
+      "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine). For v3d-viewd with "
+      "recorded takes only: lcm_url = \"\"");
 }
 
 void check_joined(bool succeeded, const std::string& url) {
@@ -36,6 +37,10 @@ sockaddr_in address_of(const std::string& url) {
   const auto group = lcm_group(url);
   sockaddr_in address{};
   address.sin_family = AF_INET;
+  if (url.empty()) {
+    throw InputError(
+        "network.lcm_url is empty: this studio file is for v3d-viewd and recorded takes only");
+  }
   if (!group || inet_pton(AF_INET, group->address.c_str(), &address.sin_addr) != 1) {
     throw InputError("network.lcm_url: cannot join " + url +
                      ": expected udpm://ADDRESS:PORT with an address in 239.0.0.0/8");

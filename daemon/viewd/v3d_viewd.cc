@@ -2,6 +2,9 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <optional>
+#include <thread>
+
 #include "base/core/error.h"
 #include "daemon/control/operator_client.h"
 #include "daemon/node/service.h"
@@ -19,6 +22,7 @@ constexpr v3d::Duration kPollPeriod = std::chrono::milliseconds(20);
 /// Time between SIGTERM to the relay process and to this one, when systemd stops both.
 constexpr v3d::Duration kStopArrivesWithin = std::chrono::seconds(1);
 constexpr char kRelayFlag[] = "--hear";
+constexpr char kNoNetwork[] = "network.lcm_url is empty, so only recorded takes are shown";
 
 std::string token_of(const v3d::Studio& studio, const v3d::web::WebAddress& address) {
   if (!studio.viewer.token.empty())
@@ -62,13 +66,24 @@ struct MessageHandler {
   }
 };
 
+/// The studio's network. Absent when the studio file has none (lcm_url is empty): then only
+/// recorded takes are shown.
+using Relay = std::optional<v3d::viewd::BusRelay>;
+
+void wait_for_messages(Relay& relay) {
+  if (relay) return relay->wait(v3d::Monotonic::now() + kPollPeriod);
+  std::this_thread::sleep_for(kPollPeriod);
+}
+
 /// Passes messages of the studio to the subscribers.
-void poll(v3d::viewd::BusRelay& relay, v3d::web::WebServer& server, Served served,
+void poll(Relay& relay, v3d::web::WebServer& server, Served served,
           v3d::viewd::CommandRunner& runner) {
-  relay.wait(v3d::Monotonic::now() + kPollPeriod);
+  wait_for_messages(relay);
   const v3d::MonotonicInstant now = v3d::Monotonic::now();
   server.run_on_thread([&](int64_t subscribers) {
-    while (const auto message = relay.next()) std::visit(MessageHandler{served, now}, *message);
+    while (const auto message = relay ? relay->next() : std::nullopt) {
+      std::visit(MessageHandler{served, now}, *message);
+    }
     poll_commands(served, runner, now);
     served.status.set_subscriber_count(subscribers);
     served.status.refresh(now);
@@ -76,7 +91,7 @@ void poll(v3d::viewd::BusRelay& relay, v3d::web::WebServer& server, Served serve
 }
 
 /// Runs until the service is stopped. The relay process may end first.
-void serve(v3d::viewd::BusRelay& relay, v3d::web::WebServer& server, Served served,
+void serve(Relay& relay, v3d::web::WebServer& server, Served served,
            v3d::viewd::CommandRunner& runner) {
   try {
     while (!v3d::node::stop_requested()) {
@@ -98,9 +113,12 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   if (commands.is_open()) runner.require_v3dctl();
   v3d::viewd::WebSite site(studio, v3d::web::WebAccess(token),
                            v3d::viewd::find_page_files(studio.viewer.page), commands);
-  v3d::viewd::BusRelay relay(studio, kRelayFlag);
+  Relay relay;
+  const bool has_network = !studio.network.lcm_url.empty();
+  if (has_network) relay.emplace(studio, kRelayFlag);
   v3d::viewd::LiveFeed feed;
-  v3d::viewd::StudioStatus status(studio, v3d::control::commanded_nodes(studio), "");
+  v3d::viewd::StudioStatus status(studio, v3d::control::commanded_nodes(studio),
+                                  has_network ? "" : kNoNetwork);
   status.set_control(commands.is_open());
   const auto subscribe = [&](v3d::viewd::WebSite::StreamKind kind) {
     return kind == v3d::viewd::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
