@@ -91,17 +91,35 @@ def without_distortion(camera, points):
     return (pixels[:2] / pixels[2]).T
 
 
+def largest(differences):
+    """The largest one. NaN, which no comparison finds, is a failure."""
+    differences = np.asarray(differences)
+    assert np.isfinite(differences).all(), f"no number among {differences.size} differences"
+    return np.abs(differences).max()
+
+
+def check_largest():
+    assert largest([[0.5, -2], [1, 0]]) == 2
+    for invalid in (np.nan, np.inf):
+        try:
+            largest([0.5, invalid])
+        except AssertionError:
+            continue
+        raise AssertionError(f"{invalid} is accepted")
+
+
 def check_cameras(scene, take, camera_of, project):
     points = np.random.default_rng(1).uniform([-0.5, -0.5, 0], [0.5, 0.5, 2], (20, 3))
     things = objects_of(scene, "CAMERA")
     assert sorted(thing.name for thing in things) == sorted(take.cameras)
-    worst = 0
+    differences = []
     for thing in things:
         scene.camera = thing
         bpy.context.view_layer.update()
         camera = camera_of(take.cameras[thing.name])
         for point, pixel in zip(points, project(camera, points)):
-            worst = max(worst, np.abs(pixel_in_blender(scene, thing, point, camera.size) - pixel).max())
+            differences.append(pixel_in_blender(scene, thing, point, camera.size) - pixel)
+    worst = largest(differences)
     print(f"{len(things)} cameras: points within {worst:.4f} pixels")
     assert worst < MAX_PIXELS, f"{worst} pixels"
     assert max(camera.size[1] for camera in map(camera_of, take.cameras.values())) == scene.render.resolution_y
@@ -172,6 +190,7 @@ def check_saved_file(work, take):
 
 
 def main():
+    check_largest()
     bpy.ops.preferences.addon_enable(module="v3d_import")
     work = pathlib.Path.cwd()
     (work / "empty").mkdir()
