@@ -1,6 +1,7 @@
 #include "daemon/bus/bus.h"
 
 #include <poll.h>
+#include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -16,6 +17,7 @@
 
 #include "base/config/studio_values.h"
 #include "daemon/bus/frame_keys.h"
+#include "daemon/bus/message_size.h"
 #include "daemon/bus/multicast_socket.h"
 
 namespace v3d::bus {
@@ -70,6 +72,7 @@ class Bus::Impl {
   Impl& operator=(const Impl&) = delete;
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes, bool with_mac) {
+    if (is_too_long(channel, bytes.size())) return false;
     if (!with_mac) return sender_.send(channel, bytes, nullptr);
     const auto key = authenticator_.members().key_for(channel);
     return sender_.send(channel, bytes, authenticator_.mac().get(), key ? &*key : nullptr);
@@ -140,6 +143,15 @@ class Bus::Impl {
   /// Largest number of repetitions of a frame key between two calls of announce_frame_key(). Each
   /// costs a signature.
   static constexpr int kMaxRepeats = 10;
+
+  /// Whether receivers would drop the message, so that it must not be sent.
+  static bool is_too_long(const std::string& channel, size_t bytes) {
+    const size_t limit = max_encoded_bytes(channel, true);
+    if (bytes <= limit) return false;
+    spdlog::error("{}: a message of {} bytes is not sent, receivers accept {}", channel, bytes,
+                  limit);
+    return true;
+  }
 
   void send_frame_key(const std::string& channel) {
     wire::FrameKeyMessage message = own_frame_key_.announcement();

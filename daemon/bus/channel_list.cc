@@ -17,7 +17,8 @@ constexpr size_t kKiB = 1024;
 constexpr size_t kMiB = 1024 * kKiB;
 
 /// The limits permit raw frames of 12 megapixels, meshes of a million triangles and ledgers of long
-/// takes. Health, pulses, events and commands have small limits.
+/// takes. Health has room for 200 cameras with short names, or 100 with long ones. Pulses, events
+/// and commands have small limits.
 constexpr std::array<ChannelKind, 12> kKinds = {{
     {.name = wire::kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
     {.name = wire::kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
@@ -38,7 +39,7 @@ constexpr std::array<ChannelKind, 12> kKinds = {{
     {.name = wire::kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB, .author = kOwner},
     {.name = wire::kHealthPrefix,
      .of = kNodes,
-     .max_bytes = 32 * kKiB,
+     .max_bytes = 256 * kKiB,
      .is_shown_unverified = true,
      .needs_answer = true,
      .author = kOwner},

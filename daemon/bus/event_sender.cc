@@ -5,10 +5,14 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "daemon/bus/message_size.h"
 #include "wire/messages.h"
 
 namespace v3d::bus {
 namespace {
+
+/// Of an event, without its advice, in bytes: receivers drop events of 32 KiB.
+constexpr size_t kMaxText = size_t{8} << 10;
 
 struct SplitText {
   std::string words;   ///< without the number
@@ -31,7 +35,8 @@ SplitText split_number(const std::string& text) {
 
 void EventSender::send(wire::Severity severity, const std::string& subject, const std::string& text,
                        const std::string& advice) {
-  const std::string sentence = advice.empty() ? text : text + ". " + advice;
+  const std::string what = shortened(text, kMaxText);
+  const std::string sentence = advice.empty() ? what : what + ". " + advice;
   const auto level = severity == wire::Severity::kInfo      ? spdlog::level::info
                      : severity == wire::Severity::kWarning ? spdlog::level::warn
                                                             : spdlog::level::err;

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "daemon/bus/message_size.h"
 #include "wire/codec.h"
 #include "wire/messages.h"
 
@@ -113,7 +114,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
       return std::nullopt;
     }
     authenticator_.count_unverified();
-    if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
+    if (kind == nullptr || !is_shown_unverified(datagram, *kind)) return std::nullopt;
     return ReceivedMessage{datagram.channel, without_signature(*kind, parts.data), false};
   }
   const SessionStamp stamp = stamp_of(datagram, *parts.trailer);

@@ -12,6 +12,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "capture/cameras/camera.h"
+#include "daemon/node/health_size.h"
 #include "daemon/node/take_folder.h"
 #include "trigger/pulse_generator.h"
 
@@ -172,7 +173,7 @@ std::string NodeCameras::fault_text() const {
     const std::string text = worker->status().text;
     if (!text.empty()) lines.push_back(worker->camera() + ": " + text);
   }
-  return fmt::format("{}", fmt::join(lines, "; "));
+  return node::join_camera_problems(lines);
 }
 
 NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, bus::Bus& bus)

@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "base/core/error.h"
+#include "daemon/bus/message_size.h"
+#include "daemon/node/health_size.h"
 #include "daemon/node/peer_health.h"
 #include "daemon/node/service.h"
 #include "wire/messages.h"
@@ -139,10 +141,17 @@ void NodeLoop::publish_health() {
   // For alerts: metrics have no text.
   health.values["problem_flag"] = health.text.empty() ? 0 : 1;
   if (is_stopping_) health.values[kStopping] = 1;
-  bus_.publish_authenticated(wire::health_channel(identity_.node), encode(health));
   if (metrics_) metrics_->update(health);
+  publish_shortened(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
+}
+
+void NodeLoop::publish_shortened(wire::HealthMessage& health) {
+  const std::string channel = wire::health_channel(identity_.node);
+  const bool has_key = bus_.authenticator().mac() != nullptr;
+  shorten_health(health, bus::max_encoded_bytes(channel, has_key));
+  bus_.publish_authenticated(channel, encode(health));
 }
 
 void NodeLoop::check_name(wire::HealthMessage& health) {

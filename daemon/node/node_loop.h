@@ -54,6 +54,7 @@ class NodeLoop {
   void publish(wire::ReplyMessage reply);
   void publish_due_health();
   void publish_health();
+  void publish_shortened(wire::HealthMessage& health);
   void check_clock(wire::HealthMessage& health);
   /// Counters of commands, messages and datagrams.
   void report_counts(wire::HealthMessage& health) const;

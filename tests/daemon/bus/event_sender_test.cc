@@ -40,5 +40,15 @@ TEST(EventSender, limits_events_of_a_growing_count_and_sends_another_problem_at_
                                   "the folder of the take is gone. Look", "the problem has ended"));
 }
 
+TEST(EventSender, shortens_a_text_that_receivers_would_drop) {
+  Bus bus("udpm://239.255.76.67:7667?ttl=0");
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 64);
+  EventSender(bus, "cap01")
+      .send(wire::Severity::kAlarm, "disk", std::string(100'000, 'x'), "Look at the disk");
+  const auto event = events.wait(test::within(10));
+  ASSERT_TRUE(event);
+  EXPECT_THAT(event->text, testing::EndsWith("xx .... Look at the disk"));
+}
+
 }  // namespace
 }  // namespace v3d::bus

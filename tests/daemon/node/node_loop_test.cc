@@ -26,7 +26,8 @@ using test::within;
 /// or to drain.
 class IdleDelegate : public control::NodeDelegate {
  public:
-  explicit IdleDelegate(std::string problem) : problem_(std::move(problem)) {}
+  explicit IdleDelegate(std::string problem, int cameras)
+      : problem_(std::move(problem)), cameras_(cameras) {}
   /// The public keys, oldest first. Any thread.
   std::vector<wire::PublicKey> signing_keys() const {
     const std::scoped_lock lock(mutex_);
@@ -51,11 +52,15 @@ class IdleDelegate : public control::NodeDelegate {
     }
     return std::nullopt;
   }
-  void report_health(wire::HealthMessage& health) override { health.text = problem_; }
+  void report_health(wire::HealthMessage& health) override {
+    health.text = problem_;
+    for (int i = 0; i < cameras_; ++i) health.values["cam" + std::to_string(i) + ".losses"] = 1;
+  }
   bool progressed_since(MonotonicInstant) const override { return true; }
 
  private:
   const std::string problem_;
+  const int cameras_;
   mutable std::mutex mutex_;
   std::vector<wire::PublicKey> keys_;
 };
@@ -63,8 +68,9 @@ class IdleDelegate : public control::NodeDelegate {
 /// A node with its loop in a thread.
 class RunningNode {
  public:
-  RunningNode(const Studio& studio, const std::string& node, const std::string& problem = "")
-      : bus_(studio.network.lcm_url, {}, bus::ChannelList(studio)), delegate_(problem) {
+  RunningNode(const Studio& studio, const std::string& node, const std::string& problem = "",
+              int cameras = 0)
+      : bus_(studio.network.lcm_url, {}, bus::ChannelList(studio)), delegate_(problem, cameras) {
     bus_.authenticator().require_authentication();
     loop_.emplace(NodeIdentity{node, "v3d-test", bus::credentials_of_node(studio, node), ""}, bus_,
                   delegate_);
@@ -182,6 +188,16 @@ TEST_F(NodeLoops, report_that_they_drain_even_if_this_takes_no_time) {
     return health && health->state == wire::NodeState::kDraining;
   };
   EXPECT_TRUE(becomes_true(drains, within(10)));
+}
+
+TEST_F(NodeLoops, with_more_cameras_than_a_message_can_hold_are_heard_and_say_so) {
+  capture_.emplace(studio_, "cap01", "", 20'000);
+  recon_.emplace(studio_, "recon01");
+  control::OperatorClient client(studio_);
+  const wire::HealthMessage health = verified_health(client)["cap01"];
+  EXPECT_THAT(health.text, testing::HasSubstr("health has no detailed values of the cameras"));
+  EXPECT_FALSE(health.values.contains("cam7.losses"));
+  EXPECT_TRUE(health.values.contains("messages_forged"));
 }
 
 TEST_F(NodeLoops, have_a_flag_while_they_report_a_problem) {
