@@ -19,10 +19,15 @@ struct SplitText {
   int64_t number = 0;  ///< 0 when there is none
 };
 
-/// Splits off the first number: "1,250 frames lost" is " frames lost" and 1250.
+/// Splits off the first number that is a word: "1,250 frames lost" is " frames lost" and 1250.
+/// Digits of a name or a path, "/data2", are no number.
 SplitText split_number(const std::string& text) {
   constexpr size_t kMaxDigits = 15;
-  const size_t begin = text.find_first_of("0123456789");
+  constexpr char kDigits[] = "0123456789";
+  size_t begin = text.find_first_of(kDigits);
+  while (begin != std::string::npos && begin > 0 && text[begin - 1] != ' ') {
+    begin = text.find_first_of(kDigits, begin + 1);
+  }
   if (begin == std::string::npos) return {.words = text};
   const size_t end = std::min(text.find_first_not_of("0123456789,", begin), text.size());
   std::string digits = text.substr(begin, end - begin);
@@ -53,13 +58,14 @@ void EventSender::report_condition(wire::Severity severity, const std::string& s
                                    const std::string& text, const std::string& advice,
                                    MonotonicInstant now) {
   Condition& condition = conditions_[subject];
-  if (text == condition.text) return;
-  const bool is_same = split_number(text).words == split_number(condition.text).words;
+  if (text == condition.reported) return;
+  const bool is_same = split_number(text).words == split_number(condition.reported).words;
   if (!is_same) condition.number = {};
-  condition.text = text;
-  if (text.empty()) return send(wire::Severity::kInfo, subject, "the problem has ended");
   const bool is_due = condition.number.is_report_due(split_number(text).number, now);
-  if (is_due || !is_same) send(severity, subject, text, advice);
+  if (!is_due && is_same) return;  // due later, although the text may stay
+  condition.reported = text;
+  if (text.empty()) return send(wire::Severity::kInfo, subject, "the problem has ended");
+  send(severity, subject, text, advice);
 }
 
 }  // namespace v3d::bus

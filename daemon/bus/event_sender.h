@@ -45,8 +45,8 @@ class EventSender {
   void send(wire::Severity severity, const std::string& subject, const std::string& text,
             const std::string& advice = {});
   /// Reports a condition that lasts; to be called repeatedly. Sends an event when `text` differs
-  /// from the previous call for `subject`, and once, as info, when it becomes empty. When only the
-  /// first number in the text differs, EventThrottle limits the events.
+  /// from that of the last event for `subject`, and once, as info, when it becomes empty. When only
+  /// the first number in the text differs, EventThrottle limits the events.
   void report_condition(wire::Severity severity, const std::string& subject,
                         const std::string& text, const std::string& advice,
                         MonotonicInstant now = Monotonic::now());
@@ -56,7 +56,7 @@ class EventSender {
   const std::string node_;
   int64_t seq_ = 0;
   struct Condition {
-    std::string text;
+    std::string reported;  ///< text of the last event
     EventThrottle number;  ///< the first number in the text
   };
   std::map<std::string, Condition> conditions_;  ///< by subject

@@ -40,6 +40,29 @@ TEST(EventSender, limits_events_of_a_growing_count_and_sends_another_problem_at_
                                   "the folder of the take is gone. Look", "the problem has ended"));
 }
 
+TEST(EventSender, reports_a_count_that_has_grown_a_little_and_then_stays_after_a_minute) {
+  Bus bus("udpm://239.255.76.67:7667?ttl=0");
+  Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 64);
+  EventSender sender(bus, "cap01");
+  const MonotonicInstant now = Monotonic::now();
+  const auto report = [&](const std::string& text, Duration after) {
+    sender.report_condition(wire::Severity::kAlarm, "disk", text, "", now + after);
+  };
+  report("/data2: 1,000 frames lost", 0s);
+  for (int seconds = 1; seconds < 60; ++seconds) report("/data2: 1,500 frames lost", seconds * 1s);
+  report("/data2: 1,500 frames lost", 62s);
+  report("/data2: 1,500 frames lost", 200s);
+  report("", 201s);
+  std::vector<std::string> texts;
+  while (texts.empty() || texts.back() != "the problem has ended") {
+    const auto event = events.wait(test::within(10));
+    ASSERT_TRUE(event) << testing::PrintToString(texts);
+    texts.push_back(event->text);
+  }
+  EXPECT_THAT(texts, testing::ElementsAre("/data2: 1,000 frames lost", "/data2: 1,500 frames lost",
+                                          "the problem has ended"));
+}
+
 TEST(EventSender, shortens_a_text_that_receivers_would_drop) {
   Bus bus("udpm://239.255.76.67:7667?ttl=0");
   Subscription<wire::EventMessage> events(bus, wire::kEventChannel, 64);
