@@ -157,8 +157,8 @@ void Truth::check_stop(const control::Answer& answer) {
     cameras.insert(cameras.end(), names.begin(), names.end());
   }
   ctl::TakeAccount account = ctl::merge_ledgers(answer);
-  if (account.ledger.take.empty()) return;
   if (!account.unreadable.empty()) violate("a ledger is not readable");
+  if (account.ledger.take.empty()) return;
   const bool from_all = answer.done() && account.of_another_take.empty();
   if (!from_all) account = ctl::merge_ledgers(answer, cameras);
   const take::Ledger& ledger = account.ledger;
