@@ -87,6 +87,7 @@ void NodeProcess::boot() {
   pulse_seq_ = 0;
   commands_.clear();
   waiting_.clear();
+  waiting_of_.clear();
   is_paused_ = is_ending_ = false;
   protocol_ = std::make_unique<control::NodeProtocol>(
       host_.name, *work_, [this](wire::ReplyMessage reply) { publish(std::move(reply)); },
@@ -176,9 +177,8 @@ void NodeProcess::resume() {
   if (!is_up() || !is_paused_) return;
   trace_.add([&] { return host_.name + " resumes"; });
   is_paused_ = false;
-  for (const Datagram& datagram : std::exchange(waiting_, {})) {
-    process(datagram.channel, datagram.from, datagram.bytes);
-  }
+  waiting_of_.clear();
+  for (const auto& handle : std::exchange(waiting_, {})) handle();
   plan_turn(world_.time.now());
 }
 
@@ -187,10 +187,25 @@ void NodeProcess::resume() {
 void NodeProcess::receive(Channel channel, size_t from, const wire::Bytes& bytes) {
   if (!is_up()) return;
   if (is_paused_) {
-    waiting_.push_back({channel, from, bytes});
+    waiting_.emplace_back([this, channel, from, bytes] { process(channel, from, bytes); });
     return;
   }
   process(channel, from, bytes);
+}
+
+void NodeProcess::on_sensed(int64_t pulse) {
+  const auto handle = [this, pulse, edge = clock()] {
+    work_->on_sensed(pulse);
+    send_pulse(pulse, edge);
+  };
+  if (!is_paused_) return handle();
+  if (waiting_of_["edges"]++ < kMaxWaiting) waiting_.emplace_back(handle);
+}
+
+void NodeProcess::on_frame(const std::string& camera, int64_t pulse) {
+  if (!is_paused_) return work_->on_frame(camera, pulse);
+  if (waiting_of_["camera " + camera]++ >= kMaxWaiting) return;
+  waiting_.emplace_back([this, camera, pulse] { work_->on_frame(camera, pulse); });
 }
 
 void NodeProcess::process(Channel channel, size_t from, const wire::Bytes& bytes) {
@@ -326,9 +341,10 @@ void NodeProcess::publish_health() {
   send(Channel::kHealth, encode(health));
 }
 
-void NodeProcess::send_pulse(int64_t pulse) {
+void NodeProcess::send_pulse(int64_t pulse, RealtimeInstant edge) {
   wire::PulseMessage message;
-  message.sent = message.edge = clock();
+  message.sent = clock();
+  message.edge = edge;
   message.seq = pulse_seq_++;
   message.take = protocol_->order().take;
   message.pulse = pulse;

@@ -3,6 +3,7 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -28,7 +29,8 @@ class NodeProcess {
   void crash();
   /// Shuts the daemon down as systemd does: a running take is drained first.
   void ask_to_end();
-  /// Stops the process; datagrams wait until resume().
+  /// Stops the process. Until resume(), datagrams wait, and edges and frames as far as the buffers
+  /// of the kernel have room.
   void pause();
   void resume();
 
@@ -46,11 +48,14 @@ class NodeProcess {
   /// Sets the host index of the trigger's node. Other nodes receive its health and pulses; the
   /// trigger's node receives the health of all nodes.
   void listen_to_trigger_at(size_t place) { trigger_place_ = place; }
-  /// Sends a pulse, as PulseRecorder does. The last pulse is sent three more times, because no
-  /// later pulse reveals its loss.
-  void send_pulse(int64_t pulse);
+  /// A pulse on the sense line. The process, which runs, sends it as PulseRecorder does. The last
+  /// pulse is sent three more times, because no later pulse reveals its loss.
+  void on_sensed(int64_t pulse);
+  /// A frame of one of the node's cameras, or a pulse to reconstruct.
+  void on_frame(const std::string& camera, int64_t pulse);
 
  private:
+  void send_pulse(int64_t pulse, RealtimeInstant edge);
   void repeat_pulse(const wire::Bytes& bytes, int64_t seq, int times);
   void recover_takes();
   void receive(Channel channel, size_t from, const wire::Bytes& bytes);
@@ -71,11 +76,9 @@ class NodeProcess {
   bool accepts(const bus::SessionStamp& stamp);
   void on_session_message(const wire::SessionMessage& message, const bus::SessionStamp& stamp);
 
-  struct Datagram {
-    Channel channel;
-    size_t from;
-    wire::Bytes bytes;
-  };
+  /// The kernel keeps 16 edges of a line (GPIO), and a camera has as many buffers
+  /// ([[camera]] buffers).
+  static constexpr int64_t kMaxWaiting = 16;
 
   World& world_;
   Trace& trace_;
@@ -97,8 +100,10 @@ class NodeProcess {
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;
   bool is_ending_ = false;
-  std::vector<Datagram> waiting_;  ///< received while the process is paused
-  int64_t turn_ = 0;               ///< number of the newest planned turn; older plans do nothing
+  /// What arrived while the process is paused, in order.
+  std::vector<std::function<void()>> waiting_;
+  std::map<std::string, int64_t> waiting_of_;  ///< number of frames, by camera, and of "edges"
+  int64_t turn_ = 0;  ///< number of the newest planned turn; older plans do nothing
 };
 
 }  // namespace v3d::simulation

@@ -287,10 +287,7 @@ void Schedule::on_pulse(int64_t pulse, bool sensed) {
   truth_.on_pulse(pulse, sensed);
   for (const auto& node : nodes_) {
     if (!node->is_up()) continue;
-    if (node->is_trigger() && world_.has_sense_line && sensed) {
-      node->work()->on_sensed(pulse);
-      node->send_pulse(pulse);
-    }
+    if (node->is_trigger() && world_.has_sense_line && sensed) node->on_sensed(pulse);
     if (!node->host().captures) deliver_frame(*node, "", pulse);
     for (const std::string& camera : node->host().cameras) deliver_frame(*node, camera, pulse);
   }
@@ -299,7 +296,7 @@ void Schedule::on_pulse(int64_t pulse, bool sensed) {
 void Schedule::deliver_frame(NodeProcess& node, const std::string& camera, int64_t pulse) {
   if (draws_.chance(node.host().frame_loss)) return;
   time_.after(draws_.seconds(0.005, 0.04), [&node, camera, pulse, work = node.work()] {
-    if (node.is_up() && node.work() == work) work->on_frame(camera, pulse);
+    if (node.is_up() && node.work() == work) node.on_frame(camera, pulse);
   });
 }
 
