@@ -12,9 +12,10 @@
 namespace v3d::sim {
 namespace {
 
-constexpr std::array<std::string_view, 5> kColumns = {"camera", "device_time_ns",
-                                                      "edge_monotonic_ns", "edge", "image_index"};
-constexpr std::string_view kHeader = "camera,device_time_ns,edge_monotonic_ns,edge,image_index";
+constexpr std::array<std::string_view, 6> kColumns = {
+    "camera", "device_time_ns", "edge_monotonic_ns", "edge", "image_index", "xxh3"};
+constexpr std::string_view kHeader =
+    "camera,device_time_ns,edge_monotonic_ns,edge,image_index,xxh3";
 
 std::vector<std::string_view> split(std::string_view line) {
   std::vector<std::string_view> fields;
@@ -32,18 +33,23 @@ ExposureLine parse_line(std::string_view text, const std::string& where) {
     throw InputError(where + ": " + std::to_string(fields.size()) + " fields, expected " +
                      std::string(kHeader));
   }
-  const auto number = [&](size_t column) {
-    int64_t value = 0;
+  const auto read = [&]<class T>(size_t column, T value, int base) {
     const std::string_view field = fields[column];
-    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+    const auto [end, error] =
+        std::from_chars(field.data(), field.data() + field.size(), value, base);
     if (error != std::errc{} || end != field.data() + field.size()) {
       throw InputError(where + ": " + std::string(kColumns[column]) + ": \"" + std::string(field) +
-                       "\" is not an integer");
+                       "\" is not a number");
     }
     return value;
   };
-  return {std::string(fields[0]), from_ns<DeviceClock>(number(1)), from_ns<Monotonic>(number(2)),
-          number(3), number(4)};
+  const auto number = [&](size_t column) { return read(column, int64_t{0}, 10); };
+  return {std::string(fields[0]),
+          from_ns<DeviceClock>(number(1)),
+          from_ns<Monotonic>(number(2)),
+          number(3),
+          number(4),
+          read(5, uint64_t{0}, 16)};
 }
 
 }  // namespace
@@ -59,8 +65,9 @@ ExposureRecord::ExposureRecord(const std::filesystem::path& path)
 void ExposureRecord::add(const ExposureLine& line) {
   const std::lock_guard lock(mutex_);
   const int written = std::fprintf(
-      file_.get(), "%s,%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 "\n", line.camera.c_str(),
-      to_ns(line.device_time), to_ns(line.edge_time), line.edge, line.image_index);
+      file_.get(), "%s,%" PRId64 ",%" PRId64 ",%" PRId64 ",%" PRId64 ",%016" PRIx64 "\n",
+      line.camera.c_str(), to_ns(line.device_time), to_ns(line.edge_time), line.edge,
+      line.image_index, line.checksum);
   if (written < 0 || std::fflush(file_.get()) != 0) {
     ++lost_;
   }

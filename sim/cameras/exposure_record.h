@@ -20,13 +20,15 @@ namespace v3d::sim {
 /// The image_index of an image that a fault replaced by black.
 inline constexpr int64_t kBlackImage = -2;
 
-/// A line: camera,device_time_ns,edge_monotonic_ns,edge,image_index.
+/// A line: camera,device_time_ns,edge_monotonic_ns,edge,image_index,xxh3.
 struct ExposureLine {
   std::string camera;
   DeviceInstant device_time;
   MonotonicInstant edge_time;
   int64_t edge = 0;
   int64_t image_index = -1;  ///< -1: the empty studio; kBlackImage
+  /// XXH3 of the image with 8 bits per sample, 16 hexadecimal digits in the file; 0: not known.
+  uint64_t checksum = 0;
   friend bool operator==(const ExposureLine&, const ExposureLine&) = default;
 };
 

@@ -100,6 +100,8 @@ class FaultyStudio : public Studio4 {
     exposures_ = sim::load_exposures(folder_ / "exposures.csv");
     check_ = sim::check_take(take().folder, exposures_);
     EXPECT_EQ(check_.mislabelled_not_suspect, 0) << testing::PrintToString(check_.problems);
+    EXPECT_EQ(check_.frames_repeated, 0) << testing::PrintToString(check_.problems);
+    EXPECT_EQ(check_.images_wrong, 0) << testing::PrintToString(check_.problems);
     for (const take::CameraLedger& camera : verified_.ledger.cameras) {
       if (camera.name == "cam02") continue;
       EXPECT_THAT(camera.missing, IsEmpty()) << camera.name;

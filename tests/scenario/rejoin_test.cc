@@ -74,6 +74,8 @@ class StudioOfThree : public Studio4 {
     const auto exposures = sim::load_exposures(folder_ / "exposures.csv");
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
     EXPECT_EQ(check.mislabelled_not_suspect, 0) << testing::PrintToString(check.problems);
+    EXPECT_EQ(check.frames_repeated, 0) << testing::PrintToString(check.problems);
+    EXPECT_EQ(check.images_wrong, 0) << testing::PrintToString(check.problems);
   }
   /// The sound of before and of after the restart has a map of its pulses, one beside the other.
   void expect_sound_in_two_files() const {

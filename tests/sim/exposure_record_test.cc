@@ -13,8 +13,12 @@ namespace {
 using test::TemporaryFolder;
 
 ExposureLine line(const std::string& camera, int64_t edge) {
-  return {camera, from_ns<DeviceClock>(1000 + edge), from_ns<Monotonic>(2000 + edge), edge,
-          edge - 2};
+  return {camera,
+          from_ns<DeviceClock>(1000 + edge),
+          from_ns<Monotonic>(2000 + edge),
+          edge,
+          edge - 2,
+          0xfedc'0000'0000'0000 + static_cast<uint64_t>(edge)};
 }
 
 std::string refusal(const std::string& text) {
@@ -35,12 +39,13 @@ TEST(ExposureRecord, reads_back_every_line_after_it_was_written) {
 
 TEST(ExposureRecord, reports_line_and_field_of_an_invalid_record) {
   const TemporaryFolder folder;
-  const std::string header = "camera,device_time_ns,edge_monotonic_ns,edge,image_index\n";
+  const std::string header = "camera,device_time_ns,edge_monotonic_ns,edge,image_index,xxh3\n";
   EXPECT_THAT(refusal(""), testing::HasSubstr("e.csv:1"));
   EXPECT_THAT(refusal("camera,edge\n"), testing::HasSubstr("e.csv:1"));
   EXPECT_THAT(refusal(header + "cam01,1,2,3\n"), testing::HasSubstr("e.csv:2: 4 fields"));
-  EXPECT_THAT(refusal(header + "cam01,1,2,3,4\ncam01,1,x,3,4\n"),
+  EXPECT_THAT(refusal(header + "cam01,1,2,3,4,f\ncam01,1,x,3,4,f\n"),
               testing::HasSubstr("e.csv:3: edge_monotonic_ns: \"x\""));
+  EXPECT_THAT(refusal(header + "cam01,1,2,3,4,-1\n"), testing::HasSubstr("e.csv:2: xxh3: \"-1\""));
   EXPECT_NO_THROW(parse_exposures(header, "e.csv"));
   EXPECT_THROW(load_exposures(folder / "absent.csv"), InputError);
   EXPECT_THROW(ExposureRecord(folder / "absent/e.csv"), InputError);

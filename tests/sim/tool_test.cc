@@ -15,8 +15,8 @@
 #include "common/ply_file.h"
 #include "sim/performer/motion.h"
 #include "sim/rendering/scene.h"
+#include "sim/small_take.h"
 #include "sim/tiny_body.h"
-#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/frame_log.h"
@@ -30,49 +30,6 @@ namespace {
 
 using test::TemporaryFolder;
 using testing::HasSubstr;
-
-template <class Call>
-std::string refusal(Call call) {
-  return test::message_of<InputError>(call);
-}
-
-SimulatedTake small_take(const std::filesystem::path& folder) {
-  SimulatedTake take;
-  take.folder = folder;
-  take.rig = make_rig(3, {96, 64}, 4);
-  take.frames = 5;
-  take.seed = 4;
-  return take;
-}
-
-void write(const SimulatedTake& take) {
-  write_take(take, [](int64_t) {});
-}
-
-Fault fault(const std::string& camera, int64_t pulse, FaultKind kind) {
-  Fault fault;
-  fault.camera = camera;
-  fault.pulse = pulse;
-  fault.kind = kind;
-  return fault;
-}
-
-/// The exposure record that fits the take in `folder`, so that every label is correct.
-std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
-  constexpr int64_t kFirstEdge = 20;
-  const take::TakePaths paths{folder};
-  std::vector<ExposureLine> record;
-  const std::vector<wire::PulseMessage> pulses = take::read_pulses(paths.pulses());
-  for (const std::string& camera : load_take_info(paths).cameras) {
-    const take::FrameLogReader log(paths.frames(camera));
-    for (const FrameLabel& label : log.labels()) {
-      record.push_back({camera, label.device_time,
-                        pulses[static_cast<size_t>(label.pulse)].edge_monotonic,
-                        kFirstEdge + label.pulse, label.pulse});
-    }
-  }
-  return record;
-}
 
 TEST(StudioOptions, require_an_even_image_size) {
   StudioOptions options{.cameras = 3, .size = "96x64"};
@@ -391,63 +348,6 @@ TEST(SimulatedTake, rejects_a_used_folder_and_an_invalid_name) {
   write(small_take(folder / "cut"));
   EXPECT_THAT(refusal([&] { write(small_take(folder / "cut")); }), HasSubstr("already exists"));
   EXPECT_THAT(refusal([&] { write(small_take(folder / "-cut")); }), HasSubstr("no take name"));
-}
-
-TEST(TakeCheck, accepts_a_correct_take) {
-  const TemporaryFolder folder;
-  write(small_take(folder / "cut"));
-  const TakeCheck check = check_take(folder / "cut", record_of(folder / "cut"));
-  EXPECT_EQ(check.frames_received, 15);
-  EXPECT_TRUE(check.whole()) << check.problems.front();
-}
-
-TEST(TakeCheck, counts_missing_frames) {
-  const TemporaryFolder folder;
-  SimulatedTake take = small_take(folder / "cut");
-  take.faults = {fault("cam01", 2, FaultKind::kDrop), fault("cam03", 2, FaultKind::kDrop)};
-  write(take);
-  const TakeCheck check = check_take(take.folder, record_of(take.folder));
-  EXPECT_EQ(check.frames_received, 13);
-  EXPECT_EQ(check.frames_missing, 2);
-  EXPECT_EQ(check.frames_mislabelled, 0);
-  EXPECT_FALSE(check.whole());
-}
-
-TEST(TakeCheck, counts_frames_that_show_another_edge_than_their_pulse) {
-  const TemporaryFolder folder;
-  write(small_take(folder / "cut"));
-  const std::vector<ExposureLine> right = record_of(folder / "cut");
-  const auto mislabelled = [&](const std::function<void(std::vector<ExposureLine>&)>& spoil) {
-    std::vector<ExposureLine> record = right;
-    spoil(record);
-    return check_take(folder / "cut", record).frames_mislabelled;
-  };
-  // The images of two pulses are swapped.
-  EXPECT_EQ(mislabelled([](auto& r) { std::swap(r[1].device_time, r[2].device_time); }), 2);
-  // An exposure that is not in the record.
-  EXPECT_EQ(mislabelled([](auto& r) { r[7].device_time += Duration(1); }), 1);
-  // All frames of a camera are one pulse late.
-  EXPECT_EQ(mislabelled([](auto& r) {
-              for (size_t i = 0; i < 5; ++i) ++r[i].edge;
-            }),
-            5);
-}
-
-TEST(TakeCheck, counts_mislabelled_frames_that_are_not_suspect) {
-  const TemporaryFolder folder;
-  SimulatedTake take = small_take(folder / "cut");
-  take.faults = {fault("cam01", 1, FaultKind::kSuspect)};
-  write(take);
-  std::vector<ExposureLine> record = record_of(take.folder);
-  std::swap(record[1].device_time, record[2].device_time);
-  const TakeCheck check = check_take(take.folder, record);
-  EXPECT_EQ(check.frames_mislabelled, 2);
-  EXPECT_EQ(check.mislabelled_not_suspect, 1);
-}
-
-TEST(TakeCheck, reports_a_missing_take) {
-  const TemporaryFolder folder;
-  EXPECT_NE(refusal([&] { check_take(folder / "absent", {}); }), "");
 }
 
 }  // namespace

@@ -58,13 +58,19 @@ struct TakeCheck {
   int64_t frames_missing = 0;           ///< pulses without a frame, over all cameras
   int64_t frames_mislabelled = 0;       ///< frames labelled with a wrong pulse
   int64_t mislabelled_not_suspect = 0;  ///< mislabelled frames that are not marked suspect
+  int64_t frames_repeated = 0;          ///< frames of an exposure beyond the images that were sent
+  int64_t images_wrong = 0;             ///< pulses whose image has other bytes than the sent one
   std::vector<std::string> problems;    ///< the first problems, one line each
-  bool whole() const { return frames_missing == 0 && frames_mislabelled == 0; }
+  bool whole() const {
+    return frames_missing == 0 && frames_mislabelled == 0 && frames_repeated == 0 &&
+           images_wrong == 0;
+  }
 };
 
 /// A label is correct when the record has an exposure of the frame's camera and device time, at the
 /// edge whose time pulses.lcmlog gives for the frame's pulse. This edge must be the pulse-th one,
-/// counted from the edge of pulse 0. Throws InputError for a take that cannot be read.
+/// counted from the edge of pulse 0. The image that readers use for a pulse has the checksum of the
+/// record, where that is known. Throws InputError for a take that cannot be read.
 TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& record);
 
 }  // namespace v3d::sim

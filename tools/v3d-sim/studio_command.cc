@@ -4,10 +4,12 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <optional>
 
 #include "base/config/calib_file.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
@@ -87,6 +89,7 @@ struct RenderedImages {
   std::vector<std::vector<Image>> plates;  ///< [i][camera]: the empty studio, with different noise
   std::vector<std::vector<Image>> loop;    ///< [i][camera]: the performer
   int64_t repeated_from = 0;               ///< the images from here on are repeated
+  std::map<const Image*, uint64_t> checksums{};  ///< of the bytes of all images
 
   int64_t image_index(int64_t edge, int64_t empty_pulses) const {
     const int64_t index = edge - empty_pulses;
@@ -100,7 +103,24 @@ struct RenderedImages {
         index < 0 ? plates[static_cast<size_t>(edge % kPlates)] : loop[static_cast<size_t>(index)];
     return images[static_cast<size_t>(camera)];
   }
+  /// Once for each image: the cameras send it many times.
+  void add_checksums() {
+    for (const auto* const images : {&plates, &loop}) {
+      for (const std::vector<Image>& of_rig : *images) {
+        for (const Image& image : of_rig) checksums[&image] = checksum({image.bytes});
+      }
+    }
+  }
 };
+
+/// The checksum of a sent image, as v3d-sim check compares it; 0 when it is not known.
+uint64_t sent_checksum(const Exposure& exposure, const RenderedImages& rendered,
+                       const Arguments& arguments) {
+  const Image& image = rendered.picture(exposure.camera, exposure.edge, arguments.empty_pulses);
+  if (exposure.black) return checksum({std::vector<uint8_t>(image.bytes.size())});
+  if (!arguments.flicker.empty()) return 0;
+  return rendered.checksums.at(&image);
+}
 
 void check_memory(int64_t images, ImageSize size) {
   const double needed = static_cast<double>(images) * static_cast<double>(size.pixels());
@@ -138,6 +158,7 @@ std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments&
     }
     progress.advance();
   }
+  rendered.add_checksums();
   return rendered;
 }
 
@@ -192,7 +213,8 @@ int run(Arguments arguments) {
       },
       [&](const Exposure& e) {
         record.add({rig[static_cast<size_t>(e.camera)].name, e.device_time, e.edge_time, e.edge,
-                    e.black ? kBlackImage : rendered->image_index(e.edge, empty)});
+                    e.black ? kBlackImage : rendered->image_index(e.edge, empty),
+                    sent_checksum(e, *rendered, arguments)});
       },
       arguments.studio.seed);
   const TriggerCable cable(folder / "trigger.sock", [&](int64_t edge, MonotonicInstant edge_time) {

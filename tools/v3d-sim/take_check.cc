@@ -1,11 +1,12 @@
+#include <algorithm>
 #include <iostream>
 #include <iterator>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 
+#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "sim/cameras/exposure_record.h"
@@ -23,13 +24,20 @@ class ExposureIndex {
  public:
   explicit ExposureIndex(const std::vector<ExposureLine>& lines) {
     for (const ExposureLine& line : lines) {
-      by_exposure_[{line.camera, line.device_time}] = &line;
+      Sent& sent = by_exposure_[{line.camera, line.device_time}];
+      sent.line = &line;
+      ++sent.images;
       edge_at_[line.edge_time] = line.edge;
     }
   }
   const ExposureLine* exposure(const std::string& camera, DeviceInstant device_time) const {
     const auto found = by_exposure_.find({camera, device_time});
-    return found == by_exposure_.end() ? nullptr : found->second;
+    return found == by_exposure_.end() ? nullptr : found->second.line;
+  }
+  /// How often the camera sent the image of this exposure: twice with a duplicate fault.
+  int64_t images(const std::string& camera, DeviceInstant device_time) const {
+    const auto found = by_exposure_.find({camera, device_time});
+    return found == by_exposure_.end() ? 0 : found->second.images;
   }
   std::optional<int64_t> edge_at(MonotonicInstant time) const {
     const auto found = edge_at_.find(time);
@@ -37,7 +45,11 @@ class ExposureIndex {
   }
 
  private:
-  std::map<std::pair<std::string, DeviceInstant>, const ExposureLine*> by_exposure_;
+  struct Sent {
+    const ExposureLine* line = nullptr;
+    int64_t images = 0;
+  };
+  std::map<std::pair<std::string, DeviceInstant>, Sent> by_exposure_;
   std::map<MonotonicInstant, int64_t> edge_at_;
 };
 
@@ -68,6 +80,76 @@ std::string verdict(const std::string& camera, const FrameLabel& label, const Ex
   return "";
 }
 
+/// Compares the frames of one camera with the record, and adds to the check.
+class CameraCheck {
+ public:
+  CameraCheck(std::string camera, const std::filesystem::path& log, const ExposureIndex& record,
+              const std::map<int64_t, MonotonicInstant>& pulses, TakeCheck& check)
+      : camera_(std::move(camera)), log_(log), record_(record), pulses_(pulses), check_(check) {}
+
+  void run(int64_t pulses) {
+    for (const FrameLabel& label : log_.labels()) check_label(label);
+    for (const auto& [device_time, frames] : frames_of_) check_repetition(device_time, frames);
+    for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+      const auto shown = shown_.find(pulse);
+      if (shown == shown_.end()) {
+        ++check_.frames_missing;
+        report(pulse, ": missing");
+      } else {
+        check_image(*shown->second);
+      }
+    }
+  }
+
+ private:
+  void check_label(const FrameLabel& label) {
+    ++check_.frames_received;
+    ++frames_of_[label.device_time];
+    const FrameLabel*& shown = shown_[label.pulse];
+    if (shown == nullptr || (shown->suspect && !label.suspect)) shown = &label;
+    const std::string wrong = verdict(camera_, label, record_, pulses_);
+    if (wrong.empty()) return;
+    ++check_.frames_mislabelled;
+    check_.mislabelled_not_suspect += label.suspect ? 0 : 1;
+    report(label.pulse, (label.suspect ? " (suspect): " : ": ") + wrong);
+  }
+
+  void check_repetition(DeviceInstant device_time, int64_t frames) {
+    const int64_t sent = std::max<int64_t>(1, record_.images(camera_, device_time));
+    if (frames <= sent) return;
+    check_.frames_repeated += frames - sent;
+    const ExposureLine* const exposure = record_.exposure(camera_, device_time);
+    add(camera_ + " edge " + (exposure == nullptr ? "unknown" : std::to_string(exposure->edge)) +
+        ": " + std::to_string(frames) + " frames of " + std::to_string(sent) + " sent");
+  }
+
+  /// `label`: of the frame that FrameLogReader::read() returns for its pulse.
+  void check_image(const FrameLabel& label) {
+    const ExposureLine* const exposure = record_.exposure(camera_, label.device_time);
+    if (exposure == nullptr || exposure->checksum == 0) return;
+    const std::optional<Frame> frame = log_.read(label.pulse);
+    if (frame && checksum({frame->image.bytes}) == exposure->checksum) return;
+    ++check_.images_wrong;
+    report(label.pulse,
+           frame ? ": the image has other bytes than the sent one" : ": the image cannot be read");
+  }
+
+  void report(int64_t pulse, const std::string& problem) {
+    add(camera_ + " pulse " + std::to_string(pulse) + problem);
+  }
+  void add(const std::string& problem) {
+    if (check_.problems.size() < kProblemsShown) check_.problems.push_back(problem);
+  }
+
+  const std::string camera_;
+  take::FrameLogReader log_;
+  const ExposureIndex& record_;
+  const std::map<int64_t, MonotonicInstant>& pulses_;
+  TakeCheck& check_;
+  std::map<DeviceInstant, int64_t> frames_of_;  ///< number of frames of each exposure
+  std::map<int64_t, const FrameLabel*> shown_;  ///< the frame that readers use, by pulse
+};
+
 }  // namespace
 
 TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& lines) {
@@ -79,31 +161,8 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
     pulses[pulse.pulse] = pulse.edge_monotonic;
   }
   TakeCheck check;
-  const auto report = [&](const std::string& problem) {
-    if (check.problems.size() < kProblemsShown) {
-      check.problems.push_back(problem);
-    }
-  };
   for (const std::string& camera : info.cameras) {
-    const take::FrameLogReader log(paths.frames(camera));
-    std::set<int64_t> seen;
-    for (const FrameLabel& label : log.labels()) {
-      ++check.frames_received;
-      seen.insert(label.pulse);
-      const std::string wrong = verdict(camera, label, record, pulses);
-      if (!wrong.empty()) {
-        ++check.frames_mislabelled;
-        check.mislabelled_not_suspect += label.suspect ? 0 : 1;
-        report(camera + " pulse " + std::to_string(label.pulse) +
-               (label.suspect ? " (suspect): " : ": ") + wrong);
-      }
-    }
-    for (int64_t pulse = 0; pulse < info.pulses; ++pulse) {
-      if (!seen.contains(pulse)) {
-        ++check.frames_missing;
-        report(camera + " pulse " + std::to_string(pulse) + ": missing");
-      }
-    }
+    CameraCheck(camera, paths.frames(camera), record, pulses, check).run(info.pulses);
   }
   return check;
 }
@@ -125,14 +184,18 @@ int run(const Arguments& arguments) {
     std::cout << nlohmann::ordered_json{{"frames_received", check.frames_received},
                                         {"frames_missing", check.frames_missing},
                                         {"frames_mislabelled", check.frames_mislabelled},
-                                        {"mislabelled_silently", check.mislabelled_not_suspect}}
+                                        {"mislabelled_silently", check.mislabelled_not_suspect},
+                                        {"frames_repeated", check.frames_repeated},
+                                        {"images_wrong", check.images_wrong}}
                      .dump()
               << '\n';
   } else {
     std::cout << format_count(check.frames_received) << " frames received, "
               << format_count(check.frames_missing) << " missing, "
               << format_count(check.frames_mislabelled) << " mislabelled, "
-              << format_count(check.mislabelled_not_suspect) << " of them not suspect\n";
+              << format_count(check.mislabelled_not_suspect) << " of them not suspect, "
+              << format_count(check.frames_repeated) << " repeated, "
+              << format_count(check.images_wrong) << " with wrong images\n";
   }
   return check.whole() ? kExitDone : kExitIncomplete;
 }
@@ -142,14 +205,14 @@ int run(const Arguments& arguments) {
 void add_check_command(cli::Command app, int& status) {
   cli::Command command = app.add_subcommand(
       "check",
-      "Compare a recorded take with the simulator's record of the edge that each image shows");
+      "Compare a recorded take with the simulator's record of the edge and pixels of each image");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "Folder of the take").required();
   command.add_option("--exposures", arguments->exposures, "exposures.csv of the simulated studio")
       .required();
   command.add_flag("--json", arguments->json, "One JSON object on stdout");
   command.footer(
-      "Exit status 3 when a frame is missing or mislabelled.\n"
+      "Exit status 3 when a frame is missing, mislabelled or repeated, or has other pixels.\n"
       "Example:\n"
       "  v3d-sim check studio/kendo-01 --exposures studio/exposures.csv --json");
   command.on_parsed([arguments, &status] { status = run(*arguments); });
