@@ -234,6 +234,33 @@ TEST(SimulatedTake, has_earlier_images_only_in_a_late_camera) {
       << "the ledger does not contain this fault";
 }
 
+TEST(SimulatedTake, has_the_masks_of_the_images_that_a_late_or_black_camera_sends) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "late");
+  take.mask_dilation_px = 1;
+  take.faults = {fault("cam02", 3, FaultKind::kLate), fault("cam03", 2, FaultKind::kBlack)};
+  write(take);
+  const take::TakePaths paths{take.folder};
+  take::FrameLogReader late(paths.frames("cam02"));
+  EXPECT_NE(*late.read(2)->mask, *late.read(1)->mask);
+  EXPECT_EQ(*late.read(3)->mask, *late.read(2)->mask);
+  take::FrameLogReader black(paths.frames("cam03"));
+  EXPECT_LT(intersection_over_union(*black.read(2)->mask, *black.read(1)->mask), 0.5);
+  EXPECT_GT(intersection_over_union(*black.read(3)->mask, *black.read(1)->mask), 0.5);
+}
+
+TEST(SimulatedTake, has_the_lag_of_the_last_late_fault_of_a_camera) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "late");
+  take.faults = {fault("cam02", 2, FaultKind::kLate), fault("cam02", 4, FaultKind::kLate)};
+  take.faults[1].pulses = 3;
+  write(take);
+  take::FrameLogReader late(take::TakePaths{take.folder}.frames("cam02"));
+  EXPECT_EQ(late.read(2)->image.bytes, late.read(1)->image.bytes);
+  EXPECT_NE(late.read(3)->image.bytes, late.read(2)->image.bytes);
+  EXPECT_EQ(late.read(4)->image.bytes, late.read(1)->image.bytes);
+}
+
 TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut");

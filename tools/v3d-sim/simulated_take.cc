@@ -79,9 +79,9 @@ class CameraLog {
         clock_(simulated_clock(index, seed, from_ns<Monotonic>(kStartMonotonicNs))),
         writer_(paths.frames(camera_)) {}
 
+  /// `image` and its mask are those of shown_at().
   void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image,
            std::optional<Mask> mask) {
-    image = shown_at(pulse, std::move(image));
     if (has_fault(faults_, camera_, pulse, FaultKind::kDrop)) {
       return;
     }
@@ -90,7 +90,6 @@ class CameraLog {
     message.frame.camera = camera_;
     message.frame.sensor_size = image.size;
     message.frame.roi = {0, 0, image.size.width, image.size.height};
-    if (has_fault(faults_, camera_, pulse, FaultKind::kBlack)) std::ranges::fill(image.bytes, 0);
     message.frame.image = std::move(image);
     message.frame.mask = std::move(mask);
     FrameLabel& label = message.frame.label;
@@ -113,15 +112,15 @@ class CameraLog {
     }
   }
 
-  /// The image that the camera sends at this pulse; `image` is the correct one.
+  /// The image that the camera sends at this pulse; `image` is the correct one. To be called for
+  /// every pulse, in order.
   Image shown_at(int64_t pulse, Image image) {
-    const auto late = std::ranges::find_if(faults_, [&](const Fault& fault) {
-      return fault.camera == camera_ && fault.kind == FaultKind::kLate;
-    });
-    if (late == faults_.end()) return image;
     recent_images_.push_back(std::move(image));
-    if (std::ssize(recent_images_) > late->pulses + 1) recent_images_.pop_front();
-    return pulse < late->pulse ? recent_images_.back() : recent_images_.front();
+    if (std::ssize(recent_images_) > max_lag() + 1) recent_images_.pop_front();
+    const int64_t last = std::ssize(recent_images_) - 1;
+    Image shown = recent_images_[static_cast<size_t>(std::max<int64_t>(0, last - lag_at(pulse)))];
+    if (has_fault(faults_, camera_, pulse, FaultKind::kBlack)) std::ranges::fill(shown.bytes, 0);
+    return shown;
   }
 
   take::CameraLedger close(int64_t commanded) const {
@@ -132,6 +131,24 @@ class CameraLog {
   take::TakeFile file() const { return writer_.file(); }
 
  private:
+  bool is_late(const Fault& fault) const {
+    return fault.camera == camera_ && fault.kind == FaultKind::kLate;
+  }
+  int64_t max_lag() const {
+    int64_t lag = 0;
+    for (const Fault& fault : faults_) lag = std::max(lag, is_late(fault) ? fault.pulses : 0);
+    return lag;
+  }
+  /// By the last late fault that has begun, in pulses.
+  int64_t lag_at(int64_t pulse) const {
+    const Fault* last = nullptr;
+    for (const Fault& fault : faults_) {
+      if (!is_late(fault) || fault.pulse > pulse) continue;
+      if (last == nullptr || fault.pulse > last->pulse) last = &fault;
+    }
+    return last == nullptr ? 0 : last->pulses;
+  }
+
   const std::string take_;
   const std::string camera_;
   const int index_;
@@ -142,7 +159,7 @@ class CameraLog {
   std::vector<int64_t> pulses_;
   std::vector<int64_t> suspect_;
   take::ExposureCount exposures_;
-  std::deque<Image> recent_images_;  ///< of a camera with kLate: the last images
+  std::deque<Image> recent_images_;  ///< the last images, as many as a lag needs
 };
 
 /// Segments like the capture daemon, dilates the masks and adds noise to the outlines.
@@ -211,8 +228,9 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     std::vector<Image> images =
         renderer.render_all(action_s, static_cast<uint64_t>(kPlates + pulse));
     for (size_t c = 0; c < images.size(); ++c) {
-      std::optional<Mask> mask = segmenter.segment(c, pulse, images[c]);
-      logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));
+      Image shown = logs[c].shown_at(pulse, std::move(images[c]));
+      std::optional<Mask> mask = segmenter.segment(c, pulse, shown);
+      logs[c].add(pulse, edge, edge_realtime, std::move(shown), std::move(mask));
     }
     if (truth) truth->write(pulse, action_s);
     progress(pulse + 1);
