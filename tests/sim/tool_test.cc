@@ -158,6 +158,20 @@ TEST(StudioText, is_a_valid_studio_file) {
   }
 }
 
+TEST(StudioFolder, of_another_studio_is_refused_and_one_of_the_simulator_is_not) {
+  const TemporaryFolder folder;
+  EXPECT_NO_THROW(require_own_studio(folder.path())) << "empty";
+  EXPECT_NO_THROW(require_own_studio(folder / "absent"));
+  replace_file(folder / "calib.toml", "# measured with a wand\n");
+  EXPECT_THAT(refusal([&] { require_own_studio(folder.path()); }),
+              HasSubstr("has a calib.toml that v3d-sim did not write"));
+  replace_file(folder / "studio.toml", "name = \"kyoto\"\n");
+  EXPECT_THAT(refusal([&] { require_own_studio(folder.path()); }),
+              HasSubstr("has a studio.toml that v3d-sim did not write"));
+  replace_file(folder / "studio.toml", studio_text(make_rig(1, {64, 48}, 1), {25, 0.01}));
+  EXPECT_NO_THROW(require_own_studio(folder.path()));
+}
+
 TEST(SimulatedTake, is_complete_and_readable) {
   const TemporaryFolder folder;
   const SimulatedTake take = small_take(folder / "cut");

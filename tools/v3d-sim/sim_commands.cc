@@ -6,7 +6,10 @@
 #include <iterator>
 
 #include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/image/image.h"
+#include "base/io/file.h"
 #include "common/option_checks.h"
 #include "sim/cameras/gige_cameras.h"
 #include "sim/rendering/scene.h"
@@ -61,22 +64,37 @@ Rig rig_of(const StudioOptions& options) {
   return make_rig(options.cameras, parse_size(options.size, Sides::kEven), options.seed);
 }
 
+namespace {
+
+constexpr std::string_view kStudioHead = "# A simulated studio, written by v3d-sim.\n";
+
+}  // namespace
+
+void require_own_studio(const std::filesystem::path& folder) {
+  const auto studio = folder / "studio.toml";
+  const auto calib = folder / "calib.toml";
+  const bool has_studio = std::filesystem::exists(studio);
+  if (!has_studio && !std::filesystem::exists(calib)) return;
+  if (has_studio && read_file(studio).starts_with(kStudioHead)) return;
+  throw InputError(folder.string() + ": has a " + (has_studio ? "studio.toml" : "calib.toml") +
+                   " that v3d-sim did not write and would replace; name another folder");
+}
+
 std::string studio_text(const Rig& rig, const StudioText& options) {
-  std::string text =
-      "# A simulated studio, written by v3d-sim.\n"
-      "name = \"simulated\"\n\n"
-      "[[node]]\nname = \"cap01\"\n\n"
-      "[[node]]\nname = \"recon01\"\n\n"
-      "[camera_defaults]\n"
-      "node = \"cap01\"\n"
-      "kind = \"aravis\"\n"
-      "pixel_format = \"" +
-      options.pixel_format +
-      "\"\n"
-      "exposure_us = 1000.0\n"
-      "trigger_line = \"Line1\"\n"
-      "packet_size = 60000\n"
-      "buffers = 16\n\n";
+  std::string text = std::string(kStudioHead) +
+                     "name = \"simulated\"\n\n"
+                     "[[node]]\nname = \"cap01\"\n\n"
+                     "[[node]]\nname = \"recon01\"\n\n"
+                     "[camera_defaults]\n"
+                     "node = \"cap01\"\n"
+                     "kind = \"aravis\"\n"
+                     "pixel_format = \"" +
+                     options.pixel_format +
+                     "\"\n"
+                     "exposure_us = 1000.0\n"
+                     "trigger_line = \"Line1\"\n"
+                     "packet_size = 60000\n"
+                     "buffers = 16\n\n";
   TomlWriter cameras;
   for (size_t i = 0; i < rig.size(); ++i) {
     const auto index = static_cast<int>(i);

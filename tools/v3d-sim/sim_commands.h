@@ -47,6 +47,10 @@ struct StudioText {
   bool has_action_trigger = false;  ///< action commands instead of the simulated cable
 };
 
+/// Throws InputError when `folder` has a studio.toml or calib.toml that v3d-sim did not write: both
+/// would be replaced, and the calibration of a studio takes hours.
+void require_own_studio(const std::filesystem::path& folder);
+
 /// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and
 /// trigger belong to node cap01; recon01 is the reconstruction node.
 std::string studio_text(const Rig& rig, const StudioText& options);

@@ -195,6 +195,7 @@ int run(Arguments arguments) {
                         std::string(name(read_format(arguments.format))),
                         arguments.trigger == "action"};
   std::filesystem::create_directories(folder);
+  require_own_studio(folder);
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
   if (!std::filesystem::exists(folder / "studio.key"))
