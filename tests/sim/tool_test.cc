@@ -172,6 +172,18 @@ TEST(StudioFolder, of_another_studio_is_refused_and_one_of_the_simulator_is_not)
   EXPECT_NO_THROW(require_own_studio(folder.path()));
 }
 
+TEST(StudioMemory, is_that_of_the_images_of_all_cameras) {
+  Rig rig = make_rig(1, {16, 16}, 1);
+  EXPECT_NO_THROW(require_memory(rig, 100, 1'000'000, ""));
+  EXPECT_THAT(refusal([&] { require_memory(rig, 10'000, 1'000'000, ""); }),
+              HasSubstr("reduce --loop-frames, --cameras or --size"));
+  rig.push_back(make_rig(1, {4096, 3072}, 1).front());
+  EXPECT_THAT(refusal([&] { require_memory(rig, 100, 1'000'000'000, "rig.toml"); }),
+              HasSubstr("the cameras of --rig rig.toml"));
+  std::swap(rig[0], rig[1]);
+  EXPECT_NO_THROW(require_memory(rig, 100, 2'000'000'000, "rig.toml"));
+}
+
 TEST(SimulatedTake, is_complete_and_readable) {
   const TemporaryFolder folder;
   const SimulatedTake take = small_take(folder / "cut");

@@ -80,6 +80,21 @@ void require_own_studio(const std::filesystem::path& folder) {
                    " that v3d-sim did not write and would replace; name another folder");
 }
 
+void require_memory(const Rig& rig, int64_t images, int64_t available,
+                    const std::string& rig_file) {
+  constexpr double kRendererBytes = 12;  // of a pixel: plate, samples and two depth buffers
+  double pixels = 0;
+  for (const RigCamera& camera : rig) pixels += static_cast<double>(camera.model.size().pixels());
+  const double needed = pixels * (static_cast<double>(images) + kRendererBytes);
+  if (needed <= 0.8 * static_cast<double>(available)) return;
+  throw InputError(fmt::format(
+      "--loop-frames: {} images of each of {} cameras need {}, but {} are free; reduce {}",
+      format_count(images), rig.size(), format_bytes(needed),
+      format_bytes(static_cast<double>(available)),
+      rig_file.empty() ? "--loop-frames, --cameras or --size"
+                       : "--loop-frames or the cameras of --rig " + rig_file));
+}
+
 std::string studio_text(const Rig& rig, const StudioText& options) {
   std::string text = std::string(kStudioHead) +
                      "name = \"simulated\"\n\n"

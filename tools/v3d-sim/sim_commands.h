@@ -51,6 +51,10 @@ struct StudioText {
 /// would be replaced, and the calibration of a studio takes hours.
 void require_own_studio(const std::filesystem::path& folder);
 
+/// Throws InputError when `images` of each camera of the rig, and its renderer, need more than 80 %
+/// of `available` bytes. `rig_file`: the value of --rig, for the message.
+void require_memory(const Rig& rig, int64_t images, int64_t available, const std::string& rig_file);
+
 /// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and
 /// trigger belong to node cap01; recon01 is the reconstruction node.
 std::string studio_text(const Rig& rig, const StudioText& options);

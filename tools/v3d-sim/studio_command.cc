@@ -122,22 +122,11 @@ uint64_t sent_checksum(const Exposure& exposure, const RenderedImages& rendered,
   return rendered.checksums.at(&image);
 }
 
-void check_memory(int64_t images, ImageSize size) {
-  const double needed = static_cast<double>(images) * static_cast<double>(size.pixels());
-  const auto available = static_cast<double>(available_memory());
-  if (needed > 0.8 * available) {
-    throw InputError("--loop-frames: " + format_count(images) + " images of " +
-                     format_bytes(static_cast<double>(size.pixels())) + " need " +
-                     format_bytes(needed) + ", but " + format_bytes(available) +
-                     " are free; reduce --loop-frames or --size");
-  }
-}
-
 /// Empty when a signal arrives before the end.
 std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments& arguments,
                                                 const StopSignals& stop) {
   const int64_t total = kPlates + arguments.loop_frames;
-  check_memory(total * static_cast<int64_t>(rig.size()), rig.front().model.size());
+  require_memory(rig, total, available_memory(), arguments.studio.rig);
   RenderOptions options;
   options.seed = arguments.studio.seed;
   BatchRenderer renderer(rig, options);
