@@ -70,9 +70,21 @@ TakePaths TakeDeletion::copy_of(const TakePaths& take) const {
   return {copies_ / load_take_info(take).name};
 }
 
+void TakeDeletion::lock_take(const TakePaths& take) {
+  auto lock = DeletionLock::acquire(take);
+  // A take that needs no copy can be deleted to make room.
+  if (!lock && copies_.empty() && is_of_full_disk(lock.error())) return;
+  if (lock && !lock->excludes() && !copies_.empty()) {
+    throw InputError(take.folder.string() +
+                     " is not deleted: this user may not write the file .deletion in it, without "
+                     "which its copy might be the take itself through another mount");
+  }
+  deletion_locks_.push_back(io::value_or_throw(std::move(lock)));
+}
+
 void TakeDeletion::lock_takes() {
   for (const TakePaths& take : takes_) {
-    deletion_locks_.push_back(io::value_or_throw(DeletionLock::acquire(take)));
+    lock_take(take);
     take_locks_.push_back(io::value_or_throw(lock_whole_take(take)));
   }
 }

@@ -26,11 +26,13 @@ class TakeDeletion {
  public:
   /// Locks the takes, and their copies in the folder of takes `copies` (empty: no take needs a
   /// copy), for the lifetime of the object. A copy on a read-only file system is not locked, but it
-  /// must not be locked by another process.
+  /// must not be locked by another process. A take that needs no copy is not locked on a full disk.
   ///
   /// Throws InputError when another process records or recovers one of them, deletes it or needs it
-  /// as a copy; when a copy does not exist or is the take itself by another path; and when
-  /// require_deletable() rejects a take.
+  /// as a copy; when a copy does not exist or is the take itself by another path; when the lock of
+  /// a take that needs a copy, or of its copy, cannot be created on a full disk: nothing else shows
+  /// that a copy is the take itself through another mount; and when require_deletable() rejects a
+  /// take.
   TakeDeletion(std::vector<TakePaths> takes, std::filesystem::path copies);
 
   /// Compares each take with its copy, as missing_in_copy() does. Calls `report` with each line of
@@ -54,6 +56,7 @@ class TakeDeletion {
   };
 
   TakePaths copy_of(const TakePaths& take) const;
+  void lock_take(const TakePaths& take);
   void lock_takes();
   void lock_copies();
   Compared state_of(const TakePaths& take) const;

@@ -12,6 +12,7 @@
 #include <csignal>
 #include <optional>
 #include <set>
+#include <system_error>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -49,6 +50,7 @@ void write_holder(int fd) {
   static_cast<void>(pwrite(fd, text.data(), text.size(), 0) > 0);
 }
 
+bool is_full(int error) { return error == ENOSPC || error == EDQUOT; }
 bool is_unsupported(int error) { return error == ENOLCK || error == EOPNOTSUPP || error == ENOSYS; }
 
 /// True if `path` still names the locked file. Its earlier holder may have removed that file.
@@ -92,6 +94,8 @@ io::Result<std::set<std::string>> possible_recorders(const TakePaths& paths) {
 }
 
 }  // namespace
+
+bool is_of_full_disk(const io::IoError& error) { return is_full(error.code); }
 
 io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string& node) {
   const fs::path path = paths.folder / (std::string(kPrefix) + node + std::string(kExtension));
@@ -145,7 +149,7 @@ io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths) {
   for (const std::string& node : *nodes) {
     auto lock = TakeLock::acquire(paths, node);
     // On a full disk, a lock file that does not exist is held by no process.
-    if (!lock && (lock.error().code == ENOSPC || lock.error().code == EDQUOT)) continue;
+    if (!lock && is_of_full_disk(lock.error())) continue;
     if (!lock) return tl::make_unexpected(lock.error());
     locks.push_back(*std::move(lock));
   }
@@ -191,7 +195,14 @@ bool is_of_ended_process(const std::string& text) {
 }
 
 bool may_not_write(int error) { return error == EROFS || error == EACCES || error == EPERM; }
-bool is_full(int error) { return error == ENOSPC || error == EDQUOT; }
+/// The error of acquire() where the disk has no room for the file.
+auto no_room_error(const fs::path& path, int error) {
+  return io::io_error("lock", path,
+                      std::generic_category().message(error) +
+                          "; remove a file that belongs to no take from this disk, and repeat the "
+                          "command",
+                      error);
+}
 
 /// Opens an existing `.deletion` file, for writing if possible. Fails with EEXIST or EDEADLK while
 /// a process has the lock, and with ENOENT when there is no file.
@@ -235,6 +246,7 @@ io::Result<DeletionLock> DeletionLock::acquire(const TakePaths& paths) {
     auto left = open_left_file(path, own);
     const bool is_absent = !left && left.error().code == ENOENT;
     if (!left && !is_absent) return tl::make_unexpected(left.error());
+    if (is_absent && is_full(error)) return no_room_error(path, error);
     if (is_absent && error != EEXIST) return DeletionLock({}, {});
     if (is_absent || !is_current(left->get(), path)) continue;  // its holder has just ended
     if ((fcntl(left->get(), F_GETFL) & O_ACCMODE) == O_RDONLY) return DeletionLock({}, {});

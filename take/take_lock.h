@@ -56,6 +56,9 @@ class TakeLock {
 /// does, also when the folder cannot be listed; then it holds no lock.
 [[nodiscard]] io::Result<std::vector<TakeLock>> lock_whole_take(const TakePaths& paths);
 
+/// True for the error of a lock file that could not be created on a full disk (ENOSPC, EDQUOT).
+bool is_of_full_disk(const io::IoError& error);
+
 // DeletionLock: exclusive right of one process to delete a take, or to need it as the copy of a
 // take that it deletes.
 
@@ -69,9 +72,10 @@ class TakeLock {
 class DeletionLock {
  public:
   /// Requires that the take folder exists. Fails with EEXIST, path and holder while another process
-  /// has the lock, and with EDEADLK when this process has it, perhaps by another path. Where the
-  /// file cannot be created (no permission, a full disk), the object excludes no other process, but
-  /// acquire() fails while another process has the lock.
+  /// has the lock, with EDEADLK when this process has it, perhaps by another path, and with ENOSPC
+  /// or EDQUOT when the disk has no room for the file. Where this process may not write the file
+  /// (no permission, a read-only file system), the object excludes no other process, but acquire()
+  /// fails while another process has the lock.
   [[nodiscard]] static io::Result<DeletionLock> acquire(const TakePaths& paths);
   /// Removes the file, unless another file has its name.
   ~DeletionLock();

@@ -1,17 +1,12 @@
 // Recovery of a take during faults of the disk or the process: no recorded byte is lost.
-#include <dirent.h>
-#include <dlfcn.h>
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cerrno>
-#include <cstdarg>
 #include <map>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "open_faults.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
@@ -23,49 +18,6 @@
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 #include "take/take_files.h"
-
-namespace v3d::test {
-namespace {
-
-/// While true, opening any file or folder fails with EMFILE.
-std::atomic<bool> has_no_descriptors = false;
-
-/// Simulates a process without free descriptors. RLIMIT_NOFILE is not used, because UBSan needs a
-/// pipe to read the types of objects.
-class NoDescriptorsLeft {
- public:
-  NoDescriptorsLeft() { has_no_descriptors = true; }
-  ~NoDescriptorsLeft() { has_no_descriptors = false; }
-  NoDescriptorsLeft(const NoDescriptorsLeft&) = delete;
-  NoDescriptorsLeft& operator=(const NoDescriptorsLeft&) = delete;
-};
-
-}  // namespace
-}  // namespace v3d::test
-
-// These functions replace those of the C library.
-extern "C" int open(const char* path, int flags, ...) {
-  static auto* const next =
-      reinterpret_cast<int (*)(const char*, int, ...)>(dlsym(RTLD_NEXT, "open"));
-  if (v3d::test::has_no_descriptors) {
-    errno = EMFILE;
-    return -1;
-  }
-  va_list arguments;
-  va_start(arguments, flags);
-  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
-  va_end(arguments);
-  return next(path, flags, mode);
-}
-
-extern "C" DIR* opendir(const char* path) {
-  static auto* const next = reinterpret_cast<DIR* (*)(const char*)>(dlsym(RTLD_NEXT, "opendir"));
-  if (v3d::test::has_no_descriptors) {
-    errno = EMFILE;
-    return nullptr;
-  }
-  return next(path);
-}
 
 namespace v3d::take {
 namespace {

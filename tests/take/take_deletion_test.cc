@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "base/core/error.h"
+#include "open_faults.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/lock_holder.h"
@@ -213,6 +214,32 @@ TEST_F(TakeDeletions, are_rejected_with_the_take_itself_through_another_mount_as
   EXPECT_THAT(error_of_construction(on_node(), mount / "takes"),
               HasSubstr("node/kendo-07 is not deleted: " + (mount / "takes/kendo-07").string() +
                         " is the take itself by another path, not a copy"));
+}
+
+/// The disk is full, which is when takes are deleted: the lock that shows this cannot be created.
+TEST_F(TakeDeletions, are_rejected_with_the_take_itself_as_the_copy_also_on_a_full_disk) {
+  const fs::path mount = folder_ / "other-mount";
+  fs::create_directories(mount);
+  fs::create_directory_symlink(node_, mount / "takes");
+  const test::FullDisk full(folder_.path());
+  EXPECT_THAT(error_of_construction(on_node(), mount / "takes"),
+              AllOf(HasSubstr("cannot lock "), HasSubstr("node/kendo-07/.deletion: No space left"),
+                    HasSubstr("; remove a file that belongs to no take from this disk, and ")));
+}
+
+/// Another command may delete the copy, as one that needs no copy.
+TEST_F(TakeDeletions, are_rejected_when_the_disk_of_the_copy_has_no_room_for_its_lock) {
+  const test::FullDisk full(archive_);
+  EXPECT_THAT(error_of_construction(on_node(), archive_),
+              HasSubstr("archive/kendo-07/.deletion: No space left"));
+  EXPECT_FALSE(fs::exists(node_ / "kendo-07/.deletion")) << "no lock is left";
+}
+
+TEST_F(TakeDeletions, make_room_on_a_full_disk_where_no_copy_is_needed) {
+  const test::FullDisk full(folder_.path());
+  TakeDeletion deletion(on_node(), {});
+  for (const TakePaths& take : on_node()) deletion.remove(take);
+  EXPECT_TRUE(fs::is_empty(node_));
 }
 
 }  // namespace

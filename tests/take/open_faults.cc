@@ -1,0 +1,56 @@
+#include "open_faults.h"
+
+#include <dirent.h>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdarg>
+#include <string>
+#include <string_view>
+
+namespace v3d::test {
+namespace {
+
+std::atomic<bool> has_no_descriptors = false;
+std::atomic<bool> is_full = false;
+std::string full_folder;  ///< set before `is_full`
+
+/// The errno with which open() fails; 0: it is not concerned.
+int fault(const char* path, int flags) {
+  if (has_no_descriptors) return EMFILE;
+  const bool is_new = is_full && (flags & O_CREAT) != 0 && access(path, F_OK) != 0;
+  return is_new && std::string_view(path).starts_with(full_folder) ? ENOSPC : 0;
+}
+
+}  // namespace
+
+NoDescriptorsLeft::NoDescriptorsLeft() : FlagScope(has_no_descriptors) {}
+FullDisk::FullDisk(const std::filesystem::path& folder)
+    : FlagScope((full_folder = folder / "", is_full)) {}
+
+}  // namespace v3d::test
+
+extern "C" int open(const char* path, int flags, ...) {
+  static auto* const next =
+      reinterpret_cast<int (*)(const char*, int, ...)>(dlsym(RTLD_NEXT, "open"));
+  if (const int error = v3d::test::fault(path, flags); error != 0) {
+    errno = error;
+    return -1;
+  }
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+  va_end(arguments);
+  return next(path, flags, mode);
+}
+
+extern "C" DIR* opendir(const char* path) {
+  static auto* const next = reinterpret_cast<DIR* (*)(const char*)>(dlsym(RTLD_NEXT, "opendir"));
+  if (v3d::test::has_no_descriptors) {
+    errno = EMFILE;
+    return nullptr;
+  }
+  return next(path);
+}
