@@ -16,6 +16,7 @@ using testing::ElementsAre;
 using testing::EndsWith;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using testing::StartsWith;
 using Outcome = wire::ReplyMessage::Outcome;
 
@@ -201,7 +202,38 @@ TEST(TakeAccounts, that_are_too_long_for_a_reply_name_their_node) {
   const std::string detail = control::ledger_detail(ledger_of_15(missing, 2'000'000));
   EXPECT_LE(detail.size(), control::kMaxDetailBytes);
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail);
-  EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01"));
+  for (const std::vector<std::string>& expected : {std::vector<std::string>(), {"cam1", "cam2"}}) {
+    const TakeAccount account = merge_ledgers(answer, expected);
+    EXPECT_THAT(account.unreadable, ElementsAre("cap01"));
+    EXPECT_FALSE(is_whole(account, answer));
+    EXPECT_THAT(account_lines(account),
+                ElementsAre("take kendo: no ledger can be read; v3dctl verify, on each node, lists "
+                            "its frames"));
+    EXPECT_THAT(account.ledger.verdict(), StartsWith("take kendo: incomplete"));
+  }
+}
+
+TEST(TakeAccounts, of_a_node_with_a_reply_that_is_no_ledger_are_not_those_of_an_empty_take) {
+  control::Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", "{");
+  EXPECT_FALSE(is_whole(merge_ledgers(answer), answer));
+  EXPECT_THAT(account_lines(merge_ledgers(answer)), Not(ElementsAre("nothing was recorded")));
+  answer.replies["cap01"] = reply(Outcome::kDone, "nothing was recorded");
+  EXPECT_TRUE(is_whole(merge_ledgers(answer), answer));
+  EXPECT_THAT(account_lines(merge_ledgers(answer)), ElementsAre("nothing was recorded"));
+}
+
+TEST(TakeAccounts, of_one_readable_ledger_count_the_other_cameras_as_missing) {
+  control::Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  EXPECT_TRUE(is_whole(merge_ledgers(answer), answer));
+  answer.replies["cap02"] =
+      reply(Outcome::kDone, "", "{\"take\": \"kendo\", \"complete\": false, \"cameras\": null}");
+  const TakeAccount account = merge_ledgers(answer, {"cam01", "cam02"});
+  EXPECT_FALSE(is_whole(account, answer));
+  EXPECT_THAT(account_lines(account),
+              ElementsAre("cam02: missing pulses 0-9",
+                          "take kendo: incomplete, 2 cameras x 10 pulses, 10 missing, 0 suspect"));
 }
 
 TEST(TakeAccounts, do_not_unpack_more_numbers_than_a_reply_may_name) {

@@ -107,15 +107,6 @@ std::vector<std::string> cameras_of(const Studio& studio) {
   return names;
 }
 
-void report_account(const TakeAccount& account, Report& report) {
-  if (account.ledger.take.empty()) return report.add("nothing was recorded");
-  report.add(problem_lines(account.ledger));
-  report.add(account.ledger.verdict());
-  for (const std::string& line : {live_loss_line(account), shards_line(account)}) {
-    if (!line.empty()) report.add(line);
-  }
-}
-
 // The running take according to the nodes' health; "" when there is none.
 std::string current_take(const std::map<std::string, wire::HealthMessage>& health) {
   for (const auto& [node, message] : health) {
@@ -222,12 +213,11 @@ int run_stop(const CommandLine& line, const Options& options) {
   Report report(options.json);
   const control::Answer answer = send(client, options, report);
   TakeAccount account = merge_ledgers(answer);
-  const bool recorded = !account.ledger.take.empty();
   // The cameras of a node without a reply, or without a ledger that can be read, miss every pulse.
-  const bool from_all =
-      answer.done() && account.of_another_take.empty() && account.unreadable.empty();
-  if (recorded && !from_all) account = merge_ledgers(answer, cameras_of(studio));
-  if (answer.done() || recorded) report_account(account, report);
+  if (account.is_recorded() && !is_of_all_nodes(account, answer)) {
+    account = merge_ledgers(answer, cameras_of(studio));
+  }
+  if (answer.done() || account.is_recorded()) report.add(account_lines(account));
   for (const std::string& node : account.unreadable) {
     report.warn("v3dctl: cannot read the ledger of " + node +
                 ", which replied: " + answer.replies.at(node).text);
@@ -245,8 +235,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   if (report.json()) json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
   if (!answer.done()) return report_refusal(client, answer, "", report, json);
   report.print(std::move(json));
-  if (!recorded) return kExitDone;
-  return account.ledger.complete() && from_all ? kExitDone : kExitIncomplete;
+  return is_whole(account, answer) ? kExitDone : kExitIncomplete;
 }
 
 int run_status(const CommandLine& line, const Options& options) {

@@ -154,6 +154,12 @@ take::Ledger parse_ledger(const Json& json) {
   return ledger;
 }
 
+/// The name of the take in a reply without a ledger that can be read; empty where it has none.
+std::string take_in(const Json& detail) {
+  const auto take = detail.is_object() ? detail.find("take") : detail.end();
+  return take != detail.end() && take->is_string() ? printable(take->get<std::string>()) : "";
+}
+
 /// Ledger of the expected cameras that no node reported. After a merge they miss every pulse.
 take::Ledger ledger_of_unreported_cameras(const std::vector<std::string>& expected,
                                           const std::vector<take::Ledger>& parts) {
@@ -270,11 +276,12 @@ Json answer_json(const control::Answer& answer) {
 TakeAccount merge_ledgers(const control::Answer& answer, const std::vector<std::string>& expected) {
   TakeAccount account;
   std::vector<std::pair<std::string, take::Ledger>> ledgers;
+  take::Ledger unread;  // of which only the name of the take is known
   Json reconstruction = Json::object();
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
+    const Json detail = parse_detail(reply.detail);
     try {
-      const Json detail = parse_detail(reply.detail);
       if (detail.is_object() && !detail.contains("cameras")) {
         merge_maxima(detail, reconstruction);
         if (detail.contains("shard_pulses")) add_shard(node, detail, account);
@@ -283,13 +290,39 @@ TakeAccount merge_ledgers(const control::Answer& answer, const std::vector<std::
       ledgers.emplace_back(node, parse_ledger(detail));
     } catch (const Json::exception&) {
       account.unreadable.push_back(node);
+      if (unread.take.empty()) unread.take = take_in(detail);
     }
   }
+  account.is_counted = !ledgers.empty();
   std::vector<take::Ledger> parts = select_take(ledgers, account);
   if (!expected.empty()) parts.insert(parts.begin(), ledger_of_unreported_cameras(expected, parts));
+  if (!account.is_counted) parts.push_back(std::move(unread));
   account.ledger = merge(parts);
   account.live_lost = live_losses(account.ledger, reconstruction);
   return account;
+}
+
+bool is_of_all_nodes(const TakeAccount& account, const control::Answer& answer) {
+  return answer.done() && account.of_another_take.empty() && account.unreadable.empty();
+}
+
+bool is_whole(const TakeAccount& account, const control::Answer& answer) {
+  if (!account.is_recorded()) return true;
+  return account.ledger.complete() && is_of_all_nodes(account, answer);
+}
+
+std::vector<std::string> account_lines(const TakeAccount& account) {
+  if (!account.is_recorded()) return {"nothing was recorded"};
+  if (!account.is_counted) {
+    return {"take " + account.ledger.take +
+            ": no ledger can be read; v3dctl verify, on each node, lists its frames"};
+  }
+  std::vector<std::string> lines = problem_lines(account.ledger);
+  lines.push_back(account.ledger.verdict());
+  for (const std::string& line : {live_loss_line(account), shards_line(account)}) {
+    if (!line.empty()) lines.push_back(line);
+  }
+  return lines;
 }
 
 std::string live_loss_line(const TakeAccount& account) {

@@ -34,7 +34,8 @@ struct ShardAccount {
 /// Result of a take: the nodes' ledgers merged to one, and the counts of the reconstruction.
 struct TakeAccount {
   take::Ledger ledger;
-  std::vector<std::string> unreadable;  ///< nodes whose reply cannot be parsed
+  bool is_counted = false;  ///< a ledger could be read; otherwise `ledger` has at most a name
+  std::vector<std::string> unreadable;  ///< nodes whose reply has no ledger that can be read
   /// Nodes whose ledger belongs to another take than that of the majority; they are not merged.
   std::vector<std::string> of_another_take;
   /// Live frames that were sent and did not reach the reconstruction, by camera; no entry where
@@ -45,6 +46,9 @@ struct TakeAccount {
   std::vector<ShardAccount> shards;
   int64_t meshes = 0;
   std::vector<int64_t> without_mesh;  ///< pulse numbers
+
+  /// A node whose ledger cannot be read, or is too long for a reply, has recorded too.
+  bool is_recorded() const { return is_counted || !unreadable.empty(); }
 };
 
 /// Merges the ledgers in replies to a stop. Commanded and sensed pulses are those of the node with
@@ -52,6 +56,14 @@ struct TakeAccount {
 /// ended early miss the later pulses, and cameras in `expected` without a ledger miss all.
 TakeAccount merge_ledgers(const control::Answer& answer,
                           const std::vector<std::string>& expected = {});
+
+/// True when all nodes have replied, and each ledger belongs to the take and could be read.
+bool is_of_all_nodes(const TakeAccount& account, const control::Answer& answer);
+/// True when nothing was recorded, or the take is complete by the ledgers of all nodes.
+bool is_whole(const TakeAccount& account, const control::Answer& answer);
+
+/// The result of a stop: problems of the take, its verdict, live_loss_line() and shards_line().
+std::vector<std::string> account_lines(const TakeAccount& account);
 
 /// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was lost.
 std::string live_loss_line(const TakeAccount& account);
