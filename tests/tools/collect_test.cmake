@@ -134,6 +134,29 @@ expect_equal_files(${WORK}/shared/best/kendo-08/cam01.lcmlog ${WORK}/intact/cam0
 expect_equal_files(${WORK}/shared/kendo-08/cam01.lcmlog ${WORK}/cap02/kendo-08/cam01.lcmlog)
 file(COPY ${WORK}/intact/cam01.lcmlog DESTINATION ${WORK}/cap02/kendo-08)
 
+# A recovered take is not collected while a daemon, which may continue it, has its lock. A copy that was made before the node
+# continued the take is not reported as collected.
+simulate(${WORK}/cap04/kendo-13 4)
+file(READ ${WORK}/cap04/kendo-13/take.toml info)
+string(REPLACE "'complete'" "'recovered'" recovered "${info}")
+file(WRITE ${WORK}/cap04/kendo-13/take.toml "${recovered}")
+file(WRITE ${WORK}/cap04/kendo-13/.cap04.lock "process 812 on cap04\n")
+v3dctl(takes collect --from cap04=${WORK}/cap04 --to ${WORK}/nightly)
+expect_status(3)
+expect("${out}" "^take kendo-13: not collected: process 812 on cap04 has locked it on cap04, and may continue it; [^\n]*remove .cap04.lock there\n$")
+file(REMOVE ${WORK}/cap04/kendo-13/.cap04.lock)
+v3dctl(takes collect --from cap04=${WORK}/cap04 --to ${WORK}/nightly)
+if(NOT EXISTS ${WORK}/nightly/kendo-13/cam01.lcmlog)
+  message(SEND_ERROR "a recovered take without a lock was not collected: ${out}${err}")
+endif()
+file(READ ${WORK}/cap04/kendo-13/ledger.toml ledger)
+string(REGEX REPLACE "^xxh3 = '[0-9a-f]+'\n" "" ledger "${ledger}")
+string(APPEND ledger "\n[[file]]\nname = 'cam01.0001.lcmlog'\nbytes = 7\nxxh3 = '0123456789abcdef'\n")
+file(WRITE ${WORK}/cap04/kendo-13/ledger.toml "${ledger}")
+v3dctl(takes collect --from cap04=${WORK}/cap04 --to ${WORK}/nightly)
+expect_status(3)
+expect("${out}" "^take kendo-13: not collected: ${WORK}/nightly/kendo-13: is a copy from before cap04 continued or recovered the take: lacks cam01.0001.lcmlog; move it ")
+
 # A folder in the place of the copy is reported before anything is copied.
 file(WRITE ${WORK}/occupied/kendo-08/notes.txt "")
 v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/occupied kendo-08)

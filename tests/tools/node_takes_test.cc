@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+
 namespace v3d::ctl {
 namespace {
 
@@ -81,6 +83,45 @@ TEST(CopyOfATake, has_all_cameras_of_each_node) {
   EXPECT_EQ(difference(summary({"cam03", "cam04"}, kDay + seconds(1)), copy),
             "/archive/kendo-07: lacks cam03, cam04 of cap01; move it to another folder, and repeat "
             "the command");
+}
+
+/// The node was collected from while its daemon, which had restarted, read the take to continue it.
+TEST(CopyOfATake, is_not_whole_when_a_node_has_continued_the_take_since) {
+  const TakeSummary copy = summary({"cam01", "cam02"}, kDay);
+  const auto difference_after = [&](const std::function<void(take::Ledger&)>& change) {
+    TakeSummary part = summary({"cam01"}, kDay);
+    change(*part.ledger);
+    return difference(part, copy);
+  };
+  EXPECT_EQ(difference_after([](take::Ledger& part) {
+              part.files.push_back({.name = "cam01.0001.lcmlog", .bytes = 7, .checksum = 3});
+              part.files.push_back({.name = "sound/cap01.0001.wav", .bytes = 7, .checksum = 3});
+            }),
+            "/archive/kendo-07: is a copy from before cap01 continued or recovered the take: lacks "
+            "cam01.0001.lcmlog, sound/cap01.0001.wav; move it to another folder, and repeat the "
+            "command");
+  EXPECT_THAT(difference_after([](take::Ledger& part) { part.files[0].bytes = 101; }),
+              HasSubstr(" lacks bytes of cam01.lcmlog;"));
+  EXPECT_THAT(difference_after([](take::Ledger& part) { part.commanded = 1; }),
+              HasSubstr(" lacks pulses;"));
+}
+
+TEST(CopyOfATake, is_not_whole_when_a_node_has_found_more_frames_since) {
+  TakeSummary copy = summary({"cam01", "cam02"}, kDay), part = summary({"cam01"}, kDay);
+  copy.ledger->cameras = {take::account("cam02", {0}, {}, 1), take::account("cam01", {0}, {}, 1)};
+  part.ledger->cameras = {take::account("cam01", {0, 1}, {}, 1)};
+  EXPECT_THAT(difference(part, copy), HasSubstr(" lacks frames of cam01;"));
+}
+
+TEST(CopyOfATake, may_have_the_pulse_log_of_another_node_and_more_than_its_part) {
+  TakeSummary copy = summary({"cam01", "cam02"}, kDay), part = summary({"cam01"}, kDay);
+  copy.ledger->commanded = 10;
+  copy.ledger->files.front().bytes = 101;  // the disk of the node has lost some
+  part.ledger->files.push_back({.name = "pulses.0001.lcmlog", .bytes = 7, .checksum = 3});
+  EXPECT_EQ(difference(part, copy), "");
+  part.ledger->files.push_back({.name = "cam01.0001.lcmlog", .bytes = 7, .checksum = 3});
+  copy.ledger->files.clear();
+  EXPECT_EQ(difference(part, copy), "") << "an early version lists no files";
 }
 
 TEST(CopyOfATake, is_not_whole_while_a_node_records_the_take_again) {

@@ -272,6 +272,19 @@ class Collector {
     throw InputError(source.node + " records it, or stopped and has not restarted since");
   }
 
+  /// Throws InputError when a process of the node has locked the take, whose lock files
+  /// `described` has: a daemon that has restarted reads its logs for minutes, then continues it.
+  static void reject_locked(const take::TakePaths& described, const NodeFolder& source) {
+    for (const fs::path& file : io::value_or_throw(io::list_folder(described.folder))) {
+      if (file.extension() != ".lock") continue;
+      const std::string name = file.filename();
+      const std::string text = io::value_or_throw(io::read_file(file, kMaxTakeTextBytes));
+      throw InputError(printable(text.substr(0, text.find('\n'))) + " has locked it on " +
+                       source.node + ", and may continue it; repeat the command later; if that " +
+                       "process has ended, remove " + name + " there");
+    }
+  }
+
   /// Throws InputError when an earlier run has copied another take of this name from the node.
   static void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
                                 const NodeFolder& source) {
@@ -297,10 +310,11 @@ class Collector {
       io::throw_if_failed(io::create_folders(folder));
     }
     const std::string from = source.place + "/" + take;
-    copy(source, {"--include=/take.toml", "--exclude=*"}, from, described);
+    copy(source, {"--include=/take.toml", "--include=/.*.lock", "--exclude=*"}, from, described);
     if (file_exists(described.info())) {
       const take::TakeInfo info = load_take_info(described);
       reject_recording(info, source);
+      if (info.state == take::TakeState::kRecovered) reject_locked(described, source);
       reject_other_take(info, part, source);
     }
     remove_copies(described.folder);

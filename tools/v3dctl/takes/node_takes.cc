@@ -8,6 +8,7 @@
 #include "base/core/text.h"
 #include "base/core/time.h"
 #include "common/console.h"
+#include "take/logs/log_files.h"
 #include "v3dctl/takes/rsync_output.h"
 
 namespace v3d::ctl {
@@ -54,6 +55,37 @@ std::optional<bool> has_log_of(const TakeSummary& part, const TakeSummary& copy)
 bool are_of_one_take(const TakeSummary& part, const TakeSummary& copy) {
   if (part.info.started == copy.info.started) return true;
   return has_log_of(part, copy).value_or(are_of_one_minute(part.info.started, copy.info.started));
+}
+
+/// True for a segment of a camera's log, and for a sound file. The pulse log of a copy may be that
+/// of another node.
+bool is_of_recording(const std::string& file, const take::TakeInfo& part) {
+  const bool is_sound = fs::path(file).parent_path() == take::TakePaths{}.sound();
+  return is_sound || std::ranges::any_of(part.cameras, [&](const std::string& camera) {
+           return take::is_of_log(file, take::TakePaths{}.frames(camera));
+         });
+}
+
+/// What the ledger of the part has more than that of the copy: files, bytes, frames and pulses that
+/// the node recorded, or found in a recovery, after it was copied.
+std::vector<std::string> newer_in(const TakeSummary& part, const TakeSummary& copy) {
+  std::vector<std::string> newer;
+  if (!part.ledger || !copy.ledger) return newer;
+  for (const take::TakeFile& file : part.ledger->files) {
+    if (!is_of_recording(file.name, part.info)) continue;
+    const take::TakeFile* copied = copy.ledger->file(file.name);
+    // Ledgers of early versions list no files.
+    if (!copied && !copy.ledger->files.empty()) newer.push_back(file.name);
+    if (copied && copied->bytes < file.bytes) newer.push_back("bytes of " + file.name);
+  }
+  for (const take::CameraLedger& camera : part.ledger->cameras) {
+    const auto& cameras = copy.ledger->cameras;
+    const auto copied = std::ranges::find(cameras, camera.name, &take::CameraLedger::name);
+    if (copied == cameras.end() || copied->written >= camera.written) continue;
+    newer.push_back("frames of " + camera.name);
+  }
+  if (copy.ledger->commanded < part.ledger->commanded) newer.emplace_back("pulses");
+  return newer;
 }
 
 std::string time_text(const take::TakeInfo& info) {
@@ -127,9 +159,14 @@ std::string difference_from_copy(const TakeSummary& part, const std::string& nod
   std::ranges::copy_if(part.info.cameras, std::back_inserter(absent), [&](const auto& camera) {
     return std::ranges::find(copy.info.cameras, camera) == copy.info.cameras.end();
   });
-  if (absent.empty()) return "";
-  return place.string() + ": lacks " + join_names(absent) + " of " + node +
-         "; move it to another folder, and repeat the command";
+  const std::string advice = "; move it to another folder, and repeat the command";
+  if (!absent.empty()) {
+    return place.string() + ": lacks " + join_names(absent) + " of " + node + advice;
+  }
+  const std::vector<std::string> newer = newer_in(part, copy);
+  if (newer.empty()) return "";
+  return place.string() + ": is a copy from before " + node +
+         " continued or recovered the take: lacks " + join_names(newer) + advice;
 }
 
 }  // namespace v3d::ctl

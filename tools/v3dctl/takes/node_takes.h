@@ -50,7 +50,8 @@ void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
 /// The start in take.toml decides, which a collected take has from one of its parts. The other
 /// parts have a start of their own, by the clock of their node, which may be wrong. For them, a log
 /// of a camera with the same checksum decides; without one, a start that differs by less than a
-/// minute.
+/// minute. A copy is not whole when the ledger of the part has cameras, segments of their logs,
+/// sound files, bytes, frames or pulses that its own lacks.
 std::string difference_from_copy(const TakeSummary& part, const std::string& node,
                                  const TakeSummary& copy, const std::filesystem::path& place);
 
