@@ -1,8 +1,10 @@
 #include "take/joined_slate.h"
 
 #include <algorithm>
+#include <string_view>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 
 namespace v3d::take {
 namespace {
@@ -29,6 +31,19 @@ Slate difference(Slate slate, const Slate& merged) {
   if (slate.note == merged.note) slate.note.clear();
   if (slate.mark == merged.mark) slate.mark = Mark::kNone;
   return slate;
+}
+
+/// True when `note` is `text`, or contains it between the separators of merged_slate().
+bool has_part(const std::string& note, const std::string& text) {
+  for (size_t at = note.find(text); at != std::string::npos; at = note.find(text, at + 1)) {
+    const std::string_view before = std::string_view(note).substr(0, at);
+    const std::string_view after = std::string_view(note).substr(at + text.size());
+    const bool starts = before.empty() || before.ends_with(": ") || before.ends_with(", ") ||
+                        before.ends_with("; ");
+    const bool ends = after.empty() || after.starts_with(", ") || after.starts_with("; ");
+    if (starts && ends) return true;
+  }
+  return false;
 }
 
 /// The slates with text.
@@ -64,6 +79,17 @@ Slate merged_slate(const std::vector<NodeSlate>& slates) {
     merged.note += (merged.note.empty() ? "" : "; ") + node + ": " + text;
   }
   return merged;
+}
+
+std::string text_not_in(const Slate& copy, const Slate& slate) {
+  const std::string note = printable(copy.note);
+  const auto is_in_note = [&](const Slate& field) { return has_part(note, field.text()); };
+  Slate rest = difference(slate, copy);
+  if (is_in_note({.scene = rest.scene, .take = {}, .note = {}})) rest.scene.clear();
+  if (is_in_note({.scene = {}, .take = rest.take, .note = {}})) rest.take.clear();
+  if (is_in_note({.scene = {}, .take = {}, .note = rest.note})) rest.note.clear();
+  if (has_part(note, std::string(name(rest.mark)))) rest.mark = Mark::kNone;
+  return rest.text();
 }
 
 io::Status join_slates(const std::vector<TakePaths>& parts, const TakePaths& into) {

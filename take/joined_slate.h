@@ -22,6 +22,10 @@ using NodeSlate = std::pair<std::string, Slate>;
 /// rejected, use the second attack".
 Slate merged_slate(const std::vector<NodeSlate>& slates);
 
+/// The fields of `slate` in one line that `copy` has neither as its own nor in its note, where
+/// merged_slate() puts them: "take 4, use the second attack". Empty when it has all.
+std::string text_not_in(const Slate& copy, const Slate& slate);
+
 /// Writes the slate of the joined take `into`: none, when no part has one. The folder of a part has
 /// the name of its node. A slate that cannot be read is copied unchanged when no other has text.
 [[nodiscard]] io::Status join_slates(const std::vector<TakePaths>& parts, const TakePaths& into);

@@ -5,6 +5,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "take/joined_slate.h"
 #include "take/ledger/take_account.h"
 #include "take/take_removal.h"
 #include "take/take_transfer.h"
@@ -119,8 +120,19 @@ TakeDeletion::Compared TakeDeletion::state_of(const TakePaths& take) const {
   return state;
 }
 
+void TakeDeletion::require_slate_in_copy(const TakePaths& take) const {
+  const TakePaths copy = copy_of(take);
+  const std::string text = text_not_in(load_slate(copy.slate()), load_slate(take.slate()));
+  if (text.empty()) return;
+  const std::string name = load_take_info(take).name;
+  throw InputError(name + " is not deleted: the slate of its copy in " + copies_.string() +
+                   " lacks \"" + text + "\"; write it there, or remove it here (v3dctl takes " +
+                   "slate, clear)");
+}
+
 void TakeDeletion::compare(const std::function<void(const std::string&)>& report) {
   if (copies_.empty()) return;
+  for (const TakePaths& take : takes_) require_slate_in_copy(take);  // before hours of reading
   for (const TakePaths& take : takes_) {
     const std::string name = load_take_info(take).name;
     const auto verified = load_verified(take);
@@ -143,6 +155,7 @@ void TakeDeletion::remove(const TakePaths& take) {
                      copies_.string() +
                      " has changed since they were compared; repeat the command");
   }
+  if (!copies_.empty()) require_slate_in_copy(take);
   io::throw_if_failed(delete_take(take));
 }
 

@@ -36,14 +36,16 @@ class TakeDeletion {
   TakeDeletion(std::vector<TakePaths> takes, std::filesystem::path copies);
 
   /// Compares each take with its copy, as missing_in_copy() does. Calls `report` with each line of
-  /// an incomplete copy, then throws InputError. Does nothing when no take needs a copy.
+  /// an incomplete copy, then throws InputError. Before, throws InputError with the text of a slate
+  /// that its copy lacks (text_not_in()). Does nothing when no take needs a copy.
   void compare(const std::function<void(const std::string&)>& report);
 
   /// Deletes a take of the constructor. Requires compare().
   ///
   /// Comparing many takes needs hours, so this looks again first: throws InputError when
-  /// require_deletable() rejects the take now, and when a file of the take or of its copy was
-  /// changed or removed since compare(). Throws std::runtime_error when a file cannot be deleted.
+  /// require_deletable() rejects the take now, when its slate has a text that the copy lacks, and
+  /// when another file of the take or of its copy was changed or removed since compare(). Throws
+  /// std::runtime_error when a file cannot be deleted.
   void remove(const TakePaths& take);
 
  private:
@@ -60,6 +62,7 @@ class TakeDeletion {
   void lock_takes();
   void lock_copies();
   Compared state_of(const TakePaths& take) const;
+  void require_slate_in_copy(const TakePaths& take) const;
 
   const std::vector<TakePaths> takes_;
   const std::filesystem::path copies_;

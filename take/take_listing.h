@@ -41,6 +41,13 @@ Slate parse_slate(std::string_view text, const std::filesystem::path& path);
 /// Writes slate.toml with io::replace_file().
 [[nodiscard]] io::Status save_slate(const std::filesystem::path& path, const Slate& slate);
 
+/// Reads the slate of a take, calls `change` with it, and writes it. Returns what was written.
+///
+/// A lock (flock) on the folder of the take excludes other calls meanwhile, also those of other
+/// processes. Over NFS and on file systems without locks it excludes none. Throws InputError when
+/// the slate cannot be read, std::runtime_error when it cannot be written.
+Slate change_slate(const TakePaths& paths, const std::function<void(Slate&)>& change);
+
 // Listing of the takes in a folder, as operators see it.
 
 struct TakeListing {

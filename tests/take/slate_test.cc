@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <thread>
+
 #include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -46,6 +48,22 @@ TEST(Slate, reports_the_invalid_field) {
   EXPECT_THAT(error_message("actor = \"Li\"\n"), testing::HasSubstr("actor"));
 }
 
+/// Two people, or two scripts, write on one slate.
+TEST(Slate, loses_no_change_of_those_made_at_the_same_time) {
+  constexpr int kChanges = 25;
+  const test::TemporaryFolder folder;
+  const TakePaths take{folder.path()};
+  const auto write = [&](std::string Slate::*field) {
+    for (int i = 0; i < kChanges; ++i) change_slate(take, [&](Slate& s) { (s.*field) += "x"; });
+  };
+  std::thread ben(write, &Slate::note);
+  write(&Slate::scene);
+  ben.join();
+  const Slate slate = load_slate(take.slate());
+  EXPECT_EQ(slate.scene, std::string(kChanges, 'x'));
+  EXPECT_EQ(slate.note, std::string(kChanges, 'x'));
+}
+
 TEST(MergedSlate, has_the_fields_of_all_and_names_the_nodes_where_they_differ) {
   const Slate merged = merged_slate(
       {{"cap01", {.scene = {}, .take = "3", .note = "slips", .mark = Mark::kRejected}},
@@ -78,9 +96,25 @@ TEST(MergedSlate, loses_no_text_and_no_circle_of_any_node) {
         }
         EXPECT_THAT(merged.text(), testing::HasSubstr(std::string(name(slate.mark))));
         EXPECT_TRUE(slate.mark != Mark::kCircled || merged.mark == Mark::kCircled);
+        EXPECT_EQ(text_not_in(merged, slate), "") << merged.text();
       }
     }
   }
+}
+
+TEST(TextOfASlate, is_not_in_a_copy_that_has_only_a_part_of_it) {
+  const Slate slate{
+      .scene = "12", .take = "4", .note = "use the second attack", .mark = Mark::kRejected};
+  EXPECT_EQ(text_not_in(slate, slate), "");
+  EXPECT_EQ(text_not_in({}, slate), "scene 12, take 4, rejected, use the second attack");
+  EXPECT_EQ(text_not_in(slate, {}), "") << "the copy may have more";
+  Slate copy = slate;
+  copy.note = "do not use the second attack; cap02: scene 120";
+  EXPECT_EQ(text_not_in(copy, slate), "use the second attack");
+  copy.scene = "";
+  EXPECT_EQ(text_not_in(copy, slate), "scene 12, use the second attack");
+  copy.note = "slips; cap02: scene 12, use the second attack; cap03: circled";
+  EXPECT_EQ(text_not_in(copy, slate), "");
 }
 
 }  // namespace

@@ -74,12 +74,15 @@ class TakeDeletions : public testing::Test {
                                     const fs::path& copies) const {
     return error_of([&] { TakeDeletion deletion(takes, copies); });
   }
-  /// The error of the removal of kendo-07 when `change` happens between comparison and removal.
+  /// The error of the comparison, or of the removal of kendo-07 when `change` happens between
+  /// comparison and removal.
   std::string error_after(const std::function<void()>& change) const {
-    TakeDeletion deletion(on_node(), archive_);
-    deletion.compare([](const std::string& line) { ADD_FAILURE() << line; });
-    change();
-    return error_of([&] { deletion.remove(on_node().front()); });
+    return error_of([&] {
+      TakeDeletion deletion(on_node(), archive_);
+      deletion.compare([](const std::string& line) { ADD_FAILURE() << line; });
+      change();
+      deletion.remove(on_node().front());
+    });
   }
 
   const test::TemporaryFolder folder_;
@@ -168,6 +171,21 @@ TEST_F(TakeDeletions, delete_a_take_whose_copy_got_a_note_and_a_skeleton_since_i
             }),
             "");
   EXPECT_FALSE(fs::exists(node_ / "kendo-07"));
+}
+
+/// The crew wrote on the slate of the node after the take had been collected.
+TEST_F(TakeDeletions, keep_a_take_whose_slate_has_a_text_that_the_copy_lacks) {
+  const auto note = [](const fs::path& takes, const std::string& text) {
+    test::write_text(takes / "kendo-07/slate.toml", "scene = '12'\nnote = '" + text + "'\n");
+  };
+  note(archive_, "slips");
+  note(node_, "use the second attack");
+  EXPECT_THAT(error_after([] {}), HasSubstr("kendo-07 is not deleted: the slate of its copy in "));
+  note(archive_, "slips; use the second attack");
+  EXPECT_THAT(error_after([&] { note(node_, "use the first attack"); }),
+              HasSubstr(" lacks \"use the first attack\"; write it there, or remove it here"));
+  note(node_, "use the second attack");
+  EXPECT_EQ(error_after([] {}), "");
 }
 
 TEST(DeletionLocks, exclude_this_process_and_leave_no_file) {

@@ -93,7 +93,7 @@ class Collector {
   }
 
   /// Compares the takes of a node with those of their names in the folder of the copies. `into`: a
-  /// new folder for take.toml and ledger.toml of the takes.
+  /// new folder for take.toml, ledger.toml and slate.toml of the takes.
   void compare_copies(const NodeFolder& source, const std::set<std::string>& recorded,
                       const fs::path& into) {
     std::set<std::string> both;
@@ -106,6 +106,8 @@ class Collector {
     for (const std::string& take : both) {
       std::string& difference = differences_[take];
       if (difference.empty()) difference = difference_of(take, source, {into / take});
+      const std::string slate = slate_note({into / take}, source.node, place_of(take));
+      if (!slate.empty()) slate_notes_[take].push_back(slate);
     }
   }
 
@@ -163,6 +165,7 @@ class Collector {
     result.problem = differences_[result.name];
     if (!result.problem.empty()) return;
     result.verification = earlier_verification(place_of(result.name));
+    std::ranges::copy(slate_notes_[result.name], std::back_inserter(result.verification.notes));
     try {
       reject_parts_of_others(result.name, sources);
       remove_copies(stage(result.name));
@@ -457,6 +460,8 @@ class Collector {
   /// By the name of a take: why the take in the folder of the copies is not that of the nodes.
   /// Empty: it is.
   std::map<std::string, std::string> differences_;
+  /// By the name of a take: what was written on slates of nodes after it was collected.
+  std::map<std::string, std::vector<std::string>> slate_notes_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "base/core/text.h"
 #include "base/core/time.h"
 #include "common/console.h"
+#include "take/joined_slate.h"
 #include "take/logs/log_files.h"
 #include "v3dctl/takes/rsync_output.h"
 
@@ -131,7 +132,7 @@ void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
   constexpr int kSomeFilesFailed = 23, kSomeFilesVanished = 24;
   std::vector<std::string> options = {"--recursive", "--copy-dirlinks"};
   for (const std::string& take : takes) {
-    for (const char* end : {"", "/take.toml", "/ledger.toml"}) {
+    for (const char* end : {"", "/take.toml", "/ledger.toml", "/slate.toml"}) {
       options.push_back("--include=/" + take + end);
     }
   }
@@ -142,6 +143,20 @@ void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
   throw InputError("cannot read the takes of " + source.node + " at " + source.place +
                    " (rsync ended with status " + std::to_string(status) +
                    "); to skip the node, name the others with --from");
+}
+
+std::string slate_note(const take::TakePaths& part, const std::string& node,
+                       const take::TakePaths& copy) {
+  const std::string file = node + "/" + part.slate().filename().string();
+  try {
+    const std::string text =
+        take::text_not_in(take::load_slate(copy.slate()), take::load_slate(part.slate()));
+    if (text.empty()) return "";
+    return file + ": has \"" + text +
+           "\", which the copy lacks; v3dctl takes slate writes it there";
+  } catch (const InputError& error) {
+    return file + ": cannot be compared with that of the copy: " + error.what();
+  }
 }
 
 std::string difference_from_copy(const TakeSummary& part, const std::string& node,

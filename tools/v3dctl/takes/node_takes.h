@@ -40,8 +40,8 @@ struct TakeSummary {
 /// Reads take.toml and ledger.toml. Throws InputError when take.toml cannot be read.
 TakeSummary read_summary(const take::TakePaths& paths);
 
-/// Copies take.toml and ledger.toml of these takes of a node to INTO/TAKE. A file that rsync cannot
-/// read is missing there. Throws InputError when the node cannot be read at all.
+/// Copies take.toml, ledger.toml and slate.toml of these takes of a node to INTO/TAKE. A file that
+/// rsync cannot read is missing there. Throws InputError when the node cannot be read at all.
 void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
                      const std::set<std::string>& takes, const std::filesystem::path& into);
 
@@ -54,5 +54,10 @@ void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
 /// sound files, bytes, frames or pulses that its own lacks.
 std::string difference_from_copy(const TakeSummary& part, const std::string& node,
                                  const TakeSummary& copy, const std::filesystem::path& place);
+
+/// A line with what the crew wrote on the slate of `part`, on its node, and the slate of `copy`
+/// lacks: "cap01/slate.toml: has ...". Empty when it lacks nothing.
+std::string slate_note(const take::TakePaths& part, const std::string& node,
+                       const take::TakePaths& copy);
 
 }  // namespace v3d::ctl

@@ -40,10 +40,8 @@ struct SlateArguments {
 template <class Change>
 int change_slates(const CommandLine& line, const TakesArguments& arguments, Change change) {
   std::vector<take::TakeListing> takes = named_takes(line, arguments);
-  for (take::TakeListing& take : takes) {
-    change(take.slate);
-    io::throw_if_failed(save_slate(take.paths.slate(), take.slate));
-  }
+  // The listings may be minutes old: somebody else may have written on a slate since.
+  for (take::TakeListing& take : takes) take.slate = change_slate(take.paths, change);
   print_listing(takes, arguments.json);
   return kExitDone;
 }
