@@ -51,9 +51,19 @@ io::Result<std::vector<std::filesystem::path>> list_take_folders(
   auto entries = io::list_folder(takes);
   if (!entries) return entries;
   std::erase_if(*entries, [](const std::filesystem::path& entry) {
-    return entry.filename().string().starts_with(".");
+    return entry.filename().string().starts_with(".") || entry.filename() == "lost+found";
   });
   return entries;
+}
+
+io::Result<bool> holds_logs(const std::filesystem::path& folder) {
+  const auto type = io::type_of(folder);
+  if (!type) return tl::make_unexpected(type.error());
+  if (*type != std::filesystem::file_type::directory) return false;
+  return io::list_folder(folder).map([](const std::vector<std::filesystem::path>& entries) {
+    return std::ranges::any_of(
+        entries, [](const std::filesystem::path& entry) { return entry.extension() == ".lcmlog"; });
+  });
 }
 
 TakeInfo load_take_info(const TakePaths& paths) {

@@ -73,9 +73,17 @@ struct TakePaths {
 };
 
 /// The entries of a folder of takes, sorted by name, without hidden ones: locks, unfinished
-/// collections and interrupted deletions are no takes. Fails with path and cause.
+/// collections and interrupted deletions are no takes. Nor is lost+found, which only root can read.
+/// Fails with path and cause.
 [[nodiscard]] io::Result<std::vector<std::filesystem::path>> list_take_folders(
     const std::filesystem::path& takes);
+
+/// True when the folder has a log of a camera or of the pulses. False when it does not exist, or is
+/// no folder. Fails with path and cause.
+[[nodiscard]] io::Result<bool> holds_logs(const std::filesystem::path& folder);
+/// What is wrong with a folder that has logs and no take.toml.
+inline constexpr const char* kLacksInfo =
+    "has logs and no take.toml; a check of the file system may have moved it to lost+found";
 
 /// Reads take.toml. Throws InputError when the folder or take.toml is missing, and with file, line
 /// and field when take.toml is invalid.

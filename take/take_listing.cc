@@ -97,8 +97,11 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
   for (const fs::path& entry : io::value_or_throw(list_take_folders(folder))) {
     const TakePaths paths{entry};
     try {
-      if (!file_exists(paths.info())) continue;
-      takes.push_back(read_take_listing(paths));
+      if (file_exists(paths.info())) {
+        takes.push_back(read_take_listing(paths));
+      } else if (io::value_or_throw(holds_logs(entry))) {
+        throw InputError(entry.string() + ": " + kLacksInfo);
+      }
     } catch (const InputError& error) {
       on_unreadable(error);
     }

@@ -78,8 +78,9 @@ struct TakeListing {
 /// files other than mesh.v3d cannot be read.
 TakeListing read_take_listing(const TakePaths& paths);
 
-/// The takes in `folder`, oldest first. Skips a take that cannot be read, and calls `on_unreadable`
-/// with the error. Throws InputError when `folder` is not a folder.
+/// The takes in `folder`, oldest first. Skips a take that cannot be read, and a folder with logs
+/// and no take.toml, and calls `on_unreadable` with the error. Throws InputError when `folder` is
+/// not a folder.
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
                                     const std::function<void(const InputError&)>& on_unreadable);
 

@@ -48,14 +48,6 @@ io::Status write_take_files(const Studio& studio, const take::TakeInfo& info,
   return status;
 }
 
-/// Throws InputError with path and cause when the folder cannot be listed.
-bool holds_logs(const take::TakePaths& paths) {
-  if (io::value_or_throw(io::type_of(paths.folder)) == fs::file_type::not_found) return false;
-  const std::vector<fs::path> entries = io::value_or_throw(io::list_folder(paths.folder));
-  return std::ranges::any_of(entries,
-                             [](const fs::path& entry) { return entry.extension() == ".lcmlog"; });
-}
-
 /// Takes of hours are read for minutes.
 take::Verification recover_with_progress(const take::TakePaths& paths) {
   service::WorkProgress progress;
@@ -95,7 +87,7 @@ void check_new_take(const Studio& studio, const std::string& take) {
   check_take_name(take);
   const take::TakePaths paths = take_paths(studio, take);
   if (io::value_or_throw(io::type_of(paths.info())) != fs::file_type::not_found ||
-      holds_logs(paths)) {
+      io::value_or_throw(take::holds_logs(paths.folder))) {
     throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
                      "; choose another name");
   }
@@ -179,7 +171,10 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
   for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
     const take::TakePaths paths{folder};
     try {
-      if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) continue;
+      if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) {
+        if (!io::value_or_throw(take::holds_logs(folder))) continue;
+        throw InputError(take::kLacksInfo);
+      }
       const bool has_command = io::value_or_throw(has_persisted_command(paths, node));
       if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;
       const take::TakeLock lock = lock_take(paths, node);

@@ -72,7 +72,8 @@ struct RecoveredTake {
 };
 /// Recovers the takes of `node`, which has these cameras, that a crash left open
 /// (is_open_take_of()): writes their ledgers and sets their state to recovered. Skips a take that
-/// another process records into as `node`; its line says so. Reports its progress to systemd.
+/// another process records into as `node`; its line says so, and so does the line of a folder with
+/// logs and no take.toml. Reports its progress to systemd.
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras);
 

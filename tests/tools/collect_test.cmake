@@ -84,6 +84,18 @@ v3dctl(takes collect --from cap02=${WORK}/cap02 --to ${WORK}/json kendo-08 --jso
 expect_status(0)
 expect("${out}" "\"notes\": \\[[^]]*\"cap02/B\\?ro.txt: is not copied")
 
+# Footage without a take.toml is named by all.
+file(COPY ${WORK}/cap02/kendo-08/cam01.lcmlog DESTINATION ${WORK}/cap05/kendo-14)
+v3dctl(takes ${WORK}/cap05)
+expect_status(3)
+expect("${err}" "skipped: ${WORK}/cap05/kendo-14: has logs and no take.toml; ")
+v3dctl(takes collect --from cap05=${WORK}/cap05 --to ${WORK}/lost)
+expect_status(3)
+expect("${out}" "^take kendo-14: not collected: cap05: kendo-14 has logs and no take.toml; a check of the file system ")
+if(EXISTS ${WORK}/lost/.collect)
+  message(SEND_ERROR "a take was copied that cannot be joined")
+endif()
+
 # A leftover that cannot be read does not end the command.
 file(MAKE_DIRECTORY ${WORK}/loop/.collect)
 file(CREATE_LINK kendo-08 ${WORK}/loop/.collect/kendo-08 SYMBOLIC)

@@ -153,6 +153,19 @@ TEST_F(TakeFolderTest, extends_the_time_for_the_start_while_it_is_recovered) {
   EXPECT_THAT(systemd.received(), HasSubstr("EXTEND_TIMEOUT_USEC="));
 }
 
+/// A check of the file system after a power cut has moved take.toml to lost+found.
+TEST_F(TakeFolderTest, is_named_by_the_recovery_when_it_has_logs_and_no_take_toml) {
+  create_take(studio_, info_);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  take::EventLogWriter(paths.frames("cam01"));
+  std::filesystem::remove(paths.info());
+  std::filesystem::create_directories(studio_.storage.takes / "kendo-08");  // has nothing
+  const std::vector<RecoveredTake> recovered = recover_open_takes(studio_, "cap01", {"cam01"});
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_FALSE(recovered[0].ledger);
+  EXPECT_THAT(recovered[0].line, HasSubstr("kendo-07: has logs and no take.toml"));
+}
+
 TEST_F(TakeFolderTest, is_not_recovered_when_its_deletion_was_interrupted) {
   create_take(studio_, info_);
   const take::TakePaths paths = take_paths(studio_, "kendo-07");

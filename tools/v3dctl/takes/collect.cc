@@ -75,6 +75,8 @@ class Collector {
         if (!is_requested(take)) continue;
         takes_[take].push_back(&source);
         if (has_copy(take)) existing_.insert(take);
+        if (!found.with_logs.contains(take) || found.recorded.contains(take)) continue;
+        differences_[take] = source.node + ": " + take + " " + take::kLacksInfo;
       }
       if (request_.takes.empty()) note_uncollected(source, found);
       compare_copies(source, found.recorded, own.path() / source.node);
@@ -175,6 +177,7 @@ class Collector {
   }
 
   void copy_take(const Sources& sources, CollectedTake& result) {
+    if (const std::string& lost = differences_[result.name]; !lost.empty()) throw InputError(lost);
     reject_other_folder(place_of(result.name));
     reject_parts_of_others(result.name, sources);
     remove_copies(joined(stage(result.name)));
@@ -457,8 +460,8 @@ class Collector {
   const Rsync rsync_;
   std::map<std::string, Sources> takes_;
   std::set<std::string> existing_;  ///< takes that the folder of the copies had at the start
-  /// By the name of a take: why the take in the folder of the copies is not that of the nodes.
-  /// Empty: it is.
+  /// By the name of a take: why the take in the folder of the copies is not that of the nodes, or a
+  /// node does not know its own take. Empty: neither.
   std::map<std::string, std::string> differences_;
   /// By the name of a take: what was written on slates of nodes after it was collected.
   std::map<std::string, std::vector<std::string>> slate_notes_;

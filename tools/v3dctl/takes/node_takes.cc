@@ -22,12 +22,14 @@ void add_entry(const ListedEntry& entry, NodeTakes& found) {
   const std::string take = entry.path.parent_path(), file = entry.path.filename();
   if (take.empty() && entry.type == 'l' && is_file_name(file)) found.broken_links.insert(file);
   if (take.empty() || take.starts_with('.') || take.find('/') != std::string::npos) return;
-  if (file != "take.toml" && file != "mesh.v3d") return;
+  const bool is_log = entry.path.extension() == ".lcmlog";
+  if (file != "take.toml" && file != "mesh.v3d" && !is_log) return;
   if (!is_file_name(take)) {
     found.odd_names.insert(take);
     return;
   }
   found.takes.insert(take);
+  if (is_log) found.with_logs.insert(take);
   if (file == "take.toml") found.recorded.insert(take);
 }
 
@@ -98,10 +100,11 @@ std::string time_text(const take::TakeInfo& info) {
 NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source, const fs::path& probe) {
   // The first pattern has no slash at its end: rsync omits without a message what it cannot
   // examine and what is excluded as a file.
-  const ProcessResult listed = rsync.run(
-      {"--recursive", "--copy-dirlinks", "--list-only", "--include=/*", "--include=/*/take.toml",
-       "--include=/*/mesh.v3d", "--include=/" + probe.string(), "--exclude=*"},
-      {source.place + "/"}, Output::kCapture);
+  const ProcessResult listed =
+      rsync.run({"--recursive", "--copy-dirlinks", "--list-only", "--include=/*",
+                 "--include=/*/take.toml", "--include=/*/mesh.v3d", "--include=/*/*.lcmlog",
+                 "--include=/" + probe.string(), "--exclude=*"},
+                {source.place + "/"}, Output::kCapture);
   if (listed.status != 0) {
     throw InputError("cannot list the takes of " + source.node + " at " + source.place +
                      " (rsync ended with status " + std::to_string(listed.status) +

@@ -15,9 +15,10 @@ namespace v3d::ctl {
 
 /// Entries of the folder of takes of a node.
 struct NodeTakes {
-  std::set<std::string> takes;     ///< takes with a take.toml or a mesh.v3d
-  std::set<std::string> recorded;  ///< those with a take.toml
-  /// Folders with a take.toml or a mesh.v3d whose names are no names of takes.
+  std::set<std::string> takes;      ///< takes with a take.toml, a log or a mesh.v3d
+  std::set<std::string> recorded;   ///< those with a take.toml
+  std::set<std::string> with_logs;  ///< those with a log of a camera or of the pulses
+  /// Folders with a take.toml, a log or a mesh.v3d whose names are no names of takes.
   std::set<std::string> odd_names;
   /// Symbolic links to no folder: the disk of their target may not be mounted.
   std::set<std::string> broken_links;

@@ -18,7 +18,9 @@ namespace v3d::ctl {
 namespace {
 
 int run_list(const CommandLine& line, const TakesArguments& arguments) {
-  const auto report_skipped = [](const InputError& error) {
+  bool is_whole = true;
+  const auto report_skipped = [&](const InputError& error) {
+    is_whole = false;
     note("v3dctl: skipped: " + printable(error.what()));
   };
   const std::filesystem::path folder = takes_folder(line, arguments);
@@ -27,7 +29,7 @@ int run_list(const CommandLine& line, const TakesArguments& arguments) {
   if (!interrupted.empty()) {
     note("v3dctl: " + interrupted_text(interrupted) + "; to finish: v3dctl takes delete --yes");
   }
-  return kExitDone;
+  return is_whole ? kExitDone : kExitIncomplete;
 }
 
 // --- slate and marks
