@@ -2,22 +2,26 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "daemon/node/service.h"
 #include "take/logs/mesh_file.h"
 
 namespace v3d::recond {
 namespace {
 
-io::Status add_index(const std::filesystem::path& mesh) {
-  return take::MeshFileWriter(mesh, take::LogOpening::kContinue).close();
+io::Status add_index(const std::filesystem::path& mesh, const take::ReadProgress& progress) {
+  return take::MeshFileWriter(mesh, take::LogOpening::kContinue, progress).close();
 }
 
 }  // namespace
 
 RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh) {
+  node::service::status("recovering the meshes of " + mesh.parent_path().filename().string());
+  node::service::WorkProgress work;
+  const auto progress = [&] { work.report(); };
   try {
-    const take::MeshFileReader file(mesh);
+    const take::MeshFileReader file(mesh, progress);
     const auto meshes = static_cast<int64_t>(file.pulses().size());
-    const io::Status indexed = file.index_was_rebuilt() ? add_index(mesh) : io::Status();
+    const io::Status indexed = file.index_was_rebuilt() ? add_index(mesh, progress) : io::Status();
     return {.meshes = meshes,
             .is_whole = indexed.has_value(),
             .text = format_count(meshes) + " meshes recovered" +

@@ -23,7 +23,7 @@ io::File open_mesh_file(const std::filesystem::path& path) {
 class IndexedFile {
  public:
   /// Throws InputError when the file is not a mesh file or its index cannot be read.
-  explicit IndexedFile(const std::filesystem::path& path)
+  explicit IndexedFile(const std::filesystem::path& path, const ReadProgress& progress = {})
       : file_(open_mesh_file(path)), file_size_(io::value_or_throw(file_.size())) {
     const auto head = read_at(0, mesh_file::kHeaderSize);
     if (head.size() < mesh_file::kHeaderSize ||
@@ -34,7 +34,7 @@ class IndexedFile {
       throw InputError(path.string() +
                        ": is a mesh file of a version that this program does not support");
     }
-    if (!load_index()) rebuild_index();
+    if (!load_index()) rebuild_index(progress);
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
   }
   io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse) const {
@@ -128,17 +128,17 @@ class IndexedFile {
   /// True when the record is complete: another record, the index or the end of the file follows it,
   /// or its checksum is correct. Otherwise a killed program left an unfinished record, and later
   /// records lie where its payload would be.
-  bool is_whole(const Entry& entry) {
+  bool is_whole(const Entry& entry, const ReadProgress& progress) {
     const uint64_t end = entry.offset + mesh_file::kRecordSize + entry.payload_size;
     if (end == file_size_ || record_at(end)) return true;
     const auto magic = read_at(end, mesh_file::kIndexMagic.size());
     if (mesh_file::magic_at(magic, 0, mesh_file::kIndexMagic)) return true;
-    return has_right_checksum(entry);
+    return has_right_checksum(entry, progress);
   }
 
   /// True when the payload matches its checksum. Also false after payloads of more than four times
   /// the file's length were read: only overlapping records need that, and each may claim 256 MiB.
-  bool has_right_checksum(const Entry& entry) {
+  bool has_right_checksum(const Entry& entry, const ReadProgress& progress) {
     constexpr uint32_t kChunk = 1 << 20;
     if (checksummed_ > 4 * file_size_) return false;
     checksummed_ += entry.payload_size;
@@ -147,6 +147,7 @@ class IndexedFile {
       const uint32_t size = std::min(kChunk, entry.payload_size - done);
       const auto bytes = read_at(entry.offset + mesh_file::kRecordSize + done, size);
       if (bytes.size() < size) return false;
+      if (progress) progress();
       crc = codec::crc32(bytes, crc);
       done += size;
     }
@@ -155,12 +156,13 @@ class IndexedFile {
 
   /// The next offset from `from` on at which a valid record starts; the end of the file if there is
   /// none.
-  uint64_t next_record(uint64_t from) const {
+  uint64_t next_record(uint64_t from, const ReadProgress& progress) const {
     constexpr size_t kChunk = 1 << 16;
     const auto& magic = mesh_file::kRecordMagic;
     while ((from = next_data(file_, from)) + mesh_file::kRecordSize <= file_size_) {
       const auto chunk = read_at(from, kChunk);
       if (chunk.size() < magic.size()) break;
+      if (progress) progress();
       for (auto hit = chunk.begin();; ++hit) {
         hit = std::search(hit, chunk.end(), magic.begin(), magic.end());
         if (hit == chunk.end()) break;
@@ -172,13 +174,14 @@ class IndexedFile {
     return file_size_;
   }
 
-  void rebuild_index() {
+  void rebuild_index(const ReadProgress& progress) {
     rebuilt_ = true;
     uint64_t offset = mesh_file::kHeaderSize;
     while (offset < file_size_) {
+      if (progress) progress();
       const auto entry = record_at(offset);
-      if (!entry || !is_whole(*entry)) {
-        offset = next_record(offset + 1);
+      if (!entry || !is_whole(*entry, progress)) {
+        offset = next_record(offset + 1, progress);
         continue;
       }
       if (follows(*entry)) entries_.push_back(*entry);
@@ -200,9 +203,9 @@ bool MeshRecord::is_intact() const { return codec::crc32(compact) == checksum; }
 
 class MeshFileWriter::Impl {
  public:
-  Impl(const std::filesystem::path& path, LogOpening opening)
+  Impl(const std::filesystem::path& path, LogOpening opening, const ReadProgress& progress)
       : path_(path),
-        file_(io::value_or_throw(opening == LogOpening::kContinue ? open_to_continue(path)
+        file_(io::value_or_throw(opening == LogOpening::kContinue ? open_to_continue(path, progress)
                                                                   : create(path))) {
     sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
     if (begin_ > 0) return;
@@ -289,14 +292,15 @@ class MeshFileWriter::Impl {
   /// Opens the file for appending after its last byte. An index of an earlier close, or the bytes
   /// of an unfinished record, remain, and readers skip them. A file shorter than its header is
   /// written from the start.
-  io::Result<io::File> open_to_continue(const std::filesystem::path& path) {
+  io::Result<io::File> open_to_continue(const std::filesystem::path& path,
+                                        const ReadProgress& progress) {
     auto file = io::File::open(path, io::OpenMode::kWriteExisting);
     if (!file && file.error().code == ENOENT) return create(path);
     if (!file) return file;
     const auto size = file->size();
     if (!size) return tl::make_unexpected(size.error());
     if (*size < mesh_file::kHeaderSize) return file;
-    const IndexedFile found(path);
+    const IndexedFile found(path, progress);
     existing_ = found.entries();
     begin_ = end_ = found.file_size();
     return file;
@@ -330,8 +334,9 @@ class MeshFileWriter::Impl {
   io::Status closed_;
 };
 
-MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening opening)
-    : impl_(std::make_unique<Impl>(path, opening)) {}
+MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening opening,
+                               const ReadProgress& progress)
+    : impl_(std::make_unique<Impl>(path, opening, progress)) {}
 MeshFileWriter::~MeshFileWriter() = default;
 MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
 io::Status MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
@@ -350,8 +355,8 @@ class MeshFileReader::Impl : public IndexedFile {
   using IndexedFile::IndexedFile;
 };
 
-MeshFileReader::MeshFileReader(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
+MeshFileReader::MeshFileReader(const std::filesystem::path& path, const ReadProgress& progress)
+    : impl_(std::make_unique<Impl>(path, progress)) {}
 MeshFileReader::~MeshFileReader() = default;
 MeshFileReader::MeshFileReader(MeshFileReader&&) noexcept = default;
 const std::vector<int64_t>& MeshFileReader::pulses() const { return impl_->pulses(); }

@@ -7,6 +7,7 @@
 
 #include "base/io/file.h"
 #include "support/fsync_hook.h"
+#include "support/notify_socket.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 
@@ -38,6 +39,13 @@ TEST_F(MeshRecovery, adds_the_missing_index) {
   EXPECT_EQ(recovered.meshes, 5);
   EXPECT_EQ(recovered.text, "5 meshes recovered");
   EXPECT_FALSE(take::MeshFileReader(path_).index_was_rebuilt());
+}
+
+TEST_F(MeshRecovery, extends_the_time_for_the_start) {
+  test::NotifySocket systemd(folder_ / "notify");
+  EXPECT_TRUE(recover_mesh_file(path_).is_whole);
+  EXPECT_THAT(systemd.received(), HasSubstr("STATUS=recovering the meshes of "));
+  EXPECT_THAT(systemd.received(), HasSubstr("EXTEND_TIMEOUT_USEC="));
 }
 
 TEST_F(MeshRecovery, reports_an_index_that_cannot_be_synced_with_path_and_cause) {
