@@ -28,12 +28,30 @@ void append_run(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
   append_run(first, last, 1, numbers);
 }
 
+/// Index of the last number of the run from index `first` whose numbers differ by `step`.
+size_t end_of_run(const std::vector<int64_t>& numbers, size_t first, uint64_t step) {
+  const auto difference = [&](size_t i) {  // of any two numbers: a damaged label can be any number
+    return static_cast<uint64_t>(numbers[i + 1]) - static_cast<uint64_t>(numbers[i]);
+  };
+  while (first + 1 < numbers.size() && difference(first) == step) ++first;
+  return first;
+}
+
+/// The difference of the number at index `first` to the next one. 1 when it has none, or one that
+/// no regular loss has.
+int64_t step_from(const std::vector<int64_t>& numbers, size_t first) {
+  if (first + 1 == numbers.size()) return 1;
+  const uint64_t step =
+      static_cast<uint64_t>(numbers[first + 1]) - static_cast<uint64_t>(numbers[first]);
+  const bool is_regular = step >= 1 && step <= static_cast<uint64_t>(kMaxPulses);
+  return is_regular ? static_cast<int64_t>(step) : 1;
+}
+
 /// Calls `visit(first, last)` for each run of consecutive numbers. `numbers` ascend.
 template <class Visit>
 void for_each_run(const std::vector<int64_t>& numbers, Visit visit) {
   for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
-    last = first;
-    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    last = end_of_run(numbers, first, 1);
     visit(numbers[first], numbers[last]);
   }
 }
@@ -42,15 +60,10 @@ void for_each_run(const std::vector<int64_t>& numbers, Visit visit) {
 /// every second pulse. `numbers` ascend.
 template <class Visit>
 void for_each_stepped_run(const std::vector<int64_t>& numbers, Visit visit) {
-  const auto difference = [&](size_t i) {  // of any two numbers: a damaged label can be any number
-    return static_cast<uint64_t>(numbers[i + 1]) - static_cast<uint64_t>(numbers[i]);
-  };
   for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
-    last = first;
-    const uint64_t step = first + 1 < numbers.size() ? difference(first) : 1;
-    const bool is_run = step >= 1 && step <= static_cast<uint64_t>(kMaxPulses);
-    while (is_run && last + 1 < numbers.size() && difference(last) == step) ++last;
-    visit(numbers[first], numbers[last], is_run ? static_cast<int64_t>(step) : 1);
+    const int64_t step = step_from(numbers, first);
+    last = end_of_run(numbers, first, static_cast<uint64_t>(step));
+    visit(numbers[first], numbers[last], step);
   }
 }
 
@@ -286,11 +299,22 @@ Ledger merge(const std::vector<Ledger>& parts) {
 }
 
 std::string number_ranges(const std::vector<int64_t>& numbers) {
+  constexpr int kMaxRanges = 24;
+  constexpr size_t kMinStepped = 5;  // "1, 3, 5" is easier to read than "1-5 by 2"
   std::string text;
-  for_each_run(numbers, [&](int64_t first, int64_t last) {
-    text += (text.empty() ? "" : ", ") + std::to_string(first);
-    if (last > first) text += "-" + std::to_string(last);
-  });
+  int ranges = 0;
+  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
+    if (++ranges > kMaxRanges) {
+      return text + ", ... (" + format_count(std::ssize(numbers)) + " in all; --json lists them)";
+    }
+    const int64_t step = step_from(numbers, first);
+    last = end_of_run(numbers, first, static_cast<uint64_t>(step));
+    if (step > 1 && last - first + 1 < kMinStepped) last = first;
+    text += (text.empty() ? "" : ", ") + std::to_string(numbers[first]);
+    if (last == first) continue;
+    text += "-" + std::to_string(numbers[last]);
+    if (step > 1) text += " by " + std::to_string(step);
+  }
   return text;
 }
 

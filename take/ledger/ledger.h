@@ -117,7 +117,8 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
 /// suspect frame.
 Ledger merge(const std::vector<Ledger>& parts);
 
-/// Formats ascending numbers, neighbours as ranges: "3-17, 20".
+/// Formats ascending numbers, neighbours and regular ones as ranges: "3-17, 20, 30-98 by 2". After
+/// 24 ranges, for a terminal: ", ... (108,000 in all; --json lists them)".
 std::string number_ranges(const std::vector<int64_t>& numbers);
 /// The absent nodes, the missing and runt pulses of the sense line, and the missing, duplicate and
 /// suspect pulses of each camera, one line each. Empty when the ledger has none.

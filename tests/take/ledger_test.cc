@@ -5,9 +5,11 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -312,6 +314,30 @@ TEST(Ledger, lists_problems_by_camera_with_pulse_ranges) {
   ledger.cameras[7].suspect = {-1, 12};
   EXPECT_THAT(problem_lines(ledger),
               testing::ElementsAre("cam3: missing pulses 3-5, 9", "cam7: suspect pulses -1, 12"));
+}
+
+TEST(Ledger, lists_regular_pulses_as_ranges_with_their_difference) {
+  EXPECT_EQ(number_ranges({1, 3, 5, 9}), "1, 3, 5, 9");
+  EXPECT_EQ(number_ranges({0, 2, 4, 6, 8, 9, 10, 40}), "0-8 by 2, 9-10, 40");
+  constexpr int64_t kMin = std::numeric_limits<int64_t>::min();
+  EXPECT_EQ(number_ranges({kMin, -1, 0}), std::to_string(kMin) + ", -1-0");
+}
+
+/// A camera at half the rate, and one that lost frames without any regularity, for an hour at 60
+/// Hz.
+TEST(Ledger, lists_problems_of_hours_in_short_lines) {
+  Ledger ledger = whole_ledger();
+  for (int64_t pulse = 0; pulse < 216'000; pulse += 2) ledger.cameras[3].missing.push_back(pulse);
+  for (int64_t pulse = 0; pulse < 216'000; pulse += 1 + pulse % 3 + pulse % 7) {
+    ledger.cameras[4].missing.push_back(pulse);
+  }
+  const std::vector<std::string> lines = problem_lines(ledger);
+  ASSERT_EQ(lines.size(), 2U);
+  EXPECT_EQ(lines[0], "cam3: missing pulses 0-215998 by 2");
+  EXPECT_LT(lines[1].size(), 1000U);
+  EXPECT_THAT(lines[1],
+              testing::EndsWith(", ... (" + format_count(std::ssize(ledger.cameras[4].missing)) +
+                                " in all; --json lists them)"));
 }
 
 TEST(Ledger, formats_a_table_of_all_cameras) {
