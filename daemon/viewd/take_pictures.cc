@@ -89,7 +89,7 @@ web::WebAnswer TakePictures::thumbnail(const web::WebRequest& request,
                                        const std::string& take) const {
   if (!is_file_name(take)) return web::plain_answer(404, "there is no such take");
   return later_answer(
-      web::WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take, take] {
+      web::WorkKind::kThumbnail, [request, all = photographs_, folder = takes_ / take, take] {
         const take::TakePaths paths{folder};
         const auto cameras = load_take_info(paths).cameras;
         const auto first = std::ranges::find_if(cameras, [&](const std::string& camera) {
@@ -148,31 +148,32 @@ Image reduced(const Image& picture, int max_side) {
   return small;
 }
 
+/// RGB8 picture of a frame. Empty for a frame without pixels.
+std::optional<Image> picture(const std::optional<Frame>& raw, const ColourResponse& colour) {
+  if (!raw || raw->image.size.pixels() == 0) return {};
+  Image rgb = to_rgb(raw->image.view());
+  if (!colour.is_identity()) correct(rgb, colour);
+  return rgb;
+}
+
 }  // namespace
 
 std::optional<std::vector<uint8_t>> TakePhotographs::read(const std::string& take, int64_t pulse,
                                                           const std::string& camera) {
-  const std::optional<Image> whole = picture(frame(take, pulse, camera));
+  const std::optional<Frame> raw = frame(take, pulse, camera);
+  if (!raw) return {};
+  const std::optional<Image> whole = picture(raw, logs_.front().colour);
   if (!whole) return {};
   return encode_jpeg(whole->view(), kQuality);
 }
 
 std::optional<std::vector<uint8_t>> TakePhotographs::thumbnail(const std::string& take,
-                                                               const std::string& camera) {
-  OpenLog* log = find(take, camera);
-  if (log == nullptr || log->reader.labels().empty()) return {};
-  const auto& labels = log->reader.labels();
-  const std::optional<Image> whole = picture(log->reader.read(labels[labels.size() / 2].pulse));
+                                                               const std::string& camera) const {
+  const take::TakePaths paths{takes_ / take};
+  const std::optional<Image> whole =
+      picture(take::read_middle_frame(paths.frames(camera)), response_of(paths, camera));
   if (!whole) return {};
   return encode_jpeg(reduced(*whole, kMaxThumbnailSide).view(), kQuality);
-}
-
-std::optional<Image> TakePhotographs::picture(const std::optional<Frame>& raw) const {
-  if (!raw || raw->image.size.pixels() == 0) return {};
-  Image rgb = to_rgb(raw->image.view());
-  const ColourResponse& colour = logs_.front().colour;
-  if (!colour.is_identity()) correct(rgb, colour);
-  return rgb;
 }
 
 std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pulse,

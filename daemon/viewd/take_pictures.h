@@ -32,8 +32,9 @@ namespace v3d::viewd {
 class TakePhotographs;
 class TakeViews;
 
-/// Takes without raw frames in their folder get 404. Valid requests are answered by work
-/// (WorkKind::kPicture), which runs on one other thread at a time.
+/// Takes without raw frames in their folder get 404. Valid requests are answered by work: small
+/// pictures by WorkKind::kThumbnail, the others by WorkKind::kPicture. Each kind runs on one other
+/// thread at a time.
 class TakePictures {
  public:
   /// `takes`: the folder of the takes.
@@ -58,7 +59,7 @@ class TakePictures {
 // Single frames of recorded takes as JPEG images.
 
 /// Keeps the most recently used logs and their indexes open, so that a frame costs one read. One
-/// thread.
+/// thread, except thumbnail().
 class TakePhotographs {
  public:
   static constexpr size_t kMaxLogs = 64;         ///< open logs: one take of a large studio
@@ -73,9 +74,11 @@ class TakePhotographs {
   std::optional<std::vector<uint8_t>> read(const std::string& take, int64_t pulse,
                                            const std::string& camera);
 
-  /// JPEG of the frame in the middle of the camera's log, reduced to at most kMaxThumbnailSide.
-  /// Empty, throws and requires as read().
-  std::optional<std::vector<uint8_t>> thumbnail(const std::string& take, const std::string& camera);
+  /// JPEG of a frame in the middle of the camera's log, reduced to at most kMaxThumbnailSide. Does
+  /// not read the log before this frame, and keeps nothing open.
+  /// Empty, throws and requires as read(). Any thread.
+  std::optional<std::vector<uint8_t>> thumbnail(const std::string& take,
+                                                const std::string& camera) const;
 
  private:
   /// Shortest time between two indexings of a growing log, when a frame is not found.
@@ -92,9 +95,6 @@ class TakePhotographs {
   OpenLog* find(const std::string& take, const std::string& camera);
   OpenLog* open(const std::string& take, const std::string& camera, const FileStamp& stamp);
   std::optional<Frame> frame(const std::string& take, int64_t pulse, const std::string& camera);
-  /// RGB8 picture of a frame of the front log. Empty for a frame without pixels.
-  std::optional<Image> picture(const std::optional<Frame>& raw) const;
-
   const std::filesystem::path takes_;
   std::list<OpenLog> logs_;
 };

@@ -37,10 +37,11 @@ struct WebRequest {
 /// Work that may wait for a disk, by the threads that do it. A slow or hanging disk delays only
 /// work of the same kind.
 enum class WorkKind : uint8_t {
-  kListing,  ///< lists folders; requests for the same listing share one run
-  kPicture,  ///< reads and computes pictures, one at a time
-  kFile,     ///< reads files of takes
-  kPage      ///< reads files of the page
+  kListing,    ///< lists folders; requests for the same listing share one run
+  kPicture,    ///< reads and computes pictures, one at a time
+  kThumbnail,  ///< reads small pictures of takes, one at a time
+  kFile,       ///< reads files of takes
+  kPage        ///< reads files of the page
 };
 
 /// A part of a file. Copies share the open file.

@@ -92,6 +92,8 @@ class WebServer::Impl {
         return listings_;
       case WorkKind::kPicture:
         return pictures_;
+      case WorkKind::kThumbnail:
+        return thumbnails_;
       case WorkKind::kPage:
         return pages_;
       case WorkKind::kFile:
@@ -146,6 +148,7 @@ class WebServer::Impl {
                        {.timeout = connections_.limits.disk_timeout,
                         .late = "the disk is slow to list its folders; try again"}};
   WorkRunner pictures_{io_, {.timeout = connections_.limits.picture_timeout, .late = kLateFile}};
+  WorkRunner thumbnails_{io_, {.timeout = connections_.limits.picture_timeout, .late = kLateFile}};
   WorkRunner files_{io_,
                     {.threads = 4,
                      .max_waiting = kMaxFileReads,

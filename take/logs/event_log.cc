@@ -56,7 +56,26 @@ class SegmentScan {
     segment_.torn_bytes = end_ - std::min(offset, end_);
   }
 
+  /// Passes events to `is_wanted` until it returns true: those from the middle on, then those from
+  /// the start. `middle`: in bytes.
+  bool find_from(uint64_t middle, const EventTest& is_wanted) {
+    const auto first = event_at(0);
+    // Frames of one camera have one size, so that an event starts at a multiple of it.
+    if (first) middle -= middle % end_of(*first);
+    return find(middle, end_, is_wanted) || find(0, middle, is_wanted);
+  }
+
  private:
+  bool find(uint64_t from, uint64_t until, const EventTest& is_wanted) {
+    until = std::min(until, from + kMaxSearchedBytes);
+    while (const auto offset = next_event(from, until)) {
+      const auto event = event_at(*offset);
+      if (event && is_wanted(segment_.file, *event)) return true;
+      from = *offset + 1;  // the length of an unwanted event may be damaged
+    }
+    return false;
+  }
+
   /// Reads up to `bytes.size()` bytes; 0 on a read error. Stores the first error.
   size_t read(uint64_t offset, std::span<uint8_t> bytes) {
     const auto got = segment_.file.read(offset, bytes);
@@ -210,6 +229,49 @@ std::vector<std::string> EventLogReader::read_errors() const {
     if (!segment.read_error.empty()) errors.push_back(segment.read_error);
   }
   return errors;
+}
+
+namespace {
+
+struct LogPlace {
+  size_t segment = 0;
+  uint64_t offset = 0;
+};
+
+/// The middle byte of the log.
+LogPlace middle_of(const std::vector<std::filesystem::path>& segments) {
+  std::vector<uint64_t> sizes;
+  for (const auto& path : segments) {
+    std::error_code error;
+    const uint64_t size = std::filesystem::file_size(path, error);
+    sizes.push_back(error ? 0 : size);
+  }
+  uint64_t offset = std::accumulate(sizes.begin(), sizes.end(), uint64_t{0}) / 2;
+  for (size_t n = 0; n < sizes.size(); ++n) {
+    if (offset < sizes[n]) return {n, offset};
+    offset -= sizes[n];
+  }
+  return {};
+}
+
+}  // namespace
+
+io::Result<bool> find_middle_event(const std::filesystem::path& log, const EventTest& is_wanted) {
+  const auto paths = existing_segments(log);
+  if (!paths) return tl::make_unexpected(paths.error());
+  const LogPlace middle = middle_of(*paths);
+  io::Result<bool> result = io::io_error("open", log, "there is no such log", ENOENT);
+  for (size_t n = 0; n < paths->size(); ++n) {
+    auto segment = open_segment((*paths)[(middle.segment + n) % paths->size()]);
+    if (!segment) {
+      if (!result) result = tl::make_unexpected(segment.error());
+      continue;
+    }
+    const bool found = SegmentScan(*segment, {}).find_from(n == 0 ? middle.offset : 0, is_wanted);
+    if (found) return true;
+    result = false;
+  }
+  return result;
 }
 
 io::Result<wire::Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -85,5 +86,21 @@ class EventLogReader {
   std::vector<LogSegment> segments_;
   std::vector<EventSpan> events_;
 };
+
+// Search for an event in the middle of a log, which does not read the events before it.
+
+/// Whether the search ends with this event of this segment. The number of the segment is unknown.
+using EventTest = std::function<bool(const io::File& segment, const EventSpan& event)>;
+
+/// Limit of the bytes that are searched from one place of a damaged log.
+inline constexpr uint64_t kMaxSearchedBytes = kMaxEventBytes;
+
+/// Passes whole events of `log` to `is_wanted` until it returns true. Begins at the event at the
+/// middle byte of the log. Continues from the start of that segment and of the others, where the
+/// middle has no such event. In a log of events of one size, the search reads one block, whatever
+/// the length of the log.
+/// Returns false when no event is wanted. Fails when no segment exists or none can be opened.
+[[nodiscard]] io::Result<bool> find_middle_event(const std::filesystem::path& log,
+                                                 const EventTest& is_wanted);
 
 }  // namespace v3d::take

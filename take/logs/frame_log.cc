@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <span>
 #include <unordered_map>
@@ -275,6 +276,34 @@ std::optional<Frame> FrameLogReader::read(int64_t pulse) {
   return frame;
 }
 std::optional<Frame> FrameLogReader::read_deep(int64_t pulse) { return impl_->read_deep(pulse); }
+
+namespace {
+
+/// Empty when the event is no frame, or is damaged.
+std::optional<Frame> frame_in(const io::File& segment, const EventSpan& event) {
+  wire::Bytes bytes(std::min<size_t>(event.data_size, wire::kFrameHeadSize));
+  if (!segment.read_whole(event.data_offset, bytes)) return std::nullopt;
+  // A damaged length may be large, so the head is checked before the pixels are read.
+  const auto head = wire::decode_frame_head(bytes);
+  if (!head || head->message_size != event.data_size) return std::nullopt;
+  bytes.resize(event.data_size);
+  if (!segment.read_whole(event.data_offset, bytes)) return std::nullopt;
+  auto message = wire::decode<wire::FrameMessage>(bytes);
+  if (!message) return std::nullopt;
+  return std::move(message->frame);
+}
+
+}  // namespace
+
+std::optional<Frame> read_middle_frame(const std::filesystem::path& log) {
+  std::optional<Frame> frame;
+  io::value_or_throw(find_middle_event(log, [&](const io::File& segment, const EventSpan& event) {
+    frame = frame_in(segment, event);
+    return frame.has_value();
+  }));
+  if (frame) reduce_to_8_bits(frame->image);
+  return frame;
+}
 
 std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path) {
   return read_pulses(EventLogReader(path));

@@ -96,6 +96,11 @@ class FrameLogReader {
   std::unique_ptr<Impl> impl_;
 };
 
+/// A frame in the middle of the log (find_middle_event()), with 8 bits per sample, for previews.
+/// Reads little more than this frame, whatever the length of the log. Empty when no frame there can
+/// be decoded. Throws InputError when the log cannot be opened.
+std::optional<Frame> read_middle_frame(const std::filesystem::path& log);
+
 /// Limit of the data of a pulse event, bytes; written events have about 100. Readers ignore longer
 /// events without reading them: in a sparse file, an event can claim up to 256 MB.
 inline constexpr uint32_t kMaxPulseBytes = 4 << 10;

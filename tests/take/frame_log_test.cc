@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
 
+#include <algorithm>
+#include <array>
+
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "support/file_size_limit.h"
@@ -92,6 +95,72 @@ TEST(FrameLog, keeps_all_bits_of_a_deep_image_and_returns_8_of_them) {
   EXPECT_EQ(frame->image.format, PixelFormat::kBayerRG8);
   ASSERT_EQ(frame->image.bytes.size(), 16U * 8);
   EXPECT_EQ(frame->image.bytes[40], (0x0a00 + 80) >> 4);
+}
+
+TEST(MiddleFrame, contains_the_middle_byte_of_the_log) {
+  for (int64_t frames = 1; frames < 9; ++frames) {
+    const TemporaryFolder folder;
+    {
+      EventLogWriter writer(folder / "cam07.lcmlog");
+      for (int64_t pulse = 0; pulse < frames; ++pulse) ASSERT_TRUE(writer.write(frame_of(pulse)));
+    }
+    const auto frame = read_middle_frame(folder / "cam07.lcmlog");
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->label.pulse, frames / 2);
+    EXPECT_EQ(frame->image.bytes, frame_of(frames / 2).frame.image.bytes);
+  }
+}
+
+TEST(MiddleFrame, is_in_the_segment_with_the_middle_byte) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0});
+  for (const int64_t first : {10, 20}) {
+    EventLogWriter writer(folder / "cam07.lcmlog", LogOpening::kContinue);
+    for (int64_t n = 0; n < 5; ++n) ASSERT_TRUE(writer.write(frame_of(first + n)));
+  }
+  EXPECT_EQ(read_middle_frame(folder / "cam07.lcmlog")->label.pulse, 14);
+}
+
+TEST(MiddleFrame, is_the_next_whole_frame_where_the_middle_is_damaged) {
+  const TemporaryFolder folder;
+  const std::filesystem::path log = folder / "cam07.lcmlog";
+  write_frames(log, {0, 1, 2, 3, 4});
+  std::string text = read_file(log);
+  const size_t size = text.size() / 5;
+  char& pixel = text[3 * size - 40];
+  pixel = static_cast<char>(pixel ^ 1);  // only the checksum is wrong
+  test::write_text(log, text);
+  EXPECT_EQ(read_middle_frame(log)->label.pulse, 3);
+  std::fill(text.begin() + static_cast<ptrdiff_t>(2 * size), text.end(), 'x');
+  test::write_text(log, text);
+  EXPECT_EQ(read_middle_frame(log)->label.pulse, 0) << "no frame follows the middle";
+  test::write_text(log, std::string(5000, 'x'));
+  EXPECT_FALSE(read_middle_frame(log));
+  test::write_text(log, "");
+  EXPECT_FALSE(read_middle_frame(log));
+  std::filesystem::remove(log);
+  EXPECT_THROW(read_middle_frame(log), InputError);
+}
+
+TEST(MiddleFrame, is_no_event_header_among_the_pixels) {
+  const TemporaryFolder folder;
+  std::vector<uint8_t> header(64);  // of an event with the channel "x" and 9 bytes
+  std::ranges::copy(std::to_array<uint8_t>({0xED, 0xA1, 0xDA, 0x01}), header.begin());
+  header[23] = 1;
+  header[27] = 9;
+  header[28] = 'x';
+  wire::FrameMessage large = frame_of(1);
+  large.frame.sensor_size = {64, 64};
+  large.frame.roi = {0, 0, 64, 64};
+  large.frame.image = Image({64, 64}, PixelFormat::kBayerRG8);
+  for (int y = 0; y < 64; ++y) std::ranges::copy(header, large.frame.image.row(y));
+  {
+    EventLogWriter writer(folder / "cam07.lcmlog");
+    for (const auto& message : {frame_of(0), large, frame_of(2)}) {
+      ASSERT_TRUE(writer.write(message));
+    }
+  }
+  EXPECT_EQ(read_middle_frame(folder / "cam07.lcmlog")->label.pulse, 2);
 }
 
 TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {

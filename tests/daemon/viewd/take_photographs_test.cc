@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <fstream>
 
 #include "base/config/calib_file.h"
 #include "base/image/image_files.h"
@@ -135,6 +136,44 @@ TEST_F(PhotographSite, serves_the_middle_frame_of_a_take_as_a_small_picture) {
   const auto picture = decode_jpeg(bytes, *size);
   ASSERT_TRUE(picture);
   EXPECT_NEAR(picture->row(size->height / 2)[3 * (size->width / 2)], 50 + 40 * 1, 2);
+}
+
+/// The read calls of this process until now.
+int64_t read_calls() {
+  std::ifstream io("/proc/self/io");
+  for (std::string name; io >> name;) {
+    int64_t count = 0;
+    io >> count;
+    if (name == "syscr:") return count;
+  }
+  return -1;
+}
+
+TEST_F(PhotographSite, makes_a_thumbnail_of_a_long_take_without_reading_its_log) {
+  wire::FrameMessage message = frame(0);
+  message.frame.sensor_size = {16, 12};
+  message.frame.roi = {0, 0, 16, 12};
+  message.frame.image = Image({16, 12}, PixelFormat::kBayerRG8);
+  std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
+  {
+    take::EventLogWriter log(folder_ / "takes/kendo-07/cam01.lcmlog");
+    for (int64_t pulse = 0; pulse < 2000; ++pulse) {
+      message.frame.label.pulse = pulse;
+      ASSERT_TRUE(log.write(message));
+    }
+  }
+  const int64_t before = read_calls();
+  if (before < 0) GTEST_SKIP() << "the kernel does not count read calls";
+  EXPECT_EQ(get("/api/takes/kendo-07/thumbnail.jpg").status, 200);
+  EXPECT_LE(read_calls() - before, 40);
+}
+
+TEST_F(PhotographSite, makes_thumbnails_while_another_picture_is_made) {
+  const auto kind_of = [&](const std::string& target) {
+    return site().answer({.method = "GET", .target = target, .host = "localhost"}).kind;
+  };
+  EXPECT_NE(kind_of("/api/takes/kendo-07/thumbnail.jpg"),
+            kind_of("/api/takes/kendo-07/photographs/1/cam01.jpg"));
 }
 
 TEST_F(PhotographSite, answers_404_for_a_thumbnail_without_frames) {
