@@ -67,6 +67,24 @@ std::optional<web::WebAnswer> TakePictures::answer(const web::WebRequest& reques
   return {};
 }
 
+/// The work first closes what is removed or unused.
+template <class Make>
+web::WebAnswer TakePictures::picture_answer(Make make) const {
+  return later_answer(web::WorkKind::kPicture,
+                      [make = std::move(make), photographs = photographs_, views = views_] {
+                        const MonotonicInstant now = Monotonic::now();
+                        photographs->close_unused(now);
+                        views->close_unused(now);
+                        return make();
+                      });
+}
+
+web::WebAnswer TakePictures::closing() const {
+  web::WebAnswer answer = picture_answer([] { return web::plain_answer(200, "closed"); });
+  answer.listing = "closing";  // one waits at most
+  return answer;
+}
+
 web::WebAnswer TakePictures::photograph(const web::WebRequest& request, const std::string& take,
                                         const std::string& pulse_text,
                                         const std::string& file) const {
@@ -76,13 +94,14 @@ web::WebAnswer TakePictures::photograph(const web::WebRequest& request, const st
   if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
     return web::plain_answer(404, "there is no such photograph");
   }
-  return later_answer(web::WorkKind::kPicture, [request, all = photographs_, folder = takes_ / take,
-                                                take, camera, pulse = *pulse] {
-    const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
-    if (!log) return web::plain_answer(404, "there are no frames of this camera in such a take");
-    return tagged_answer(request, tag_of(*log),
-                         [&] { return jpeg_answer(all->read(take, pulse, camera)); });
-  });
+  return picture_answer(
+      [request, all = photographs_, folder = takes_ / take, take, camera, pulse = *pulse] {
+        const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
+        if (!log)
+          return web::plain_answer(404, "there are no frames of this camera in such a take");
+        return tagged_answer(request, tag_of(*log),
+                             [&] { return jpeg_answer(all->read(take, pulse, camera)); });
+      });
 }
 
 web::WebAnswer TakePictures::thumbnail(const web::WebRequest& request,
@@ -105,8 +124,7 @@ web::WebAnswer TakePictures::views(const web::WebRequest& request, const std::st
                                    const std::string& pulse_text) const {
   const auto pulse = parse_pulse(pulse_text);
   if (!pulse || !is_file_name(take)) return web::plain_answer(404, "there is no such view");
-  return later_answer(web::WorkKind::kPicture, [request, all = views_, folder = takes_ / take, take,
-                                                pulse = *pulse] {
+  return picture_answer([request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
     const auto tag = TakeViews::tag(folder);
     if (!tag)
       return web::plain_answer(404, "there is no such take, or its raw frames are not here");
@@ -195,6 +213,7 @@ TakePhotographs::OpenLog* TakePhotographs::find(const std::string& take,
   const bool same = known != logs_.end() && stamp && known->stamp.inode == stamp->inode &&
                     known->stamp.size <= stamp->size;
   if (same) {
+    known->used = Monotonic::now();
     logs_.splice(logs_.begin(), logs_, known);
     return &logs_.front();
   }
@@ -207,10 +226,19 @@ TakePhotographs::OpenLog* TakePhotographs::open(const std::string& take, const s
   const take::TakePaths paths{takes_ / take};
   const std::filesystem::path path = paths.frames(camera);
   logs_.remove_if([&](const OpenLog& log) { return log.path == path; });
-  logs_.push_front(
-      {path, stamp, Monotonic::now(), take::FrameLogReader(path), response_of(paths, camera)});
+  take::FrameLogReader reader(path);
+  const MonotonicInstant now = Monotonic::now();  // the index of a long log takes minutes
+  logs_.push_front({path, stamp, now, now, std::move(reader), response_of(paths, camera)});
   if (logs_.size() > kMaxLogs) logs_.pop_back();
   return &logs_.front();
+}
+
+void TakePhotographs::close_unused(MonotonicInstant now) {
+  logs_.remove_if([&](const OpenLog& log) {
+    if (now - log.used > kMaxUnused) return true;
+    const auto current = stamp_of_log(log.path);
+    return !current || current->inode != log.stamp.inode;
+  });
 }
 
 std::optional<std::string> TakeViews::tag(const std::filesystem::path& take) {
@@ -256,16 +284,32 @@ TakeViews::OpenTake& TakeViews::open(const std::string& take, int64_t pulse) {
   }
   const auto known = std::ranges::find(open_, take, &OpenTake::name);
   if (known != open_.end() && (known->tag == *current || has_grown(*known, *mesh, pulse))) {
+    known->used = Monotonic::now();
     open_.splice(open_.begin(), open_, known);
     return open_.front();
   }
   if (known != open_.end()) open_.erase(known);
   auto meshes = std::make_unique<recorded::MeshFrames>(takes_ / take);
   std::vector<int64_t> pulses = meshes->frames({});
-  open_.push_front({take, *current, *mesh, std::move(meshes),
-                    recorded::TakeFrames(takes_ / take, {}), std::move(pulses)});
+  recorded::TakeFrames frames(takes_ / take, {});
+  open_.push_front({take, *current, *mesh, Monotonic::now(), std::move(meshes), std::move(frames),
+                    std::move(pulses)});
   if (open_.size() > kMaxTakes) open_.pop_back();
   return open_.front();
+}
+
+bool TakeViews::is_removed(const OpenTake& take) const {
+  const take::TakePaths paths{takes_ / take.name};
+  const auto mesh = stamp_of(paths.mesh());
+  return !mesh || mesh->inode != take.mesh.inode ||
+         std::ranges::any_of(take.frames.info().cameras, [&](const std::string& camera) {
+           return !stamp_of_log(paths.frames(camera));
+         });
+}
+
+void TakeViews::close_unused(MonotonicInstant now) {
+  open_.remove_if(
+      [&](const OpenTake& take) { return now - take.used > kMaxUnused || is_removed(take); });
 }
 
 }  // namespace v3d::viewd

@@ -44,12 +44,19 @@ class TakePictures {
   std::optional<web::WebAnswer> answer(const web::WebRequest& request,
                                        const web::WebTarget& target) const;
 
+  /// An answer whose work closes the files that are removed or unused, as each request for a
+  /// photograph or a view does. Run it every minute: a removed take keeps its disk space until
+  /// then.
+  web::WebAnswer closing() const;
+
  private:
   web::WebAnswer photograph(const web::WebRequest& request, const std::string& take,
                             const std::string& pulse, const std::string& file) const;
   web::WebAnswer thumbnail(const web::WebRequest& request, const std::string& take) const;
   web::WebAnswer views(const web::WebRequest& request, const std::string& take,
                        const std::string& pulse) const;
+  template <class Make>
+  web::WebAnswer picture_answer(Make make) const;
 
   const std::filesystem::path takes_;
   const std::shared_ptr<TakePhotographs> photographs_;  ///< used by the work only
@@ -57,6 +64,10 @@ class TakePictures {
 };
 
 // Single frames of recorded takes as JPEG images.
+
+/// Time for which an unused file stays open, so that its disk can be unmounted later. To open a log
+/// of hours again may take minutes.
+inline constexpr Duration kMaxUnused = std::chrono::minutes(10);
 
 /// Keeps the most recently used logs and their indexes open, so that a frame costs one read. One
 /// thread, except thumbnail().
@@ -80,6 +91,10 @@ class TakePhotographs {
   std::optional<std::vector<uint8_t>> thumbnail(const std::string& take,
                                                 const std::string& camera) const;
 
+  /// Closes the logs that were not used for kMaxUnused, and those that were removed or replaced:
+  /// the kernel keeps the blocks of a removed file until it is closed.
+  void close_unused(MonotonicInstant now);
+
  private:
   /// Shortest time between two indexings of a growing log, when a frame is not found.
   static constexpr Duration kReindexPeriod = std::chrono::seconds(1);
@@ -88,6 +103,7 @@ class TakePhotographs {
     std::filesystem::path path;
     FileStamp stamp;
     MonotonicInstant opened;
+    MonotonicInstant used;
     take::FrameLogReader reader;
     ColourResponse colour;
   };
@@ -122,16 +138,21 @@ class TakeViews {
   /// thread.
   static std::optional<std::string> tag(const std::filesystem::path& take);
 
+  /// Closes the takes that were not used for kMaxUnused, and those of which a file was removed.
+  void close_unused(MonotonicInstant now);
+
  private:
   struct OpenTake {
     std::string name;
     std::string tag;
     FileStamp mesh;
+    MonotonicInstant used;
     std::unique_ptr<recorded::MeshFrames> meshes;
     recorded::TakeFrames frames;
     std::vector<int64_t> pulses;  ///< that have a mesh, ascending
   };
   OpenTake& open(const std::string& take, int64_t pulse);
+  bool is_removed(const OpenTake& take) const;
   /// Has the take only grown since it was opened, after `pulse`?
   static bool has_grown(const OpenTake& take, const FileStamp& mesh, int64_t pulse);
 

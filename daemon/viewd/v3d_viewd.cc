@@ -19,6 +19,7 @@
 namespace {
 
 constexpr v3d::Duration kPollPeriod = std::chrono::milliseconds(20);
+constexpr v3d::Duration kClosingPeriod = std::chrono::minutes(1);
 /// Time between SIGTERM to the relay process and to this one, when systemd stops both.
 constexpr v3d::Duration kStopArrivesWithin = std::chrono::seconds(1);
 constexpr char kRelayFlag[] = "--hear";
@@ -90,12 +91,31 @@ void poll(Relay& relay, v3d::web::WebServer& server, Served served,
   });
 }
 
+/// Closes files of takes that are removed or unused, once in a period.
+class FileClosing {
+ public:
+  FileClosing(const v3d::viewd::WebSite& site, v3d::web::WebServer& server)
+      : site_(site), server_(server) {}
+
+  void poll(v3d::MonotonicInstant now) {
+    if (now < next_) return;
+    next_ = now + kClosingPeriod;
+    server_.start_work(site_.closing());
+  }
+
+ private:
+  const v3d::viewd::WebSite& site_;
+  v3d::web::WebServer& server_;
+  v3d::MonotonicInstant next_ = v3d::Monotonic::now() + kClosingPeriod;
+};
+
 /// Runs until the service is stopped. The relay process may end first.
 void serve(Relay& relay, v3d::web::WebServer& server, Served served,
-           v3d::viewd::CommandRunner& runner) {
+           v3d::viewd::CommandRunner& runner, FileClosing& closing) {
   try {
     while (!v3d::node::stop_requested()) {
       poll(relay, server, served, runner);
+      closing.poll(v3d::Monotonic::now());
       v3d::Realtime::adopt_step();  // no take depends on the time before a step here
       v3d::node::service::feed_watchdog();
     }
@@ -130,7 +150,8 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   spdlog::info("serves http://{}:{}/{}", host, server.port(),
                commands.is_open() ? ", and accepts orders" : "");
   v3d::node::service::ready();
-  serve(relay, server, {feed, status, commands}, runner);
+  FileClosing closing(site, server);
+  serve(relay, server, {feed, status, commands}, runner, closing);
   v3d::node::service::stopping();
 }
 

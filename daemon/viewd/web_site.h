@@ -61,6 +61,9 @@ class WebSite {
   };
   Opening open_stream(const web::WebRequest& request) const;
 
+  /// TakePictures::closing(). Any thread.
+  web::WebAnswer closing() const { return pictures_.closing(); }
+
  private:
   class CachedListing;
 

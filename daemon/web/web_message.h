@@ -63,7 +63,7 @@ struct WebAnswer {
   /// `listing`.
   std::function<WebAnswer()> work = {};
   WorkKind kind = WorkKind::kFile;
-  std::string listing = {};  ///< the name of the listing, where `kind` is kListing
+  std::string listing = {};  ///< requests with this name share one run of the work; empty: none
 };
 
 /// An answer of one line of text.

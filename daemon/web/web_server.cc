@@ -70,6 +70,10 @@ class WebServer::Impl {
     done.get();
   }
 
+  void start_work(WebAnswer answer) {
+    asio::post(io_, [this, answer = std::move(answer)] { defer(answer, [](const WebAnswer&) {}); });
+  }
+
  private:
   /// An exception ends one connection, not the others.
   void run() {
@@ -167,5 +171,6 @@ uint16_t WebServer::port() const { return impl_->port(); }
 void WebServer::run_on_thread(const std::function<void(int64_t)>& work) {
   impl_->run_on_thread(work);
 }
+void WebServer::start_work(WebAnswer answer) { impl_->start_work(std::move(answer)); }
 
 }  // namespace v3d::web

@@ -50,6 +50,8 @@ class WebServer {
   /// Runs `work` on the server's thread, sends new messages to the subscribers, and returns.
   /// Blocking keeps the caller from queueing work faster than it is done.
   void run_on_thread(const std::function<void(int64_t subscribers)>& work);
+  /// Runs the work of `answer` as for a request, and drops its result. Returns at once. Any thread.
+  void start_work(WebAnswer answer);
 
  private:
   class Impl;

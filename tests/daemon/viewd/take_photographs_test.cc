@@ -113,6 +113,39 @@ TEST_F(PhotographSite, opens_a_replaced_log_again) {
   EXPECT_EQ(done(site.answer(request)).status, 200);
 }
 
+TEST_F(PhotographSite, keeps_no_file_of_a_removed_take_open) {
+  WebSite site = this->site();
+  const auto answer = [&](const std::string& target) {
+    return done(site.answer({.method = "GET", .target = target, .host = "localhost"}));
+  };
+  const std::filesystem::path take = folder_ / "takes/kendo-07";
+  for (const bool waits_for_a_request : {false, true}) {
+    EXPECT_EQ(answer("/api/takes/kendo-07/thumbnail.jpg").status, 200);
+    EXPECT_EQ(answer("/api/takes/kendo-07/photographs/1/cam01.jpg").status, 200);
+    EXPECT_THAT(test::open_files_in(take), testing::SizeIs(1)) << "that of the photograph";
+    std::filesystem::remove_all(take);
+    if (waits_for_a_request) {
+      EXPECT_EQ(answer("/api/takes/another/photographs/1/cam01.jpg").status, 404);
+    } else {
+      done(site.closing());
+    }
+    EXPECT_THAT(test::open_files_in(take), testing::IsEmpty());
+    std::filesystem::create_directories(take);
+    add_frames(take::LogOpening::kNew, 0, 3);
+    save_info({"cam00", "cam01"});
+  }
+}
+
+TEST_F(PhotographSite, closes_a_log_that_was_not_used_for_long) {
+  TakePhotographs photographs(folder_ / "takes");
+  EXPECT_TRUE(photographs.read("kendo-07", 1, "cam01"));
+  photographs.close_unused(Monotonic::now());
+  EXPECT_THAT(test::open_files_in(folder_.path()), testing::SizeIs(1));
+  photographs.close_unused(Monotonic::now() + 2 * kMaxUnused);
+  EXPECT_THAT(test::open_files_in(folder_.path()), testing::IsEmpty());
+  EXPECT_TRUE(photographs.read("kendo-07", 1, "cam01")) << "it is opened again";
+}
+
 TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
   WebSite site = this->site();
   const web::WebRequest request{.method = "GET",

@@ -192,5 +192,21 @@ TEST_F(ViewedBall, survives_damaged_files) {
   EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
 }
 
+TEST_F(ViewedBall, keeps_no_file_of_a_take_open_that_is_removed_or_long_unused) {
+  TakeViews views(folder_ / "takes");
+  EXPECT_TRUE(views.read("kendo-07", 2));
+  views.close_unused(Monotonic::now());
+  EXPECT_THAT(test::open_files_in(folder_.path()), testing::SizeIs(3)) << "two logs and the meshes";
+  views.close_unused(Monotonic::now() + 2 * kMaxUnused);
+  EXPECT_THAT(test::open_files_in(folder_.path()), testing::IsEmpty());
+  for (const char* file : {"right.lcmlog", "mesh.v3d"}) {
+    EXPECT_TRUE(views.read("kendo-07", 2));
+    std::filesystem::remove(folder_ / "takes/kendo-07" / file);
+    views.close_unused(Monotonic::now());
+    EXPECT_THAT(test::open_files_in(folder_.path()), testing::IsEmpty()) << file;
+    save_frames(take::TakePaths{folder_ / "takes/kendo-07"}, "right", kRight);
+  }
+}
+
 }  // namespace
 }  // namespace v3d::viewd

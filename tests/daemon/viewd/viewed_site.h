@@ -26,6 +26,17 @@ inline std::string field(const web::WebAnswer& answer, const std::string& name) 
   return "";
 }
 
+/// The files of `folder` that this process has open; removed ones end in " (deleted)".
+inline std::vector<std::string> open_files_in(const std::filesystem::path& folder) {
+  std::vector<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code closed;
+    const std::string file = std::filesystem::read_symlink(entry, closed);
+    if (file.starts_with(folder.string())) files.push_back(file);
+  }
+  return files;
+}
+
 class ViewedSite : public testing::Test {
  protected:
   ViewedSite() {

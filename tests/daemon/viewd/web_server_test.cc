@@ -156,6 +156,17 @@ class ServedSite : public test::ViewedSite {
   std::vector<std::unique_ptr<Client>> clients_;
 };
 
+TEST_F(ServedSite, runs_work_without_a_request) {
+  std::promise<void> ran;
+  server_->start_work({.work =
+                           [&] {
+                             ran.set_value();
+                             return web::plain_answer(200, "done");
+                           },
+                       .kind = web::WorkKind::kPicture});
+  EXPECT_EQ(ran.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready);
+}
+
 TEST_F(ServedSite, answers_while_half_open_requests_exceed_its_slots) {
   for (const char* from : {"127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"}) {
     occupy(50, from, "GET / HTTP/1.1\r\nHost: ");
