@@ -57,7 +57,7 @@ struct MessageHandler {
     if (!reason.why.empty()) spdlog::warn("messages are not verified: {}", reason.why);
     served.status.set_not_verified(reason.why);
   }
-  void operator()(const v3d::wire::MeshMessage& mesh) const { served.feed.add(mesh); }
+  void operator()(const v3d::wire::MeshMessage& mesh) const { served.feed.add(mesh, now); }
   void operator()(const v3d::wire::HealthMessage& health) const {
     served.status.on_health(health, now);
   }
@@ -141,7 +141,8 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
                                   has_network ? "" : kNoNetwork);
   status.set_control(commands.is_open());
   const auto subscribe = [&](v3d::viewd::WebSite::StreamKind kind) {
-    return kind == v3d::viewd::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
+    return kind == v3d::viewd::WebSite::StreamKind::kLive ? feed.subscribe(v3d::Monotonic::now())
+                                                          : status.subscribe();
   };
   v3d::viewd::SiteHandler handler(site, subscribe);
   v3d::web::WebServer server(address, handler);

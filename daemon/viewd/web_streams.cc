@@ -10,10 +10,11 @@ namespace v3d::viewd {
 
 class LiveFeed::Subscriber : public web::WebStream {
  public:
-  explicit Subscriber(LiveFeed& feed) : feed_(feed) {}
+  /// Gets nothing until the feed has the frame of this number.
+  Subscriber(LiveFeed& feed, int64_t waits_for) : feed_(feed), waits_for_(waits_for) {}
 
   std::optional<web::WebMessage> next() override {
-    if (feed_.group_.empty()) return {};
+    if (feed_.group_.empty() || feed_.next_number_ <= waits_for_) return {};
     const int64_t key = feed_.group_.front().number;
     const int64_t number = std::max(next_, key);
     const auto at = static_cast<size_t>(number - key);
@@ -25,6 +26,7 @@ class LiveFeed::Subscriber : public web::WebStream {
 
  private:
   LiveFeed& feed_;
+  const int64_t waits_for_;
   int64_t next_ = -1;  ///< -1: the key frame
 };
 
@@ -44,7 +46,7 @@ bool LiveFeed::is_outdated(const wire::MeshMessage& mesh) const {
   return mesh.take == take_ && mesh.pulse <= pulse_ && mesh.sent - sent_ < kNewTakeAfter;
 }
 
-void LiveFeed::add(const wire::MeshMessage& mesh) {
+void LiveFeed::add(const wire::MeshMessage& mesh, MonotonicInstant now) {
   ++counts_.frames;
   const auto header = codec::read_header(mesh.compact);
   if (!header) {
@@ -70,10 +72,12 @@ void LiveFeed::add(const wire::MeshMessage& mesh) {
   auto message = std::make_shared<const std::string>(mesh_message(mesh, next_number_));
   group_bytes_ += message->size();
   group_.push_back({next_number_++, header->checksum, std::move(message)});
+  added_ = now;
 }
 
-std::unique_ptr<web::WebStream> LiveFeed::subscribe() {
-  return std::make_unique<Subscriber>(*this);
+std::unique_ptr<web::WebStream> LiveFeed::subscribe(MonotonicInstant now) {
+  const bool is_live = now - added_ <= kMaxAge;
+  return std::make_unique<Subscriber>(*this, is_live ? -1 : next_number_);
 }
 
 class StudioStatus::Subscriber : public web::WebStream {

@@ -37,11 +37,16 @@ class LiveFeed {
   /// next key frame.
   static constexpr size_t kMaxFrames = 256;
   static constexpr size_t kMaxBytes = 64 << 20;
+  /// After this time without a mesh, the frames are no live picture: the take has ended, or its
+  /// meshes are delayed.
+  static constexpr Duration kMaxAge = std::chrono::seconds(5);
 
-  void add(const wire::MeshMessage& mesh);
+  /// `now`: when the mesh was received.
+  void add(const wire::MeshMessage& mesh, MonotonicInstant now);
 
-  /// A subscriber that starts with the newest key frame. The feed must outlive it.
-  std::unique_ptr<web::WebStream> subscribe();
+  /// A subscriber that starts with the newest key frame; with the next frame, when the newest one
+  /// is older than kMaxAge. The feed must outlive it.
+  std::unique_ptr<web::WebStream> subscribe(MonotonicInstant now);
 
   const LiveFeedCounts& counts() const { return counts_; }
 
@@ -59,6 +64,7 @@ class LiveFeed {
 
   std::deque<Frame> group_;  ///< the newest key frame and its successors; may be empty
   size_t group_bytes_ = 0;
+  MonotonicInstant added_;  ///< when the last frame of the group was received
   int64_t key_pulse_ = -1;  ///< of the group
   std::string take_;        ///< of the last frame, as are pulse_ and sent_
   int64_t pulse_ = -1;

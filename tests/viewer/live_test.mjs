@@ -142,6 +142,14 @@ test('shows the latency of the mesh', async () => {
   }
 });
 
+test('says that the take has ended, and shows nothing of it to a new page', async () => {
+  await probe.shows('trouble', 'the take has ended');
+  await probe.shows('title', 'Last live mesh: lossy');
+  await page.reload();
+  await probe.shows('live-text', 'connected');
+  await probe.shows('trouble', 'Nothing is recorded at the moment');
+});
+
 test('continues with live meshes after a restart of the service', async () => {
   const sender = sendLive(2000, 0);
   try {

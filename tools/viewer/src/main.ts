@@ -2,6 +2,7 @@
 import { Composition } from './composition';
 import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
+import { liveTexts } from './live_age';
 import { glbOf, PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
 import { bindToggle, download, find, press, showStartError } from './page';
@@ -46,6 +47,7 @@ class Viewer {
   private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile());
   private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.trouble(text));
   private shownTimes: number[] = [];
+  private shownAt = 0;
   private shownCount = 0;
   private latency: number | null = null;
   private last = 0;
@@ -388,6 +390,7 @@ class Viewer {
 
   private show(frame: ShownFrame): void {
     this.shown = frame;
+    this.shownAt = performance.now();
     find('canvas').dataset.shown = String(++this.shownCount);
     this.trouble('');
     this.performers.add(frame);
@@ -489,7 +492,15 @@ class Viewer {
       ? sceneFacts(this.sceneSeconds, this.composition.scene.takes.length, this.stage.triangles)
       : frame ? frameFacts(frame, this.shownTimes.length / 2, this.latency) : [];
     find('facts').innerHTML = factsHtml(facts);
-    if (frame?.live) find('title').textContent = `Live: ${frame.live.take}`;
+    if (frame?.live) this.showLiveAge(frame.live.take, now - this.shownAt);
+  }
+
+  private showLiveAge(take: string, ageMs: number): void {
+    const { title, trouble } = liveTexts(take, ageMs);
+    find('title').textContent = title;
+    if (!trouble || find('open-live').dataset.link !== 'open') return;
+    this.latency = null;
+    if (find('trouble').textContent !== trouble) this.trouble(trouble); // an alert is read out once
   }
 }
 
