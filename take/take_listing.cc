@@ -68,29 +68,66 @@ std::string_view TakeListing::verdict() const {
   return info.state == TakeState::kRecovered ? "recovered" : "complete";
 }
 
-TakeListing read_take_listing(const TakePaths& paths) {
-  TakeListing take;
-  take.paths = paths;
-  take.info = load_take_info(paths);
-  if (file_exists(paths.ledger())) {
-    const Ledger ledger = load_ledger(paths.ledger());
-    take.whole = ledger.complete();
-    take.absent_nodes = ledger.absent_nodes;
-    take.timecode = timecode_text(ledger.sounds);
-  }
-  take.edited = is_edited(paths);
-  count_meshes(take);
-  take.proxy_bytes = bytes_of(paths.proxy());
-  const auto verified = load_verified(paths);
+namespace {
+
+/// The name of a take whose take.toml cannot be read, and when that was changed last.
+void name_by_files(TakeListing& take) {
+  take.info.name = take.paths.folder.filename();
+  take.info.state = TakeState::kComplete;  // not shown as a recording
+  struct stat status {};
+  if (stat(take.paths.info().c_str(), &status) != 0) return;
+  take.info.started =
+      from_ns<Realtime>(status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec);
+}
+
+void read_ledger(TakeListing& take) {
+  if (!file_exists(take.paths.ledger())) return;
+  const Ledger ledger = load_ledger(take.paths.ledger());
+  take.whole = ledger.complete();
+  take.absent_nodes = ledger.absent_nodes;
+  take.timecode = timecode_text(ledger.sounds);
+}
+
+void read_verification(TakeListing& take) {
+  const auto verified = load_verified(take.paths);
   take.examined = verified.has_value();
   take.verified = verified && verified->agrees;
-  take.bytes = bytes_in(paths.folder);
-  take.slate = load_slate(paths.slate());
+}
+
+/// Reads each part of which the files can be read.
+TakeListing read_parts(const TakePaths& paths) {
+  TakeListing take;
+  take.paths = paths;
+  const auto try_to = [&](const auto& part) {
+    try {
+      part();
+      return true;
+    } catch (const InputError& error) {
+      if (take.error.empty()) take.error = error.what();
+      return false;
+    }
+  };
+  const bool is_known = try_to([&] { take.info = load_take_info(paths); });
+  if (!is_known) name_by_files(take);
+  if (is_known) try_to([&] { read_ledger(take); });
+  try_to([&] { take.edited = is_edited(paths); });
+  try_to([&] { count_meshes(take); });
+  take.proxy_bytes = bytes_of(paths.proxy());
+  try_to([&] { read_verification(take); });
+  try_to([&] { take.bytes = bytes_in(paths.folder); });
+  try_to([&] { take.slate = load_slate(paths.slate()); });
   return take;
 }
 
-std::vector<TakeListing> find_takes(const fs::path& folder,
-                                    const std::function<void(const InputError&)>& on_unreadable) {
+}  // namespace
+
+TakeListing read_take_listing(const TakePaths& paths) {
+  TakeListing take = read_parts(paths);
+  if (!take.error.empty()) throw InputError(take.error);
+  return take;
+}
+
+std::vector<TakeListing> find_all_takes(const fs::path& folder) {
   if (io::value_or_throw(io::type_of(folder)) != fs::file_type::directory)
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
@@ -98,16 +135,29 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
     const TakePaths paths{entry};
     try {
       if (file_exists(paths.info())) {
-        takes.push_back(read_take_listing(paths));
+        takes.push_back(read_parts(paths));
       } else if (io::value_or_throw(holds_logs(entry))) {
         throw InputError(entry.string() + ": " + kLacksInfo);
       }
     } catch (const InputError& error) {
-      on_unreadable(error);
+      takes.emplace_back().paths = paths;
+      takes.back().error = error.what();
+      name_by_files(takes.back());
     }
   }
   std::sort(takes.begin(), takes.end(), [](const TakeListing& a, const TakeListing& b) {
     return std::tie(a.info.started, a.info.name) < std::tie(b.info.started, b.info.name);
+  });
+  return takes;
+}
+
+std::vector<TakeListing> find_takes(const fs::path& folder,
+                                    const std::function<void(const InputError&)>& on_unreadable) {
+  std::vector<TakeListing> takes = find_all_takes(folder);
+  std::erase_if(takes, [&](const TakeListing& take) {
+    if (take.error.empty()) return false;
+    on_unreadable(InputError(take.error));
+    return true;
   });
   return takes;
 }

@@ -68,8 +68,14 @@ struct TakeListing {
   int64_t proxy_bytes = 0;  ///< size of proxy.v3d; 0 without
   std::string mesh_error;   ///< why mesh.v3d cannot be read, with its path; otherwise empty
   Slate slate;
+  /// Why another file cannot be read, with its path; what it has is then missing here. Otherwise
+  /// empty.
+  std::string error;
 
-  double seconds() const { return static_cast<double>(info.pulses) / info.rate_hz; }
+  /// 0 where take.toml cannot be read.
+  double seconds() const {
+    return info.rate_hz > 0 ? static_cast<double>(info.pulses) / info.rate_hz : 0;
+  }
   /// recording, edited, incomplete, recovered or complete
   std::string_view verdict() const;
 };
@@ -78,9 +84,13 @@ struct TakeListing {
 /// files other than mesh.v3d cannot be read.
 TakeListing read_take_listing(const TakePaths& paths);
 
-/// The takes in `folder`, oldest first. Skips a take that cannot be read, and a folder with logs
-/// and no take.toml, and calls `on_unreadable` with the error. Throws InputError when `folder` is
-/// not a folder.
+/// The takes in `folder`, oldest first. Those that read_take_listing() rejects are listed, too:
+/// with TakeListing::error and what can be read of them; without take.toml's name and time, with
+/// those of the folder and of the file. So is a folder with logs and no take.toml. Throws
+/// InputError when `folder` is not a folder.
+std::vector<TakeListing> find_all_takes(const std::filesystem::path& folder);
+
+/// find_all_takes() without the takes that have an error. Calls `on_unreadable` for each of these.
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
                                     const std::function<void(const InputError&)>& on_unreadable);
 

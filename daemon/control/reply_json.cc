@@ -53,6 +53,7 @@ nlohmann::ordered_json take_json(const take::TakeListing& take) {
         {"note", take.slate.note},
         {"mark", name(take.slate.mark)}}}};
   if (!take.meshes) json["mesh_error"] = take.mesh_error;
+  if (!take.error.empty()) json["error"] = take.error;
   if (!take.timecode.empty()) json["timecode"] = take.timecode;
   add_absent_nodes(take.absent_nodes, json);
   return json;

@@ -18,8 +18,9 @@ std::string ledger_json(const take::Ledger& ledger);
 /// started_ns, state, verified, rate_hz, pulses, seconds, bytes, mesh_bytes, proxy_bytes (0 without
 /// proxy.v3d), cameras, meshes, slate {scene, take, note, mark}}]}. Where the timecode is known,
 /// timecode is "10:00:00:00 to 10:01:00:00", of the first and the last pulse. Where mesh.v3d cannot
-/// be read, meshes is null and mesh_error has the cause; for a copy without all nodes, absent_nodes
-/// is as in ledger_json(). Bytes that are not UTF-8 are replaced. `indent`: see
+/// be read, meshes is null and mesh_error has the cause; where another file cannot be read, error
+/// has the cause (TakeListing::error; v3dctl takes lists no such take); for a copy without all
+/// nodes, absent_nodes is as in ledger_json(). Bytes that are not UTF-8 are replaced. `indent`: see
 /// nlohmann::json::dump().
 std::string takes_json(const std::vector<take::TakeListing>& takes, int indent = -1);
 std::string numbers_json(const std::map<std::string, double>& values);

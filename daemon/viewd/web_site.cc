@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -146,10 +147,45 @@ class WebSite::CachedListing {
   std::optional<MonotonicInstant> listed_;
 };
 
+namespace {
+
+/// "/takes/kendo-07/slate.toml:2: ..." becomes "slate.toml:2: ...", as browsers get no paths.
+std::string error_for_browsers(const take::TakeListing& take) {
+  std::string text = take.error;
+  if (text.empty()) return text;
+  const std::string folder = take.paths.folder.string() + "/";
+  for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder)) {
+    text.erase(at, folder.size());
+  }
+  const bool has_path = text.find(take.paths.folder.parent_path().string()) != std::string::npos;
+  return has_path ? "a file of the take cannot be read; v3dctl takes names the cause" : text;
+}
+
+/// Logs the error of each take once, until it has another one.
+class TakeErrorLog {
+ public:
+  void log(const std::vector<take::TakeListing>& takes) {
+    std::set<std::string> lines;
+    for (const take::TakeListing& take : takes) {
+      if (!take.error.empty()) lines.insert("take " + take.info.name + ": " + take.error);
+    }
+    for (const std::string& line : lines) {
+      if (!logged_.contains(line)) spdlog::warn("{}", line);
+    }
+    logged_ = std::move(lines);
+  }
+
+ private:
+  std::set<std::string> logged_;
+};
+
+}  // namespace
+
 std::vector<take::TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
-  std::vector<take::TakeListing> takes = take::find_takes(folder, [](const InputError&) {});
+  std::vector<take::TakeListing> takes = take::find_all_takes(folder);
   if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
-  for (take::TakeListing& take : takes) {  // browsers get no paths
+  for (take::TakeListing& take : takes) {
+    take.error = error_for_browsers(take);
     if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
   }
   return takes;
@@ -164,7 +200,11 @@ WebSite::WebSite(const Studio& studio, web::WebAccess access, std::map<std::stri
       commands_(commands),
       pictures_(takes_),
       take_listing_(std::make_shared<CachedListing>(
-          [list, takes = takes_] { return control::takes_json(list(takes)); })),
+          [list, takes = takes_, errors = std::make_shared<TakeErrorLog>()] {
+            const std::vector<take::TakeListing> found = list(takes);
+            errors->log(found);
+            return control::takes_json(found);
+          })),
       scene_listing_(std::make_shared<CachedListing>(
           [takes = takes_] { return scenes_json(find_scenes(takes)); })) {}
 

@@ -39,6 +39,7 @@ class WebSite {
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
   using ListTakes =
       std::function<std::vector<take::TakeListing>(const std::filesystem::path& folder)>;
+  /// take::find_all_takes(), without the paths of folders in its errors.
   static std::vector<take::TakeListing> list_takes(const std::filesystem::path& folder);
   /// Limit of listed takes: the newest ones.
   static constexpr size_t kMaxListed = 10'000;

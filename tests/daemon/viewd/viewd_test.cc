@@ -2,18 +2,23 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "base/core/error.h"
 #include "codec/frame_header.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/web_streams.h"
 #include "daemon/web/web_access.h"
+#include "support/child_process.h"
 #include "viewed_site.h"
 
 namespace v3d::viewd {
@@ -266,6 +271,65 @@ TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
     EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
   }
   EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "folders that are not takes are ignored";
+}
+
+TEST_F(ViewedSite, lists_a_take_of_which_a_file_has_a_typing_error) {
+  save_info({"cam01"});
+  write(folder_ / "takes/kendo-07/slate.toml", "scene = '12'\nmark = 'circle'\n");
+  nlohmann::json take = nlohmann::json::parse(get("/api/takes").body)["takes"][0];
+  EXPECT_EQ(take["name"], "kendo-07");
+  EXPECT_EQ(take["pulses"], 3);
+  EXPECT_THAT(take["error"].get<std::string>(),
+              testing::AllOf(testing::StartsWith("slate.toml"), HasSubstr("circled")));
+  write(folder_ / "takes/kendo-07/slate.toml", "scene = '12'\n");
+  write(folder_ / "takes/kendo-07/take.toml", "name = \"kendo-07\n");
+  take = nlohmann::json::parse(get("/api/takes").body)["takes"][0];
+  EXPECT_EQ(take["name"], "kendo-07");
+  EXPECT_EQ(take["slate"]["scene"], "12");
+  EXPECT_EQ(take["state"], "incomplete");
+  EXPECT_THAT(take["error"].get<std::string>(), HasSubstr("take.toml"));
+  EXPECT_THAT(take.dump(), Not(HasSubstr(folder_.path().string())));
+}
+
+/// Collects the lines of the log during the lifetime.
+class LogLines {
+ public:
+  LogLines() {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(lines_)));
+  }
+  ~LogLines() { spdlog::set_default_logger(before_); }
+  LogLines(const LogLines&) = delete;
+  LogLines& operator=(const LogLines&) = delete;
+
+  int count(const std::string& text) const {
+    int count = 0;
+    const std::string lines = lines_.str();
+    for (size_t at = 0; (at = lines.find(text, at)) != std::string::npos; ++at) ++count;
+    return count;
+  }
+
+ private:
+  const std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
+  std::ostringstream lines_;
+};
+
+TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
+  save_info({"cam01"});
+  write(folder_ / "takes/kendo-07/slate.toml", "mark = 'circle'\n");
+  const LogLines log;
+  int listings = 0;
+  WebSite site(studio_, web::WebAccess(""), find_page_files(folder_ / "page"), commands_,
+               [&](const std::filesystem::path& folder) {
+                 ++listings;
+                 return WebSite::list_takes(folder);
+               });
+  const auto has_listed_twice = [&] {
+    done(site.answer({.method = "GET", .target = "/api/takes", .host = "localhost"}));
+    return listings >= 2;
+  };
+  EXPECT_TRUE(test::becomes_true(has_listed_twice, test::within(20)));
+  EXPECT_EQ(log.count("take kendo-07: slate.toml"), 1);
 }
 
 TEST_F(ViewedSite, accepts_only_get_and_head) {

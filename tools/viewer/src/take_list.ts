@@ -17,6 +17,8 @@ export interface Take {
   /** null: mesh.v3d cannot be read, for the reason `mesh_error`. */
   meshes: number | null;
   mesh_error?: string;
+  /** Why another file of the take cannot be read, such as a slate with a typing error. */
+  error?: string;
   /** Of the first and the last pulse: "10:00:00:00 to 10:01:00:00"; missing where it is unknown. */
   timecode?: string;
   slate: { scene: string; take: string; note: string; mark: '' | 'circled' | 'rejected' };
@@ -85,6 +87,7 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   about.append(part('span', take.state, `verdict ${take.state}`));
   about.append(` · ${aboutText(take)}`);
   button.append(name, about);
+  if (take.error) button.append(part('div', take.error, 'about wrong'));
   button.title = [take.name, slateText(take.slate), take.mesh_error, new Date(take.started_ns / 1e6).toLocaleString(),
     `${take.cameras.length} cameras, ${take.pulses} pulses at ${take.rate_hz} Hz, ${formatBytes(take.bytes)}`]
     .filter(Boolean).join('\n');
