@@ -13,6 +13,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
+#include "daemon/control/take_name.h"
 #include "daemon/node/persisted_command.h"
 #include "daemon/node/service.h"
 #include "take/ledger/take_account.h"
@@ -70,21 +71,8 @@ take::TakePaths take_paths(const Studio& studio, const std::string& take) {
   return {studio.storage.takes / take};
 }
 
-void check_take_name(const std::string& take) {
-  const std::string cannot = "'" + take + "' cannot name a take: ";
-  if (!is_file_name(take)) throw InputError(cannot + std::string(kFileNameRule));
-  for (const wire::CommandVerb verb : {wire::CommandVerb::kCheck, wire::CommandVerb::kBackground}) {
-    if (take != name(verb)) continue;
-    throw InputError(cannot + "the name is reserved for v3dctl " + take + "; choose another");
-  }
-  if (take == take::kQuarantineFolder) {
-    throw InputError(cannot +
-                     "the name is reserved for the quarantine of empty takes; choose another");
-  }
-}
-
 void check_new_take(const Studio& studio, const std::string& take) {
-  check_take_name(take);
+  control::check_take_name(take);
   const take::TakePaths paths = take_paths(studio, take);
   if (io::value_or_throw(io::type_of(paths.info())) != fs::file_type::not_found ||
       io::value_or_throw(take::holds_logs(paths.folder))) {

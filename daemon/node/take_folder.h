@@ -21,12 +21,8 @@ namespace v3d::node {
 /// The paths of a take of this studio. The folder need not exist.
 take::TakePaths take_paths(const Studio& studio, const std::string& take);
 
-/// Throws InputError when the name is not a file name, or is reserved: for a check, for learning
-/// the background, or for the quarantine.
-void check_take_name(const std::string& take);
-
-/// check_take_name(); also throws InputError when the take exists already, or its folder has logs
-/// without a take.toml.
+/// control::check_take_name(); also throws InputError when the take exists already, or its folder
+/// has logs without a take.toml.
 void check_new_take(const Studio& studio, const std::string& take);
 
 /// Creates the folder with take.toml (state: recording), calib.toml, studio.toml and background/.

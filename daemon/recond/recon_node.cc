@@ -9,6 +9,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "daemon/control/reply_json.h"
+#include "daemon/control/take_name.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"
 #include "daemon/node/take_folder.h"
@@ -177,7 +178,7 @@ void ReconNode::arm(const wire::CommandMessage& command) {
   persisted_commands_.drop_all();
   command_ = command;
   if (command.verb == wire::CommandVerb::kCheck) return;  // nothing is reconstructed
-  node::check_take_name(command.take);
+  control::check_take_name(command.take);
   const take::TakePaths paths = node::take_paths(studio_, command.take);
   // An earlier process that ended while the take was armed has left a file without meshes.
   if (file_exists(paths.mesh())) remove_mesh_file_without_meshes(paths);

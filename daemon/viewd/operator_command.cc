@@ -10,6 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "daemon/control/take_name.h"
 
 namespace v3d::viewd {
 namespace {
@@ -56,8 +57,15 @@ Verb verb_of(const Json& json) {
 }
 
 std::string take_of(const Json& value) {
-  if (value.is_string() && is_file_name(value.get_ref<const std::string&>())) return value;
-  throw CommandError("take: not a valid name of a take: " + std::string(kFileNameRule));
+  if (!value.is_string() || !is_file_name(value.get_ref<const std::string&>())) {
+    throw CommandError("take: not a valid name of a take: " + std::string(kFileNameRule));
+  }
+  try {
+    control::check_take_name(value.get<std::string>());
+  } catch (const InputError& error) {
+    throw CommandError(std::string("take: ") + error.what());
+  }
+  return value;
 }
 
 int64_t pulses_of(const Json& value, const Studio& studio) {

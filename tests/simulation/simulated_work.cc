@@ -4,6 +4,7 @@
 
 #include "base/core/error.h"
 #include "daemon/control/reply_json.h"
+#include "daemon/control/take_name.h"
 #include "daemon/node/node_health.h"
 #include "daemon/node/peer_health.h"
 #include "daemon/node/take_folder.h"
@@ -64,7 +65,7 @@ void SimulatedWork::remove_take() {
 }
 
 void SimulatedWork::reject_existing(const wire::CommandMessage& order) const {
-  node::check_take_name(order.take);
+  control::check_take_name(order.take);
   if (!host_.disk.takes.contains(order.take)) return;
   throw InputError("take " + order.take + " exists already; choose another name");
 }

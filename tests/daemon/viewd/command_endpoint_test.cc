@@ -84,6 +84,10 @@ TEST_F(CommandParser, accepts_only_valid_take_names) {
                 HasSubstr("take: not a valid name of a take"))
         << name;
   }
+  for (const char* name : {"check", "background"}) {
+    EXPECT_THAT(wrong(R"({"do":"arm", "take":")" + std::string(name) + "\"}"),
+                HasSubstr("the name is reserved for v3dctl " + std::string(name)));
+  }
   EXPECT_THAT(wrong(R"({"do":"arm"})"), HasSubstr("take: missing"));
   EXPECT_THAT(wrong(R"({"do":"arm", "take": 7})"), HasSubstr("take: not a valid name"));
 }

@@ -9,6 +9,7 @@
 #include "common/console.h"
 #include "common/option_checks.h"
 #include "daemon/control/operator_client.h"
+#include "daemon/control/take_name.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"
@@ -133,6 +134,7 @@ int run_arm(const CommandLine& line, Options options) {
         ": no take name; expected up to 64 letters, digits, '-', '_' and '.', not starting with "
         "'-' or '.'");
   }
+  control::check_take_name(options.message.take);
   const Studio studio = line.studio();
   options.message.allow_missing = parse_names(options.allow_missing, "--allow-missing");
   for (const std::string& name : options.message.allow_missing) {

@@ -1,0 +1,23 @@
+#include "daemon/control/take_name.h"
+
+#include "base/core/error.h"
+#include "base/core/text.h"
+#include "take/take_removal.h"
+#include "wire/messages.h"
+
+namespace v3d::control {
+
+void check_take_name(const std::string& take) {
+  const std::string cannot = "'" + take + "' cannot name a take: ";
+  if (!is_file_name(take)) throw InputError(cannot + std::string(kFileNameRule));
+  for (const wire::CommandVerb verb : {wire::CommandVerb::kCheck, wire::CommandVerb::kBackground}) {
+    if (take != name(verb)) continue;
+    throw InputError(cannot + "the name is reserved for v3dctl " + take + "; choose another");
+  }
+  if (take == take::kQuarantineFolder) {
+    throw InputError(cannot +
+                     "the name is reserved for the quarantine of empty takes; choose another");
+  }
+}
+
+}  // namespace v3d::control
