@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "daemon/control/take_name.h"
+
 namespace v3d::control {
 
 NodeProtocol::NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply,
@@ -125,6 +127,10 @@ wire::HealthMessage NodeProtocol::health(MonotonicInstant now) {
   health.state = node_state(reported_phase_);
   health.take = reported_phase_ == Phase::kIdle ? std::string() : controller_.order().take;
   delegate_.report_health(health);
+  const bool is_busy = reported_phase_ != Phase::kIdle && reported_phase_ != Phase::kFault;
+  if (is_busy && controller_.order().verb != wire::CommandVerb::kArm) {
+    health.values[kUnrecordedFlag] = 1;
+  }
   if (reported_phase_ == Phase::kFault) health.text = controller_.fault();
   return health;
 }

@@ -3,7 +3,6 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "take/take_removal.h"
-#include "wire/messages.h"
 
 namespace v3d::control {
 
@@ -18,6 +17,11 @@ void check_take_name(const std::string& take) {
     throw InputError(cannot +
                      "the name is reserved for the quarantine of empty takes; choose another");
   }
+}
+
+bool records_nothing(const wire::HealthMessage& health) {
+  const auto found = health.values.find(kUnrecordedFlag);
+  return found != health.values.end() && found->second > 0;
 }
 
 }  // namespace v3d::control

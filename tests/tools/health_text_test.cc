@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/control/take_name.h"
+
 namespace v3d::ctl {
 namespace {
 
@@ -12,6 +14,7 @@ using testing::AllOf;
 using testing::Contains;
 using testing::EndsWith;
 using testing::HasSubstr;
+using testing::Not;
 using testing::StartsWith;
 
 const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
@@ -74,6 +77,20 @@ TEST(HealthText, has_the_same_content_as_json) {
   EXPECT_FALSE(json["well"].get<bool>());
   EXPECT_EQ(json["nodes"][0]["values"]["x"], 1);
   EXPECT_EQ(json["nodes"][1]["state"], "silent");
+}
+
+TEST(HealthText, says_that_a_check_records_nothing) {
+  wire::HealthMessage message =
+      health(wire::NodeState::kRecording, {{control::kUnrecordedFlag, 1}, {"pulses_sensed", 3}});
+  message.take = "check";
+  EXPECT_THAT(status_lines({"cap01"}, {{"cap01", message}}).front(),
+              AllOf(EndsWith("check: nothing is recorded"), Not(HasSubstr("recording"))));
+  EXPECT_EQ(health_json({"cap01"}, {{"cap01", message}})["nodes"][0]["state"], "recording")
+      << "for earlier readers";
+  message.values.clear();
+  message.take = "kendo-07";
+  EXPECT_THAT(status_lines({"cap01"}, {{"cap01", message}}).front(),
+              EndsWith("recording  kendo-07"));
 }
 
 TEST(HealthText, has_model_and_firmware_of_a_camera) {

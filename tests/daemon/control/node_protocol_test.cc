@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "daemon/control/take_name.h"
+
 namespace v3d::control {
 namespace {
 
@@ -97,6 +99,29 @@ TEST_F(Node, continues_recording_after_a_disk_error_and_enters_fault_when_it_can
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kFault);
   EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
+}
+
+TEST_F(Node, reports_that_a_check_and_learning_record_nothing) {
+  const auto records_nothing = [&] { return control::records_nothing(protocol_.health(now_)); };
+  for (const auto verb : {wire::CommandVerb::kCheck, wire::CommandVerb::kBackground}) {
+    command(verb);
+    EXPECT_TRUE(records_nothing());
+    poll();
+    command(wire::CommandVerb::kCommit);
+    command(wire::CommandVerb::kStart);
+    EXPECT_EQ(protocol_.health(now_).state, wire::NodeState::kRecording) << "for earlier readers";
+    EXPECT_TRUE(records_nothing());
+    command(wire::CommandVerb::kAbort);
+    command(wire::CommandVerb::kAbort);
+    EXPECT_EQ(protocol_.phase(), Phase::kIdle);
+    EXPECT_FALSE(records_nothing());
+  }
+  command(wire::CommandVerb::kArm);
+  poll();
+  command(wire::CommandVerb::kCommit);
+  command(wire::CommandVerb::kStart);
+  EXPECT_EQ(protocol_.health(now_).state, wire::NodeState::kRecording);
+  EXPECT_FALSE(records_nothing());
 }
 
 TEST_F(Node, survives_a_disk_error_while_rejoining) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/text.h"
+#include "daemon/control/take_name.h"
 
 namespace v3d::ctl {
 namespace {
@@ -93,6 +94,12 @@ std::string silent_node_advice(const std::string& node) {
   return "Try: systemctl status --all 'v3d-*' on " + node;
 }
 
+std::string doing_text(const wire::HealthMessage& health) {
+  if (control::records_nothing(health)) return health.take + ": nothing is recorded";
+  const std::string state(name(health.state));
+  return health.take.empty() ? state : pad_right(state, 9) + "  " + health.take;
+}
+
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<std::string> lines;
@@ -104,8 +111,7 @@ std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
     }
     const wire::HealthMessage& message = found->second;
     std::string line = pad_right(node, 12) + "  " + pad_right(message.program, 12) + "  " +
-                       pad_right(std::string(name(message.state)), 9);
-    if (!message.take.empty()) line += "  " + message.take;
+                       pad_right(doing_text(message), 9);
     if (!message.text.empty()) line += "  " + message.text;
     while (line.ends_with(' ')) line.pop_back();
     lines.push_back(line);

@@ -31,6 +31,9 @@ std::string duration_text(double seconds);
 /// v3d-studio.target would not list the daemons that have ended.
 std::string silent_node_advice(const std::string& node);
 
+/// "recording kendo-07"; "check: nothing is recorded" while it runs; "idle".
+std::string doing_text(const wire::HealthMessage& health);
+
 /// One line for each node: "cap01  v3d-captured  recording kendo-07  cam07 silent".
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health);

@@ -6,6 +6,7 @@
 
 #include "base/core/text.h"
 #include "common/console.h"
+#include "daemon/control/take_name.h"
 #include "v3dctl/operate/health_text.h"
 
 namespace v3d::ctl {
@@ -312,7 +313,9 @@ WatchLine event_line(const wire::EventMessage& event) {
 std::string summary_line(const StudioState& state) {
   std::string take = "idle";
   for (const auto& [node, health] : state.health) {
-    if (!health.take.empty()) take = std::string(name(health.state)) + " " + health.take;
+    if (health.take.empty()) continue;
+    take = control::records_nothing(health) ? doing_text(health)
+                                            : std::string(name(health.state)) + " " + health.take;
   }
   const std::string recording = recording_line(state.health);
   return take + (recording.empty() ? "" : "   " + recording);

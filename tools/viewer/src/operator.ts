@@ -2,7 +2,8 @@
 import { valueOf } from './judge';
 import type { NodeState, OrderReport } from './message';
 
-export type Phase = 'silent' | 'idle' | 'armed' | 'recording' | 'draining';
+/** 'unrecorded': v3dctl check or background runs. */
+export type Phase = 'silent' | 'idle' | 'armed' | 'recording' | 'draining' | 'unrecorded';
 export type Action = 'arm' | 'start' | 'stop' | 'abort' | 'verdict';
 
 export interface Doing {
@@ -10,12 +11,24 @@ export interface Doing {
   take: string;
 }
 
+export const recordsNothing = (node: NodeState) => node.heard && (valueOf(node, 'unrecorded_flag') ?? 0) > 0;
+/** During the phase 'unrecorded'. */
+export const nothingRecorded = (take: string) => `${take}: nothing is recorded`;
+
+/** "recording  kendo-07"; "check: nothing is recorded". */
+export function nodeDoing(node: NodeState): string {
+  if (recordsNothing(node)) return nothingRecorded(node.take ?? '');
+  return [node.heard ? (node.state ?? '') : 'silent', node.take].filter(Boolean).join('  ');
+}
+
 /** The phase of the studio: that of the node which is farthest in a take. */
 export function doingOf(nodes: readonly NodeState[]): Doing {
   for (const phase of ['recording', 'draining', 'armed'] as const) {
-    const at = nodes.filter((node) => node.heard && node.state === phase);
+    const at = nodes.filter((node) => node.heard && node.state === phase && !recordsNothing(node));
     if (at.length) return { phase, take: at.find((node) => node.take)?.take ?? '' };
   }
+  const unrecorded = nodes.find(recordsNothing);
+  if (unrecorded) return { phase: 'unrecorded', take: unrecorded.take ?? '' };
   return { phase: nodes.some((node) => node.heard) ? 'idle' : 'silent', take: '' };
 }
 
@@ -35,6 +48,8 @@ export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
       return ['start', 'abort'];
     case 'recording':
       return ['stop', 'abort'];
+    case 'unrecorded':
+      return ['abort'];
     default:
       return [];
   }

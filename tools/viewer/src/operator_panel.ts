@@ -2,6 +2,7 @@
 import type { NodeState, OrderReport } from './message';
 import {
   type Action, actionsIn, type Doing, doingOf, endsSelection, gradeOf, isNews, isTakeName, leavableCameras, linesOf, NAME_RULE, nextName,
+  nothingRecorded,
 } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
@@ -140,10 +141,12 @@ export class OperatorPanel {
     this.drawWithout(actions.includes('arm'));
     this.drawLast();
     const { phase, take } = this.doing;
-    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node sends health.' : `${take} is ${phase}.`;
+    const running = phase === 'unrecorded' ? `${nothingRecorded(take)}.` : `${take} is ${phase}.`;
+    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node sends health.' : running;
     find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : doing;
     find('sure-text').textContent = phase === 'recording'
       ? `${take} is being recorded. Abort keeps the files on the disks, but gives no verdict. Use Stop to end a take with a verdict.`
+      : phase === 'unrecorded' ? `${nothingRecorded(take)}. Abort ends v3dctl ${take}.`
       : `${take} is armed; nothing was recorded yet.`;
   }
 

@@ -2,7 +2,7 @@
 import { CameraWall } from './camera_wall';
 import { factsOf } from './judge';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
-import { doingOf, recordingFacts } from './operator';
+import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
 import { fetchTakes, takeItem } from './take_list';
 
@@ -36,7 +36,7 @@ function nodeCard(node: NodeState): HTMLElement {
   const line = made('div', '', 'line');
   const state = node.heard ? (node.state ?? '') : 'silent';
   line.append(made('b', node.name), made('i', node.program ?? '', 'dim'));
-  line.append(made('span', [state, node.take].filter(Boolean).join('  '), state));
+  line.append(made('span', nodeDoing(node), recordsNothing(node) ? '' : state));
   card.append(line);
   if (!node.heard) card.append(made('p', `Try: systemctl status --all 'v3d-*' on ${node.name}`, 'wrong'));
   if (node.text) card.append(made('p', node.text, 'wrong'));
@@ -67,7 +67,8 @@ function showState(state: StudioState): void {
   panel.setState(state.control, state.nodes);
   showRecording(state.nodes);
   const { phase, take } = doingOf(state.nodes);
-  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded' : `${phase} ${take}`;
+  const running = phase === 'unrecorded' ? nothingRecorded(take) : `${phase} ${take}`;
+  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded' : running;
   find('facts').textContent = `${doing} · ${state.watchers} watching`;
 }
 

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
-  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, recordingFacts,
+  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing, recordingFacts,
 } from '../src/operator';
 
 const node = (name: string, state: string, take = '', values: Record<string, number> = {}): NodeState =>
@@ -18,6 +18,20 @@ describe('an operator', () => {
       .toEqual({ phase: 'recording', take: 'kendo-07' });
     expect(doingOf([node('cap01', 'draining', 'kendo-07'), node('recon01', 'armed', 'x')]).phase).toBe('draining');
     expect(doingOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
+  });
+
+  it('is not told that a check or the learning of the background is recorded', () => {
+    for (const take of ['check', 'background']) {
+      for (const state of ['idle', 'armed', 'recording', 'draining']) {
+        const nodes = [node('cap01', state, take, { unrecorded_flag: 1 }), node('recon01', 'idle')];
+        expect(doingOf(nodes)).toEqual({ phase: 'unrecorded', take });
+        expect(nodeDoing(nodes[0])).toBe(`${take}: nothing is recorded`);
+      }
+    }
+    expect(actionsIn('unrecorded', null)).toEqual(['abort']);
+    const recording = node('cap02', 'recording', 'kendo-07');
+    expect(doingOf([node('cap01', 'recording', 'check', { unrecorded_flag: 1 }), recording])).toEqual({ phase: 'recording', take: 'kendo-07' });
+    expect(nodeDoing(recording)).toBe('recording  kendo-07');
   });
 
   it('gets only the possible actions', () => {
