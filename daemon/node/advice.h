@@ -42,8 +42,7 @@ inline constexpr char kNoChecksum[] =
     "The take is closed; check the disk (journalctl -k), and read the file before the take is used";
 inline constexpr char kStaysOpen[] =
     "What is on the disk is kept; check the disk (journalctl -k), then v3dctl verify TAKE "
-    "--recover "
-    "counts it";
+    "--recover counts it. A node at fault records again after v3dctl abort";
 inline constexpr char kTakeEnded[] =
     "What was recorded is kept; before the next take make room (v3dctl takes lists the "
     "takes), or check the disk (journalctl -k)";

@@ -40,6 +40,27 @@ async function unlock() {
   await page.click('#unlock button');
   await page.waitForSelector('#orders:not([hidden])', { timeout: TIMEOUT_MS });
 }
+/** Runs a story in a page of its own, whose routes `prepare` sets before the page is opened. */
+async function inOwnPage(prepare, story) {
+  const kept = page;
+  page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  page.setDefaultTimeout(TIMEOUT_MS);
+  try {
+    await prepare();
+    await page.goto(`${studio.address}studio.html`);
+    await unlock();
+    await story();
+  } finally {
+    await page.close();
+    page = kept;
+  }
+}
+/** Changes the states of the studio before they reach the page. */
+const changeStates = (change) => page.routeWebSocket(/api.studio/, (socket) => {
+  const changed = (state) => (state.type === 'state' ? change(state) : state);
+  socket.connectToServer().onMessage((message) =>
+    socket.send(typeof message === 'string' ? JSON.stringify(changed(JSON.parse(message))) : message));
+});
 async function arm(take, seconds = '') {
   await offers('arm');
   await page.fill('#take-name', take);
@@ -217,6 +238,21 @@ test('offers orders again after a restart of the server during an order', async 
   await studio.startViewd(); // the process that forwarded the order has ended, the new one knows none
   await offers('arm');
   await shows('doing', 'No take is armed');
+});
+
+test('clears the fault of a node after a question', async () => {
+  const atFault = (node) => (node.name === 'cap01' ? { ...node, state: 'fault', take: '', text: 'Input/output error' } : node);
+  await inOwnPage(() => changeStates((state) => ({ ...state, nodes: state.nodes.map(atFault) })), async () => {
+    await shows('doing', 'Nodes at fault: cap01');
+    await offers('abort');
+    assert.equal(await page.locator('[data-order=arm]').count(), 0, 'the node would refuse it');
+    await page.click('[data-order=abort]');
+    await shows('sure-head', 'Clear the fault?');
+    await picture('fault');
+    const [request] = await Promise.all([page.waitForRequest('**/api/order'), page.click('#sure-yes')]);
+    assert.deepEqual(request.postDataJSON(), { do: 'abort' });
+    await shows('last-order', 'abort');
+  });
 });
 
 test('locks the page again on request', async () => {

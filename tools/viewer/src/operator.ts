@@ -3,7 +3,7 @@ import { valueOf } from './judge';
 import type { NodeState, OrderReport } from './message';
 
 /** 'unrecorded': v3dctl check or background runs. */
-export type Phase = 'silent' | 'idle' | 'armed' | 'recording' | 'draining' | 'unrecorded';
+export type Phase = 'silent' | 'idle' | 'fault' | 'armed' | 'recording' | 'draining' | 'unrecorded';
 export type Action = 'arm' | 'start' | 'stop' | 'abort' | 'verdict';
 
 export interface Doing {
@@ -21,7 +21,11 @@ export function nodeDoing(node: NodeState): string {
   return [node.heard ? (node.state ?? '') : 'silent', node.take].filter(Boolean).join('  ');
 }
 
-/** The phase of the studio: that of the node which is farthest in a take. */
+/** Names of the nodes at fault. A node at fault refuses every order but abort, which clears the fault. */
+export const nodesAtFault = (nodes: readonly NodeState[]) =>
+  nodes.filter((node) => node.heard && node.state === 'fault').map(({ name }) => name);
+
+/** The phase of the studio: that of the node which is farthest in a take; without a take `fault`, if a node is at fault. */
 export function doingOf(nodes: readonly NodeState[]): Doing {
   for (const phase of ['recording', 'draining', 'armed'] as const) {
     const at = nodes.filter((node) => node.heard && node.state === phase && !recordsNothing(node));
@@ -29,6 +33,7 @@ export function doingOf(nodes: readonly NodeState[]): Doing {
   }
   const unrecorded = nodes.find(recordsNothing);
   if (unrecorded) return { phase: 'unrecorded', take: unrecorded.take ?? '' };
+  if (nodesAtFault(nodes).length) return { phase: 'fault', take: '' };
   return { phase: nodes.some((node) => node.heard) ? 'idle' : 'silent', take: '' };
 }
 
@@ -44,6 +49,8 @@ export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
   switch (phase) {
     case 'idle':
       return endedByItself(last) ? ['verdict', 'arm'] : ['arm'];
+    case 'fault':
+      return endedByItself(last) ? ['verdict', 'abort'] : ['abort'];
     case 'armed':
       return ['start', 'abort'];
     case 'recording':
@@ -53,6 +60,12 @@ export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
     default:
       return [];
   }
+}
+
+/** The text on the button of an action. */
+export function wordOf(action: Action, phase: Phase): string {
+  if (action === 'abort' && phase === 'fault') return 'Clear the fault…';
+  return { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' }[action];
 }
 
 /** "300 pulses · 15/15 cameras · 0 missing · live 25.0/s"; unknown values are omitted. */

@@ -2,14 +2,12 @@
 import type { NodeState, OrderReport } from './message';
 import {
   type Action, actionsIn, type Doing, doingOf, endsSelection, gradeOf, isNews, isTakeName, leavableCameras, linesOf, NAME_RULE, nextName,
-  nothingRecorded,
+  nodesAtFault, nothingRecorded, wordOf,
 } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
 /** New buttons replace others at the same place. During this time they ignore a second tap of the same finger. */
 const NEW_BUTTONS_WAIT_MS = 700;
-
-const WORDS: Record<Action, string> = { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' };
 
 const find = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -25,6 +23,7 @@ export class OperatorPanel {
   private readonly name = find<HTMLInputElement>('take-name');
   private readonly seconds = find<HTMLInputElement>('take-seconds');
   private doing: Doing = { phase: 'silent', take: '' };
+  private atFault: string[] = [];
   private cameras: string[] = [];
   private last: OrderReport | null = null;
   private without = new Set<string>();
@@ -51,6 +50,7 @@ export class OperatorPanel {
   setState(control: boolean, nodes: readonly NodeState[]): void {
     find('operator').hidden = !control;
     this.doing = doingOf(nodes);
+    this.atFault = nodesAtFault(nodes);
     this.cameras = nodes.flatMap((node) => node.cameras);
     this.draw();
   }
@@ -140,14 +140,40 @@ export class OperatorPanel {
     find('arming').hidden = !actions.includes('arm');
     this.drawWithout(actions.includes('arm'));
     this.drawLast();
+    find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : this.doingText();
+    this.drawQuestion(actions.includes('abort'));
+  }
+
+  private doingText(): string {
     const { phase, take } = this.doing;
-    const running = phase === 'unrecorded' ? `${nothingRecorded(take)}.` : `${take} is ${phase}.`;
-    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node sends health.' : running;
-    find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : doing;
-    find('sure-text').textContent = phase === 'recording'
-      ? `${take} is being recorded. Abort keeps the files on the disks, but gives no verdict. Use Stop to end a take with a verdict.`
-      : phase === 'unrecorded' ? `${nothingRecorded(take)}. Abort ends v3dctl ${take}.`
-      : `${take} is armed; nothing was recorded yet.`;
+    switch (phase) {
+      case 'silent':
+        return 'No node sends health.';
+      case 'idle':
+        return 'No take is armed.';
+      case 'fault':
+        return `Nodes at fault: ${this.atFault.join(', ')}. Clear the fault before the next take.`;
+      case 'unrecorded':
+        return `${nothingRecorded(take)}.`;
+      default:
+        return `${take} is ${phase}.`;
+    }
+  }
+
+  /** The question before an abort. It closes when it does not fit any more, because its button would do something else. */
+  private drawQuestion(possible: boolean): void {
+    const { phase, take } = this.doing;
+    const clears = phase === 'fault', checks = phase === 'unrecorded';
+    find('sure-head').textContent = clears ? 'Clear the fault?' : 'Abort?';
+    find('sure-no').textContent = clears ? 'Cancel' : 'Do not abort';
+    find('sure-yes').textContent = clears ? 'Clear the fault' : checks ? 'Abort' : 'Abort the take';
+    find('sure-text').textContent = clears
+      ? `Nothing is being recorded. The fault of ${this.atFault.join(', ')} ends, and a take can be armed. All files stay on the disks.`
+      : phase === 'recording'
+        ? `${take} is being recorded. Abort keeps the files on the disks, but gives no verdict. Use Stop to end a take with a verdict.`
+        : checks ? `${nothingRecorded(take)}. Abort ends v3dctl ${take}.`
+        : `${take} is armed; nothing was recorded yet.`;
+    if (this.isNew('question', [possible, clears, checks])) find<HTMLDialogElement>('sure').close('');
   }
 
   /** True when the content of a part has changed. Unchanged parts are kept, so a pressed button is not replaced. */
@@ -159,9 +185,10 @@ export class OperatorPanel {
   }
 
   private drawButtons(actions: Action[]): void {
-    if (!this.isNew('buttons', actions)) return;
+    const { phase } = this.doing;
+    if (!this.isNew('buttons', actions.map((action) => [action, wordOf(action, phase)]))) return;
     const buttons = actions.map((action) => {
-      const button = made('button', WORDS[action], action) as HTMLButtonElement;
+      const button = made('button', wordOf(action, phase), action) as HTMLButtonElement;
       button.type = 'button';
       button.dataset.order = action;
       button.disabled = true;
@@ -170,7 +197,6 @@ export class OperatorPanel {
       return button;
     });
     find('order-buttons').replaceChildren(...buttons);
-    if (!actions.includes('abort')) find<HTMLDialogElement>('sure').close('');
   }
 
   /** Offers to leave out the cameras that a rejected arm order names. */

@@ -68,7 +68,8 @@ function showState(state: StudioState): void {
   showRecording(state.nodes);
   const { phase, take } = doingOf(state.nodes);
   const running = phase === 'unrecorded' ? nothingRecorded(take) : `${phase} ${take}`;
-  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded' : running;
+  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded'
+    : phase === 'fault' ? 'a node is at fault' : running;
   find('facts').textContent = `${doing} · ${state.watchers} watching`;
 }
 

@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
-  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing, recordingFacts,
+  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing, nodesAtFault,
+  recordingFacts, wordOf,
 } from '../src/operator';
 
 const node = (name: string, state: string, take = '', values: Record<string, number> = {}): NodeState =>
@@ -40,6 +41,17 @@ describe('an operator', () => {
     expect(actionsIn('recording', null)).toEqual(['stop', 'abort']);
     expect(actionsIn('draining', null)).toEqual([]);
     expect(actionsIn('silent', null)).toEqual([]);
+  });
+
+  it('can clear the fault of a node, which refuses every arm until then', () => {
+    const nodes = [node('cap01', 'fault'), node('recon01', 'idle'), silent];
+    expect(nodesAtFault(nodes)).toEqual(['cap01']);
+    expect(doingOf(nodes)).toEqual({ phase: 'fault', take: '' });
+    expect(actionsIn(doingOf(nodes).phase, null)).toEqual(['abort']);
+    expect(wordOf('abort', 'fault')).toBe('Clear the fault…');
+    expect(wordOf('abort', 'armed')).toBe('Abort…');
+    expect(actionsIn('fault', report({ do: 'start' }))).toEqual(['verdict', 'abort']);
+    expect(doingOf([node('cap01', 'fault'), node('recon01', 'recording', 'kendo-07')]).phase).toBe('recording');
   });
 
   it('gets no action while an order is under way', () => {
