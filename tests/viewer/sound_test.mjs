@@ -157,3 +157,26 @@ test('is silent when it is switched off, while scrubbing, and while paused', asy
   await page.keyboard.press(' ');
   await becomes(isSilent, 'paused');
 });
+
+test('reports a sound file that cannot be played until it can, while the pictures go on', async () => {
+  const shown = () => page.evaluate(() => Number(document.getElementById('canvas').dataset.shown));
+  await page.route('**/sound/*.wav', async (route) => {
+    const response = await route.fetch();
+    const body = await response.body();
+    const format = body.indexOf('fmt ');
+    if (format >= 0) body.writeUInt16LE(16, format + 22); // bits of a sample
+    await route.fulfill({ response, body });
+  });
+  await page.reload();
+  await probe.showsPulse(0);
+  await page.waitForSelector('#sound:not([hidden])');
+  await page.keyboard.press(' ');
+  await probe.shows('trouble', 'is no 24-bit PCM');
+  const before = await shown();
+  await page.waitForFunction((count) => Number(document.getElementById('canvas').dataset.shown) >= count, before + 5);
+  assert.match(await probe.text('trouble'), /is no 24-bit PCM/, 'the pictures do not remove it');
+  assert.equal(await page.getAttribute('#sound', 'data-state'), 'failed');
+  await page.unroute('**/sound/*.wav');
+  await becomes(isHeard, 'sound');
+  await page.waitForSelector('#trouble', { state: 'hidden' });
+});

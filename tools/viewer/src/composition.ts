@@ -34,17 +34,18 @@ class Actor {
     readonly url: string,
     readonly rate: number,
     private readonly changed: () => void,
-    trouble: (text: string) => void,
+    trouble: (source: string, text: string) => void,
   ) {
     this.performer = stage.addPerformer();
     this.views = new PerformerViews(takeOfMeshes(url), this.performer, () => wantsViews(stage.look), changed);
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => {
       const message = event.data;
       if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
-      else if (message.kind === 'trouble' || message.kind === 'motion-trouble') trouble(`${take.take}: ${message.text}`);
+      else if (message.kind === 'trouble' || message.kind === 'motion-trouble') trouble(`scene: ${url}`, `${take.take}: ${message.text}`);
       else if (message.kind === 'segment') this.segment = message.segment;
       else if (message.kind === 'frame') {
         const { frame } = message;
+        trouble(`scene: ${url}`, '');
         this.frame = frame.tracked && this.segment ? completed(frame, this.segment) : frame;
         this.show();
       }
@@ -53,7 +54,7 @@ class Actor {
     this.send({ kind: 'views', wanted: wantsViews(stage.look) });
     this.send({ kind: 'take', take: 0, url });
     void fetchSound(takeOfMeshes(url)).then((sources) => {
-      if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, trouble);
+      if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, (text) => trouble(`sound of ${url}`, text));
     }, () => undefined);
   }
 
@@ -185,7 +186,8 @@ export class Composition {
     readonly base: string,
     /** Pulses per second of the take with this name; null: there is no such take. */
     private readonly rateOf: (take: string) => number | null,
-    private readonly trouble: (text: string) => void,
+    /** Shows the error of a source, which begins with "scene" or "sound"; '' removes it. */
+    private readonly trouble: (source: string, text: string) => void,
   ) {
     this.apply();
   }
@@ -227,7 +229,7 @@ export class Composition {
     const url = this.url(`${take.take}/mesh.v3d`);
     const name = takeOfMeshes(url);
     const rate = this.rateOf(name);
-    if (rate === null) return this.trouble(`There is no take ${name}.`);
+    if (rate === null) return this.trouble(`scene: ${url}`, `There is no take ${name}.`);
     this.actors.set(take, new Actor(this.stage, this.output, take, url, rate, () => this.setTime(this.seconds), this.trouble));
   }
 
@@ -250,7 +252,7 @@ export class Composition {
         place(group, model);
         groups.push(group);
       } catch {
-        this.trouble(`The model ${model.model} does not exist or is not a glTF file.`);
+        this.trouble(`scene: ${url}`, `The model ${model.model} does not exist or is not a glTF file.`);
       }
     }
     if (this.ended) return;

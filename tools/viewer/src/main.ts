@@ -3,7 +3,7 @@ import { Composition } from './composition';
 import { factsHtml, frameFacts, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { liveTexts } from './live_age';
-import { glbOf, PerformerList } from './performer_list';
+import { PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
 import { bindToggle, download, find, press, showStartError } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
@@ -20,6 +20,7 @@ import { Stage } from './stage';
 import { TakeBrowser } from './take_browser';
 import { fetchScenes, fetchTakes, sceneItem, type Take } from './take_list';
 import { Transport } from './transport';
+import { Troubles } from './troubles';
 import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
@@ -45,7 +46,11 @@ class Viewer {
   private readonly motion: MotionPanel;
   private readonly skeleton: SkeletonPanel;
   private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile());
-  private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.trouble(text));
+  private readonly troubles = new Troubles((text) => {
+    find('trouble').textContent = text;
+    find('trouble').hidden = text === '';
+  });
+  private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.troubles.set('sound', text));
   private shownTimes: number[] = [];
   private shownAt = 0;
   private shownCount = 0;
@@ -68,7 +73,7 @@ class Viewer {
       shows: (performer) => this.performers.shows(performer),
       showMotion: () => this.motion.isOn || this.motion.toggle(),
     });
-    this.stage.onTrouble = (text) => this.trouble(text);
+    this.stage.onTrouble = (text) => this.troubles.set('scene: background', text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
       () => this.composition?.viewsState ?? null);
     find('confidence-note').textContent = CONFIDENCE_IN_WORDS;
@@ -105,7 +110,7 @@ class Viewer {
       live: () => this.openLive(),
       flying: () => this.stage.flying,
     });
-    find('save-mesh').addEventListener('click', () => void this.saveMesh());
+    find('save-mesh').addEventListener('click', () => void this.performers.save(this.shown));
     this.setLook('colour');
     addEventListener('hashchange', () => this.followAddress());
   }
@@ -148,7 +153,7 @@ class Viewer {
 
   private openTake(name: string, pulse = NaN, mesh: string | null = null): void {
     const take = this.takes.find((t) => t.name === name);
-    if (!take) return this.trouble(`There is no take ${name}.`);
+    if (!take) return this.troubles.set('take', `There is no take ${name}.`);
     this.openAs({ take, scene: null }, `take=${name}`, `api/takes/${name}/rig`);
     this.startAt = pulse;
     this.proxy.open(take, mesh);
@@ -190,7 +195,7 @@ class Viewer {
       const scene = parseScene(await answer.text());
       if (number === this.opened) this.showScene(scene, url, at);
     } catch (error) {
-      if (number === this.opened) this.trouble(`${name}/scene.json: ${(error as Error).message}`);
+      if (number === this.opened) this.troubles.set('scene', `${name}/scene.json: ${(error as Error).message}`);
     }
   }
 
@@ -201,7 +206,7 @@ class Viewer {
       this.showScene(parseScene(await file.text()), this.unsavedUrl(), NaN);
       find('title').textContent = file.name;
     } catch (error) {
-      this.trouble(`${file.name}: ${(error as Error).message}`);
+      this.troubles.set('scene', `${file.name}: ${(error as Error).message}`);
     }
   }
 
@@ -234,7 +239,8 @@ class Viewer {
 
   private showScene(scene: SceneFile, url: string, at: number): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
-    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, (text) => this.trouble(text));
+    const trouble = (source: string, text: string) => this.troubles.set(source, text);
+    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble);
     this.setScenePlayback(Number.isNaN(at) ? 0 : at);
     this.playback!.playing = Number.isNaN(at);
     this.panel.show(scene);
@@ -260,7 +266,7 @@ class Viewer {
   private sceneChanged(): void {
     const composition = this.composition;
     if (!composition || !this.playback) return;
-    this.trouble('');
+    this.troubles.clear('scene');
     const { scene } = composition;
     if (pictureCount(scene) - 1 !== this.playback.last || scene.rate_hz !== this.playback.rate) {
       const playing = this.playback.playing;
@@ -291,13 +297,6 @@ class Viewer {
     }
   }
 
-  /** What is visible of the shown pulse. */
-  private async saveMesh(): Promise<void> {
-    if (!this.shown) return;
-    const { pulse } = this.shown;
-    download(await glbOf(this.performers.visible(this.shown)), `pulse-${pulse}.glb`);
-  }
-
   private openAs(what: { take: Take | null; scene: string | null }, address: string, rigUrl: string | null): void {
     const { take, scene } = what;
     this.open = { ...what, number: ++this.opened };
@@ -320,7 +319,7 @@ class Viewer {
     const folder = take && new URL(`takes/${take.name}/`, location.href).href;
     void this.motion.open(folder && `${folder}motion.v3d`);
     void this.skeleton.open(folder);
-    this.trouble('');
+    this.troubles.clear();
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     const number = this.opened;
@@ -343,11 +342,6 @@ class Viewer {
     }
   }
 
-  private trouble(text: string): void {
-    find('trouble').textContent = text;
-    find('trouble').hidden = text === '';
-  }
-
   private onMessage(message: FromWorker): void {
     if (message.take !== this.opened) return;
     switch (message.kind) {
@@ -361,13 +355,13 @@ class Viewer {
         break;
       }
       case 'trouble':
-        this.trouble(this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
+        this.troubles.set('frames', this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
         break;
       case 'link':
         find('open-live').dataset.link = message.link;
         find('live-text').textContent = message.link === 'open' ? 'connected' : 'connecting …';
         if (!this.shown) {
-          this.trouble(message.link === 'open' ? 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.'
+          this.troubles.set('frames', message.link === 'open' ? 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.'
             : 'The studio does not answer. Trying again every second.');
         }
         break;
@@ -392,7 +386,7 @@ class Viewer {
     this.shown = frame;
     this.shownAt = performance.now();
     find('canvas').dataset.shown = String(++this.shownCount);
-    this.trouble('');
+    this.troubles.set('frames', '');
     this.performers.add(frame);
     this.draw();
     this.shownTimes.push(performance.now());

@@ -1,6 +1,7 @@
 // The performers of a take: buttons that hide them, and the file of what is visible.
 import { BufferAttribute, BufferGeometry, Mesh, MeshStandardMaterial } from 'three';
 import { GLTFExporter } from 'three/addons/exporters/GLTFExporter.js';
+import { download } from './page';
 import { indicesOf, performersOf, type Surface } from '../player/src/surface';
 
 export class PerformerList {
@@ -35,6 +36,11 @@ export class PerformerList {
   visible<T extends Surface>(surface: T): T {
     if (this.hidden.size === 0) return surface;
     return { ...surface, indices: indicesOf(surface, (performer) => !this.hidden.has(performer)) };
+  }
+
+  /** Saves what is visible of a shown pulse as a file. */
+  async save(surface: (Surface & { pulse: number }) | null): Promise<void> {
+    if (surface) download(await glbOf(this.visible(surface)), `pulse-${surface.pulse}.glb`);
   }
 
   private draw(): void {

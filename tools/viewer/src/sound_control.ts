@@ -25,6 +25,7 @@ export class SoundControl {
     this.player?.end();
     this.player = null;
     this.button.hidden = true;
+    this.button.dataset.state = '';
     const number = ++this.opened;
     if (!take) return;
     void fetchSound(take.name).then((sources) => {
@@ -49,6 +50,7 @@ export class SoundControl {
     }
     if (!this.player) return;
     this.player.follow({ exact, playing, speed, outPulse }, now);
+    this.button.dataset.state = this.player.state;
     this.canvas.dataset.sound = this.player.state; // for the browser tests, as is the position
     this.canvas.dataset.position = `${now} ${exact}`;
   }

@@ -55,7 +55,8 @@ export interface Played {
   outPulse: number;
 }
 
-export type SoundState = 'none' | 'off' | 'muted' | 'blocked' | 'playing';
+/** `failed`: it plays, but without the parts that cannot be read. */
+export type SoundState = 'none' | 'off' | 'muted' | 'blocked' | 'playing' | 'failed';
 
 /** The sound of one take. Silent while paused and at another speed than 1. */
 export class SoundPlayer {
@@ -67,7 +68,10 @@ export class SoundPlayer {
   private readonly parts = new Map<string, Promise<AudioBuffer | null>>(); // the last used is last
   private next = 0; // the first pulse that is not scheduled
   private started = 0;
+  private readonly failures = new Map<string, string>(); // by file, until a part of it can be read
+  private ended = false;
 
+  /** `trouble` gets the errors of all files, '' when there is none. */
   constructor(
     private readonly output: SoundOutput,
     private readonly sources: SoundSource[],
@@ -91,10 +95,13 @@ export class SoundPlayer {
     while (this.next <= played.outPulse && this.clock.timeOf(this.next) < this.output.context.currentTime + AHEAD_S) {
       this.next = this.schedule(this.next, played.outPulse + 1);
     }
+    if (this.failures.size) this.state = 'failed';
   }
 
   end(): void {
     this.stop();
+    if (this.failures.size) this.trouble('');
+    this.ended = true;
   }
 
   private stateFor(played: Played): SoundState {
@@ -153,11 +160,19 @@ export class SoundPlayer {
       const buffer = new AudioBuffer({ numberOfChannels: 2, length: stereo.left.length, sampleRate: source.file.rate_hz });
       buffer.copyToChannel(stereo.left, 0);
       buffer.copyToChannel(stereo.right, 1);
+      this.report(source.file.file, '');
       return buffer;
     } catch (error) {
-      this.trouble(`${source.file.file}: ${(error as Error).message}`);
+      this.report(source.file.file, `${source.file.file}: ${(error as Error).message}`);
       return null;
     }
+  }
+
+  private report(file: string, failure: string): void {
+    if (this.ended || (this.failures.get(file) ?? '') === failure) return;
+    if (failure) this.failures.set(file, failure);
+    else this.failures.delete(file);
+    this.trouble([...this.failures.values()].join('\n'));
   }
 
   private silence(): void {

@@ -1,6 +1,7 @@
-import { describe, expect, it } from 'vitest';
+import { afterEach, describe, expect, it, vi } from 'vitest';
 import type { ByteSource } from '../player/src/byte_source';
 import { partOf, SoundClock } from '../src/sound_clock';
+import { type SoundOutput, SoundPlayer } from '../src/sound_player';
 import { dataOffset, sampleOf, type SoundFile, SoundSource, stereoOf } from '../src/sound_file';
 
 /** 24-bit samples, interleaved. */
@@ -137,5 +138,44 @@ describe('a part of a file', () => {
     expect(partOf(file, fast, 300, 310, 25)).toBeNull();
     expect(partOf(file, (pulse) => pulse * 1920 - 1e6, 0, 10, 25)).toBeNull();
     expect(partOf(file, (pulse) => pulse * 1e9, 0, 10, 25)).toBeNull(); // a damaged map
+  });
+});
+
+describe('the sound of a take', () => {
+  afterEach(() => vi.unstubAllGlobals());
+
+  it('reports a failure once, and removes it when a part can be read again', async () => {
+    class Node {
+      connect = () => this;
+      start = () => undefined;
+      stop = () => undefined;
+    }
+    vi.stubGlobal('AudioBuffer', class {
+      copyToChannel = () => undefined;
+    });
+    vi.stubGlobal('AudioBufferSourceNode', Node);
+    vi.stubGlobal('GainNode', Node);
+    const output = { context: { currentTime: 0 }, isRunning: () => true, heardAt: (now: number) => now / 1000 };
+    const bytes = new Bytes(wave(1, Array(4800).fill(0)));
+    const { read } = bytes;
+    bytes.read = async () => { throw new Error('The server answered 503.'); };
+    const source = new SoundSource({ ...FILE, rate_hz: 480, samples: 4800, map: [[0, 0], [250, 4800]] }, bytes);
+    const troubles: string[] = [];
+    const player = new SoundPlayer(output as unknown as SoundOutput, [source], 25, (text) => troubles.push(text));
+    /** Plays two seconds, in steps of a picture. */
+    const play = async (from: number) => {
+      for (let n = 0; n < 50; ++n) {
+        output.context.currentTime = (from + n) / 25;
+        player.follow({ exact: from + n, playing: true, speed: 1, outPulse: 249 }, 40 * (from + n));
+        await new Promise((done) => setTimeout(done));
+      }
+    };
+    await play(0);
+    expect(troubles).toEqual(['sound/cap01.wav: The server answered 503.']);
+    expect(player.state).toBe('failed');
+    bytes.read = read;
+    await play(50);
+    expect(troubles.at(-1)).toBe('');
+    expect(player.state).toBe('playing');
   });
 });

@@ -1,0 +1,27 @@
+// Error texts of the page, one for each source. A source replaces only its own text.
+
+export class Troubles {
+  private readonly texts = new Map<string, string>();
+
+  /** `show` gets the texts of all sources, a line for each; '' when there is none. It is not called without a change. */
+  constructor(private readonly show: (text: string) => void) {}
+
+  /** Sets the text of a source; '': it has no error. */
+  set(source: string, text: string): void {
+    if ((this.texts.get(source) ?? '') === text) return;
+    if (text) this.texts.set(source, text);
+    else this.texts.delete(source);
+    this.changed();
+  }
+
+  /** Removes the texts of all sources whose names begin with `prefix`. */
+  clear(prefix = ''): void {
+    const sources = [...this.texts.keys()].filter((source) => source.startsWith(prefix));
+    for (const source of sources) this.texts.delete(source);
+    if (sources.length) this.changed();
+  }
+
+  private changed(): void {
+    this.show([...new Set(this.texts.values())].join('\n'));
+  }
+}
