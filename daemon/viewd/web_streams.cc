@@ -201,7 +201,8 @@ void StudioStatus::refresh(MonotonicInstant now) {
   for (const auto& [node, at] : last_health_) {
     if (now - at > kSilenceTimeout && state_.health.erase(node) > 0) changed_ = true;
   }
-  if (!std::exchange(changed_, false)) return;
+  if (!std::exchange(changed_, false) && now - published_ < kStatePeriod) return;
+  published_ = now;
   state_item_ = make_item(state_json(state_));
 }
 

@@ -83,6 +83,9 @@ class StudioStatus {
   /// After this time without health a node counts as silent. Nodes send it once a second.
   static constexpr Duration kSilenceTimeout = std::chrono::milliseconds(3500);
 
+  /// The state is sent this often, also without a change: a page notices by this that it arrives.
+  static constexpr Duration kStatePeriod = std::chrono::seconds(2);
+
   /// `nodes`: the nodes to show. `not_verified`: see OperatorClient.
   StudioStatus(const Studio& studio, const std::vector<std::string>& nodes,
                std::string not_verified);
@@ -96,7 +99,7 @@ class StudioStatus {
   void set_control(bool accepts_commands);
   /// The last command; number 0: there was none.
   void set_report(const CommandReport& report);
-  /// Removes silent nodes, and publishes the state if it has changed.
+  /// Removes silent nodes, and publishes the state if it has changed or is kStatePeriod old.
   void refresh(MonotonicInstant now);
 
   /// A subscriber that starts with the current state. The StudioStatus must outlive it.
@@ -113,6 +116,7 @@ class StudioStatus {
   StudioState state_;
   std::map<std::string, MonotonicInstant> last_health_;  ///< by node
   bool changed_ = true;
+  MonotonicInstant published_;  ///< of the state
   int64_t last_number_ = 0;
   Item state_item_;
   Item report_;

@@ -255,6 +255,26 @@ test('clears the fault of a node after a question', async () => {
   });
 });
 
+test('shows no recording any more when the network falls silent, and connects again', async () => {
+  let passes = true;
+  const recording = (node) => ({ ...node, state: 'recording', take: 'kendo-99' });
+  await inOwnPage(() => page.routeWebSocket(/api.studio/, (socket) => {
+    socket.connectToServer().onMessage((message) => {
+      if (!passes || typeof message !== 'string') return; // nothing closes
+      const state = JSON.parse(message);
+      socket.send(JSON.stringify(state.type === 'state' ? { ...state, nodes: state.nodes.map(recording) } : state));
+    });
+  }), async () => {
+    await recordsNow();
+    assert.ok(await page.isHidden('#banner:has-text("does not answer")'));
+    passes = false;
+    await shows('banner', 'does not answer');
+    await page.waitForSelector('body:not(.recording)');
+    passes = true;
+    await recordsNow();
+  });
+});
+
 test('locks the page again on request', async () => {
   await page.click('#lock');
   assert.ok(await page.isHidden('#orders'));

@@ -53,6 +53,19 @@ TEST_F(StudioStatusTest, sends_a_slow_subscriber_only_the_newest_state) {
   EXPECT_FALSE(subscriber->next()) << "nothing has changed";
 }
 
+TEST_F(StudioStatusTest, repeats_an_unchanged_state_so_that_a_page_notices_a_silent_network) {
+  const auto subscriber = status_.subscribe();
+  status_.refresh(now_);
+  EXPECT_TRUE(subscriber->next());
+  const Duration step = std::chrono::milliseconds(20);
+  int states = 0;
+  for (MonotonicInstant now = now_; now <= now_ + std::chrono::seconds(10); now += step) {
+    status_.refresh(now);
+    if (subscriber->next()) ++states;
+  }
+  EXPECT_EQ(states, 5) << "one every 2 s";
+}
+
 TEST_F(StudioStatusTest, removes_a_silent_node) {
   status_.on_health(health("here"), now_);
   status_.refresh(now_);

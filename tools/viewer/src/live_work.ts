@@ -3,10 +3,12 @@ import type { Decoder } from '../../../codec/v3d_decoder.mjs';
 import { type LiveFrame, LiveQueue } from '../player/src/sequence';
 import { postFrame } from '../player/src/take_work';
 import type { Post } from '../player/src/worker_messages';
+import { LastingSocket } from './lasting_socket';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
 
-const RECONNECT_MS = 1000;
 const PING_MS = 2000;
+/** The server answers every ping. */
+const MAX_SILENCE_MS = 4 * PING_MS;
 
 const now = () => performance.timeOrigin + performance.now();
 
@@ -15,7 +17,7 @@ const now = () => performance.timeOrigin + performance.now();
  * the next one after the page has drawn it: a page that draws slowly misses meshes, and those it draws are not late.
  */
 export class LiveWork {
-  private socket: WebSocket | null = null;
+  private socket: LastingSocket | null = null;
   private readonly queue = new LiveQueue<MeshHead>();
   private readonly clock = new ServerClock();
   private readonly pings: ReturnType<typeof setInterval>;
@@ -56,26 +58,26 @@ export class LiveWork {
   end(): void {
     this.ended = true;
     clearInterval(this.pings);
-    this.socket?.close();
+    this.socket?.end();
   }
 
   private connect(): void {
     if (this.ended) return;
-    this.post({ kind: 'link', take: this.take, link: 'connecting' });
-    const socket = new WebSocket(this.url);
-    socket.binaryType = 'arraybuffer';
-    socket.onopen = () => {
-      this.last = -1;
-      this.post({ kind: 'link', take: this.take, link: 'open' });
-      this.ping();
-    };
-    socket.onmessage = (event) => this.onMessage(event.data as string | ArrayBuffer);
-    socket.onclose = () => setTimeout(() => this.connect(), RECONNECT_MS);
-    this.socket = socket;
+    const link = (state: 'connecting' | 'open') => this.post({ kind: 'link', take: this.take, link: state });
+    link('connecting');
+    this.socket = new LastingSocket(this.url, MAX_SILENCE_MS, {
+      opened: () => {
+        this.last = -1;
+        link('open');
+        this.ping();
+      },
+      message: (data) => this.onMessage(data),
+      lost: () => link('connecting'),
+    });
   }
 
   private ping(): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(`ping ${Math.round(now())}`);
+    this.socket?.send(`ping ${Math.round(now())}`);
   }
 
   private onMessage(data: string | ArrayBuffer): void {

@@ -360,10 +360,9 @@ class Viewer {
       case 'link':
         find('open-live').dataset.link = message.link;
         find('live-text').textContent = message.link === 'open' ? 'connected' : 'connecting …';
-        if (!this.shown) {
-          this.troubles.set('frames', message.link === 'open' ? 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.'
-            : 'The studio does not answer. Trying again every second.');
-        }
+        this.latency = null;
+        this.troubles.set('frames', message.link !== 'open' ? 'The studio does not answer. Trying again every second.'
+          : this.shown ? '' : 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.');
         break;
       case 'frame':
         this.show(message.frame);
@@ -389,7 +388,8 @@ class Viewer {
     this.troubles.set('frames', '');
     this.performers.add(frame);
     this.draw();
-    this.shownTimes.push(performance.now());
+    this.shownAt = performance.now();
+    this.shownTimes.push(this.shownAt);
     if (!frame.live) return;
     const { edgeMs } = frame.live;
     requestAnimationFrame(() => { // the refresh that draws the mesh; it is visible from the next one on
@@ -484,7 +484,7 @@ class Viewer {
     const frame = this.shown;
     const facts = this.composition && this.playback
       ? sceneFacts(this.sceneSeconds, this.composition.scene.takes.length, this.stage.triangles)
-      : frame ? frameFacts(frame, this.shownTimes.length / 2, this.latency) : [];
+      : frame ? frameFacts(frame, this.shownTimes.length / 2, this.latency, (now - this.shownAt) / 1000) : [];
     find('facts').innerHTML = factsHtml(facts);
     if (frame?.live) this.showLiveAge(frame.live.take, now - this.shownAt);
   }

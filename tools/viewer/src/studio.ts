@@ -1,13 +1,15 @@
 // The studio page: shows the state of the studio and, if the studio file allows it, sends an operator's commands.
 import { CameraWall } from './camera_wall';
 import { factsOf } from './judge';
+import { LastingSocket } from './lasting_socket';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
 import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
 import { fetchTakes, takeItem } from './take_list';
 
 const EVENTS_KEPT = 100;
-const RECONNECT_MS = 1000;
+/** The server sends the state at least every 2 s. */
+const MAX_SILENCE_MS = 5000;
 const TAKES_EVERY_MS = 5000;
 const TAKES_SHOWN = 12;
 
@@ -109,21 +111,20 @@ async function listTakes(): Promise<void> {
 function connect(): void {
   const url = new URL('api/studio', location.href);
   url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
-  const socket = new WebSocket(url);
-  socket.binaryType = 'arraybuffer';
-  socket.onopen = () => {
-    lost = false;
-    find('events').replaceChildren(); // the server sends them again
-    panel.forgetLast();
-    showBanner();
-  };
-  socket.onmessage = (event) => onMessage(event.data as string | ArrayBuffer);
-  socket.onclose = () => {
-    lost = true;
-    showBanner();
-    showRecording([]); // the state is unknown without a connection
-    setTimeout(connect, RECONNECT_MS);
-  };
+  new LastingSocket(url.href, MAX_SILENCE_MS, {
+    opened() {
+      lost = false;
+      find('events').replaceChildren(); // the server sends them again
+      panel.forgetLast();
+      showBanner();
+    },
+    message: onMessage,
+    lost() {
+      lost = true;
+      showBanner();
+      showRecording([]); // the state is unknown without a connection
+    },
+  });
 }
 
 function toggleSilhouettes(): void {

@@ -12,13 +12,16 @@ class FakeSocket {
   onopen = () => {};
   onmessage = (_: { data: ArrayBuffer | string }) => {};
   onclose = () => {};
+  closed = false;
   constructor() {
     FakeSocket.last = this;
   }
   send(text: string): void {
     this.sent.push(text);
   }
-  close(): void {}
+  close(): void {
+    this.closed = true;
+  }
 }
 
 /** Decodes a frame to a point at x = its pulse. */
@@ -53,6 +56,7 @@ describe('live meshes', () => {
   let work: LiveWork;
   let sent: number[];
   let edges: (number | null | undefined)[];
+  let links: string[];
 
   beforeEach(async () => {
     vi.useFakeTimers();
@@ -60,7 +64,9 @@ describe('live meshes', () => {
     decoder = new FakeDecoder();
     sent = [];
     edges = [];
+    links = [];
     const post = (message: FromWorker) => {
+      if (message.kind === 'link') links.push(message.link);
       if (message.kind !== 'frame') return;
       sent.push(message.frame.pulse);
       edges.push(message.frame.live?.edgeMs);
@@ -120,6 +126,35 @@ describe('live meshes', () => {
     work.drawn();
     receive(2);
     expect(edges[1]).toBeNull();
+  });
+
+  it('are connected again when the server answers no ping, without an end of the connection', () => {
+    const silent = FakeSocket.last;
+    silent.onopen();
+    expect(links).toEqual(['connecting', 'open']);
+    vi.advanceTimersByTime(10_000);
+    expect(links).toEqual(['connecting', 'open', 'connecting']);
+    expect(silent.closed).toBe(true);
+    expect(FakeSocket.last).not.toBe(silent);
+    FakeSocket.last.onopen();
+    expect(links.at(-1)).toBe('open');
+  });
+
+  it('stay connected while pings are answered and nothing is recorded', () => {
+    const socket = FakeSocket.last;
+    socket.onopen();
+    for (let second = 0; second < 60; second += 2) {
+      socket.onmessage({ data: JSON.stringify({ type: 'pong', ping: 0, now_ms: 0 }) });
+      vi.advanceTimersByTime(2000);
+    }
+    expect(FakeSocket.last).toBe(socket);
+    expect(links).toEqual(['connecting', 'open']);
+  });
+
+  it('are connected again when no answer comes to the connection', () => {
+    const first = FakeSocket.last;
+    vi.advanceTimersByTime(10_000);
+    expect(FakeSocket.last).not.toBe(first);
   });
 
   it('have no edge before the clock of the server is known', () => {

@@ -1,9 +1,11 @@
 import { Vector3, Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
+import { frameFacts } from '../src/facts';
 import { factsOf, judgeCamera } from '../src/judge';
 import { eachForegroundRun, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { vertexNormals } from '../player/src/surface';
+import type { ShownFrame } from '../player/src/worker_messages';
 import { aboutText, slateText, type Take } from '../src/take_list';
 
 const camera: RigCamera = {
@@ -15,6 +17,18 @@ const camera: RigCamera = {
   rotation: [[0, 1, 0], [0, 0, -1], [-1, 0, 0]], // looks along -x, upright
   translation: [0.1, 1, 3],
 };
+
+describe('the facts of a live mesh', () => {
+  const live = { take: 'kendo-06', missing: [], edgeMs: 0, skipped: 0 };
+  const frame = { pulse: 7, indices: new Uint32Array(3), tracked: null, bytes: 0, quality: NaN, live } as unknown as ShownFrame;
+
+  it('have its latency while meshes come, and its age afterwards', () => {
+    expect(frameFacts(frame, 25, 71, 0.04)).toContain('<b>71 ms</b> behind the pulse');
+    const old = frameFacts(frame, 0, 71, 12);
+    expect(old).toContain('no mesh for <b>12 s</b>');
+    expect(old.join()).not.toContain('behind');
+  });
+});
 
 describe('the viewpoint of a camera', () => {
   /** Pixels of a screen. */
