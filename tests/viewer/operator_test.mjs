@@ -250,7 +250,7 @@ test('clears the fault of a node after a question', async () => {
     await shows('sure-head', 'Clear the fault?');
     await picture('fault');
     const [request] = await Promise.all([page.waitForRequest('**/api/order'), page.click('#sure-yes')]);
-    assert.deepEqual(request.postDataJSON(), { do: 'abort' });
+    assert.equal(request.postDataJSON().do, 'abort');
     await shows('last-order', 'abort');
   });
 });
@@ -273,6 +273,18 @@ test('shows no recording any more when the network falls silent, and connects ag
     passes = true;
     await recordsNow();
   });
+});
+
+test('offers the orders again after an order without an answer, or with half of one', async () => {
+  for (const answer of [() => undefined, (route) => route.fulfill({ status: 202, contentType: 'application/json', body: '{' })]) {
+    await offers('arm');
+    await page.route('**/api/order', answer);
+    await page.fill('#take-name', 'kendo-12');
+    await page.click('[data-order=arm]');
+    await shows('order-trouble', 'No answer: whether the studio got the order is not known');
+    await offers('arm');
+    await page.unroute('**/api/order');
+  }
 });
 
 test('locks the page again on request', async () => {

@@ -94,8 +94,7 @@ export class OperatorPanel {
     if (this.sending) return;
     this.sending = true;
     this.draw();
-    const sent = await send(order, this.token.value);
-    this.sending = false;
+    const sent = await send(order, this.token.value).finally(() => (this.sending = false));
     if ('report' in sent) {
       if (isNews(sent.report, this.last)) this.setLast(sent.report);
     } else {
@@ -140,7 +139,7 @@ export class OperatorPanel {
     find('arming').hidden = !actions.includes('arm');
     this.drawWithout(actions.includes('arm'));
     this.drawLast();
-    find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : this.doingText();
+    find('doing').textContent = this.sending ? 'Sending the order…' : this.last?.under_way ? `${this.last.text}: under way…` : this.doingText();
     this.drawQuestion(actions.includes('abort'));
   }
 

@@ -2,6 +2,9 @@
 import type { OrderReport } from './message';
 
 const TOKEN_KEPT_AS = 'v3d-operator-token';
+/** The server answers at once, before the order is executed. */
+const MAX_ANSWER_MS = 8000;
+const NO_ANSWER = 'No answer: whether the studio got the order is not known. Look at the nodes.';
 
 export interface Order {
   do: 'look' | 'arm' | 'start' | 'stop' | 'abort';
@@ -38,13 +41,18 @@ export class OperatorToken {
   }
 }
 
+/** Does not throw: a failure is a refusal. */
 export async function send(order: Order, token: string): Promise<Sent> {
-  const answer = await fetch('api/order', {
-    method: 'POST',
-    headers: { 'Content-Type': 'application/json', 'X-V3D-Operator': token },
-    body: JSON.stringify(order),
-  }).catch(() => null);
-  if (!answer) return { refusal: 'No answer: whether the studio was told is not known. Look at the nodes.', wrongToken: false };
-  if (answer.ok) return { report: (await answer.json()) as OrderReport };
-  return { refusal: (await answer.text()).trim() || `The server answered ${answer.status}.`, wrongToken: answer.status === 401 };
+  try {
+    const answer = await fetch('api/order', {
+      method: 'POST',
+      headers: { 'Content-Type': 'application/json', 'X-V3D-Operator': token },
+      body: JSON.stringify(order),
+      signal: AbortSignal.timeout(MAX_ANSWER_MS),
+    });
+    if (answer.ok) return { report: (await answer.json()) as OrderReport };
+    return { refusal: (await answer.text()).trim() || `The server answered ${answer.status}.`, wrongToken: answer.status === 401 };
+  } catch {
+    return { refusal: NO_ANSWER, wrongToken: false };
+  }
 }
