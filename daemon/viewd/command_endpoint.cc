@@ -24,6 +24,15 @@ bool is_json(const std::string& type) {
   return type == "application/json" || type.starts_with("application/json;");
 }
 
+/// Why the command comes too late; empty if it does not.
+std::string lateness(const OperatorCommand& command) {
+  if (!command.given) return "";
+  const Duration age = Realtime::now() - *command.given;
+  if (age <= CommandEndpoint::kMaxAge) return "";
+  return "this order was given " + std::to_string(std::llround(to_seconds(age))) +
+         " s ago and is not executed: look at the nodes, then give it again";
+}
+
 std::vector<std::string> split_lines(std::string_view text) {
   std::vector<std::string> lines;
   while (!text.empty()) {
@@ -103,6 +112,9 @@ web::WebAnswer CommandEndpoint::post(const web::WebRequest& request, MonotonicIn
   if (parsed.command->verb == OperatorCommand::Verb::kCheckToken) {
     add_event(wire::Severity::kInfo, request.address + " has the operators' token");
     return report();
+  }
+  if (const std::string late = lateness(*parsed.command); !late.empty()) {
+    return refused(request, 409, late);
   }
   if (last_.is_running) {
     return refused(request, 409, last_.command.text() + " of " + last_.by + " is still running");

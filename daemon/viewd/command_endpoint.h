@@ -56,6 +56,9 @@ class TokenThrottle {
 /// itself. Sender and result of each command are logged and reported as events. One thread.
 class CommandEndpoint {
  public:
+  /// An older command was delayed by the network, and its sender may not want it any more.
+  static constexpr Duration kMaxAge = std::chrono::seconds(10);
+
   /// With an empty token, every command is refused. `studio` must outlive this object.
   CommandEndpoint(const Studio& studio, std::string token);
 

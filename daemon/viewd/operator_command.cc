@@ -19,6 +19,7 @@ using Json = nlohmann::json;
 using Verb = OperatorCommand::Verb;
 
 constexpr double kMaxTakeSeconds = 24 * 3600;
+constexpr double kMaxTimeMs = 9e12;  ///< its nanoseconds fit into 64 bits
 constexpr int kMaxDepth = 4;
 constexpr size_t kMaxLines = 200;
 
@@ -76,6 +77,14 @@ int64_t pulses_of(const Json& value, const Studio& studio) {
   return std::max<int64_t>(1, std::llround(seconds * studio.trigger.rate_hz));
 }
 
+RealtimeInstant time_of(const Json& value) {
+  const double ms = value.is_number() ? value.get<double>() : -1;
+  if (!(ms >= 0 && ms <= kMaxTimeMs)) {
+    throw CommandError("at_ms: expected milliseconds since 1970");
+  }
+  return from_ns<Realtime>(std::llround(ms) * 1'000'000);
+}
+
 std::vector<std::string> cameras_of(const Json& value, const Studio& studio) {
   if (!value.is_array()) throw CommandError("without: expected a list of cameras");
   std::vector<std::string> names;
@@ -95,7 +104,9 @@ OperatorCommand command_of(const Json& json, const Studio& studio) {
   for (const auto& [key, value] : json.items()) {
     const bool is_arm = command.verb == Verb::kArm;
     if (key == "do") continue;
-    if (is_arm && key == "take") {
+    if (key == "at_ms") {
+      command.given = time_of(value);
+    } else if (is_arm && key == "take") {
       command.take = take_of(value);
     } else if (is_arm && key == "seconds") {
       command.pulses = pulses_of(value, studio);

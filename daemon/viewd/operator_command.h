@@ -29,6 +29,8 @@ struct OperatorCommand {
   std::string take;                  ///< kArm
   int64_t pulses = 0;                ///< kArm: number of pulses; 0: until stop
   std::vector<std::string> without;  ///< kArm: cameras that may be missing
+  /// When it was given, by the clock of this server; empty: unknown.
+  std::optional<RealtimeInstant> given;
 
   /// "arm kendo-07, 1500 pulses, without cam07"
   std::string text() const;
@@ -44,8 +46,9 @@ struct ParsedCommand {
   std::optional<OperatorCommand> command;
   std::string error;
 };
-/// Parses {"do": "look" | "arm" | "start" | "stop" | "abort"} and, with "arm", "take", "seconds"
-/// (absent: until stop) and "without" [cameras of the studio]. Safe for hostile input.
+/// Parses {"do": "look" | "arm" | "start" | "stop" | "abort"}, "at_ms" (when it was given, since
+/// 1970; absent: unknown) and, with "arm", "take", "seconds" (absent: until stop) and "without"
+/// [cameras of the studio]. Safe for hostile input.
 ParsedCommand parse_command(std::string_view json, const Studio& studio);
 
 /// The field "lines" of the output of v3dctl --json; empty if there is none.

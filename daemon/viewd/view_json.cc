@@ -178,6 +178,7 @@ std::string state_json(const StudioState& state) {
                   {"not_verified", state.not_verified},
                   {"watchers", state.watchers},
                   {"control", state.control},
+                  {"sent_ms", milliseconds(state.sent)},
                   {"nodes", nodes}});
 }
 

@@ -59,9 +59,12 @@ struct StudioState {
   std::map<std::string, wire::HealthMessage> health;        ///< of nodes that are not silent
   int64_t watchers = 0;                                     ///< connected clients
   bool control = false;                                     ///< browsers may send commands
+  RealtimeInstant sent;
 };
-/// {"type": "state", "studio", "not_verified", "watchers", "control", "nodes": [{"name", "heard",
-/// "cameras"; if heard: "program", "version", "state", "take", "text", "values"}]}
+/// {"type": "state", "studio", "not_verified", "watchers", "control", "sent_ms" since 1970,
+/// "nodes":
+/// [{"name", "heard", "cameras"; if heard: "program", "version", "state", "take", "text",
+/// "values"}]}
 std::string state_json(const StudioState& state);
 
 }  // namespace v3d::viewd

@@ -203,6 +203,7 @@ void StudioStatus::refresh(MonotonicInstant now) {
   }
   if (!std::exchange(changed_, false) && now - published_ < kStatePeriod) return;
   published_ = now;
+  state_.sent = Realtime::now();
   state_item_ = make_item(state_json(state_));
 }
 

@@ -77,6 +77,16 @@ TEST_F(CommandParser, converts_seconds_to_pulses_by_the_rate_of_the_studio) {
   }
 }
 
+TEST_F(CommandParser, reads_when_a_command_was_given) {
+  EXPECT_FALSE(read(R"({"do":"stop"})").given);
+  EXPECT_EQ(to_ns(*read(R"({"do":"stop", "at_ms":1700000000123.0})").given),
+            1'700'000'000'123'000'000);
+  for (const char* time : {"-1", "1e300", "\"now\"", "null", "[1]", "true"}) {
+    EXPECT_THAT(wrong(R"({"do":"stop", "at_ms":)" + std::string(time) + "}"),
+                HasSubstr("at_ms: expected"));
+  }
+}
+
 TEST_F(CommandParser, accepts_only_valid_take_names) {
   for (const char* name :
        {"../x", "a/b", "", "-x", "--wait", ".x", "a b", "a;b", "$(a)", "a\\nb"}) {
@@ -227,6 +237,19 @@ TEST_F(CommandEndpointTest, runs_one_command_at_a_time) {
   commands_.on_finished({});
   EXPECT_EQ(post(order(R"({"do":"start"})")).status, 202);
   EXPECT_EQ(last()["number"], 2);
+}
+
+TEST_F(CommandEndpointTest,
+       refuses_a_command_that_the_network_delivers_after_more_than_ten_seconds) {
+  const auto given = [](std::chrono::seconds ago) {
+    const auto ms = to_ns(Realtime::now() - ago) / 1'000'000;
+    return order(R"({"do":"start", "at_ms":)" + std::to_string(ms) + "}");
+  };
+  expect_refused(given(std::chrono::seconds(95)), 409, "given 95 s ago and is not executed");
+  EXPECT_EQ(post(given(std::chrono::seconds(1))).status, 202);
+  EXPECT_EQ(commands_.next_command()->verb, Verb::kStart);
+  commands_.on_finished({});
+  EXPECT_EQ(post(given(std::chrono::seconds(-60))).status, 202) << "its clock is ahead";
 }
 
 TEST_F(CommandEndpointTest, refuses_commands_without_the_operators_token) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "base/core/time.h"
@@ -64,6 +65,13 @@ TEST_F(StudioStatusTest, repeats_an_unchanged_state_so_that_a_page_notices_a_sil
     if (subscriber->next()) ++states;
   }
   EXPECT_EQ(states, 5) << "one every 2 s";
+}
+
+TEST_F(StudioStatusTest, sends_the_time_of_the_server_by_which_pages_date_their_orders) {
+  const double before = static_cast<double>(to_ns(Realtime::now())) * 1e-6;
+  status_.refresh(now_);
+  const auto state = nlohmann::json::parse(*status_.subscribe()->next()->bytes);
+  EXPECT_GE(state["sent_ms"].get<double>(), before);
 }
 
 TEST_F(StudioStatusTest, removes_a_silent_node) {

@@ -40,6 +40,8 @@ export interface StudioState {
   not_verified: string;
   watchers: number;
   control: boolean;
+  /** When it was sent, by the server's clock. */
+  sent_ms: number;
   nodes: NodeState[];
 }
 
@@ -98,6 +100,22 @@ export function eachForegroundRun(runs: Uint8Array, run: (first: number, length:
     }
     if (foreground) run(at, length);
     at += length;
+  }
+}
+
+/** The server's clock, estimated by the times in its messages: the message that took the shortest time counts. */
+export class MessageClock {
+  private offsets: number[] = [];
+
+  /** Adds a message. Times in milliseconds: `sent` by the server's clock, `now` by ours. */
+  add(sent: number, now: number): void {
+    this.offsets.push(sent - now);
+    if (this.offsets.length > 10) this.offsets.shift();
+  }
+
+  /** Converts our time to the server's, which is never ahead of it; null before the first message. */
+  at(now: number): number | null {
+    return this.offsets.length ? now + Math.max(...this.offsets) : null;
   }
 }
 

@@ -1,5 +1,5 @@
 // Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
-import type { NodeState, OrderReport } from './message';
+import { MessageClock, type OrderReport, type StudioState } from './message';
 import {
   type Action, actionsIn, type Doing, doingOf, endsSelection, gradeOf, isNews, isTakeName, leavableCameras, linesOf, NAME_RULE, nextName,
   nodesAtFault, nothingRecorded, wordOf,
@@ -20,6 +20,7 @@ function made(tag: string, text: string, look = ''): HTMLElement {
 
 export class OperatorPanel {
   private readonly token = new OperatorToken();
+  private readonly clock = new MessageClock();
   private readonly name = find<HTMLInputElement>('take-name');
   private readonly seconds = find<HTMLInputElement>('take-seconds');
   private doing: Doing = { phase: 'silent', take: '' };
@@ -47,7 +48,8 @@ export class OperatorPanel {
     find('operator').addEventListener('keydown', (event) => event.repeat && event.key === 'Enter' && event.preventDefault());
   }
 
-  setState(control: boolean, nodes: readonly NodeState[]): void {
+  setState({ control, nodes, sent_ms }: StudioState): void {
+    this.clock.add(sent_ms, performance.now());
     find('operator').hidden = !control;
     this.doing = doingOf(nodes);
     this.atFault = nodesAtFault(nodes);
@@ -94,7 +96,9 @@ export class OperatorPanel {
     if (this.sending) return;
     this.sending = true;
     this.draw();
-    const sent = await send(order, this.token.value).finally(() => (this.sending = false));
+    const at = this.clock.at(performance.now());
+    const dated = at === null ? order : { ...order, at_ms: Math.round(at) };
+    const sent = await send(dated, this.token.value).finally(() => (this.sending = false));
     if ('report' in sent) {
       if (isNews(sent.report, this.last)) this.setLast(sent.report);
     } else {

@@ -11,6 +11,8 @@ export interface Order {
   take?: string;
   seconds?: number;
   without?: string[];
+  /** When it was given, by the server's clock. The server executes none that is older than 10 s. */
+  at_ms?: number;
 }
 
 export type Sent = { report: OrderReport } | { refusal: string; wrongToken: boolean };

@@ -66,7 +66,7 @@ function showState(state: StudioState): void {
   const { all, well } = wall.setState(state.nodes);
   find('camera-count').textContent = well === all ? `${all}, all well` : `${well} of ${all} well`;
   find('nodes').replaceChildren(...state.nodes.map(nodeCard));
-  panel.setState(state.control, state.nodes);
+  panel.setState(state);
   showRecording(state.nodes);
   const { phase, take } = doingOf(state.nodes);
   const running = phase === 'unrecorded' ? nothingRecorded(take) : `${phase} ${take}`;

@@ -2,7 +2,7 @@ import { Vector3, Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { frameFacts } from '../src/facts';
 import { factsOf, judgeCamera } from '../src/judge';
-import { eachForegroundRun, type NodeState, ServerClock, splitMessage } from '../src/message';
+import { eachForegroundRun, MessageClock, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { vertexNormals } from '../player/src/surface';
 import type { ShownFrame } from '../player/src/worker_messages';
@@ -27,6 +27,17 @@ describe('the facts of a live mesh', () => {
     const old = frameFacts(frame, 0, 71, 12);
     expect(old).toContain('no mesh for <b>12 s</b>');
     expect(old.join()).not.toContain('behind');
+  });
+});
+
+describe('the clock of a server', () => {
+  it('is known by its fastest message', () => {
+    const clock = new MessageClock();
+    expect(clock.at(0)).toBeNull();
+    clock.add(100_050, 1000); // sent at 950, by our clock
+    clock.add(102_000, 2900);
+    clock.add(103_000, 9000); // late by 5 s
+    expect(clock.at(10_000)).toBe(109_100);
   });
 });
 
