@@ -121,6 +121,17 @@ test('does not arm by the keyboard or with an invalid name', async () => {
   assert.ok(await page.isHidden('#last-order'), 'no order was sent');
 });
 
+test('does not arm with a duration that is no number, and types letters that are shortcuts elsewhere', async () => {
+  await page.fill('#take-name', '');
+  await page.locator('#take-name').pressSequentially('kumite-03');
+  assert.equal(await page.getAttribute('#mask', 'aria-pressed'), 'true', 'M switches the silhouettes outside of fields only');
+  await page.locator('#take-seconds').pressSequentially('1e');
+  await page.click('[data-order=arm]');
+  await shows('order-trouble', 'expected a number from 1 to 86400');
+  assert.ok(await page.isHidden('#last-order'), 'no order was sent');
+  await page.fill('#take-seconds', '');
+});
+
 test('arms by a click and does not start by a second click', async () => {
   await page.fill('#take-name', 'kendo-07');
   await page.dblclick('[data-order=arm]');

@@ -1,6 +1,7 @@
 // Possible actions of an operator, and texts about the results of his orders. Pure functions.
 import { valueOf } from './judge';
 import type { NodeState, OrderReport } from './message';
+import type { Order } from './orders';
 
 /** 'unrecorded': v3dctl check or background runs. */
 export type Phase = 'silent' | 'idle' | 'fault' | 'armed' | 'recording' | 'draining' | 'unrecorded';
@@ -98,6 +99,26 @@ export function nextName(name: string): string {
 export const isTakeName = (name: string) => /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$/.test(name);
 
 export const NAME_RULE = 'The name of a take may have letters, digits, - _ and . , at most 64 characters.';
+export const SECONDS_RULE = 'Seconds: expected a number from 1 to 86400, or an empty field for a take until Stop.';
+
+export interface ArmForm {
+  take: string;
+  /** Empty for text that is no number, too: `secondsAreValid` is false then. */
+  seconds: string;
+  secondsAreValid: boolean;
+  without: string[];
+}
+
+/** The order of a form, or the rule that a field of it breaks. */
+export function armOrder(form: ArmForm): { order: Order } | { rule: string; field: 'take' | 'seconds' } {
+  const take = form.take.trim();
+  if (!isTakeName(take)) return { rule: NAME_RULE, field: 'take' };
+  if (!form.secondsAreValid) return { rule: SECONDS_RULE, field: 'seconds' };
+  const order: Order = { do: 'arm', take };
+  if (form.seconds) order.seconds = Number(form.seconds);
+  if (form.without.length) order.without = form.without;
+  return { order };
+}
 
 /** The cameras that the lines of a rejected arm order name. */
 export function camerasNamed(lines: readonly string[], cameras: readonly string[]): string[] {

@@ -1,8 +1,8 @@
 // Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
 import { MessageClock, type OrderReport, type StudioState } from './message';
 import {
-  type Action, actionsIn, type Doing, doingOf, endsSelection, gradeOf, isNews, isTakeName, leavableCameras, linesOf, NAME_RULE, nextName,
-  nodesAtFault, nothingRecorded, wordOf,
+  type Action, actionsIn, armOrder, type Doing, doingOf, endsSelection, gradeOf, isNews, leavableCameras, linesOf, nextName, nodesAtFault,
+  nothingRecorded, wordOf,
 } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
@@ -115,16 +115,13 @@ export class OperatorPanel {
   }
 
   private arm(): void {
-    const take = this.name.value.trim();
-    if (!isTakeName(take)) {
-      this.showTrouble(NAME_RULE);
-      this.name.focus();
-      return;
-    }
-    const order: Order = { do: 'arm', take };
-    if (this.seconds.value) order.seconds = Number(this.seconds.value);
-    if (this.without.size) order.without = [...this.without];
-    void this.order(order);
+    const { name, seconds } = this;
+    const form = armOrder({
+      take: name.value, seconds: seconds.value, secondsAreValid: seconds.validity.valid, without: [...this.without],
+    });
+    if ('order' in form) return void this.order(form.order);
+    this.showTrouble(form.rule);
+    (form.field === 'take' ? name : seconds).focus();
   }
 
   /** Shows why an order was rejected; null: no error. */

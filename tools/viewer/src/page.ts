@@ -3,6 +3,9 @@
 /** The element with this id. */
 export const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
 
+/** Whether an element takes typed text, so that keys are no shortcuts. */
+export const takesText = (element: EventTarget | null) => ['INPUT', 'TEXTAREA', 'SELECT'].includes((element as Element | null)?.tagName ?? '');
+
 export const press = (button: Element, on: boolean) => button.setAttribute('aria-pressed', String(on));
 
 /** A click on the button changes a state, which `flip` returns; the canvas then has the focus. */

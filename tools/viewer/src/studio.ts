@@ -5,6 +5,7 @@ import { LastingSocket } from './lasting_socket';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
 import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
+import { takesText } from './page';
 import { fetchTakes, takeItem } from './take_list';
 
 const EVENTS_KEPT = 100;
@@ -133,7 +134,7 @@ function toggleSilhouettes(): void {
 }
 find('mask').addEventListener('click', toggleSilhouettes);
 addEventListener('keydown', (event) => {
-  if (event.key === 'm' && !event.ctrlKey && !event.metaKey) toggleSilhouettes();
+  if (event.key === 'm' && !event.ctrlKey && !event.metaKey && !takesText(event.target)) toggleSilhouettes();
 });
 connect();
 void listTakes();

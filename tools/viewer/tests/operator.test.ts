@@ -1,9 +1,11 @@
 import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
-  actionsIn, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing, nodesAtFault,
+  actionsIn, armOrder, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing,
+  nodesAtFault,
   recordingFacts, wordOf,
 } from '../src/operator';
+import { takesText } from '../src/page';
 
 const node = (name: string, state: string, take = '', values: Record<string, number> = {}): NodeState =>
   ({ name, heard: true, cameras: [], state, take, values });
@@ -78,6 +80,21 @@ describe('an operator', () => {
   it('must use a take name that is a valid folder name', () => {
     for (const name of ['kendo-07', '_x', 'A.b_c-9', 'a'.repeat(64)]) expect(isTakeName(name), name).toBe(true);
     for (const name of ['', '.x', '-x', '../x', 'a b', 'a/b', 'ä', 'a'.repeat(65), 'a\n']) expect(isTakeName(name), name).toBe(false);
+  });
+
+  it('gets no order for a duration that is no number, instead of a take without an end', () => {
+    const form = { take: ' kendo-07 ', seconds: '', secondsAreValid: true, without: [] };
+    expect(armOrder(form)).toEqual({ order: { do: 'arm', take: 'kendo-07' } });
+    expect(armOrder({ ...form, seconds: '2.5', without: ['cam07'] }))
+      .toEqual({ order: { do: 'arm', take: 'kendo-07', seconds: 2.5, without: ['cam07'] } });
+    expect(armOrder({ ...form, secondsAreValid: false })).toMatchObject({ field: 'seconds', rule: expect.stringContaining('1 to 86400') });
+    expect(armOrder({ ...form, take: '../x' })).toMatchObject({ field: 'take' });
+  });
+
+  it('types letters into fields, which are no shortcuts there', () => {
+    for (const tagName of ['INPUT', 'TEXTAREA', 'SELECT']) expect(takesText({ tagName } as unknown as EventTarget)).toBe(true);
+    expect(takesText({ tagName: 'BUTTON' } as unknown as EventTarget)).toBe(false);
+    expect(takesText(null)).toBe(false);
   });
 
   it('may leave out the cameras that a rejection names', () => {
