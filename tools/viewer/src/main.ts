@@ -346,6 +346,7 @@ class Viewer {
     if (message.take !== this.opened) return;
     switch (message.kind) {
       case 'opened': {
+        this.troubles.set('frames', '');
         if (!this.playback?.isOf(message.pulses)) this.setTakePlayback(message.pulses);
         if (message.tracked) {
           this.motion.setAlone();

@@ -9,14 +9,23 @@ export interface ByteSource {
 /** The server has no file at the address. */
 export class NoSuchFile extends Error {}
 
-/** fetch(), and `use` of its answer, within a time. Throws a message when it takes longer. */
+/** The server is busy or does not answer: the same request may succeed later. */
+export class Unavailable extends Error {}
+
+const BUSY = 503;
+
+const statusError = (status: number, instead = '') =>
+  (status === BUSY ? new Unavailable('The server is busy (503).') : new Error(`The server answered ${status}${instead}.`));
+
+/** fetch(), and `use` of its answer, within a time. Throws Unavailable when it takes longer or the network fails. */
 export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs: number, use: (answer: Response) => Promise<T>): Promise<T> {
-  if (deadlineMs === Infinity) return use(await fetch(url, init));
+  const limited = deadlineMs === Infinity ? init : { ...init, signal: AbortSignal.timeout(deadlineMs) };
   try {
-    return await use(await fetch(url, { ...init, signal: AbortSignal.timeout(deadlineMs) }));
+    return await use(await fetch(url, limited));
   } catch (error) {
+    if (error instanceof TypeError) throw new Unavailable(`The server does not answer (${error.message}).`);
     if (!(error instanceof DOMException && error.name === 'TimeoutError')) throw error;
-    throw new Error(`The server did not answer within ${deadlineMs / 1000} s.`);
+    throw new Unavailable(`The server did not answer within ${deadlineMs / 1000} s.`);
   }
 }
 
@@ -41,7 +50,7 @@ export async function bodyOf(answer: Response, limit: number): Promise<Uint8Arra
 /** A whole file of at most `limit` bytes. Throws a message. */
 export function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
   return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (answer) => {
-    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+    if (!answer.ok) throw statusError(answer.status);
     return bodyOf(answer, limit);
   });
 }
@@ -57,7 +66,7 @@ export class HttpSource implements ByteSource {
   size(): Promise<number> {
     return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (answer) => {
       if (answer.status === 404) throw new NoSuchFile('The server answered 404.');
-      if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+      if (!answer.ok) throw statusError(answer.status);
       const length = answer.headers.get('Content-Length');
       if (length === null) throw new Error('The server does not state the length of the file (Content-Length).');
       return Number(length);
@@ -68,7 +77,7 @@ export class HttpSource implements ByteSource {
     const range = `bytes=${first}-${first + size - 1}`;
     return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (answer) => {
       if (answer.status === 416) throw new Error('The file on the server is shorter than before: it was replaced; open it again.');
-      if (answer.status !== 206) throw new Error(`The server answered ${answer.status} instead of 206 (partial content).`);
+      if (answer.status !== 206) throw statusError(answer.status, ' instead of 206 (partial content)');
       return bodyOf(answer, size);
     });
   }

@@ -1,10 +1,13 @@
 // The part of a worker that fetches and decodes the surfaces of a take, in any order.
 import { Decoder, type Frame } from '../../../../codec/v3d_decoder.mjs';
-import { HttpSource, NoSuchFile } from './byte_source';
+import { HttpSource, NoSuchFile, Unavailable } from './byte_source';
 import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
 import { MotionWork } from './motion_work';
 import { shownFrame, TakeSequence } from './sequence';
 import type { FromWorker, Post, TrailPoint } from './worker_messages';
+
+/** Pause before a request is repeated. */
+const AGAIN_MS = 1000;
 
 /** Sends a decoded frame. */
 export function postFrame(post: Post, take: number, frame: Frame, of: Parameters<typeof shownFrame>[1]): void {
@@ -24,7 +27,8 @@ function noneWithoutFile(error: unknown): FrameEntry[] {
 
 /**
  * Shows the requested frames of a take, or of a single file. A new request replaces an older one that has not started. Fetches and
- * decodes in the thread of its caller, a worker.
+ * decodes in the thread of its caller, a worker. Without a deadline, requests of the server that may succeed later (Unavailable) are
+ * repeated every second.
  */
 export class TakeWork {
   private wanted = -1;
@@ -48,6 +52,22 @@ export class TakeWork {
 
   /** Opens a take: its meshes, or without meshes its tracked surfaces. */
   async open(): Promise<void> {
+    while (!this.ended) {
+      try {
+        return await this.openOnce();
+      } catch (error) {
+        if (!this.isTemporary(error)) throw error;
+        this.post(troubleOf(this.take, error));
+        await new Promise((done) => setTimeout(done, AGAIN_MS));
+      }
+    }
+  }
+
+  private isTemporary(error: unknown): boolean {
+    return error instanceof Unavailable && this.deadlineMs === Infinity;
+  }
+
+  private async openOnce(): Promise<void> {
     const source = new HttpSource(this.url, this.deadlineMs);
     const entries = await readEntries(source).catch(noneWithoutFile);
     if (entries.length > 0) {
@@ -84,7 +104,12 @@ export class TakeWork {
 
   want(frame: number): void {
     this.wanted = frame;
-    if (!this.busy && this.opened) this.work().catch((error) => this.post(troubleOf(this.take, error)));
+    this.failed = null;
+    this.start();
+  }
+
+  private start(): void {
+    if (!this.busy && this.opened) void this.work();
   }
 
   /** Shows tracked surfaces from this file; null: meshes. */
@@ -108,43 +133,59 @@ export class TakeWork {
 
   end(): void {
     this.ended = true;
+    clearTimeout(this.again);
     this.motion.end();
   }
 
   /** Shows the wanted frame again, after it is decoded or at once. */
   private showAgain(): void {
     this.stale = true;
-    if (this.wanted >= 0) this.want(this.wanted);
+    if (this.wanted >= 0) this.start();
   }
   private stale = false;
 
   private async work(): Promise<void> {
     this.busy = true;
-    try {
-      while ((this.shown !== this.wanted || this.stale) && !this.ended) {
-        const wanted = this.wanted;
-        this.stale = false;
-        const { sequence } = this;
-        const isTracked = await this.motion.show(wanted, this.pulses[wanted], () => this.ended || this.stale || this.wanted !== wanted);
-        if (isTracked || !sequence) {
-          this.shown = wanted;
-          if (!isTracked) this.post({ kind: 'no-surface', take: this.take, number: wanted });
-          continue;
-        }
-        const began = performance.now();
-        // In playback, the next frame is requested while this one is decoded. This one is shown, too.
-        const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
-        sequence.wantViews(this.viewsWanted);
-        const decoded = await sequence.show(wanted, far);
-        this.shown = wanted;
-        this.unread = decoded?.views === 'unread';
-        if (!decoded || this.ended) continue;
-        const decodeMs = performance.now() - began;
-        postFrame(this.post, this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null, views: decoded.views });
+    while ((this.shown !== this.wanted || this.stale) && !this.ended) {
+      const { wanted } = this;
+      this.stale = false;
+      try {
+        await this.show(wanted);
+        this.failed = null;
+      } catch (error) {
+        this.fail(wanted, error);
       }
-    } finally {
-      this.shown = this.wanted;
-      this.busy = false;
+      this.shown = wanted; // a request that came meanwhile is the next
     }
+    this.busy = false;
   }
+
+  private async show(wanted: number): Promise<void> {
+    const { sequence } = this;
+    const isTracked = await this.motion.show(wanted, this.pulses[wanted], () => this.ended || this.stale || this.wanted !== wanted);
+    if (isTracked) return;
+    if (!sequence) return this.post({ kind: 'no-surface', take: this.take, number: wanted });
+    const began = performance.now();
+    // In playback, the next frame is requested while this one is decoded. This one is shown, too.
+    const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
+    sequence.wantViews(this.viewsWanted);
+    const decoded = await sequence.show(wanted, far);
+    this.unread = decoded?.views === 'unread';
+    if (!decoded || this.ended) return;
+    const decodeMs = performance.now() - began;
+    postFrame(this.post, this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null, views: decoded.views });
+  }
+
+  /** Reports that a frame cannot be shown, once while it is tried again. */
+  private fail(frame: number, error: unknown): void {
+    if (this.ended) return;
+    if (this.failed !== frame) this.post(troubleOf(this.take, error));
+    this.failed = frame;
+    clearTimeout(this.again);
+    if (!this.isTemporary(error)) return;
+    this.again = setTimeout(() => this.failed === frame && this.wanted === frame && this.showAgain(), AGAIN_MS);
+  }
+  /** The frame that could not be shown, until another one is requested or shown. */
+  private failed: number | null = null;
+  private again: ReturnType<typeof setTimeout> | undefined;
 }

@@ -1,0 +1,131 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { TakeWork } from '../player/src/take_work';
+import type { FromWorker } from '../player/src/worker_messages';
+import { keyFrame, meshFile } from './mesh_bytes';
+
+vi.mock('../../../codec/v3d_decoder.mjs', () => ({
+  OK: 0,
+  NEEDS_REFERENCE: 2,
+  OUT_OF_MEMORY: 3,
+  Motion: class {},
+  Decoder: class {
+    private pulse = 0;
+    wantViews = () => undefined;
+    decode(bytes: Uint8Array): number {
+      this.pulse = bytes[40];
+      return 0;
+    }
+    frame = () => ({
+      pulse: this.pulse, cameras: [], quality: NaN, positions: new Float32Array(), colours: null, labels: null, indices: new Uint32Array(),
+    });
+  },
+}));
+
+/** Frames of more than a megabyte, so that each is a request of its own. */
+const SIZE = 1_100_000;
+const FILE = meshFile([0, 1, 2].map((pulse) => [pulse, keyFrame(pulse, SIZE)]));
+const frameAt = (first: number) => Math.floor(first / SIZE);
+
+type Answer = () => Response | Promise<Response>;
+
+describe('a take that is played', () => {
+  let posted: FromWorker[];
+  /** Answers in place of those of the file: for a frame, or for 'size'. */
+  let faults: Map<number | 'size', Answer>;
+  let requests: number;
+  let work: TakeWork;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    posted = [];
+    faults = new Map();
+    requests = 0;
+    vi.stubGlobal('fetch', async (_: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
+      ++requests;
+      if (method === 'HEAD') return faults.get('size')?.() ?? new Response(null, { headers: { 'Content-Length': String(FILE.length) } });
+      const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
+      const isFrame = last - first > SIZE / 2;
+      return (isFrame && faults.get(frameAt(first))?.()) || new Response(FILE.slice(first, last + 1), { status: 206 });
+    });
+    work = takeWork();
+  });
+  afterEach(() => {
+    work.end();
+    vi.useRealTimers();
+    vi.unstubAllGlobals();
+  });
+
+  const takeWork = (deadlineMs?: number) =>
+    new TakeWork(Promise.resolve({} as WebAssembly.Module), (message) => posted.push(message), 1, 'http://studio/takes/a/mesh.v3d', deadlineMs);
+  const shown = () => posted.flatMap((message) => (message.kind === 'frame' ? [message.frame.number] : []));
+  const troubles = () => posted.flatMap((message) => (message.kind === 'trouble' ? [message.text] : []));
+  const pass = (ms: number) => vi.advanceTimersByTimeAsync(ms);
+  const status = (code: number) => () => new Response(null, { status: code });
+
+  it('shows the frame that is requested while another one fails', async () => {
+    await work.open();
+    let fail = (_: Response) => {};
+    faults.set(1, () => new Promise((done) => (fail = done)));
+    work.want(1);
+    await pass(10);
+    work.want(2);
+    fail(new Response(null, { status: 416 }));
+    await pass(10);
+    expect(troubles()).toEqual([expect.stringContaining('shorter than before')]);
+    expect(shown()).toEqual([2]);
+  });
+
+  it('shows a frame of a busy server when it answers, and reports the failure once', async () => {
+    await work.open();
+    faults.set(1, status(503));
+    work.want(1);
+    await pass(3500);
+    expect(troubles()).toEqual(['The server is busy (503).']);
+    faults.clear();
+    await pass(1000);
+    expect(shown()).toEqual([1]);
+    const before = requests;
+    await pass(60_000);
+    expect(requests).toBe(before);
+  });
+
+  it('shows a frame when the network is there again', async () => {
+    await work.open();
+    faults.set(1, () => Promise.reject(new TypeError('Failed to fetch')));
+    work.want(1);
+    await pass(10);
+    faults.clear();
+    await pass(1000);
+    expect(shown()).toEqual([1]);
+  });
+
+  it('does not repeat a request whose frame nobody wants any more, or that fails for ever', async () => {
+    await work.open();
+    faults.set(1, status(503)).set(2, status(416));
+    work.want(1);
+    await pass(10);
+    work.want(2);
+    await pass(10);
+    const before = requests;
+    await pass(60_000);
+    expect(requests).toBe(before);
+    expect(shown()).toEqual([]);
+  });
+
+  it('is opened when the server is busy no more', async () => {
+    faults.set('size', status(503));
+    void work.open();
+    work.want(2);
+    await pass(5000);
+    expect(troubles()[0]).toBe('The server is busy (503).');
+    faults.clear();
+    await pass(1000);
+    expect(shown()).toEqual([2]);
+  });
+
+  it('fails with a deadline, for a player', async () => {
+    work = takeWork(10_000);
+    faults.set('size', status(503));
+    await expect(work.open()).rejects.toThrow('busy');
+  });
+});
