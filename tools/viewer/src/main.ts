@@ -355,6 +355,10 @@ class Viewer {
         this.offerViews(!message.tracked && !this.proxy.isOn);
         break;
       }
+      case 'scan':
+        this.troubles.set('frames', `${this.proxy.file} was not closed, or the take is being recorded: reading the whole file, `
+          + `${10 * Math.floor(10 * message.part)} % …`);
+        break;
       case 'trouble':
         this.troubles.set('frames', this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
         break;

@@ -34,6 +34,16 @@ describe('a mesh file', () => {
     expect(await readEntries(new Bytes(meshFile(frames, false)))).toEqual(whole);
   });
 
+  it('is scanned no further when the scan is ended', async () => {
+    const source = new Bytes(meshFile(Array.from({ length: 500 }, (_, n) => [n, frame(n, 100_000)]), false));
+    const parts: number[] = [];
+    const entries = await readEntries(source, (part) => parts.push(part) < 4);
+    expect(source.reads).toBe(5); // two to look for the index, three of the scan
+    expect(parts.every((part, n) => n === 0 || part > parts[n - 1])).toBe(true);
+    expect(entries.length).toBeGreaterThan(20);
+    expect(entries.length).toBeLessThan(40);
+  });
+
   it('lists the complete frames after a power cut', async () => {
     const torn = meshFile(frames, false).slice(0, -1);
     expect((await readEntries(new Bytes(torn))).map((e) => e.pulse)).toEqual([0, 1]);

@@ -33,6 +33,8 @@ describe('a take that is played', () => {
   /** Answers in place of those of the file: for a frame, or for 'size'. */
   let faults: Map<number | 'size', Answer>;
   let requests: number;
+  let afterRequest: () => unknown;
+  let file: Uint8Array;
   let work: TakeWork;
 
   beforeEach(() => {
@@ -40,12 +42,15 @@ describe('a take that is played', () => {
     posted = [];
     faults = new Map();
     requests = 0;
+    afterRequest = () => undefined;
+    file = FILE;
     vi.stubGlobal('fetch', async (_: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
       ++requests;
-      if (method === 'HEAD') return faults.get('size')?.() ?? new Response(null, { headers: { 'Content-Length': String(FILE.length) } });
+      afterRequest();
+      if (method === 'HEAD') return faults.get('size')?.() ?? new Response(null, { headers: { 'Content-Length': String(file.length) } });
       const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
       const isFrame = last - first > SIZE / 2;
-      return (isFrame && faults.get(frameAt(first))?.()) || new Response(FILE.slice(first, last + 1), { status: 206 });
+      return (isFrame && faults.get(frameAt(first))?.()) || new Response(file.slice(first, last + 1), { status: 206 });
     });
     work = takeWork();
   });
@@ -121,6 +126,22 @@ describe('a take that is played', () => {
     faults.clear();
     await pass(1000);
     expect(shown()).toEqual([2]);
+  });
+
+  it('without an index is read with reports, and not after another take was opened', async () => {
+    const unclosed = meshFile(Array.from({ length: 10 }, (_, n) => [n, keyFrame(n, SIZE)]), false);
+    file = unclosed;
+    await work.open();
+    expect(posted.filter(({ kind }) => kind === 'scan').length).toBeGreaterThan(5);
+    expect(posted.at(-1)).toMatchObject({ kind: 'opened', pulses: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9] });
+    const all = requests;
+    requests = 0;
+    posted = [];
+    work = takeWork();
+    afterRequest = () => requests === all - 5 && work.end();
+    await work.open();
+    expect(requests).toBe(all - 5);
+    expect(posted.every(({ kind }) => kind === 'scan')).toBe(true);
   });
 
   it('fails with a deadline, for a player', async () => {

@@ -20,13 +20,18 @@ const view = (bytes: Uint8Array) => new DataView(bytes.buffer, bytes.byteOffset,
 const number64 = (data: DataView, at: number) => Number(data.getBigUint64(at, true));
 const magic = (bytes: Uint8Array, at: number) => String.fromCharCode(...bytes.subarray(at, at + 4));
 
-/** Reads the index at the end; scans the file if it was not closed. */
-export async function readEntries(source: ByteSource): Promise<FrameEntry[]> {
+/**
+ * Called before each request of a scan, which reads the whole file. `part`: 0 to 1, of the file before it. False ends the scan.
+ */
+export type OnScan = (part: number) => boolean;
+
+/** Reads the index at the end; scans the file if it was not closed. A scan that `onScan` ends returns the frames so far. */
+export async function readEntries(source: ByteSource, onScan: OnScan = () => true): Promise<FrameEntry[]> {
   const size = await source.size();
   if (size < HEADER) throw new Error('This is not a mesh file.');
   const head = await source.read(0, HEADER);
   if (magic(head, 0) !== 'V3DM') throw new Error('This is not a mesh file.');
-  return (await indexed(source, size)) ?? scanned(source, size);
+  return (await indexed(source, size)) ?? scanned(source, size, onScan);
 }
 
 async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] | null> {
@@ -55,6 +60,8 @@ interface FileRecord extends FrameEntry {
   crc: number;
 }
 
+class ScanEnded extends Error {}
+
 /** Finds records by their heads. It keeps the last chunk that was read. */
 class RecordScan {
   private held = new Uint8Array();
@@ -63,11 +70,13 @@ class RecordScan {
   constructor(
     private readonly source: ByteSource,
     readonly size: number,
+    private readonly onScan: OnScan,
   ) {}
 
-  /** Reads `length` bytes at `at`; fewer only at the end of the file. */
+  /** Reads `length` bytes at `at`; fewer only at the end of the file. Throws ScanEnded. */
   private async bytes(at: number, length: number): Promise<Uint8Array> {
     if (at < this.from || at + length > this.from + this.held.length) {
+      if (!this.onScan(at / this.size)) throw new ScanEnded();
       this.from = at;
       this.held = new Uint8Array(await this.source.read(at, Math.min(Math.max(CHUNK, length), this.size - at)));
     }
@@ -109,11 +118,19 @@ class RecordScan {
 }
 
 /** Scans a file that was not closed or was continued after a restart. Other bytes than records are skipped. */
-async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> {
-  const scan = new RecordScan(source, size);
+async function scanned(source: ByteSource, size: number, onScan: OnScan): Promise<FrameEntry[]> {
   const entries: FrameEntry[] = [];
+  try {
+    await addEntries(entries, new RecordScan(source, size, onScan));
+  } catch (error) {
+    if (!(error instanceof ScanEnded)) throw error;
+  }
+  return entries;
+}
+
+async function addEntries(entries: FrameEntry[], scan: RecordScan): Promise<void> {
   let last = -1;
-  for (let at = HEADER; at + RECORD <= size; ) {
+  for (let at = HEADER; at + RECORD <= scan.size; ) {
     const record = await scan.recordAt(at);
     if (!record || !(await scan.isWhole(record))) {
       at = await scan.next(at + 1);
@@ -124,7 +141,6 @@ async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> 
     last = Math.max(last, pulse);
     at = offset + length;
   }
-  return entries;
 }
 
 /** Pulse of the key frame at which decoding of a compact frame must start. */

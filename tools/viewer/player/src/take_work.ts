@@ -69,7 +69,8 @@ export class TakeWork {
 
   private async openOnce(): Promise<void> {
     const source = new HttpSource(this.url, this.deadlineMs);
-    const entries = await readEntries(source).catch(noneWithoutFile);
+    const entries = await readEntries(source, (part) => this.scans(part)).catch(noneWithoutFile);
+    if (this.ended) return;
     if (entries.length > 0) {
       this.pulses = entries.map(({ pulse }) => pulse);
       this.sequence = new TakeSequence(new Decoder(await this.wasm), new FrameStore(source, entries));
@@ -83,6 +84,12 @@ export class TakeWork {
   async openMotion(): Promise<void> {
     this.pulses = await this.motion.openAlone(this.url);
     this.begin();
+  }
+
+  /** Reports a scan after its first request. Returns false to end it. */
+  private scans(part: number): boolean {
+    if (part > 0 && !this.ended) this.post({ kind: 'scan', take: this.take, part });
+    return !this.ended;
   }
 
   private begin(): void {

@@ -23,6 +23,8 @@ export type ToWorker =
 export type FromWorker =
   /** `tracked`: the take has no meshes, as an edited one; its frames are tracked surfaces. */
   | { kind: 'opened'; take: number; pulses: number[]; tracked: boolean; segments: SegmentShape[] }
+  /** A mesh file without an index is read whole to open it; `part` of it was read, 0 to 1. */
+  | { kind: 'scan'; take: number; part: number }
   | { kind: 'trouble'; take: number; text: string }
   | { kind: 'link'; take: number; link: 'connecting' | 'open' }
   | { kind: 'frame'; take: number; frame: ShownFrame }
