@@ -275,6 +275,34 @@ test('reconnects after a restart of the service', async () => {
   await shows('live-text', 'connected');
 });
 
+test('fetches again what a busy server refused, and says so', async () => {
+  const busy = new Set(['/api/takes', '/api/scenes', '/api/takes/sounding/sound', '/api/takes/sounding/rig', '/takes/sounding/motion.v3d']);
+  await page.route(/\/(api|takes)\//, (route) => {
+    const { pathname } = new URL(route.request().url());
+    return busy.delete(pathname) ? route.fulfill({ status: 503, body: 'too many open files; try again\n' }) : route.continue();
+  });
+  await page.goto('about:blank');
+  await open('take=sounding&pulse=0');
+  await shows('takes-note', 'too many open files; try again');
+  await showsPulse(0); // the address is followed after the second list
+  await page.waitForSelector('[data-scene=duel]');
+  await page.waitForSelector('#sound:not([hidden])');
+  await page.waitForSelector('[data-camera]');
+  await page.waitForSelector('#trouble', { state: 'hidden' });
+  assert.deepEqual([...busy], []);
+  await page.unroute(/\/(api|takes)\//);
+});
+
+test('shows the reason for which the server refuses the lists, and keeps the last ones', async () => {
+  const refusal = 'This studio requires a token: open this address with ?token=TOKEN appended, once.';
+  const lists = /\/api\/(takes|scenes)$/;
+  await page.route(lists, (route) => route.fulfill({ status: 401, body: `${refusal}\n` }));
+  await shows('takes-note', refusal);
+  await shows('scenes-note', refusal);
+  assert.ok(await page.isVisible('[data-scene=duel]'));
+  await page.unroute(lists);
+});
+
 test('shows operators which nodes are silent', async () => {
   await page.goto(`${studio.address}studio.html`);
   await shows('nodes', 'silent');

@@ -5,20 +5,22 @@ import { bindKeys } from './keys';
 import { liveTexts } from './live_age';
 import { PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
+import { Parts } from './parts';
 import { bindToggle, download, find, press, showStartError } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from '../player/src/playback';
 import { ProxyChoice } from './proxy_choice';
+import { fetchText } from './request';
 import { fetchRig, type RigCamera } from './rig';
 import { RigPanel } from './rig_panel';
-import { newScene, parseScene, pictureCount, type SceneFile, sideBySide, writeScene } from './scene_file';
+import { newScene, parseScene, pictureCount, type SceneFile, setKey, sideBySide, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
 import { type Look, LOOKS, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
 import { SoundControl } from './sound_control';
 import { Stage } from './stage';
-import { TakeBrowser } from './take_browser';
-import { fetchScenes, fetchTakes, sceneItem, type Take } from './take_list';
+import { listScenes, TakeBrowser } from './take_browser';
+import { fetchTakes, type Take } from './take_list';
 import { Transport } from './transport';
 import { Troubles } from './troubles';
 import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
@@ -50,7 +52,8 @@ class Viewer {
     find('trouble').textContent = text;
     find('trouble').hidden = text === '';
   });
-  private readonly sound = new SoundControl(find('sound'), find('canvas'), (text) => this.troubles.set('sound', text));
+  private readonly parts = new Parts((part, text) => this.troubles.set(part, text));
+  private readonly sound = new SoundControl(find('sound'), find('canvas'), this.parts, (text) => this.troubles.set('sound', text));
   private shownTimes: number[] = [];
   private shownAt = 0;
   private shownCount = 0;
@@ -64,7 +67,7 @@ class Viewer {
       this.pictures.stand(null);
       this.setFollowing(false);
     };
-    this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw());
+    this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw(), this.parts);
     this.skeleton = new SkeletonPanel({
       stage: this.stage,
       transport: this.transport,
@@ -115,11 +118,11 @@ class Viewer {
     addEventListener('hashchange', () => this.followAddress());
   }
 
-  async begin(): Promise<void> {
+  begin(): void {
     requestAnimationFrame((now) => this.turn(now));
-    await this.listTakes();
     this.followAddress();
-    setInterval(() => this.listTakes(), TAKES_EVERY_MS);
+    void this.list();
+    setInterval(() => void this.list(), TAKES_EVERY_MS);
   }
 
   /** #live, #take=kendo-07, #take=kendo-07&pulse=12&mesh=master (or proxy), #scene=duel, #scene=duel&at=2.5 */
@@ -128,24 +131,32 @@ class Viewer {
     const name = wish.get('take');
     const scene = wish.get('scene');
     if (wish.has('live')) this.openLive();
-    else if (scene && this.open?.scene !== scene) void this.openScene(scene, Number(wish.get('at') ?? NaN));
+    else if (!this.listed) return; // the first list follows it
+    else if (scene && this.open?.scene !== scene) this.openScene(scene, Number(wish.get('at') ?? NaN));
     else if (name && this.open?.take?.name !== name) this.openTake(name, Number(wish.get('pulse') ?? NaN), wish.get('mesh'));
   }
 
-  private async listTakes(): Promise<void> {
-    const note = find('takes-note');
-    let scenes: string[];
-    try {
-      this.takes = await fetchTakes();
-      scenes = await fetchScenes();
-    } catch {
-      note.textContent = 'The studio does not answer. Is v3d-viewd running?';
-      return;
-    }
-    find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => void this.openScene(name, NaN))));
-    this.browser.list(this.takes);
+  /** What cannot be listed stays as it was. */
+  private async list(): Promise<void> {
+    await this.listTakes();
+    await listScenes((name) => this.openScene(name, NaN));
     this.markOpen();
   }
+
+  private async listTakes(): Promise<void> {
+    try {
+      this.takes = await fetchTakes();
+    } catch (error) {
+      find('takes-note').textContent = (error as Error).message;
+      return;
+    }
+    this.browser.list(this.takes);
+    this.parts.again();
+    if (this.listed) return;
+    this.listed = true;
+    this.followAddress();
+  }
+  private listed = false;
 
   private send(message: ToWorker): void {
     this.worker.postMessage(message);
@@ -185,18 +196,13 @@ class Viewer {
   }
 
   /** A scene of the studio: scene.json in a folder beside the takes. */
-  private async openScene(name: string, at: number): Promise<void> {
+  private openScene(name: string, at: number): void {
     const url = new URL(`takes/${encodeURIComponent(name)}/scene.json`, location.href).href;
     this.openAs({ take: null, scene: name }, `scene=${name}`, null);
-    const number = this.opened;
-    try {
-      const answer = await fetch(url, { cache: 'no-cache' });
-      if (!answer.ok) throw new Error('there is no such scene.');
-      const scene = parseScene(await answer.text());
-      if (number === this.opened) this.showScene(scene, url, at);
-    } catch (error) {
-      if (number === this.opened) this.troubles.set('scene', `${name}/scene.json: ${(error as Error).message}`);
-    }
+    this.parts.load(`${name}/scene.json`, () => fetchText(url), (text) => {
+      if (text === null) throw new Error('there is no such scene.');
+      this.showScene(parseScene(text), url, at);
+    });
   }
 
   /** A file of this computer. Its paths are relative to the takes of the studio. */
@@ -240,7 +246,7 @@ class Viewer {
   private showScene(scene: SceneFile, url: string, at: number): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
     const trouble = (source: string, text: string) => this.troubles.set(source, text);
-    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble);
+    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble, this.parts);
     this.setScenePlayback(Number.isNaN(at) ? 0 : at);
     this.playback!.playing = Number.isNaN(at);
     this.panel.show(scene);
@@ -277,12 +283,7 @@ class Viewer {
   }
 
   private keyHere(): void {
-    const { keys } = this.composition!.scene.camera;
-    const key = this.stage.eyeAsKey(this.sceneSeconds);
-    const at = keys.findIndex((k) => Math.abs(k.at_s - key.at_s) < 1e-3);
-    if (at >= 0) keys[at] = key;
-    else keys.push(key);
-    keys.sort((a, b) => a.at_s - b.at_s);
+    setKey(this.composition!.scene.camera.keys, this.stage.eyeAsKey(this.sceneSeconds));
     this.setFollowing(true);
   }
 
@@ -299,6 +300,8 @@ class Viewer {
 
   private openAs(what: { take: Take | null; scene: string | null }, address: string, rigUrl: string | null): void {
     const { take, scene } = what;
+    this.parts.clear();
+    this.troubles.clear();
     this.open = { ...what, number: ++this.opened };
     this.composition?.end();
     this.composition = null;
@@ -317,16 +320,12 @@ class Viewer {
     this.pictures.open(take?.name ?? null);
     this.offerViews(true);
     const folder = take && new URL(`takes/${take.name}/`, location.href).href;
-    void this.motion.open(folder && `${folder}motion.v3d`);
+    this.motion.open(folder && `${folder}motion.v3d`);
     void this.skeleton.open(folder);
-    this.troubles.clear();
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
-    const number = this.opened;
-    if (rigUrl === null) return this.showRig([]);
-    fetchRig(rigUrl).then((rig) => {
-      if (number === this.opened) this.showRig(rig);
-    });
+    this.showRig([]);
+    if (rigUrl !== null) this.parts.load('Cameras', () => fetchRig(rigUrl), (rig) => this.showRig(rig));
   }
 
   private markOpen(): void {
@@ -504,7 +503,7 @@ class Viewer {
 }
 
 try {
-  void new Viewer().begin();
+  new Viewer().begin();
 } catch (error) {
   showStartError(error);
 }

@@ -1,5 +1,7 @@
 // The tracked surface of a take: its switch, its colours and its trails.
 import { find } from './page';
+import type { Parts } from './parts';
+import { isThere } from './request';
 import type { Stage } from './stage';
 import { completed } from '../player/src/surface';
 import type { MotionMessage, ShownFrame, ToWorker, TrackedSegment, TrailPoint } from '../player/src/worker_messages';
@@ -24,6 +26,7 @@ export class MotionPanel {
     private readonly stage: Stage,
     private readonly send: (message: ToWorker) => void,
     private readonly changed: () => void,
+    private readonly parts: Parts,
   ) {
     find('motion-on').addEventListener('click', () => this.toggle());
     find('freeze').addEventListener('click', () => this.toggleFreeze());
@@ -32,7 +35,7 @@ export class MotionPanel {
   }
 
   /** To call for each opened take; null: something else is open. */
-  async open(url: string | null): Promise<void> {
+  open(url: string | null): void {
     this.url = url;
     this.on = this.reading = this.frozen = this.alone = false;
     this.segment = this.shown = null;
@@ -42,8 +45,7 @@ export class MotionPanel {
     this.stage.showTrails([]);
     this.draw();
     if (url === null) return;
-    const answer = await fetch(url, { method: 'HEAD', cache: 'no-cache' }).catch(() => null);
-    if (url === this.url) find('motion').hidden = !answer?.ok;
+    this.parts.load('motion.v3d', () => isThere(url), (there) => (find('motion').hidden = !there));
   }
 
   /** To call when the worker has opened the meshes of the same take again. */

@@ -1,5 +1,6 @@
 // Cameras of the studio as viewpoints. World: metres, z up; cameras: x right, y down, z forward.
 import { Matrix4, Vector3 } from 'three';
+import { fetchJson } from './request';
 
 export interface RigCamera {
   name: string;
@@ -48,8 +49,7 @@ export function centerOf(camera: RigCamera): Vector3 {
   return new Vector3().setFromMatrixPosition(worldFromCamera(camera));
 }
 
+/** The cameras of a calibration; empty if there is none. Throws a message for the user. */
 export async function fetchRig(url: string): Promise<RigCamera[]> {
-  const answer = await fetch(url);
-  if (!answer.ok) return [];
-  return ((await answer.json()) as { cameras: RigCamera[] }).cameras;
+  return (await fetchJson<{ cameras: RigCamera[] }>(url))?.cameras ?? [];
 }

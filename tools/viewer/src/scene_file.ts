@@ -246,3 +246,11 @@ export function sideBySide(first: { name: string; rate_hz: number; seconds: numb
   scene.takes.push({ ...scene.takes[0], take: `../${second.name}`, move: [millimetres(y * scale), millimetres(-x * scale), 0], sound: false });
   return scene;
 }
+
+/** Adds a key to a camera path, in place of one at the same time. */
+export function setKey(keys: CameraKey[], key: CameraKey): void {
+  const at = keys.findIndex((k) => Math.abs(k.at_s - key.at_s) < 1e-3);
+  if (at >= 0) keys[at] = key;
+  else keys.push(key);
+  keys.sort((a, b) => a.at_s - b.at_s);
+}

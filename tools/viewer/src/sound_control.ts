@@ -1,6 +1,7 @@
 // The sound of the open take or scene, and the button that switches it.
 import type { Composition } from './composition';
 import { press } from './page';
+import type { Parts } from './parts';
 import type { Playback } from '../player/src/playback';
 import { fetchSound } from './sound_file';
 import { SoundOutput, SoundPlayer } from './sound_player';
@@ -10,11 +11,11 @@ export class SoundControl {
   readonly output = new SoundOutput();
   private player: SoundPlayer | null = null;
   private on = true;
-  private opened = 0;
 
   constructor(
     private readonly button: HTMLElement,
     private readonly canvas: HTMLElement,
+    private readonly parts: Parts,
     private readonly trouble: (text: string) => void,
   ) {
     button.addEventListener('click', () => this.toggle());
@@ -26,13 +27,12 @@ export class SoundControl {
     this.player = null;
     this.button.hidden = true;
     this.button.dataset.state = '';
-    const number = ++this.opened;
     if (!take) return;
-    void fetchSound(take.name).then((sources) => {
-      if (number !== this.opened || sources.length === 0) return;
+    this.parts.load('Sound', () => fetchSound(take.name), (sources) => {
+      if (sources.length === 0) return;
       this.player = new SoundPlayer(this.output, sources, take.rate_hz, this.trouble);
       this.button.hidden = false;
-    }, () => undefined);
+    });
   }
 
   toggle(): void {

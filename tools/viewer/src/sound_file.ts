@@ -1,5 +1,6 @@
 // Sound files of a take: their pulses, and their samples, read by ranges. Pure, apart from the requests.
 import { type ByteSource, HttpSource } from '../player/src/byte_source';
+import { fetchJson } from './request';
 
 /** A sound file of a take that has a map of pulses (sound_json of v3d-viewd). */
 export interface SoundFile {
@@ -102,10 +103,8 @@ export class SoundSource {
   }
 }
 
-/** The sound of a take; empty for a take without. */
+/** The sound of a take; empty for a take without. Throws a message for the user. */
 export async function fetchSound(take: string): Promise<SoundSource[]> {
-  const answer = await fetch(`api/takes/${encodeURIComponent(take)}/sound`);
-  if (!answer.ok) return [];
-  const { files } = (await answer.json()) as { files: SoundFile[] };
-  return files.map((file) => new SoundSource(file, new HttpSource(`takes/${encodeURIComponent(take)}/${file.file}`)));
+  const sound = await fetchJson<{ files: SoundFile[] }>(`api/takes/${encodeURIComponent(take)}/sound`);
+  return (sound?.files ?? []).map((file) => new SoundSource(file, new HttpSource(`takes/${encodeURIComponent(take)}/${file.file}`)));
 }

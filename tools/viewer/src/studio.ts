@@ -6,7 +6,8 @@ import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type 
 import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
 import { takesText } from './page';
-import { fetchTakes, takeItem } from './take_list';
+import { Refusal } from './request';
+import { fetchTakes, type Take, takeItem } from './take_list';
 
 const EVENTS_KEPT = 100;
 /** The server sends the state at least every 2 s. */
@@ -26,10 +27,13 @@ const wall = new CameraWall(find('wall'));
 const panel = new OperatorPanel();
 let lost = true;
 let notVerified = '';
+/** The reason for which the server sends no list of takes. */
+let refusal = '';
 
 function showBanner(): void {
-  const text = lost ? 'The studio does not answer. Trying again every second.'
-    : notVerified && `The data on this page is not authenticated: ${notVerified}`;
+  const texts = lost ? [refusal || 'The studio does not answer. Trying again every second.']
+    : [refusal && `Takes: ${refusal}`, notVerified && `The data on this page is not authenticated: ${notVerified}`];
+  const text = texts.filter(Boolean).join(' ');
   find('banner').textContent = text;
   find('banner').hidden = text === '';
 }
@@ -102,8 +106,16 @@ function onMessage(data: string | ArrayBuffer): void {
 
 /** Lists takes, the newest first. A click opens a take in the viewer. */
 async function listTakes(): Promise<void> {
-  const takes = await fetchTakes().catch(() => null);
-  if (!takes) return; // the banner shows that the studio does not answer
+  let takes: Take[] = [];
+  try {
+    takes = await fetchTakes();
+    refusal = '';
+  } catch (error) {
+    refusal = error instanceof Refusal ? error.message : '';
+    return;
+  } finally {
+    showBanner();
+  }
   if (takes.length) panel.setNewestTake(takes[0].name);
   const open = (name: string) => location.assign(`./#take=${name}`);
   find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));

@@ -1,7 +1,7 @@
 // The takes of the studio with small pictures, a search field and filters.
 import { find, press } from './page';
 import { ALL_TAKES, passes, scenesOf, type TakeFilter } from './take_filter';
-import { type Take, takeItem } from './take_list';
+import { fetchScenes, sceneItem, type Take, takeItem } from './take_list';
 
 /** Calls of the browser to its page. */
 export interface TakeBrowserPage {
@@ -102,5 +102,16 @@ export class TakeBrowser {
     press(button, isOpen);
     const comparable = !isOpen && (this.open?.meshes ?? 0) > 0 && item.dataset.meshes !== '0';
     item.querySelector<HTMLElement>('.compare')!.hidden = !comparable;
+  }
+}
+
+/** Lists the scenes; `open` opens one. The last list stays, with the reason, when there is no new one. */
+export async function listScenes(open: (name: string) => void): Promise<void> {
+  try {
+    const scenes = await fetchScenes();
+    find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => open(name))));
+    find('scenes-note').textContent = '';
+  } catch (error) {
+    find('scenes-note').textContent = (error as Error).message;
   }
 }

@@ -1,4 +1,8 @@
 // List of the studio's takes and scenes in the side bar.
+import { fetchJson } from './request';
+
+/** The server gives up after 10 s. */
+const MAX_ANSWER_MS = 15_000;
 
 export interface Take {
   name: string;
@@ -24,11 +28,15 @@ export interface Take {
   slate: { scene: string; take: string; note: string; mark: '' | 'circled' | 'rejected' };
 }
 
+async function fetchList<T>(url: string): Promise<T> {
+  const list = await fetchJson<T>(url, { cache: 'no-store', signal: AbortSignal.timeout(MAX_ANSWER_MS) });
+  if (list === null) throw new Error('The server answered 404.');
+  return list;
+}
+
+/** The newest first. Throws a message for the user, a Refusal if it is from the server. */
 export async function fetchTakes(): Promise<Take[]> {
-  const answer = await fetch('api/takes');
-  if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
-  const { takes } = (await answer.json()) as { takes: Take[] };
-  return takes.reverse(); // the newest first
+  return (await fetchList<{ takes: Take[] }>('api/takes')).takes.reverse();
 }
 
 export function formatBytes(bytes: number): string {
@@ -97,10 +105,9 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   return item;
 }
 
-/** Names of the scenes beside the takes. */
+/** Names of the scenes beside the takes. Throws like fetchTakes(). */
 export async function fetchScenes(): Promise<string[]> {
-  const answer = await fetch('api/scenes', { cache: 'no-store' });
-  return answer.ok ? ((await answer.json()) as { scenes: string[] }).scenes : [];
+  return (await fetchList<{ scenes: string[] }>('api/scenes')).scenes;
 }
 
 export function sceneItem(name: string, open: (name: string) => void): HTMLElement {

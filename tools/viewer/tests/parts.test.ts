@@ -1,0 +1,95 @@
+import { afterEach, describe, expect, it, vi } from 'vitest';
+import { Parts } from '../src/parts';
+import { fetchJson, isThere, Refusal } from '../src/request';
+import { fetchRig } from '../src/rig';
+import { fetchSound } from '../src/sound_file';
+import { fetchScenes, fetchTakes } from '../src/take_list';
+
+afterEach(() => vi.unstubAllGlobals());
+const answer = (status: number, text = '') => vi.stubGlobal('fetch', async () => new Response(text, { status }));
+
+describe('a request of the page', () => {
+  it('tells what is absent from what a busy server does not send', async () => {
+    answer(404, 'there is no such take\n');
+    expect(await fetchRig('api/rig')).toEqual([]);
+    expect(await fetchSound('kendo-07')).toEqual([]);
+    expect(await isThere('motion.v3d')).toBe(false);
+    answer(503, 'too many open files; try again\n');
+    for (const fetched of [fetchRig('api/rig'), fetchSound('kendo-07'), isThere('motion.v3d'), fetchScenes(), fetchTakes()]) {
+      await expect(fetched).rejects.toThrow('too many open files; try again');
+    }
+  });
+
+  it('has the reason of a refusal, and no page of a proxy', async () => {
+    answer(401, 'This studio requires a token: open this address with ?token=TOKEN appended, once.\n');
+    await expect(fetchTakes()).rejects.toThrow(Refusal);
+    await expect(fetchTakes()).rejects.toThrow('requires a token');
+    answer(502, '<html><h1>Bad Gateway</h1></html>');
+    await expect(fetchTakes()).rejects.toThrow('The server answered 502.');
+  });
+
+  it('without an answer is no refusal', async () => {
+    vi.stubGlobal('fetch', () => Promise.reject(new TypeError('Failed to fetch')));
+    const error = await fetchJson('api/takes').catch((thrown: Error) => thrown);
+    expect(error).not.toBeInstanceOf(Refusal);
+    expect(error).toMatchObject({ message: 'The studio does not answer. Is v3d-viewd running?' });
+  });
+});
+
+describe('the parts of the open content', () => {
+  const settled = () => new Promise((done) => setTimeout(done));
+
+  it('are fetched again until they are there', async () => {
+    const shown: [string, string][] = [];
+    const used: number[] = [];
+    const parts = new Parts((part, text) => shown.push([part, text]));
+    let calls = 0;
+    parts.load('Sound', async () => {
+      if (++calls < 3) throw new Refusal('too many open files; try again');
+      return calls;
+    }, (value) => used.push(value));
+    await settled();
+    expect(shown).toEqual([['Sound', 'Sound: too many open files; try again']]);
+    for (let n = 0; n < 5; ++n) {
+      parts.again();
+      await settled();
+    }
+    expect(calls).toBe(3);
+    expect(used).toEqual([3]);
+    expect(shown.at(-1)).toEqual(['Sound', '']);
+  });
+
+  it('that are invalid are reported and not fetched again', async () => {
+    const shown: string[] = [];
+    const parts = new Parts((_, text) => shown.push(text));
+    let calls = 0;
+    parts.load('duel/scene.json', async () => ++calls, () => {
+      throw new Error('seconds: expected a number');
+    });
+    await settled();
+    parts.again();
+    await settled();
+    expect(calls).toBe(1);
+    expect(shown.at(-1)).toBe('duel/scene.json: seconds: expected a number');
+  });
+
+  it('are forgotten when something else is opened', async () => {
+    const shown: string[] = [];
+    const used: number[] = [];
+    const parts = new Parts((_, text) => shown.push(text));
+    let arrive = (_: number) => {}, calls = 0;
+    parts.load('Cameras', () => new Promise<number>((done) => (arrive = done)), (value) => used.push(value));
+    parts.load('Sound', async () => {
+      ++calls;
+      throw new Error('The studio does not answer.');
+    }, () => undefined);
+    await settled();
+    parts.clear();
+    arrive(1);
+    parts.again();
+    await settled();
+    expect(used).toEqual([]);
+    expect(calls).toBe(1);
+    expect(shown).toEqual(['The studio does not answer.']);
+  });
+});
