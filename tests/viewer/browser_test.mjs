@@ -175,6 +175,44 @@ test('shows the pulse of the address in the colours of the mesh', async () => {
   await page.keyboard.press('1');
 });
 
+test('presses the buttons by the keyboard that reached them, and plays by Space after a click', async () => {
+  const pressed = (selector) => page.getAttribute(selector, 'aria-pressed');
+  const reach = async (selector) => { // as by Tab from elsewhere
+    await page.focus(selector);
+    await page.keyboard.press('Shift+Tab');
+    await page.keyboard.press('Tab');
+    assert.ok(await page.evaluate((s) => document.activeElement.matches(s), selector));
+  };
+  await reach('[data-take=pair]');
+  await page.keyboard.press('Enter');
+  await shows('title', 'pair');
+  await reach('[data-take=ball]');
+  await page.keyboard.press(' ');
+  await shows('title', 'ball');
+  await open('take=ball&pulse=12');
+  await reach('#wireframe');
+  await page.keyboard.press(' ');
+  assert.equal(await pressed('#wireframe'), 'true');
+  await page.keyboard.press('Enter');
+  assert.equal(await pressed('#wireframe'), 'false', 'it keeps the focus');
+  await page.keyboard.press('x');
+  assert.equal(await pressed('#wireframe'), 'true', 'other keys stay shortcuts');
+  await page.click('#cameras');
+  await page.click('[data-do=loop]');
+  const isPlaying = () => page.evaluate(() => document.getElementById('transport').classList.contains('playing'));
+  const before = await isPlaying();
+  const loop = await pressed('[data-do=loop]');
+  await page.keyboard.press(' ');
+  await page.waitForFunction((was) => document.getElementById('transport').classList.contains('playing') !== was, before);
+  assert.equal(await pressed('[data-do=loop]'), loop, 'Space plays, and does not press the clicked button again');
+  await page.click('#cameras');
+  await page.click('#wireframe');
+  await page.click('[data-do=loop]');
+  await open('take=pair');
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+});
+
 test('steps by meshes and scrubs along the time line', async () => {
   await page.keyboard.press('ArrowRight');
   await showsPulse(13);

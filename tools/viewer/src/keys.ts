@@ -81,6 +81,29 @@ function nameOf(event: KeyboardEvent): string {
   return event.shiftKey && key.startsWith('Arrow') ? `Shift+${key}` : key;
 }
 
+const PRESSED = ['BUTTON', 'SUMMARY'];
+const presses = (key: string) => key === ' ' || key === 'Enter';
+
+/**
+ * Whether a key is for the element with the focus, and no shortcut. Space and Enter press a control which the user has reached by
+ * the keyboard. After a click it still has the focus, and Space plays.
+ */
+export function isForElement(key: string, tagName: string, isByKeyboard: boolean): boolean {
+  if (tagName === 'INPUT') return true;
+  if (tagName === 'SELECT') return presses(key) || key.startsWith('Arrow');
+  return presses(key) && isByKeyboard && PRESSED.includes(tagName);
+}
+
+/** Whether the focus was moved by the keyboard last, not by a click. */
+class FocusOrigin {
+  isByKeyboard = false;
+
+  constructor() {
+    addEventListener('keydown', (event) => event.key === 'Tab' && (this.isByKeyboard = true), { capture: true });
+    addEventListener('pointerdown', () => (this.isByKeyboard = false), { capture: true });
+  }
+}
+
 export function bindKeys(actions: KeyActions): void {
   const list = document.getElementById('key-list')!;
   for (const key of KEYS) {
@@ -90,16 +113,14 @@ export function bindKeys(actions: KeyActions): void {
     does.textContent = key.does;
     list.append(term, does);
   }
+  const focus = new FocusOrigin();
   addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector('dialog[open]')) return;
     const name = nameOf(event);
     if (actions.flying() && FLOWN.has(name)) return;
-    const onControl = event.target instanceof HTMLButtonElement || event.target instanceof HTMLSelectElement;
-    if (event.target instanceof HTMLInputElement) return; // text input is no shortcut
-    if (onControl && (name === ' ' || name.startsWith('Arrow') || name === 'Enter')) {
-      if (event.target instanceof HTMLSelectElement) return;
-      (event.target as HTMLElement).blur();
-    }
+    const element = event.target as HTMLElement;
+    if (isForElement(name, element.tagName, focus.isByKeyboard)) return;
+    if (presses(name) && PRESSED.includes(element.tagName)) element.blur(); // else the key presses it, too
     const key = KEYS.find((k) => k.keys.includes(name));
     if (!key) return;
     event.preventDefault();

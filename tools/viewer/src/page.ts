@@ -8,11 +8,11 @@ export const takesText = (element: EventTarget | null) => ['INPUT', 'TEXTAREA', 
 
 export const press = (button: Element, on: boolean) => button.setAttribute('aria-pressed', String(on));
 
-/** A click on the button changes a state, which `flip` returns; the canvas then has the focus. */
+/** A click on the button changes a state, which `flip` returns. After a click of a pointer, the canvas has the focus. */
 export function bindToggle(id: string, flip: () => boolean): void {
-  find(id).addEventListener('click', () => {
+  find(id).addEventListener('click', (event) => {
     press(find(id), flip());
-    find('canvas').focus();
+    if (event.detail > 0) find('canvas').focus();
   });
 }
 
