@@ -175,6 +175,24 @@ test('shows the pulse of the address in the colours of the mesh', async () => {
   await page.keyboard.press('1');
 });
 
+test('follows an address to another pulse and to another file of the open take', async () => {
+  await open('take=ball&pulse=40');
+  await showsPulse(40);
+  await middleBecomes(BLUE);
+  await page.keyboard.press(' ');
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+  await middleBecomes(GREEN);
+  await open('take=proxied&pulse=12&mesh=proxy');
+  await showsPulse(12);
+  await middleBecomes([200, 200, 40]);
+  await open('take=proxied&pulse=14&mesh=master');
+  await showsPulse(14);
+  await middleBecomes(GREEN);
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+});
+
 test('presses the buttons by the keyboard that reached them, and plays by Space after a click', async () => {
   const pressed = (selector) => page.getAttribute(selector, 'aria-pressed');
   const reach = async (selector) => { // as by Tab from elsewhere
@@ -263,6 +281,13 @@ test('composes takes and models into a scene, each at its place and time', async
   await becomes(isNear(BLUE), 'the second is 1.4 s ahead', () => colourAt(0.68, 0.5));
   await becomes(isNear(GREEN), 'the model below them', () => colourAt(0.5, 0.75));
   await becomes(isNear([32, 48, 64]), 'the background', () => colourAt(0.05, 0.5));
+});
+
+test('follows an address to another time of the open scene', async () => {
+  await open('scene=duel&at=1.6');
+  await shows('facts', '1.60 s');
+  await open('scene=duel&at=0.2');
+  await shows('facts', '0.20 s');
 });
 
 test('renders a scene along its camera path like the native renderer', async (story) => {

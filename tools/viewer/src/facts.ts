@@ -1,4 +1,4 @@
-// The facts about the shown picture, in the bar on top: pulse, triangles, rate, latency.
+// The facts about the shown picture, in the bar on top (pulse, triangles, rate, latency), and texts over the stage.
 import { formatBytes } from './take_list';
 import type { ShownFrame } from '../player/src/worker_messages';
 
@@ -31,4 +31,33 @@ function trackedFacts(frame: ShownFrame): string[] {
   if (!frame.tracked) return [];
   const { segment, segments } = frame.tracked;
   return ['<b>tracked</b>', `segment ${segment + 1} of ${segments}`, `${count(frame.positions.length / 3)} vertices`];
+}
+
+/** Rate and latency of the shown frames. */
+export class FrameMeter {
+  /** Of the last live frame; null: unknown. */
+  latencyMs: number | null = null;
+  private times: number[] = [];
+  private last = 0;
+
+  /** A frame is shown; times of the page, ms. */
+  add(now: number): void {
+    this.times.push(now);
+    this.last = now;
+  }
+
+  facts(frame: ShownFrame, now: number): string[] {
+    while (this.times.length && this.times[0] < now - 2000) this.times.shift();
+    return frameFacts(frame, this.times.length / 2, this.latencyMs, (now - this.last) / 1000);
+  }
+}
+
+/** `part` of a mesh file without an index was read. */
+export const scanText = (file: string, part: number) =>
+  `${file} was not closed, or the take is being recorded: reading the whole file, ${10 * Math.floor(10 * part)} % …`;
+
+/** The state of the live picture; `isShown`: a mesh is on the stage. */
+export function linkText(link: 'connecting' | 'open', isShown: boolean): string {
+  if (link === 'connecting') return 'The studio does not answer. Trying again every second.';
+  return isShown ? '' : 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.';
 }

@@ -9,6 +9,13 @@ export interface SocketEvents {
   lost(): void;
 }
 
+/** Address of a WebSocket of the page's server. */
+export function socketUrl(path: string): string {
+  const url = new URL(path, location.href);
+  url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
+  return url.href;
+}
+
 export class LastingSocket {
   private socket: WebSocket | null = null;
   /** Ends the silence, or the pause before the next connection. */

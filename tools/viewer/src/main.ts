@@ -1,9 +1,11 @@
 // The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
-import { factsHtml, frameFacts, sceneFacts } from './facts';
+import { parseAddress } from './address';
+import { factsHtml, FrameMeter, linkText, scanText, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { liveTexts } from './live_age';
 import { PerformerList } from './performer_list';
+import { socketUrl } from './lasting_socket';
 import { MotionPanel } from './motion_panel';
 import { Parts } from './parts';
 import { bindToggle, download, find, press, showStartError } from './page';
@@ -54,10 +56,8 @@ class Viewer {
   });
   private readonly parts = new Parts((part, text) => this.troubles.set(part, text));
   private readonly sound = new SoundControl(find('sound'), find('canvas'), this.parts, (text) => this.troubles.set('sound', text));
-  private shownTimes: number[] = [];
-  private shownAt = 0;
+  private readonly meter = new FrameMeter();
   private shownCount = 0;
-  private latency: number | null = null;
   private last = 0;
 
   constructor() {
@@ -125,15 +125,23 @@ class Viewer {
     setInterval(() => void this.list(), TAKES_EVERY_MS);
   }
 
-  /** #live, #take=kendo-07, #take=kendo-07&pulse=12&mesh=master (or proxy), #scene=duel, #scene=duel&at=2.5 */
   private followAddress(): void {
-    const wish = new URLSearchParams(location.hash.slice(1));
-    const name = wish.get('take');
-    const scene = wish.get('scene');
-    if (wish.has('live')) this.openLive();
+    const { live, take, pulse, mesh, scene, at } = parseAddress(location.hash);
+    if (live) this.openLive();
     else if (!this.listed) return; // the first list follows it
-    else if (scene && this.open?.scene !== scene) this.openScene(scene, Number(wish.get('at') ?? NaN));
-    else if (name && this.open?.take?.name !== name) this.openTake(name, Number(wish.get('pulse') ?? NaN), wish.get('mesh'));
+    else if (scene && this.open?.scene !== scene) this.openScene(scene, at);
+    else if (scene) this.transport.seek(at * (this.playback?.rate ?? NaN));
+    else if (take && this.open?.take?.name !== take) this.openTake(take, pulse, mesh);
+    else if (take) this.goTo(pulse, mesh);
+  }
+
+  /** Shows a pulse of the open take, or of the other file of it. NaN, null: as it is. */
+  private goTo(pulse: number, mesh: string | null): void {
+    const { file } = this.proxy;
+    this.proxy.open(this.open!.take, mesh);
+    if (!Number.isNaN(pulse)) this.startAt = pulse; // if the file is not read yet
+    this.transport.seek(pulse);
+    if (this.proxy.file !== file) this.changeFile();
   }
 
   /** What cannot be listed stays as it was. */
@@ -190,9 +198,7 @@ class Viewer {
   private openLive(): void {
     if (this.open && !this.open.take && this.open.scene === null) return;
     this.openAs({ take: null, scene: null }, 'live', 'api/rig');
-    const url = new URL('api/live', location.href);
-    url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
-    this.send({ kind: 'live', take: this.opened, url: url.href });
+    this.send({ kind: 'live', take: this.opened, url: socketUrl('api/live') });
   }
 
   /** A scene of the studio: scene.json in a folder beside the takes. */
@@ -312,7 +318,7 @@ class Viewer {
     this.sound.open(take);
     this.shown = null;
     this.performers.clear();
-    this.latency = null;
+    this.meter.latencyMs = null;
     this.wanted = -1;
     this.transport.set(null);
     this.stage.clear();
@@ -355,8 +361,7 @@ class Viewer {
         break;
       }
       case 'scan':
-        this.troubles.set('frames', `${this.proxy.file} was not closed, or the take is being recorded: reading the whole file, `
-          + `${10 * Math.floor(10 * message.part)} % …`);
+        this.troubles.set('frames', scanText(this.proxy.file, message.part));
         break;
       case 'trouble':
         this.troubles.set('frames', this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
@@ -364,15 +369,13 @@ class Viewer {
       case 'link':
         find('open-live').dataset.link = message.link;
         find('live-text').textContent = message.link === 'open' ? 'connected' : 'connecting …';
-        this.latency = null;
-        this.troubles.set('frames', message.link !== 'open' ? 'The studio does not answer. Trying again every second.'
-          : this.shown ? '' : 'Nothing is recorded at the moment. Meshes show here as soon as pulses run.');
+        this.meter.latencyMs = null;
+        this.troubles.set('frames', linkText(message.link, this.shown !== null));
         break;
       case 'frame':
         this.show(message.frame);
         break;
-      case 'no-surface':
-        break;
+      case 'no-surface': break;
       default:
         this.motion.onMessage(message);
     }
@@ -392,15 +395,14 @@ class Viewer {
     this.troubles.set('frames', '');
     this.performers.add(frame);
     this.draw();
-    this.shownAt = performance.now();
-    this.shownTimes.push(this.shownAt);
+    this.meter.add(performance.now());
     if (!frame.live) return;
     const { edgeMs } = frame.live;
     requestAnimationFrame(() => { // the refresh that draws the mesh; it is visible from the next one on
       this.send({ kind: 'drawn' });
       if (edgeMs !== null) requestAnimationFrame(() => {
-        this.latency = performance.timeOrigin + performance.now() - edgeMs;
-        find('canvas').dataset.latency = `${frame.pulse} ${this.latency}`; // for tools/bench/latency
+        this.meter.latencyMs = performance.timeOrigin + performance.now() - edgeMs;
+        find('canvas').dataset.latency = `${frame.pulse} ${this.meter.latencyMs}`; // for tools/bench/latency
       });
     });
   }
@@ -484,11 +486,10 @@ class Viewer {
     if (now - this.factsUpdated < 250) return;
     this.factsUpdated = now;
     this.pictures.updateNotes();
-    while (this.shownTimes.length && this.shownTimes[0] < now - 2000) this.shownTimes.shift();
     const frame = this.shown;
     const facts = this.composition && this.playback
       ? sceneFacts(this.sceneSeconds, this.composition.scene.takes.length, this.stage.triangles)
-      : frame ? frameFacts(frame, this.shownTimes.length / 2, this.latency, (now - this.shownAt) / 1000) : [];
+      : frame ? this.meter.facts(frame, now) : [];
     find('facts').innerHTML = factsHtml(facts);
     if (frame?.live) this.showLiveAge(frame.live.take, now - this.shownAt);
   }

@@ -1,7 +1,7 @@
 // The studio page: shows the state of the studio and, if the studio file allows it, sends an operator's commands.
 import { CameraWall } from './camera_wall';
 import { factsOf } from './judge';
-import { LastingSocket } from './lasting_socket';
+import { LastingSocket, socketUrl } from './lasting_socket';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
 import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
@@ -122,9 +122,7 @@ async function listTakes(): Promise<void> {
 }
 
 function connect(): void {
-  const url = new URL('api/studio', location.href);
-  url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
-  new LastingSocket(url.href, MAX_SILENCE_MS, {
+  new LastingSocket(socketUrl('api/studio'), MAX_SILENCE_MS, {
     opened() {
       lost = false;
       find('events').replaceChildren(); // the server sends them again

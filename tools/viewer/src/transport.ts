@@ -77,9 +77,9 @@ export class Transport {
     this.line.append(...buttons);
   }
 
-  /** Pauses at a pulse. */
+  /** Pauses at a pulse; NaN: goes on. */
   seek(pulse: number): void {
-    if (!this.playback) return;
+    if (!this.playback || Number.isNaN(pulse)) return;
     this.playback.playing = false;
     this.playback.seek(pulse);
     this.update();

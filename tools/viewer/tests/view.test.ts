@@ -1,5 +1,6 @@
 import { Vector3, Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
+import { parseAddress } from '../src/address';
 import { frameFacts } from '../src/facts';
 import { factsOf, judgeCamera } from '../src/judge';
 import { eachForegroundRun, MessageClock, type NodeState, ServerClock, splitMessage } from '../src/message';
@@ -38,6 +39,17 @@ describe('the clock of a server', () => {
     clock.add(102_000, 2900);
     clock.add(103_000, 9000); // late by 5 s
     expect(clock.at(10_000)).toBe(109_100);
+  });
+});
+
+describe('the address of the viewer', () => {
+  it('states a take with its pulse and file, a scene with its time, or the live picture', () => {
+    const nothing = { live: false, take: null, pulse: NaN, mesh: null, scene: null, at: NaN };
+    expect(parseAddress('')).toEqual(nothing);
+    expect(parseAddress('#live')).toEqual({ ...nothing, live: true });
+    expect(parseAddress('#take=kendo-07&pulse=0&mesh=master')).toEqual({ ...nothing, take: 'kendo-07', pulse: 0, mesh: 'master' });
+    expect(parseAddress('#scene=duel&at=2.5')).toEqual({ ...nothing, scene: 'duel', at: 2.5 });
+    expect(parseAddress('#take=&pulse=')).toEqual(nothing);
   });
 });
 
