@@ -1,8 +1,8 @@
 // usage: viewer_live LCM_URL PULSES RATE_HZ LOST_PERCENT SEED: sends live meshes as v3d-recond does
 // and leaves some out, as a lossy network would. Each mesh is a ball whose size and colour identify
 // its pulse (live_test.mjs computes the same). Prints a line for each pulse: number, "key" or
-// "inter", "sent" or "lost". Before a loss after sent meshes it prints "pause" and waits for a line
-// of input.
+// "inter", "sent" or "lost", and its edge, ms since 1970. Before a loss after sent meshes it prints
+// "pause" and waits for a line of input.
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -30,13 +30,13 @@ codec::VertexColour colour_of(int64_t pulse) {
 /// frames can be predicted from earlier ones.
 double radius_of(int64_t pulse) { return static_cast<double>(12 + pulse / 5 % 8); }
 
-wire::MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
+wire::MeshMessage message_of(int64_t pulse, RealtimeInstant edge, std::vector<uint8_t> compact) {
   wire::MeshMessage message;
   message.sent = Realtime::now();
   message.seq = pulse;
   message.take = "lossy";
   message.pulse = pulse;
-  message.pulse_edge = Realtime::now();
+  message.pulse_edge = edge;
   message.cameras = 1;
   message.compact = std::move(compact);
   return message;
@@ -66,9 +66,12 @@ void send(const std::string& url, int64_t pulses, double rate_hz, double lost_pe
       due = Monotonic::now();
     }
     was_sent = !lost;
-    if (!lost) bus.publish(wire::kMeshChannel, wire::encode(message_of(pulse, std::move(compact))));
-    std::printf("%lld %s %s\n", static_cast<long long>(pulse), key ? "key" : "inter",
-                lost ? "lost" : "sent");
+    const RealtimeInstant edge = Realtime::now();
+    if (!lost) {
+      bus.publish(wire::kMeshChannel, wire::encode(message_of(pulse, edge, std::move(compact))));
+    }
+    std::printf("%lld %s %s %.3f\n", static_cast<long long>(pulse), key ? "key" : "inter",
+                lost ? "lost" : "sent", static_cast<double>(to_ns(edge)) * 1e-6);
     std::fflush(stdout);
     due += period_of(rate_hz);
     std::this_thread::sleep_until(due);
