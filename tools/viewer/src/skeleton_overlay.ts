@@ -1,6 +1,6 @@
 // Skeletons over the surface: a line for each bone and a dot for each joint. Colours tell left from right, opacity is the
 // confidence.
-import { BufferGeometry, Color, Float32BufferAttribute, Group, Points, PointsMaterial, type Ray, Vector3 } from 'three';
+import { BufferGeometry, Color, Float32BufferAttribute, Group, type InterleavedBufferAttribute, Points, PointsMaterial, type Ray, Vector3 } from 'three';
 import { Line2 } from 'three/addons/lines/Line2.js';
 import { LineGeometry } from 'three/addons/lines/LineGeometry.js';
 import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
@@ -70,7 +70,7 @@ export class SkeletonOverlay {
   private drawBone(number: number, pose: Pose, joint: Joint, n: number): void {
     const bone = this.bones[number] ?? this.addBone();
     const ends = [placeOf(pose, joint.parent), placeOf(pose, n)];
-    bone.geometry.setPositions(ends.flatMap((end) => end.toArray()));
+    setEnds(bone.geometry, ends.flatMap((end) => end.toArray()));
     bone.material.color.copy(colourOf(joint));
     bone.material.opacity = opacity(Math.min(pose.confidences[n], pose.confidences[joint.parent]));
     bone.visible = true;
@@ -104,6 +104,17 @@ export class SkeletonOverlay {
     }));
     return best;
   }
+}
+
+/** Moves a line of two points in its buffer. A new one for each picture would stay on the graphics card until a garbage collection. */
+function setEnds(geometry: LineGeometry, ends: number[]): void {
+  const known = geometry.getAttribute('instanceStart') as InterleavedBufferAttribute | undefined;
+  if (!known) {
+    geometry.setPositions(ends);
+    return;
+  }
+  known.data.set(ends);
+  known.data.needsUpdate = true;
 }
 
 function setPoints(points: Points<BufferGeometry, PointsMaterial>, places: number[], colours: number[] | null): void {

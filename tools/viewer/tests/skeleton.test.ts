@@ -1,7 +1,9 @@
+import { Line2 } from 'three/addons/lines/Line2.js';
 import { describe, expect, it } from 'vitest';
 import { type Bend, editedFrames, editFile, operationOf, readOperations, shareAt, skinAt, turnAt, turnedPose, turnedSurface } from '../src/bend';
 import { aboutAxis, poseDistance, product, type Quaternion, similarPoses, turnCurves, turnsOf } from '../src/pose';
 import { parseSkeleton, type Pose, type Skeleton } from '../src/skeleton_file';
+import { SkeletonOverlay } from '../src/skeleton_overlay';
 
 const base64 = (bytes: number[]) => btoa(String.fromCharCode(...bytes));
 
@@ -187,5 +189,23 @@ describe('a bend', () => {
     expect(() => readOperations('{}')).toThrowError("'format' is missing");
     expect(() => readOperations('{"format": "v3d-scene"}')).toThrowError('format: expected "v3d-edit"');
     expect(() => readOperations('{"format": "v3d-edit", "operations": 1}')).toThrowError('operations: expected a list');
+  });
+});
+
+describe('the drawn skeleton', () => {
+  it('moves its bones in the same buffers', () => {
+    const overlay = new SkeletonOverlay();
+    const { joints, poses } = skeleton();
+    const [first] = poses;
+    const raised = { ...first, positions: first.positions.map((value, n) => (n % 3 === 2 ? value + 0.5 : value)) };
+    const bones = () => overlay.group.children.filter((child) => child instanceof Line2)
+      .map((bone) => bone.geometry.getAttribute('instanceStart') as unknown as { data: { array: Float32Array } });
+    overlay.show([{ joints, pose: first, chosen: -1 }]);
+    const before = bones();
+    expect(before).toHaveLength(2);
+    overlay.show([{ joints, pose: raised, chosen: -1 }]);
+    expect(bones()).toEqual(before);
+    bones().forEach((bone, n) => expect(bone.data).toBe(before[n].data));
+    expect([...bones()[0].data.array]).toEqual([0, 0, 1.5, 1, 0, 1.5]);
   });
 });
