@@ -1,23 +1,27 @@
-// Soak test of the page's memory: plays two thousand meshes, or V3D_MESHES=10000, as fast as the page shows them.
+// Soak test of the memory of the page and of the process that draws: shows two thousand meshes of each story, or V3D_MESHES=10000, as
+// fast as the page shows them.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
+import { execFileSync, spawn } from 'node:child_process';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { megabytes, memoryOf } from './page_memory.mjs';
-import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
+import { launchBrowser, LCM_URL, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const MESHES = Number(process.env.V3D_MESHES ?? 2_000);
 const SAMPLES = 10;
+/** Of the live meshes that are sent, per second. */
+const RATE = 50;
 // The growth is measured after the first two samples, when code is compiled and buffers have their size. A leak of one array of
 // a mesh in a hundred meshes would exceed both bounds.
-const MAX_HEAP_GROWTH = 4e6;
-const MAX_RESIDENT_GROWTH = 32e6;
+const MAX_GROWTH = { heap: 4e6, resident: 32e6, graphics: 32e6 };
+const WORDS = { heap: 'of JavaScript', resident: 'of the renderer', graphics: 'of the process that draws' };
 let browser, page;
 
 before(async () => {
   execFileSync(join(build, 'tests/viewer_takes'), [studio.folder]);
+  execFileSync(join(build, 'bin/v3dctl'), ['skeleton', join(studio.folder, 'takes/person')], { stdio: 'ignore' });
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 420, height: 320 } });
@@ -28,20 +32,50 @@ after(async () => {
   await studio.end();
 });
 
-test('uses constant memory while it plays', async (story) => {
-  await page.goto(`${studio.address}#take=ball`);
+async function open(hash) {
+  await page.goto(`${studio.address}#${hash}`);
+  await page.reload();
   await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0);
-  await page.selectOption('#speed', '4');
+}
+
+/** Shows the meshes, and checks that the memory of no process grows. */
+async function usesConstantMemory(story) {
   const samples = [];
   for (let n = 1; n <= SAMPLES; ++n) {
     const meshes = Math.round((MESHES * n) / SAMPLES);
     await page.waitForFunction((wanted) => Number(document.getElementById('canvas').dataset.shown) >= wanted, meshes, { timeout: 0 });
-    const { heap, resident } = await memoryOf(browser, page);
-    samples.push({ heap, resident });
-    story.diagnostic(`after ${meshes} meshes: ${megabytes(heap)} MB of JavaScript, ${megabytes(resident)} MB resident`);
+    const sample = await memoryOf(browser, page);
+    samples.push(sample);
+    story.diagnostic(`after ${meshes} meshes: ${Object.keys(WORDS).map((what) => `${megabytes(sample[what])} MB ${WORDS[what]}`).join(', ')}`);
   }
-  const growth = (what) => samples.at(-1)[what] - Math.max(...samples.slice(0, 2).map((sample) => sample[what]));
-  story.diagnostic(`growth: ${megabytes(growth('heap'))} MB of JavaScript, ${megabytes(growth('resident'))} MB resident`);
-  assert.ok(growth('heap') <= MAX_HEAP_GROWTH, `the JavaScript heap has grown by ${growth('heap')} bytes, expected at most ${MAX_HEAP_GROWTH}`);
-  assert.ok(growth('resident') <= MAX_RESIDENT_GROWTH, `the renderer has grown by ${growth('resident')} bytes, expected at most ${MAX_RESIDENT_GROWTH}`);
+  for (const [what, most] of Object.entries(MAX_GROWTH)) {
+    const growth = samples.at(-1)[what] - Math.max(...samples.slice(0, 2).map((sample) => sample[what]));
+    story.diagnostic(`growth: ${megabytes(growth)} MB ${WORDS[what]}`);
+    assert.ok(growth <= most, `the memory ${WORDS[what]} has grown by ${growth} bytes, expected at most ${most}`);
+  }
+}
+
+test('uses constant memory while it plays', async (story) => {
+  await open('take=ball');
+  await page.selectOption('#speed', '4');
+  await usesConstantMemory(story);
+});
+
+test('uses constant memory while it draws bones', async (story) => {
+  await open('take=person');
+  await page.waitForSelector('#skeleton:not([hidden])');
+  await page.click('#skeleton-on');
+  await page.selectOption('#speed', '4');
+  await usesConstantMemory(story);
+});
+
+test('uses constant memory while it shows live meshes', async (story) => {
+  // A page that draws slowly misses most of them: the sender must not end before.
+  const sender = spawn(join(build, 'tests/viewer_live'), [LCM_URL, 1_000_000, RATE, 0, 1].map(String), { stdio: 'ignore' });
+  try {
+    await open('live');
+    await usesConstantMemory(story);
+  } finally {
+    sender.kill();
+  }
 });
