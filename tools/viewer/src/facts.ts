@@ -46,9 +46,12 @@ export class FrameMeter {
     this.last = now;
   }
 
+  /** Time since the last frame. */
+  ageMs = (now: number) => now - this.last;
+
   facts(frame: ShownFrame, now: number): string[] {
     while (this.times.length && this.times[0] < now - 2000) this.times.shift();
-    return frameFacts(frame, this.times.length / 2, this.latencyMs, (now - this.last) / 1000);
+    return frameFacts(frame, this.times.length / 2, this.latencyMs, this.ageMs(now) / 1000);
   }
 }
 

@@ -390,7 +390,6 @@ class Viewer {
 
   private show(frame: ShownFrame): void {
     this.shown = frame;
-    this.shownAt = performance.now();
     find('canvas').dataset.shown = String(++this.shownCount);
     this.troubles.set('frames', '');
     this.performers.add(frame);
@@ -491,15 +490,10 @@ class Viewer {
       ? sceneFacts(this.sceneSeconds, this.composition.scene.takes.length, this.stage.triangles)
       : frame ? this.meter.facts(frame, now) : [];
     find('facts').innerHTML = factsHtml(facts);
-    if (frame?.live) this.showLiveAge(frame.live.take, now - this.shownAt);
-  }
-
-  private showLiveAge(take: string, ageMs: number): void {
-    const { title, trouble } = liveTexts(take, ageMs);
+    if (!frame?.live) return;
+    const { title, trouble } = liveTexts(frame.live.take, this.meter.ageMs(now));
     find('title').textContent = title;
-    if (!trouble || find('open-live').dataset.link !== 'open') return;
-    this.latency = null;
-    if (find('trouble').textContent !== trouble) this.trouble(trouble); // an alert is read out once
+    this.troubles.set('live', find('open-live').dataset.link === 'open' ? trouble : '');
   }
 }
 
