@@ -10,13 +10,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <sstream>
 
 #include "base/core/error.h"
-#include "codec/frame_header.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/viewd/web_streams.h"
 #include "daemon/web/web_access.h"
 #include "support/child_process.h"
 #include "viewed_site.h"
@@ -371,142 +368,6 @@ TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
   EXPECT_EQ(site().open_stream(request).refusal.status, 404);
   request.host = "evil.example";
   EXPECT_EQ(site().open_stream(request).refusal.status, 403);
-}
-
-/// Frames with valid headers and without content.
-class Meshes {
- public:
-  wire::MeshMessage next(bool key) {
-    codec::FrameHeader header;
-    header.facts.pulse = pulse_;
-    header.facts.step = 0.01;
-    if (key) key_ = pulse_;
-    header.key_pulse = key_;
-    header.flags = codec::FrameHeader::kColours | (key ? 0 : codec::FrameHeader::kInter);
-    header.colour_steps = {1, 1, 1};
-    header.reference = key ? 0 : checksum_;
-    wire::MeshMessage mesh;
-    mesh.pulse = pulse_++;
-    mesh.compact = write_frame(header, codec::Sections{{{1}, {1}, {}, {1}}});
-    checksum_ = header.checksum;
-    return mesh;
-  }
-
- private:
-  int64_t pulse_ = 0;
-  int64_t key_ = 0;
-  uint32_t checksum_ = 0;
-};
-
-constexpr MonotonicInstant kNow(std::chrono::hours(1));
-
-/// The pulse in a message, -1 where there is none.
-int64_t pulse_in(const std::optional<web::WebMessage>& message) {
-  if (!message) return -1;
-  const std::string key = "\"pulse\":";
-  return std::stoll(message->bytes->substr(message->bytes->find(key) + key.size()));
-}
-
-TEST(LiveFeed, sends_every_frame_to_a_fast_subscriber) {
-  LiveFeed feed;
-  Meshes meshes;
-  const auto subscriber = feed.subscribe(kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), -1) << "no live mesh yet";
-  for (int pulse = 0; pulse < 30; ++pulse) {
-    feed.add(meshes.next(pulse % 10 == 0), kNow);
-    EXPECT_EQ(pulse_in(subscriber->next()), pulse);
-    EXPECT_EQ(pulse_in(subscriber->next()), -1);
-  }
-  EXPECT_EQ(feed.counts().skipped, 0);
-}
-
-TEST(LiveFeed, sends_a_slow_subscriber_the_newest_key_frame) {
-  LiveFeed feed;
-  Meshes meshes;
-  const auto subscriber = feed.subscribe(kNow);
-  feed.add(meshes.next(true), kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), 0);
-  for (int pulse = 1; pulse < 25; ++pulse) feed.add(meshes.next(pulse % 10 == 0), kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), 20);
-  EXPECT_EQ(pulse_in(subscriber->next()), 21);
-  EXPECT_EQ(feed.counts().skipped, 19);
-}
-
-TEST(LiveFeed, drops_frames_that_are_not_after_the_last_pulse) {
-  LiveFeed feed;
-  Meshes meshes;
-  const auto subscriber = feed.subscribe(kNow);
-  const wire::MeshMessage first = meshes.next(true);
-  wire::MeshMessage second = meshes.next(true);
-  feed.add(first, kNow);
-  feed.add(second, kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), 1);
-  feed.add(first, kNow);
-  feed.add(second, kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), -1);
-  EXPECT_EQ(feed.counts().outdated, 2);
-  wire::MeshMessage again = first;
-  again.sent += std::chrono::minutes(1);
-  feed.add(again, kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), 0) << "a new take of the same name";
-  second.take = "another";
-  feed.add(second, kNow);
-  EXPECT_EQ(pulse_in(subscriber->next()), 1);
-}
-
-TEST(LiveFeed, starts_a_late_subscriber_with_a_key_frame) {
-  LiveFeed feed;
-  Meshes meshes;
-  for (int pulse = 0; pulse < 14; ++pulse) feed.add(meshes.next(pulse % 10 == 0), kNow);
-  EXPECT_EQ(pulse_in(feed.subscribe(kNow)->next()), 10);
-  EXPECT_EQ(feed.counts().skipped, 0) << "nothing was skipped";
-}
-
-TEST(LiveFeed, sends_no_frame_of_an_ended_take_to_a_new_subscriber) {
-  LiveFeed feed;
-  Meshes meshes;
-  feed.add(meshes.next(true), kNow);
-  feed.add(meshes.next(false), kNow);
-  EXPECT_EQ(pulse_in(feed.subscribe(kNow + LiveFeed::kMaxAge)->next()), 0);
-  const auto later = feed.subscribe(kNow + LiveFeed::kMaxAge + std::chrono::milliseconds(1));
-  EXPECT_EQ(pulse_in(later->next()), -1);
-  feed.add(meshes.next(false), kNow + std::chrono::seconds(20));
-  for (int pulse = 0; pulse < 3; ++pulse) {
-    EXPECT_EQ(pulse_in(later->next()), pulse) << "the mesh was only delayed, and needs its key";
-  }
-  const auto next_take = feed.subscribe(kNow + std::chrono::minutes(1));
-  EXPECT_EQ(pulse_in(next_take->next()), -1);
-  feed.add(meshes.next(true), kNow + std::chrono::minutes(2));
-  EXPECT_EQ(pulse_in(next_take->next()), 3);
-}
-
-RC_GTEST_PROP(LiveFeed, sends_no_frame_without_its_predecessor, ()) {
-  LiveFeed feed;
-  Meshes meshes;
-  const auto subscriber = feed.subscribe(kNow);
-  int64_t last = -1;
-  std::set<int64_t> keys;
-  for (const int dice : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 20))) {
-    const bool key = dice < 3;
-    const wire::MeshMessage mesh = meshes.next(key);
-    if (key) keys.insert(mesh.pulse);
-    if (dice != 19) feed.add(mesh, kNow);  // else it is lost on the network
-    if (dice % 3 == 0) {
-      const int64_t got = pulse_in(subscriber->next());
-      if (got < 0) continue;
-      RC_ASSERT(got > last && (got == last + 1 || keys.contains(got)));
-      last = got;
-    }
-  }
-}
-
-TEST(LiveFeed, drops_messages_without_a_compact_frame) {
-  LiveFeed feed;
-  wire::MeshMessage mesh;
-  mesh.compact = {1, 2, 3};
-  feed.add(mesh, kNow);
-  EXPECT_EQ(feed.counts().unusable, 1);
-  EXPECT_FALSE(feed.subscribe(kNow)->next());
 }
 
 TEST(TakesJson, replaces_bytes_of_a_slate_that_are_not_utf8) {
