@@ -207,7 +207,7 @@ class Viewer {
     this.openAs({ take: null, scene: name }, `scene=${name}`, null);
     this.parts.load(`${name}/scene.json`, () => fetchText(url), (text) => {
       if (text === null) throw new Error('there is no such scene.');
-      this.showScene(parseScene(text), url, at);
+      this.showScene(parseScene(text), at, url);
     });
   }
 
@@ -215,7 +215,7 @@ class Viewer {
   private async openFile(file: File): Promise<void> {
     this.openAs({ take: null, scene: '' }, '', null);
     try {
-      this.showScene(parseScene(await file.text()), this.unsavedUrl(), NaN);
+      this.showScene(parseScene(await file.text()));
       find('title').textContent = file.name;
     } catch (error) {
       this.troubles.set('scene', `${file.name}: ${(error as Error).message}`);
@@ -228,7 +228,7 @@ class Viewer {
     const seconds = take && this.playback ? (this.playback.last - this.playback.first + 1) / take.rate_hz : 10;
     const scene = newScene(take ?? null, seconds, this.stage.eyeAsKey(0));
     this.openAs({ take: null, scene: '' }, '', null);
-    this.showScene(scene, this.unsavedUrl(), NaN);
+    this.showScene(scene);
   }
 
   /** A scene of the open take and another one beside it, in step. */
@@ -238,18 +238,14 @@ class Viewer {
     if (!first || !second) return;
     const scene = sideBySide(first, second, this.stage.eyeAsKey(0), APART_M);
     this.openAs({ take: null, scene: '' }, '', null);
-    this.showScene(scene, this.unsavedUrl(), NaN);
+    this.showScene(scene);
     this.setFollowing(false);
     this.stage.frameAll();
     find('title').textContent = `${first.name} and ${second.name}`;
   }
 
-  /** URL of an unsaved scene, as if its folder were beside the takes. */
-  private unsavedUrl(): string {
-    return new URL('takes/unsaved/scene.json', location.href).href;
-  }
-
-  private showScene(scene: SceneFile, url: string, at: number): void {
+  /** `url`: of its file; an unsaved scene is shown as if its folder were beside the takes. */
+  private showScene(scene: SceneFile, at = NaN, url = new URL('takes/unsaved/scene.json', location.href).href): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
     const trouble = (source: string, text: string) => this.troubles.set(source, text);
     this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble, this.parts);
