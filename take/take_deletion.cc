@@ -115,6 +115,9 @@ TakeDeletion::Compared TakeDeletion::state_of(const TakePaths& take) const {
   std::erase_if(state.files, [](const TakeFile& file) { return may_change(file.name); });
   for (const TakeFile& file : state.files) {
     const auto there = stat_take_file(copy, file.name);
+    const bool is_absent =
+        !there && (there.error().code == ENOENT || there.error().code == ENOTDIR);
+    if (!there && !is_absent) io::throw_input_error(there.error());
     state.copy.push_back(there ? std::optional(*there) : std::nullopt);
   }
   return state;

@@ -7,6 +7,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <functional>
 #include <memory>
 
@@ -28,6 +29,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr const char* kOtherMount = "/other-mount/";  ///< paths that stat() sees on another device
+std::string unreadable;                               ///< path that stat() cannot read; empty: none
 
 /// The verified takes kendo-07 and kendo-08 of a node, and their copies in an archive.
 class TakeDeletions : public testing::Test {
@@ -157,6 +159,13 @@ TEST_F(TakeDeletions, keep_a_take_whose_copy_was_moved_since_it_was_read) {
   EXPECT_TRUE(fs::exists(node_ / "kendo-07/cam07.lcmlog"));
 }
 
+TEST_F(TakeDeletions, keep_a_take_and_name_the_file_of_its_copy_that_cannot_be_read_any_more) {
+  EXPECT_THAT(error_after([&] { unreadable = archive_ / "kendo-07/calib.toml"; }),
+              AllOf(HasSubstr("archive/kendo-07/calib.toml: "), HasSubstr("Input/output error")));
+  unreadable.clear();
+  EXPECT_TRUE(fs::exists(node_ / "kendo-07/cam07.lcmlog"));
+}
+
 TEST_F(TakeDeletions, keep_a_take_that_was_circled_since_its_copy_was_read) {
   EXPECT_THAT(
       error_after([&] { test::write_text(node_ / "kendo-07/slate.toml", "mark = 'circled'\n"); }),
@@ -263,8 +272,13 @@ TEST_F(TakeDeletions, make_room_on_a_full_disk_where_no_copy_is_needed) {
 }  // namespace
 }  // namespace v3d::take
 
-/// Replaces that of the C library: another device for files below kOtherMount.
+/// Replaces that of the C library: another device for files below kOtherMount, EIO for
+/// `unreadable`.
 extern "C" int stat(const char* path, struct stat* status) {
+  if (v3d::take::unreadable == path) {
+    errno = EIO;
+    return -1;
+  }
   const auto result = static_cast<int>(syscall(SYS_newfstatat, AT_FDCWD, path, status, 0));
   if (result == 0 &&
       std::string_view(path).find(v3d::take::kOtherMount) != std::string_view::npos) {
