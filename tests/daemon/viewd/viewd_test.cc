@@ -2,15 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
-#include <spdlog/sinks/ostream_sink.h>
-#include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "base/core/error.h"
 #include "daemon/control/reply_json.h"
@@ -288,33 +285,9 @@ TEST_F(ViewedSite, lists_a_take_of_which_a_file_has_a_typing_error) {
   EXPECT_THAT(take.dump(), Not(HasSubstr(folder_.path().string())));
 }
 
-/// Collects the lines of the log during the lifetime.
-class LogLines {
- public:
-  LogLines() {
-    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
-        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(lines_)));
-  }
-  ~LogLines() { spdlog::set_default_logger(before_); }
-  LogLines(const LogLines&) = delete;
-  LogLines& operator=(const LogLines&) = delete;
-
-  int count(const std::string& text) const {
-    int count = 0;
-    const std::string lines = lines_.str();
-    for (size_t at = 0; (at = lines.find(text, at)) != std::string::npos; ++at) ++count;
-    return count;
-  }
-
- private:
-  const std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
-  std::ostringstream lines_;
-};
-
 TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
   save_info({"cam01"});
   write(folder_ / "takes/kendo-07/slate.toml", "mark = 'circle'\n");
-  const LogLines log;
   int listings = 0;
   WebSite site(studio_, web::WebAccess(""), find_page_files(folder_ / "page"), commands_,
                [&](const std::filesystem::path& folder) {
@@ -325,8 +298,12 @@ TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
     done(site.answer({.method = "GET", .target = "/api/takes", .host = "localhost"}));
     return listings >= 2;
   };
+  testing::internal::CaptureStdout();
   EXPECT_TRUE(test::becomes_true(has_listed_twice, test::within(20)));
-  EXPECT_EQ(log.count("take kendo-07: slate.toml"), 1);
+  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string line = "take kendo-07: slate.toml";
+  EXPECT_THAT(log, HasSubstr(line));
+  EXPECT_EQ(log.find(line), log.rfind(line)) << log;
 }
 
 TEST_F(ViewedSite, accepts_only_get_and_head) {
