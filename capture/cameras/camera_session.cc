@@ -69,7 +69,8 @@ void CameraSession::train_ended() {
 }
 
 void CameraSession::pulse_at(const PulseEdge& edge) {
-  if (!matcher_ || running_ || !ready_) return;
+  if (!matcher_ || !ready_) return;
+  if (running_) return expect_after(edge);
   if (!train_is_over_ && !std::exchange(expecting_, true)) {
     heard(std::max(last_frame_, edge.is_timed ? edge.at : options_.now()));
   }
@@ -217,15 +218,26 @@ std::vector<FrameStamp> CameraSession::held_stamps() const {
 }
 
 /// First frames after a restart in a take: the times of reported pulses predict the arrival of
-/// frames, however long the interruption was.
+/// frames, however long the interruption was. So the frames wait for the first report, which may
+/// need a while, as long as memory allows.
 void CameraSession::label_resumed_frames(bool no_more) {
   const bool is_known = start_.edge && latency_;
-  const bool may_wait = edges_are_reported_ && latency_ && !no_more && held_.size() < kStartFrames;
+  const bool may_wait =
+      edges_are_reported_ && latency_ && !no_more && held_.size() < kMaxStartFrames;
   if (!is_known && may_wait) return;
   if (is_known) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);
   running_ = true;
   expect_frames();
   deliver_held(0);
+}
+
+/// A pulse that is reported after the first frames of a resumed take were delivered: without it,
+/// the matcher would extrapolate the arrivals of before the interruption, and could suspect all
+/// frames.
+void CameraSession::expect_after(const PulseEdge& edge) {
+  if (!edge.is_timed || !latency_ || !is_resuming()) return;
+  start_.edge = edge;
+  matcher_->expect(edge.pulse, edge.at + *latency_);
 }
 
 void CameraSession::label_first_frames(bool no_more) {
@@ -319,6 +331,7 @@ CameraWorkerStatus CameraSession::status() const {
   status.text = text_;
   status.link = camera_ ? link_before_ + camera_->statistics() : link_before_;
   status.state = state();
+  status.is_resuming = is_resuming();
   return status;
 }
 

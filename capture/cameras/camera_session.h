@@ -23,7 +23,8 @@ namespace v3d::capture {
 /// kIdleStep otherwise, except for the time to open a camera.
 ///
 /// The first frames of a train are held until their pulse is known: mostly none, at most
-/// kStartFrames, and kMaxStartFrames after a stall of this host.
+/// kStartFrames, and kMaxStartFrames after a stall of this host, or after rejoin() until a pulse is
+/// reported.
 ///
 /// A camera counts as silent only while step() waits. While this host stalls, frames may be
 /// waiting.
@@ -74,6 +75,8 @@ class CameraSession {
   /// further frames.
   void label_first_frames(bool no_more);
   void label_resumed_frames(bool no_more);
+  void expect_after(const PulseEdge& edge);
+  bool is_resuming() const { return matcher_ && matcher_->is_resuming(); }
   void deliver_held(size_t strays);
   void set_aside(size_t count);
   void deliver_strays();

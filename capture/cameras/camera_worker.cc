@@ -68,7 +68,8 @@ class CameraWorker::Impl {
 
   void pulse_at(const PulseEdge& edge) {
     const std::lock_guard lock(mutex_);
-    if (status_.state == CameraState::kRunning) return;  // the first pulse is already known
+    // The first pulse is already known.
+    if (status_.state == CameraState::kRunning && !status_.is_resuming) return;
     ask([edge](CameraSession& session) { session.pulse_at(edge); });
   }
 

@@ -36,7 +36,8 @@ struct CameraWorkerStatus {
   int64_t losses = 0;     ///< times the camera was lost since the worker started
   std::string last_loss;  ///< text of the last loss: "no frame for 3 pulses after pulse 9"
   int64_t last_pulse = -1;
-  ImageSize size;  ///< after the camera was first opened
+  bool is_resuming = false;  ///< no frame since rejoin() is certain; a reported pulse may help
+  ImageSize size;            ///< after the camera was first opened
   PixelFormat format = PixelFormat::kMono8;
   CameraDevice device;                         ///< Camera::device() of the last start()
   std::vector<SettingDifference> differences;  ///< Camera::differences() of the last start()
@@ -76,8 +77,9 @@ class CameraWorker {
   /// Joins a running take after a restart, instead of arm(). Pulses run already, and `past` holds
   /// this camera's earlier frames. Frames are suspect until their pulse is certain.
   void rejoin(Duration period, bool edges_are_reported, const CameraResumeState& past);
-  /// Reports a pulse of the train; the first pulses are sufficient. It identifies the pulse of the
-  /// first frame, and from then on frames are expected.
+  /// Reports a pulse of the train; the first pulses are sufficient, and after rejoin() those until
+  /// a frame is certain. It identifies the pulse of the first frame, and from then on frames are
+  /// expected.
   void pulse_at(const PulseEdge& edge);
   /// The generator was stopped: from now on silence is no loss. Frames in flight are still
   /// delivered.

@@ -128,6 +128,8 @@ class PulseMatcher {
   /// Resumes a take after `frames`, instead of begin(). Requires at least one frame; their pulses
   /// must rise.
   void resume_from(std::span<const KnownFrame> frames);
+  /// True from resume_from() until a frame is certain.
+  bool is_resuming() const { return resumed_; }
   /// Sets the expected arrival of the frame of `pulse`, from the times of pulses and the latency.
   void expect(int64_t pulse, MonotonicInstant arrival);
 

@@ -72,6 +72,28 @@ TEST_F(RejoiningCameraSessionTest, labels_frames_correctly_again_after_minutes) 
   EXPECT_FALSE(frames_.back().label.suspect);
 }
 
+/// Before and after the 24th held frame: until it, frames wait for the report of a pulse.
+TEST_F(RejoiningCameraSessionTest,
+       labels_frames_correctly_again_after_minutes_however_late_pulses_are_reported) {
+  for (const int periods : {5, 10, 20, 28}) {
+    report_delay_ = periods * Script::kPeriod;
+    session_->close();
+    frames_.clear();
+    past_ = {};
+    rejoin_after(20'000);
+    EXPECT_FALSE(frames_.back().label.suspect) << periods;
+    EXPECT_EQ(frames_.back().label.pulse % 256, frames_.back().image.bytes[0]) << periods;
+    EXPECT_FALSE(session_->status().is_resuming) << periods;
+  }
+}
+
+TEST_F(RejoiningCameraSessionTest, suspects_all_frames_while_no_pulse_is_reported_after_minutes) {
+  report_delay_ = std::chrono::hours(1);
+  rejoin_after(20'000);
+  EXPECT_EQ(suspect(), std::ssize(frames_));
+  EXPECT_TRUE(session_->status().is_resuming);
+}
+
 TEST_F(RejoiningCameraSessionTest, accepts_a_restarted_camera_clock_after_enough_arrivals) {
   clock_jumps_ = -std::chrono::hours(3);
   rejoin_after(100);
