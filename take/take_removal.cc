@@ -107,6 +107,12 @@ void remove_mesh_file_without_meshes(const TakePaths& paths) {
   rmdir(paths.folder.c_str());  // fails, as intended, when the folder is not empty
 }
 
+void remove_empty_log(const fs::path& segment) {
+  V3D_CHECK(segment.extension() == kLogExtension);
+  std::error_code error;
+  if (fs::file_size(segment, error) == 0) unlink(segment.c_str());  // -1 after an error
+}
+
 void remove_working_file(const fs::path& file) {
   V3D_CHECK(file.filename().string().starts_with("."));
   unlink(file.c_str());

@@ -48,6 +48,9 @@ bool may_hold_frames(const TakePaths& paths);
 /// empty. Removes no other file.
 void remove_mesh_file_without_meshes(const TakePaths& paths);
 
+/// Removes a segment of a log that has no byte. Errors are ignored: an empty segment has no events.
+void remove_empty_log(const std::filesystem::path& segment);
+
 /// Removes a working file that daemons use during recording. Requires a hidden name (".reserve",
 /// ".order-cap01"). Errors are ignored: a remaining file has no effect.
 void remove_working_file(const std::filesystem::path& file);

@@ -87,12 +87,12 @@ void ActiveTake::resume_recording(TakeToResume resumed) {
   const take::TakePaths paths = node::take_paths(context_.studio, plan_.order.take);
   PulseRecorder::Resume resume{.sensed = {}, .commanded = resumed.commanded};
   for (const auto& [pulse, edge] : resumed.recorded.edges) resume.sensed.insert(pulse);
-  auto recording = NodeTake::resume(context_, recording_plan(), std::move(resumed),
-                                    context_.trigger.reports_edges());
+  auto recording = NodeTake::resume(context_, recording_plan(), std::move(resumed));
   start_pulse_recorder(paths.pulses(), std::move(resume));
   context_.trigger.start();
   was_started_ = true;
   recording_ = std::move(recording);
+  recording_->rejoin(context_.trigger.reports_edges());
 }
 
 void ActiveTake::start_check() {

@@ -193,7 +193,7 @@ std::optional<wire::CommandMessage> CaptureNode::rejoin() {
                  node::advice::kRejoined);
   } catch (const std::exception&) {
     cameras_.disarm();
-    if (rejoin_.give_up()) recovered_takes_.search(signer_.signer());
+    rejoin_.cancel();
     throw;
   }
   if (lights_) lights_->show(LightOutput::Scene::kTake);

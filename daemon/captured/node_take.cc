@@ -17,6 +17,17 @@ namespace {
 /// Queue length in frames that a short stall does not explain: live pulses are skipped.
 constexpr int64_t kLiveBacklog = 5;
 
+namespace fs = std::filesystem;
+
+/// Paths of the log segments of a take, sorted.
+io::Result<std::vector<fs::path>> logs_of(const take::TakePaths& paths) {
+  return io::list_folder(paths.folder).map([](std::vector<fs::path> logs) {
+    std::erase_if(logs, [](const fs::path& file) { return file.extension() != ".lcmlog"; });
+    std::ranges::sort(logs);
+    return logs;
+  });
+}
+
 using Cameras = std::vector<NodeCameras::RecordedCamera>;
 
 take::TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan,
@@ -65,7 +76,9 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
   node::persist_command(context.studio, context.name, plan.order);
   std::unique_ptr<NodeTake> take(
       new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
-  for (const auto& camera : cameras) take->add_pipeline(*camera.worker, camera.background);
+  for (const auto& camera : cameras) {
+    take->add_pipeline(*camera.worker, segmentation::Segmenter(camera.background, {}));
+  }
   // Nothing takes the frames of other cameras from their queues.
   for (const auto& worker : context.cameras) {
     const auto is_this = [&](const auto& camera) { return camera.worker == worker.get(); };
@@ -77,37 +90,70 @@ std::unique_ptr<NodeTake> NodeTake::create(const Context& context, const Plan& p
 }
 
 std::unique_ptr<NodeTake> NodeTake::resume(const Context& context, const Plan& plan,
-                                           TakeToResume resumed, bool edges_are_reported) {
+                                           TakeToResume resumed) {
   const take::TakePaths paths = node::take_paths(context.studio, plan.order.take);
-  const bool is_recovered = load_take_info(paths).state != take::TakeState::kRecording;
-  // Mark the take as open first: a crash after this line must be recovered with its new frames.
-  take::TakeInfo info = node::reopen_take(paths);
+  // Reserves the space for the ledger before anything is changed.
   std::unique_ptr<NodeTake> take(
-      new NodeTake(context, std::move(info), plan.disk, std::move(resumed.lock)));
-  take->unread_ = resumed.recorded.problems;
+      new NodeTake(context, load_take_info(paths), plan.disk, std::move(resumed.lock)));
+  take->reopen(std::move(resumed.recorded));
+  return take;
+}
+
+void NodeTake::reopen(RecordedTake recorded) {
+  unread_ = std::move(recorded.problems);
   // After a failed sync the kernel can drop what it did not write, and the next sync succeeds. So
   // only another recovery, which reads the logs, can close the take.
-  if (!is_recovered) {
-    take->unread_.push_back("its recovery has failed; the next start of the daemon tries again");
+  if (info_.state == take::TakeState::kRecording) {
+    unread_.push_back("its recovery has failed; the next start of the daemon tries again");
   }
-  for (const auto& worker : context.cameras) {
+  resuming_.emplace(Resuming{.info = info_, .logs = io::value_or_throw(logs_of(paths_))});
+  // Mark the take as open first: a crash after this line must be recovered with its new frames.
+  info_ = node::reopen_take(paths_);
+  add_resumed_pipelines(std::move(recorded));
+  for (const std::string& problem : unread_) spdlog::error("{}", problem);
+  sync_names();
+}
+
+void NodeTake::add_resumed_pipelines(RecordedTake recorded) {
+  for (const auto& worker : context_.cameras) {
     const std::string& camera = worker->camera();
-    const auto recorded = resumed.recorded.cameras.find(camera);
-    if (recorded == resumed.recorded.cameras.end()) continue;
-    ResumeState& resume = recorded->second;
-    take->unread_.insert(take->unread_.end(), resume.problems.begin(), resume.problems.end());
-    worker->rejoin(period_of(take->info_.rate_hz), edges_are_reported, resume.camera);
-    take->add_pipeline(*worker, segmentation::load_background(take->paths_.background(), camera),
-                       std::move(resume));
+    const auto found = recorded.cameras.find(camera);
+    if (found == recorded.cameras.end()) continue;
+    ResumeState& resume = found->second;
+    unread_.insert(unread_.end(), resume.problems.begin(), resume.problems.end());
+    resuming_->cameras.emplace(worker.get(), resume.camera);
+    add_pipeline(*worker, std::move(recorded.segmenters.at(camera)), std::move(resume));
   }
-  for (const std::string& problem : take->unread_) spdlog::error("{}", problem);
-  take->sync_names();
-  take->begin_sound();
-  return take;
+}
+
+void NodeTake::rejoin(bool edges_are_reported) {
+  begin_sound();
+  const Resuming resuming = *std::exchange(resuming_, std::nullopt);
+  for (const auto& [worker, past] : resuming.cameras) {
+    worker->rejoin(period_of(info_.rate_hz), edges_are_reported, past);
+  }
+}
+
+/// Without a recount, which would read the logs for minutes: the ledger of before is still that of
+/// the take.
+void NodeTake::undo_reopen() {
+  pipelines_.clear();
+  disk_.reset();
+  const std::vector<fs::path>& before = resuming_->logs;
+  for (const fs::path& log : logs_of(paths_).value_or(before)) {
+    if (std::ranges::find(before, log) == before.end()) take::remove_empty_log(log);
+  }
+  const auto logs = logs_of(paths_);
+  io::Status undone;
+  if (logs && *logs == before) undone = save_take_info(paths_, resuming_->info);
+  if (logs && *logs == before && undone) return;
+  spdlog::error("{} stays open; the next start of the daemon counts it{}", info_.name,
+                undone ? "" : ": " + undone.error().message);
 }
 
 NodeTake::~NodeTake() {
   if (context_.sound != nullptr) context_.sound->end();
+  if (resuming_) undo_reopen();
 }
 
 void NodeTake::begin_sound() {
@@ -144,14 +190,13 @@ void NodeTake::sync_names() const {
   if (auto synced = io::sync_folder(paths_.folder); !synced) io::throw_input_error(synced.error());
 }
 
-void NodeTake::add_pipeline(capture::CameraWorker& worker,
-                            const segmentation::BackgroundModel& background,
+void NodeTake::add_pipeline(capture::CameraWorker& worker, segmentation::Segmenter segmenter,
                             std::optional<ResumeState> resume) {
   pipelines_.push_back(std::make_unique<CameraPipeline>(
       worker,
       CameraPipeline::Setup{.take = info_.name,
                             .log = paths_.frames(worker.camera()),
-                            .segmenter = segmentation::Segmenter(background, {}),
+                            .segmenter = std::move(segmenter),
                             .rate_hz = info_.rate_hz,
                             .resume = std::move(resume),
                             .hashing = context_.signer != nullptr ? take::LogHashing::kTree

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <filesystem>
 #include <future>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -168,13 +169,18 @@ class NodeTake {
   /// name. After another failure, the folder is in the quarantine and the name is free again.
   static std::unique_ptr<NodeTake> begin(const Context& context, const Plan& plan);
 
-  /// Resumes a take after a restart. `edges_are_reported`: see NodeTrigger::reports_edges(). A take
-  /// whose recovery has failed stays open when it is closed. Throws InputError; the caller must
-  /// then disarm the cameras.
+  /// Resumes a take after a restart; rejoin() must follow. A take whose recovery has failed stays
+  /// open when it is closed. Throws InputError.
   static std::unique_ptr<NodeTake> resume(const Context& context, const Plan& plan,
-                                          TakeToResume resumed, bool edges_are_reported);
+                                          TakeToResume resumed);
+  /// After resume(): lets cameras and sound join. Call it when pulses are reported: a camera
+  /// delivers its first frames when a pulse was reported, and cannot hold them for long.
+  /// `edges_are_reported`: see NodeTrigger::reports_edges(). Afterwards the caller must disarm the
+  /// cameras.
+  void rejoin(bool edges_are_reported);
 
-  /// Ends the recording of sound.
+  /// Ends the recording of sound. Where rejoin() did not follow on resume() and nothing was added
+  /// to the take, the take is as it was before.
   ~NodeTake();
   NodeTake(const NodeTake&) = delete;
   NodeTake& operator=(const NodeTake&) = delete;
@@ -206,12 +212,16 @@ class NodeTake {
   NodeTake(Context context, take::TakeInfo info, const DiskDemand& demand, take::TakeLock lock);
   static std::unique_ptr<NodeTake> create(const Context& context, const Plan& plan,
                                           take::TakeLock lock);
+  /// Marks the take as recording, and adds the pipelines of its cameras.
+  void reopen(RecordedTake recorded);
+  void add_resumed_pipelines(RecordedTake recorded);
+  void undo_reopen();
   void begin_sound();
   /// Starts to map the sound files of before a restart of the daemon, beside the recording.
   void map_earlier_sounds();
   /// The sound files of this node. Waits for their maps.
   std::vector<take::SoundLedger> end_sound();
-  void add_pipeline(capture::CameraWorker& worker, const segmentation::BackgroundModel& background,
+  void add_pipeline(capture::CameraWorker& worker, segmentation::Segmenter segmenter,
                     std::optional<ResumeState> resume = {});
   DiskErrors disk_errors() const;
   /// The disk, with the demand of all cameras that were opened until now.
@@ -236,6 +246,14 @@ class NodeTake {
   std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
   std::future<std::vector<take::SoundLedger>> earlier_sounds_;  ///< not valid: there are none
   std::vector<std::string> unread_;  ///< why frames or pulses before a restart are not counted
+
+  /// Of a take between resume() and rejoin().
+  struct Resuming {
+    take::TakeInfo info;                      ///< as before
+    std::vector<std::filesystem::path> logs;  ///< that existed before
+    std::map<capture::CameraWorker*, capture::CameraResumeState> cameras{};
+  };
+  std::optional<Resuming> resuming_;
 };
 
 }  // namespace v3d::captured

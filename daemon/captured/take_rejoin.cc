@@ -6,35 +6,38 @@
 #include <stdexcept>
 #include <utility>
 
+#include "capture/segmentation/background.h"
 #include "daemon/node/take_folder.h"
 
 namespace v3d::captured {
-namespace {
-
-RecordedTake read_recorded_take(const take::TakePaths& take,
-                                const std::vector<std::string>& cameras,
-                                const take::ReadProgress& progress) {
-  RecordedTake recorded;
-  recorded.edges = read_edge_times(take, recorded.problems);
-  for (const std::string& camera : cameras) {
-    recorded.cameras.emplace(camera, read_resume_state(take, camera, recorded.edges, progress));
-  }
-  return recorded;
-}
-
-}  // namespace
 
 RecordedTakeReader::RecordedTakeReader(take::TakePaths take, std::vector<std::string> cameras,
-                                       take::ReadProgress progress) {
-  std::packaged_task<RecordedTake()> task(
-      [this, take = std::move(take), cameras = std::move(cameras), progress = std::move(progress)] {
-        return read_recorded_take(take, cameras, [&] {
-          if (stopping_) throw std::runtime_error("the reading was cancelled");
-          if (progress) progress();
-        });
-      });
+                                       take::ReadProgress progress)
+    : take_(std::move(take)), cameras_(std::move(cameras)) {
+  std::packaged_task<RecordedTake()> task([this, progress = std::move(progress)] {
+    return read([&] {
+      if (stopping_) throw std::runtime_error("the reading was cancelled");
+      if (progress) progress();
+    });
+  });
   result_ = task.get_future();
   thread_ = std::thread(std::move(task));
+}
+
+/// Plates first: without them the node cannot record, and the logs need not be read.
+RecordedTake RecordedTakeReader::read(const take::ReadProgress& progress) {
+  RecordedTake recorded;
+  for (const std::string& camera : cameras_) {
+    progress();
+    recorded.segmenters.emplace(
+        camera,
+        segmentation::Segmenter(segmentation::load_background(take_.background(), camera), {}));
+  }
+  recorded.edges = read_edge_times(take_, recorded.problems);
+  for (const std::string& camera : cameras_) {
+    recorded.cameras.emplace(camera, read_resume_state(take_, camera, recorded.edges, progress));
+  }
+  return recorded;
 }
 
 RecordedTakeReader::~RecordedTakeReader() {
@@ -97,17 +100,6 @@ void TakeRejoin::cancel() {
   if (!reading_) return;
   reading_.reset();
   signer_.set_paused(false);
-}
-
-bool TakeRejoin::give_up() {
-  cancel();
-  if (order_.take.empty()) return false;
-  const take::TakePaths paths = node::take_paths(studio_, order_.take);
-  const auto holder = take_lock_holder(paths);
-  if (!holder || !holder->empty()) return false;
-  node::drop_command(studio_, node_, order_.take);
-  node::recover_reopened_take(paths, node_);
-  return true;
 }
 
 }  // namespace v3d::captured

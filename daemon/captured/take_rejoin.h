@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "capture/segmentation/segmenter.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_signers.h"
 #include "daemon/node/peer_health.h"
@@ -27,9 +28,11 @@ struct RecordedTake {
   EdgeTimes edges = {};                          ///< of the pulse log
   std::vector<std::string> problems = {};        ///< why pulses may be absent
   std::map<std::string, ResumeState> cameras{};  ///< by name
+  /// Of the same cameras, as the plates of the take give them.
+  std::map<std::string, segmentation::Segmenter> segmenters{};
 };
 
-/// Reads the logs of a take in a thread, which may take minutes. The owner is one thread.
+/// Reads plates and logs of a take in a thread, which may take minutes. The owner is one thread.
 class RecordedTakeReader {
  public:
   /// `progress`: called by the thread after each read.
@@ -41,10 +44,15 @@ class RecordedTakeReader {
   RecordedTakeReader& operator=(const RecordedTakeReader&) = delete;
 
   bool is_done() const;
-  /// Waits until is_done(). Call once. Throws what prevented the reading.
+  /// Waits until is_done(). Call once. Throws what prevented the reading: InputError when a camera
+  /// has no plates.
   RecordedTake result() { return result_.get(); }
 
  private:
+  RecordedTake read(const take::ReadProgress& progress);
+
+  const take::TakePaths take_;
+  const std::vector<std::string> cameras_;
   std::atomic<bool> stopping_ = false;
   std::future<RecordedTake> result_;
   std::thread thread_;
@@ -76,9 +84,6 @@ class TakeRejoin {
   void cancel_unless_polled();
   /// Ends the reading and releases the lock, if it was not returned.
   void cancel();
-  /// After a failure: closes the part of the take that was recorded. False while another process of
-  /// this node records the take.
-  bool give_up();
 
  private:
   struct Reading {

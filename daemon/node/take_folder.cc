@@ -106,17 +106,6 @@ take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node) 
   return lock;
 }
 
-void recover_reopened_take(const take::TakePaths& paths, const std::string& node) {
-  try {
-    const take::TakeLock lock = lock_take(paths, node);
-    for (const std::string& error : recover_with_progress(paths).read_errors) {
-      spdlog::error("{} stays open: {}", paths.folder.string(), error);
-    }
-  } catch (const std::exception& error) {
-    spdlog::error("{}", error.what());
-  }
-}
-
 io::Result<std::vector<std::string>> close_take(const Studio& studio, take::TakeInfo info,
                                                 const take::Ledger& ledger, take::TakeState state) {
   const take::TakePaths paths = take_paths(studio, info.name);

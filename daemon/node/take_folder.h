@@ -39,11 +39,6 @@ take::TakeInfo reopen_take(const take::TakePaths& paths);
 /// the file system does not support locks.
 take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node);
 
-/// Recovers a take that could not be resumed: writes its ledger and state. Does nothing while
-/// another process records into it. Errors are logged; the next start of the daemon tries again.
-/// Reports its progress to systemd.
-void recover_reopened_take(const take::TakePaths& paths, const std::string& node);
-
 /// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
 /// count again. Returns one line with path and cause for each file that could not be read, whose
 /// checksum the ledger lacks; the take is closed all the same. Fails with one line that names the

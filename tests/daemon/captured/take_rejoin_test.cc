@@ -27,11 +27,19 @@ class ReaderOfARecordedTake : public testing::Test {
         EXPECT_TRUE(frames.write(message));
       }
     }
+    for (const char* camera : {"cam01", "cam02", "cam03", "cam04"}) save_plates(camera);
     for (int64_t pulse = 0; pulse < kFrames; ++pulse) {
       wire::PulseMessage message;
       message.pulse = pulse;
       EXPECT_TRUE(pulses.write(message));
     }
+  }
+
+  void save_plates(const std::string& camera) const {
+    const std::vector<float> mean(16 * 8, 100), spread(16 * 8, 1);
+    segmentation::save_background(
+        take_.background(), camera,
+        {.size = {16, 8}, .format = PixelFormat::kMono8, .mean = mean, .spread = spread});
   }
 
   static constexpr int64_t kFrames = 5;
@@ -55,6 +63,7 @@ TEST_F(ReaderOfARecordedTake, returns_pulses_and_frames_without_waiting_for_the_
     EXPECT_THAT(state.problems, IsEmpty());
     ASSERT_TRUE(state.log);
     EXPECT_EQ(state.log->events(), kFrames);
+    EXPECT_EQ(recorded.segmenters.at(camera).size(), (ImageSize{16, 8}));
   }
 }
 

@@ -217,7 +217,6 @@ TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_record
   EXPECT_FALSE(found[0].ledger);
   EXPECT_THAT(found[0].line,
               testing::ContainsRegex("kendo-07.*process [0-9]+ on .* has locked it"));
-  recover_reopened_take(paths, "cap01");
   EXPECT_EQ(load_take_info(paths).state, take::TakeState::kRecording);
   EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
   EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),

@@ -1,0 +1,174 @@
+// The return of a node to a running take after a restart, with a camera that cannot be opened any
+// more.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "daemon/captured/active_take.h"
+#include "daemon/node/take_folder.h"
+#include "support/begun_take.h"
+#include "support/studio_text.h"
+#include "support/temporary_folder.h"
+#include "take/ledger/verify.h"
+
+namespace v3d::captured {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+constexpr char kTake[] = "kendo-07";
+constexpr char kTriggerNode[] = "cap01";
+constexpr char kNode[] = "cap02";
+constexpr char kCamera[] = "cam03";
+constexpr int64_t kFrames = 20;
+constexpr ImageSize kSize{16, 8};
+
+/// The take is recovered, and the trigger's node still records it.
+class RejoinedTake : public testing::Test {
+ protected:
+  RejoinedTake() {
+    take::TakeInfo info = test::begun_take({kCamera});
+    info.rate_hz = 10;
+    node::create_take(studio_, info);
+    wire::CommandMessage order = plan().order;
+    order.sender = "ada@pc";
+    node::persist_command(studio_, kNode, order);
+    record();
+    recover_take(paths_);
+  }
+
+  Studio studio() const {
+    Studio studio;
+    studio.name = "dojo";
+    studio.path = folder_ / "studio.toml";
+    studio.nodes = {{kTriggerNode}, {kNode}};
+    studio.trigger.node = kTriggerNode;
+    studio.trigger.wire = folder_ / "cable";
+    StudioCamera& camera = studio.cameras.emplace_back();
+    camera.name = kCamera;
+    camera.node = kNode;
+    camera.kind = CameraKind::kV4l2;
+    camera.address = folder_ / "unplugged";
+    studio.storage = {.takes = folder_ / "takes",
+                      .background = folder_ / "background",
+                      .calib = folder_ / "calib.toml"};
+    test::write_text(studio.path, test::studio_text({{kTriggerNode, {}}, {kNode, {kCamera}}}));
+    test::write_text(studio.storage.calib, "# the rig\n");
+    fs::create_directories(studio.storage.takes);
+    const std::vector<float> mean(kSize.width * kSize.height, 100), spread(mean.size(), 1);
+    segmentation::save_background(
+        studio.storage.background, kCamera,
+        {.size = kSize, .format = PixelFormat::kMono8, .mean = mean, .spread = spread});
+    return studio;
+  }
+  void record() const {
+    take::EventLogWriter pulses(paths_.pulses()), frames(paths_.frames(kCamera));
+    for (int64_t n = 0; n < kFrames; ++n) {
+      wire::PulseMessage pulse;
+      pulse.take = kTake;
+      pulse.pulse = n;
+      EXPECT_TRUE(pulses.write(pulse));
+      wire::FrameMessage message;
+      message.take = kTake;
+      message.frame.camera = kCamera;
+      message.frame.label.pulse = n;
+      message.frame.label.camera_counter = static_cast<uint64_t>(n);
+      message.frame.image = Image(kSize, PixelFormat::kMono8);
+      EXPECT_TRUE(frames.write(message));
+    }
+  }
+  static ActiveTake::Plan plan() {
+    wire::CommandMessage order;
+    order.verb = wire::CommandVerb::kArm;
+    order.take = kTake;
+    return {.order = order,
+            .train = {.rate_hz = 10, .width = std::chrono::milliseconds(1), .count = {}}};
+  }
+  TakeToResume recorded() const {
+    take::TakeLock lock = node::lock_take(paths_, kNode);
+    return {.order = plan().order,
+            .commanded = kFrames,
+            .lock = std::move(lock),
+            .recorded = RecordedTakeReader(paths_, {kCamera}).result()};
+  }
+  /// The contents of the files of the take that are not hidden, by name.
+  std::map<std::string, std::string> files() const {
+    std::map<std::string, std::string> files;
+    for (const fs::directory_entry& entry : fs::directory_iterator(paths_.folder)) {
+      const std::string name = entry.path().filename();
+      if (!name.starts_with(".") && entry.is_regular_file()) files[name] = read_file(entry.path());
+    }
+    return files;
+  }
+
+  const test::TemporaryFolder folder_;
+  bus::Bus bus_{kUrl};
+  const Studio studio_ = studio();
+  const take::TakePaths paths_ = node::take_paths(studio_, kTake);
+};
+
+/// ActiveTake and its parts.
+class TakeOfAReturnedCamera : public RejoinedTake {
+ protected:
+  ActiveTake::Context context() {
+    return {{studio_, node_, bus_, cameras_, slots_, signer_},
+            trigger_,
+            [](const capture::PulseEdge&) {}};
+  }
+  int64_t frames_of_the_camera() const { return (*cameras_.begin())->status().frames; }
+
+  const std::string node_ = kNode;
+  capture::PulseTimes pulse_times_{std::chrono::milliseconds(100)};
+  NodeTrigger trigger_{studio_, kNode, bus_};
+  NodeCameras cameras_{studio_, kNode, pulse_times_};
+  PrioritySemaphore slots_{1};
+  std::shared_ptr<const take::TakeSigner> signer_;
+};
+
+TEST_F(TakeOfAReturnedCamera, has_the_frames_of_before_in_its_ledger) {
+  const auto take = ActiveTake::resume(context(), plan(), recorded());
+  EXPECT_EQ(frames_of_the_camera(), kFrames);
+  EXPECT_EQ(load_take_info(paths_).state, take::TakeState::kRecording);
+  const TakeResult result = take->close();
+  EXPECT_EQ(result.close_report.error, "");
+  ASSERT_EQ(result.ledger.cameras.size(), 1U);
+  EXPECT_EQ(result.ledger.cameras[0].written, kFrames);
+  EXPECT_EQ(result.ledger.cameras[0].received, kFrames);
+  EXPECT_EQ(load_take_info(paths_).state, take::TakeState::kComplete);
+}
+
+TEST_F(TakeOfAReturnedCamera, is_joined_by_the_camera_after_everything_else) {
+  const NodeTake::Plan recording{.order = plan().order, .disk = {}};
+  const auto take = NodeTake::resume(context(), recording, recorded());
+  EXPECT_EQ(take->camera_count(), 1U);
+  EXPECT_EQ(frames_of_the_camera(), 0) << "it holds frames until a pulse is reported";
+  take->rejoin(true);
+  EXPECT_EQ(frames_of_the_camera(), kFrames);
+}
+
+TEST_F(TakeOfAReturnedCamera, is_as_it_was_when_its_pulses_cannot_be_received) {
+  for (const int last : {take::kMaxSegments - 1, take::kMaxSegments}) {
+    test::write_text(take::segment_path(paths_.pulses(), last), "");  // no segment can follow
+  }
+  const auto before = files();
+  EXPECT_THROW(ActiveTake::resume(context(), plan(), recorded()), InputError);
+  EXPECT_EQ(files(), before) << "a recount would read the logs for minutes";
+  EXPECT_EQ(frames_of_the_camera(), 0);
+  EXPECT_EQ(take_lock_holder(paths_).value(), "");
+}
+
+TEST_F(TakeOfAReturnedCamera, stays_open_when_something_was_added_before_it_is_given_up) {
+  const NodeTake::Plan recording{.order = plan().order, .disk = {}};
+  auto take = NodeTake::resume(context(), recording, recorded());
+  test::write_text(take::segment_path(paths_.pulses(), 1), "a pulse");
+  take.reset();
+  EXPECT_EQ(load_take_info(paths_).state, take::TakeState::kRecording);
+  EXPECT_EQ(read_file(take::segment_path(paths_.pulses(), 1)), "a pulse");
+}
+
+}  // namespace
+}  // namespace v3d::captured
