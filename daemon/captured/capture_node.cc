@@ -70,7 +70,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
       slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
       signer_(studio, node),
       recovered_takes_(studio, node),
-      rejoin_(studio, node_, persisted_commands_, recovered_takes_) {
+      rejoin_(studio, node_, persisted_commands_, recovered_takes_, events_) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -180,22 +180,20 @@ void CaptureNode::disarm() {
 std::optional<wire::CommandMessage> CaptureNode::rejoin() {
   // The train ended with the daemon of the trigger's node.
   if (trigger_.is_here()) return std::nullopt;
+  int64_t commanded = 0;
   try {
     auto resumed = rejoin_.poll(*trigger_.monitor());
     if (!resumed) return std::nullopt;
     reset_for_order(resumed->order, std::nullopt);
-    const std::string what =
-        plan_.order.take + " again, from pulse " + std::to_string(resumed->commanded);
+    commanded = resumed->commanded;
     take_ = ActiveTake::resume(take_context(), plan_, *std::move(resumed));
-    rejoin_.cancel();
-    recovered_takes_.set_paused(true);
-    events_.send(wire::Severity::kWarning, "take", node_ + " restarted and records " + what,
-                 node::advice::kRejoined);
-  } catch (const std::exception&) {
+  } catch (const std::exception& error) {
     cameras_.disarm();
-    rejoin_.cancel();
+    rejoin_.fail(error.what());
     throw;
   }
+  rejoin_.finish(commanded);
+  recovered_takes_.set_paused(true);
   if (lights_) lights_->show(LightOutput::Scene::kTake);
   return plan_.order;
 }
@@ -376,6 +374,7 @@ std::string CaptureNode::ready_text() const {
 
 std::string CaptureNode::fault_text() const {
   std::vector<std::string> lines;
+  if (const std::string text = rejoin_.text(); !text.empty()) lines.push_back(text);
   if (const std::string text = trigger_.fault(); !text.empty()) lines.push_back("trigger: " + text);
   if (const std::string text = trigger_.warning(); !text.empty()) lines.push_back(text);
   if (const std::string text = trigger_.sensor_fault(); !text.empty()) {
@@ -387,6 +386,9 @@ std::string CaptureNode::fault_text() const {
 
 void CaptureNode::report_health(wire::HealthMessage& health) {
   trigger_.retry_stop();
+  for (const std::string& line : std::exchange(open_takes_, {})) {
+    events_.send(wire::Severity::kAlarm, "take", line, node::advice::kStaysOpen);
+  }
   health.text = fault_text();
   health.values["cameras"] = static_cast<double>(cameras_.size());
   const io::Result<double> free = node::disk_free_bytes(studio_);

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/config/studio_file.h"
 #include "capture/sync/pulse_times.h"
@@ -39,6 +40,9 @@ class CaptureNode : public control::NodeDelegate {
   /// InputError when the node has neither camera nor trigger.
   CaptureNode(const Studio& studio, const std::string& node, bus::Bus& bus);
   ~CaptureNode() override;
+
+  /// Sends an alarm with the first health: a take that the recovery at the start left open.
+  void report_open_take(const std::string& line) { open_takes_.push_back(line); }
 
   void set_signing_key(const wire::SigningKey& key) override;
   void arm(const wire::CommandMessage& order) override;
@@ -117,6 +121,7 @@ class CaptureNode : public control::NodeDelegate {
   NodeSigner signer_;
   RecoveredTakeSigner recovered_takes_;
   TakeRejoin rejoin_;
+  std::vector<std::string> open_takes_;  ///< not reported yet
 
   ActiveTake::Plan plan_;       ///< of the last order
   bool cameras_armed_ = false;  ///< for the last order

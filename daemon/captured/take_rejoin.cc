@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "capture/segmentation/background.h"
+#include "daemon/node/advice.h"
 #include "daemon/node/take_folder.h"
 
 namespace v3d::captured {
@@ -35,9 +36,15 @@ RecordedTake RecordedTakeReader::read(const take::ReadProgress& progress) {
   }
   recorded.edges = read_edge_times(take_, recorded.problems);
   for (const std::string& camera : cameras_) {
+    ++cameras_begun_;
     recorded.cameras.emplace(camera, read_resume_state(take_, camera, recorded.edges, progress));
   }
   return recorded;
+}
+
+std::string RecordedTakeReader::file() const {
+  const size_t begun = cameras_begun_;
+  return (begun == 0 ? take_.pulses() : take_.frames(cameras_[begun - 1])).filename();
 }
 
 RecordedTakeReader::~RecordedTakeReader() {
@@ -53,6 +60,8 @@ std::optional<TakeToResume> TakeRejoin::poll(node::TrainMonitor& train) {
   was_polled_ = true;
   if (reading_) {
     follow(train);
+  } else if (!failure_.empty()) {
+    forget_ended_take(train);
   } else if (const auto found = commands_.find_running(train)) {
     begin(*found);
   }
@@ -79,7 +88,10 @@ void TakeRejoin::begin(const node::PersistedCommands::Found& found) {
   reading->reader.emplace(paths, std::move(cameras));
   signer_.set_paused(true);
   reading_ = std::move(reading);
-  spdlog::info("{} is still recorded: its logs are read, to record into it again", order_.take);
+  events_.send(wire::Severity::kWarning, "take",
+               node_ + " restarted and does not record " + order_.take +
+                   " yet: it reads what it has recorded",
+               node::advice::kReadsLogs);
 }
 
 /// Cancels when another take, or none, is recorded by now.
@@ -92,14 +104,42 @@ void TakeRejoin::follow(node::TrainMonitor& train) {
   cancel();
 }
 
+/// The failure is that of a take that has ended.
+void TakeRejoin::forget_ended_take(node::TrainMonitor& train) {
+  const auto running = train.running();
+  if (running && running->take != order_.take) failure_.clear();
+}
+
 void TakeRejoin::cancel_unless_polled() {
-  if (!std::exchange(was_polled_, false)) cancel();
+  if (std::exchange(was_polled_, false)) return;
+  cancel();
+  failure_.clear();
 }
 
 void TakeRejoin::cancel() {
   if (!reading_) return;
   reading_.reset();
   signer_.set_paused(false);
+}
+
+void TakeRejoin::finish(int64_t commanded) {
+  cancel();
+  events_.send(wire::Severity::kWarning, "take",
+               node_ + " restarted and records " + order_.take + " again, from pulse " +
+                   std::to_string(commanded),
+               node::advice::kRejoined);
+}
+
+void TakeRejoin::fail(const std::string& cause) {
+  cancel();
+  const std::string take = order_.take.empty() ? "the running take" : order_.take;
+  failure_ = "does not record " + take + ": " + cause;
+  events_.send(wire::Severity::kAlarm, "take", node_ + " " + failure_, node::advice::kNotRejoined);
+}
+
+std::string TakeRejoin::text() const {
+  if (!reading_) return failure_;
+  return "does not record " + order_.take + " yet: reads " + reading_->reader->file();
 }
 
 }  // namespace v3d::captured

@@ -13,6 +13,7 @@
 
 #include "base/config/studio_file.h"
 #include "capture/segmentation/segmenter.h"
+#include "daemon/bus/event_sender.h"
 #include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_signers.h"
 #include "daemon/node/peer_health.h"
@@ -44,6 +45,8 @@ class RecordedTakeReader {
   RecordedTakeReader& operator=(const RecordedTakeReader&) = delete;
 
   bool is_done() const;
+  /// The file that is being read: "pulses.lcmlog", then the logs of the cameras.
+  std::string file() const;
   /// Waits until is_done(). Call once. Throws what prevented the reading: InputError when a camera
   /// has no plates.
   RecordedTake result() { return result_.get(); }
@@ -53,6 +56,7 @@ class RecordedTakeReader {
 
   const take::TakePaths take_;
   const std::vector<std::string> cameras_;
+  std::atomic<size_t> cameras_begun_ = 0;
   std::atomic<bool> stopping_ = false;
   std::future<RecordedTake> result_;
   std::thread thread_;
@@ -67,23 +71,31 @@ struct TakeToResume {
 };
 
 /// Finds the take that the node rejoins, locks it and reads its logs. No call waits for the logs,
-/// so the node executes orders meanwhile. One thread.
+/// so the node executes orders meanwhile. Sends events while the node does not record. One thread.
 class TakeRejoin {
  public:
   /// Everything referred to outlives this object.
   TakeRejoin(const Studio& studio, const std::string& node, node::PersistedCommands& commands,
-             RecoveredTakeSigner& signer)
-      : studio_(studio), node_(node), commands_(commands), signer_(signer) {}
+             RecoveredTakeSigner& signer, bus::EventSender& events)
+      : studio_(studio), node_(node), commands_(commands), signer_(signer), events_(events) {}
 
   /// Call while the node may rejoin. Returns the running take once its logs have been read. Throws
   /// InputError when it cannot be locked, or not be read.
   ///
   /// Until cancel(), no recovered take is signed, because signing needs the lock.
   std::optional<TakeToResume> poll(node::TrainMonitor& train);
-  /// Call before each poll() that may follow: cancels when the last call was followed by none.
+  /// Call before each poll() that may follow: cancels, and ends text(), when the last call was
+  /// followed by none.
   void cancel_unless_polled();
   /// Ends the reading and releases the lock, if it was not returned.
   void cancel();
+  /// Call when the take is recorded again, from pulse `commanded` on: sends an event.
+  void finish(int64_t commanded);
+  /// Call after poll() has thrown, or the take could not be resumed: cancels, and sends an alarm
+  /// with the cause.
+  void fail(const std::string& cause);
+  /// Why the node does not record the running take, for its health; else empty.
+  std::string text() const;
 
  private:
   struct Reading {
@@ -95,13 +107,16 @@ class TakeRejoin {
 
   void begin(const node::PersistedCommands::Found& found);
   void follow(node::TrainMonitor& train);
+  void forget_ended_take(node::TrainMonitor& train);
 
   const Studio& studio_;
   const std::string& node_;
   node::PersistedCommands& commands_;
   RecoveredTakeSigner& signer_;
+  bus::EventSender& events_;
   wire::CommandMessage order_;  ///< of the take that is or was read
   std::unique_ptr<Reading> reading_;
+  std::string failure_;      ///< of the take that runs; else empty
   bool was_polled_ = false;  ///< since cancel_unless_polled()
 };
 

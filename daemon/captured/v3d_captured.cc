@@ -45,6 +45,9 @@ void run(const v3d::Studio& studio, const std::string& node) {
                     v3d::bus::ChannelList(studio));
   bus.authenticator().require_authentication();
   v3d::captured::CaptureNode capture(studio, node, bus);
+  for (const v3d::node::RecoveredTake& take : recovered) {
+    if (!take.ledger) capture.report_open_take(take.line);
+  }
   v3d::node::NodeLoop loop(
       {node, "v3d-captured", v3d::bus::credentials_of_node(studio, node), studio.network.metrics},
       bus, capture);

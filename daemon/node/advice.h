@@ -11,6 +11,11 @@ inline constexpr char kFramesMissing[] =
     "If the take must be complete, stop it; v3dctl stop lists the missing pulses";
 inline constexpr char kRejoined[] =
     "Its cameras lack the pulses of the restart: if the take must be complete, stop it";
+inline constexpr char kReadsLogs[] =
+    "Its cameras lack the pulses until then: if the take must be complete, stop it";
+inline constexpr char kNotRejoined[] =
+    "If the take must be complete, stop it; when the cause is removed, systemctl restart "
+    "'v3d-captured@*' on this PC tries again";
 inline constexpr char kFramesSuspect[] =
     "Check the camera's trigger cable, and that nothing else triggers it; v3dctl verify lists the "
     "frames";

@@ -385,11 +385,12 @@ class TakeToRejoin : public TakeOfAnotherNode {
   bool is_locked() const { return !take_lock_holder(paths()).value().empty(); }
 
   RecoveredTakeSigner signing_{studio_, node_};
+  bus::EventSender events_{bus_, node_};
 };
 
 TEST_F(TakeToRejoin, is_returned_with_its_lock_and_its_latest_number_of_pulses) {
   node::PersistedCommands commands(studio_, node_);
-  TakeRejoin rejoin(studio_, node_, commands, signing_);
+  TakeRejoin rejoin(studio_, node_, commands, signing_, events_);
   std::vector<TakeToResume> resumed;
   const auto poll = [&] {
     rejoin.cancel_unless_polled();
@@ -408,7 +409,7 @@ TEST_F(TakeToRejoin, is_returned_with_its_lock_and_its_latest_number_of_pulses) 
 
 TEST_F(TakeToRejoin, is_unlocked_when_the_node_may_not_rejoin_any_more) {
   node::PersistedCommands commands(studio_, node_);
-  TakeRejoin rejoin(studio_, node_, commands, signing_);
+  TakeRejoin rejoin(studio_, node_, commands, signing_, events_);
   std::vector<TakeToResume> resumed;
   const auto poll = [&] {
     publish_commanded(7);

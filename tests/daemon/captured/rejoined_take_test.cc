@@ -8,8 +8,11 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "daemon/captured/active_take.h"
+#include "daemon/captured/capture_node.h"
 #include "daemon/node/take_folder.h"
 #include "support/begun_take.h"
+#include "support/child_process.h"
+#include "support/lock_holder.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
@@ -18,6 +21,10 @@ namespace v3d::captured {
 namespace {
 
 namespace fs = std::filesystem;
+using test::becomes_true;
+using test::within;
+using testing::HasSubstr;
+using testing::IsEmpty;
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr char kTake[] = "kendo-07";
@@ -95,6 +102,18 @@ class RejoinedTake : public testing::Test {
             .lock = std::move(lock),
             .recorded = RecordedTakeReader(paths_, {kCamera}).result()};
   }
+  void publish_health(wire::NodeState state, const std::string& take) {
+    wire::HealthMessage health;
+    health.sent = Realtime::now();
+    health.seq = health_seq_++;
+    health.node = kTriggerNode;
+    health.state = state;
+    health.take = take;
+    health.values["pulses_commanded"] = kFrames + 1;
+    bus_.publish(wire::health_channel(kTriggerNode), encode(health));
+  }
+  void publish_running() { publish_health(wire::NodeState::kRecording, kTake); }
+
   /// The contents of the files of the take that are not hidden, by name.
   std::map<std::string, std::string> files() const {
     std::map<std::string, std::string> files;
@@ -107,8 +126,10 @@ class RejoinedTake : public testing::Test {
 
   const test::TemporaryFolder folder_;
   bus::Bus bus_{kUrl};
+  bus::Subscription<wire::EventMessage> events_{bus_, wire::kEventChannel, 64};
   const Studio studio_ = studio();
   const take::TakePaths paths_ = node::take_paths(studio_, kTake);
+  int64_t health_seq_ = 0;
 };
 
 /// ActiveTake and its parts.
@@ -168,6 +189,93 @@ TEST_F(TakeOfAReturnedCamera, stays_open_when_something_was_added_before_it_is_g
   take.reset();
   EXPECT_EQ(load_take_info(paths_).state, take::TakeState::kRecording);
   EXPECT_EQ(read_file(take::segment_path(paths_.pulses(), 1)), "a pulse");
+}
+
+/// The node of the camera.
+class NodeThatReturns : public RejoinedTake {
+ protected:
+  /// Calls the node as the main loop does, until rejoin() returns or throws.
+  std::string error_of_rejoin() {
+    std::string error = "none";
+    EXPECT_TRUE(becomes_true(
+        [&] {
+          publish_running();
+          return has_tried(error);
+        },
+        within(60)));
+    return error;
+  }
+  bool has_tried(std::string& error) {
+    node_.poll(control::Phase::kIdle);
+    try {
+      return node_.rejoin().has_value();
+    } catch (const InputError& failed) {
+      error = failed.what();
+      return true;
+    }
+  }
+  std::string health_text() {
+    wire::HealthMessage health;
+    node_.report_health(health);
+    return health.text;
+  }
+  /// The next event about takes.
+  wire::EventMessage event() {
+    for (;;) {
+      const auto event = events_.wait(within(30));
+      if (!event || event->subject == "take") return event.value_or(wire::EventMessage{});
+    }
+  }
+
+  CaptureNode node_{studio_, kNode, bus_};
+};
+
+TEST_F(NodeThatReturns, reports_that_it_does_not_record_while_it_reads_and_when_it_does) {
+  EXPECT_EQ(error_of_rejoin(), "none");
+  const wire::EventMessage reads = event(), records = event();
+  EXPECT_EQ(reads.severity, wire::Severity::kWarning);
+  EXPECT_THAT(reads.text, HasSubstr("cap02 restarted and does not record kendo-07 yet"));
+  EXPECT_THAT(records.text, HasSubstr("cap02 restarted and records kendo-07 again, from pulse 21"));
+  EXPECT_THAT(health_text(), testing::Not(HasSubstr("does not record")));
+  node_.disarm();
+}
+
+TEST_F(NodeThatReturns, reports_why_it_does_not_record_until_the_take_has_ended) {
+  test::LockHolder other(paths_, kNode);
+  EXPECT_THAT(error_of_rejoin(), HasSubstr("has locked it"));
+  const wire::EventMessage alarm = event();
+  EXPECT_EQ(alarm.severity, wire::Severity::kAlarm);
+  EXPECT_THAT(alarm.text, testing::AllOf(HasSubstr("cap02 does not record kendo-07: "),
+                                         HasSubstr("has locked it"), HasSubstr("tries again")));
+  EXPECT_THAT(health_text(), HasSubstr("does not record kendo-07: "));
+  std::string error;
+  publish_running();
+  has_tried(error);
+  EXPECT_THAT(health_text(), HasSubstr("does not record kendo-07: "));
+  EXPECT_TRUE(becomes_true(
+      [&] {
+        publish_health(wire::NodeState::kIdle, "");
+        has_tried(error);
+        return health_text().find("does not record") == std::string::npos;
+      },
+      within(30)));
+}
+
+TEST_F(NodeThatReturns, changes_nothing_in_a_take_whose_plates_are_missing) {
+  fs::remove(paths_.background() / "cam03.mean.png");
+  const auto before = files();
+  EXPECT_THAT(error_of_rejoin(), HasSubstr("cam03.mean.png"));
+  EXPECT_EQ(files(), before) << "a recount would read the logs for minutes";
+  EXPECT_EQ(event().severity, wire::Severity::kWarning) << "it reads";
+  EXPECT_EQ(event().severity, wire::Severity::kAlarm);
+}
+
+TEST_F(NodeThatReturns, sends_an_alarm_about_a_take_that_the_recovery_left_open) {
+  node_.report_open_take("take kendo-06 stays open: Input/output error");
+  health_text();
+  const wire::EventMessage alarm = event();
+  EXPECT_EQ(alarm.severity, wire::Severity::kAlarm);
+  EXPECT_THAT(alarm.text, HasSubstr("kendo-06 stays open: Input/output error"));
 }
 
 }  // namespace
