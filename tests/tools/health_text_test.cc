@@ -71,6 +71,35 @@ TEST(HealthText, is_summed_over_the_nodes) {
   EXPECT_EQ(recording_line(reported), "1,300 pulses   3 missing");
 }
 
+/// cap02 has restarted in the take.
+std::map<std::string, wire::HealthMessage> health_without_cap02(wire::NodeState state) {
+  std::map<std::string, wire::HealthMessage> reported = {
+      {"cap01", health(wire::NodeState::kRecording, {{"cameras", 10}, {"cameras_streaming", 10}})},
+      {"cap02", health(state, {{"cameras", 5}, {"cameras_streaming", 5}})},
+      {"recon01", health(wire::NodeState::kIdle, {{"meshes", 7}})}};
+  reported["cap02"].take = "";
+  return reported;
+}
+
+TEST(HealthText, names_a_node_that_does_not_record_the_running_take) {
+  for (const wire::NodeState state : {wire::NodeState::kIdle, wire::NodeState::kFault}) {
+    const auto reported = health_without_cap02(state);
+    EXPECT_EQ(recording_line(reported), "10/15 cameras   cap02 does not record");
+    EXPECT_FALSE(all_well({"cap01", "cap02", "recon01"}, reported));
+  }
+}
+
+TEST(HealthText, names_no_node_that_is_about_to_record_or_has_recorded) {
+  for (const wire::NodeState state : {wire::NodeState::kArmed, wire::NodeState::kDraining}) {
+    const auto reported = health_without_cap02(state);
+    EXPECT_EQ(recording_line(reported), "15/15 cameras");
+    EXPECT_TRUE(all_well({"cap01", "cap02", "recon01"}, reported));
+  }
+  auto idle = health_without_cap02(wire::NodeState::kIdle);
+  idle["cap01"].state = wire::NodeState::kIdle;
+  EXPECT_EQ(recording_line(idle), "15/15 cameras") << "nothing is recorded";
+}
+
 TEST(HealthText, has_the_same_content_as_json) {
   const Json json =
       health_json({"cap01", "cap02"}, {{"cap01", health(wire::NodeState::kIdle, {{"x", 1}})}});

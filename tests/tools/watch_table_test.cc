@@ -73,6 +73,17 @@ TEST(WatchTable, shows_every_node_with_its_cameras_below) {
   EXPECT_THAT(lines[5], AllOf(HasSubstr("  cam02"), HasSubstr("streaming"), HasSubstr("25.0/s")));
 }
 
+TEST(WatchTable, highlights_a_node_that_does_not_record_the_running_take) {
+  StudioState state = studio();
+  state.nodes.push_back("cap02");
+  state.health["cap02"] = capture_health();
+  EXPECT_THAT(texts(state, true)[6], Not(HasSubstr("\033")));
+  state.health["cap02"].state = wire::NodeState::kIdle;
+  state.health["cap02"].take = "";
+  EXPECT_THAT(texts(state, true)[6], HasSubstr("\033[1;31midle"));
+  EXPECT_THAT(texts(state, false)[0], HasSubstr("2/4 cameras   0 missing   cap02 does not record"));
+}
+
 TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
   StudioState state = studio();
   auto& values = state.health["cap01"].values;

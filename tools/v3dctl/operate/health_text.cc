@@ -168,10 +168,11 @@ Json health_json(const std::vector<std::string>& nodes,
 
 bool all_well(const std::vector<std::string>& nodes,
               const std::map<std::string, wire::HealthMessage>& health) {
-  return std::all_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
+  const bool have_no_fault = std::ranges::all_of(nodes, [&](const std::string& node) {
     const auto found = health.find(node);
     return found != health.end() && found->second.state != wire::NodeState::kFault;
   });
+  return have_no_fault && absent_nodes(health).empty();
 }
 
 bool all_reported(const std::vector<std::string>& nodes,
@@ -182,6 +183,22 @@ bool all_reported(const std::vector<std::string>& nodes,
 
 bool is_in_take(const wire::HealthMessage& health) {
   return health.state == wire::NodeState::kRecording || health.state == wire::NodeState::kDraining;
+}
+
+std::vector<std::string> absent_nodes(const std::map<std::string, wire::HealthMessage>& health) {
+  const auto recording = std::ranges::find_if(
+      health, [](const auto& entry) { return entry.second.state == wire::NodeState::kRecording; });
+  std::vector<std::string> absent;
+  if (recording == health.end()) return absent;
+  for (const auto& [node, message] : health) {
+    // A node that prepares a take is idle, and names it.
+    const bool is_outside = message.state == wire::NodeState::kFault ||
+                            (message.state == wire::NodeState::kIdle && message.take.empty());
+    const auto cameras = message.values.find("cameras");
+    const bool has_cameras = cameras != message.values.end() && cameras->second > 0;
+    if (is_outside && has_cameras) absent.push_back(node);
+  }
+  return absent;
 }
 
 std::optional<double> sum_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
@@ -203,9 +220,12 @@ std::string recording_line(const std::map<std::string, wire::HealthMessage>& hea
   } else if (sum_over_nodes(health, "pulses_commanded")) {
     add(count(max_over_nodes(health, "pulses_commanded")) + " pulses, not sensed");
   }
+  const std::vector<std::string> absent = absent_nodes(health);
   if (const auto streaming = sum_over_nodes(health, "cameras_streaming")) {
-    add(count(*streaming) + "/" + count(sum_over_nodes(health, "cameras").value_or(*streaming)) +
-        " cameras");
+    std::map<std::string, wire::HealthMessage> present = health;
+    for (const std::string& node : absent) present.erase(node);
+    add(count(sum_over_nodes(present, "cameras_streaming").value_or(0)) + "/" +
+        count(sum_over_nodes(health, "cameras").value_or(*streaming)) + " cameras");
   }
   if (const auto missing = sum_over_nodes(health, "frames_missing"))
     add(count(*missing) + " missing");
@@ -216,6 +236,8 @@ std::string recording_line(const std::map<std::string, wire::HealthMessage>& hea
       add(value_text("_percent", max_over_nodes(health, "silhouette_iou_percent")) + " explained");
     }
   }
+  if (!absent.empty())
+    add(join_names(absent) + (absent.size() == 1 ? " does" : " do") + " not record");
   return line;
 }
 

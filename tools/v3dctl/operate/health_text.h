@@ -46,7 +46,7 @@ std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
 Json health_json(const std::vector<std::string>& nodes,
                  const std::map<std::string, wire::HealthMessage>& health);
 
-/// Whether every node has reported and none has a fault.
+/// Whether every node has reported, none has a fault, and none is absent_nodes().
 bool all_well(const std::vector<std::string>& nodes,
               const std::map<std::string, wire::HealthMessage>& health);
 
@@ -57,12 +57,17 @@ bool all_reported(const std::vector<std::string>& nodes,
 /// Whether the node records a take or drains the frames in flight after its end.
 bool is_in_take(const wire::HealthMessage& health);
 
+/// The nodes with cameras that do not record the take which another node records, for example after
+/// a restart. Sorted by name.
+std::vector<std::string> absent_nodes(const std::map<std::string, wire::HealthMessage>& health);
+
 /// Sum of a value over the nodes; empty when none reports it.
 std::optional<double> sum_over_nodes(const std::map<std::string, wire::HealthMessage>& health,
                                      const std::string& name);
 
 /// Progress of the running take: "300 pulses   15/15 cameras   0 missing   live 25.0/s, 71 ms".
-/// Values that no node reports are left out.
+/// Values that no node reports are left out. Cameras of absent_nodes() do not count as streaming,
+/// and these nodes follow: "cap02 does not record".
 std::string recording_line(const std::map<std::string, wire::HealthMessage>& health);
 
 }  // namespace v3d::ctl

@@ -125,7 +125,10 @@ WatchLine node_line(const std::string& node, const StudioState& state) {
   const wire::HealthMessage& health = found->second;
   const auto cameras = state.cameras.find(node);
   const bool meshes = find(health, "meshes").has_value();
-  row.add(std::string(name(health.state)), highlight_of(health.state));
+  const std::vector<std::string> absent = absent_nodes(state.health);
+  const bool is_absent = std::ranges::find(absent, node) != absent.end();
+  row.add(std::string(name(health.state)),
+          is_absent ? Highlight::kAlarm : highlight_of(health.state));
   row.add(rate_text(health,
                     cameras == state.cameras.end() ? std::vector<std::string>{} : cameras->second));
   add_count(row, find(health, meshes ? "dropped" : "frames_missing"),

@@ -69,8 +69,19 @@ export function wordOf(action: Action, phase: Phase): string {
   return { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' }[action];
 }
 
-/** "300 pulses · 15/15 cameras · 0 missing · live 25.0/s"; unknown values are omitted. */
+/** The nodes with cameras that do not record the take which another node records, for example after a restart. */
+export function absentNodes(nodes: readonly NodeState[]): string[] {
+  if (!nodes.some((node) => node.heard && node.state === 'recording')) return [];
+  const isOutside = (node: NodeState) => node.state === 'fault' || (node.state === 'idle' && !node.take);
+  return nodes.filter((node) => node.heard && isOutside(node) && (valueOf(node, 'cameras') ?? 0) > 0).map((node) => node.name);
+}
+
+/**
+ * "300 pulses · 15/15 cameras · 0 missing · live 25.0/s"; unknown values are omitted. Cameras of absent nodes do not count as
+ * streaming, and "cap02 does not record" follows.
+ */
 export function recordingFacts(nodes: readonly NodeState[]): string {
+  const absent = absentNodes(nodes);
   const all = (name: string) => nodes.map((node) => valueOf(node, name)).filter((value) => value !== undefined);
   const sum = (name: string) => (all(name).length ? all(name).reduce((a, b) => a + b, 0) : undefined);
   const max = (name: string) => (all(name).length ? Math.max(...all(name)) : undefined);
@@ -79,11 +90,14 @@ export function recordingFacts(nodes: readonly NodeState[]): string {
   const pulses = max('pulses_sensed') ?? max('pulses_commanded');
   if (pulses !== undefined) facts.push(`${count(pulses)} pulses`);
   const streaming = sum('cameras_streaming');
-  if (streaming !== undefined) facts.push(`${count(streaming)}/${count(sum('cameras') ?? streaming)} cameras`);
+  const streamingIn = (node: NodeState) => (absent.includes(node.name) ? 0 : (valueOf(node, 'cameras_streaming') ?? 0));
+  const recorded = nodes.map(streamingIn).reduce((a, b) => a + b, 0);
+  if (streaming !== undefined) facts.push(`${count(recorded)}/${count(sum('cameras') ?? streaming)} cameras`);
   const missing = sum('frames_missing');
   if (missing !== undefined) facts.push(`${count(missing)} missing`);
   const live = max('live_fps'); // every node of a shared take reports the rate of the common stream
   if (live !== undefined) facts.push(`live ${live.toFixed(1)}/s`);
+  if (absent.length) facts.push(`${absent.join(', ')} ${absent.length === 1 ? 'does' : 'do'} not record`);
   return facts.join(' · ');
 }
 

@@ -131,6 +131,15 @@ describe('an operator', () => {
     expect(recordingFacts([silent])).toBe('');
   });
 
+  it('names a node that does not record the running take', () => {
+    const cap01 = node('cap01', 'recording', 'k', { cameras_streaming: 10, cameras: 10 });
+    const values = { cameras_streaming: 5, cameras: 5 };
+    expect(recordingFacts([cap01, node('cap02', 'idle', '', values)])).toBe('10/15 cameras · cap02 does not record');
+    expect(recordingFacts([cap01, node('cap02', 'armed', 'k', values)])).toBe('15/15 cameras');
+    expect(recordingFacts([node('cap02', 'idle', '', values)])).toBe('5/5 cameras');
+    expect(recordingFacts([cap01, node('recon01', 'idle', '', { meshes: 7 })])).toBe('10/10 cameras');
+  });
+
   it('gets the grade of the result of an order', () => {
     expect(gradeOf(report({}))).toBe('good');
     expect(gradeOf(report({ status: 3 }))).toBe('warning');
