@@ -111,6 +111,9 @@ void NodeTake::reopen(RecordedTake recorded) {
   info_ = node::reopen_take(paths_);
   add_resumed_pipelines(std::move(recorded));
   for (const std::string& problem : unread_) spdlog::error("{}", problem);
+  resuming_->has_signature_aside = true;  // also when only the sync fails
+  resuming_->has_signature_aside =
+      io::value_or_throw(take::set_signature_aside(paths_, context_.name));
   sync_names();
 }
 
@@ -145,7 +148,10 @@ void NodeTake::undo_reopen() {
   }
   const auto logs = logs_of(paths_);
   io::Status undone;
-  if (logs && *logs == before) undone = save_take_info(paths_, resuming_->info);
+  if (logs && *logs == before && resuming_->has_signature_aside) {
+    undone = take::restore_signature(paths_, context_.name);
+  }
+  if (logs && *logs == before && undone) undone = save_take_info(paths_, resuming_->info);
   if (logs && *logs == before && undone) return;
   spdlog::error("{} stays open; the next start of the daemon counts it{}", info_.name,
                 undone ? "" : ": " + undone.error().message);

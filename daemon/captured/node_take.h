@@ -252,6 +252,7 @@ class NodeTake {
     take::TakeInfo info;                      ///< as before
     std::vector<std::filesystem::path> logs;  ///< that existed before
     std::map<capture::CameraWorker*, capture::CameraResumeState> cameras{};
+    bool has_signature_aside = false;  ///< see take::set_signature_aside()
   };
   std::optional<Resuming> resuming_;
 };

@@ -12,6 +12,7 @@
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
 #include "take/logs/log_files.h"
+#include "take/take_removal.h"
 #include "wire/signatures.h"
 
 namespace v3d::take {
@@ -205,6 +206,27 @@ SignedCamera signed_counts(const CameraLedger& camera) {
 
 fs::path signature_path(const TakePaths& paths, const std::string& node) {
   return paths.folder / ("signature." + node + ".toml");
+}
+
+namespace {
+
+fs::path hidden_signature(const TakePaths& paths, const std::string& node) {
+  return paths.folder / (".before-rejoin." + signature_path(paths, node).filename().string());
+}
+
+}  // namespace
+
+io::Result<bool> set_signature_aside(const TakePaths& paths, const std::string& node) {
+  const fs::path signature = signature_path(paths, node);
+  const auto type = io::type_of(signature);
+  if (!type) return tl::make_unexpected(type.error());
+  if (*type == fs::file_type::not_found) return false;
+  remove_working_file(hidden_signature(paths, node));
+  return io::rename_new(signature, hidden_signature(paths, node)).map([] { return true; });
+}
+
+io::Status restore_signature(const TakePaths& paths, const std::string& node) {
+  return io::rename_new(hidden_signature(paths, node), signature_path(paths, node));
 }
 
 bool is_signed_file(std::string_view name) {

@@ -109,6 +109,18 @@ TEST_F(RecoveredTakeSigning, omits_takes_that_are_complete_signed_or_of_another_
   EXPECT_THAT(unsigned_takes("recon01"), IsEmpty());
 }
 
+TEST_F(RecoveredTakeSigning, finds_a_take_that_was_continued_after_its_signature) {
+  ASSERT_TRUE(sign_whole_take(take_, *as_cap01_, take::SigningOccasion::kStop));
+  EXPECT_THAT(unsigned_takes(), IsEmpty());
+  for (int restart = 0; restart < 2; ++restart) {
+    ASSERT_TRUE(set_signature_aside(take_, "cap01").value());
+    EXPECT_FALSE(set_signature_aside(take_, "cap01").value());
+    EXPECT_THAT(unsigned_takes(), ElementsAre("kendo-07"));
+    ASSERT_TRUE(sign_whole_take(take_, *as_cap01_, take::SigningOccasion::kRecovery));
+    EXPECT_THAT(check_signatures(take_, &studio_).disagreements, IsEmpty());
+  }
+}
+
 TEST_F(RecoveredTakeSigning, waits_until_the_node_has_recorded) {
   RecoveredTakeSigner signer(studio_, "cap01");
   signer.set_paused(true);

@@ -15,6 +15,7 @@
 #include "support/lock_holder.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
+#include "take/ledger/take_signature.h"
 #include "take/ledger/verify.h"
 
 namespace v3d::captured {
@@ -140,6 +141,10 @@ class TakeOfAReturnedCamera : public RejoinedTake {
             trigger_,
             [](const capture::PulseEdge&) {}};
   }
+  static void sign(const take::TakePaths& take) {
+    ASSERT_TRUE(
+        sign_whole_take(take, {kNode, wire::SigningKey::make()}, take::SigningOccasion::kRecovery));
+  }
   int64_t frames_of_the_camera() const { return (*cameras_.begin())->status().frames; }
 
   const std::string node_ = kNode;
@@ -171,11 +176,21 @@ TEST_F(TakeOfAReturnedCamera, is_joined_by_the_camera_after_everything_else) {
   EXPECT_EQ(frames_of_the_camera(), kFrames);
 }
 
+/// After a crash of the continued take, a signature of before would differ from the ledger, and the
+/// take would not be signed again.
+TEST_F(TakeOfAReturnedCamera, has_no_signature_of_before_when_it_is_recorded_again) {
+  sign(paths_);
+  const auto take = ActiveTake::resume(context(), plan(), recorded());
+  EXPECT_FALSE(fs::exists(signature_path(paths_, kNode)));
+}
+
 TEST_F(TakeOfAReturnedCamera, is_as_it_was_when_its_pulses_cannot_be_received) {
   for (const int last : {take::kMaxSegments - 1, take::kMaxSegments}) {
     test::write_text(take::segment_path(paths_.pulses(), last), "");  // no segment can follow
   }
+  sign(paths_);
   const auto before = files();
+  ASSERT_TRUE(before.contains("signature.cap02.toml"));
   EXPECT_THROW(ActiveTake::resume(context(), plan(), recorded()), InputError);
   EXPECT_EQ(files(), before) << "a recount would read the logs for minutes";
   EXPECT_EQ(frames_of_the_camera(), 0);
