@@ -5,10 +5,10 @@
 
 #include <algorithm>
 
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "daemon/node/persisted_command.h"
 #include "daemon/node/take_folder.h"
-#include "take/ledger/sound_mapping.h"
 #include "take/take_removal.h"
 
 namespace v3d::captured {
@@ -106,6 +106,7 @@ void NodeTake::reopen(RecordedTake recorded) {
   if (info_.state == take::TakeState::kRecording) {
     unread_.push_back("its recovery has failed; the next start of the daemon tries again");
   }
+  earlier_sounds_ = earlier_sounds();
   resuming_.emplace(Resuming{.info = info_, .logs = io::value_or_throw(logs_of(paths_))});
   // Mark the take as open first: a crash after this line must be recovered with its new frames.
   info_ = node::reopen_take(paths_);
@@ -163,32 +164,31 @@ NodeTake::~NodeTake() {
 }
 
 void NodeTake::begin_sound() {
-  if (context_.sound == nullptr) return;
-  map_earlier_sounds();
-  context_.sound->begin(paths_, info_.name, info_.rate_hz);
+  if (context_.sound != nullptr) context_.sound->begin(paths_, info_.name, info_.rate_hz);
 }
 
-void NodeTake::map_earlier_sounds() {
+/// Of the ledger: to map the files again would read all of them, and lose their xruns.
+std::vector<take::SoundLedger> NodeTake::earlier_sounds() const {
   auto read = take::read_sounds(paths_);
-  if (!read) return;  // begin() fails in the same way, and reports it
+  if (!read) return {};  // NodeSound reports it
   std::erase_if(read->sounds,
                 [&](const take::SoundLedger& sound) { return sound.node != context_.name; });
-  if (read->sounds.empty()) return;
-  earlier_sounds_ =
-      std::async(std::launch::async, [paths = paths_, sounds = read->sounds]() mutable {
-        for (const std::string& problem : take::map_recorded_sounds(paths, sounds)) {
-          spdlog::warn("{}", problem);
-        }
-        return sounds;
-      });
+  try {
+    const take::Ledger ledger = take::load_ledger(paths_.ledger());
+    for (take::SoundLedger& sound : read->sounds) {
+      const auto listed = std::ranges::find(ledger.sounds, sound.file, &take::SoundLedger::file);
+      if (listed != ledger.sounds.end()) sound = *listed;
+    }
+  } catch (const InputError& error) {  // of a recovery that has failed: another will count the take
+    spdlog::warn("{}", error.what());
+  }
+  return read->sounds;
 }
 
 std::vector<take::SoundLedger> NodeTake::end_sound() {
   if (context_.sound == nullptr) return {};
-  auto ended = context_.sound->end();
-  std::vector<take::SoundLedger> sounds;
-  if (earlier_sounds_.valid()) sounds = earlier_sounds_.get();
-  if (ended) sounds.push_back(*std::move(ended));
+  std::vector<take::SoundLedger> sounds = earlier_sounds_;
+  if (auto ended = context_.sound->end()) sounds.push_back(*std::move(ended));
   return sounds;
 }
 

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <filesystem>
-#include <future>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -217,9 +216,9 @@ class NodeTake {
   void add_resumed_pipelines(RecordedTake recorded);
   void undo_reopen();
   void begin_sound();
-  /// Starts to map the sound files of before a restart of the daemon, beside the recording.
-  void map_earlier_sounds();
-  /// The sound files of this node. Waits for their maps.
+  /// The sound files of this node from before a restart, as the recovery has mapped them.
+  std::vector<take::SoundLedger> earlier_sounds() const;
+  /// The sound files of this node.
   std::vector<take::SoundLedger> end_sound();
   void add_pipeline(capture::CameraWorker& worker, segmentation::Segmenter segmenter,
                     std::optional<ResumeState> resume = {});
@@ -244,7 +243,7 @@ class NodeTake {
   std::unique_ptr<TakeDisk> disk_;      ///< null when closed
   LiveAdmission admission_;
   std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
-  std::future<std::vector<take::SoundLedger>> earlier_sounds_;  ///< not valid: there are none
+  std::vector<take::SoundLedger> earlier_sounds_;  ///< of before a restart of the daemon
   std::vector<std::string> unread_;  ///< why frames or pulses before a restart are not counted
 
   /// Of a take between resume() and rejoin().

@@ -79,7 +79,7 @@ class FileClock {
 
 /// Throws InputError where the file has no map.
 void map_sound(const std::filesystem::path& path, const StudioSound& settings,
-               const RecordedPulses& recorded, SoundLedger& sound) {
+               const RecordedPulses& recorded, const ReadProgress& progress, SoundLedger& sound) {
   auto wave = io::value_or_throw(sound::WaveReader::open(path));
   const auto begin = sound::first_sample_time(wave.origin(), sound.rate_hz);
   if (!begin) throw InputError(path.string() + ": states no time of its first sample");
@@ -95,6 +95,7 @@ void map_sound(const std::filesystem::path& path, const StudioSound& settings,
   int blocks = 0;
   for (int64_t sample = 0; sample < wave.samples();) {
     auto values = io::value_or_throw(wave.read(sample, sound.rate_hz / kBlocksPerSecond));
+    if (progress) progress();
     const auto length = static_cast<int64_t>(values.size()) / sound.channels;
     if (length == 0) break;
     if (++blocks % kBlocksPerDrift == 0) clock.measure_drift(track.pulses());
@@ -152,7 +153,8 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
 }
 
 std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
-                                             std::vector<SoundLedger>& sounds) {
+                                             std::vector<SoundLedger>& sounds,
+                                             const ReadProgress& progress) {
   if (sounds.empty()) return {};
   std::vector<std::string> problems;
   try {
@@ -162,7 +164,7 @@ std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
     for (SoundLedger& sound : sounds) {
       const auto path = paths.sound() / std::filesystem::path(sound.file).filename();
       try {
-        map_sound(path, settings_of(studio, sound), recorded, sound);
+        map_sound(path, settings_of(studio, sound), recorded, progress, sound);
       } catch (const InputError& error) {
         problems.emplace_back(error.what());
       }

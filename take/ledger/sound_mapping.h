@@ -7,6 +7,7 @@
 
 #include "sound/sound_track.h"
 #include "take/ledger/sound_ledger.h"
+#include "take/logs/log_files.h"
 #include "take/take.h"
 
 namespace v3d::take {
@@ -26,8 +27,9 @@ void describe_track(const sound::SoundTrack& track, int64_t first_pulse, int64_t
 /// Uses the studio file of the take. Files are read whole. The date of a file of an earlier version
 /// (without sound::WaveOrigin::first_sample) is in the local time of the PC that recorded it; where
 /// this process has another, no pulse is within the file. Returns a line for each file that gets no
-/// map.
+/// map. `progress` is called for each block of a tenth of a second.
 std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
-                                             std::vector<SoundLedger>& sounds);
+                                             std::vector<SoundLedger>& sounds,
+                                             const ReadProgress& progress = {});
 
 }  // namespace v3d::take

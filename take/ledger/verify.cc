@@ -94,7 +94,7 @@ class Verifier {
     count_sounds(stored);
     check_calib();
     if (reads_files) files.finish();
-    check_meshes();
+    if (depth_ == Depth::kFrames) check_meshes();  // gigabytes, which no ledger counts
     if (stored && stored->files.empty() && reads_files) {
       result_.notes.push_back(
           "ledger.toml: has no checksums of files (written by an older version): frames were "
@@ -424,7 +424,7 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after,
   if (!result.read_errors.empty() && after == AfterReadErrors::kStayOpen) {
     return std::move(result);
   }
-  for (std::string& problem : map_recorded_sounds(paths, result.ledger.sounds)) {
+  for (std::string& problem : map_recorded_sounds(paths, result.ledger.sounds, progress)) {
     result.notes.push_back(std::move(problem));
   }
   result.info.state = TakeState::kRecovered;

@@ -71,12 +71,12 @@ enum class AfterReadErrors : uint8_t {
 /// Changes no byte of a log: writes the end of the last whole event of each segment beside it
 /// (SegmentIndex), also where the index of an earlier recovery is damaged, and syncs the logs
 /// before it writes the ledger. Reads only the labels of older events, and those last events that a
-/// power cut may have damaged; verify_take() reads the rest.
+/// power cut may have damaged, and no mesh file; verify_take() reads the rest.
 ///
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
 /// written. The state in take.toml is then unchanged, and a later call can succeed. `progress` is
-/// called for each event of the camera logs, several times.
+/// called for each event of the camera logs, several times, and for each block of sound.
 Verification recover_take(const TakePaths& paths,
                           AfterReadErrors after = AfterReadErrors::kStayOpen,
                           const ReadProgress& progress = {});

@@ -84,6 +84,12 @@ TEST_F(TakeRecovery, reports_progress_while_it_reads) {
   EXPECT_GE(reports, 3 * kFrames) << "for its index, for the events, and for their labels";
 }
 
+TEST_F(TakeRecovery, reads_no_meshes_because_they_may_be_gigabytes) {
+  test::write_text(paths_.mesh(), "no mesh file");
+  EXPECT_THAT(recover_take(paths_).disagreements,
+              testing::Not(testing::Contains(HasSubstr("mesh"))));
+}
+
 TEST_F(TakeRecovery, keeps_every_frame_when_a_header_is_unreadable) {
   for (const int64_t event : {0, 1, 10, 19}) {
     {

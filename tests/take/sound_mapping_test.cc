@@ -219,6 +219,16 @@ TEST_F(RecordedSounds, beside_pulses_with_impossible_times_have_the_others) {
   EXPECT_THAT(error_of(found), Lt(0.1e-3));
 }
 
+TEST_F(RecordedSounds, are_read_with_reports_of_progress) {
+  write_studio("");
+  write_sound(kBegin);
+  recover_take(paths_);
+  std::vector<SoundLedger> sounds = {only_sound()};
+  int64_t reports = 0;
+  EXPECT_THAT(map_recorded_sounds(paths_, sounds, [&] { ++reports; }), IsEmpty());
+  EXPECT_GT(reports, 10) << "for each block of a tenth of a second";
+}
+
 TEST_F(RecordedSounds, of_another_hour_get_no_map_and_a_line_with_the_cause) {
   write_studio("");
   write_sound(kBegin + std::chrono::hours(1));

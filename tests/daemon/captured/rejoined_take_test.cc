@@ -13,6 +13,7 @@
 #include "support/begun_take.h"
 #include "support/child_process.h"
 #include "support/lock_holder.h"
+#include "support/sounding_take.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_signature.h"
@@ -204,6 +205,24 @@ TEST_F(TakeOfAReturnedCamera, stays_open_when_something_was_added_before_it_is_g
   take.reset();
   EXPECT_EQ(load_take_info(paths_).state, take::TakeState::kRecording);
   EXPECT_EQ(read_file(take::segment_path(paths_.pulses(), 1)), "a pulse");
+}
+
+TEST_F(TakeOfAReturnedCamera, has_the_sound_of_before_as_the_ledger_had_it) {
+  take::Ledger ledger = take::load_ledger(paths_.ledger());
+  const auto written = test::write_sound(paths_, {}, 48'000, 2, [](int64_t, int) { return 0.0; });
+  fs::rename(paths_.sound() / "cap01.wav", paths_.sound() / "cap02.wav");
+  ledger.sounds = {written};
+  ledger.sounds[0].file = "sound/cap02.wav";
+  ledger.sounds[0].node = kNode;
+  ledger.sounds[0].xruns = 7;  // of which the file tells nothing
+  ASSERT_TRUE(save_ledger(paths_.ledger(), ledger));
+  NodeSound sound({.node = kNode, .device = "simulated:", .timecode_rate = ""}, folder_ / "cable");
+  ActiveTake::Context with_sound = context();
+  with_sound.sound = &sound;
+  const auto take = ActiveTake::resume(with_sound, plan(), recorded());
+  const std::vector<take::SoundLedger> sounds = take->close().ledger.sounds;
+  ASSERT_GE(sounds.size(), 1U);
+  EXPECT_EQ(sounds[0], ledger.sounds[0]);
 }
 
 /// The node of the camera.
