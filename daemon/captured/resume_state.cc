@@ -68,11 +68,12 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
 
 }  // namespace
 
-EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems) {
+EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems,
+                          const take::ReadProgress& progress) {
   EdgeTimes edges;
   if (take::is_absent_log(take.pulses())) return edges;
   try {
-    for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses()))
+    for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses(), progress))
       edges[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {
     problems.emplace_back(error.what());

@@ -20,7 +20,8 @@ using EdgeTimes = std::map<int64_t, RealtimeInstant>;
 
 /// The pulses in the take's pulse log. Where the log cannot be read, there are none, and the cause
 /// is added to `problems`.
-EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems);
+EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems,
+                          const take::ReadProgress& progress = {});
 
 struct ResumeState {
   capture::CameraResumeState camera;

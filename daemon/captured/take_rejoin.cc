@@ -34,7 +34,7 @@ RecordedTake RecordedTakeReader::read(const take::ReadProgress& progress) {
         camera,
         segmentation::Segmenter(segmentation::load_background(take_.background(), camera), {}));
   }
-  recorded.edges = read_edge_times(take_, recorded.problems);
+  recorded.edges = read_edge_times(take_, recorded.problems, progress);
   for (const std::string& camera : cameras_) {
     ++cameras_begun_;
     recorded.cameras.emplace(camera, read_resume_state(take_, camera, recorded.edges, progress));
@@ -85,7 +85,7 @@ void TakeRejoin::begin(const node::PersistedCommands::Found& found) {
     const bool is_recorded = std::ranges::find(recorded, camera.name) != recorded.end();
     if (is_recorded) cameras.push_back(camera.name);
   }
-  reading->reader.emplace(paths, std::move(cameras));
+  reading->reader.emplace(paths, std::move(cameras), progress_);
   signer_.set_paused(true);
   reading_ = std::move(reading);
   events_.send(wire::Severity::kWarning, "take",

@@ -74,10 +74,16 @@ struct TakeToResume {
 /// so the node executes orders meanwhile. Sends events while the node does not record. One thread.
 class TakeRejoin {
  public:
-  /// Everything referred to outlives this object.
+  /// Everything referred to outlives this object. `progress`: see RecordedTakeReader.
   TakeRejoin(const Studio& studio, const std::string& node, node::PersistedCommands& commands,
-             RecoveredTakeSigner& signer, bus::EventSender& events)
-      : studio_(studio), node_(node), commands_(commands), signer_(signer), events_(events) {}
+             RecoveredTakeSigner& signer, bus::EventSender& events,
+             take::ReadProgress progress = {})
+      : studio_(studio),
+        node_(node),
+        commands_(commands),
+        signer_(signer),
+        events_(events),
+        progress_(std::move(progress)) {}
 
   /// Call while the node may rejoin. Returns the running take once its logs have been read. Throws
   /// InputError when it cannot be locked, or not be read.
@@ -114,6 +120,7 @@ class TakeRejoin {
   node::PersistedCommands& commands_;
   RecoveredTakeSigner& signer_;
   bus::EventSender& events_;
+  const take::ReadProgress progress_;
   wire::CommandMessage order_;  ///< of the take that is or was read
   std::unique_ptr<Reading> reading_;
   std::string failure_;      ///< of the take that runs; else empty

@@ -158,7 +158,7 @@ std::vector<std::string> map_recorded_sounds(const TakePaths& paths,
   if (sounds.empty()) return {};
   std::vector<std::string> problems;
   try {
-    const RecordedPulses recorded{.pulses = read_pulses(paths.pulses()),
+    const RecordedPulses recorded{.pulses = read_pulses(paths.pulses(), progress),
                                   .rate_hz = load_take_info(paths).rate_hz};
     const std::optional<Studio> studio = load_take_studio(paths);
     for (SoundLedger& sound : sounds) {

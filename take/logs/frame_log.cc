@@ -305,17 +305,20 @@ std::optional<Frame> read_middle_frame(const std::filesystem::path& log) {
   return frame;
 }
 
-std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path) {
-  return read_pulses(EventLogReader(path));
+std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path,
+                                            const ReadProgress& progress) {
+  return read_pulses(EventLogReader(path, progress), progress);
 }
 
-std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log) {
+std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log,
+                                            const ReadProgress& progress) {
   if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
   std::vector<wire::PulseMessage> pulses;
   for (const EventSpan& event : log.events()) {
     if (event.data_size > kMaxPulseBytes) continue;
     const auto bytes = log.read(event);
     if (!bytes) throw InputError(bytes.error().message);
+    if (progress) progress();
     if (auto pulse = wire::decode<wire::PulseMessage>(*bytes)) pulses.push_back(std::move(*pulse));
   }
   return pulses;

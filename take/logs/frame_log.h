@@ -107,7 +107,9 @@ inline constexpr uint32_t kMaxPulseBytes = 4 << 10;
 
 /// All pulses of pulses.lcmlog, in order. Ignores damaged events and events longer than
 /// kMaxPulseBytes. Throws InputError as FrameLogReader does, and on read errors.
-std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path);
-std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log);
+std::vector<wire::PulseMessage> read_pulses(const std::filesystem::path& path,
+                                            const ReadProgress& progress = {});
+std::vector<wire::PulseMessage> read_pulses(const EventLogReader& log,
+                                            const ReadProgress& progress = {});
 
 }  // namespace v3d::take

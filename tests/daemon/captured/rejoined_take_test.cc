@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <future>
 #include <map>
 
 #include "base/core/error.h"
@@ -223,6 +224,27 @@ TEST_F(TakeOfAReturnedCamera, has_the_sound_of_before_as_the_ledger_had_it) {
   const std::vector<take::SoundLedger> sounds = take->close().ledger.sounds;
   ASSERT_GE(sounds.size(), 1U);
   EXPECT_EQ(sounds[0], ledger.sounds[0]);
+}
+
+TEST_F(TakeOfAReturnedCamera, is_unlocked_when_it_ends_while_its_logs_are_read) {
+  std::promise<void> end_of_time;
+  const std::future<void> never = end_of_time.get_future();
+  node::PersistedCommands commands(studio_, kNode);
+  RecoveredTakeSigner signing(studio_, kNode);
+  bus::EventSender sender(bus_, kNode);
+  const auto disk_is_slow = [&] { never.wait_for(std::chrono::seconds(1)); };
+  TakeRejoin rejoin(studio_, node_, commands, signing, sender, disk_is_slow);
+  const auto is_locked = [&] { return !take_lock_holder(paths_).value().empty(); };
+  const auto polled = [&](wire::NodeState state, const std::string& take) {
+    rejoin.cancel_unless_polled();
+    publish_health(state, take);
+    EXPECT_FALSE(rejoin.poll(*trigger_.monitor()));
+    return is_locked();
+  };
+  ASSERT_TRUE(becomes_true([&] { return polled(wire::NodeState::kRecording, kTake); }, within(30)));
+  EXPECT_THAT(rejoin.text(), HasSubstr("does not record kendo-07 yet: reads pulses.lcmlog"));
+  EXPECT_TRUE(becomes_true([&] { return !polled(wire::NodeState::kIdle, ""); }, within(30)));
+  EXPECT_EQ(rejoin.text(), "");
 }
 
 /// The node of the camera.

@@ -2,10 +2,16 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <future>
+#include <memory>
 #include <stdexcept>
+#include <thread>
 
+#include "base/io/process.h"
+#include "support/child_process.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::captured {
@@ -83,6 +89,34 @@ TEST_F(ReaderOfARecordedTake, ends_at_an_exception) {
   });
   EXPECT_THROW(reader.result(), std::runtime_error);
   EXPECT_EQ(reads, 1);
+}
+
+TEST_F(ReaderOfARecordedTake, ends_after_the_next_read_when_it_is_destroyed) {
+  std::promise<void> reads_first, disk;
+  const std::shared_future<void> disk_answers = disk.get_future().share();
+  std::atomic<int> reads = 0;
+  auto reader = std::make_unique<RecordedTakeReader>(take_, kCameras, [&] {
+    if (++reads > 1) return;
+    reads_first.set_value();
+    disk_answers.wait();
+  });
+  reads_first.get_future().wait();
+  std::promise<pid_t> destroyer;
+  std::thread destroying([&] {
+    destroyer.set_value(gettid());
+    reader.reset();
+  });
+  const pid_t thread = destroyer.get_future().get();
+  EXPECT_TRUE(test::becomes_true([&] { return thread_sleeps(thread); }, test::within(30)));
+  disk.set_value();
+  destroying.join();
+  EXPECT_EQ(reads, 1);
+}
+
+TEST_F(ReaderOfARecordedTake, can_be_ended_at_each_pulse) {
+  int reads = 0;
+  RecordedTakeReader(take_, {}, [&] { ++reads; }).result();
+  EXPECT_GE(reads, kFrames);
 }
 
 }  // namespace
