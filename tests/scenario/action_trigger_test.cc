@@ -91,10 +91,15 @@ class ActionStudio : public Studio4 {
       expect_unsensed_missing(camera, ledger);
       const auto frames = camera.written - std::ssize(camera.duplicate);
       EXPECT_EQ(frames + std::ssize(camera.missing), kPulses) << camera.name;
-      EXPECT_TRUE(camera.suspect.empty() || is_late_ || has_late_commands_) << camera.name;
+      const bool some_are_late = !is_scheduled_ && 2 * std::ssize(camera.suspect) < kPulses;
+      EXPECT_TRUE(camera.suspect.empty() || some_are_late || is_late_ || has_late_commands_)
+          << camera.name;
     }
   }
 
+  /// Otherwise a camera executes a command when it arrives: late, where the machine of the
+  /// simulated cameras is busy. Its frame is suspect then.
+  bool is_scheduled_ = true;
   bool is_late_ = false;            ///< the trigger, in the background or the take
   bool has_late_commands_ = false;  ///< the cameras, in the background or the take
 };
@@ -163,7 +168,7 @@ TEST_F(ActionStudioWithLoss, names_the_pulses_whose_command_did_not_reach_a_came
 
 class ActionStudioWithoutPtp : public ActionStudio {
  protected:
-  ActionStudioWithoutPtp() : ActionStudio("", {"--no-ptp"}) {}
+  ActionStudioWithoutPtp() : ActionStudio("", {"--no-ptp"}) { is_scheduled_ = false; }
 };
 
 TEST_F(ActionStudioWithoutPtp, says_at_arming_why_commands_have_no_time_and_records_all_pulses) {
@@ -176,7 +181,6 @@ TEST_F(ActionStudioWithoutPtp, says_at_arming_why_commands_have_no_time_and_reco
   note_lateness(0);
   const take::Ledger ledger = take::load_ledger(take().ledger());
   expect_all_pulses(ledger);
-  EXPECT_TRUE(ledger.complete() || is_late_ || has_late_commands_) << ledger.verdict();
 }
 
 }  // namespace
