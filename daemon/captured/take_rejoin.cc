@@ -36,15 +36,15 @@ RecordedTake RecordedTakeReader::read(const take::ReadProgress& progress) {
   }
   recorded.edges = read_edge_times(take_, recorded.problems, progress);
   for (const std::string& camera : cameras_) {
-    ++cameras_begun_;
+    ++opened_logs_;
     recorded.cameras.emplace(camera, read_resume_state(take_, camera, recorded.edges, progress));
   }
   return recorded;
 }
 
 std::string RecordedTakeReader::file() const {
-  const size_t begun = cameras_begun_;
-  return (begun == 0 ? take_.pulses() : take_.frames(cameras_[begun - 1])).filename();
+  const size_t opened = opened_logs_;
+  return (opened == 0 ? take_.pulses() : take_.frames(cameras_[opened - 1])).filename();
 }
 
 RecordedTakeReader::~RecordedTakeReader() {

@@ -56,7 +56,7 @@ class RecordedTakeReader {
 
   const take::TakePaths take_;
   const std::vector<std::string> cameras_;
-  std::atomic<size_t> cameras_begun_ = 0;
+  std::atomic<size_t> opened_logs_ = 0;  ///< of cameras
   std::atomic<bool> stopping_ = false;
   std::future<RecordedTake> result_;
   std::thread thread_;

@@ -12,11 +12,14 @@ namespace v3d::node {
 /// One line of problems, one of each camera: the first eight of them, and the number of the others.
 std::string join_camera_problems(const std::vector<std::string>& problems);
 
-/// Shortens `health` until it has at most `max_bytes` when encoded. In this order, and only as far
-/// as necessary: `health.text`; the texts of cameras; their values, except frames, missing frames
-/// and whether they stream; all their values. `health.text` then says what is left out.
+/// Makes `health` at most `max_bytes` long when encoded. Takes these steps in turn, until it is
+/// short enough, and adds to `health.text` what is left out:
+/// 1. shortens `health.text`
+/// 2. removes the texts of cameras
+/// 3. removes the values of cameras except frames, missing frames and streaming
+/// 4. removes all values of cameras
 ///
-/// What is left has at most 16 KiB: the values of a node do not become more with its cameras.
+/// `max_bytes` is at least bus::kMaxUnverifiedHealth, which is enough for what is left then.
 void shorten_health(wire::HealthMessage& health, size_t max_bytes);
 
 }  // namespace v3d::node

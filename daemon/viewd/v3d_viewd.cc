@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <optional>
-#include <thread>
 
 #include "base/core/error.h"
 #include "daemon/control/operator_client.h"
@@ -72,8 +71,9 @@ struct MessageHandler {
 using Relay = std::optional<v3d::viewd::BusRelay>;
 
 void wait_for_messages(Relay& relay) {
-  if (relay) return relay->wait(v3d::Monotonic::now() + kPollPeriod);
-  std::this_thread::sleep_for(kPollPeriod);
+  const v3d::MonotonicInstant until = v3d::Monotonic::now() + kPollPeriod;
+  if (relay) return relay->wait(until);
+  v3d::node::stop_requested_by(until);  // nothing else can come
 }
 
 /// Passes messages of the studio to the subscribers.

@@ -139,7 +139,8 @@ class CameraLog {
     for (const Fault& fault : faults_) lag = std::max(lag, is_late(fault) ? fault.pulses : 0);
     return lag;
   }
-  /// By the last late fault that has begun, in pulses.
+  /// How many pulses late the image at `pulse` is: as the latest of the camera's late faults up to
+  /// this pulse says.
   int64_t lag_at(int64_t pulse) const {
     const Fault* last = nullptr;
     for (const Fault& fault : faults_) {

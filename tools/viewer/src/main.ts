@@ -1,9 +1,8 @@
 // The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
 import { parseAddress } from './address';
-import { factsHtml, FrameMeter, linkText, scanText, sceneFacts } from './facts';
+import { factsHtml, FrameMeter, linkText, liveTexts, scanText, sceneFacts } from './facts';
 import { bindKeys } from './keys';
-import { liveTexts } from './live_age';
 import { PerformerList } from './performer_list';
 import { socketUrl } from './lasting_socket';
 import { MotionPanel } from './motion_panel';

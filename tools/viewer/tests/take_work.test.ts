@@ -104,7 +104,7 @@ describe('a take that is played', () => {
     expect(shown()).toEqual([1]);
   });
 
-  it('does not repeat a request whose frame nobody wants any more, or that fails for ever', async () => {
+  it('repeats no request for a frame that is no longer requested, and none after a permanent error', async () => {
     await work.open();
     faults.set(1, status(503)).set(2, status(416));
     work.want(1);

@@ -1,7 +1,7 @@
 import { Vector3, Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { parseAddress } from '../src/address';
-import { frameFacts } from '../src/facts';
+import { frameFacts, liveTexts, MAX_LIVE_AGE_MS } from '../src/facts';
 import { factsOf, judgeCamera } from '../src/judge';
 import { eachForegroundRun, MessageClock, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
@@ -194,5 +194,19 @@ describe('the studio in words', () => {
     expect(aboutText(take)).toBe('scene 12, take 3 · timecode 10:00:59;28 to 10:01:00;03 · 9 meshes, 2.0 kB');
     const { timecode: _, ...without } = take;
     expect(aboutText({ ...without, meshes: 0 })).toBe('scene 12, take 3 · no meshes');
+  });
+});
+
+describe('the live picture', () => {
+  it('is called live while meshes arrive', () => {
+    expect(liveTexts('kendo-06', 0)).toEqual({ title: 'Live: kendo-06', trouble: '' });
+    expect(liveTexts('kendo-06', MAX_LIVE_AGE_MS).trouble).toBe('');
+  });
+
+  it('is not called live after its take has ended', () => {
+    const { title, trouble } = liveTexts('kendo-06', MAX_LIVE_AGE_MS + 1);
+    expect(title).toBe('Last live mesh: kendo-06');
+    expect(trouble).toContain('kendo-06');
+    expect(trouble).toContain('has ended');
   });
 });
