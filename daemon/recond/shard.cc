@@ -244,10 +244,13 @@ bool Shard::is_pending(int64_t pulse) const {
 }
 
 bool Shard::is_lost(int64_t pulse) const {
-  const auto since = known_since(pulse);
-  if (!since) return false;
-  if (reorder_->is_full() || now_ - *since >= kMaxWait) return true;
-  return !is_pending(pulse) && now_ - *since >= setup_.loss_timeout;
+  const auto known = known_since(pulse);
+  if (!known) return false;
+  if (reorder_->is_full() || now_ - *known >= kMaxWait) return true;
+  if (is_pending(pulse)) return false;
+  // The mesh of a slow owner may arrive after its status.
+  const auto done = members_.done_since(members_.owner(pulse, now_), pulse);
+  return now_ - std::max(*known, done.value_or(*known)) >= setup_.loss_timeout;
 }
 
 void Shard::order_meshes() {

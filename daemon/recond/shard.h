@@ -47,8 +47,8 @@ struct ShardCounts {
 /// Pure: after advance(), the take_..() functions return what to do. One thread.
 class Shard {
  public:
-  /// A pulse counts as lost after kLossTimeout when no node has it, and after kMaxWait when its
-  /// owner still reports it as pending.
+  /// A pulse counts as lost kLossTimeout after it became known and its owner reported it as done,
+  /// and after kMaxWait when its owner still reports it as pending.
   static constexpr Duration kLossTimeout = std::chrono::seconds(1);
   static constexpr Duration kMaxWait = std::chrono::seconds(15);
   /// A mesh that its owner reports as made, but that has not arrived, is made again after this.

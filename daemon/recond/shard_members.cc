@@ -45,6 +45,11 @@ bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
   for (const int64_t pulse : status.given_up) {
     if (pulse >= forgotten_) member.given_up.insert(pulse);
   }
+  // A node that takes over an older pulse reports less than before.
+  while (!member.done.empty() && member.done.back().first > status.done) member.done.pop_back();
+  if (member.done.empty() || member.done.back().first < status.done) {
+    member.done.emplace_back(status.done, now);
+  }
   member.status = status;
   return true;
 }
@@ -83,6 +88,13 @@ size_t ShardMembers::publisher(int64_t pulse, Duration now) const {
   return static_cast<size_t>(std::ranges::find(available, true) - available.begin());
 }
 
+std::optional<Duration> ShardMembers::done_since(size_t index, int64_t pulse) const {
+  for (const auto& [last, since] : members_[index].done) {
+    if (last >= pulse) return since;
+  }
+  return std::nullopt;
+}
+
 int ShardMembers::rank(int64_t pulse, Duration now) const {
   const size_t owner = this->owner(pulse, now);
   int rank = 0;
@@ -96,6 +108,8 @@ void ShardMembers::forget_before(int64_t pulse) {
   forgotten_ = std::max(forgotten_, pulse);
   for (Member& member : members_) {
     member.given_up.erase(member.given_up.begin(), member.given_up.lower_bound(forgotten_));
+    auto& done = member.done;
+    while (done.size() > 1 && done.front().first < forgotten_) done.pop_front();
   }
 }
 

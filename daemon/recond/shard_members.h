@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/core/time.h"
@@ -80,10 +82,14 @@ class ShardMembers {
   int rank(int64_t pulse, Duration now) const;
   /// The last status of another node.
   const wire::ShardMessage& status(size_t index) const { return members_[index].status; }
+  /// Since when another node reports `pulse` as done. Empty while it does not. Valid from the
+  /// pulse of forget_before() on.
+  std::optional<Duration> done_since(size_t index, int64_t pulse) const;
   bool has_given_up(size_t index, int64_t pulse) const {
     return members_[index].given_up.contains(pulse);
   }
-  /// Frees the state of pulses before `pulse`. has_given_up() is no longer valid for them.
+  /// Frees the state of pulses before `pulse`. has_given_up() and done_since() are no longer valid
+  /// for them.
   void forget_before(int64_t pulse);
 
  private:
@@ -91,6 +97,8 @@ class ShardMembers {
     wire::ShardMessage status;
     std::optional<Duration> received;  ///< when `status` was
     std::set<int64_t> given_up;
+    /// Pulses up to the first value are done since the second one. Both increase.
+    std::deque<std::pair<int64_t, Duration>> done;
   };
   std::vector<bool> available_members(int64_t pulse, Duration now) const;
 

@@ -151,6 +151,16 @@ TEST_F(LastPulseOfAnotherNode, is_waited_for_while_that_node_works_on_it) {
   EXPECT_EQ(file_, range(0, 2));
 }
 
+TEST_F(LastPulseOfAnotherNode, is_kept_when_the_mesh_of_a_slow_node_arrives_after_its_status) {
+  run(std::chrono::seconds(6), 0);
+  run(milliseconds(50), 1);
+  EXPECT_FALSE(shard_.is_settled());
+  shard_.on_mesh(mesh_of(1));
+  run(milliseconds(50), 1);
+  EXPECT_EQ(file_, range(0, 2));
+  EXPECT_EQ(shard_.counts().lost, 0);
+}
+
 TEST_F(LastPulseOfAnotherNode, is_reported_when_its_mesh_does_not_arrive) {
   run(std::chrono::seconds(3), 1);
   EXPECT_TRUE(shard_.is_settled());
