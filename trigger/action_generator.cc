@@ -88,7 +88,7 @@ void ActionGenerator::open_socket() {
   }
   if (connect(probe.get(), reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) {
     throw InputError(errno_message("action trigger: " + action_.broadcast) +
-                     "; right would be the broadcast address of the network of the cameras");
+                     "; expected the broadcast address of the network of the cameras");
   }
 }
 

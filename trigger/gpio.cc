@@ -34,7 +34,7 @@ void GpioGenerator::arm(const PulseTrain& train) {
   if (train.width > period / 2) {
     throw InputError("GPIO trigger: a pulse of " +
                      std::to_string(train.width / std::chrono::microseconds(1)) +
-                     " us is more than half a period; right would be at most " +
+                     " us is more than half a period; expected at most " +
                      std::to_string(period / 2 / std::chrono::microseconds(1)) + " us");
   }
   lock_memory();

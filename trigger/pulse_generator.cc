@@ -12,7 +12,7 @@ namespace v3d::trigger {
 
 void check_train(const PulseTrain& train, const std::string& source) {
   const auto reject = [&](const std::string& what, const std::string& right) {
-    throw InputError(source + ": " + what + "; right would be " + right);
+    throw InputError(source + ": " + what + "; expected " + right);
   };
   const double rate = train.rate_hz;
   if (!is_pulse_rate(rate)) throw InputError(source + ": " + pulse_rate_error(rate));

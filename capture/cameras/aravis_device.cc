@@ -313,8 +313,8 @@ class Setup {
 
 void refuse(const StudioCamera& settings, const std::string& feature, const std::string& wanted,
             const std::string& got) {
-  throw InputError("camera " + settings.name + ": " + feature + ": wanted " + wanted + ", got " +
-                   got);
+  throw InputError("camera " + settings.name + ": " + feature + ": expected " + wanted +
+                   ", found " + got);
 }
 
 std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera) {

@@ -93,7 +93,7 @@ class Ptp {
 /// Throws InputError (see refuse()) if another value differs.
 std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera);
 
-/// Throws InputError such as "camera cam07: Gain (dB): wanted 3.0, got 1.0".
+/// Throws InputError such as "camera cam07: Gain (dB): expected 3.0, found 1.0".
 [[noreturn]] void refuse(const StudioCamera& settings, const std::string& feature,
                          const std::string& wanted, const std::string& got);
 

@@ -353,7 +353,8 @@ bool is_fast_enough(double got_hz, double hz) { return got_hz >= hz * (1 - kRate
 
 void refuse(const StudioCamera& settings, const std::string& what, const std::string& wanted,
             const std::string& got) {
-  throw InputError("camera " + settings.name + ": " + what + ": wanted " + wanted + ", got " + got);
+  throw InputError("camera " + settings.name + ": " + what + ": expected " + wanted + ", found " +
+                   got);
 }
 
 void ask(const StudioCamera& settings, V4l2Device& device, const std::string& what,

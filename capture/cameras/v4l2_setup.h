@@ -41,7 +41,7 @@ Applied write_settings(const StudioCamera& settings, std::optional<double> rate_
 void ask(const StudioCamera& settings, V4l2Device& device, const std::string& what,
          unsigned long request, void* argument);
 
-/// Throws InputError such as "camera cam07: size: wanted 640x480, got 320x240".
+/// Throws InputError such as "camera cam07: size: expected 640x480, found 320x240".
 [[noreturn]] void refuse(const StudioCamera& settings, const std::string& what,
                          const std::string& wanted, const std::string& got);
 

@@ -112,7 +112,8 @@ void CameraMonitor::report_differences(const std::string& camera,
                                        const capture::CameraWorkerStatus& status) {
   std::vector<std::string> ignored;
   for (const capture::SettingDifference& d : status.differences) {
-    if (!d.rounded) ignored.push_back(d.setting + " (asked " + d.asked + ", got " + d.got + ")");
+    if (!d.rounded)
+      ignored.push_back(d.setting + " (expected " + d.asked + ", found " + d.got + ")");
   }
   events_.report_condition(wire::Severity::kWarning, camera,
                            ignored.empty() ? "" : "ignores settings: " + join_names(ignored),

@@ -163,7 +163,7 @@ wire::ReplyMessage Controller::verdict_reply(const wire::CommandMessage& command
   using Outcome = wire::ReplyMessage::Outcome;
   switch (step.verdict) {
     case Verdict::kPending:
-      return reply_to(command, Outcome::kPending, "working on it");
+      return reply_to(command, Outcome::kPending, "in progress");
     case Verdict::kDone:
       return reply_to(command, Outcome::kDone, done_text(command.verb, phase_, order_.take));
     default:

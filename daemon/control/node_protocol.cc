@@ -138,7 +138,7 @@ wire::HealthMessage NodeProtocol::health(MonotonicInstant now) {
 void NodeProtocol::begin_shutdown(MonotonicInstant now) {
   shutdown_deadline_ = now + kShutdownDrain;
   if (controller_.phase() != Phase::kRecording) return;
-  execute(controller_.on_event(Input::kTrainEnded, "the daemon was asked to stop"));
+  execute(controller_.on_event(Input::kTrainEnded, "the daemon received a stop signal"));
 }
 
 bool NodeProtocol::may_shut_down(MonotonicInstant now) const {

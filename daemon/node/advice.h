@@ -76,7 +76,7 @@ inline constexpr char kTimecodeOutput[] =
     "Pictures are recorded; check the device's cable, and device under [timecode_output] (aplay -L "
     "lists the devices)";
 inline constexpr char kLights[] =
-    "Pictures are recorded, in the light of before; start olad on this PC (systemctl start olad), "
+    "Pictures are recorded with the previous light; start olad on this PC (systemctl start olad), "
     "or remove [lights]";
 inline constexpr char kTimecodeUnderruns[] =
     "Devices that follow the timecode may have lost it; close other programs on this PC";

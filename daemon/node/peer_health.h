@@ -23,7 +23,7 @@ struct ReceivedHealth {
   MonotonicInstant sent;  ///< latest possible time, on the clock of this PC
 };
 
-/// Name of a health value: 1 in the last message of a process that ends as it was asked to.
+/// Name of a health value: 1 in the last message of a process that ends after a stop signal.
 inline constexpr char kStopping[] = "stopping_flag";
 
 /// Detects which health messages of a node were sent last: by session and sequence number, because

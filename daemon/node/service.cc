@@ -127,7 +127,7 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program, const Daemo
   app.add_version(V3D_VERSION);
   app.add_option("--studio", studio, "the studio file").required().type_name("studio.toml");
   if (program.is_a_node) {
-    app.add_option("--node", node, "the [[node]] of the studio file that this process is")
+    app.add_option("--node", node, "name of the [[node]] of this process in the studio file")
         .required(program.node_is_required)
         .type_name("NAME");
   }

@@ -29,8 +29,8 @@ std::string lateness(const OperatorCommand& command) {
   if (!command.given) return "";
   const Duration age = Realtime::now() - *command.given;
   if (age <= CommandEndpoint::kMaxAge) return "";
-  return "this order was given " + std::to_string(std::llround(to_seconds(age))) +
-         " s ago and is not executed: look at the nodes, then give it again";
+  return "this order is " + std::to_string(std::llround(to_seconds(age))) +
+         " s old and was not executed: check the state of the nodes, then send it again";
 }
 
 std::vector<std::string> split_lines(std::string_view text) {

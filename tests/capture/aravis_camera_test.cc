@@ -120,17 +120,18 @@ TEST(AravisCamera, names_the_camera_and_the_rejected_setting) {
   StudioCamera wanted = settings();
   wanted.trigger_line = "Line7";
   EXPECT_THAT(start_error(wanted),
-              AllOf(HasSubstr("cam07"), HasSubstr("TriggerSource: wanted Line7")));
+              AllOf(HasSubstr("cam07"), HasSubstr("TriggerSource: expected Line7")));
   wanted = settings();
   wanted.gain_db = 1.5;
-  EXPECT_THAT(start_error(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
+  EXPECT_THAT(start_error(wanted),
+              AllOf(HasSubstr("Gain (dB): expected 1.5"), HasSubstr("found 1")));
 }
 
 TEST(AravisCamera, rejects_a_falling_edge_trigger_that_the_camera_lacks) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.trigger_edge = Edge::kFalling;
-  EXPECT_THAT(start_error(wanted), HasSubstr("TriggerActivation: wanted FallingEdge"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("TriggerActivation: expected FallingEdge"));
 }
 
 TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
@@ -272,7 +273,7 @@ TEST(AravisCamera, lists_what_the_camera_did_otherwise_than_asked) {
   EXPECT_FALSE(differs("BlackLevel"));
   camera.stop();
   wanted.features = {{"BlakLevel", "7"}};
-  EXPECT_THAT(start_error(wanted), AllOf(HasSubstr("cam07: BlakLevel: wanted 7"),
+  EXPECT_THAT(start_error(wanted), AllOf(HasSubstr("cam07: BlakLevel: expected 7"),
                                          HasSubstr("a camera without this feature")));
 }
 
@@ -329,10 +330,10 @@ TEST(AravisCamera, rejects_a_camera_without_the_configured_ptp_or_chunk_data) {
   const FakeCamera fake;
   StudioCamera wanted = settings();
   wanted.ptp = true;
-  EXPECT_THAT(start_error(wanted), HasSubstr("ptp: wanted PtpEnable, got a camera without it"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("ptp: expected PtpEnable, found a camera without it"));
   wanted = settings();
   wanted.chunk_data = true;
-  EXPECT_THAT(start_error(wanted), HasSubstr("chunk_data: wanted ChunkModeActive"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("chunk_data: expected ChunkModeActive"));
 }
 
 TEST(AravisCamera, rejects_a_camera_while_another_program_controls_it) {

@@ -160,7 +160,7 @@ TEST(AravisCamera, rejects_chunk_data_without_an_exposure_time) {
   StudioCamera wanted = settings();
   wanted.trigger_line = "Line1";
   wanted.chunk_data = true;
-  EXPECT_THAT(start_error(wanted), HasSubstr("ChunkSelector: wanted ExposureTime"));
+  EXPECT_THAT(start_error(wanted), HasSubstr("ChunkSelector: expected ExposureTime"));
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ class TickingCamera : public Camera {
  public:
   explicit TickingCamera(Bench& bench) : bench_(bench) {}
   void start() override {
-    if (bench_.rejects_start) throw InputError("camera cam01: rate: wanted 30, got 25");
+    if (bench_.rejects_start) throw InputError("camera cam01: rate: expected 30, found 25");
     ++bench_.starts;
   }
   void stop() override {}

@@ -165,7 +165,7 @@ TEST_F(V4l2CameraTest, runs_free_at_the_pulse_rate_or_rejects_the_rate) {
     return test::message_of<InputError>([&] { rated(hz)->start(); });
   };
   EXPECT_THAT(refused(30),
-              HasSubstr("frame rate of a free-running camera: wanted 30 Hz, got 29.97"));
+              HasSubstr("frame rate of a free-running camera: expected 30 Hz, found 29.97"));
   driver_.parm_capability = 0;
   EXPECT_THAT(refused(25), HasSubstr("a camera whose rate cannot be set"));
 }
@@ -280,9 +280,10 @@ TEST_F(V4l2CameraTest, writes_the_controls_of_the_studio_file_by_their_names) {
   EXPECT_THAT(stubborn->differences(),
               testing::ElementsAre(SettingDifference{"white_balance_temperature", "5200", "4600"}));
   settings_.features = {{"white_balance", "4600"}};
-  EXPECT_THAT(start_error(), HasSubstr("white_balance: wanted 4600, got a camera without this"));
+  EXPECT_THAT(start_error(),
+              HasSubstr("white_balance: expected 4600, found a camera without this"));
   settings_.features = {{"white_balance_temperature", "warm"}};
-  EXPECT_THAT(start_error(), HasSubstr("wanted a whole number, true or false, got warm"));
+  EXPECT_THAT(start_error(), HasSubstr("expected a whole number, true or false, found warm"));
 }
 
 TEST_F(V4l2CameraTest, warns_of_a_control_without_a_value_unless_it_is_only_written) {
@@ -340,7 +341,7 @@ TEST_F(V4l2CameraTest, carries_12_bits_of_a_packed_bayer_format) {
 TEST_F(V4l2CameraTest, rejects_a_width_that_splits_packed_samples) {
   settings_.pixel_format = {PixelFormat::kMono10, PixelLayout::kMipi};
   driver_.formats = {V4L2_PIX_FMT_Y10P};
-  EXPECT_THAT(start_error(), HasSubstr("width: wanted a multiple of 4, got 6"));
+  EXPECT_THAT(start_error(), HasSubstr("width: expected a multiple of 4, found 6"));
 }
 
 TEST_F(V4l2CameraTest, decodes_motion_jpeg_and_counts_a_cut_image_as_damaged) {
@@ -363,23 +364,23 @@ TEST_F(V4l2CameraTest, decodes_motion_jpeg_and_counts_a_cut_image_as_damaged) {
 TEST_F(V4l2CameraTest, names_the_camera_and_the_rejected_setting) {
   driver_.formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_MJPEG};
   EXPECT_THAT(start_error(),
-              HasSubstr("cam07: pixel_format: wanted Mono8, got YUYV; it has YUYV, MJPG"));
+              HasSubstr("cam07: pixel_format: expected Mono8, found YUYV; it has YUYV, MJPG"));
   driver_ = {};
   driver_.stores_controls = false;
-  EXPECT_THAT(start_error(), HasSubstr("exposure_us / 100: wanted 20, got 333"));
+  EXPECT_THAT(start_error(), HasSubstr("exposure_us / 100: expected 20, found 333"));
   driver_ = {};
   driver_.controls.erase(kTrigger);
   EXPECT_THAT(start_error(),
-              HasSubstr("trigger_control 0x009a0914: wanted 3, got Invalid argument"));
+              HasSubstr("trigger_control 0x009a0914: expected 3, found Invalid argument"));
   driver_ = {};
   driver_.clock = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;
-  EXPECT_THAT(start_error(), HasSubstr("time stamps: wanted CLOCK_MONOTONIC"));
+  EXPECT_THAT(start_error(), HasSubstr("time stamps: expected CLOCK_MONOTONIC"));
   driver_ = {};
   driver_.capabilities = V4L2_CAP_VIDEO_OUTPUT;
   EXPECT_THAT(start_error(), HasSubstr("a device that streams images"));
   driver_ = {};
   settings_.size = ImageSize{1024, 768};
-  EXPECT_THAT(start_error(), HasSubstr("size: wanted 1024x768, got 6x4"));
+  EXPECT_THAT(start_error(), HasSubstr("size: expected 1024x768, found 6x4"));
   EXPECT_EQ(driver_.open, 0) << "a rejected device is closed";
 }
 

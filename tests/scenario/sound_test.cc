@@ -146,7 +146,7 @@ TEST_F(ClapStudio, is_told_by_the_check_how_much_later_the_sound_is_than_the_pic
   for (const auto& camera : sound["cameras"]) {
     EXPECT_NEAR(camera["offset_ms"], 37, 100) << "within a pulse: " << camera;
   }
-  EXPECT_THAT(check({"--pulses", "10"}), HasSubstr("sound of cap01: no clap heard"));
+  EXPECT_THAT(check({"--pulses", "10"}), HasSubstr("sound of cap01: no clap found"));
 }
 
 /// At 5 Hz, a busy machine records whole takes.

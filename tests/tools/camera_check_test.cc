@@ -169,7 +169,7 @@ TEST(CameraCheck, compares_a_clap_with_the_pictures_of_all_nodes) {
 TEST(CameraCheck, states_that_it_heard_no_clap_or_could_hear_none) {
   const CheckReport silent =
       report_with_sound(R"({"fault":"","clap_pulse":null,"uncertainty_us":0.0})");
-  EXPECT_THAT(sound_lines(silent.sounds), ElementsAre("sound of cap02: no clap heard"));
+  EXPECT_THAT(sound_lines(silent.sounds), ElementsAre("sound of cap02: no clap found"));
   EXPECT_TRUE(check_json(silent)["sounds"][0]["offset_ms"].is_null());
   EXPECT_EQ(all_good(silent), all_good(parse_check_replies(answer_with(kReply))))
       << "a clap is no condition of a take";

@@ -314,10 +314,10 @@ TEST(Doctor, shows_firmware_and_ignored_settings_of_the_cameras_on_this_pc) {
          "got = \"3.0\"\nrounded = true\n";
   const auto findings = check_camera_settings(studio, {camera});
   ASSERT_EQ(findings.size(), 2U);
-  EXPECT_EQ(findings[0].verdict, Verdict::kGood) << "a rounded value is as asked";
+  EXPECT_EQ(findings[0].verdict, Verdict::kGood) << "a rounded value is accepted";
   EXPECT_NE(findings[0].text.find("firmware 1.2"), std::string::npos);
   EXPECT_EQ(findings[1].verdict, Verdict::kBad);
-  EXPECT_NE(findings[1].text.find("GammaEnable (asked false, got true)"), std::string::npos);
+  EXPECT_NE(findings[1].text.find("GammaEnable (expected false, found true)"), std::string::npos);
 }
 
 TEST(Doctor, has_no_verdict_about_a_camera_with_a_serial_number) {

@@ -269,7 +269,7 @@ TEST_F(Update, that_the_user_interrupts_says_that_the_pc_goes_on) {
     studio_.add("cap01", Pc::kUpdates);
     studio_.interrupts_ = true;
     const std::string message = update({"cap01"}).at(0).message;
-    std::exit(message == "interrupted; the PC goes on: v3dctl health shows its version" ? 0 : 1);
+    std::exit(message == "interrupted; the PC continues: v3dctl health shows its version" ? 0 : 1);
   };
   EXPECT_EXIT(update_and_exit(), ::testing::ExitedWithCode(0), "");
 }

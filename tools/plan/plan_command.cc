@@ -341,7 +341,8 @@ void add_room_options(cli::Command command, Arguments& arguments) {
 }
 
 void add_action_options(cli::Command command, Arguments& arguments) {
-  command.add_option("--performer", arguments.performer, "Who performs: one, or two who fight")
+  command
+      .add_option("--performer", arguments.performer, "Performers: one swordsman, or a duel of two")
       .type_name("swordsman|duel")
       .check(cli::one_of({"swordsman", "duel"}))
       .show_default();

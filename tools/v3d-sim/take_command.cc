@@ -105,13 +105,14 @@ void add_take_command(cli::Command app, int& status) {
   const cli::Option performers =
       command
           .add_option("--performers", arguments->performers,
-                      "1: one who cuts alone; 2: two who fight and touch each other")
+                      "1: a swordsman alone; 2: two performers that fight and touch each other")
           .check(cli::integer_in(1, 2))
           .show_default();
   command
-      .add_option("--performer", arguments->performer,
-                  "swordsman; duel: two who fight, as --performers 2; or a glTF file with a "
-                  "skinned, animated body, which moves at its place")
+      .add_option(
+          "--performer", arguments->performer,
+          "swordsman; duel: two performers that fight, as --performers 2; or a glTF file with a "
+          "skinned, animated body, which moves at its place")
       .type_name("swordsman|duel|FILE")
       .show_default()
       .excludes(performers);

@@ -79,7 +79,7 @@ void ScpiGenerator::send(const std::string& line) {
   if (!dialect_.acknowledges) return instrument_->write(line);
   const std::string answer = instrument_->query(line);
   if (!says(answer, "", "OK")) {
-    throw InstrumentError("answers " + line + " with " + in_quotes(answer) + "; right would be ok");
+    throw InstrumentError("answers " + line + " with " + in_quotes(answer) + "; expected ok");
   }
 }
 

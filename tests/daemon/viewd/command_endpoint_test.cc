@@ -245,7 +245,7 @@ TEST_F(CommandEndpointTest,
     const auto ms = to_ns(Realtime::now() - ago) / 1'000'000;
     return order(R"({"do":"start", "at_ms":)" + std::to_string(ms) + "}");
   };
-  expect_refused(given(std::chrono::seconds(95)), 409, "given 95 s ago and is not executed");
+  expect_refused(given(std::chrono::seconds(95)), 409, "is 95 s old and was not executed");
   EXPECT_EQ(post(given(std::chrono::seconds(1))).status, 202);
   EXPECT_EQ(commands_.next_command()->verb, Verb::kStart);
   commands_.on_finished({});

@@ -66,8 +66,8 @@ void print_text(const fs::path& out, const recon::Clip& clip,
              static_cast<double>(clip.frames.size()) / clip.rate_hz);
   for (const SpliceReport& report : splices) {
     fmt::print(
-        "frame {}: goes on at frame {} of the other take, {:.0f} mm between the poses; the surface "
-        "moves {:.2f} times as fast as around it\n",
+        "frame {}: continues with frame {} of the other take; the poses differ by {:.0f} mm, the "
+        "surface moves {:.2f} times as fast as in the frames around it\n",
         report.frame, report.transition.from, 1000 * report.transition.cost_m,
         report.relative_jump);
   }

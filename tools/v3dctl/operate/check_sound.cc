@@ -36,7 +36,7 @@ std::vector<std::string> sound_lines(const std::vector<NodeSoundCheck>& sounds) 
   for (const NodeSoundCheck& sound : sounds) {
     std::string line = "sound of " + sound.node + ": ";
     if (!sound.clap) {
-      lines.push_back(line + (sound.fault.empty() ? "no clap heard" : sound.fault));
+      lines.push_back(line + (sound.fault.empty() ? "no clap found" : sound.fault));
       continue;
     }
     line += clap_text(*sound.clap);

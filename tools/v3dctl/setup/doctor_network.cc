@@ -218,8 +218,8 @@ std::vector<Finding> read_camera_settings(const std::filesystem::path& path) {
   for (const TomlTable& difference : file.tables("difference")) {
     if (difference.boolean_or("rounded", false)) continue;
     std::string& text = ignored[difference.text("camera")];
-    text += (text.empty() ? "" : ", ") + difference.text("setting") + " (asked " +
-            difference.text("asked") + ", got " + difference.text("got") + ")";
+    text += (text.empty() ? "" : ", ") + difference.text("setting") + " (expected " +
+            difference.text("asked") + ", found " + difference.text("got") + ")";
   }
   std::vector<Finding> findings;
   for (const TomlTable& camera : file.tables("camera")) {
@@ -227,7 +227,7 @@ std::vector<Finding> read_camera_settings(const std::filesystem::path& path) {
     const std::string& settings = ignored[name];
     const std::string device = camera.text_or("device", "");
     findings.push_back({settings.empty() ? Verdict::kGood : Verdict::kBad, name,
-                        device + (settings.empty() ? "; all settings as asked"
+                        device + (settings.empty() ? "; all settings as in the studio file"
                                                    : "; ignores settings: " + settings),
                         settings.empty() ? "" : "correct the studio file, or the camera"});
   }

@@ -211,7 +211,7 @@ void add_member_commands(CommandLine& line, cli::Command key) {
 
   cli::Command enroll =
       add_for_member(key, *options, "enroll", "Add a member, or a key of a member");
-  enroll.add_option("--role", options->role, "What the member may do")
+  enroll.add_option("--role", options->role, "Role of the member")
       .required()
       .type_name("ROLE")
       .check(cli::one_of({"operator", "capture", "reconstruction", "viewer"}));

@@ -85,7 +85,7 @@ void add_network_files(const std::vector<std::string>& paths, NodeSettings& sett
     if ((name.extension() != ".network" && name.extension() != ".link") ||
         !is_file_name(name.string())) {
       throw InputError("--network " + path.string() +
-                       ": right would be a name that ends in .network or .link");
+                       ": expected a name that ends in .network or .link");
     }
     settings.files[name] = read_file(path);
   }
@@ -95,7 +95,7 @@ std::string pc_text(const std::vector<std::string>& pcs) {
   std::string text;
   for (const std::string& pc : pcs) {
     if (pc.empty() || printable(pc) != pc) {
-      throw InputError("--pc '" + pc + "': right would be a MAC address or a serial number");
+      throw InputError("--pc '" + pc + "': expected a MAC address or a serial number");
     }
     text += pc + "\n";
   }

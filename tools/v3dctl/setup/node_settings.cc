@@ -117,14 +117,14 @@ void require_path(const fs::path& path, const std::string& field, const fs::path
                   const std::string& right) {
   if (actual == kSettingsFolder / right) return;
   throw InputError(path.string() + ": " + field + " is " + actual.string() +
-                   " on the appliance; right would be \"" + right + "\"");
+                   " on the appliance; expected \"" + right + "\"");
 }
 
 void require_data_path(const fs::path& path, const std::string& field, const fs::path& actual) {
   const fs::path inside = actual.lexically_normal().lexically_relative(kDataFolder);
   if (!inside.empty() && *inside.begin() != ".." && inside != ".") return;
   throw InputError(path.string() + ": " + field + " is " + actual.string() +
-                   " on the appliance; right would be a folder in " + kDataFolder.string());
+                   " on the appliance; expected a folder in " + kDataFolder.string());
 }
 
 }  // namespace
@@ -185,7 +185,7 @@ std::string read_login_keys(const fs::path& path) {
   for (const std::string& line : lines_of(text)) {
     if (std::regex_match(line, kPublicKey)) continue;
     throw InputError(path.string() +
-                     ": a line is no public key of ssh; right would be e.g. ~/.ssh/id_ed25519.pub");
+                     ": a line is no public key of ssh; expected e.g. ~/.ssh/id_ed25519.pub");
   }
   return text;
 }
@@ -196,7 +196,7 @@ std::string time_servers_text(const std::vector<std::string>& servers) {
   for (const std::string& server : servers) {
     if (!std::regex_match(server, kServer)) {
       throw InputError("--time-server '" + server +
-                       "': right would be a name or an address, e.g. ntp.studio or 192.168.1.1");
+                       "': expected a name or an address, e.g. ntp.studio or 192.168.1.1");
     }
     text += server + "\n";
   }
@@ -206,7 +206,7 @@ std::string time_servers_text(const std::vector<std::string>& servers) {
 fs::path write_node_settings(const fs::path& stick, const NodeSettings& settings,
                              bool is_replaced) {
   if (!fs::is_directory(stick)) {
-    throw InputError(stick.string() + ": is no folder; right would be where the stick is mounted");
+    throw InputError(stick.string() + ": is no folder; expected the mount point of the stick");
   }
   const fs::path folder = stick / "v3d" / settings.name;
   if (fs::exists(folder)) {

@@ -137,7 +137,7 @@ class NodeUpdate {
     while ((now = link_.wait()) < deadline) {
       if (interrupted()) {
         throw std::runtime_error("interrupted; " +
-                                 (waits_for_.empty() ? "the PC goes on" : wait_text()) +
+                                 (waits_for_.empty() ? "the PC continues" : wait_text()) +
                                  ": v3dctl health shows its version");
       }
       if (read_report() || read_health()) return;
