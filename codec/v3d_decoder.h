@@ -111,7 +111,8 @@ V3D_API v3d_status v3d_motion_open(v3d_motion** motion, const uint8_t* bytes, si
 /* Releases a motion file and all data that is reached through it. NULL is allowed. */
 V3D_API void v3d_motion_free(v3d_motion* motion);
 
-/* Number of segments, in the order of their pulses, which do not overlap. */
+/* Number of segments, in the order of their pulses. A segment may begin at the last pulse of the
+ * one before. */
 V3D_API size_t v3d_motion_segments(const v3d_motion* motion);
 /* A segment; NULL beyond the last. Valid until v3d_motion_free(). */
 V3D_API const v3d_motion_segment* v3d_motion_segment_at(const v3d_motion* motion, size_t segment);
