@@ -116,7 +116,7 @@ class Bus::Impl {
     eventfd_write(changed_, 1);
   }
 
-  Listening subscribe(const std::string& channels, Handler handler, Accept accept) {
+  HandlerRegistration subscribe(const std::string& channels, Handler handler, Accept accept) {
     const std::lock_guard lock(mutex_);
     const auto place =
         topics_.insert(topics_.end(), Topic{ChannelPattern(channels), std::move(handler), accept});
@@ -124,7 +124,7 @@ class Bus::Impl {
       receiving_ = std::thread([this] { receive(); });
       handling_ = std::thread([this] { handle(); });
     }
-    return Listening([this, place] {
+    return HandlerRegistration([this, place] {
       const std::lock_guard no_message(mutex_);
       topics_.erase(place);
     });
@@ -313,7 +313,8 @@ bool Bus::publish_frame(int64_t pulse, const std::string& channel,
 void Bus::announce_frame_key(const std::string& node) { impl_->announce_frame_key(node); }
 void Bus::join_frame_groups(const FrameGroupSet& groups) { impl_->join_frame_groups(groups); }
 ReceptionCounts Bus::reception() const { return impl_->reception(); }
-Bus::Listening Bus::subscribe(const std::string& channels, Handler handler, Accept accept) {
+Bus::HandlerRegistration Bus::subscribe(const std::string& channels, Handler handler,
+                                        Accept accept) {
   return impl_->subscribe(channels, std::move(handler), accept);
 }
 

@@ -72,12 +72,13 @@ class Bus {
 
   /// Owns the registration of a handler. The destructor waits until the handler has returned and
   /// removes it. Must be destroyed before the bus.
-  class Listening {
+  class HandlerRegistration {
    public:
-    explicit Listening(std::function<void()> end) : end_(std::move(end)) {}
-    Listening(Listening&& other) noexcept : end_(std::exchange(other.end_, nullptr)) {}
-    Listening& operator=(Listening&&) = delete;
-    ~Listening() {
+    explicit HandlerRegistration(std::function<void()> end) : end_(std::move(end)) {}
+    HandlerRegistration(HandlerRegistration&& other) noexcept
+        : end_(std::exchange(other.end_, nullptr)) {}
+    HandlerRegistration& operator=(HandlerRegistration&&) = delete;
+    ~HandlerRegistration() {
       if (end_) end_();
     }
 
@@ -89,8 +90,8 @@ class Bus {
   using Handler = std::function<void(const ReceivedMessage&)>;
   enum class Accept : uint8_t { kAccepted, kIncludingUnverified };
   /// `channels`: the name of one channel, or a common prefix followed by ".*".
-  [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler,
-                                    Accept accept = Accept::kAccepted);
+  [[nodiscard]] HandlerRegistration subscribe(const std::string& channels, Handler handler,
+                                              Accept accept = Accept::kAccepted);
 
  private:
   class Impl;
@@ -128,7 +129,7 @@ class Subscription {
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open,
                Bus::Accept accept = Bus::Accept::kAccepted)
       : inbox_(std::make_unique<Inbox>(queue_limit, std::move(open))),
-        listening_(bus.subscribe(
+        registration_(bus.subscribe(
             channels,
             [inbox = inbox_.get()](const ReceivedMessage& received) { inbox->receive(received); },
             accept)) {}
@@ -183,7 +184,7 @@ class Subscription {
   };
 
   std::unique_ptr<Inbox> inbox_;
-  Bus::Listening listening_;  ///< destroyed first: its handler uses `inbox_`
+  Bus::HandlerRegistration registration_;  ///< destroyed first: its handler uses `inbox_`
 };
 
 }  // namespace v3d::bus

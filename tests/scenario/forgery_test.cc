@@ -172,7 +172,7 @@ class MemberStudioWithForger : public ForgedStudio {
 
   bus::Bus forger_{studio_.network.lcm_url, {}, bus::ChannelList(studio_)};
   /// The forger subscribes, so that its session answers freshness questions.
-  const bus::Bus::Listening answers_ =
+  const bus::Bus::HandlerRegistration answers_ =
       forger_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});
 };
 
@@ -273,7 +273,8 @@ class Eavesdropper {
   bool recording_ = true;
   std::vector<wire::Bytes> recorded_;
   bus::Bus bus_;
-  std::optional<bus::Bus::Listening> subscription_;  // last: its thread uses the other members
+  // Last: its thread uses the other members.
+  std::optional<bus::Bus::HandlerRegistration> subscription_;
 };
 
 /// At 5 Hz, a busy machine records whole takes.

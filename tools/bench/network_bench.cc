@@ -174,7 +174,7 @@ class BusPair {
     const wire::StudioKey key = wire::StudioKey::make();
     sender_.authenticator().set_key(key);
     receiver_.authenticator().set_key(key);
-    listening_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const bus::ReceivedMessage& in) {
+    registration_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const bus::ReceivedMessage& in) {
       if (wire::decode<wire::FrameMessage>(in.bytes)) ++received;
     }));
   }
@@ -185,7 +185,7 @@ class BusPair {
  private:
   bus::Bus sender_{kUrl};
   bus::Bus receiver_{kUrl};
-  std::optional<bus::Bus::Listening> listening_;
+  std::optional<bus::Bus::HandlerRegistration> registration_;
 };
 
 /// A studio of one capture and one reconstruction node.
@@ -215,7 +215,7 @@ class MemberPair {
     enrol(sender_, key, capture, list);
     enrol(receiver_, key, recon, list);
     answers_.emplace(sender_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {}));
-    listening_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const bus::ReceivedMessage& in) {
+    registration_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const bus::ReceivedMessage& in) {
       if (wire::decode<wire::FrameMessage>(in.bytes)) ++received;
     }));
     while (received == 0) {  // until the receiver has the frame key
@@ -239,7 +239,7 @@ class MemberPair {
   }
   bus::Bus sender_{kUrl, {}, bus::ChannelList(studio_of_members())};
   bus::Bus receiver_{kUrl, {}, bus::ChannelList(studio_of_members())};
-  std::optional<bus::Bus::Listening> answers_, listening_;
+  std::optional<bus::Bus::HandlerRegistration> answers_, registration_;
 };
 
 /// Sender and receiver by liblcm. Each message ends with one MAC of all its bytes.

@@ -362,11 +362,11 @@ TEST(Bus, releases_an_ended_handler_and_keeps_calling_the_others) {
   Bus bus(kUrl);
   Subscription<wire::EventMessage> others(bus, wire::kEventChannel, 8);
   auto mine = std::make_shared<std::atomic<int>>(0);
-  std::optional<Bus::Listening> listening(
+  std::optional<Bus::HandlerRegistration> registration(
       bus.subscribe(wire::kEventChannel, [mine](const ReceivedMessage&) { ++*mine; }));
   bus.publish(wire::kEventChannel, encode(event(1)));
   ASSERT_TRUE(becomes_true([&] { return *mine == 1; }, within(10)));
-  listening.reset();
+  registration.reset();
   EXPECT_EQ(mine.use_count(), 1);
   bus.publish(wire::kEventChannel, encode(event(2)));
   ASSERT_TRUE(becomes_true([&] { return others.counts().received == 2; }, within(10)));
@@ -408,7 +408,7 @@ TEST(Bus, counts_datagrams_that_the_kernel_drops_while_a_handler_blocks) {
   Bus bus(kUrl);
   std::mutex busy;
   std::unique_lock held(busy);
-  const auto listening = bus.subscribe(
+  const auto registration = bus.subscribe(
       "V3D_FRAME_.*", [&](const ReceivedMessage&) { const std::lock_guard wait(busy); });
   const std::vector<uint8_t> frame(60'000);
   // More than the ring and the buffer of the kernel hold together.

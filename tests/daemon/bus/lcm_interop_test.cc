@@ -66,7 +66,7 @@ TEST_P(Interoperation, liblcm_reads_plain_messages_and_the_bus_reads_those_of_li
   Bus bus(kUrl);
   std::mutex mutex;
   std::vector<uint8_t> received;
-  const auto listening = bus.subscribe("V3D_FRAME_.*", [&](const ReceivedMessage& in) {
+  const auto registration = bus.subscribe("V3D_FRAME_.*", [&](const ReceivedMessage& in) {
     const std::lock_guard lock(mutex);
     received.assign(in.bytes.begin(), in.bytes.end());
   });

@@ -48,7 +48,7 @@ class FakeNode {
         outcomes_(std::move(outcomes)),
         authenticate_(std::move(authenticate)),
         bus_(kUrl) {
-    listening_.emplace(
+    registration_.emplace(
         bus_.subscribe(wire::kCommandChannel, [this](const bus::ReceivedMessage& received) {
           const auto signed_message = wire::split_signature(received.bytes);
           const auto command = wire::decode<wire::CommandMessage>(
@@ -72,7 +72,8 @@ class FakeNode {
   const Authenticate authenticate_;
   size_t answered_ = 0;
   bus::Bus bus_;
-  std::optional<bus::Bus::Listening> listening_;  // last: its handler uses the other members
+  // Last: its handler uses the other members.
+  std::optional<bus::Bus::HandlerRegistration> registration_;
 };
 
 class OperatorClientTest : public testing::Test {

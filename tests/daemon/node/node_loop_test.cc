@@ -329,7 +329,7 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   bus.authenticator().set_key(key_);
   bus.authenticator().members().require();
   bus.authenticator().members().set_signing_key(guest_);
-  const auto listening =
+  const auto registration =
       bus.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});  // to answer
   wire::HealthMessage forged;
   forged.node = "cap01";
