@@ -176,7 +176,7 @@ std::shared_ptr<const wire::MemberList> MemberSignatures::list() const {
   return members_;
 }
 
-bool MemberSignatures::knows(const wire::KeyId& key) const {
+bool MemberSignatures::contains(const wire::KeyId& key) const {
   const auto known = list();
   const auto is_of = [&](const wire::Member& member) { return id_of(member.key) == key; };
   return known && std::ranges::any_of(known->members, is_of);
@@ -215,7 +215,7 @@ VerifiedMessage MemberSignatures::verify(std::span<const uint8_t> bytes,
     return verified;
   };
   if (!signed_message) return reject("without a member's signature");
-  if (!knows(signed_message->key_id)) {
+  if (!contains(signed_message->key_id)) {
     const std::string key = wire::hexadecimal(signed_message->key_id);
     return reject("signed with key " + key + "..., which the member list here does not have,");
   }

@@ -60,7 +60,7 @@ class MemberSignatures {
   /// The list in force; null before set_members().
   std::shared_ptr<const wire::MemberList> list() const;
   /// Whether the list contains this key. Verifies no signature.
-  bool knows(const wire::KeyId& key) const;
+  bool contains(const wire::KeyId& key) const;
   /// Whether the list has a node of this name with this key. Allocates nothing.
   bool has_node(std::string_view node, const wire::KeyId& key) const;
   /// The frame key that is sealed for the signing key of this process; empty when there is none.

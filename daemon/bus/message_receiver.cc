@@ -242,7 +242,7 @@ bool MessageReceiver::is_of_frames(const ChannelKind* kind, const DatagramParts&
 /// frame session is announced, its fragments cannot be told from forgeries.
 bool MessageReceiver::may_be_frame(const ChannelKind* kind, const DatagramParts& parts) const {
   return kind == nullptr && parts.trailer && authenticator_.members().are_required() &&
-         !filter_.knows(parts.trailer->session);
+         !filter_.contains(parts.trailer->session);
 }
 
 /// Costs one hash. Only when nodes announce the same session number, the key of each is tried.
@@ -356,7 +356,7 @@ wire::Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
 /// False when members are required and none has this key: the message will be rejected.
 bool MessageReceiver::can_answer(const wire::Signer& signer) const {
   const MemberSignatures& members = authenticator_.members();
-  return !members.are_required() || (signer && members.knows(*signer));
+  return !members.are_required() || (signer && members.contains(*signer));
 }
 
 // --- sessions -----------------------------------------------------------------------------------

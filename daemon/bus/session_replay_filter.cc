@@ -28,7 +28,7 @@ const SessionReplayFilter::Session* SessionReplayFilter::find(uint32_t session,
   return found == sessions_.end() ? nullptr : &*found;
 }
 
-bool SessionReplayFilter::knows(uint32_t session) const {
+bool SessionReplayFilter::contains(uint32_t session) const {
   return std::ranges::find(sessions_, session, &Session::id) != sessions_.end();
 }
 

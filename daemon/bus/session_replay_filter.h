@@ -77,7 +77,7 @@ class SessionReplayFilter {
   bool is_received(const SessionStamp& stamp, const wire::Signer& signer = {}) const;
   /// Whether the session is stored for any signer: an authentic message of it was accepted, or it
   /// has answered.
-  bool knows(uint32_t session) const;
+  bool contains(uint32_t session) const;
   /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now,
                  const wire::Signer& signer = {}) const;
