@@ -33,7 +33,7 @@ void CameraSession::arm(Duration period, bool edges_are_reported) {
   matcher_.emplace(period);
   start_ = {.period = period, .latency = latency_};
   edges_are_reported_ = edges_are_reported;
-  heard(options_.now());
+  reset_silence(options_.now());
   latency_frames_ = 0;
   counts_.frames = counts_.suspect = 0;
   counts_.last_pulse = -1;
@@ -72,7 +72,7 @@ void CameraSession::pulse_at(const PulseEdge& edge) {
   if (!matcher_ || !ready_) return;
   if (running_) return expect_after(edge);
   if (!train_is_over_ && !std::exchange(expecting_, true)) {
-    heard(std::max(last_frame_, edge.is_timed ? edge.at : options_.now()));
+    reset_silence(std::max(last_frame_, edge.is_timed ? edge.at : options_.now()));
   }
   if (edge.is_timed) start_.edge = edge;
 }
@@ -97,7 +97,7 @@ void CameraSession::advance() {
   check_loss();
 }
 
-void CameraSession::heard(MonotonicInstant at) {
+void CameraSession::reset_silence(MonotonicInstant at) {
   last_frame_ = at;
   silence_ = {};
 }
@@ -120,7 +120,7 @@ MonotonicInstant CameraSession::wait_deadline() const {
 }
 
 void CameraSession::receive(CameraFrame frame) {
-  heard(frame.received);
+  reset_silence(frame.received);
   last_counter_ = frame.counter;
   const int64_t damaged = camera_->statistics().damaged;
   const int64_t new_damaged = damaged - std::exchange(damaged_at_last_, damaged);
@@ -156,7 +156,7 @@ void CameraSession::open() {
     close();
     retry_at_ = options_.now() + options_.retry_after;
   }
-  heard(options_.now());
+  reset_silence(options_.now());
 }
 
 void CameraSession::close() {

@@ -61,7 +61,8 @@ class CameraSession {
   void open();
   void reopen(const std::string& why);
   void report_missing(const std::string& why);
-  void heard(MonotonicInstant at);
+  /// Restarts the measurement of silence_ at `at`.
+  void reset_silence(MonotonicInstant at);
   void observe_silence();
   void check_quiet();
   void check_loss();

@@ -36,13 +36,13 @@ class V4l2Camera::Stream {
     request.count = static_cast<uint32_t>(settings.buffers);
     request.type = kCapture;
     request.memory = V4L2_MEMORY_MMAP;
-    ask("buffers", VIDIOC_REQBUFS, &request);
+    control_or_throw("buffers", VIDIOC_REQBUFS, &request);
     for (uint32_t i = 0; i < request.count; ++i) add_buffer(i);
     if (buffers_.size() < 2) {
       v4l2::refuse(settings_, "buffers", "2", std::to_string(buffers_.size()));
     }
     uint32_t type = kCapture;
-    ask("stream", VIDIOC_STREAMON, &type);
+    control_or_throw("stream", VIDIOC_STREAMON, &type);
   }
 
   ~Stream() {
@@ -84,8 +84,8 @@ class V4l2Camera::Stream {
   }
 
  private:
-  void ask(const std::string& what, unsigned long request, void* argument) const {
-    v4l2::ask(settings_, *device_, what, request, argument);
+  void control_or_throw(const std::string& what, unsigned long request, void* argument) const {
+    v4l2::control_or_throw(settings_, *device_, what, request, argument);
   }
 
   void add_buffer(uint32_t index) {
@@ -93,7 +93,7 @@ class V4l2Camera::Stream {
     buffer.type = kCapture;
     buffer.memory = V4L2_MEMORY_MMAP;
     buffer.index = index;
-    ask("buffers", VIDIOC_QUERYBUF, &buffer);
+    control_or_throw("buffers", VIDIOC_QUERYBUF, &buffer);
     if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) {
       v4l2::refuse(settings_, "time stamps", "CLOCK_MONOTONIC", "another clock");
     }
@@ -101,7 +101,7 @@ class V4l2Camera::Stream {
     const auto memory = device_->map(buffer.length, buffer.m.offset);
     if (memory.empty()) v4l2::refuse(settings_, "buffers", "memory", std::strerror(errno));
     buffers_.push_back(memory);
-    ask("buffers", VIDIOC_QBUF, &buffer);
+    control_or_throw("buffers", VIDIOC_QBUF, &buffer);
   }
 
   const StudioCamera& settings_;

@@ -127,14 +127,14 @@ class Setup {
                            const std::string& got) const {
     v4l2::refuse(settings_, what, wanted, got);
   }
-  void ask(const std::string& what, unsigned long request, void* argument) const {
-    v4l2::ask(settings_, device_, what, request, argument);
+  void control_or_throw(const std::string& what, unsigned long request, void* argument) const {
+    v4l2::control_or_throw(settings_, device_, what, request, argument);
   }
 
   /// Checks the kind of the device. Returns its name and driver.
   std::string capabilities() const {
     v4l2_capability caps{};
-    ask(settings_.address, VIDIOC_QUERYCAP, &caps);
+    control_or_throw(settings_.address, VIDIOC_QUERYCAP, &caps);
     const uint32_t has =
         (caps.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? caps.device_caps : caps.capabilities;
     if ((has & V4L2_CAP_VIDEO_CAPTURE) == 0 || (has & V4L2_CAP_STREAMING) == 0) {
@@ -150,7 +150,7 @@ class Setup {
   v4l2_pix_format image_format() const {
     v4l2_format format{};
     format.type = kCapture;
-    ask("image format", VIDIOC_G_FMT, &format);
+    control_or_throw("image format", VIDIOC_G_FMT, &format);
     const auto fourcc = fourcc_of(settings_.pixel_format);
     V3D_CHECK(fourcc.has_value());  // the reader of the studio file accepts no other format
     const std::string wanted(name(settings_.pixel_format));
@@ -161,8 +161,8 @@ class Setup {
     format.fmt.pix.height = static_cast<uint32_t>(size.height);
     format.fmt.pix.pixelformat = *fourcc;
     format.fmt.pix.field = V4L2_FIELD_NONE;
-    ask("image format", VIDIOC_S_FMT, &format);
-    ask("image format", VIDIOC_G_FMT, &format);
+    control_or_throw("image format", VIDIOC_S_FMT, &format);
+    control_or_throw("image format", VIDIOC_G_FMT, &format);
     const v4l2_pix_format& got = format.fmt.pix;
     if (got.pixelformat != *fourcc) {
       refuse("pixel_format", wanted, text_of(got.pixelformat) + "; it has " + formats());
@@ -252,7 +252,7 @@ class Setup {
     v4l2_control value{.id = id, .value = wanted};
     ask_for(what, wanted, VIDIOC_S_CTRL, &value);
     value = {.id = id, .value = 0};
-    ask(what, VIDIOC_G_CTRL, &value);
+    control_or_throw(what, VIDIOC_G_CTRL, &value);
     if (std::abs(int64_t{value.value} - wanted) > tolerance) {
       refuse(what, std::to_string(wanted), std::to_string(value.value));
     }
@@ -272,14 +272,14 @@ class Setup {
   void rate(double hz) const {
     v4l2_streamparm parameters{};
     parameters.type = kCapture;
-    ask("rate", VIDIOC_G_PARM, &parameters);
+    control_or_throw("rate", VIDIOC_G_PARM, &parameters);
     v4l2_fract& interval = parameters.parm.capture.timeperframe;
     if ((parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
       refuse("rate", number(hz) + " Hz", "a camera whose rate cannot be set");
     }
     interval = interval_of(hz);
-    ask("rate", VIDIOC_S_PARM, &parameters);
-    ask("rate", VIDIOC_G_PARM, &parameters);
+    control_or_throw("rate", VIDIOC_S_PARM, &parameters);
+    control_or_throw("rate", VIDIOC_G_PARM, &parameters);
     const double got = rate_of(interval);
     if (std::abs(got - hz) > kRateTolerance * hz) {
       refuse("frame rate of a free-running camera", number(hz) + " Hz", number(got) + " Hz");
@@ -357,8 +357,8 @@ void refuse(const StudioCamera& settings, const std::string& what, const std::st
                    got);
 }
 
-void ask(const StudioCamera& settings, V4l2Device& device, const std::string& what,
-         unsigned long request, void* argument) {
+void control_or_throw(const StudioCamera& settings, V4l2Device& device, const std::string& what,
+                      unsigned long request, void* argument) {
   const int error = device.control(request, argument);
   if (error != 0) refuse(settings, what, "an answer", std::strerror(error));
 }

@@ -38,8 +38,8 @@ Applied write_settings(const StudioCamera& settings, std::optional<double> rate_
                        V4l2Device& device);
 
 /// Calls device.control(). Throws InputError (see refuse()) on an error.
-void ask(const StudioCamera& settings, V4l2Device& device, const std::string& what,
-         unsigned long request, void* argument);
+void control_or_throw(const StudioCamera& settings, V4l2Device& device, const std::string& what,
+                      unsigned long request, void* argument);
 
 /// Throws InputError such as "camera cam07: size: expected 640x480, found 320x240".
 [[noreturn]] void refuse(const StudioCamera& settings, const std::string& what,

@@ -100,7 +100,7 @@ class MessageAuthenticator {
   /// Erases the previous key when its grace time is over.
   void discard_old_key(MonotonicInstant now);
   /// Rejects every message while there is no key.
-  void require_authentication() { insists_ = true; }
+  void require_authentication() { is_always_required_ = true; }
   MemberSignatures& members() { return members_; }
   const MemberSignatures& members() const { return members_; }
 
@@ -111,7 +111,7 @@ class MessageAuthenticator {
   bool verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
               const wire::MacTrailer& trailer, MonotonicInstant now) const;
   /// Whether messages must be authenticated.
-  bool is_required() const { return has_key_ || insists_; }
+  bool is_required() const { return has_key_ || is_always_required_; }
 
   /// Counts a datagram that verify() rejected: as `forged`, or as `unkeyed` when there is no key.
   void count_unverified();
@@ -134,7 +134,7 @@ class MessageAuthenticator {
  private:
   MemberSignatures members_;
   std::atomic<bool> has_key_ = false;
-  std::atomic<bool> insists_ = false;
+  std::atomic<bool> is_always_required_ = false;  ///< also without a key
   std::atomic<int64_t> forged_ = 0;
   std::atomic<int64_t> unkeyed_ = 0;
   std::atomic<int64_t> not_signed_ = 0;

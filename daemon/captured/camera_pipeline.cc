@@ -137,7 +137,7 @@ void CameraPipeline::process(Frame frame) {
   const SemaphoreSlot slot(shared_.slots, pulse);
   Mask mask = segment(message.frame, learn);
   // Only frames that are segmented anyway get a preview: an overloaded node sends none.
-  if (preview_.wants(pulse)) preview_.send(pulse, image.view(), &mask);
+  if (preview_.is_due(pulse)) preview_.send(pulse, image.view(), &mask);
   if (live) publish_live(std::move(message), std::move(mask));
 }
 

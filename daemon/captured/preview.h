@@ -20,7 +20,7 @@ class PreviewSender {
 
   /// True for about one pulse per second. All cameras choose the same pulses, so that a contact
   /// sheet shows one instant.
-  bool wants(int64_t pulse) const { return pulse >= 0 && pulse % every_ == 0; }
+  bool is_due(int64_t pulse) const { return pulse >= 0 && pulse % every_ == 0; }
   /// `raw`: the raw image. `mask`: its mask, or null. Does nothing for an image too large for a
   /// preview message.
   void send(int64_t pulse, ImageView raw, const Mask* mask);

@@ -70,7 +70,7 @@ bool BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
   if (!frame) return false;
   reduce_to_8_bits(frame->image);
   PreviewSender& preview = previews_[index];
-  if (const int64_t pulse = frame->label.pulse; preview.wants(pulse)) {
+  if (const int64_t pulse = frame->label.pulse; preview.is_due(pulse)) {
     preview.send(pulse, frame->image.view(), nullptr);
   }
   plates.push_back(std::move(frame->image));
@@ -212,7 +212,7 @@ void CameraCheck::CheckedWorker::examine(const Frame& frame) {
     mask = segmenter_->segment(image);
     foreground_ += static_cast<double>(mask->count()) / static_cast<double>(image.size.pixels());
   }
-  if (preview_.wants(frame.label.pulse)) {
+  if (preview_.is_due(frame.label.pulse)) {
     preview_.send(frame.label.pulse, image, mask ? &*mask : nullptr);
   }
 }
