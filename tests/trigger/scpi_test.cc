@@ -352,32 +352,32 @@ TEST(ScpiGeneratorDeathTest, aborts_with_a_message_when_it_is_started_before_arm
 }
 
 TEST(ScpiAnswers, match_the_expected_value_in_every_equivalent_notation) {
-  EXPECT_TRUE(says("+2.500000000000000E+01", "", "25"));
-  EXPECT_TRUE(says("25HZ", "", "25"));
-  EXPECT_TRUE(says(" 0.025 kHz\r", "", "25"));
-  EXPECT_TRUE(says("1ms", "", "0.001"));
-  EXPECT_TRUE(says("\"PULSE\"", "", "PULS"));
-  EXPECT_TRUE(says("PULS", "", "PULSE"));
-  EXPECT_TRUE(says("9.9E37", "", "INF"));
-  EXPECT_TRUE(says("INFINITY", "", "INF"));
-  EXPECT_TRUE(says("1", "", "ON"));
-  EXPECT_TRUE(says("c1:bswv wvtp,pulse,frq,25HZ", "FRQ", "25"));
-  EXPECT_TRUE(says("C1:OUTP OFF,LOAD,HZ,PLRT,NOR", "*", "OFF"));
+  EXPECT_TRUE(answer_matches("+2.500000000000000E+01", "", "25"));
+  EXPECT_TRUE(answer_matches("25HZ", "", "25"));
+  EXPECT_TRUE(answer_matches(" 0.025 kHz\r", "", "25"));
+  EXPECT_TRUE(answer_matches("1ms", "", "0.001"));
+  EXPECT_TRUE(answer_matches("\"PULSE\"", "", "PULS"));
+  EXPECT_TRUE(answer_matches("PULS", "", "PULSE"));
+  EXPECT_TRUE(answer_matches("9.9E37", "", "INF"));
+  EXPECT_TRUE(answer_matches("INFINITY", "", "INF"));
+  EXPECT_TRUE(answer_matches("1", "", "ON"));
+  EXPECT_TRUE(answer_matches("c1:bswv wvtp,pulse,frq,25HZ", "FRQ", "25"));
+  EXPECT_TRUE(answer_matches("C1:OUTP OFF,LOAD,HZ,PLRT,NOR", "*", "OFF"));
 }
 
 TEST(ScpiAnswers, do_not_match_another_value) {
-  EXPECT_FALSE(says("25.01", "", "25"));
-  EXPECT_FALSE(says("25 V.I.P.", "", "25"));
-  EXPECT_FALSE(says("-25", "", "25"));
-  EXPECT_FALSE(says("INF", "", "25"));
-  EXPECT_FALSE(says("1e30", "", "INF"));
-  EXPECT_FALSE(says("", "", "0"));
-  EXPECT_FALSE(says("", "", "PULS"));
-  EXPECT_FALSE(says("P", "", "PULS"));
-  EXPECT_FALSE(says("SQU", "", "PULS"));
-  EXPECT_FALSE(says("0", "", "ON"));
-  EXPECT_FALSE(says("C1:BSWV WVTP,FRQ", "FRQ", "25"));
-  EXPECT_FALSE(says("C1:BSWV", "*", "OFF"));
+  EXPECT_FALSE(answer_matches("25.01", "", "25"));
+  EXPECT_FALSE(answer_matches("25 V.I.P.", "", "25"));
+  EXPECT_FALSE(answer_matches("-25", "", "25"));
+  EXPECT_FALSE(answer_matches("INF", "", "25"));
+  EXPECT_FALSE(answer_matches("1e30", "", "INF"));
+  EXPECT_FALSE(answer_matches("", "", "0"));
+  EXPECT_FALSE(answer_matches("", "", "PULS"));
+  EXPECT_FALSE(answer_matches("P", "", "PULS"));
+  EXPECT_FALSE(answer_matches("SQU", "", "PULS"));
+  EXPECT_FALSE(answer_matches("0", "", "ON"));
+  EXPECT_FALSE(answer_matches("C1:BSWV WVTP,FRQ", "FRQ", "25"));
+  EXPECT_FALSE(answer_matches("C1:BSWV", "*", "OFF"));
 }
 
 }  // namespace

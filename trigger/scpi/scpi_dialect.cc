@@ -199,13 +199,13 @@ bool same_word(std::string_view a, std::string_view b) {
   return a == b || (a.size() >= kMinAbbreviation && b.starts_with(a));
 }
 
-std::string_view part_of(std::string_view answer, std::string_view part) {
-  if (part.empty()) return answer;
+std::string_view field_of(std::string_view answer, std::string_view field) {
+  if (field.empty()) return answer;
   std::string_view remaining = trimmed(answer.substr(std::min(answer.size(), answer.find(' '))));
-  if (part == "*") return trimmed(remaining.substr(0, remaining.find(',')));
+  if (field == "*") return trimmed(remaining.substr(0, remaining.find(',')));
   while (!remaining.empty()) {
     const size_t comma = remaining.find(',');
-    const bool found = trimmed(remaining.substr(0, comma)) == part;
+    const bool found = trimmed(remaining.substr(0, comma)) == field;
     if (comma == std::string_view::npos) break;
     remaining.remove_prefix(comma + 1);
     if (found) return trimmed(remaining.substr(0, remaining.find(',')));
@@ -246,14 +246,16 @@ std::string substitute_values(std::string_view text, const ScpiValues& values) {
   return result;
 }
 
-bool says(std::string_view answer, std::string_view part, std::string_view want) {
+bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected) {
   const std::string all = upper(trimmed(answer));
-  const std::string_view got = part_of(all, part);
+  const std::string_view got = field_of(all, field);
   const auto got_number = number_of(got);
-  if (const auto wanted = number_of(want)) return got_number && same_number(*wanted, *got_number);
-  if (want == "ON" && got_number) return *got_number == 1;
-  if (want == "OFF" && got_number) return *got_number == 0;
-  return !got.empty() && same_word(got, want);
+  if (const auto number = number_of(expected)) {
+    return got_number && same_number(*number, *got_number);
+  }
+  if (expected == "ON" && got_number) return *got_number == 1;
+  if (expected == "OFF" && got_number) return *got_number == 0;
+  return !got.empty() && same_word(got, expected);
 }
 
 }  // namespace v3d::trigger

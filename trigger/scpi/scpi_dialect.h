@@ -18,8 +18,8 @@ struct ScpiSetting {
   std::string_view query = {};  ///< empty: the setting cannot be read back
   /// The field of the answer to compare. Empty: the whole answer. A key: the value after this key
   /// in an answer like "C1:BSWV WVTP,PULSE,FRQ,25HZ". "*": the first field.
-  std::string_view part = {};
-  std::string_view want = {};  ///< expected value
+  std::string_view field = {};
+  std::string_view expected = {};  ///< value of the field
 };
 
 /// The commands of a family of signal generators, as tables in the order of execution.
@@ -48,9 +48,9 @@ struct ScpiValues {
 /// Replaces the placeholders in `text`.
 std::string substitute_values(std::string_view text, const ScpiValues& values);
 
-/// Whether the field `part` of an answer equals `want`. Numbers: within 1 in 10,000, in any
-/// notation, with or without a unit. Words: in any case, short or long ("PULS", "PULSE"). ON and
-/// OFF: also 1 and 0.
-bool says(std::string_view answer, std::string_view part, std::string_view want);
+/// Whether `field` of an answer (see ScpiSetting) equals `expected`. Numbers: within 1 in 10,000,
+/// in any notation, with or without a unit. Words: in any case, short or long ("PULS", "PULSE"). ON
+/// and OFF: also 1 and 0.
+bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected);
 
 }  // namespace v3d::trigger

@@ -78,7 +78,7 @@ void ScpiGenerator::send(const std::string& line) {
   check_deadline();
   if (!dialect_.acknowledges) return instrument_->write(line);
   const std::string answer = instrument_->query(line);
-  if (!says(answer, "", "OK")) {
+  if (!answer_matches(answer, "", "OK")) {
     throw InstrumentError("answers " + line + " with " + in_quotes(answer) + "; expected ok");
   }
 }
@@ -93,8 +93,8 @@ void ScpiGenerator::apply(const std::vector<ScpiSetting>& settings) {
     send(line);
     if (setting.query.empty()) continue;
     const std::string answer = query(substitute_values(setting.query, values_));
-    const std::string want = substitute_values(setting.want, values_);
-    if (says(answer, setting.part, want)) continue;
+    const std::string expected = substitute_values(setting.expected, values_);
+    if (answer_matches(answer, setting.field, expected)) continue;
     throw InstrumentError("did not accept " + line + ": it reports " + in_quotes(answer));
   }
 }
@@ -102,7 +102,7 @@ void ScpiGenerator::apply(const std::vector<ScpiSetting>& settings) {
 void ScpiGenerator::check_error_queue() {
   if (dialect_.error_query.empty()) return;
   const std::string answer = query(std::string(dialect_.error_query));
-  if (!says(answer.substr(0, answer.find(',')), "", "0")) {
+  if (!answer_matches(answer.substr(0, answer.find(',')), "", "0")) {
     throw InstrumentError("reports the error " + in_quotes(answer));
   }
 }
