@@ -29,7 +29,7 @@ ImageSize image_size(const StudioCamera& settings, ArvCamera* camera) {
   gint x = 0;
   gint y = 0;
   arv_camera_get_region(camera, &x, &y, &size.width, &size.height, problem);
-  if (problem.happened()) aravis::refuse(settings, "Width, Height", "an image", problem.text());
+  if (problem.happened()) aravis::fail(settings, "Width, Height", "an image", problem.text());
   return size;
 }
 
@@ -39,8 +39,8 @@ SentLayout sent_layout(const StudioCamera& settings, ArvCamera* camera) {
   const CameraFormat format = settings.pixel_format;
   const int step = width_step(format);
   if (size.width % step != 0) {
-    aravis::refuse(settings, "Width", "a multiple of " + std::to_string(step),
-                   std::to_string(size.width));
+    aravis::fail(settings, "Width", "a multiple of " + std::to_string(step),
+                 std::to_string(size.width));
   }
   return {format, size, row_bytes(format, size.width)};
 }
@@ -49,8 +49,8 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
   Problem problem;
   const size_t payload = arv_camera_get_payload(camera, problem);
   if (problem.happened() || payload < image_bytes) {
-    aravis::refuse(settings, "PayloadSize", "at least " + std::to_string(image_bytes) + " bytes",
-                   problem.happened() ? problem.text() : std::to_string(payload));
+    aravis::fail(settings, "PayloadSize", "at least " + std::to_string(image_bytes) + " bytes",
+                 problem.happened() ? problem.text() : std::to_string(payload));
   }
   return payload;
 }
@@ -177,7 +177,7 @@ class AravisCamera::Link {
       : camera_(aravis::open(settings)), lost_(lost) {
     ArvDevice* device = arv_camera_get_device(camera_.get());
     if (ARV_IS_GV_DEVICE(device) && !arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
-      aravis::refuse(settings, "control", "this program", "another program that controls it");
+      aravis::fail(settings, "control", "this program", "another program that controls it");
     }
     differences_ = aravis::write_settings(settings, camera_.get());
     device_ = read_device(camera_.get());
@@ -234,8 +234,8 @@ class AravisCamera::Link {
     const MonotonicInstant deadline = Monotonic::now() + kDiscardTimeout;
     do {
       if (Monotonic::now() > deadline) {
-        aravis::refuse(settings, "stream", "a receiver without packets of other cameras",
-                       "one whose thread gets no processor time");
+        aravis::fail(settings, "stream", "a receiver without packets of other cameras",
+                     "one whose thread gets no processor time");
       }
       std::this_thread::sleep_for(kLastBlockTime);
     } while (!thread_sleeps(stream_thread_));
@@ -245,7 +245,7 @@ class AravisCamera::Link {
     Problem problem;
     stream_.reset(arv_camera_create_stream(camera_.get(), on_stream, this, problem));
     if (!stream_ || problem.happened())
-      aravis::refuse(settings, "stream", "a receiver", problem.text());
+      aravis::fail(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);
     if (settings.packet_socket) discard_foreign_packets(settings);
     foreign_underruns_ = underruns();
@@ -256,7 +256,7 @@ class AravisCamera::Link {
                                 G_CALLBACK(on_control_lost), &lost_);
     Problem start;
     arv_camera_start_acquisition(camera_.get(), start);
-    if (start.happened()) aravis::refuse(settings, "AcquisitionStart", "a stream", start.text());
+    if (start.happened()) aravis::fail(settings, "AcquisitionStart", "a stream", start.text());
   }
 
   Owned<ArvCamera> camera_;

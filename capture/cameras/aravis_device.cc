@@ -142,9 +142,9 @@ class Setup {
   }
 
  private:
-  [[noreturn]] void refuse(const std::string& feature, const std::string& wanted,
-                           const std::string& got) const {
-    aravis::refuse(settings_, feature, wanted, got);
+  [[noreturn]] void fail(const std::string& feature, const std::string& wanted,
+                         const std::string& got) const {
+    aravis::fail(settings_, feature, wanted, got);
   }
 
   bool supports(const char* feature) const { return has_feature(camera_, feature); }
@@ -154,17 +154,17 @@ class Setup {
   void stop_acquisition() {
     Problem problem;
     arv_camera_stop_acquisition(camera_, problem);
-    if (problem.happened()) refuse("AcquisitionStop", "a stopped camera", problem.text());
+    if (problem.happened()) fail("AcquisitionStop", "a stopped camera", problem.text());
   }
 
   void choose(const char* feature, const std::string& wanted) {
     Problem set;
     arv_camera_set_string(camera_, feature, wanted.c_str(), set);
-    if (set.happened()) refuse(feature, wanted, set.text());
+    if (set.happened()) fail(feature, wanted, set.text());
     Problem get;
     const char* got = arv_camera_get_string(camera_, feature, get);
-    if (get.happened() || !got) refuse(feature, wanted, get.text());
-    if (wanted != got) refuse(feature, wanted, got);
+    if (get.happened() || !got) fail(feature, wanted, get.text());
+    if (wanted != got) fail(feature, wanted, got);
   }
 
   void choose_if_supported(const char* feature, const std::string& wanted) {
@@ -177,12 +177,12 @@ class Setup {
   void number(const char* feature, double wanted, double tolerance, Set set, Get get) {
     Problem setting;
     set(setting);
-    if (setting.happened()) refuse(feature, std::to_string(wanted), setting.text());
+    if (setting.happened()) fail(feature, std::to_string(wanted), setting.text());
     Problem getting;
     const double got = get(getting);
-    if (getting.happened()) refuse(feature, std::to_string(wanted), getting.text());
+    if (getting.happened()) fail(feature, std::to_string(wanted), getting.text());
     if (!(std::abs(got - wanted) <= tolerance)) {
-      refuse(feature, std::to_string(wanted), std::to_string(got));
+      fail(feature, std::to_string(wanted), std::to_string(got));
     }
     if (got != wanted) writer_.add_rounded(feature, toml_number(wanted), toml_number(got));
   }
@@ -209,7 +209,7 @@ class Setup {
   void trigger() {
     Problem clear;
     arv_camera_clear_triggers(camera_, clear);
-    if (clear.happened()) refuse("TriggerMode", "Off", clear.text());
+    if (clear.happened()) fail("TriggerMode", "Off", clear.text());
     choose_if_supported("TriggerSelector", "FrameStart");
     if (settings_.action) {
       action(*settings_.action);
@@ -227,9 +227,9 @@ class Setup {
   /// The camera exposes at action commands with these keys.
   void action(const ActionKeys& keys) {
     if (!supports("ActionDeviceKey")) {
-      refuse("ActionDeviceKey", std::to_string(keys.device_key),
-             "a camera without action commands; trigger it by cable, [trigger] kind = \"gpio\" or "
-             "\"scpi\"");
+      fail("ActionDeviceKey", std::to_string(keys.device_key),
+           "a camera without action commands; trigger it by cable, [trigger] kind = \"gpio\" or "
+           "\"scpi\"");
     }
     writer_.write_if_supported("ActionUnconditionalMode", "Off");
     write_integer(settings_, camera_, "ActionDeviceKey", keys.device_key);
@@ -244,7 +244,7 @@ class Setup {
       Problem problem;
       arv_camera_gv_auto_packet_size(camera_, problem);
       if (problem.happened())
-        refuse("packet size", "the largest that the network passes", problem.text());
+        fail("packet size", "the largest that the network passes", problem.text());
     } else {
       number(
           "GevSCPSPacketSize", settings_.packet_size, 0,
@@ -273,17 +273,17 @@ class Setup {
   void switch_on(const char* feature) {
     Problem set;
     arv_camera_set_boolean(camera_, feature, true, set);
-    if (set.happened()) refuse(feature, "true", set.text());
+    if (set.happened()) fail(feature, "true", set.text());
     Problem get;
     const bool on = arv_camera_get_boolean(camera_, feature, get);
-    if (get.happened() || !on) refuse(feature, "true", get.happened() ? get.text() : "false");
+    if (get.happened() || !on) fail(feature, "true", get.happened() ? get.text() : "false");
   }
 
   /// Waits until the clock is synchronised: a clock that steps during a take makes frames suspect.
   /// An action trigger alone does not require it: its commands then have no time.
   void follow_ptp() {
     const std::optional<Ptp> ptp = Ptp::of(camera_);
-    if (!ptp && settings_.ptp) refuse("ptp", "PtpEnable", "a camera without it");
+    if (!ptp && settings_.ptp) fail("ptp", "PtpEnable", "a camera without it");
     if (!ptp) return writer_.add_difference("PtpEnable", "true", "a camera without it");
     switch_on(ptp->enable_feature());
     const MonotonicInstant deadline =
@@ -291,14 +291,13 @@ class Setup {
     while (!ptp->is_synchronised() && Monotonic::now() < deadline)
       std::this_thread::sleep_for(kPtpPollPeriod);
     if (ptp->is_synchronised()) return;
-    if (settings_.ptp) refuse(ptp->status_feature(), "Slave or Master", ptp->status());
+    if (settings_.ptp) fail(ptp->status_feature(), "Slave or Master", ptp->status());
     writer_.add_difference(ptp->status_feature(), "Slave or Master", ptp->status());
   }
 
   /// Requests the exposure time. Every image already has its time stamp and frame number.
   void chunk_data() {
-    if (!supports("ChunkModeActive"))
-      refuse("chunk_data", "ChunkModeActive", "a camera without it");
+    if (!supports("ChunkModeActive")) fail("chunk_data", "ChunkModeActive", "a camera without it");
     switch_on("ChunkModeActive");
     choose("ChunkSelector", "ExposureTime");
     switch_on("ChunkEnable");
@@ -311,8 +310,8 @@ class Setup {
 
 }  // namespace
 
-void refuse(const StudioCamera& settings, const std::string& feature, const std::string& wanted,
-            const std::string& got) {
+void fail(const StudioCamera& settings, const std::string& feature, const std::string& wanted,
+          const std::string& got) {
   throw InputError("camera " + settings.name + ": " + feature + ": expected " + wanted +
                    ", found " + got);
 }

@@ -90,11 +90,11 @@ class Ptp {
 /// camera's clock is synchronised, at most 20 s; with an action trigger at most 10 s, and a clock
 /// that is not synchronised is a difference. Returns rounded values, automatic functions that
 /// stay on, and features of [camera.features] that differ.
-/// Throws InputError (see refuse()) if another value differs.
+/// Throws InputError (see fail()) if another value differs.
 std::vector<SettingDifference> write_settings(const StudioCamera& settings, ArvCamera* camera);
 
 /// Throws InputError such as "camera cam07: Gain (dB): expected 3.0, found 1.0".
-[[noreturn]] void refuse(const StudioCamera& settings, const std::string& feature,
-                         const std::string& wanted, const std::string& got);
+[[noreturn]] void fail(const StudioCamera& settings, const std::string& feature,
+                       const std::string& wanted, const std::string& got);
 
 }  // namespace v3d::capture::aravis

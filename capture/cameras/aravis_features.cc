@@ -25,7 +25,7 @@ void write_integer(const StudioCamera& settings, ArvCamera* camera, const std::s
                    int64_t wanted) {
   Problem set;
   arv_camera_set_integer(camera, feature.c_str(), wanted, set);
-  if (set.happened()) refuse(settings, feature, std::to_string(wanted), set.text());
+  if (set.happened()) fail(settings, feature, std::to_string(wanted), set.text());
   ArvGcNode* const node = arv_device_get_feature(arv_camera_get_device(camera), feature.c_str());
   if (arv_gc_feature_node_get_actual_access_mode(ARV_GC_FEATURE_NODE(node)) ==
       ARV_GC_ACCESS_MODE_WO) {
@@ -34,8 +34,8 @@ void write_integer(const StudioCamera& settings, ArvCamera* camera, const std::s
   Problem get;
   const gint64 got = arv_camera_get_integer(camera, feature.c_str(), get);
   if (get.happened() || got != wanted) {
-    refuse(settings, feature, std::to_string(wanted),
-           get.happened() ? get.text() : std::to_string(got));
+    fail(settings, feature, std::to_string(wanted),
+         get.happened() ? get.text() : std::to_string(got));
   }
 }
 
@@ -50,7 +50,7 @@ bool is_same_value(const std::string& asked, const std::string& got) {
 void FeatureWriter::write(const std::string& feature, const std::string& value) {
   ArvGcNode* const node = arv_device_get_feature(arv_camera_get_device(camera_), feature.c_str());
   if (!ARV_IS_GC_FEATURE_NODE(node)) {
-    refuse(settings_, feature, value, "a camera without this feature");
+    fail(settings_, feature, value, "a camera without this feature");
   }
   Problem set;
   if (ARV_IS_GC_COMMAND(node)) {

@@ -19,7 +19,7 @@ class FeatureWriter {
 
   /// Writes the feature and reads it back; a command is executed if `value` is "true". A value that
   /// the camera rejects or changes is a difference.
-  /// Throws InputError (see refuse()) if the camera has no such feature.
+  /// Throws InputError (see fail()) if the camera has no such feature.
   void write(const std::string& feature, const std::string& value);
   /// Like write(); a camera without the feature is left as it is.
   void write_if_supported(const std::string& feature, const std::string& value);
@@ -42,14 +42,14 @@ class FeatureWriter {
 bool is_same_value(const std::string& asked, const std::string& got);
 
 /// Writes a whole number and reads it back, where the camera permits to read it.
-/// Throws InputError (see refuse()) if it is another one afterwards.
+/// Throws InputError (see fail()) if it is another one afterwards.
 void write_integer(const StudioCamera& settings, ArvCamera* camera, const std::string& feature,
                    int64_t wanted);
 /// Loads the user set of the studio file, if it names one. It replaces all settings of the camera.
 void load_user_set(const StudioCamera& settings, FeatureWriter& writer);
 /// Writes binning, mirroring and the region of the sensor. Without a size in the studio file, the
 /// region stays as it is.
-/// Throws InputError (see refuse()) if the region differs afterwards.
+/// Throws InputError (see fail()) if the region differs afterwards.
 void write_region(const StudioCamera& settings, ArvCamera* camera, FeatureWriter& writer);
 /// Switches everything off with which a camera changes its pictures by itself, and makes the image
 /// linear.

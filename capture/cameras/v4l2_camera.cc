@@ -39,7 +39,7 @@ class V4l2Camera::Stream {
     control_or_throw("buffers", VIDIOC_REQBUFS, &request);
     for (uint32_t i = 0; i < request.count; ++i) add_buffer(i);
     if (buffers_.size() < 2) {
-      v4l2::refuse(settings_, "buffers", "2", std::to_string(buffers_.size()));
+      v4l2::fail(settings_, "buffers", "2", std::to_string(buffers_.size()));
     }
     uint32_t type = kCapture;
     control_or_throw("stream", VIDIOC_STREAMON, &type);
@@ -95,11 +95,11 @@ class V4l2Camera::Stream {
     buffer.index = index;
     control_or_throw("buffers", VIDIOC_QUERYBUF, &buffer);
     if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) {
-      v4l2::refuse(settings_, "time stamps", "CLOCK_MONOTONIC", "another clock");
+      v4l2::fail(settings_, "time stamps", "CLOCK_MONOTONIC", "another clock");
     }
     stamp_ = buffer.flags & kStamp;
     const auto memory = device_->map(buffer.length, buffer.m.offset);
-    if (memory.empty()) v4l2::refuse(settings_, "buffers", "memory", std::strerror(errno));
+    if (memory.empty()) v4l2::fail(settings_, "buffers", "memory", std::strerror(errno));
     buffers_.push_back(memory);
     control_or_throw("buffers", VIDIOC_QBUF, &buffer);
   }

@@ -123,9 +123,9 @@ class Setup {
   }
 
  private:
-  [[noreturn]] void refuse(const std::string& what, const std::string& wanted,
-                           const std::string& got) const {
-    v4l2::refuse(settings_, what, wanted, got);
+  [[noreturn]] void fail(const std::string& what, const std::string& wanted,
+                         const std::string& got) const {
+    v4l2::fail(settings_, what, wanted, got);
   }
   void control_or_throw(const std::string& what, unsigned long request, void* argument) const {
     v4l2::control_or_throw(settings_, device_, what, request, argument);
@@ -138,7 +138,7 @@ class Setup {
     const uint32_t has =
         (caps.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? caps.device_caps : caps.capabilities;
     if ((has & V4L2_CAP_VIDEO_CAPTURE) == 0 || (has & V4L2_CAP_STREAMING) == 0) {
-      refuse(settings_.address, "a device that streams images", "another kind of device");
+      fail(settings_.address, "a device that streams images", "another kind of device");
     }
     const auto text = [](const uint8_t* bytes, size_t limit) {
       const auto* const first = reinterpret_cast<const char*>(bytes);
@@ -165,7 +165,7 @@ class Setup {
     control_or_throw("image format", VIDIOC_G_FMT, &format);
     const v4l2_pix_format& got = format.fmt.pix;
     if (got.pixelformat != *fourcc) {
-      refuse("pixel_format", wanted, text_of(got.pixelformat) + "; it has " + formats());
+      fail("pixel_format", wanted, text_of(got.pixelformat) + "; it has " + formats());
     }
     check_size(size, got);
     return got;
@@ -173,14 +173,14 @@ class Setup {
 
   void check_size(ImageSize size, const v4l2_pix_format& got) const {
     const ImageSize got_size{static_cast<int>(got.width), static_cast<int>(got.height)};
-    if (got_size != size) refuse("size", format_size(size), format_size(got_size));
+    if (got_size != size) fail("size", format_size(size), format_size(got_size));
     const int step = width_step(settings_.pixel_format);
     if (size.width % step != 0) {
-      refuse("width", "a multiple of " + std::to_string(step), std::to_string(size.width));
+      fail("width", "a multiple of " + std::to_string(step), std::to_string(size.width));
     }
     const size_t row = row_bytes(settings_.pixel_format, size.width);
     if (size.width > kMaxImageSide || size.height > kMaxImageSide || got.bytesperline < row) {
-      refuse("image format", format_size(size), std::to_string(got.bytesperline) + " bytes a row");
+      fail("image format", format_size(size), std::to_string(got.bytesperline) + " bytes a row");
     }
   }
 
@@ -233,9 +233,9 @@ class Setup {
   /// Writes a control of the table [camera.features].
   void write(const CameraFeature& feature) {
     const auto found = control_named(feature.name);
-    if (!found) refuse(feature.name, feature.value, "a camera without this control");
+    if (!found) fail(feature.name, feature.value, "a camera without this control");
     const auto wanted = control_value(feature.value);
-    if (!wanted) refuse(feature.name, "a whole number, true or false", feature.value);
+    if (!wanted) fail(feature.name, "a whole number, true or false", feature.value);
     v4l2_control value{.id = found->id, .value = *wanted};
     const int error = device_.control(VIDIOC_S_CTRL, &value);
     const bool readable =
@@ -254,14 +254,14 @@ class Setup {
     value = {.id = id, .value = 0};
     control_or_throw(what, VIDIOC_G_CTRL, &value);
     if (std::abs(int64_t{value.value} - wanted) > tolerance) {
-      refuse(what, std::to_string(wanted), std::to_string(value.value));
+      fail(what, std::to_string(wanted), std::to_string(value.value));
     }
   }
 
   void ask_for(const std::string& what, int32_t wanted, unsigned long request,
                void* argument) const {
     const int error = device_.control(request, argument);
-    if (error != 0) refuse(what, std::to_string(wanted), std::strerror(error));
+    if (error != 0) fail(what, std::to_string(wanted), std::strerror(error));
   }
 
   void trigger(uint32_t id) const {
@@ -275,14 +275,14 @@ class Setup {
     control_or_throw("rate", VIDIOC_G_PARM, &parameters);
     v4l2_fract& interval = parameters.parm.capture.timeperframe;
     if ((parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
-      refuse("rate", number(hz) + " Hz", "a camera whose rate cannot be set");
+      fail("rate", number(hz) + " Hz", "a camera whose rate cannot be set");
     }
     interval = interval_of(hz);
     control_or_throw("rate", VIDIOC_S_PARM, &parameters);
     control_or_throw("rate", VIDIOC_G_PARM, &parameters);
     const double got = rate_of(interval);
     if (std::abs(got - hz) > kRateTolerance * hz) {
-      refuse("frame rate of a free-running camera", number(hz) + " Hz", number(got) + " Hz");
+      fail("frame rate of a free-running camera", number(hz) + " Hz", number(got) + " Hz");
     }
   }
 
@@ -351,8 +351,8 @@ class Setup {
 
 bool is_fast_enough(double got_hz, double hz) { return got_hz >= hz * (1 - kRateTolerance); }
 
-void refuse(const StudioCamera& settings, const std::string& what, const std::string& wanted,
-            const std::string& got) {
+void fail(const StudioCamera& settings, const std::string& what, const std::string& wanted,
+          const std::string& got) {
   throw InputError("camera " + settings.name + ": " + what + ": expected " + wanted + ", found " +
                    got);
 }
@@ -360,7 +360,7 @@ void refuse(const StudioCamera& settings, const std::string& what, const std::st
 void control_or_throw(const StudioCamera& settings, V4l2Device& device, const std::string& what,
                       unsigned long request, void* argument) {
   const int error = device.control(request, argument);
-  if (error != 0) refuse(settings, what, "an answer", std::strerror(error));
+  if (error != 0) fail(settings, what, "an answer", std::strerror(error));
 }
 
 Applied write_settings(const StudioCamera& settings, std::optional<double> rate_hz,

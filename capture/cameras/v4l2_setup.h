@@ -33,16 +33,16 @@ bool is_fast_enough(double got_hz, double hz);
 ///   - without a trigger control, the camera must run at this rate;
 ///   - with a trigger control, it becomes the longest interval that is not longer than the period,
 ///     because many drivers bound exposure and rate by it. No frame interval is no fault.
-/// Throws InputError (see refuse()) if a value of the studio file differs afterwards.
+/// Throws InputError (see fail()) if a value of the studio file differs afterwards.
 Applied write_settings(const StudioCamera& settings, std::optional<double> rate_hz,
                        V4l2Device& device);
 
-/// Calls device.control(). Throws InputError (see refuse()) on an error.
+/// Calls device.control(). Throws InputError (see fail()) on an error.
 void control_or_throw(const StudioCamera& settings, V4l2Device& device, const std::string& what,
                       unsigned long request, void* argument);
 
 /// Throws InputError such as "camera cam07: size: expected 640x480, found 320x240".
-[[noreturn]] void refuse(const StudioCamera& settings, const std::string& what,
-                         const std::string& wanted, const std::string& got);
+[[noreturn]] void fail(const StudioCamera& settings, const std::string& what,
+                       const std::string& wanted, const std::string& got);
 
 }  // namespace v3d::capture::v4l2

@@ -27,7 +27,7 @@ void require_free_name(const fs::path& folder, PartialFolder::Existing existing)
   if (type != fs::file_type::directory) {
     throw InputError(folder.string() + ": is a file; expected the name of a new folder");
   }
-  if (existing == PartialFolder::Existing::kRefuse && holds_files(folder)) {
+  if (existing == PartialFolder::Existing::kReject && holds_files(folder)) {
     throw InputError(folder.string() + ": is not empty; expected a new or an empty folder");
   }
 }

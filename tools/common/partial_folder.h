@@ -15,13 +15,13 @@ std::filesystem::path normal_folder(const std::filesystem::path& folder);
 class PartialFolder {
  public:
   enum class Existing : uint8_t {
-    kRefuse,   ///< only an empty folder may have the final name
+    kReject,   ///< only an empty folder may have the final name
     kReplace,  ///< finish() removes a folder of the final name, with all that it holds
   };
   /// Makes `folder`.partial-XXXXXX. Throws InputError when `folder` exists and may not be replaced,
   /// or when the new folder cannot be made, for instance without the parent of `folder`.
   explicit PartialFolder(const std::filesystem::path& folder,
-                         Existing existing = Existing::kRefuse);
+                         Existing existing = Existing::kReject);
   ~PartialFolder();
   PartialFolder(const PartialFolder&) = delete;
   PartialFolder& operator=(const PartialFolder&) = delete;

@@ -21,7 +21,7 @@ constexpr int kMaxLevels = 64;
 constexpr int64_t kMaxValues = 4'000'000;
 constexpr int kNone = -1;
 
-[[noreturn]] void refuse(const fs::path& file, const std::string& what) {
+[[noreturn]] void fail(const fs::path& file, const std::string& what) {
   throw InputError(file.string() + ": " + what);
 }
 
@@ -30,12 +30,12 @@ constexpr int kNone = -1;
 json parse_bounded(std::string_view text, const fs::path& file) {
   int64_t values = 0;
   const auto on_value = [&](int level, json::parse_event_t, const json&) {
-    if (level > kMaxLevels) refuse(file, "expected at most 64 levels of JSON");
-    if (++values > kMaxValues) refuse(file, "expected at most 4 million values of JSON");
+    if (level > kMaxLevels) fail(file, "expected at most 64 levels of JSON");
+    if (++values > kMaxValues) fail(file, "expected at most 4 million values of JSON");
     return true;
   };
   json parsed = json::parse(text.begin(), text.end(), on_value, false);
-  if (!parsed.is_object()) refuse(file, "is no glTF 2.0: expected a JSON object");
+  if (!parsed.is_object()) fail(file, "is no glTF 2.0: expected a JSON object");
   return parsed;
 }
 
@@ -65,9 +65,9 @@ std::string decoded(const std::string& uri) {
 
 /// Whether `path` is relative and has no "..". A colon would end the scheme of a URI.
 bool is_below(const std::string& path) {
-  constexpr std::string_view kRefused(":\\?#\0", 5);
+  constexpr std::string_view kForbidden(":\\?#\0", 5);
   if (path.empty() || path.front() == '/') return false;
-  if (path.find_first_of(kRefused) != std::string::npos) return false;
+  if (path.find_first_of(kForbidden) != std::string::npos) return false;
   const fs::path parts(path);
   return std::ranges::none_of(parts, [](const fs::path& part) { return part == ".."; });
 }
@@ -88,8 +88,8 @@ class Check {
   }
 
  private:
-  [[noreturn]] void refuse_at(const std::string& where, const std::string& what) const {
-    refuse(file_, where + ": " + what);
+  [[noreturn]] void fail_at(const std::string& where, const std::string& what) const {
+    fail(file_, where + ": " + what);
   }
 
   static std::string at(const std::string& list, size_t n) {
@@ -101,9 +101,9 @@ class Check {
     std::vector<const json*> found;
     const auto values = gltf_.find(list);
     if (values == gltf_.end()) return found;
-    if (!values->is_array()) refuse_at(list, "expected a list");
+    if (!values->is_array()) fail_at(list, "expected a list");
     for (const json& value : *values) {
-      if (!value.is_object()) refuse_at(at(list, found.size()), "expected an object");
+      if (!value.is_object()) fail_at(at(list, found.size()), "expected an object");
       found.push_back(&value);
     }
     return found;
@@ -115,7 +115,7 @@ class Check {
     const auto value = object.find(key);
     if (value == object.end()) return missing;
     if (!value->is_number_unsigned()) {
-      refuse_at(where + "." + key, "expected a whole number, 0 or more");
+      fail_at(where + "." + key, "expected a whole number, 0 or more");
     }
     return value->get<uint64_t>();
   }
@@ -126,10 +126,10 @@ class Check {
     std::vector<size_t> nodes;
     const auto values = object.find(key);
     if (values == object.end()) return nodes;
-    if (!values->is_array()) refuse_at(where, "expected a list");
+    if (!values->is_array()) fail_at(where, "expected a list");
     for (const json& value : *values) {
       const bool is_node = value.is_number_unsigned() && value.get<uint64_t>() < parents_.size();
-      if (!is_node) refuse_at(where, "names node " + value.dump() + ", which does not exist");
+      if (!is_node) fail_at(where, "names node " + value.dump() + ", which does not exist");
       nodes.push_back(value.get<size_t>());
     }
     return nodes;
@@ -142,8 +142,8 @@ class Check {
     for (const json& value : *required) {
       const std::string name = value.is_string() ? value.get<std::string>() : value.dump();
       if (name.starts_with("KHR_materials_")) continue;
-      refuse(file_, "requires " + name +
-                        ", which is not read here: save it uncompressed, without " + name);
+      fail(file_,
+           "requires " + name + ", which is not read here: save it uncompressed, without " + name);
     }
   }
 
@@ -153,7 +153,7 @@ class Check {
       const auto uri = all[n]->find("uri");
       if (uri == all[n]->end()) continue;
       const std::string where = at(list, n) + ".uri";
-      if (!uri->is_string()) refuse_at(where, "expected a text");
+      if (!uri->is_string()) fail_at(where, "expected a text");
       check_uri(uri->get_ref<const std::string&>(), where);
     }
   }
@@ -162,12 +162,11 @@ class Check {
     if (uri.starts_with("data:")) return;
     const std::string name = decoded(uri);
     const fs::path folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
-    if (!is_below(name)) refuse_at(where, "expected the path of a file in the model's folder");
+    if (!is_below(name)) fail_at(where, "expected the path of a file in the model's folder");
     const auto found = io::File::open(folder / name, io::OpenMode::kRead);
-    if (!found) refuse_at(where, found.error().message);
+    if (!found) fail_at(where, found.error().message);
     if (!lies_within(folder / name, folder)) {
-      refuse_at(where,
-                name + " is a link out of the model's folder: copy the file into the folder");
+      fail_at(where, name + " is a link out of the model's folder: copy the file into the folder");
     }
   }
 
@@ -177,13 +176,13 @@ class Check {
       const std::string where = at("bufferViews", n);
       const uint64_t buffer = number(*views[n], "buffer", UINT64_MAX, where);
       if (buffer >= buffers.size())
-        refuse_at(where + ".buffer", "names a buffer that does not exist");
+        fail_at(where + ".buffer", "names a buffer that does not exist");
       const uint64_t whole = number(*buffers[buffer], "byteLength", 0, at("buffers", buffer));
       const uint64_t begin = number(*views[n], "byteOffset", 0, where);
       const uint64_t bytes = number(*views[n], "byteLength", 0, where);
       if (begin > whole || bytes > whole - begin || bytes > INT_MAX) {
-        refuse_at(where, "ends beyond its buffer of " + format_count(static_cast<int64_t>(whole)) +
-                             " bytes");
+        fail_at(where, "ends beyond its buffer of " + format_count(static_cast<int64_t>(whole)) +
+                           " bytes");
       }
     }
   }
@@ -195,9 +194,9 @@ class Check {
       const std::string where = at("nodes", n) + ".children";
       for (const size_t child : node_list(*nodes[n], "children", where)) {
         if (parents_[child] != kNone) {
-          refuse_at(where, "names node " + std::to_string(child) + ", which is a child of " +
-                               at("nodes", static_cast<size_t>(parents_[child])) +
-                               " already; expected one parent at most");
+          fail_at(where, "names node " + std::to_string(child) + ", which is a child of " +
+                             at("nodes", static_cast<size_t>(parents_[child])) +
+                             " already; expected one parent at most");
         }
         parents_[child] = static_cast<int>(n);
       }
@@ -208,9 +207,9 @@ class Check {
     for (size_t n = 0; n < parents_.size(); ++n) {
       int depth = 0;
       for (int p = parents_[n]; p != kNone; p = parents_[static_cast<size_t>(p)]) {
-        if (p == static_cast<int>(n)) refuse_at(at("nodes", n), "is its own ancestor");
+        if (p == static_cast<int>(n)) fail_at(at("nodes", n), "is its own ancestor");
         if (++depth > kMaxNodeDepth) {
-          refuse_at(at("nodes", n), "is nested too deeply; expected at most 64 levels");
+          fail_at(at("nodes", n), "is nested too deeply; expected at most 64 levels");
         }
       }
     }
@@ -223,10 +222,10 @@ class Check {
       std::set<size_t> roots;
       for (const size_t root : node_list(*scenes[n], "nodes", where)) {
         const std::string name = "names node " + std::to_string(root);
-        if (!roots.insert(root).second) refuse_at(where, name + " twice; expected each once");
+        if (!roots.insert(root).second) fail_at(where, name + " twice; expected each once");
         if (parents_[root] == kNone) continue;
-        refuse_at(where, name + ", a child of " + at("nodes", static_cast<size_t>(parents_[root])) +
-                             "; expected nodes without a parent");
+        fail_at(where, name + ", a child of " + at("nodes", static_cast<size_t>(parents_[root])) +
+                           "; expected nodes without a parent");
       }
     }
   }

@@ -133,18 +133,18 @@ GltfFile GltfFile::open(const fs::path& path) {
 
 GltfFile::GltfFile(std::string_view bytes, fs::path path) : path_(std::move(path)) {
   const std::string_view json = json_of(bytes);
-  if (json.empty() && is_binary(bytes)) refuse("is no glTF 2.0: truncated");
+  if (json.empty() && is_binary(bytes)) fail("is no glTF 2.0: truncated");
   check_gltf(json, path_);
   try {
     load(bytes);
   } catch (const InputError&) {
     throw;
   } catch (const std::exception&) {  // of tinygltf and its JSON parser
-    refuse("is a damaged glTF");
+    fail("is a damaged glTF");
   }
 }
 
-void GltfFile::refuse(const std::string& what) const {
+void GltfFile::fail(const std::string& what) const {
   throw InputError(path_.string() + ": " + what);
 }
 
@@ -161,7 +161,7 @@ void GltfFile::load(std::string_view bytes) {
       is_binary(bytes)
           ? loader.LoadBinaryFromMemory(&model_, &error, &warning, first, size, folder)
           : loader.LoadASCIIFromString(&model_, &error, &warning, bytes.data(), size, folder);
-  if (!loaded) refuse(error.empty() ? "is no glTF 2.0" : error.substr(0, error.find('\n')));
+  if (!loaded) fail(error.empty() ? "is no glTF 2.0" : error.substr(0, error.find('\n')));
 }
 
 /// Bytes of element `n` of an accessor. Requires n < count.
@@ -171,22 +171,22 @@ const unsigned char* GltfFile::element(const tinygltf::Accessor& accessor, size_
   const auto& data = of(model_.buffers, view.buffer).data;
   const int stride = accessor.ByteStride(view);
   const size_t at = view.byteOffset + accessor.byteOffset + n * static_cast<size_t>(stride);
-  if (stride <= 0 || at > data.size() || bytes > data.size() - at) refuse("is a damaged glTF");
+  if (stride <= 0 || at > data.size() || bytes > data.size() - at) fail("is a damaged glTF");
   return data.data() + at;
 }
 
 GltfFile::Rows GltfFile::open_rows(int accessor, size_t width, const std::string& name) {
   const tinygltf::Accessor& opened = of(model_.accessors, accessor);
-  if (opened.sparse.isSparse) refuse(name + " is sparse, which is not read here");
+  if (opened.sparse.isSparse) fail(name + " is sparse, which is not read here");
   if (opened.count > kMaxRows - rows_read_) {
-    refuse(
+    fail(
         "is too large: more than 48 million rows of attributes, counted for every node that "
         "shows them");
   }
   rows_read_ += opened.count;
   const int bytes = tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(opened.componentType));
   const int components = tinygltf::GetNumComponentsInType(static_cast<uint32_t>(opened.type));
-  if (bytes <= 0 || components < static_cast<int>(width)) refuse("is a damaged glTF");
+  if (bytes <= 0 || components < static_cast<int>(width)) fail("is a damaged glTF");
   return {&opened, static_cast<size_t>(bytes)};
 }
 
@@ -199,8 +199,8 @@ std::vector<float> GltfFile::numbers(int accessor, size_t width, const std::stri
     for (size_t k = 0; k < width; ++k) {
       values.push_back(number_at(at + k * rows.component_bytes, rows.accessor->componentType));
       if (!(std::abs(values.back()) <= kMaxValue)) {
-        refuse(name + ": " + row + " " + std::to_string(n) +
-               " is not finite, or beyond a thousand million; expected finite numbers");
+        fail(name + ": " + row + " " + std::to_string(n) +
+             " is not finite, or beyond a thousand million; expected finite numbers");
       }
     }
   }

@@ -47,11 +47,11 @@ class GltfFile {
   const std::filesystem::path& path() const { return path_; }
 
   /// Throws InputError: the file, and what is wrong with it.
-  [[noreturn]] void refuse(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& what) const;
   /// Element of a list of the model. Throws InputError where there is none.
   template <class T>
   const T& of(const std::vector<T>& list, int index) const {
-    if (index < 0 || static_cast<size_t>(index) >= list.size()) refuse("is a damaged glTF");
+    if (index < 0 || static_cast<size_t>(index) >= list.size()) fail("is a damaged glTF");
     return list[static_cast<size_t>(index)];
   }
 

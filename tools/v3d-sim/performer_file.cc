@@ -45,7 +45,7 @@ class Reader {
   const tinygltf::Model& gltf() const { return file_.model(); }
 
   void read_nodes() {
-    if (gltf().nodes.size() > kMaxNodes) file_.refuse("has too many nodes: more than 10,000");
+    if (gltf().nodes.size() > kMaxNodes) file_.fail("has too many nodes: more than 10,000");
     body_.nodes.resize(gltf().nodes.size());
     for (size_t n = 0; n < body_.nodes.size(); ++n) {
       const tinygltf::Node& from = gltf().nodes[n];
@@ -65,7 +65,7 @@ class Reader {
 
   void read_meshes() {
     if (gltf().skins.empty()) {
-      file_.refuse("has no skin; expected a mesh whose vertices follow the joints of a skeleton");
+      file_.fail("has no skin; expected a mesh whose vertices follow the joints of a skeleton");
     }
     for (const tinygltf::Node& node : gltf().nodes) {
       if (node.mesh < 0 || node.skin < 0) continue;
@@ -77,7 +77,7 @@ class Reader {
       }
     }
     if (!has_surface_) {
-      file_.refuse("has no triangles of a skinned mesh; expected a node with `mesh` and `skin`");
+      file_.fail("has no triangles of a skinned mesh; expected a node with `mesh` and `skin`");
     }
   }
 
@@ -90,19 +90,17 @@ class Reader {
     if (const auto known = skins_.find(index); known != skins_.end()) return known->second;
     const tinygltf::Skin& skin = file_.of(gltf().skins, index);
     const SkinJoints joints{body_.joints.size(), skin.joints.size()};
-    if (joints.count == 0)
-      file_.refuse(at("skins", index) + " has no joints; expected one or more");
+    if (joints.count == 0) file_.fail(at("skins", index) + " has no joints; expected one or more");
     if (joints.first + joints.count > kMaxJoints) {
-      file_.refuse(at("skins", index) + ": more than 1,000 joints together");
+      file_.fail(at("skins", index) + ": more than 1,000 joints together");
     }
     std::vector<float> matrices;
     if (skin.inverseBindMatrices >= 0) {
       matrices = file_.numbers(skin.inverseBindMatrices, 16,
                                at("skins", index) + ".inverseBindMatrices", "joint");
       if (matrices.size() < 16 * joints.count) {
-        file_.refuse(
-            fmt::format("skins[{}].inverseBindMatrices: {} for {} joints; expected one each", index,
-                        matrices.size() / 16, joints.count));
+        file_.fail(fmt::format("skins[{}].inverseBindMatrices: {} for {} joints; expected one each",
+                               index, matrices.size() / 16, joints.count));
       }
     }
     for (size_t j = 0; j < joints.count; ++j) {
@@ -122,7 +120,7 @@ class Reader {
                 const std::string& where) const {
     const auto found = primitive.attributes.find(name);
     if (found == primitive.attributes.end()) {
-      file_.refuse(
+      file_.fail(
           fmt::format("{}: has no {}; expected POSITION, JOINTS_0 and WEIGHTS_0", where, name));
     }
     return found->second;
@@ -131,10 +129,10 @@ class Reader {
   void read_primitive(const tinygltf::Primitive& primitive, const SkinJoints& joints,
                       const std::string& where) {
     if (primitive.mode != TINYGLTF_MODE_TRIANGLES) {
-      file_.refuse(fmt::format("{}: has mode {}; expected 4, triangles", where, primitive.mode));
+      file_.fail(fmt::format("{}: has mode {}; expected 4, triangles", where, primitive.mode));
     }
     if (primitive.attributes.contains("JOINTS_1")) {
-      file_.refuse(where + ": has JOINTS_1; expected at most 4 joints for each vertex");
+      file_.fail(where + ": has JOINTS_1; expected at most 4 joints for each vertex");
     }
     const auto positions =
         file_.numbers(attribute(primitive, "POSITION", where), 3, where + ": POSITION");
@@ -144,12 +142,11 @@ class Reader {
         file_.numbers(attribute(primitive, "WEIGHTS_0", where), 4, where + ": WEIGHTS_0");
     const size_t count = positions.size() / 3, first = body_.positions.size();
     if (numbers.size() != 4 * count || weights.size() != 4 * count) {
-      file_.refuse(fmt::format(
+      file_.fail(fmt::format(
           "{}: {} positions, {} rows of JOINTS_0 and {} of WEIGHTS_0; expected equal counts", where,
           count, numbers.size() / 4, weights.size() / 4));
     }
-    if (count > kMaxVertices - first)
-      file_.refuse(where + ": more than 1,000,000 vertices together");
+    if (count > kMaxVertices - first) file_.fail(where + ": more than 1,000,000 vertices together");
     for (size_t v = 0; v < count; ++v) {
       body_.positions.emplace_back(positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]);
       body_.weights.push_back(skin_weights(&numbers[4 * v], &weights[4 * v], joints,
@@ -163,14 +160,14 @@ class Reader {
     SkinWeights skin;
     skin.weights = Eigen::Map<const Eigen::Vector4f>(weights);
     if (!((skin.weights.array() >= 0).all() && skin.weights.sum() > 0)) {
-      file_.refuse(where + " has weights that are negative or all 0; expected a sum of 1");
+      file_.fail(where + " has weights that are negative or all 0; expected a sum of 1");
     }
     skin.weights /= skin.weights.sum();
     for (size_t k = 0; k < 4; ++k) {
       if (skin.weights[static_cast<int>(k)] == 0) continue;
       if (numbers[k] >= joints.count) {
-        file_.refuse(fmt::format("{} names joint {}; the skin has {} joints, from 0", where,
-                                 numbers[k], joints.count));
+        file_.fail(fmt::format("{} names joint {}; the skin has {} joints, from 0", where,
+                               numbers[k], joints.count));
       }
       skin.joints[k] = static_cast<uint32_t>(joints.first + numbers[k]);
     }
@@ -186,14 +183,14 @@ class Reader {
       for (uint32_t v = 0; v < count; ++v) corners.push_back(v);
     }
     if (corners.size() / 3 > kMaxTriangles - body_.triangles.size()) {
-      file_.refuse(where + ": more than 2,000,000 triangles together");
+      file_.fail(where + ": more than 2,000,000 triangles together");
     }
     for (size_t n = 0; n + 3 <= corners.size(); n += 3) {
       std::array<uint32_t, 3> triangle{};
       for (size_t k = 0; k < 3; ++k) {
         if (corners[n + k] >= count) {
-          file_.refuse(fmt::format("{}: index {} names vertex {}; there are {} vertices, from 0",
-                                   where, n + k, corners[n + k], count));
+          file_.fail(fmt::format("{}: index {} names vertex {}; there are {} vertices, from 0",
+                                 where, n + k, corners[n + k], count));
         }
         triangle[k] = static_cast<uint32_t>(first + corners[n + k]);
       }
@@ -207,14 +204,14 @@ class Reader {
 
   void read_animation(const std::string& name) {
     const auto& animations = gltf().animations;
-    if (animations.empty()) file_.refuse("has no animation; expected one that moves the skeleton");
+    if (animations.empty()) file_.fail("has no animation; expected one that moves the skeleton");
     auto found = animations.begin();
     if (!name.empty()) found = std::ranges::find(animations, name, &tinygltf::Animation::name);
     if (found == animations.end()) {
       std::string names;
       for (const auto& animation : animations)
         names += (names.empty() ? "" : ", ") + animation.name;
-      file_.refuse("has no animation '" + name + "'; it has " + names);
+      file_.fail("has no animation '" + name + "'; it has " + names);
     }
     const std::string where = at("animations", static_cast<int>(found - animations.begin()));
     for (size_t c = 0; c < found->channels.size(); ++c) {
@@ -229,7 +226,7 @@ class Reader {
     file_.of(gltf().nodes, channel.target_node);
     SkeletonNode& node = body_.nodes[static_cast<size_t>(channel.target_node)];
     if (node.matrix) {
-      file_.refuse(
+      file_.fail(
           fmt::format("{}: moves nodes[{}], which has a matrix; expected translation, "
                       "rotation and scale",
                       where, channel.target_node));
@@ -242,8 +239,7 @@ class Reader {
     } else if (path == "rotation") {
       node.rotations = rotation_track(sampler, where);
     } else {
-      file_.refuse(where + ": has the path '" + path +
-                   "'; expected translation, rotation or scale");
+      file_.fail(where + ": has the path '" + path + "'; expected translation, rotation or scale");
     }
   }
 
@@ -253,12 +249,12 @@ class Reader {
     AnimationTrack<Value> track;
     track.steps = sampler.interpolation == "STEP";
     if (!track.steps && sampler.interpolation != "LINEAR") {
-      file_.refuse(where + ": has the interpolation '" + sampler.interpolation +
-                   "'; expected LINEAR or STEP: export the animation with a key for each frame");
+      file_.fail(where + ": has the interpolation '" + sampler.interpolation +
+                 "'; expected LINEAR or STEP: export the animation with a key for each frame");
     }
     for (const float time : file_.numbers(sampler.input, 1, where + ": times", "key")) {
       if (!track.seconds.empty() && !(time > track.seconds.back())) {
-        file_.refuse(
+        file_.fail(
             fmt::format("{}: key {} is not after the key before it; expected times that "
                         "ascend",
                         where, track.seconds.size()));
@@ -273,8 +269,8 @@ class Reader {
                             const std::string& where) {
     std::vector<float> values = file_.numbers(sampler.output, width, where + ": values", "key");
     if (keys == 0 || values.size() != width * keys) {
-      file_.refuse(fmt::format("{}: {} times and {} values; expected one value for each time",
-                               where, keys, values.size() / width));
+      file_.fail(fmt::format("{}: {} times and {} values; expected one value for each time", where,
+                             keys, values.size() / width));
     }
     return values;
   }
@@ -296,8 +292,8 @@ class Reader {
     for (size_t n = 0; n < xyzw.size(); n += 4) {
       const Eigen::Quaterniond turn(xyzw[n + 3], xyzw[n], xyzw[n + 1], xyzw[n + 2]);
       if (!(turn.norm() > 0.5 && turn.norm() < 2)) {
-        file_.refuse(fmt::format("{}: key {} has a quaternion of length {:.3g}; expected 1", where,
-                                 n / 4, turn.norm()));
+        file_.fail(fmt::format("{}: key {} has a quaternion of length {:.3g}; expected 1", where,
+                               n / 4, turn.norm()));
       }
       track.values.push_back(turn.normalized());
     }
@@ -307,10 +303,10 @@ class Reader {
   void check(const SkinnedModel& model) const {
     const Eigen::AlignedBox3d& extent = model.extent();
     if (extent.isEmpty()) {
-      file_.refuse("moves vertices to positions that are not finite; expected finite transforms");
+      file_.fail("moves vertices to positions that are not finite; expected finite transforms");
     }
     if (!(model.height_m() >= kMinHeight && model.height_m() <= kMaxHeight)) {
-      file_.refuse(
+      file_.fail(
           fmt::format("is {:.3g} m high at the first key; expected a body of {} to {} m: "
                       "scale it to metres, y up",
                       model.height_m(), kMinHeight, kMaxHeight));
@@ -318,7 +314,7 @@ class Reader {
     const double side =
         std::max(extent.max().head<2>().maxCoeff(), -extent.min().head<2>().minCoeff());
     if (!(side <= kHalfWidth && extent.max().z() <= kStudioHeight)) {
-      file_.refuse(
+      file_.fail(
           fmt::format("reaches {:.2f} m to a side and {:.2f} m up in this animation; "
                       "expected at most {} m and {} m, the space of the studio",
                       side, extent.max().z(), kHalfWidth, kStudioHeight));

@@ -16,14 +16,14 @@ std::string text_of(double number) { return json(number).dump(); }
 
 }  // namespace
 
-void JsonField::refuse(const std::string& what) const {
+void JsonField::fail(const std::string& what) const {
   throw InputError(file_.string() + ": " + (where_.empty() ? "" : where_ + ": ") + what);
 }
 
 void JsonField::expect_object(const std::set<std::string>& known) const {
-  if (!value_->is_object()) refuse("expected an object");
+  if (!value_->is_object()) fail("expected an object");
   for (const auto& [key, value] : value_->items()) {
-    if (!known.contains(key)) refuse("there is no key '" + key + "'");
+    if (!known.contains(key)) fail("there is no key '" + key + "'");
   }
 }
 
@@ -35,11 +35,11 @@ std::optional<JsonField> JsonField::find(const std::string& key) const {
 
 JsonField JsonField::at(const std::string& key) const {
   if (auto field = find(key)) return *field;
-  refuse("'" + key + "' is missing");
+  fail("'" + key + "' is missing");
 }
 
 std::vector<JsonField> JsonField::list() const {
-  if (!value_->is_array()) refuse("expected a list");
+  if (!value_->is_array()) fail("expected a list");
   std::vector<JsonField> fields;
   for (size_t i = 0; i < value_->size(); ++i) {
     fields.emplace_back((*value_)[i], file_, where_ + "[" + std::to_string(i) + "]");
@@ -50,13 +50,13 @@ std::vector<JsonField> JsonField::list() const {
 double JsonField::number(double min, double max) const {
   const double n = value_->is_number() ? value_->get<double>() : NAN;
   if (n >= min && n <= max) return n;
-  refuse("expected a number from " + text_of(min) + " to " + text_of(max));
+  fail("expected a number from " + text_of(min) + " to " + text_of(max));
 }
 
 double JsonField::positive() const {
   const double n = value_->is_number() ? value_->get<double>() : NAN;
   if (n > 0 && n <= 1000) return n;
-  refuse("expected a number above 0, at most 1000");
+  fail("expected a number above 0, at most 1000");
 }
 
 int64_t JsonField::integer(int64_t min, int64_t max) const {
@@ -65,34 +65,34 @@ int64_t JsonField::integer(int64_t min, int64_t max) const {
                         : value_->is_number_integer();
   const int64_t n = fits ? value_->get<int64_t>() : min - 1;
   if (n >= min && n <= max) return n;
-  refuse("expected a whole number from " + std::to_string(min) + " to " + std::to_string(max));
+  fail("expected a whole number from " + std::to_string(min) + " to " + std::to_string(max));
 }
 
 int64_t JsonField::pulse() const {
   const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : -1;
   if (n >= 0 && n < kMaxPulses) return n;
-  refuse("expected the number of a pulse");
+  fail("expected the number of a pulse");
 }
 
 int JsonField::performer() const {
   const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : 0;
   if (n >= 1 && n <= 255) return static_cast<int>(n);
-  refuse("expected the number of a performer, 1 to 255");
+  fail("expected the number of a performer, 1 to 255");
 }
 
 bool JsonField::flag() const {
   if (value_->is_boolean()) return value_->get<bool>();
-  refuse("expected true or false");
+  fail("expected true or false");
 }
 
 std::string JsonField::text() const {
   if (value_->is_string()) return value_->get<std::string>();
-  refuse("expected a text");
+  fail("expected a text");
 }
 
 Eigen::Vector3d JsonField::vector() const {
   const std::vector<JsonField> parts = value_->is_array() ? list() : std::vector<JsonField>{};
-  if (parts.size() != 3) refuse("expected three numbers, [x, y, z]");
+  if (parts.size() != 3) fail("expected three numbers, [x, y, z]");
   Eigen::Vector3d v;
   for (int k = 0; k < 3; ++k) v[k] = parts[static_cast<size_t>(k)].number(-kMaxMetres, kMaxMetres);
   return v;
@@ -101,8 +101,8 @@ Eigen::Vector3d JsonField::vector() const {
 std::filesystem::path JsonField::path(std::string_view document) const {
   const std::string name = text();
   if (name.empty() || name.front() == '/' || name.find_first_of(":?#\\%") != std::string::npos) {
-    refuse("expected a path from the folder of the " + std::string(document) +
-           ", without any of : ? # % and backslash");
+    fail("expected a path from the folder of the " + std::string(document) +
+         ", without any of : ? # % and backslash");
   }
   return (file_.parent_path() / name).lexically_normal();
 }
@@ -111,7 +111,7 @@ Rgb8 JsonField::colour() const {
   const std::string name = text();
   const bool right = name.size() == 7 && name[0] == '#' &&
                      name.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
-  if (!right) refuse("expected a colour such as \"#101216\"");
+  if (!right) fail("expected a colour such as \"#101216\"");
   const auto part = [&](size_t at) {
     return static_cast<uint8_t>(std::stoi(name.substr(at, 2), nullptr, 16));
   };

@@ -22,7 +22,7 @@ class JsonField {
   JsonField(const nlohmann::json& value, std::filesystem::path file, std::string where)
       : value_(&value), file_(std::move(file)), where_(std::move(where)) {}
 
-  [[noreturn]] void refuse(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& what) const;
   /// An object without keys that are not in `known`.
   void expect_object(const std::set<std::string>& known) const;
   /// The field of an object; find(): empty where there is none.

@@ -21,9 +21,9 @@ constexpr int64_t kMaxFileBytes = 1 << 20;
 
 EditRange read_range(const JsonField& field) {
   const std::vector<JsonField> ends = field.list();
-  if (ends.size() != 2) field.refuse("expected two frames, [first, end]");
+  if (ends.size() != 2) field.fail("expected two frames, [first, end]");
   const EditRange range{ends[0].integer(0, kMaxFrame), ends[1].integer(0, kMaxFrame)};
-  if (range.end <= range.first) field.refuse("expected an end behind the first frame");
+  if (range.end <= range.first) field.fail("expected an end behind the first frame");
   return range;
 }
 
@@ -50,7 +50,7 @@ MirrorEdit read_mirror(const JsonField& field) {
 recon::Joint read_joint(const JsonField& field) {
   const std::string name = field.text();
   if (const auto joint = recon::find_joint(name)) return *joint;
-  field.refuse("there is no joint '" + name + "'; v3dctl skeleton lists the names");
+  field.fail("there is no joint '" + name + "'; v3dctl skeleton lists the names");
 }
 
 BendEdit read_bend(const JsonField& field) {
@@ -61,7 +61,7 @@ BendEdit read_bend(const JsonField& field) {
   bend.degrees = field.at("degrees").number(-180, 180);
   if (const auto axis = field.find("axis")) {
     bend.axis = axis->vector();
-    if (bend.axis.norm() < 1e-6) axis->refuse("expected a direction other than [0, 0, 0]");
+    if (bend.axis.norm() < 1e-6) axis->fail("expected a direction other than [0, 0, 0]");
     bend.axis.normalize();
   }
   if (const auto ramp = field.find("ramp")) bend.ramp = ramp->integer(0, kMaxFrame);
@@ -92,7 +92,7 @@ Edit read_edit(const JsonField& field, const std::string& where) {
   if (kind == "bend") return {where, read_bend(field)};
   if (kind == "splice") return {where, read_splice(field)};
   if (kind == "hold_feet") return {where, read_hold_feet(field)};
-  field.at("do").refuse("expected cut, stretch, mirror, bend, splice or hold_feet");
+  field.at("do").fail("expected cut, stretch, mirror, bend, splice or hold_feet");
 }
 
 }  // namespace
@@ -102,11 +102,11 @@ std::vector<Edit> parse_edits(std::string_view text, const fs::path& file) {
   if (parsed.is_discarded()) throw InputError(file.string() + ": is no JSON");
   const JsonField root(parsed, file, "");
   root.expect_object({"format", "version", "operations"});
-  if (root.at("format").text() != "v3d-edit") root.at("format").refuse("expected \"v3d-edit\"");
+  if (root.at("format").text() != "v3d-edit") root.at("format").fail("expected \"v3d-edit\"");
   root.at("version").integer(kVersion, kVersion);
   const std::vector<JsonField> operations = root.at("operations").list();
   if (operations.size() > kMaxOperations) {
-    root.at("operations").refuse("expected at most " + std::to_string(kMaxOperations));
+    root.at("operations").fail("expected at most " + std::to_string(kMaxOperations));
   }
   std::vector<Edit> edits;
   for (const JsonField& operation : operations) {

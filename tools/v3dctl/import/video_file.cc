@@ -48,7 +48,7 @@ struct VideoFile::Impl {
     open_decoder();
   }
 
-  [[noreturn]] void refuse() const {
+  [[noreturn]] void fail() const {
     throw InputError(path.string() + ": no readable video: damaged or of an unknown kind");
   }
 
@@ -60,22 +60,22 @@ struct VideoFile::Impl {
     const std::string url = "file:" + path.string();
     const int failed = avformat_open_input(&opened, url.c_str(), nullptr, &options);
     av_dict_free(&options);
-    if (failed < 0) refuse();
+    if (failed < 0) fail();
     format.reset(opened);
-    if (avformat_find_stream_info(format.get(), nullptr) < 0) refuse();
+    if (avformat_find_stream_info(format.get(), nullptr) < 0) fail();
   }
 
   void open_decoder() {
     const AVCodec* decoder = nullptr;
     const int index = av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-    if (index < 0) refuse();
+    if (index < 0) fail();
     stream = format->streams[index];
     codec = own(avcodec_alloc_context3(decoder));
     codec->thread_count = 0;  // as many as there are processors
     codec->max_pixels = int64_t{kMaxImageSide} * kMaxImageSide;
-    if (avcodec_parameters_to_context(codec.get(), stream->codecpar) < 0) refuse();
+    if (avcodec_parameters_to_context(codec.get(), stream->codecpar) < 0) fail();
     codec->pkt_timebase = stream->time_base;
-    if (avcodec_open2(codec.get(), decoder, nullptr) < 0) refuse();
+    if (avcodec_open2(codec.get(), decoder, nullptr) < 0) fail();
   }
 
   [[noreturn]] void refuse_damage(int error) const {
@@ -185,7 +185,7 @@ struct VideoFile::Impl {
     scaler.reset(sws_getCachedContext(
         scaler.release(), size.width, size.height, static_cast<AVPixelFormat>(frame->format),
         size.width, size.height, AV_PIX_FMT_RGB24, SWS_BICUBIC, nullptr, nullptr, nullptr));
-    if (!scaler) refuse();
+    if (!scaler) fail();
     use_colour_space();
     sws_scale(scaler.get(), frame->data, frame->linesize, 0, size.height, rgb->data, rgb->linesize);
     Image image(size, PixelFormat::kRGB8);

@@ -15,7 +15,7 @@
 namespace v3d::ctl {
 namespace {
 
-[[noreturn]] void refuse(const std::string& part) {
+[[noreturn]] void fail(const std::string& part) {
   throw InputError("--deform " + part +
                    ": expected NAME=VALUE of mode (search or paper), internal, photometric, "
                    "silhouette, window, views, carving (0 or 1)");
@@ -26,13 +26,13 @@ Number number_of(const std::string& value, const std::string& part) {
   Number number{};
   const char* end = value.data() + value.size();
   const auto [stop, error] = std::from_chars(value.data(), end, number);
-  if (error != std::errc{} || stop != end) refuse(part);
+  if (error != std::errc{} || stop != end) fail(part);
   return number;
 }
 
 void set_value(recon::DeformOptions& options, const std::string& part) {
   const size_t equals = part.find('=');
-  if (equals == std::string::npos) refuse(part);
+  if (equals == std::string::npos) fail(part);
   const std::string name = part.substr(0, equals), value = part.substr(equals + 1);
   if (name == "mode" && value == "search") {
     options.mode = recon::DeformMode::kSearch;
@@ -52,7 +52,7 @@ void set_value(recon::DeformOptions& options, const std::string& part) {
     // hollows: the former name
     options.carve_concavities = value == "1";
   } else {
-    refuse(part);
+    fail(part);
   }
 }
 

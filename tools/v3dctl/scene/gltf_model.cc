@@ -31,13 +31,13 @@ class Reader {
   Reader(std::string_view bytes, const fs::path& path) : file_(bytes, path) {}
 
   ModelSurface read() {
-    if (file_.model().scenes.empty()) file_.refuse("has no scene");
+    if (file_.model().scenes.empty()) file_.fail("has no scene");
     const auto scene = static_cast<size_t>(std::max(0, file_.model().defaultScene));
     Eigen::Affine3f up = Eigen::Affine3f::Identity();
     up.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // y up to z up
     for (const int node : file_.of(file_.model().scenes, static_cast<int>(scene)).nodes)
       read_node(node, up);
-    if (builder_.surface().mesh.triangles.empty()) file_.refuse("has no triangles");
+    if (builder_.surface().mesh.triangles.empty()) file_.fail("has no triangles");
     return builder_.take();
   }
 
@@ -77,7 +77,7 @@ class Reader {
     }
     list = file_.integers(primitive.indices, 1, "indices");
     if (std::ranges::any_of(list, [&](uint32_t index) { return index >= vertices; })) {
-      file_.refuse("is a damaged glTF");
+      file_.fail("is a damaged glTF");
     }
     return list;
   }
@@ -93,7 +93,7 @@ class Reader {
     Image picture =
         decode_picture(text, file_.path().string() + ": images[" + std::to_string(source) + "]");
     texels_ += picture.size.pixels();
-    if (texels_ > kMaxTexels) file_.refuse("has textures of more than 268 million pixels together");
+    if (texels_ > kMaxTexels) file_.fail("has textures of more than 268 million pixels together");
     return &textures_.emplace(source, std::move(picture)).first->second;
   }
 
@@ -113,8 +113,8 @@ class Reader {
         const uint32_t v = list[n + (mirrored && k > 0 ? 3 - k : k)];
         corners[k].position = transform * positions[v];
         if (!(corners[k].position.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMaxMetres)) {
-          file_.refuse("nodes[" + std::to_string(node) + "]: puts vertex " + std::to_string(v) +
-                       " of its mesh too far away; expected vertices within 1000 km");
+          file_.fail("nodes[" + std::to_string(node) + "]: puts vertex " + std::to_string(v) +
+                     " of its mesh too far away; expected vertices within 1000 km");
         }
         corners[k].normal =
             v < normals.size() ? unit_or_zero(turn * normals[v]) : Eigen::Vector3f::Zero().eval();
@@ -123,7 +123,7 @@ class Reader {
       }
       set_missing_normals(corners);
       if (!builder_.add(corners, material)) {
-        file_.refuse("is too large: more than 4 million triangles with its textures");
+        file_.fail("is too large: more than 4 million triangles with its textures");
       }
     }
   }

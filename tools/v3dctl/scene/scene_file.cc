@@ -31,7 +31,7 @@ Outside read_outside(const JsonField& field) {
   if (name == "hold") return Outside::kHold;
   if (name == "hide") return Outside::kHide;
   if (name == "loop") return Outside::kLoop;
-  field.refuse("expected hold, hide or loop");
+  field.fail("expected hold, hide or loop");
 }
 
 SceneTake read_take(const JsonField& field) {
@@ -44,7 +44,7 @@ SceneTake read_take(const JsonField& field) {
   if (const auto f = field.find("in_pulse")) take.in_pulse = f->pulse();
   if (const auto f = field.find("out_pulse")) take.out_pulse = f->pulse();
   if (take.in_pulse && take.out_pulse && *take.out_pulse < *take.in_pulse) {
-    field.at("out_pulse").refuse("expected no pulse before in_pulse");
+    field.at("out_pulse").fail("expected no pulse before in_pulse");
   }
   if (const auto f = field.find("outside")) take.outside = read_outside(*f);
   if (const auto f = field.find("performer")) take.performer = f->performer();
@@ -73,7 +73,7 @@ SceneBackground read_background(const JsonField& field) {
   picture("image", background.image);
   picture("video", background.video);
   picture("sphere", background.sphere);
-  if (pictures > 1) field.refuse("expected one of image, video and sphere");
+  if (pictures > 1) field.fail("expected one of image, video and sphere");
   if (const auto f = field.find("turn_deg")) background.turn_deg = f->number(-360, 360);
   return background;
 }
@@ -84,7 +84,7 @@ CameraKey read_key(const JsonField& field) {
                 .eye = field.at("eye").vector(),
                 .look = field.at("look").vector()};
   if (const auto f = field.find("fov_deg")) key.fov_deg = f->number(1, 150);
-  if ((key.look - key.eye).norm() < 1e-3) field.refuse("eye and look are the same place");
+  if ((key.look - key.eye).norm() < 1e-3) field.fail("eye and look are the same place");
   return key;
 }
 
@@ -95,10 +95,10 @@ std::vector<CameraKey> read_camera(const JsonField& field) {
   for (const JsonField& key : keys.list()) {
     camera.push_back(read_key(key));
     if (camera.size() > 1 && camera[camera.size() - 2].at_s >= camera.back().at_s) {
-      key.at("at_s").refuse("expected a time after that of the key before");
+      key.at("at_s").fail("expected a time after that of the key before");
     }
   }
-  if (camera.empty()) keys.refuse("expected at least one key");
+  if (camera.empty()) keys.fail("expected at least one key");
   return camera;
 }
 
@@ -106,7 +106,7 @@ Scene read_scene(const JsonField& field) {
   field.expect_object(
       {"v3d_scene", "rate_hz", "seconds", "background", "floor", "takes", "models", "camera"});
   const JsonField version = field.at("v3d_scene");
-  if (version.number(1, 1e6) != kVersion) version.refuse("this version is not known; expected 1");
+  if (version.number(1, 1e6) != kVersion) version.fail("this version is not known; expected 1");
   Scene scene;
   if (const auto f = field.find("rate_hz")) scene.rate_hz = f->number(1, 240);
   scene.seconds = field.at("seconds").number(0.04, kMaxSeconds);
