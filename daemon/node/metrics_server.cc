@@ -50,10 +50,10 @@ class MetricsHandler final : public web::WebHandler {
     health_ = health;
   }
 
-  web::WebAnswer answer(const web::WebRequest& request) override {
+  web::WebResponse respond(const web::WebRequest& request) override {
     const bool is_read = request.method == "GET" || request.method == "HEAD";
     if (!is_read || request.target != "/metrics") {
-      return web::plain_answer(404, "there is only GET /metrics");
+      return web::plain_response(404, "there is only GET /metrics");
     }
     return {.type = "text/plain; version=0.0.4; charset=utf-8",
             .body = prometheus::TextSerializer().Serialize(families())};
@@ -62,7 +62,7 @@ class MetricsHandler final : public web::WebHandler {
     return web::ClientRole::kViewer;
   }
   Opening open_stream(const web::WebRequest& /*request*/) override {
-    return {nullptr, web::plain_answer(404, "there is no stream")};
+    return {nullptr, web::plain_response(404, "there is no stream")};
   }
 
  private:

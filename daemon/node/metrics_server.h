@@ -15,7 +15,7 @@ namespace v3d::node {
 ///
 /// Connections are bounded as those of v3d-viewd (ConnectionSlots): where their places are taken, a
 /// new connection replaces the oldest one without a whole request. Each connection ends after one
-/// answer.
+/// response.
 class MetricsServer {
  public:
   /// `address`: "127.0.0.1:9464"; port 0 selects a free port. Throws InputError when it cannot

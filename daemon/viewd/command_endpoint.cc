@@ -15,9 +15,9 @@ namespace {
 
 constexpr size_t kMaxEvents = 64;
 
-web::WebAnswer refused(const web::WebRequest& request, int status, const std::string& why) {
+web::WebResponse refused(const web::WebRequest& request, int status, const std::string& why) {
   spdlog::warn("refused an order from {}: {}", request.address, why);
-  return web::plain_answer(status, why);
+  return web::plain_response(status, why);
 }
 
 bool is_json(const std::string& type) {
@@ -61,10 +61,10 @@ bool CommandEndpoint::is_operator(const web::WebRequest& request) const {
   return is_open() && web::is_same_token(request.operator_token, token_);
 }
 
-web::WebAnswer CommandEndpoint::report() const { return web::json_answer(report_json(last_)); }
+web::WebResponse CommandEndpoint::report() const { return web::json_response(report_json(last_)); }
 
-std::optional<web::WebAnswer> CommandEndpoint::refusal_of_token(const web::WebRequest& request,
-                                                                MonotonicInstant now) {
+std::optional<web::WebResponse> CommandEndpoint::refusal_of_token(const web::WebRequest& request,
+                                                                  MonotonicInstant now) {
   // Compare first: throttled wrong tokens of any address must never block the right token.
   if (web::is_same_token(request.operator_token, token_)) {
     throttle_.record_right(request.address);
@@ -73,10 +73,10 @@ std::optional<web::WebAnswer> CommandEndpoint::refusal_of_token(const web::WebRe
   const Duration delay = throttle_.delay_for(request.address, now);
   if (delay > Duration::zero()) {
     const auto seconds = static_cast<int64_t>(std::ceil(to_seconds(delay)));
-    web::WebAnswer answer = web::plain_answer(
+    web::WebResponse response = web::plain_response(
         429, "too many wrong tokens: try again in " + std::to_string(seconds) + " s");
-    answer.fields = {{"Retry-After", std::to_string(seconds)}};
-    return answer;
+    response.fields = {{"Retry-After", std::to_string(seconds)}};
+    return response;
   }
   // A page that was not unlocked sends an empty token. This is not a wrong guess.
   if (!request.operator_token.empty()) throttle_.record_wrong(request.address, now);
@@ -85,8 +85,8 @@ std::optional<web::WebAnswer> CommandEndpoint::refusal_of_token(const web::WebRe
                                                 : "this is not the operators' token");
 }
 
-std::optional<web::WebAnswer> CommandEndpoint::refusal(const web::WebRequest& request,
-                                                       MonotonicInstant now) {
+std::optional<web::WebResponse> CommandEndpoint::refusal(const web::WebRequest& request,
+                                                         MonotonicInstant now) {
   if (!is_open()) {
     return refused(
         request, 403,
@@ -105,7 +105,7 @@ std::optional<web::WebAnswer> CommandEndpoint::refusal(const web::WebRequest& re
   return refusal_of_token(request, now);
 }
 
-web::WebAnswer CommandEndpoint::post(const web::WebRequest& request, MonotonicInstant now) {
+web::WebResponse CommandEndpoint::post(const web::WebRequest& request, MonotonicInstant now) {
   if (auto refusal = this->refusal(request, now)) return std::move(*refusal);
   const ParsedCommand parsed = parse_command(request.body, studio_);
   if (!parsed.command) return refused(request, 400, parsed.error);
@@ -128,9 +128,9 @@ web::WebAnswer CommandEndpoint::post(const web::WebRequest& request, MonotonicIn
            .lines = {}};
   accepted_ = *parsed.command;
   add_event(wire::Severity::kInfo, last_.by + ": " + last_.command.text());
-  web::WebAnswer answer = report();
-  answer.status = 202;
-  return answer;
+  web::WebResponse response = report();
+  response.status = 202;
+  return response;
 }
 
 std::optional<OperatorCommand> CommandEndpoint::next_command() {

@@ -65,10 +65,10 @@ class CommandEndpoint {
   bool is_open() const { return !token_.empty(); }
   /// Does the request have the operators' token? False unless is_open().
   bool is_operator(const web::WebRequest& request) const;
-  /// The answer to a GET: the report of the last command.
-  web::WebAnswer report() const;
-  /// The answer to a POST that WebAccess has allowed.
-  web::WebAnswer post(const web::WebRequest& request, MonotonicInstant now);
+  /// The response to a GET: the report of the last command.
+  web::WebResponse report() const;
+  /// The response to a POST that WebAccess has allowed.
+  web::WebResponse post(const web::WebRequest& request, MonotonicInstant now);
 
   /// Removes and returns the accepted command that must be executed; empty if there is none.
   std::optional<OperatorCommand> next_command();
@@ -81,9 +81,9 @@ class CommandEndpoint {
   std::optional<wire::EventMessage> next_event();
 
  private:
-  std::optional<web::WebAnswer> refusal(const web::WebRequest& request, MonotonicInstant now);
-  std::optional<web::WebAnswer> refusal_of_token(const web::WebRequest& request,
-                                                 MonotonicInstant now);
+  std::optional<web::WebResponse> refusal(const web::WebRequest& request, MonotonicInstant now);
+  std::optional<web::WebResponse> refusal_of_token(const web::WebRequest& request,
+                                                   MonotonicInstant now);
   void add_event(wire::Severity severity, const std::string& text);
 
   const Studio& studio_;

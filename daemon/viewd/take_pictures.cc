@@ -25,26 +25,26 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
   return pulse;
 }
 
-/// 304 if the browser has the content with this ETag, else the answer of `make`.
+/// 304 if the browser has the content with this ETag, else the response of `make`.
 template <class Make>
-web::WebAnswer tagged_answer(const web::WebRequest& request, const std::string& tag,
-                             const Make& make) {
+web::WebResponse tagged_response(const web::WebRequest& request, const std::string& tag,
+                                 const Make& make) {
   std::vector<std::pair<std::string, std::string>> fields = {{"ETag", tag},
                                                              {"Cache-Control", "no-cache"}};
   if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
-  web::WebAnswer answer = make();
-  if (answer.status == 200) answer.fields = std::move(fields);
-  return answer;
+  web::WebResponse response = make();
+  if (response.status == 200) response.fields = std::move(fields);
+  return response;
 }
 
-web::WebAnswer jpeg_answer(const std::optional<std::vector<uint8_t>>& jpeg) {
-  if (!jpeg) return web::plain_answer(404, "this camera has no frame of this pulse");
+web::WebResponse jpeg_response(const std::optional<std::vector<uint8_t>>& jpeg) {
+  if (!jpeg) return web::plain_response(404, "this camera has no frame of this pulse");
   return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
 }
 
-web::WebAnswer views_answer(TakeViews& all, const std::string& take, int64_t pulse) {
+web::WebResponse views_response(TakeViews& all, const std::string& take, int64_t pulse) {
   auto message = all.read(take, pulse);
-  if (!message) return web::plain_answer(404, "there is no mesh of this pulse");
+  if (!message) return web::plain_response(404, "there is no mesh of this pulse");
   return {.type = "application/octet-stream", .body = std::move(*message)};
 }
 
@@ -55,8 +55,8 @@ TakePictures::TakePictures(const std::filesystem::path& takes)
       photographs_(std::make_shared<TakePhotographs>(takes)),
       views_(std::make_shared<TakeViews>(takes)) {}
 
-std::optional<web::WebAnswer> TakePictures::answer(const web::WebRequest& request,
-                                                   const web::WebTarget& target) const {
+std::optional<web::WebResponse> TakePictures::respond(const web::WebRequest& request,
+                                                      const web::WebTarget& target) const {
   const std::vector<std::string>& path = target.path;
   if (path.size() < 4 || path[0] != "api" || path[1] != "takes") return {};
   if (path.size() == 6 && path[3] == "photographs") {
@@ -69,66 +69,66 @@ std::optional<web::WebAnswer> TakePictures::answer(const web::WebRequest& reques
 
 /// The work first closes what is removed or unused.
 template <class Make>
-web::WebAnswer TakePictures::picture_answer(Make make) const {
-  return later_answer(web::WorkKind::kPicture,
-                      [make = std::move(make), photographs = photographs_, views = views_] {
-                        const MonotonicInstant now = Monotonic::now();
-                        photographs->close_unused(now);
-                        views->close_unused(now);
-                        return make();
-                      });
+web::WebResponse TakePictures::picture_response(Make make) const {
+  return deferred_response(web::WorkKind::kPicture,
+                           [make = std::move(make), photographs = photographs_, views = views_] {
+                             const MonotonicInstant now = Monotonic::now();
+                             photographs->close_unused(now);
+                             views->close_unused(now);
+                             return make();
+                           });
 }
 
-web::WebAnswer TakePictures::closing() const {
-  web::WebAnswer answer = picture_answer([] { return web::plain_answer(200, "closed"); });
-  answer.listing = "closing";  // one waits at most
-  return answer;
+web::WebResponse TakePictures::closing() const {
+  web::WebResponse response = picture_response([] { return web::plain_response(200, "closed"); });
+  response.listing = "closing";  // one waits at most
+  return response;
 }
 
-web::WebAnswer TakePictures::photograph(const web::WebRequest& request, const std::string& take,
-                                        const std::string& pulse_text,
-                                        const std::string& file) const {
+web::WebResponse TakePictures::photograph(const web::WebRequest& request, const std::string& take,
+                                          const std::string& pulse_text,
+                                          const std::string& file) const {
   constexpr std::string_view kEnding = ".jpg";
   const auto pulse = parse_pulse(pulse_text);
   const std::string camera = file.substr(0, file.size() - std::min(kEnding.size(), file.size()));
   if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
-    return web::plain_answer(404, "there is no such photograph");
+    return web::plain_response(404, "there is no such photograph");
   }
-  return picture_answer(
+  return picture_response(
       [request, all = photographs_, folder = takes_ / take, take, camera, pulse = *pulse] {
         const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
         if (!log)
-          return web::plain_answer(404, "there are no frames of this camera in such a take");
-        return tagged_answer(request, tag_of(*log),
-                             [&] { return jpeg_answer(all->read(take, pulse, camera)); });
+          return web::plain_response(404, "there are no frames of this camera in such a take");
+        return tagged_response(request, tag_of(*log),
+                               [&] { return jpeg_response(all->read(take, pulse, camera)); });
       });
 }
 
-web::WebAnswer TakePictures::thumbnail(const web::WebRequest& request,
-                                       const std::string& take) const {
-  if (!is_file_name(take)) return web::plain_answer(404, "there is no such take");
-  return later_answer(
+web::WebResponse TakePictures::thumbnail(const web::WebRequest& request,
+                                         const std::string& take) const {
+  if (!is_file_name(take)) return web::plain_response(404, "there is no such take");
+  return deferred_response(
       web::WorkKind::kThumbnail, [request, all = photographs_, folder = takes_ / take, take] {
         const take::TakePaths paths{folder};
         const auto cameras = load_take_info(paths).cameras;
         const auto first = std::ranges::find_if(cameras, [&](const std::string& camera) {
           return stamp_of_log(paths.frames(camera)).has_value();
         });
-        if (first == cameras.end()) return web::plain_answer(404, "this take has no raw frames");
-        return tagged_answer(request, tag_of(*stamp_of_log(paths.frames(*first))),
-                             [&] { return jpeg_answer(all->thumbnail(take, *first)); });
+        if (first == cameras.end()) return web::plain_response(404, "this take has no raw frames");
+        return tagged_response(request, tag_of(*stamp_of_log(paths.frames(*first))),
+                               [&] { return jpeg_response(all->thumbnail(take, *first)); });
       });
 }
 
-web::WebAnswer TakePictures::views(const web::WebRequest& request, const std::string& take,
-                                   const std::string& pulse_text) const {
+web::WebResponse TakePictures::views(const web::WebRequest& request, const std::string& take,
+                                     const std::string& pulse_text) const {
   const auto pulse = parse_pulse(pulse_text);
-  if (!pulse || !is_file_name(take)) return web::plain_answer(404, "there is no such view");
-  return picture_answer([request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
+  if (!pulse || !is_file_name(take)) return web::plain_response(404, "there is no such view");
+  return picture_response([request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
     const auto tag = TakeViews::tag(folder);
     if (!tag)
-      return web::plain_answer(404, "there is no such take, or its raw frames are not here");
-    return tagged_answer(request, *tag, [&] { return views_answer(*all, take, pulse); });
+      return web::plain_response(404, "there is no such take, or its raw frames are not here");
+    return tagged_response(request, *tag, [&] { return views_response(*all, take, pulse); });
   });
 }
 

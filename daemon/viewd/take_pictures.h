@@ -24,7 +24,7 @@
 
 namespace v3d::viewd {
 
-// HTTP answers from the raw frames of takes:
+// HTTP responses from the raw frames of takes:
 //   /api/takes/T/photographs/PULSE/CAM.jpg   a frame (TakePhotographs)
 //   /api/takes/T/thumbnail.jpg               a small picture of the take (TakePhotographs)
 //   /api/takes/T/views/PULSE                 vertex colours by camera (TakeViews)
@@ -41,22 +41,22 @@ class TakePictures {
   explicit TakePictures(const std::filesystem::path& takes);
 
   /// Empty for other paths.
-  std::optional<web::WebAnswer> answer(const web::WebRequest& request,
-                                       const web::WebTarget& target) const;
+  std::optional<web::WebResponse> respond(const web::WebRequest& request,
+                                          const web::WebTarget& target) const;
 
-  /// An answer whose work closes the files that are removed or unused, as each request for a
+  /// A response whose work closes the files that are removed or unused, as each request for a
   /// photograph or a view does. Run it every minute: a removed take keeps its disk space until
   /// then.
-  web::WebAnswer closing() const;
+  web::WebResponse closing() const;
 
  private:
-  web::WebAnswer photograph(const web::WebRequest& request, const std::string& take,
-                            const std::string& pulse, const std::string& file) const;
-  web::WebAnswer thumbnail(const web::WebRequest& request, const std::string& take) const;
-  web::WebAnswer views(const web::WebRequest& request, const std::string& take,
-                       const std::string& pulse) const;
+  web::WebResponse photograph(const web::WebRequest& request, const std::string& take,
+                              const std::string& pulse, const std::string& file) const;
+  web::WebResponse thumbnail(const web::WebRequest& request, const std::string& take) const;
+  web::WebResponse views(const web::WebRequest& request, const std::string& take,
+                         const std::string& pulse) const;
   template <class Make>
-  web::WebAnswer picture_answer(Make make) const;
+  web::WebResponse picture_response(Make make) const;
 
   const std::filesystem::path takes_;
   const std::shared_ptr<TakePhotographs> photographs_;  ///< used by the work only
@@ -160,27 +160,27 @@ class TakeViews {
   std::list<OpenTake> open_;  ///< most recently used first
 };
 
-// Converts exceptions into HTTP answers.
+// Converts exceptions into HTTP responses.
 
-/// The answer of `make`; 404 if it throws InputError, 500 for other exceptions. The text of the
+/// The response of `make`; 404 if it throws InputError, 500 for other exceptions. The text of the
 /// exception, which may contain paths, is only logged.
 template <class Make>
-web::WebAnswer guarded_answer(const Make& make) {
+web::WebResponse guarded_response(const Make& make) {
   try {
     return make();
   } catch (const InputError& error) {
     spdlog::warn("{}", error.what());
-    return web::plain_answer(404, "not found or not readable; see the log of v3d-viewd");
+    return web::plain_response(404, "not found or not readable; see the log of v3d-viewd");
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
-    return web::plain_answer(500, "internal error; see the log of v3d-viewd");
+    return web::plain_response(500, "internal error; see the log of v3d-viewd");
   }
 }
 
-/// An answer that `make` makes later, as work of this kind. `make` owns what it uses.
+/// A response that `make` makes later, as work of this kind. `make` owns what it uses.
 template <class Make>
-web::WebAnswer later_answer(web::WorkKind kind, Make make) {
-  return {.work = [make = std::move(make)] { return guarded_answer(make); }, .kind = kind};
+web::WebResponse deferred_response(web::WorkKind kind, Make make) {
+  return {.work = [make = std::move(make)] { return guarded_response(make); }, .kind = kind};
 }
 
 }  // namespace v3d::viewd

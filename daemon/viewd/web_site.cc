@@ -25,72 +25,74 @@
 namespace v3d::viewd {
 namespace {
 
-/// The answer where a file cannot be opened, by errno: 503 when a later attempt may succeed.
-web::WebAnswer unopened_answer(int error) {
+/// The response where a file cannot be opened, by errno: 503 when a later attempt may succeed.
+web::WebResponse unopened_response(int error) {
   if (error != EMFILE && error != ENFILE && error != ENOMEM) {
-    return web::plain_answer(404, "there is no such file");
+    return web::plain_response(404, "there is no such file");
   }
-  web::WebAnswer answer = web::plain_answer(503, "too many open files; try again");
-  answer.fields = {{"Retry-After", "1"}};
-  return answer;
+  web::WebResponse response = web::plain_response(503, "too many open files; try again");
+  response.fields = {{"Retry-After", "1"}};
+  return response;
 }
 
 /// A regular file, or the requested part of it. Links are not followed.
-web::WebAnswer file_answer(const web::WebRequest& request, const std::filesystem::path& path,
-                           web::WorkKind kind) {
+web::WebResponse file_response(const web::WebRequest& request, const std::filesystem::path& path,
+                               web::WorkKind kind) {
   io::UniqueFd opened(io::uninterrupted(
       [&] { return ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
-  if (!opened) return unopened_answer(errno);
+  if (!opened) return unopened_response(errno);
   const auto file = std::make_shared<const io::UniqueFd>(std::move(opened));
   struct stat state {};
   if (fstat(file->get(), &state) != 0 || !S_ISREG(state.st_mode))
-    return web::plain_answer(404, "not a regular file");
-  web::WebAnswer answer{.type = content_type(path)};
+    return web::plain_response(404, "not a regular file");
+  web::WebResponse response{.type = content_type(path)};
   const std::string tag = tag_of(stamp_of(state));
-  answer.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
+  response.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
   if (request.if_none_match == tag) {
-    answer.status = 304;
-    return answer;
+    response.status = 304;
+    return response;
   }
   const web::ByteRange range = web::byte_range(request.range, state.st_size);
   const std::string all = std::to_string(state.st_size);
   if (range.kind == web::ByteRange::Kind::kUnsatisfiable) {
-    answer.status = 416;
-    answer.fields.emplace_back("Content-Range", "bytes */" + all);
-    return answer;
+    response.status = 416;
+    response.fields.emplace_back("Content-Range", "bytes */" + all);
+    return response;
   }
   if (range.kind == web::ByteRange::Kind::kPart) {
-    answer.status = 206;
-    answer.fields.emplace_back("Content-Range", "bytes " + std::to_string(range.first) + "-" +
-                                                    std::to_string(range.first + range.size - 1) +
-                                                    "/" + all);
+    response.status = 206;
+    response.fields.emplace_back("Content-Range", "bytes " + std::to_string(range.first) + "-" +
+                                                      std::to_string(range.first + range.size - 1) +
+                                                      "/" + all);
   }
-  answer.file = web::FilePart{.file = file, .first = range.first, .size = range.size, .kind = kind};
-  return answer;
+  response.file =
+      web::FilePart{.file = file, .first = range.first, .size = range.size, .kind = kind};
+  return response;
 }
 
 /// Files below assets/ may be cached for ever, because their names change with their content.
-web::WebAnswer page_answer(const web::WebRequest& request, const web::WebTarget& target,
-                           const PageFile& page) {
+web::WebResponse page_response(const web::WebRequest& request, const web::WebTarget& target,
+                               const PageFile& page) {
   const bool is_immutable = !target.path.empty() && target.path.front() == "assets";
-  return later_answer(web::WorkKind::kPage, [request, page, is_immutable] {
-    web::WebAnswer answer = file_answer(request, page.path, web::WorkKind::kPage);
-    answer.type = page.type;
-    answer.fields.emplace_back("Cache-Control",
-                               is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
-    return answer;
+  return deferred_response(web::WorkKind::kPage, [request, page, is_immutable] {
+    web::WebResponse response = file_response(request, page.path, web::WorkKind::kPage);
+    response.type = page.type;
+    response.fields.emplace_back("Cache-Control",
+                                 is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
+    return response;
   });
 }
 
-web::WebAnswer rig_answer(std::function<Rig()> load) {
-  return later_answer(web::WorkKind::kFile,
-                      [load = std::move(load)] { return web::json_answer(rig_json(load())); });
+web::WebResponse rig_response(std::function<Rig()> load) {
+  return deferred_response(web::WorkKind::kFile, [load = std::move(load)] {
+    return web::json_response(rig_json(load()));
+  });
 }
 
-web::WebAnswer redirect_with_cookie(const web::WebTarget& target, const std::string& cookie) {
-  web::WebAnswer answer = web::plain_answer(303, "");
-  answer.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
-  return answer;
+web::WebResponse redirect_with_cookie(const web::WebTarget& target, const std::string& cookie) {
+  web::WebResponse response = web::plain_response(303, "");
+  response.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
+  return response;
 }
 
 bool is_command(const web::WebRequest& request, const std::optional<web::WebTarget>& target) {
@@ -130,13 +132,14 @@ class WebSite::CachedListing {
     return json_;
   }
 
-  static web::WebAnswer answer(const std::string& name,
-                               const std::shared_ptr<CachedListing>& listing) {
-    return {
-        .work =
-            [listing] { return guarded_answer([&] { return web::json_answer(listing->json()); }); },
-        .kind = web::WorkKind::kListing,
-        .listing = name};
+  static web::WebResponse respond(const std::string& name,
+                                  const std::shared_ptr<CachedListing>& listing) {
+    return {.work =
+                [listing] {
+                  return guarded_response([&] { return web::json_response(listing->json()); });
+                },
+            .kind = web::WorkKind::kListing,
+            .listing = name};
   }
 
  private:
@@ -220,35 +223,35 @@ web::ClientRole WebSite::role_of(const web::WebRequest& request) const {
   return commands_.is_operator(request) ? web::ClientRole::kOperator : web::ClientRole::kViewer;
 }
 
-std::optional<web::WebAnswer> WebSite::refusal(const web::WebRequest& request,
-                                               const std::optional<web::WebTarget>& target) const {
+std::optional<web::WebResponse> WebSite::refusal(
+    const web::WebRequest& request, const std::optional<web::WebTarget>& target) const {
   if (const std::string wrong = web::WebAccess::host_error(request); !wrong.empty()) {
-    return web::plain_answer(400, wrong);
+    return web::plain_response(400, wrong);
   }
   if (request.method != "GET" && request.method != "HEAD" && !is_command(request, target)) {
-    web::WebAnswer answer = web::plain_answer(405, "only GET and HEAD are answered");
-    answer.fields = {{"Allow", "GET, HEAD"}};
-    return answer;
+    web::WebResponse response = web::plain_response(405, "only GET and HEAD are answered");
+    response.fields = {{"Allow", "GET, HEAD"}};
+    return response;
   }
-  if (!target) return web::plain_answer(400, "not a valid path");
+  if (!target) return web::plain_response(400, "not a valid path");
   switch (access_.check(request, *target)) {
     case web::WebAccess::Verdict::kAllowed:
       return {};
     case web::WebAccess::Verdict::kAllowedWithCookie:
       return redirect_with_cookie(*target, access_.set_cookie());
     case web::WebAccess::Verdict::kForeignHost:
-      return web::plain_answer(403, "this server answers to localhost and 127.0.0.1 only");
+      return web::plain_response(403, "this server answers to localhost and 127.0.0.1 only");
     case web::WebAccess::Verdict::kTokenRequired:
       break;
   }
-  web::WebAnswer answer = web::plain_answer(
+  web::WebResponse response = web::plain_response(
       401, "This studio requires a token: open this address with ?token=TOKEN appended, once.");
-  answer.fields = {{"WWW-Authenticate", "Bearer"}};
-  return answer;
+  response.fields = {{"WWW-Authenticate", "Bearer"}};
+  return response;
 }
 
-web::WebAnswer WebSite::answer(const web::WebRequest& request) {
-  return guarded_answer([&]() -> web::WebAnswer {
+web::WebResponse WebSite::respond(const web::WebRequest& request) {
+  return guarded_response([&]() -> web::WebResponse {
     const auto target = web::parse_web_target(request.target);
     if (auto refused = refusal(request, target)) return std::move(*refused);
     if (is_command(request, target)) return commands_.post(request, Monotonic::now());
@@ -268,22 +271,23 @@ WebSite::Opening WebSite::open_stream(const web::WebRequest& request) const {
   const auto target = web::parse_web_target(request.target);
   if (auto refused = refusal(request, target)) return {{}, std::move(*refused)};
   if (!web::WebAccess::is_own_page(request))
-    return {{}, web::plain_answer(403, "WebSockets of pages of other origins are refused")};
+    return {{}, web::plain_response(403, "WebSockets of pages of other origins are refused")};
   if (target->text() == "/api/live") return {StreamKind::kLive, {}};
   if (target->text() == "/api/studio") return {StreamKind::kStudio, {}};
-  return {{}, web::plain_answer(404, "there is no such stream")};
+  return {{}, web::plain_response(404, "there is no such stream")};
 }
 
-web::WebAnswer WebSite::find(const web::WebRequest& request, const web::WebTarget& target) const {
+web::WebResponse WebSite::find(const web::WebRequest& request, const web::WebTarget& target) const {
   const std::vector<std::string>& path = target.path;
-  if (target.text() == "/api/takes") return CachedListing::answer("takes", take_listing_);
-  if (target.text() == "/api/scenes") return CachedListing::answer("scenes", scene_listing_);
+  if (target.text() == "/api/takes") return CachedListing::respond("takes", take_listing_);
+  if (target.text() == "/api/scenes") return CachedListing::respond("scenes", scene_listing_);
   if (target.text() == "/api/order") return commands_.report();
   if (target.text() == "/api/rig")
-    return rig_answer([calib = calib_] { return load_calib(calib); });
+    return rig_response([calib = calib_] { return load_calib(calib); });
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
-    if (!is_file_name(path[2])) return web::plain_answer(404, "there is no such take");
-    return rig_answer([take = take::TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
+    if (!is_file_name(path[2])) return web::plain_response(404, "there is no such take");
+    return rig_response(
+        [take = take::TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
   }
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "sound") {
     return take_sound(path[2]);
@@ -291,45 +295,45 @@ web::WebAnswer WebSite::find(const web::WebRequest& request, const web::WebTarge
   if (path.size() == 4 && path[0] == "takes" && path[2] == "sound") {
     return sound_file(request, path[1], path[3]);
   }
-  if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
+  if (auto pictures = pictures_.respond(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return take_file(request, path[1], path[2]);
   const auto page = page_.find(target.text());
-  if (page == page_.end()) return web::plain_answer(404, "there is no such page");
-  return page_answer(request, target, page->second);
+  if (page == page_.end()) return web::plain_response(404, "there is no such page");
+  return page_response(request, target, page->second);
 }
 
-web::WebAnswer WebSite::take_file(const web::WebRequest& request, const std::string& take,
-                                  const std::string& file) const {
-  const web::WebAnswer unknown = web::plain_answer(404, "there is no such file of a take");
+web::WebResponse WebSite::take_file(const web::WebRequest& request, const std::string& take,
+                                    const std::string& file) const {
+  const web::WebResponse unknown = web::plain_response(404, "there is no such file of a take");
   if (!is_file_name(take) || !is_file_name(file)) return unknown;
-  return later_answer(web::WorkKind::kFile, [request, folder = takes_ / take, file, unknown] {
+  return deferred_response(web::WorkKind::kFile, [request, folder = takes_ / take, file, unknown] {
     if (!is_served(file) && !is_of_scene(folder, file)) return unknown;
-    web::WebAnswer answer = file_answer(request, folder / file, web::WorkKind::kFile);
-    answer.fields.emplace_back("Cache-Control", "no-cache");
-    return answer;
+    web::WebResponse response = file_response(request, folder / file, web::WorkKind::kFile);
+    response.fields.emplace_back("Cache-Control", "no-cache");
+    return response;
   });
 }
 
-web::WebAnswer WebSite::take_sound(const std::string& take) const {
-  if (!is_file_name(take)) return web::plain_answer(404, "there is no such take");
-  return later_answer(web::WorkKind::kFile, [paths = take::TakePaths{takes_ / take}] {
+web::WebResponse WebSite::take_sound(const std::string& take) const {
+  if (!is_file_name(take)) return web::plain_response(404, "there is no such take");
+  return deferred_response(web::WorkKind::kFile, [paths = take::TakePaths{takes_ / take}] {
     const take::Ledger ledger = take::load_ledger(paths.ledger());
     const auto studio = ledger.sounds.empty() ? std::nullopt : load_take_studio(paths);
-    return web::json_answer(sound_json(ledger.sounds, studio));
+    return web::json_response(sound_json(ledger.sounds, studio));
   });
 }
 
-web::WebAnswer WebSite::sound_file(const web::WebRequest& request, const std::string& take,
-                                   const std::string& file) const {
-  const web::WebAnswer unknown = web::plain_answer(404, "there is no such file of a take");
+web::WebResponse WebSite::sound_file(const web::WebRequest& request, const std::string& take,
+                                     const std::string& file) const {
+  const web::WebResponse unknown = web::plain_response(404, "there is no such file of a take");
   if (!is_file_name(take) || !is_file_name(file) || !file.ends_with(".wav")) return unknown;
-  return later_answer(
+  return deferred_response(
       web::WorkKind::kFile, [request, folder = takes_ / take / "sound", file, unknown] {
         std::error_code error;
         if (!is_directory(std::filesystem::symlink_status(folder, error))) return unknown;
-        web::WebAnswer answer = file_answer(request, folder / file, web::WorkKind::kFile);
-        answer.fields.emplace_back("Cache-Control", "no-cache");
-        return answer;
+        web::WebResponse response = file_response(request, folder / file, web::WorkKind::kFile);
+        response.fields.emplace_back("Cache-Control", "no-cache");
+        return response;
       });
 }
 

@@ -32,8 +32,8 @@
 
 namespace v3d::viewd {
 
-/// Answers requests. Only the CommandEndpoint changes anything. One thread, which reads from no
-/// disk; the work of answers (WebAnswer::work) runs on others, and may outlive this object.
+/// Responds to requests. Only the CommandEndpoint changes anything. One thread, which reads from no
+/// disk; the work of responses (WebResponse::work) runs on others, and may outlive this object.
 class WebSite {
  public:
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
@@ -49,33 +49,33 @@ class WebSite {
           CommandEndpoint& commands, const ListTakes& list = list_takes);
 
   /// Does not throw: errors become a status.
-  web::WebAnswer answer(const web::WebRequest& request);
+  web::WebResponse respond(const web::WebRequest& request);
 
-  /// The role of the sender; kUnauthenticated if answer() would refuse any request of this sender.
+  /// The role of the sender; kUnauthenticated if respond() would reject any request of this sender.
   web::ClientRole role_of(const web::WebRequest& request) const;
 
   enum class StreamKind : uint8_t { kLive, kStudio };
   /// The result of a request to open a WebSocket: the stream, or the refusal.
   struct Opening {
     std::optional<StreamKind> stream;
-    web::WebAnswer refusal;
+    web::WebResponse refusal;
   };
   Opening open_stream(const web::WebRequest& request) const;
 
   /// TakePictures::closing(). Any thread.
-  web::WebAnswer closing() const { return pictures_.closing(); }
+  web::WebResponse closing() const { return pictures_.closing(); }
 
  private:
   class CachedListing;
 
-  std::optional<web::WebAnswer> refusal(const web::WebRequest& request,
-                                        const std::optional<web::WebTarget>& target) const;
-  web::WebAnswer find(const web::WebRequest& request, const web::WebTarget& target) const;
-  web::WebAnswer take_sound(const std::string& take) const;
-  web::WebAnswer sound_file(const web::WebRequest& request, const std::string& take,
-                            const std::string& file) const;
-  web::WebAnswer take_file(const web::WebRequest& request, const std::string& take,
-                           const std::string& file) const;
+  std::optional<web::WebResponse> refusal(const web::WebRequest& request,
+                                          const std::optional<web::WebTarget>& target) const;
+  web::WebResponse find(const web::WebRequest& request, const web::WebTarget& target) const;
+  web::WebResponse take_sound(const std::string& take) const;
+  web::WebResponse sound_file(const web::WebRequest& request, const std::string& take,
+                              const std::string& file) const;
+  web::WebResponse take_file(const web::WebRequest& request, const std::string& take,
+                             const std::string& file) const;
 
   const std::filesystem::path takes_;
   const std::filesystem::path calib_;
@@ -94,7 +94,9 @@ class SiteHandler final : public web::WebHandler {
   /// `site` and the objects that `subscribe` uses must outlive this object.
   SiteHandler(WebSite& site, Subscribe subscribe) : site_(site), subscribe_(std::move(subscribe)) {}
 
-  web::WebAnswer answer(const web::WebRequest& request) override { return site_.answer(request); }
+  web::WebResponse respond(const web::WebRequest& request) override {
+    return site_.respond(request);
+  }
   web::ClientRole role_of(const web::WebRequest& request) const override {
     return site_.role_of(request);
   }

@@ -24,7 +24,7 @@ using boost::asio::ip::tcp;
 using boost::system::error_code;
 using Request = WebSubscriber::Request;
 
-constexpr std::chrono::seconds kSendTimeout{30};  ///< for each part of an answer
+constexpr std::chrono::seconds kSendTimeout{30};  ///< for each part of a response
 constexpr std::chrono::seconds kIdleTimeout{30};  ///< between requests
 
 std::string text(boost::string_view view) { return {view.data(), view.size()}; }
@@ -46,32 +46,32 @@ WebRequest to_web_request(const Request& request, const std::string& address) {
 }
 
 /// Sets the header. Its policies forbid MIME sniffing, framing, and content of other servers.
-template <class Response>
-void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
-  response.result(static_cast<unsigned>(answer.status));
-  response.set(http::field::server, "v3d");
-  response.set(http::field::content_type, answer.type);
-  response.set("X-Content-Type-Options", "nosniff");
-  response.set("Referrer-Policy", "no-referrer");
-  response.set("Content-Security-Policy",
-               "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' blob: "
-               "data:; connect-src 'self' blob: data:; worker-src 'self'; frame-ancestors 'none'");
-  for (const auto& [name, value] : answer.fields) response.set(name, value);
-  response.keep_alive(keep_alive);
+template <class Message>
+void set_head(Message& message, const WebResponse& response, bool keep_alive) {
+  message.result(static_cast<unsigned>(response.status));
+  message.set(http::field::server, "v3d");
+  message.set(http::field::content_type, response.type);
+  message.set("X-Content-Type-Options", "nosniff");
+  message.set("Referrer-Policy", "no-referrer");
+  message.set("Content-Security-Policy",
+              "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' blob: "
+              "data:; connect-src 'self' blob: data:; worker-src 'self'; frame-ancestors 'none'");
+  for (const auto& [name, value] : response.fields) message.set(name, value);
+  message.keep_alive(keep_alive);
 }
 
-/// The next bytes of a file, as the body of an answer; another status when there are none.
-WebAnswer read_file_part(const FilePart& part) {
+/// The next bytes of a file, as the body of a response; another status when there are none.
+WebResponse read_file_part(const FilePart& part) {
   constexpr int64_t kMaxBytes = 256 << 10;
   std::string bytes(static_cast<size_t>(std::min(part.size, kMaxBytes)), '\0');
   const ssize_t got = io::uninterrupted(
       [&] { return pread(part.file->get(), bytes.data(), bytes.size(), part.first); });
-  if (got <= 0) return plain_answer(500, "the file ended or cannot be read");
+  if (got <= 0) return plain_response(500, "the file ended or cannot be read");
   bytes.resize(static_cast<size_t>(got));
   return {.body = std::move(bytes)};
 }
 
-WebAnswer busy() {
+WebResponse busy() {
   return {
       .status = 503, .body = "too many requests; try again\n", .fields = {{"Retry-After", "1"}}};
 }
@@ -98,7 +98,7 @@ WebConnection::~WebConnection() { all_.open.erase(id_); }
 void WebConnection::read() {
   parser_.emplace();
   parser_->header_limit(WebServer::kMaxHeaderBytes);
-  // No limit yet, so that a request with too large a body gets an answer. With a limit of zero,
+  // No limit yet, so that a request with too large a body gets a response. With a limit of zero,
   // Beast would reject every body.
   parser_->body_limit(std::numeric_limits<uint64_t>::max());
   parser_->eager(false);
@@ -121,7 +121,7 @@ void WebConnection::read_next() {
                           });
 }
 
-/// Reads the body of a short POST only. After the answer to another request with a body, the
+/// Reads the body of a short POST only. After the response to another request with a body, the
 /// connection ends, because the unread body would be parsed as the next request.
 void WebConnection::on_header() {
   const Request& request = parser_->get();
@@ -150,16 +150,16 @@ void WebConnection::on_request(bool has_unread_body) {
   if (slot_->is_reserved()) {
     keep_alive_ = false;  // free the slot for the next operator
     if (role != ClientRole::kOperator || websocket::is_upgrade(request)) {
-      return answer(busy(), request.method() == http::verb::head);
+      return respond(busy(), request.method() == http::verb::head);
     }
   }
   if (!websocket::is_upgrade(request)) {
-    answer_or_defer(handler.answer(web_request), request.method() == http::verb::head);
+    respond_or_defer(handler.respond(web_request), request.method() == http::verb::head);
     return;
   }
   WebHandler::Opening opening = handler.open_stream(web_request);
   if (!opening.stream) {
-    answer(std::move(opening.refusal), false);
+    respond(std::move(opening.refusal), false);
     return;
   }
   socket_.expires_never();
@@ -168,34 +168,35 @@ void WebConnection::on_request(bool has_unread_body) {
       ->start(request);
 }
 
-void WebConnection::answer_or_defer(WebAnswer first, bool head_only) {
-  if (!first.work) return answer(std::move(first), head_only);
+void WebConnection::respond_or_defer(WebResponse first, bool head_only) {
+  if (!first.work) return respond(std::move(first), head_only);
   const bool is_deferred =
-      all_.defer(std::move(first), [self = shared_from_this(), head_only](WebAnswer made) {
-        self->answer(std::move(made), head_only);
+      all_.defer(std::move(first), [self = shared_from_this(), head_only](WebResponse made) {
+        self->respond(std::move(made), head_only);
       });
-  if (!is_deferred) answer(busy(), head_only);
+  if (!is_deferred) respond(busy(), head_only);
 }
 
-// --- answers ------------------------------------------------------------------------------------
+// --- responses -----------------------------------------------------------------------------------
 
-/// Exists until the last byte was sent; the serializer refers to the response.
+/// Exists until the last byte was sent; the serializer refers to the message.
 struct WebConnection::TextSending {
-  http::response<http::string_body> response{};
-  http::response_serializer<http::string_body> serializer{response};
+  http::response<http::string_body> message{};
+  http::response_serializer<http::string_body> serializer{message};
 };
 
-void WebConnection::answer(WebAnswer answer, bool head_only) {
-  if (answer.file && !head_only) return send_file(std::move(answer));
+void WebConnection::respond(WebResponse response, bool head_only) {
+  if (response.file && !head_only) return send_file(std::move(response));
   const auto sending = std::make_shared<TextSending>();
-  auto& response = sending->response;
-  set_head(response, answer, keep_alive_);
-  const auto size = answer.file ? answer.file->size : static_cast<int64_t>(answer.body.size());
-  response.body() = head_only ? "" : std::move(answer.body);
+  auto& message = sending->message;
+  set_head(message, response, keep_alive_);
+  const auto size =
+      response.file ? response.file->size : static_cast<int64_t>(response.body.size());
+  message.body() = head_only ? "" : std::move(response.body);
   if (head_only) {
-    response.content_length(static_cast<uint64_t>(size));
-  } else if (answer.status != 304) {
-    response.prepare_payload();
+    message.content_length(static_cast<uint64_t>(size));
+  } else if (response.status != 304) {
+    message.prepare_payload();
   }
   send(sending);
 }
@@ -207,23 +208,23 @@ void WebConnection::send(const std::shared_ptr<TextSending>& sending) {
                          [self = shared_from_this(), sending](error_code error, size_t) {
                            if (error) return;
                            if (!sending->serializer.is_done()) return self->send(sending);
-                           self->after_answer();
+                           self->after_response();
                          });
 }
 
-/// An answer with a file: the header is sent first.
+/// A response with a file: the header is sent first.
 struct WebConnection::FileSending {
   explicit FileSending(FilePart file) : part(std::move(file)) {}
   FilePart part;      ///< what was not read yet
   std::string bytes;  ///< what was read and is being sent
-  http::response<http::empty_body> response{};
-  http::response_serializer<http::empty_body> serializer{response};
+  http::response<http::empty_body> message{};
+  http::response_serializer<http::empty_body> serializer{message};
 };
 
-void WebConnection::send_file(WebAnswer answer) {
-  const auto sending = std::make_shared<FileSending>(std::move(*answer.file));
-  set_head(sending->response, answer, keep_alive_);
-  sending->response.content_length(static_cast<uint64_t>(sending->part.size));
+void WebConnection::send_file(WebResponse response) {
+  const auto sending = std::make_shared<FileSending>(std::move(*response.file));
+  set_head(sending->message, response, keep_alive_);
+  sending->message.content_length(static_cast<uint64_t>(sending->part.size));
   socket_.expires_after(kSendTimeout);
   http::async_write_header(socket_, sending->serializer,
                            [self = shared_from_this(), sending](error_code error, size_t) {
@@ -234,10 +235,10 @@ void WebConnection::send_file(WebAnswer answer) {
 /// The connection ends, so that the client notices the missing bytes, when the file has become
 /// shorter, or the disk is late or fails.
 void WebConnection::read_part(const std::shared_ptr<FileSending>& sending) {
-  if (sending->part.size == 0) return after_answer();
-  WebAnswer reading{.work = [part = sending->part] { return read_file_part(part); },
-                    .kind = sending->part.kind};
-  all_.defer(std::move(reading), [self = shared_from_this(), sending](WebAnswer read) {
+  if (sending->part.size == 0) return after_response();
+  WebResponse reading{.work = [part = sending->part] { return read_file_part(part); },
+                      .kind = sending->part.kind};
+  all_.defer(std::move(reading), [self = shared_from_this(), sending](WebResponse read) {
     if (read.status != 200) return;
     sending->bytes = std::move(read.body);
     self->send_part(sending);
@@ -255,7 +256,7 @@ void WebConnection::send_part(const std::shared_ptr<FileSending>& sending) {
                            });
 }
 
-void WebConnection::after_answer() {
+void WebConnection::after_response() {
   if (keep_alive_) return read_next();
   error_code ignored;
   socket_.socket().shutdown(tcp::socket::shutdown_send, ignored);

@@ -30,9 +30,9 @@ struct WebConnections {
   ConnectionSlots slots = {};
   std::map<ConnectionSlots::Id, WebConnection*> open = {};
   std::set<WebSubscriber*> subscribers = {};
-  /// Runs the work of an answer on a thread of its kind, then calls `done` on the server's thread.
+  /// Runs the work of a response on a thread of its kind, then calls `done` on the server's thread.
   /// Returns false if too much work waits.
-  std::function<bool(WebAnswer answer, std::function<void(WebAnswer)> done)> defer;
+  std::function<bool(WebResponse response, std::function<void(WebResponse)> done)> defer;
 };
 
 /// Holds the slot of a connection, and releases it on destruction.
@@ -50,7 +50,7 @@ class ConnectionSlot {
   const ConnectionSlots::Slot slot_;
 };
 
-// One HTTP connection: reads requests and sends answers. A WebSocket upgrade turns it into a
+// One HTTP connection: reads requests and sends responses. A WebSocket upgrade turns it into a
 // WebSubscriber.
 
 /// Kept alive by its asynchronous operations. Used on the server's thread only.
@@ -62,7 +62,8 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
   WebConnection(const WebConnection&) = delete;
   WebConnection& operator=(const WebConnection&) = delete;
 
-  /// Reads and answers the next request. WebLimits::request_timeout applies to the whole request.
+  /// Reads the next request and responds to it. WebLimits::request_timeout applies to the whole
+  /// request.
   void read();
   /// Cancels the pending operation, which ends the connection.
   void close() { socket_.close(); }
@@ -72,15 +73,15 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
   void read_next();
   void on_header();
   void on_request(bool has_unread_body);
-  void answer_or_defer(WebAnswer first, bool head_only);
-  void answer(WebAnswer answer, bool head_only);
+  void respond_or_defer(WebResponse first, bool head_only);
+  void respond(WebResponse response, bool head_only);
   struct TextSending;
   void send(const std::shared_ptr<TextSending>& sending);
   struct FileSending;
-  void send_file(WebAnswer answer);
+  void send_file(WebResponse response);
   void read_part(const std::shared_ptr<FileSending>& sending);
   void send_part(const std::shared_ptr<FileSending>& sending);
-  void after_answer();
+  void after_response();
 
   WebConnections& all_;
   const ConnectionSlots::Id id_;

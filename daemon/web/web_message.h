@@ -1,4 +1,4 @@
-// Requests, answers and their handler.
+// Requests, responses and their handler.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace v3d::web {
 
-// HTTP requests, answers and WebSocket messages as plain values: the interface between the site,
+// HTTP requests, responses and WebSocket messages as plain values: the interface between the site,
 // which uses no sockets, and the server, which does not depend on takes.
 
 /// An HTTP request. Fields that were not sent are empty.
@@ -52,25 +52,25 @@ struct FilePart {
   WorkKind kind = WorkKind::kFile;  ///< of the work that reads it
 };
 
-struct WebAnswer {
+struct WebResponse {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
   std::string body = {};
   std::optional<FilePart> file = {};  ///< instead of `body`
   std::vector<std::pair<std::string, std::string>> fields = {};
-  /// Makes the answer, if that may take long or reads from a disk. Runs on another thread. Must not
-  /// throw or return an answer with work. The other fields are then ignored, except `kind` and
+  /// Makes the response, if that may take long or reads from a disk. Runs on another thread. Must
+  /// not throw or return a response with work. The other fields are then ignored, except `kind` and
   /// `listing`.
-  std::function<WebAnswer()> work = {};
+  std::function<WebResponse()> work = {};
   WorkKind kind = WorkKind::kFile;
   std::string listing = {};  ///< requests with this name share one run of the work; empty: none
 };
 
-/// An answer of one line of text.
-inline WebAnswer plain_answer(int status, const std::string& text) {
+/// A response of one line of text.
+inline WebResponse plain_response(int status, const std::string& text) {
   return {.status = status, .body = text + "\n"};
 }
-inline WebAnswer json_answer(std::string text) {
+inline WebResponse json_response(std::string text) {
   return {.type = "application/json",
           .body = std::move(text),
           .fields = {{"Cache-Control", "no-store"}}};
@@ -102,7 +102,7 @@ enum class ClientRole : uint8_t {
   kOperator          ///< such a request with the operators' token
 };
 
-/// Answers requests. Used on the server's thread only.
+/// Responds to requests. Used on the server's thread only.
 class WebHandler {
  public:
   WebHandler() = default;
@@ -111,14 +111,14 @@ class WebHandler {
   WebHandler& operator=(const WebHandler&) = delete;
 
   /// Must not throw.
-  virtual WebAnswer answer(const WebRequest& request) = 0;
-  /// kUnauthenticated if answer() would refuse any request of this sender.
+  virtual WebResponse respond(const WebRequest& request) = 0;
+  /// kUnauthenticated if respond() would reject any request of this sender.
   virtual ClientRole role_of(const WebRequest& request) const = 0;
 
   /// The result of a request to open a WebSocket: the stream, or the refusal.
   struct Opening {
     std::unique_ptr<WebStream> stream;
-    WebAnswer refusal;
+    WebResponse refusal;
   };
   virtual Opening open_stream(const WebRequest& request) = 0;
 };

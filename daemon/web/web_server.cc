@@ -32,9 +32,10 @@ class WebServer::Impl {
   Impl(const WebAddress& address, WebHandler& handler, const WebLimits& limits)
       : connections_{.handler = handler,
                      .limits = limits,
-                     .defer = [this](
-                                  auto answer,
-                                  auto done) { return defer(std::move(answer), std::move(done)); }},
+                     .defer =
+                         [this](auto response, auto done) {
+                           return defer(std::move(response), std::move(done));
+                         }},
         acceptor_(io_) {
     const tcp::endpoint endpoint(asio::ip::make_address(address.host), address.port);
     error_code error;
@@ -70,8 +71,10 @@ class WebServer::Impl {
     done.get();
   }
 
-  void start_work(WebAnswer answer) {
-    asio::post(io_, [this, answer = std::move(answer)] { defer(answer, [](const WebAnswer&) {}); });
+  void start_work(WebResponse response) {
+    asio::post(io_, [this, response = std::move(response)] {
+      defer(response, [](const WebResponse&) {});
+    });
   }
 
  private:
@@ -86,8 +89,9 @@ class WebServer::Impl {
     }
   }
 
-  bool defer(WebAnswer answer, std::function<void(WebAnswer)> done) {
-    return runner_of(answer.kind).run(answer.listing, std::move(answer.work), std::move(done));
+  bool defer(WebResponse response, std::function<void(WebResponse)> done) {
+    return runner_of(response.kind)
+        .run(response.listing, std::move(response.work), std::move(done));
   }
 
   WorkRunner& runner_of(WorkKind kind) {
@@ -171,6 +175,6 @@ uint16_t WebServer::port() const { return impl_->port(); }
 void WebServer::run_on_thread(const std::function<void(int64_t)>& work) {
   impl_->run_on_thread(work);
 }
-void WebServer::start_work(WebAnswer answer) { impl_->start_work(std::move(answer)); }
+void WebServer::start_work(WebResponse response) { impl_->start_work(std::move(response)); }
 
 }  // namespace v3d::web

@@ -24,11 +24,11 @@ struct WebLimits {
   bool keeps_alive = true;
 };
 
-/// Answers requests and feeds WebSockets on one thread.
+/// Responds to requests and feeds WebSockets on one thread.
 ///
 /// Each WebSocket has one message in flight, and gets the next one (WebStream::next()) when that
 /// was sent. So nothing is queued for slow clients, and little in the kernel. The thread reads from
-/// no disk: work (WebAnswer::work) and the parts of files that are sent run on other threads, by
+/// no disk: work (WebResponse::work) and the parts of files that are sent run on other threads, by
 /// their kind (work_runner.h), so that they delay no other requests and no WebSocket.
 ///
 /// Bounded: connections (connection_slots.h), size of header and body of a request, size of
@@ -50,8 +50,9 @@ class WebServer {
   /// Runs `work` on the server's thread, sends new messages to the subscribers, and returns.
   /// Blocking keeps the caller from queueing work faster than it is done.
   void run_on_thread(const std::function<void(int64_t subscribers)>& work);
-  /// Runs the work of `answer` as for a request, and drops its result. Returns at once. Any thread.
-  void start_work(WebAnswer answer);
+  /// Runs the work of `response` as for a request, and drops its result. Returns at once. Any
+  /// thread.
+  void start_work(WebResponse response);
 
  private:
   class Impl;

@@ -12,7 +12,7 @@ WorkRunner::~WorkRunner() {
   threads_->join();
 }
 
-bool WorkRunner::run(std::string name, std::function<WebAnswer()> work, Done done) {
+bool WorkRunner::run(std::string name, std::function<WebResponse()> work, Done done) {
   if (waiting_ >= limits_.max_waiting || runs_.size() >= limits_.max_waiting) return false;
   if (name.empty()) name = "#" + std::to_string(unnamed_++);
   const auto waiter = std::make_shared<Waiter>(io_, std::move(done));
@@ -27,20 +27,20 @@ bool WorkRunner::run(std::string name, std::function<WebAnswer()> work, Done don
   return true;
 }
 
-void WorkRunner::start(const std::string& name, std::function<WebAnswer()> work) {
+void WorkRunner::start(const std::string& name, std::function<WebResponse()> work) {
   if (!threads_) threads_.emplace(limits_.threads);
   boost::asio::post(*threads_, [this, name, work = std::move(work)] {
-    boost::asio::post(io_, [this, name, answer = work()] { finish(name, answer); });
+    boost::asio::post(io_, [this, name, response = work()] { finish(name, response); });
   });
 }
 
-void WorkRunner::finish(const std::string& name, const WebAnswer& answer) {
+void WorkRunner::finish(const std::string& name, const WebResponse& response) {
   const Waiters waiters = std::move(runs_[name]);
   runs_.erase(name);
   waiting_ -= waiters.size();
   for (const auto& waiter : waiters) {
     waiter->deadline.cancel();
-    waiter->done(answer);
+    waiter->done(response);
   }
 }
 
@@ -48,9 +48,9 @@ void WorkRunner::time_out(const std::string& name, const std::shared_ptr<Waiter>
   const auto run = runs_.find(name);
   if (run == runs_.end() || std::erase(run->second, waiter) == 0) return;  // has been answered
   --waiting_;
-  WebAnswer answer = plain_answer(503, limits_.late);
-  answer.fields = {{"Retry-After", "5"}};
-  waiter->done(std::move(answer));
+  WebResponse response = plain_response(503, limits_.late);
+  response.fields = {{"Retry-After", "5"}};
+  waiter->done(std::move(response));
 }
 
 }  // namespace v3d::web

@@ -1,4 +1,4 @@
-// Runs the work of answers that may wait for a disk, on threads of its own. Uses Boost.Asio.
+// Runs the work of responses that may wait for a disk, on threads of its own. Uses Boost.Asio.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -21,14 +21,14 @@ struct WorkLimits {
   size_t threads = 1;
   size_t max_waiting = 64;  ///< requests, and works that run or wait for a thread
   std::chrono::nanoseconds timeout{};
-  std::string late;  ///< the answer to a request after the timeout, one line
+  std::string late;  ///< the response to a request after the timeout, one line
 };
 
 /// Requests of one name share a run that runs or waits. A request gets 503 after the timeout. Its
 /// work continues; a later request of its name joins it.
 class WorkRunner {
  public:
-  using Done = std::function<void(WebAnswer)>;
+  using Done = std::function<void(WebResponse)>;
 
   /// `io` must outlive this object, and must be stopped before its destruction. The first run()
   /// starts the threads; the destructor waits for the work that runs.
@@ -41,19 +41,19 @@ class WorkRunner {
   /// Calls `done` on the thread of `io` with the result of `work`, or with 503 after the timeout.
   /// `name`: empty for work that is not shared. Returns false when max_waiting is reached. Call it
   /// on the thread of `io`.
-  bool run(std::string name, std::function<WebAnswer()> work, Done done);
+  bool run(std::string name, std::function<WebResponse()> work, Done done);
 
  private:
   struct Waiter {
-    Waiter(boost::asio::io_context& io, Done on_answer)
-        : deadline(io), done(std::move(on_answer)) {}
+    Waiter(boost::asio::io_context& io, Done on_response)
+        : deadline(io), done(std::move(on_response)) {}
     boost::asio::steady_timer deadline;
     Done done;
   };
   using Waiters = std::list<std::shared_ptr<Waiter>>;
 
-  void start(const std::string& name, std::function<WebAnswer()> work);
-  void finish(const std::string& name, const WebAnswer& answer);
+  void start(const std::string& name, std::function<WebResponse()> work);
+  void finish(const std::string& name, const WebResponse& response);
   void time_out(const std::string& name, const std::shared_ptr<Waiter>& waiter);
 
   boost::asio::io_context& io_;

@@ -46,9 +46,9 @@ void check(const v3d::viewd::OperatorCommand& command) {
 
 void post(const v3d::web::WebRequest& request) {
   v3d::viewd::CommandEndpoint commands(studio(), kOperators);
-  const v3d::web::WebAnswer answer = commands.post(request, v3d::MonotonicInstant());
+  const v3d::web::WebResponse response = commands.post(request, v3d::MonotonicInstant());
   const auto command = commands.next_command();
-  must(command.has_value() == (answer.status == 202));
+  must(command.has_value() == (response.status == 202));
   if (command) check(*command);
   must(!command || request.operator_token == kOperators);
   commands.on_finished({.status = 0, .output = request.body, .errors = request.content_type});

@@ -166,16 +166,16 @@ class CommandEndpointTest : public testing::Test {
             .address = "127.0.0.1",
             .body = body};
   }
-  web::WebAnswer post(const web::WebRequest& request) {
+  web::WebResponse post(const web::WebRequest& request) {
     WebSite site(studio_, web::WebAccess(viewer_token_), {}, commands_);
-    return site.answer(request);
+    return site.respond(request);
   }
   /// Expects a refusal, and that nothing is executed.
   void expect_refused(const web::WebRequest& request, int status, const std::string& why) {
-    const web::WebAnswer answer = post(request);
-    EXPECT_EQ(answer.status, status) << answer.body;
-    EXPECT_THAT(answer.body, HasSubstr(why));
-    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
+    const web::WebResponse response = post(request);
+    EXPECT_EQ(response.status, status) << response.body;
+    EXPECT_THAT(response.body, HasSubstr(why));
+    EXPECT_EQ(std::ranges::count(response.body, '\n'), 1) << "one line";
     EXPECT_FALSE(commands_.next_command());
     EXPECT_FALSE(commands_.next_event());
   }
@@ -187,8 +187,8 @@ class CommandEndpointTest : public testing::Test {
 };
 
 TEST_F(CommandEndpointTest, accepts_a_command_and_reports_its_result) {
-  const web::WebAnswer answer = post(order(R"({"do":"arm", "take":"kendo-07"})"));
-  EXPECT_EQ(answer.status, 202) << answer.body;
+  const web::WebResponse response = post(order(R"({"do":"arm", "take":"kendo-07"})"));
+  EXPECT_EQ(response.status, 202) << response.body;
   const auto taken = commands_.next_command();
   ASSERT_TRUE(taken);
   EXPECT_EQ(taken->take, "kendo-07");
@@ -336,9 +336,9 @@ TEST_F(CommandEndpointTest, refuses_commands_without_viewer_control) {
   web::WebRequest request = order(R"({"do":"stop"})");
   for (const char* token : {"", kToken}) {
     request.operator_token = token;
-    const web::WebAnswer answer = closed.post(request, Monotonic::now());
-    EXPECT_EQ(answer.status, 403);
-    EXPECT_THAT(answer.body, HasSubstr("[viewer] control"));
+    const web::WebResponse response = closed.post(request, Monotonic::now());
+    EXPECT_EQ(response.status, 403);
+    EXPECT_THAT(response.body, HasSubstr("[viewer] control"));
   }
   EXPECT_FALSE(closed.next_command());
 }

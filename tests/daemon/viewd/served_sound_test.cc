@@ -21,7 +21,7 @@ TEST_F(ViewedSite, serves_the_sound_of_a_take_and_its_pulses) {
   EXPECT_EQ(get("/api/takes/kendo-07/sound").body,
             R"({"files":[{"audible":[1,2],"channels":2,"file":"sound/cap01.wav",)"
             R"("map":[[0.0,10.0],[2.0,50.0]],"rate_hz":48000,"samples":100}]})");
-  const web::WebAnswer part = get("/takes/kendo-07/sound/cap01.wav", "bytes=12-15");
+  const web::WebResponse part = get("/takes/kendo-07/sound/cap01.wav", "bytes=12-15");
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(part.type, "audio/wav");
   EXPECT_EQ(part.file->size, 4);

@@ -1,4 +1,4 @@
-// Photographs of recorded takes, as HTTP answers.
+// Photographs of recorded takes, as HTTP responses.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -44,19 +44,19 @@ class PhotographSite : public test::ViewedSite {
     for (int64_t pulse = first; pulse < end; ++pulse) ASSERT_TRUE(log.write(frame(pulse)));
     ASSERT_TRUE(log.sync());
   }
-  static std::optional<Image> picture_of(const web::WebAnswer& answer) {
-    return decode_jpeg({reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size()},
-                       kSize);
+  static std::optional<Image> picture_of(const web::WebResponse& response) {
+    return decode_jpeg(
+        {reinterpret_cast<const uint8_t*>(response.body.data()), response.body.size()}, kSize);
   }
 };
 
 TEST_F(PhotographSite, serves_the_frame_of_a_camera_at_a_pulse) {
   for (int pulse = 0; pulse < 3; ++pulse) {
-    const web::WebAnswer answer =
+    const web::WebResponse response =
         get("/api/takes/kendo-07/photographs/" + std::to_string(pulse) + "/cam01.jpg");
-    EXPECT_EQ(answer.status, 200);
-    EXPECT_EQ(answer.type, "image/jpeg");
-    const auto picture = picture_of(answer);
+    EXPECT_EQ(response.status, 200);
+    EXPECT_EQ(response.type, "image/jpeg");
+    const auto picture = picture_of(response);
     ASSERT_TRUE(picture);
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(picture->row(20)[3 * 30 + c], 50 + 40 * pulse, 2);
   }
@@ -77,10 +77,10 @@ TEST_F(PhotographSite, answers_304_for_a_matching_etag) {
   web::WebRequest request{.method = "GET",
                           .target = "/api/takes/kendo-07/photographs/1/cam01.jpg",
                           .host = "localhost"};
-  const web::WebAnswer first = done(site.answer(request));
+  const web::WebResponse first = done(site.respond(request));
   EXPECT_EQ(field(first, "Cache-Control"), "no-cache");
   request.if_none_match = field(first, "ETag");
-  EXPECT_EQ(done(site.answer(request)).status, 304);
+  EXPECT_EQ(done(site.respond(request)).status, 304);
 }
 
 TEST_F(PhotographSite, answers_404_for_missing_photographs_and_paths_outside_the_takes) {
@@ -94,10 +94,10 @@ TEST_F(PhotographSite, answers_404_for_missing_photographs_and_paths_outside_the
         of + "1/cam01.png", of + "1/cam01", of + "1/.jpg", of + "1", of + "1/%2e%2e.jpg",
         of + "1/..%2f..%2fcam02.jpg", std::string("/api/takes/none/photographs/1/cam01.jpg"),
         std::string("/api/takes/%2e%2e/photographs/1/cam02.jpg")}) {
-    const web::WebAnswer answer = get(target);
-    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
-    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
-    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+    const web::WebResponse response = get(target);
+    EXPECT_THAT(response.status, testing::AnyOf(404, 400)) << target;
+    EXPECT_EQ(std::ranges::count(response.body, '\n'), 1) << response.body;
+    EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
   }
 }
 
@@ -106,26 +106,26 @@ TEST_F(PhotographSite, opens_a_replaced_log_again) {
   const web::WebRequest request{.method = "GET",
                                 .target = "/api/takes/kendo-07/photographs/7/cam01.jpg",
                                 .host = "localhost"};
-  EXPECT_EQ(done(site.answer(request)).status, 404);
+  EXPECT_EQ(done(site.respond(request)).status, 404);
   std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
-  EXPECT_EQ(done(site.answer(request)).status, 404);
+  EXPECT_EQ(done(site.respond(request)).status, 404);
   add_frames(take::LogOpening::kNew, 0, 9);
-  EXPECT_EQ(done(site.answer(request)).status, 200);
+  EXPECT_EQ(done(site.respond(request)).status, 200);
 }
 
 TEST_F(PhotographSite, keeps_no_file_of_a_removed_take_open) {
   WebSite site = this->site();
-  const auto answer = [&](const std::string& target) {
-    return done(site.answer({.method = "GET", .target = target, .host = "localhost"}));
+  const auto response_to = [&](const std::string& target) {
+    return done(site.respond({.method = "GET", .target = target, .host = "localhost"}));
   };
   const std::filesystem::path take = folder_ / "takes/kendo-07";
   for (const bool waits_for_a_request : {false, true}) {
-    EXPECT_EQ(answer("/api/takes/kendo-07/thumbnail.jpg").status, 200);
-    EXPECT_EQ(answer("/api/takes/kendo-07/photographs/1/cam01.jpg").status, 200);
+    EXPECT_EQ(response_to("/api/takes/kendo-07/thumbnail.jpg").status, 200);
+    EXPECT_EQ(response_to("/api/takes/kendo-07/photographs/1/cam01.jpg").status, 200);
     EXPECT_THAT(test::open_files_in(take), testing::SizeIs(1)) << "that of the photograph";
     std::filesystem::remove_all(take);
     if (waits_for_a_request) {
-      EXPECT_EQ(answer("/api/takes/another/photographs/1/cam01.jpg").status, 404);
+      EXPECT_EQ(response_to("/api/takes/another/photographs/1/cam01.jpg").status, 404);
     } else {
       done(site.closing());
     }
@@ -151,17 +151,18 @@ TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
   const web::WebRequest request{.method = "GET",
                                 .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
                                 .host = "localhost"};
-  EXPECT_EQ(done(site.answer(request)).status, 404);
+  EXPECT_EQ(done(site.respond(request)).status, 404);
   add_frames(take::LogOpening::kContinue, 3, 5);
-  EXPECT_TRUE(test::becomes_true([&] { return done(site.answer(request)).status == 200; },
+  EXPECT_TRUE(test::becomes_true([&] { return done(site.respond(request)).status == 200; },
                                  test::within(20)));
 }
 
 TEST_F(PhotographSite, serves_the_middle_frame_of_a_take_as_a_small_picture) {
-  const web::WebAnswer answer = get("/api/takes/kendo-07/thumbnail.jpg");
-  ASSERT_EQ(answer.status, 200) << answer.body;
-  EXPECT_EQ(answer.type, "image/jpeg");
-  const std::span bytes(reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size());
+  const web::WebResponse response = get("/api/takes/kendo-07/thumbnail.jpg");
+  ASSERT_EQ(response.status, 200) << response.body;
+  EXPECT_EQ(response.type, "image/jpeg");
+  const std::span bytes(reinterpret_cast<const uint8_t*>(response.body.data()),
+                        response.body.size());
   const auto size = jpeg_size(bytes);
   ASSERT_TRUE(size);
   EXPECT_LE(std::max(size->width, size->height), TakePhotographs::kMaxThumbnailSide);
@@ -203,7 +204,7 @@ TEST_F(PhotographSite, makes_a_thumbnail_of_a_long_take_without_reading_its_log)
 
 TEST_F(PhotographSite, makes_thumbnails_while_another_picture_is_made) {
   const auto kind_of = [&](const std::string& target) {
-    return site().answer({.method = "GET", .target = target, .host = "localhost"}).kind;
+    return site().respond({.method = "GET", .target = target, .host = "localhost"}).kind;
   };
   EXPECT_NE(kind_of("/api/takes/kendo-07/thumbnail.jpg"),
             kind_of("/api/takes/kendo-07/photographs/1/cam01.jpg"));
@@ -212,17 +213,17 @@ TEST_F(PhotographSite, makes_thumbnails_while_another_picture_is_made) {
 TEST_F(PhotographSite, answers_404_for_a_thumbnail_without_frames) {
   std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
   for (const std::string take : {"kendo-07", "none", "%2e%2e"}) {
-    const web::WebAnswer answer = get("/api/takes/" + take + "/thumbnail.jpg");
-    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << take;
-    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+    const web::WebResponse response = get("/api/takes/" + take + "/thumbnail.jpg");
+    EXPECT_THAT(response.status, testing::AnyOf(404, 400)) << take;
+    EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
   }
 }
 
 TEST_F(PhotographSite, survives_a_damaged_log) {
   write(folder_ / "takes/kendo-07/cam01.lcmlog", std::string(5000, 'x'));
-  const web::WebAnswer answer = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
-  EXPECT_EQ(answer.status, 404);
-  EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+  const web::WebResponse response = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
+  EXPECT_EQ(response.status, 404);
+  EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
 }
 
 }  // namespace

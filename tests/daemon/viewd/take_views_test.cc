@@ -1,4 +1,4 @@
-// Vertex colours of recorded takes by camera, as HTTP answers.
+// Vertex colours of recorded takes by camera, as HTTP responses.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -113,9 +113,9 @@ struct ReadViews {
 };
 
 TEST_F(ViewedBall, has_the_colours_of_each_camera_on_its_side) {
-  const web::WebAnswer answer = get("/api/takes/kendo-07/views/2");
-  ASSERT_EQ(answer.status, 200) << answer.body;
-  const ReadViews views(answer.body);
+  const web::WebResponse response = get("/api/takes/kendo-07/views/2");
+  ASSERT_EQ(response.status, 200) << response.body;
+  const ReadViews views(response.body);
   EXPECT_TRUE(views.whole);
   EXPECT_EQ(views.head["pulse"], 2);
   EXPECT_EQ(views.head["vertices"], vertices_);
@@ -138,9 +138,9 @@ TEST_F(ViewedBall, has_the_colours_of_each_camera_on_its_side) {
 TEST_F(ViewedBall, does_not_depend_on_previous_requests) {
   WebSite site = this->site();
   const auto ask = [&](int pulse) {
-    return done(site.answer({.method = "GET",
-                             .target = "/api/takes/kendo-07/views/" + std::to_string(pulse),
-                             .host = "localhost"}));
+    return done(site.respond({.method = "GET",
+                              .target = "/api/takes/kendo-07/views/" + std::to_string(pulse),
+                              .host = "localhost"}));
   };
   const std::string last = ask(2).body, first = ask(0).body;
   EXPECT_EQ(ask(2).body, last);
@@ -151,10 +151,10 @@ TEST_F(ViewedBall, changes_its_etag_only_with_its_files) {
   WebSite site = this->site();
   web::WebRequest request{
       .method = "GET", .target = "/api/takes/kendo-07/views/0", .host = "localhost"};
-  request.if_none_match = field(done(site.answer(request)), "ETag");
-  EXPECT_EQ(done(site.answer(request)).status, 304);
+  request.if_none_match = field(done(site.respond(request)), "ETag");
+  EXPECT_EQ(done(site.respond(request)).status, 304);
   save_frames(take::TakePaths{folder_ / "takes/kendo-07"}, "left", kRight);
-  const web::WebAnswer changed = done(site.answer(request));
+  const web::WebResponse changed = done(site.respond(request));
   ASSERT_EQ(changed.status, 200);
   EXPECT_EQ(ReadViews(changed.body).cameras[0].colours.front(), kRight);
 }
@@ -164,10 +164,10 @@ TEST_F(ViewedBall, answers_404_without_frames_and_outside_the_takes) {
        {"/api/takes/kendo-07/views/1", "/api/takes/kendo-07/views/-1",
         "/api/takes/kendo-07/views/x", "/api/takes/kendo-07/views", "/api/takes/none/views/0",
         "/api/takes/%2e%2e/views/0", "/api/takes/-x/views/0"}) {
-    const web::WebAnswer answer = get(target);
-    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
-    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
-    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+    const web::WebResponse response = get(target);
+    EXPECT_THAT(response.status, testing::AnyOf(404, 400)) << target;
+    EXPECT_EQ(std::ranges::count(response.body, '\n'), 1) << response.body;
+    EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
   }
   std::filesystem::remove(folder_ / "takes/kendo-07/left.lcmlog");
   EXPECT_THAT(get("/api/takes/kendo-07/views/0").body, HasSubstr("raw frames are not here"));

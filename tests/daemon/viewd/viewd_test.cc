@@ -151,10 +151,10 @@ TEST_F(ViewedSite, serves_only_files_of_the_page) {
 }
 
 TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
-  const web::WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
+  const web::WebResponse whole = get("/takes/kendo-07/mesh.v3d");
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.file->size, 10);
-  const web::WebAnswer part = get("/takes/kendo-07/mesh.v3d", "bytes=2-4");
+  const web::WebResponse part = get("/takes/kendo-07/mesh.v3d", "bytes=2-4");
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/10");
   EXPECT_EQ(part.file->first, 2);
@@ -167,7 +167,7 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_proxy_and_of_a_motion_file) {
     EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404) << "the take has none";
     write(folder_ / "takes/kendo-07" / name, "0123456");
     EXPECT_EQ(get("/takes/kendo-07/" + name).file->size, 7);
-    const web::WebAnswer part = get("/takes/kendo-07/" + name, "bytes=2-4");
+    const web::WebResponse part = get("/takes/kendo-07/" + name, "bytes=2-4");
     EXPECT_EQ(part.status, 206);
     EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/7");
     EXPECT_EQ(get("/takes/kendo-07/" + name, "bytes=7-").status, 416);
@@ -178,9 +178,9 @@ TEST_F(ViewedSite, serves_the_skeletons_of_performers_and_the_operations_of_an_e
   for (const std::string name : {"skeleton.json", "skeleton.performer2.json", "edit.json"}) {
     EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404);
     write(folder_ / "takes/kendo-07" / name, "{}");
-    const web::WebAnswer answer = get("/takes/kendo-07/" + name);
-    EXPECT_EQ(answer.status, 200);
-    EXPECT_EQ(answer.type, "application/json") << name;
+    const web::WebResponse response = get("/takes/kendo-07/" + name);
+    EXPECT_EQ(response.status, 200);
+    EXPECT_EQ(response.type, "application/json") << name;
   }
   for (const std::string name : {"skeleton.performer.json", "skeleton.performer2x.json",
                                  "skeleton.performer2.json.bak", "skeleton.performer2222.json"}) {
@@ -193,10 +193,10 @@ TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   web::WebRequest request{
       .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
-  request.if_none_match = field(done(site.answer(request)), "ETag");
-  EXPECT_EQ(done(site.answer(request)).status, 304);
+  request.if_none_match = field(done(site.respond(request)), "ETag");
+  EXPECT_EQ(done(site.respond(request)).status, 304);
   write(folder_ / "takes/kendo-07/mesh.v3d", "01234567890");
-  EXPECT_EQ(done(site.answer(request)).status, 200);
+  EXPECT_EQ(done(site.respond(request)).status, 200);
 }
 
 TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
@@ -235,7 +235,7 @@ TEST_F(ViewedSite, answers_503_for_a_file_when_it_has_no_free_descriptor) {
   WebSite site = this->site();
   const web::WebRequest request{
       .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
-  const auto status = [&] { return done(site.answer(request)).status; };
+  const auto status = [&] { return done(site.respond(request)).status; };
   const auto status_without_descriptor = [&] {
     const NoFreeDescriptor limit;
     return status();
@@ -260,9 +260,9 @@ TEST_F(ViewedSite, serves_a_scene_and_its_files) {
 
 TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
   for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
-    const web::WebAnswer answer = get(target);
-    EXPECT_EQ(answer.status, 404);
-    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+    const web::WebResponse response = get(target);
+    EXPECT_EQ(response.status, 404);
+    EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
   }
   EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "folders that are not takes are ignored";
 }
@@ -295,7 +295,7 @@ TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
                  return WebSite::list_takes(folder);
                });
   const auto has_listed_twice = [&] {
-    done(site.answer({.method = "GET", .target = "/api/takes", .host = "localhost"}));
+    done(site.respond({.method = "GET", .target = "/api/takes", .host = "localhost"}));
     return listings >= 2;
   };
   testing::internal::CaptureStdout();
@@ -308,27 +308,28 @@ TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
 
 TEST_F(ViewedSite, accepts_only_get_and_head) {
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
-    const web::WebAnswer answer =
-        site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
-    EXPECT_EQ(answer.status, 405) << method;
+    const web::WebResponse response =
+        site().respond({.method = method, .target = "/api/takes", .host = "localhost"});
+    EXPECT_EQ(response.status, 405) << method;
   }
 }
 
 TEST_F(ViewedSite, rejects_a_host_field_with_user_information) {
   for (const char* host :
        {"localhost@evil.example", "evil.example@localhost", "a:b@127.0.0.1:8330", "local host"}) {
-    const web::WebAnswer answer = site().answer({.method = "GET", .target = "/", .host = host});
-    EXPECT_EQ(answer.status, 400) << host;
-    EXPECT_THAT(answer.body, testing::StartsWith("Host: ")) << host;
-    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
+    const web::WebResponse response =
+        site().respond({.method = "GET", .target = "/", .host = host});
+    EXPECT_EQ(response.status, 400) << host;
+    EXPECT_THAT(response.body, testing::StartsWith("Host: ")) << host;
+    EXPECT_EQ(std::ranges::count(response.body, '\n'), 1) << "one line";
   }
 }
 
 TEST_F(ViewedSite, rejects_several_host_fields) {
-  const web::WebAnswer answer = site().answer(
+  const web::WebResponse response = site().respond(
       {.method = "GET", .target = "/", .host = "localhost", .has_several_hosts = true});
-  EXPECT_EQ(answer.status, 400);
-  EXPECT_THAT(answer.body, testing::StartsWith("Host: "));
+  EXPECT_EQ(response.status, 400);
+  EXPECT_THAT(response.body, testing::StartsWith("Host: "));
 }
 
 TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {

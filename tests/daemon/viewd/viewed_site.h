@@ -19,8 +19,8 @@ inline void write(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path) << text;
 }
 
-inline std::string field(const web::WebAnswer& answer, const std::string& name) {
-  for (const auto& [known, value] : answer.fields) {
+inline std::string field(const web::WebResponse& response, const std::string& name) {
+  for (const auto& [known, value] : response.fields) {
     if (known == name) return value;
   }
   return "";
@@ -49,12 +49,14 @@ class ViewedSite : public testing::Test {
     studio_.storage.calib = folder_ / "calib.toml";
   }
 
-  web::WebAnswer get(const std::string& target, const std::string& range = "") {
-    return done(site().answer(
+  web::WebResponse get(const std::string& target, const std::string& range = "") {
+    return done(site().respond(
         {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range}));
   }
-  /// The final answer, after deferred work.
-  static web::WebAnswer done(web::WebAnswer answer) { return answer.work ? answer.work() : answer; }
+  /// The final response, after deferred work.
+  static web::WebResponse done(web::WebResponse response) {
+    return response.work ? response.work() : response;
+  }
   viewd::WebSite site() {
     return {studio_, web::WebAccess(""), viewd::find_page_files(folder_ / "page"), commands_};
   }

@@ -161,7 +161,7 @@ TEST_F(ServedSite, runs_work_without_a_request) {
   server_->start_work({.work =
                            [&] {
                              ran.set_value();
-                             return web::plain_answer(200, "done");
+                             return web::plain_response(200, "done");
                            },
                        .kind = web::WorkKind::kPicture});
   EXPECT_EQ(ran.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready);

@@ -24,28 +24,29 @@ class WorkRunnerTest : public testing::Test {
     io_.stop();
   }
   /// Work that waits for the disk.
-  std::function<web::WebAnswer()> waiting_work() {
+  std::function<web::WebResponse()> waiting_work() {
     return [this, disk = disk_answers_] {
       ++started_;
       disk.wait();
-      return web::plain_answer(200, "read");
+      return web::plain_response(200, "read");
     };
   }
   bool run(web::WorkRunner& runner, const std::string& name = "") {
-    return runner.run(name, waiting_work(),
-                      [this](const web::WebAnswer& answer) { statuses_.push_back(answer.status); });
+    return runner.run(name, waiting_work(), [this](const web::WebResponse& response) {
+      statuses_.push_back(response.status);
+    });
   }
   void disk_answers() {
     answers_ = true;
     disk_.set_value();
   }
-  /// Runs the thread of the server until there are so many answers.
-  bool receives(size_t answers) {
+  /// Runs the thread of the server until there are so many responses.
+  bool receives(size_t responses) {
     return becomes_true(
         [&] {
           io_.restart();
           io_.poll();
-          return statuses_.size() >= answers;
+          return statuses_.size() >= responses;
         },
         within(60));
   }

@@ -41,8 +41,8 @@ export function doingOf(nodes: readonly NodeState[]): Doing {
 /** A take that was started here and ended without a stop: its verdict was not shown yet. */
 const endedByItself = (last: OrderReport | null) => last?.do === 'start' && last.status === 0;
 
-/** The answer to an order may arrive after the socket's report of its end, and then still has the state "under way". */
-export const isNews = (answer: OrderReport, last: OrderReport | null) => !last || answer.number > last.number;
+/** The response to an order may arrive after the socket's report of its end, and then still has the state "under way". */
+export const isNews = (report: OrderReport, last: OrderReport | null) => !last || report.number > last.number;
 
 /** The possible actions; none while an order is under way. */
 export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {

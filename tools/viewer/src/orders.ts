@@ -2,9 +2,9 @@
 import type { OrderReport } from './message';
 
 const TOKEN_KEPT_AS = 'v3d-operator-token';
-/** The server answers at once, before the order is executed. */
-const MAX_ANSWER_MS = 8000;
-const NO_ANSWER = 'No answer: whether the studio got the order is not known. Look at the nodes.';
+/** The server responds at once, before the order is executed. */
+const MAX_RESPONSE_MS = 8000;
+const NO_RESPONSE = 'No answer: whether the studio got the order is not known. Look at the nodes.';
 
 export interface Order {
   do: 'look' | 'arm' | 'start' | 'stop' | 'abort';
@@ -46,15 +46,15 @@ export class OperatorToken {
 /** Does not throw: a failure is a refusal. */
 export async function send(order: Order, token: string): Promise<Sent> {
   try {
-    const answer = await fetch('api/order', {
+    const response = await fetch('api/order', {
       method: 'POST',
       headers: { 'Content-Type': 'application/json', 'X-V3D-Operator': token },
       body: JSON.stringify(order),
-      signal: AbortSignal.timeout(MAX_ANSWER_MS),
+      signal: AbortSignal.timeout(MAX_RESPONSE_MS),
     });
-    if (answer.ok) return { report: (await answer.json()) as OrderReport };
-    return { refusal: (await answer.text()).trim() || `The server answered ${answer.status}.`, wrongToken: answer.status === 401 };
+    if (response.ok) return { report: (await response.json()) as OrderReport };
+    return { refusal: (await response.text()).trim() || `The server answered ${response.status}.`, wrongToken: response.status === 401 };
   } catch {
-    return { refusal: NO_ANSWER, wrongToken: false };
+    return { refusal: NO_RESPONSE, wrongToken: false };
   }
 }

@@ -8,9 +8,9 @@ import { parseVertexViews } from './vertex_views';
 export const takeOfMeshes = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
 
 async function fetchViews(take: string, pulse: number): Promise<VertexViews | 'too many' | null> {
-  const answer = await fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`);
-  if (!answer) return null;
-  const views = parseVertexViews(await answer.arrayBuffer());
+  const response = await fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`);
+  if (!response) return null;
+  const views = parseVertexViews(await response.arrayBuffer());
   if (!views) throw new Error('The answer of the server is malformed; reload the page.');
   return views;
 }

@@ -12,9 +12,9 @@ import type { Stage } from './stage';
 const HALF = 0.5;
 
 async function fetchPhotograph(take: string, pulse: number, camera: string): Promise<ImageBitmap | null> {
-  const answer = await fetchThere(`api/takes/${encodeURIComponent(take)}/photographs/${pulse}/${encodeURIComponent(camera)}.jpg`);
-  if (!answer) return null;
-  return createImageBitmap(await answer.blob(), { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+  const response = await fetchThere(`api/takes/${encodeURIComponent(take)}/photographs/${pulse}/${encodeURIComponent(camera)}.jpg`);
+  if (!response) return null;
+  return createImageBitmap(await response.blob(), { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
 }
 
 export class Pictures {

@@ -1,6 +1,6 @@
 // Requests of the page to its server. What is absent (404) differs from a server that is busy, refuses or does not answer.
 
-const NO_ANSWER = 'The studio does not answer. Is v3d-viewd running?';
+const NO_RESPONSE = 'The studio does not answer. Is v3d-viewd running?';
 
 /** The server refused a request, or is busy. The message is its line of text. */
 export class Refusal extends Error {}
@@ -10,23 +10,23 @@ function lineOf(text: string, status: number): string {
   return line && !line.startsWith('<') ? line.slice(0, 300) : `The server answered ${status}.`;
 }
 
-async function answered<T>(url: string, init: RequestInit, use: (answer: Response) => Promise<T>): Promise<T | null> {
+async function fetchOrNull<T>(url: string, init: RequestInit, use: (response: Response) => Promise<T>): Promise<T | null> {
   try {
-    const answer = await fetch(url, init);
-    if (answer.ok) return await use(answer);
-    if (answer.status === 404) return null;
-    throw new Refusal(lineOf(await answer.text(), answer.status));
+    const response = await fetch(url, init);
+    if (response.ok) return await use(response);
+    if (response.status === 404) return null;
+    throw new Refusal(lineOf(await response.text(), response.status));
   } catch (error) {
     if (error instanceof Refusal) throw error;
-    throw new Error(NO_ANSWER);
+    throw new Error(NO_RESPONSE);
   }
 }
 
 /** The JSON at an address; null: there is none. Throws a message for the user, a Refusal if it is from the server. */
-export const fetchJson = <T>(url: string, init: RequestInit = {}) => answered(url, init, (answer) => answer.json() as Promise<T>);
+export const fetchJson = <T>(url: string, init: RequestInit = {}) => fetchOrNull(url, init, (response) => response.json() as Promise<T>);
 
 /** The text at an address; null: there is none. Throws like fetchJson(). */
-export const fetchText = (url: string) => answered(url, { cache: 'no-cache' }, (answer) => answer.text());
+export const fetchText = (url: string) => fetchOrNull(url, { cache: 'no-cache' }, (response) => response.text());
 
 /** Whether there is a file at an address. Throws like fetchJson(). */
-export const isThere = async (url: string) => (await answered(url, { method: 'HEAD', cache: 'no-cache' }, async () => true)) ?? false;
+export const isThere = async (url: string) => (await fetchOrNull(url, { method: 'HEAD', cache: 'no-cache' }, async () => true)) ?? false;

@@ -24,12 +24,12 @@ const fileOf = (performer: number) => (performer === 1 ? 'skeleton.json' : `skel
 
 /** Null: there is no such file. */
 async function fetchText(url: string): Promise<string | null> {
-  const answer = await fetch(url, { cache: 'no-cache' });
-  if (answer.status === 404) return null;
-  if (!answer.ok) throw new Error(`the server answered ${answer.status}.`);
-  const bytes = Number(answer.headers.get('Content-Length') ?? 0);
+  const response = await fetch(url, { cache: 'no-cache' });
+  if (response.status === 404) return null;
+  if (!response.ok) throw new Error(`the server answered ${response.status}.`);
+  const bytes = Number(response.headers.get('Content-Length') ?? 0);
   if (bytes > MAX_SKELETON_BYTES) throw new Error(`has ${bytes} bytes; a browser can read at most ${MAX_SKELETON_BYTES}.`);
-  return answer.text();
+  return response.text();
 }
 
 export interface SkeletonHost {

@@ -2,7 +2,7 @@
 import { fetchJson } from './request';
 
 /** The server gives up after 10 s. */
-const MAX_ANSWER_MS = 15_000;
+const MAX_RESPONSE_MS = 15_000;
 
 export interface Take {
   name: string;
@@ -29,7 +29,7 @@ export interface Take {
 }
 
 async function fetchList<T>(url: string): Promise<T> {
-  const list = await fetchJson<T>(url, { cache: 'no-store', signal: AbortSignal.timeout(MAX_ANSWER_MS) });
+  const list = await fetchJson<T>(url, { cache: 'no-store', signal: AbortSignal.timeout(MAX_RESPONSE_MS) });
   if (list === null) throw new Error('The server answered 404.');
   return list;
 }

@@ -17,8 +17,8 @@ const BUSY = 503;
 const statusError = (status: number, instead = '') =>
   (status === BUSY ? new Unavailable('The server is busy (503).') : new Error(`The server answered ${status}${instead}.`));
 
-/** fetch(), and `use` of its answer, within a time. Throws Unavailable when it takes longer or the network fails. */
-export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs: number, use: (answer: Response) => Promise<T>): Promise<T> {
+/** fetch(), and `use` of its response, within a time. Throws Unavailable when it takes longer or the network fails. */
+export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs: number, use: (response: Response) => Promise<T>): Promise<T> {
   const limited = deadlineMs === Infinity ? init : { ...init, signal: AbortSignal.timeout(deadlineMs) };
   try {
     return await use(await fetch(url, limited));
@@ -29,11 +29,11 @@ export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs:
   }
 }
 
-/** The body of an answer. Throws a message when it has more than `limit` bytes. */
-export async function bodyOf(answer: Response, limit: number): Promise<Uint8Array> {
+/** The body of a response. Throws a message when it has more than `limit` bytes. */
+export async function bodyOf(response: Response, limit: number): Promise<Uint8Array> {
   const parts: Uint8Array[] = [];
   let size = 0;
-  const reader = answer.body!.getReader();
+  const reader = response.body!.getReader();
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
     size += part.value.length;
     if (size > limit) {
@@ -49,25 +49,25 @@ export async function bodyOf(answer: Response, limit: number): Promise<Uint8Arra
 
 /** A whole file of at most `limit` bytes. Throws a message. */
 export function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
-  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (answer) => {
-    if (!answer.ok) throw statusError(answer.status);
-    return bodyOf(answer, limit);
+  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (response) => {
+    if (!response.ok) throw statusError(response.status);
+    return bodyOf(response, limit);
   });
 }
 
 /** File of a web server that supports range requests. */
 export class HttpSource implements ByteSource {
-  /** `deadlineMs`: the longest time for each answer. */
+  /** `deadlineMs`: the longest time for each response. */
   constructor(
     private readonly url: string,
     private readonly deadlineMs = Infinity,
   ) {}
 
   size(): Promise<number> {
-    return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (answer) => {
-      if (answer.status === 404) throw new NoSuchFile('The server answered 404.');
-      if (!answer.ok) throw statusError(answer.status);
-      const length = answer.headers.get('Content-Length');
+    return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (response) => {
+      if (response.status === 404) throw new NoSuchFile('The server answered 404.');
+      if (!response.ok) throw statusError(response.status);
+      const length = response.headers.get('Content-Length');
       if (length === null) throw new Error('The server does not state the length of the file (Content-Length).');
       return Number(length);
     });
@@ -75,10 +75,10 @@ export class HttpSource implements ByteSource {
 
   read(first: number, size: number): Promise<Uint8Array> {
     const range = `bytes=${first}-${first + size - 1}`;
-    return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (answer) => {
-      if (answer.status === 416) throw new Error('The file on the server is shorter than before: it was replaced; open it again.');
-      if (answer.status !== 206) throw statusError(answer.status, ' instead of 206 (partial content)');
-      return bodyOf(answer, size);
+    return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (response) => {
+      if (response.status === 416) throw new Error('The file on the server is shorter than before: it was replaced; open it again.');
+      if (response.status !== 206) throw statusError(response.status, ' instead of 206 (partial content)');
+      return bodyOf(response, size);
     });
   }
 }

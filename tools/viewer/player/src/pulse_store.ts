@@ -98,8 +98,8 @@ export class PulseStore<T> {
 
 /** Fetches the bytes at that address; null for 404. Throws for other errors. */
 export async function fetchThere(url: string): Promise<Response | null> {
-  const answer = await fetch(url);
-  if (answer.status === 404) return null;
-  if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
-  return answer;
+  const response = await fetch(url);
+  if (response.status === 404) return null;
+  if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+  return response;
 }

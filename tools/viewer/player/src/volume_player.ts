@@ -21,7 +21,7 @@ export interface VolumePlayerEventMap extends Object3DEventMap {
 export interface VolumePlayerOptions {
   /** Pulses per second of a mesh file or a motion file, which does not state them. Default 25. */
   rate?: number;
-  /** The longest time for an answer of the server and for a picture of a video, seconds. Default 30. */
+  /** The longest time for a response of the server and for a picture of a video, seconds. Default 30. */
   deadline?: number;
 }
 

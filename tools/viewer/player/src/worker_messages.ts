@@ -4,7 +4,7 @@ import type { Surface } from './surface';
 export type ToWorker =
   /** Address of v3d_decoder.wasm, first. Bundlers find addresses in the module of the page, not in that of a worker. */
   | { kind: 'decoder'; url: string }
-  /** `deadlineMs`: the longest time that an answer of the server may take; default: any. */
+  /** `deadlineMs`: the longest time that a response of the server may take; default: any. */
   | { kind: 'take'; take: number; url: string; deadlineMs?: number }
   /** A single motion file. */
   | { kind: 'tracked'; take: number; url: string; deadlineMs?: number }
