@@ -117,14 +117,14 @@ struct ReplyMessage {
   std::string detail;  ///< JSON: the ledger of the node after a stop, else empty
 };
 
-/// V3D_SESSION: a receiver asks whether a session, that is one sending socket, is alive; the
-/// session answers (SessionReplayFilter).
+/// V3D_SESSION: a receiver challenges a session, that is one sending socket, to prove that it is
+/// alive; the session responds (SessionReplayFilter).
 struct SessionMessage {
   RealtimeInstant sent;
-  uint32_t session = 0;  ///< the session that is asked or answers
-  uint32_t newest = 0;   ///< in an answer: the sequence number of its last message
-  int64_t nonce = 0;     ///< random number of the question, not 0; the answer repeats it
-  bool is_answer = false;
+  uint32_t session = 0;    ///< the session that is challenged or responds
+  uint32_t newest = 0;     ///< in a response: the sequence number of its last message
+  int64_t nonce = 0;       ///< random number of the challenge, not 0; the response repeats it
+  bool is_answer = false;  ///< true: a response; false: a challenge
 };
 
 /// A frame key that only one recipient can open (wire/datagram_mac.h).

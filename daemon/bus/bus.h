@@ -62,8 +62,8 @@ class Bus {
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> message);
   /// To be called once a second by a node that sends frames. When members are required and their
   /// list is known, draws a frame key when necessary and sends it to the reconstruction nodes, in
-  /// the name of `node`. Sends it again when a process has questioned this one, because that
-  /// process has just dropped it.
+  /// the name of `node`. Repeats it after a challenge (V3D_SESSION), because the process that sent
+  /// the challenge has just dropped it.
   void announce_frame_key(const std::string& node);
   /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
   /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use

@@ -27,9 +27,9 @@ struct ChannelKind {
   /// Unverified messages are delivered too, marked as such: an operator must see the health of a
   /// node that has no key.
   bool is_shown_unverified = false;
-  /// Accepted only from a session that has answered a question (SessionReplayFilter), because nodes
-  /// act on the message.
-  bool needs_answer = false;
+  /// Accepted only from a session that has responded to a challenge (SessionReplayFilter), because
+  /// nodes act on the message.
+  bool needs_challenge = false;
   /// SessionMessage, which receivers exchange. Its nonces prove that it is recent.
   bool is_of_sessions = false;
   /// Live frames. When members are required, they carry the MAC of a frame key (FrameSessions)
@@ -40,7 +40,7 @@ struct ChannelKind {
   /// The member that must sign when there is a member list (MemberSignatures).
   enum class Author : uint8_t {
     kUnsigned,             ///< frames, and messages that contain their own signature
-    kAnyMember,            ///< an answer of a session
+    kAnyMember,            ///< a response of a session
     kOwner,                ///< the node that ChannelList::owner_of() names
     kReconstructionOwner,  ///< the same, with the role reconstruction
     kNodeInside,           ///< the node that the message names

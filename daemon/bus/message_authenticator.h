@@ -19,7 +19,7 @@
 namespace v3d::bus {
 
 // Signatures of members on bus messages: health, pulses, events, previews, meshes, shard messages
-// and answers of sessions. For commands and replies see daemon/bus/credentials.h.
+// and responses of sessions. For commands and replies see daemon/bus/credentials.h.
 
 /// The members that may sign a message.
 struct AuthorRule {

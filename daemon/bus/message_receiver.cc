@@ -20,8 +20,9 @@ constexpr char kOversized[] =
     "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
     "version";
 
-/// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
-constexpr int kMaxAnswers = 100;
+/// Limit of responses a second. It permits several to each of 16 nodes that send challenges at
+/// once.
+constexpr int kMaxResponses = 100;
 
 std::string clocks_differ(Duration ahead) {
   return fmt::format(
@@ -147,7 +148,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& d
   if (!datagram.is_whole()) {
     if (!may_be_recent(stamp, now)) {
       authenticator_.count_stale();
-      ask(stamp, std::nullopt, now);
+      send_challenge(stamp, std::nullopt, now);
       return std::nullopt;
     }
     recent_tags_.insert(parts.trailer->tag);
@@ -165,19 +166,19 @@ bool MessageReceiver::may_be_recent(const SessionStamp& fragment, const Receiver
                                                  : filter_.is_recent(fragment, now);
 }
 
-/// Whether the session has proven that this complete message is recent. If not, asks it.
+/// Whether the session has proven that this complete message is recent. If not, challenges it.
 bool MessageReceiver::is_recent(const ChannelKind& kind, const SessionStamp& stamp,
                                 const wire::Signer& signer, const ReceiverTime& now) {
   if (!filter_.is_recent(stamp, now, signer)) {
     authenticator_.count_stale();
-    ask(stamp, signer, now);
+    send_challenge(stamp, signer, now);
     return false;
   }
-  if (!kind.needs_answer || !can_answer(signer)) return true;
-  const bool has_answered = filter_.has_answered(stamp.session, signer);
-  if (!has_answered || filter_.age(stamp, now, signer) > SessionReplayFilter::kSeemsOld)
-    ask(stamp, signer, now);
-  return has_answered;
+  if (!kind.needs_challenge || !can_respond(signer)) return true;
+  const bool has_responded = filter_.has_responded(stamp.session, signer);
+  if (!has_responded || filter_.age(stamp, now, signer) > SessionReplayFilter::kSeemsOld)
+    send_challenge(stamp, signer, now);
+  return has_responded;
 }
 
 /// The last checks of a complete message: not received, recent, and its signer may send it. Only
@@ -354,21 +355,21 @@ wire::Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
 }
 
 /// False when members are required and none has this key: the message will be rejected.
-bool MessageReceiver::can_answer(const wire::Signer& signer) const {
+bool MessageReceiver::can_respond(const wire::Signer& signer) const {
   const MemberSignatures& members = authenticator_.members();
   return !members.are_required() || (signer && members.contains(*signer));
 }
 
 // --- sessions -----------------------------------------------------------------------------------
 
-void MessageReceiver::drop_old_questions() {
-  if (std::exchange(forgotten_, filter_.forgotten()) != filter_.forgotten()) questions_ = {};
+void MessageReceiver::drop_old_challenges() {
+  if (std::exchange(forgotten_, filter_.forgotten()) != filter_.forgotten()) challenges_ = {};
 }
 
-void MessageReceiver::ask(const SessionStamp& stamp, const wire::Signer& signer,
-                          const ReceiverTime& now) {
-  drop_old_questions();
-  const auto nonce = questions_.ask(stamp.session, now.monotonic, signer);
+void MessageReceiver::send_challenge(const SessionStamp& stamp, const wire::Signer& signer,
+                                     const ReceiverTime& now) {
+  drop_old_challenges();
+  const auto nonce = challenges_.issue(stamp.session, now.monotonic, signer);
   if (!nonce) return;
   sessions_.send({.sent = {}, .session = stamp.session, .newest = 0, .nonce = *nonce});
 }
@@ -380,35 +381,37 @@ void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, const S
   if (!message) {
     ++malformed_;
   } else if (message->is_answer) {
-    on_answer(*message, bytes, stamp, now);
+    on_response(*message, bytes, stamp, now);
   } else {
-    answer(*message, now.monotonic);
+    respond(*message, now.monotonic);
   }
 }
 
-void MessageReceiver::on_answer(const wire::SessionMessage& answer, std::span<const uint8_t> bytes,
-                                const SessionStamp& stamp, const ReceiverTime& now) {
-  drop_old_questions();
-  const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
+void MessageReceiver::on_response(const wire::SessionMessage& response,
+                                  std::span<const uint8_t> bytes, const SessionStamp& stamp,
+                                  const ReceiverTime& now) {
+  drop_old_challenges();
+  const auto signer = verified_signer(response, bytes, stamp, now.monotonic);
   if (!signer) return;
-  const auto waited = questions_.answers(answer.session, answer.nonce, now.monotonic, *signer);
+  const auto waited =
+      challenges_.pop_matching(response.session, response.nonce, now.monotonic, *signer);
   if (!waited) return;
-  filter_.accept({answer.session, answer.newest, stamp.sent}, now, *waited, *signer);
+  filter_.accept({response.session, response.newest, stamp.sent}, now, *waited, *signer);
   const Duration ahead = stamp.sent - now.realtime;
   if (std::chrono::abs(ahead) > SessionReplayFilter::kAhead)
     authenticator_.report(clocks_differ(ahead));
 }
 
-/// The signer of an answer. Empty when members are required and the signature is missing or wrong.
-/// Answers without a pending question are rejected before the signature is verified.
-std::optional<wire::Signer> MessageReceiver::verified_signer(const wire::SessionMessage& answer,
+/// The signer of a response. Empty when members are required and the signature is missing or wrong.
+/// Responses without a pending challenge are rejected before the signature is verified.
+std::optional<wire::Signer> MessageReceiver::verified_signer(const wire::SessionMessage& response,
                                                              std::span<const uint8_t> bytes,
                                                              const SessionStamp& stamp,
                                                              MonotonicInstant now) {
   if (!authenticator_.members().are_required()) return wire::Signer{};
   const auto split = wire::split_signature(bytes);
   const wire::Signer claimed = split ? wire::Signer(split->key_id) : std::nullopt;
-  if (!questions_.is_pending(answer.session, answer.nonce, now, claimed)) return std::nullopt;
+  if (!challenges_.is_pending(response.session, response.nonce, now, claimed)) return std::nullopt;
   const VerifiedMessage verified = authenticator_.members().verify(
       bytes, origin_of(wire::kSessionChannel, stamp), *kind_of(wire::kSessionChannel), "");
   if (verified.problem.empty()) return verified.signer;
@@ -416,20 +419,20 @@ std::optional<wire::Signer> MessageReceiver::verified_signer(const wire::Session
   return std::nullopt;
 }
 
-/// Answers a question, at most kMaxAnswers times a second. A replayed question is harmless: the
-/// answer holds no secret.
-void MessageReceiver::answer(const wire::SessionMessage& question, MonotonicInstant now) {
-  const auto newest = sessions_.newest_of_own(question.session);
+/// Responds to a challenge, at most kMaxResponses times a second. A replayed challenge is harmless:
+/// the response holds no secret.
+void MessageReceiver::respond(const wire::SessionMessage& challenge, MonotonicInstant now) {
+  const auto newest = sessions_.newest_of_own(challenge.session);
   if (!newest) return;
-  if (now - answers_since_ >= std::chrono::seconds(1)) {
-    answers_since_ = now;
-    answers_ = 0;
+  if (now - responses_since_ >= std::chrono::seconds(1)) {
+    responses_since_ = now;
+    responses_ = 0;
   }
-  if (answers_++ >= kMaxAnswers) return;
-  wire::SessionMessage answer = question;
-  answer.newest = *newest;
-  answer.is_answer = true;
-  sessions_.send(answer);
+  if (responses_++ >= kMaxResponses) return;
+  wire::SessionMessage response = challenge;
+  response.newest = *newest;
+  response.is_answer = true;
+  sessions_.send(response);
 }
 
 std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram& datagram,

@@ -32,7 +32,7 @@ struct ReceivedMessage {
   uint64_t session = 0;
   /// The least possible time since an accepted message was sent (SessionReplayFilter::age()). A
   /// process that was stopped reads old messages when it continues. Too large, by the step, if the
-  /// sender's clock was set back and its session has not answered since.
+  /// sender's clock was set back and its session has not responded since.
   Duration age{};
   /// When an accepted message was sent, by the clock of its sender. With `age`, it relates that
   /// clock to the one of this PC. Empty where no authentication is required.
@@ -48,7 +48,7 @@ struct DatagramCounts {
   int64_t incomplete = 0;  ///< messages with missing or inconsistent fragments
 };
 
-/// Callbacks with which a receiver questions other sessions and answers for those of its own
+/// Callbacks with which a receiver challenges other sessions and responds for those of its own
 /// process.
 struct SessionPort {
   /// Sequence number of the last message of a session of this process; empty for other sessions.
@@ -66,23 +66,23 @@ struct SessionPort {
 /// KeyRotation).
 ///
 /// When members are required, a message also needs the signature of a member that may send it
-/// (MemberSignatures), and the answer of its session must be signed with the same key. The receiver
-/// verifies at most one signature a message, and none for senders without the studio key. Each key
-/// has its own windows of sequence numbers, so that no member can make messages of another one
-/// count as received. Before the MAC, repeated datagrams are then detected by their tag
+/// (MemberSignatures), and the response of its session must be signed with the same key. The
+/// receiver verifies at most one signature a message, and none for senders without the studio key.
+/// Each key has its own windows of sequence numbers, so that no member can make messages of another
+/// one count as received. Before the MAC, repeated datagrams are then detected by their tag
 /// (RecentTags).
 ///
 /// When members are required, live frames need the MAC of a frame key of the node that owns the
 /// camera (FrameSessions), and no other message is accepted with it. A session is then identified
 /// by its number and its kind of key: a holder of the studio key cannot change the state of a frame
-/// session. The announcement of a key (FrameKeyMessage) comes from a session that has answered, so
-/// the frame session needs no question: frames before its first announcement count as received.
+/// session. The announcement of a key (FrameKeyMessage) comes from a session that has responded,
+/// so the frame session needs no challenge: frames before its first announcement count as received.
 ///
 /// When a session's time is not proven to be recent, the receiver drops its messages and sends it a
-/// question. If clocks differ, the messages before the answer are lost. The first health messages
-/// and pulses of every session are lost in the same way (ChannelKind::needs_answer). If later ones
-/// seem to be older than SessionReplayFilter::kSeemsOld, they are returned, and the session is
-/// asked again: its clock may have been set back (SessionReplayFilter::accept()).
+/// challenge. If clocks differ, the messages before the response are lost. The first health
+/// messages and pulses of every session are lost in the same way (ChannelKind::needs_challenge). If
+/// later ones seem to be older than SessionReplayFilter::kSeemsOld, they are returned, and the
+/// session is challenged again: its clock may have been set back (SessionReplayFilter::accept()).
 ///
 /// When no authentication is required, the checks of MAC and time are skipped. One thread; counts()
 /// may be called from any thread.
@@ -134,17 +134,18 @@ class MessageReceiver {
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
                     MonotonicInstant now) const;
   wire::Signer claimed_signer(const ChannelKind& kind, std::span<const uint8_t> message) const;
-  bool can_answer(const wire::Signer& signer) const;
-  void ask(const SessionStamp& stamp, const wire::Signer& signer, const ReceiverTime& now);
-  void drop_old_questions();
+  bool can_respond(const wire::Signer& signer) const;
+  void send_challenge(const SessionStamp& stamp, const wire::Signer& signer,
+                      const ReceiverTime& now);
+  void drop_old_challenges();
   void on_session_message(std::span<const uint8_t> bytes, const SessionStamp& stamp,
                           const ReceiverTime& now);
-  void on_answer(const wire::SessionMessage& answer, std::span<const uint8_t> bytes,
-                 const SessionStamp& stamp, const ReceiverTime& now);
-  std::optional<wire::Signer> verified_signer(const wire::SessionMessage& answer,
+  void on_response(const wire::SessionMessage& response, std::span<const uint8_t> bytes,
+                   const SessionStamp& stamp, const ReceiverTime& now);
+  std::optional<wire::Signer> verified_signer(const wire::SessionMessage& response,
                                               std::span<const uint8_t> bytes,
                                               const SessionStamp& stamp, MonotonicInstant now);
-  void answer(const wire::SessionMessage& question, MonotonicInstant now);
+  void respond(const wire::SessionMessage& challenge, MonotonicInstant now);
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
                                             uint64_t sender = 0);
   std::optional<ReceivedMessage> pass(std::string_view channel, std::span<const uint8_t> bytes);
@@ -156,12 +157,12 @@ class MessageReceiver {
   const SessionPort sessions_;
   SessionReplayFilter filter_;
   RecentTags recent_tags_;  ///< used when members are required
-  SessionQuestions questions_;
+  SessionChallenges challenges_;
   FrameSessions frame_sessions_;
   SessionReplayFilter frame_filter_;  ///< of frame sessions, by FrameSession::id
-  int64_t forgotten_ = 0;  ///< SessionReplayFilter::forgotten() when the questions were asked
-  MonotonicInstant answers_since_;
-  int answers_ = 0;
+  int64_t forgotten_ = 0;  ///< SessionReplayFilter::forgotten() when the challenges were sent
+  MonotonicInstant responses_since_;
+  int responses_ = 0;
   Reassembly reassembly_;
   SkippedMessages skipped_;  ///< without a subscription
   std::atomic<int64_t> malformed_ = 0;

@@ -109,70 +109,70 @@ Duration SessionReplayFilter::age(const SessionStamp& stamp, const ReceiverTime&
                           : std::max(Duration{}, known->age(stamp.sent, now.monotonic));
 }
 
-bool SessionReplayFilter::has_answered(uint32_t session, const wire::Signer& signer) const {
+bool SessionReplayFilter::has_responded(uint32_t session, const wire::Signer& signer) const {
   const Session* const known = find(session, signer);
-  return known != nullptr && known->has_answered;
+  return known != nullptr && known->has_responded;
 }
 
 void SessionReplayFilter::accept(const SessionStamp& newest, const ReceiverTime& now,
-                                 Duration since_question, const wire::Signer& signer) {
+                                 Duration since_challenge, const wire::Signer& signer) {
   Session& session = find_or_add(newest, now, signer);
   const Duration age = session.age(newest.sent, now.monotonic);
-  if (age <= Duration::zero() || age > since_question) {
+  if (age <= Duration::zero() || age > since_challenge) {
     session.fast_sent = newest.sent;
     session.fast_received = now.monotonic;
   }
   session.newest_sent = newest.sent;
   session.received_at = now.monotonic;
-  if (std::exchange(session.has_answered, true)) return;
+  if (std::exchange(session.has_responded, true)) return;
   if (distance(newest.sequence, session.newest) > 0) session.newest = newest.sequence;
   session.received.set();
 }
 
-// --- questions ----------------------------------------------------------------------------------
+// --- challenges ----------------------------------------------------------------------------------
 
-std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant now,
-                                             const wire::Signer& signer) {
-  auto entry = std::ranges::find_if(questions_, [&](const Question& question) {
-    return question.session == session && question.signer == signer && question.is_pending(now);
+std::optional<int64_t> SessionChallenges::issue(uint32_t session, MonotonicInstant now,
+                                                const wire::Signer& signer) {
+  auto entry = std::ranges::find_if(challenges_, [&](const Challenge& challenge) {
+    return challenge.session == session && challenge.signer == signer && challenge.is_pending(now);
   });
-  if (entry == questions_.end()) {
-    entry = std::ranges::min_element(questions_, {}, &Question::first_asked);
+  if (entry == challenges_.end()) {
+    entry = std::ranges::min_element(challenges_, {}, &Challenge::first_sent);
     *entry = {.session = session,
               .nonce = wire::random_nonce(),
               .signer = signer,
-              .first_asked = now,
-              .last_asked = {}};
-  } else if (now - entry->last_asked < kAgainAfter) {
+              .first_sent = now,
+              .last_sent = {}};
+  } else if (now - entry->last_sent < kResendAfter) {
     return std::nullopt;
   }
-  entry->last_asked = now;
+  entry->last_sent = now;
   return entry->nonce;
 }
 
-const SessionQuestions::Question* SessionQuestions::find(uint32_t session, int64_t nonce,
-                                                         MonotonicInstant now,
-                                                         const wire::Signer& signer) const {
-  const auto* const entry = std::ranges::find_if(questions_, [&](const Question& question) {
-    return question.session == session && question.nonce == nonce && question.is_of(signer) &&
-           question.is_pending(now);
+const SessionChallenges::Challenge* SessionChallenges::find(uint32_t session, int64_t nonce,
+                                                            MonotonicInstant now,
+                                                            const wire::Signer& signer) const {
+  const auto* const entry = std::ranges::find_if(challenges_, [&](const Challenge& challenge) {
+    return challenge.session == session && challenge.nonce == nonce && challenge.is_of(signer) &&
+           challenge.is_pending(now);
   });
-  return entry == questions_.end() ? nullptr : entry;
+  return entry == challenges_.end() ? nullptr : entry;
 }
 
-bool SessionQuestions::is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
-                                  const wire::Signer& signer) const {
+bool SessionChallenges::is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
+                                   const wire::Signer& signer) const {
   return find(session, nonce, now, signer) != nullptr;
 }
 
-std::optional<Duration> SessionQuestions::answers(uint32_t session, int64_t nonce,
-                                                  MonotonicInstant now,
-                                                  const wire::Signer& signer) {
-  const Question* const found = find(session, nonce, now, signer);
+std::optional<Duration> SessionChallenges::pop_matching(uint32_t session, int64_t nonce,
+                                                        MonotonicInstant now,
+                                                        const wire::Signer& signer) {
+  const Challenge* const found = find(session, nonce, now, signer);
   if (found == nullptr) return std::nullopt;
-  const Duration since_question = now - found->first_asked;
-  questions_[static_cast<size_t>(found - questions_.data())] = {};
-  return since_question;
+  const Duration since_challenge = now - found->first_sent;
+  challenges_[static_cast<size_t>(found - challenges_.data())] = {};
+  return since_challenge;
 }
 
 }  // namespace v3d::bus

@@ -36,18 +36,18 @@ struct ReceiverTime {
 /// to the message with the shortest delay and within kDrift. A known session therefore needs no
 /// synchronized clock, and wall clocks may be set. An unknown session is accepted when its time
 /// agrees with this PC's CLOCK_REALTIME. Otherwise the message is not recent until the session has
-/// answered a question (SessionQuestions); the answer holds a new nonce, so it cannot be a
+/// responded to a challenge (SessionChallenges); the response holds a new nonce, so it cannot be a
 /// recording. The caller passes it to accept().
 ///
-/// A message that seems old may be late, or its sender's clock was set back. An answer decides: the
-/// clock was set if the answer seems older than its question. Without an answer, all messages of
-/// the session would seem old until kDrift has made up for the step.
+/// A message that seems old may be late, or its sender's clock was set back. A response decides:
+/// the clock was set if the response seems older than its challenge. Without a response, all
+/// messages of the session would seem old until kDrift has made up for the step.
 ///
-/// Messages that nodes act on need an answer of their session in any case (has_answered()). With a
-/// wall clock alone, recordings of that time would be accepted after a restart.
+/// Messages that nodes act on need a response of their session in any case (has_responded()). With
+/// a wall clock alone, recordings of that time would be accepted after a restart.
 ///
 /// Where members sign, a session is identified by its number and the key that signs its messages
-/// and answers. Every member has the studio key, so it can send and answer with the number of
+/// and responses. Every member has the studio key, so it can send and respond with the number of
 /// another member's session. It changes only the window and clock of its own key.
 ///
 /// At most kMaxSessions are stored. A new one replaces the session that was silent longest. Then
@@ -61,7 +61,7 @@ class SessionReplayFilter {
   static constexpr size_t kMaxSessions = 256;
   /// The largest age of a recent message; it permits delays in the network.
   static constexpr Duration kOldest = std::chrono::seconds(5);
-  /// A message that seems older raises a question: it is late, or the clock of its sender was set
+  /// A message that seems older causes a challenge: it is late, or the clock of its sender was set
   /// back or slewed. Then the times of pulses would be wrong by as much.
   static constexpr Duration kSeemsOld = std::chrono::milliseconds(10);
   /// The largest lead of a sender's clock.
@@ -76,9 +76,9 @@ class SessionReplayFilter {
   /// Sequence numbers may wrap.
   bool is_received(const SessionStamp& stamp, const wire::Signer& signer = {}) const;
   /// Whether the session is stored for any signer: an authentic message of it was accepted, or it
-  /// has answered.
+  /// has responded.
   bool contains(uint32_t session) const;
-  /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
+  /// Whether an authentic message is recent. If not, challenge its session (SessionChallenges).
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now,
                  const wire::Signer& signer = {}) const;
   /// Whether the message is recent for any signer. For fragments, whose signer is not known yet.
@@ -88,20 +88,20 @@ class SessionReplayFilter {
   Duration age(const SessionStamp& stamp, const ReceiverTime& now,
                const wire::Signer& signer = {}) const;
   /// Whether accept() was called for the session and the signer.
-  bool has_answered(uint32_t session, const wire::Signer& signer = {}) const;
+  bool has_responded(uint32_t session, const wire::Signer& signer = {}) const;
   /// Records an authentic, recent message as received. With a signer: its signature was verified.
   void note(const SessionStamp& stamp, const ReceiverTime& now, const wire::Signer& signer = {});
-  /// Records that the session has answered a question with this signer. `newest.sent` is the
+  /// Records that the session has responded to a challenge with this signer. `newest.sent` is the
   /// session's current time, `newest.sequence` the number of its last message. After the first
-  /// answer, messages up to that number count as received.
+  /// response, messages up to that number count as received.
   ///
-  /// `since_question`: the time since the question was sent first, the largest possible age of the
-  /// answer. An answer that seems older by the comparison of clocks until now, or younger than all
-  /// earlier messages, replaces this comparison. Otherwise the comparison stays: the answer is
-  /// late.
-  void accept(const SessionStamp& newest, const ReceiverTime& now, Duration since_question,
+  /// `since_challenge`: the time since the challenge was sent first, the largest possible age of
+  /// the response. A response that seems older by the comparison of clocks until now, or younger
+  /// than all earlier messages, replaces this comparison. Otherwise the comparison stays: the
+  /// response is late.
+  void accept(const SessionStamp& newest, const ReceiverTime& now, Duration since_challenge,
               const wire::Signer& signer = {});
-  /// Number of removed sessions. After a removal, answers to earlier questions must be ignored:
+  /// Number of removed sessions. After a removal, responses to earlier challenges must be ignored:
   /// they may be older than messages that were received.
   int64_t forgotten() const { return forgotten_; }
 
@@ -110,7 +110,7 @@ class SessionReplayFilter {
     uint32_t id = 0;
     wire::Signer signer;
     uint32_t newest = 0;
-    bool has_answered = false;
+    bool has_responded = false;
     RealtimeInstant newest_sent = RealtimeInstant::min();
     MonotonicInstant received_at;  ///< time of the last reception
     // The message with the shortest delay: times of sending and reception.
@@ -143,41 +143,42 @@ class SessionReplayFilter {
   int64_t forgotten_ = 0;
 };
 
-/// Pending questions to sessions, each with its nonce. One thread.
-class SessionQuestions {
+/// Pending challenges to sessions, each with its nonce: challenge-response authentication of the
+/// time of a session. One thread.
+class SessionChallenges {
  public:
-  /// Limits: time between two questions to a session, time for an answer, number of pending
-  /// questions.
-  static constexpr Duration kAgainAfter = std::chrono::milliseconds(200);
-  static constexpr Duration kAnsweredWithin = std::chrono::seconds(2);
+  /// Limits: time between two challenges to a session, time for a response, number of pending
+  /// challenges.
+  static constexpr Duration kResendAfter = std::chrono::milliseconds(200);
+  static constexpr Duration kResponseTimeout = std::chrono::seconds(2);
   static constexpr size_t kMaxPending = 16;
 
-  /// The nonce of a question to the session; empty when it was asked less than kAgainAfter ago.
-  /// `signer`: the key that must sign the answer; empty: the key of any member.
-  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now,
-                             const wire::Signer& signer = {});
-  /// Whether an answer of `signer` with this nonce matches a pending question.
+  /// The nonce of a challenge to the session; empty when one was sent less than kResendAfter ago.
+  /// `signer`: the key that must sign the response; empty: the key of any member.
+  std::optional<int64_t> issue(uint32_t session, MonotonicInstant now,
+                               const wire::Signer& signer = {});
+  /// Whether a response of `signer` with this nonce matches a pending challenge.
   bool is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
                   const wire::Signer& signer = {}) const;
-  /// The time since the first sending of the pending question that this answer matches; empty if
-  /// it matches none. Removes the question.
-  std::optional<Duration> answers(uint32_t session, int64_t nonce, MonotonicInstant now,
-                                  const wire::Signer& signer = {});
+  /// Removes the pending challenge that this response matches. Returns the time since that
+  /// challenge was sent first; empty if the response matches none.
+  std::optional<Duration> pop_matching(uint32_t session, int64_t nonce, MonotonicInstant now,
+                                       const wire::Signer& signer = {});
 
  private:
-  struct Question {
+  struct Challenge {
     uint32_t session = 0;
     int64_t nonce = 0;  ///< 0: unused entry
     wire::Signer signer;
-    MonotonicInstant first_asked, last_asked;
+    MonotonicInstant first_sent, last_sent;
     bool is_pending(MonotonicInstant now) const {
-      return nonce != 0 && now - first_asked < kAnsweredWithin;
+      return nonce != 0 && now - first_sent < kResponseTimeout;
     }
     bool is_of(const wire::Signer& other) const { return !signer || signer == other; }
   };
-  const Question* find(uint32_t session, int64_t nonce, MonotonicInstant now,
-                       const wire::Signer& signer) const;
-  std::array<Question, kMaxPending> questions_;
+  const Challenge* find(uint32_t session, int64_t nonce, MonotonicInstant now,
+                        const wire::Signer& signer) const;
+  std::array<Challenge, kMaxPending> challenges_;
 };
 
 }  // namespace v3d::bus

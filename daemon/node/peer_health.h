@@ -54,10 +54,10 @@ class HealthOrder {
 };
 
 /// Largest age of a received message: SessionReplayFilter accepts none that is older than kOldest,
-/// plus the delay of a session's answer, plus a clock step of less than kAhead.
+/// plus the delay of a session's response, plus a clock step of less than kAhead.
 inline constexpr Duration kMaxHealthAge = bus::SessionReplayFilter::kOldest +
                                           bus::SessionReplayFilter::kAhead +
-                                          bus::SessionQuestions::kAnsweredWithin;
+                                          bus::SessionChallenges::kResponseTimeout;
 
 // State of the pulse train, on the nodes that do not generate the pulses.
 

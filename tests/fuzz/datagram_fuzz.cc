@@ -68,12 +68,12 @@ struct Receivers {
   bus::MessageReceiver keyed{bus::ChannelList(), keyed_authenticator, is_wanted};
   bus::MessageReceiver keyless{bus::ChannelList(), keyless_authenticator, is_wanted};
   bus::MessageAuthenticator member_authenticator;
-  wire::SessionMessage question;
+  wire::SessionMessage challenge;
   bus::MessageReceiver of_members{
       bus::ChannelList(studio()),
       member_authenticator,
       is_wanted,
-      {.send = [this](const wire::SessionMessage& m) { question = m; }}};
+      {.send = [this](const wire::SessionMessage& m) { challenge = m; }}};
   wire::DatagramMac mac{key()};
   wire::FrameKey frame_key = wire::FrameKey::make();
   wire::DatagramMac frame_mac = frame_key.mac();
@@ -115,7 +115,7 @@ std::vector<uint8_t> member_datagram(Receivers& receivers, std::string_view chan
   return bytes_of(receivers.mac, kMainSession, datagrams.at(0));
 }
 
-/// The member announces its frame sessions and answers the question about its main session.
+/// The member announces its frame sessions and responds to the challenge of its main session.
 void Receivers::learn_frame_key() {
   wire::FrameKeyMessage announced{
       .sent = kNow, .session = kFrameSession, .newest = UINT32_MAX, .keys = {}};
@@ -124,10 +124,10 @@ void Receivers::learn_frame_key() {
     of_members.receive(member_datagram(*this, channel, message), 1, kReceiverNow);
   };
   send("V3D_FRAMEKEY_recon01", encode(announced));
-  must(question.session == kMainSession);
-  question.newest = 0;
-  question.is_answer = true;
-  send("V3D_SESSION", encode(question));
+  must(challenge.session == kMainSession);
+  challenge.newest = 0;
+  challenge.is_answer = true;
+  send("V3D_SESSION", encode(challenge));
   send("V3D_FRAMEKEY_recon01", encode(announced));
   announced.session = kOwnFrameSession;
   send("V3D_FRAMEKEY_recon01", encode(announced));

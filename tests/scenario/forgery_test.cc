@@ -171,8 +171,8 @@ class MemberStudioWithForger : public ForgedStudio {
   }
 
   bus::Bus forger_{studio_.network.lcm_url, {}, bus::ChannelList(studio_)};
-  /// The forger subscribes, so that its session answers freshness questions.
-  const bus::Bus::HandlerRegistration answers_ =
+  /// The forger subscribes, so that its session responds to challenges.
+  const bus::Bus::HandlerRegistration responder_ =
       forger_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});
 };
 

@@ -83,7 +83,7 @@ void NodeProcess::boot() {
   session_ = static_cast<uint32_t>(world_.draws.nonce());
   sequence_ = 0;
   sessions_ = {};
-  questions_ = {};
+  challenges_ = {};
   pulse_seq_ = 0;
   commands_.clear();
   waiting_.clear();
@@ -237,12 +237,12 @@ void NodeProcess::process(Channel channel, size_t from, const wire::Bytes& bytes
 bool NodeProcess::accepts(const bus::SessionStamp& stamp) {
   if (sessions_.is_received(stamp)) return false;
   const bool is_accepted =
-      sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session);
+      sessions_.is_recent(stamp, receiver_time()) && sessions_.has_responded(stamp.session);
   const bool seems_old =
       sessions_.age(stamp, receiver_time()) > bus::SessionReplayFilter::kSeemsOld;
   if (is_accepted) sessions_.note(stamp, receiver_time());
   if (is_accepted && !seems_old) return true;
-  if (const auto nonce = questions_.ask(stamp.session, world_.time.now())) {
+  if (const auto nonce = challenges_.issue(stamp.session, world_.time.now())) {
     send(Channel::kSession,
          encode(wire::SessionMessage{.sent = clock(), .session = stamp.session, .nonce = *nonce}));
   }
@@ -253,15 +253,16 @@ void NodeProcess::on_session_message(const wire::SessionMessage& message,
                                      const bus::SessionStamp& stamp) {
   if (!message.is_answer) {
     if (message.session != session_) return;
-    wire::SessionMessage answer = message;
-    answer.newest = sequence_;
-    answer.is_answer = true;
-    return send(Channel::kSession, encode(answer));
+    wire::SessionMessage response = message;
+    response.newest = sequence_;
+    response.is_answer = true;
+    return send(Channel::kSession, encode(response));
   }
-  const auto since_question = questions_.answers(message.session, message.nonce, world_.time.now());
-  if (!since_question) return;
+  const auto since_challenge =
+      challenges_.pop_matching(message.session, message.nonce, world_.time.now());
+  if (!since_challenge) return;
   sessions_.accept({.session = message.session, .sequence = message.newest, .sent = stamp.sent},
-                   receiver_time(), *since_question);
+                   receiver_time(), *since_challenge);
 }
 
 void NodeProcess::send(Channel channel, const wire::Bytes& message) {

@@ -95,7 +95,7 @@ class NodeProcess {
   uint32_t session_ = 0;
   uint32_t sequence_ = 0;
   bus::SessionReplayFilter sessions_;
-  bus::SessionQuestions questions_;
+  bus::SessionChallenges challenges_;
   std::deque<control::CommandReplayFilter::Admitted> commands_;
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;

@@ -3,7 +3,7 @@
  * All nodes are armed for one take. An operator starts it, and may give up at every step. A last operator stops and
  * aborts. Nodes crash kCrashes times in total, including the trigger's node (0). The others learn from its health whether
  * pulses run. Health is lost and delayed; a node ignores messages that are older than the last one (HealthOrder). After a
- * restart a node accepts only later messages: earlier ones belong to sessions that have not answered (session.pml). Before
+ * restart a node accepts only later messages: earlier ones belong to sessions that have not responded (session.pml). Before
  * a recording ends, messages from before the start do not count (TrainState::kMaxAge). Checked in every state:
  *   - pulses begin only after every node records;
  *   - pulses run only while the trigger's node records: its crash ends them;

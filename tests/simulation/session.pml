@@ -3,17 +3,17 @@
  *
  * A sender sends health and data (frames, events) in two sessions: its process restarts once. Its clock is set once,
  * forwards or backwards. The receiver restarts once, and its wall clock is set once. An adversary delivers any earlier
- * message at any time, any number of times, and delays questions and answers. The receiver remembers kMaxSessions
+ * message at any time, any number of times, and delays challenges and responses. The receiver remembers kMaxSessions
  * sessions. A tick is 5 s (SessionReplayFilter::kOldest). Checked in every state:
  *   - no health is accepted twice, for all restarts and clock settings;
  *   - after its restart the receiver accepts no health of a session that had ended before;
- *   - without a step of the sender's clock, no health is accepted that is older than kOldest and the time of an answer;
+ *   - without a step of the sender's clock, no health is accepted that is older than kOldest and the time of a response;
  *   - the health of a live sender is accepted repeatedly (LTL, weak fairness).
  *
  * Macros switch on faults, to show that the model finds them: ACCEPT_BY_CLOCK (an unknown session whose time
- * agrees with the wall clock needs no answer), KEEP_OLDER_AT_ANSWER (the first answer of a known session leaves older
- * messages acceptable), ANSWER_WITHOUT_NONCE (old answers are accepted), ANSWER_OF_FORGOTTEN_SESSION (a
- * question remains pending when its session is forgotten), ASK_NOBODY (unknown sessions are not asked). */
+ * agrees with the wall clock needs no response), KEEP_OLDER_AT_RESPONSE (the first response of a known session leaves
+ * older messages acceptable), RESPONSE_WITHOUT_NONCE (old responses are accepted), RESPONSE_OF_FORGOTTEN_SESSION (a
+ * challenge remains pending when its session is forgotten), NO_CHALLENGES (unknown sessions are not challenged). */
 
 #define kSessions 2
 #ifndef kMessages
@@ -41,21 +41,21 @@ byte sent_at[kMessages];      /* the sender's clock */
 
 /* The receiver: SessionReplayFilter. */
 bool is_known[kSessions];
-bool has_answered[kSessions];
+bool has_responded[kSessions];
 byte base[kSessions];         /* of the fastest message: sender's clock when sent, minus true time when received */
 byte newest_sent[kSessions];
 byte received;                /* messages of known sessions, as bits */
 byte floor;
 byte first_live;              /* the sender's session when the receiver started */
 
-/* SessionQuestions. A nonce is random, so an answer fits only the question that is pending. */
+/* SessionChallenges. A nonce is random, so a response fits only the challenge that is pending. */
 #define kNone 0
 #define kPending 1
 #define kPendingLong 2        /* pending across the end of a tick */
-byte question[kSessions];
-bool is_answered[kSessions];  /* an answer was sent */
-byte answer_newest[kSessions];
-byte answer_sent[kSessions];
+byte challenge[kSessions];
+bool has_response[kSessions]; /* a response was sent */
+byte response_newest[kSessions];
+byte response_sent[kSessions];
 
 /* Past events, for the checks and their bounds. */
 byte accepted;                /* all accepted health */
@@ -93,21 +93,21 @@ inline forget_messages_of(s) {
 }
 
 inline forget_session(s) {
-  is_known[s] = false; has_answered[s] = false; base[s] = 0; newest_sent[s] = 0;
+  is_known[s] = false; has_responded[s] = false; base[s] = 0; newest_sent[s] = 0;
   forget_messages_of(s)
 }
 
-inline end_question(s) {
-  question[s] = kNone;
-#ifndef ANSWER_WITHOUT_NONCE
-  is_answered[s] = false; answer_newest[s] = 0; answer_sent[s] = 0
+inline end_challenge(s) {
+  challenge[s] = kNone;
+#ifndef RESPONSE_WITHOUT_NONCE
+  has_response[s] = false; response_newest[s] = 0; response_sent[s] = 0
 #endif
 }
 
-/* An answer to an earlier question may be older than messages received from a session that is forgotten now. */
-inline forget_questions() {
-#ifndef ANSWER_OF_FORGOTTEN_SESSION
-  end_question(0); end_question(1)
+/* A response to an earlier challenge may be older than messages received from a session that is forgotten now. */
+inline forget_challenges() {
+#ifndef RESPONSE_OF_FORGOTTEN_SESSION
+  end_challenge(0); end_challenge(1)
 #else
   skip
 #endif
@@ -121,7 +121,7 @@ inline add(s) {
     :: kMaxSessions == 1 && is_known[1 - s] ->
       floor = (newest_sent[1 - s] > floor -> newest_sent[1 - s] : floor);
       forget_session(1 - s);
-      forget_questions()
+      forget_challenges()
     :: else
     fi;
     is_known[s] = true
@@ -129,18 +129,18 @@ inline add(s) {
   fi
 }
 
-inline ask(s) {
+inline send_challenge(s) {
   if
-#ifdef ASK_NOBODY
-  :: question[s] == kNone
+#ifdef NO_CHALLENGES
+  :: challenge[s] == kNone
 #else
-  :: question[s] == kNone -> question[s] = kPending
+  :: challenge[s] == kNone -> challenge[s] = kPending
 #endif
   :: else
   fi
 }
 
-/* A message that seems old raises a question although its session has answered (MessageReceiver::is_recent()). */
+/* A message that seems old causes a challenge although its session has responded (MessageReceiver::is_recent()). */
 #define seems_old(s, at) (is_known[s] && t + base[s] >= (at))
 
 /* SessionReplayFilter::is_recent() */
@@ -162,9 +162,9 @@ inline note(s, at) {
 }
 
 #ifdef ACCEPT_BY_CLOCK
-#define needs_answer(s) false
+#define needs_challenge(s) false
 #else
-#define needs_answer(s) (!has_answered[s])
+#define needs_challenge(s) (!has_responded[s])
 #endif
 
 /* MessageReceiver::receive_authentic() */
@@ -172,8 +172,8 @@ inline arrive(i, s) {
   judge(s, sent_at[i]);
   if
   :: is_known[s] && is_in(received, i)
-  :: !(is_known[s] && is_in(received, i)) && (!is_recent || (is_health(i) && needs_answer(s))) -> ask(s)
-  :: !(is_known[s] && is_in(received, i)) && is_recent && !(is_health(i) && needs_answer(s)) ->
+  :: !(is_known[s] && is_in(received, i)) && (!is_recent || (is_health(i) && needs_challenge(s))) -> send_challenge(s)
+  :: !(is_known[s] && is_in(received, i)) && is_recent && !(is_health(i) && needs_challenge(s)) ->
     if
     :: is_health(i) ->
       assert(!is_in(accepted, i));
@@ -181,7 +181,7 @@ inline arrive(i, s) {
       assert(sender_stepped || t + ahead <= sent_at[i] + kOldest + 1);
       accepted = accepted | (1 << i);
       if
-      :: seems_old(s, sent_at[i]) -> ask(s)
+      :: seems_old(s, sent_at[i]) -> send_challenge(s)
       :: true  /* younger than 10 ms; a tick is longer */
       fi
     :: else
@@ -191,12 +191,12 @@ inline arrive(i, s) {
   fi
 }
 
-/* MessageReceiver::on_answer(), SessionReplayFilter::accept(). The answer of a known session changes the comparison of
- * clocks only if it seems younger than all messages, or older than its question. */
-inline take_answer(s) {
-  was_known = is_known[s]; k_newest = answer_newest[s]; k_sent = answer_sent[s];
-  k_late = (question[s] == kPendingLong);
-  end_question(s);
+/* MessageReceiver::on_response(), SessionReplayFilter::accept(). The response of a known session changes the comparison
+ * of clocks only if it seems younger than all messages, or older than its challenge. */
+inline accept_response(s) {
+  was_known = is_known[s]; k_newest = response_newest[s]; k_sent = response_sent[s];
+  k_late = (challenge[s] == kPendingLong);
+  end_challenge(s);
   add(s);
   if
   :: was_known && t + base[s] > k_sent && t + base[s] <= k_sent + k_late
@@ -204,10 +204,10 @@ inline take_answer(s) {
   fi;
   note_sent(s, k_sent);
   if
-#ifdef KEEP_OLDER_AT_ANSWER
+#ifdef KEEP_OLDER_AT_RESPONSE
   :: !was_known ->
 #else
-  :: !has_answered[s] ->
+  :: !has_responded[s] ->
 #endif
     for (k : 0 .. kMessages - 1) {
       if
@@ -218,13 +218,13 @@ inline take_answer(s) {
     k = 0
   :: else
   fi;
-  has_answered[s] = true
+  has_responded[s] = true
 }
 
-#ifdef ANSWER_WITHOUT_NONCE
-#define may_take_answer(s) is_answered[s]
+#ifdef RESPONSE_WITHOUT_NONCE
+#define may_accept_response(s) has_response[s]
 #else
-#define may_take_answer(s) (question[s] != kNone && is_answered[s])
+#define may_accept_response(s) (challenge[s] != kNone && has_response[s])
 #endif
 
 /* Messages arrive in any order, late, and again. */
@@ -233,7 +233,7 @@ proctype Adversary() {
 end:
   do
   :: atomic { sent > 0 -> select(i : 0 .. sent - 1); quiet; arrive(i, session_of[i]); i = 0 }
-  :: atomic { may_take_answer(0) -> quiet; take_answer(0) }
+  :: atomic { may_accept_response(0) -> quiet; accept_response(0) }
   od
 }
 
@@ -244,39 +244,39 @@ end:
   :: atomic {
        judge(live, t + ahead);
        if
-       :: is_recent && !needs_answer(live) -> note(live, t + ahead); heard;
+       :: is_recent && !needs_challenge(live) -> note(live, t + ahead); heard;
          if
-         :: seems_old(live, t + ahead) -> ask(live)
+         :: seems_old(live, t + ahead) -> send_challenge(live)
          :: true
          fi
-       :: else -> ask(live); quiet
+       :: else -> send_challenge(live); quiet
        fi
      }
   od
 }
 
-proctype Answer() {
+proctype Response() {
 end:
   do
   :: atomic {
-       question[live] != kNone && !is_answered[live] -> quiet;
-       is_answered[live] = true; answer_newest[live] = sent; answer_sent[live] = t + ahead
+       challenge[live] != kNone && !has_response[live] -> quiet;
+       has_response[live] = true; response_newest[live] = sent; response_sent[live] = t + ahead
      }
   od
 }
 
-proctype AnswerArrives() {
+proctype ResponseArrives() {
 end:
   do
-  :: atomic { may_take_answer(live) -> quiet; take_answer(live) }
+  :: atomic { may_accept_response(live) -> quiet; accept_response(live) }
   od
 }
 
-/* A question is pending for less than a tick. */
-inline age_question(s) {
+/* A challenge is pending for less than a tick. */
+inline age_challenge(s) {
   if
-  :: question[s] == kPending -> question[s] = kPendingLong
-  :: question[s] != kNone -> end_question(s)
+  :: challenge[s] == kPending -> challenge[s] = kPendingLong
+  :: challenge[s] != kNone -> end_challenge(s)
   :: else
   fi
 }
@@ -298,7 +298,7 @@ end:
 proctype Receivers() {
 end:
   do
-  :: atomic { t < kEnd -> quiet; t++; age_question(0); age_question(1) }
+  :: atomic { t < kEnd -> quiet; t++; age_challenge(0); age_challenge(1) }
   :: atomic { !receiver_stepped -> quiet; receiver_stepped = true;
        if
        :: wall = kZero - 1
@@ -307,12 +307,12 @@ end:
      }
   :: atomic {
        !receiver_restarted -> quiet; receiver_restarted = true; first_live = live; floor = 0;
-       forget_session(0); forget_session(1); end_question(0); end_question(1)
+       forget_session(0); forget_session(1); end_challenge(0); end_challenge(1)
      }
   od
 }
 
-init { atomic { run Adversary(); run Health(); run Answer(); run AnswerArrives(); run Senders(); run Receivers() } }
+init { atomic { run Adversary(); run Health(); run Response(); run ResponseArrives(); run Senders(); run Receivers() } }
 
 #ifdef LIVENESS
 ltl live_sender_is_heard { [] <> was_heard }

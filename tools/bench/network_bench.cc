@@ -214,7 +214,7 @@ class MemberPair {
                     {"recon01", wire::Role::kReconstruction, recon.public_key()}}});
     enrol(sender_, key, capture, list);
     enrol(receiver_, key, recon, list);
-    answers_.emplace(sender_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {}));
+    responder_.emplace(sender_.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {}));
     registration_.emplace(receiver_.subscribe("V3D_FRAME_.*", [&](const bus::ReceivedMessage& in) {
       if (wire::decode<wire::FrameMessage>(in.bytes)) ++received;
     }));
@@ -239,7 +239,7 @@ class MemberPair {
   }
   bus::Bus sender_{kUrl, {}, bus::ChannelList(studio_of_members())};
   bus::Bus receiver_{kUrl, {}, bus::ChannelList(studio_of_members())};
-  std::optional<bus::Bus::HandlerRegistration> answers_, registration_;
+  std::optional<bus::Bus::HandlerRegistration> responder_, registration_;
 };
 
 /// Sender and receiver by liblcm. Each message ends with one MAC of all its bytes.

@@ -219,7 +219,7 @@ TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
   wire::HealthMessage idle;
   idle.node = "cap02";
   idle.sent = Realtime::now();
-  // Messages are dropped until the session has answered a question.
+  // Messages are dropped until the session has responded to a challenge.
   ASSERT_TRUE(becomes_true(
       [&] {
         bus.publish_authenticated(wire::health_channel("cap01"), encode(idle));
@@ -269,10 +269,10 @@ TEST_F(MemberBuses, accept_events_only_from_the_node_that_they_name) {
   EXPECT_EQ(listener->authenticator().counts().not_signed, 1);
 }
 
-TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
+TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_responded) {
   const auto cap01 = bus_of(cap01_), listener = bus_of(cap02_);
-  Subscription<wire::EventMessage> questions(*cap01, wire::kEventChannel,
-                                             8);  // a bus with a subscription answers
+  // A bus responds to challenges only while it has a subscription.
+  Subscription<wire::EventMessage> responder(*cap01, wire::kEventChannel, 8);
   Subscription<wire::PulseMessage> pulses(*listener, wire::kPulseChannel, 8);
   Subscription<wire::HealthMessage> health(*listener, wire::health_channel("cap01"), 8);
   wire::HealthMessage idle;
@@ -286,7 +286,7 @@ TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   EXPECT_EQ(listener->authenticator().counts().not_signed, 0);
 }
 
-/// One announcement is enough: cap01 repeats it when it has answered the question of recon01.
+/// One announcement is enough: cap01 repeats it when it has responded to the challenge of recon01.
 TEST_F(MemberBuses, carry_frames_with_the_key_that_their_node_announced) {
   const std::vector<std::string> groups = {"udpm://239.255.76.68:7668?ttl=0",
                                            "udpm://239.255.76.69:7669?ttl=0"};
@@ -294,7 +294,7 @@ TEST_F(MemberBuses, carry_frames_with_the_key_that_their_node_announced) {
     const auto cap01 = bus_of(cap01_, frame_groups), cap02 = bus_of(cap02_, frame_groups),
                recon01 = bus_of(recon01_, frame_groups);
     recon01->join_frame_groups(all_frame_groups(recon01->frame_groups()));
-    Subscription<wire::EventMessage> answers(*cap01, wire::kEventChannel, 8);
+    Subscription<wire::EventMessage> responder(*cap01, wire::kEventChannel, 8);
     Subscription<wire::FrameMessage> frames(*recon01, wire::frame_channel("cam01"), 100);
     wire::FrameMessage message;
     message.frame.camera = "cam01";

@@ -81,10 +81,10 @@ class FrameNode {
                          .sent = kNow + after},
                         message);
   }
-  Datagrams answer(wire::SessionMessage question, Duration after) {
-    question.newest = main_.sequence - 1;
-    question.is_answer = true;
-    return main_.signed_datagrams(wire::kSessionChannel, encode(question), key_, kNow + after);
+  Datagrams respond(wire::SessionMessage challenge, Duration after) {
+    challenge.newest = main_.sequence - 1;
+    challenge.is_answer = true;
+    return main_.signed_datagrams(wire::kSessionChannel, encode(challenge), key_, kNow + after);
   }
   uint32_t frame_session() const { return own_.announcement().session; }
   OwnFrameKey& own() { return own_; }
@@ -112,7 +112,7 @@ class Pc {
           return (wants_frames_ || !channel.starts_with(wire::kFramePrefix)) &&
                  !channel.starts_with(wire::kFrameKeyPrefix);
         },
-        SessionPort{.send = [this](const wire::SessionMessage& m) { questions_.push_back(m); }});
+        SessionPort{.send = [this](const wire::SessionMessage& m) { challenges_.push_back(m); }});
   }
   void set_members(const wire::MemberList& list) {
     authenticator_.members().set_members(std::make_shared<const wire::MemberList>(list));
@@ -129,12 +129,12 @@ class Pc {
   bool accepts(const Datagrams& datagrams, Duration after = {}) {
     return receive(datagrams, after).has_value();
   }
-  /// Receives an announcement; the node answers the question about its session.
+  /// Receives an announcement; the node responds to the challenge of its session.
   void learn_key_of(FrameNode& node, Duration after = {}) {
-    const size_t before = questions_.size();
+    const size_t before = challenges_.size();
     receive(node.announcement(after), after);
-    if (questions_.size() == before) return;
-    receive(node.answer(questions_.back(), after), after);
+    if (challenges_.size() == before) return;
+    receive(node.respond(challenges_.back(), after), after);
     receive(node.announcement(after), after);
   }
   RejectionCounts counts() const { return authenticator_.counts(); }
@@ -145,7 +145,7 @@ class Pc {
  private:
   const bool wants_frames_;
   MessageAuthenticator authenticator_;
-  std::vector<wire::SessionMessage> questions_;
+  std::vector<wire::SessionMessage> challenges_;
   std::unique_ptr<MessageReceiver> receiver_;
 };
 
@@ -228,7 +228,7 @@ TEST_F(FrameKeys, that_were_recorded_are_not_accepted_after_a_restart) {
   const Datagrams recorded = cap01_.frame(kCam01, frame_);
   recon01_.receive(first);
   for (int i = 0; i < 10; ++i) recon01_.receive(second, i * 500ms);
-  EXPECT_FALSE(recon01_.accepts(recorded)) << "the session has not answered";
+  EXPECT_FALSE(recon01_.accepts(recorded)) << "the session has not responded";
   recon01_.learn_key_of(cap01_, 10s);
   EXPECT_FALSE(recon01_.accepts(recorded, 10s)) << "it may have been received before the restart";
   EXPECT_EQ(recon01_.counts().replayed, 1);

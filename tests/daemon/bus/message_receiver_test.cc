@@ -202,23 +202,23 @@ TEST_F(Receiver, rejects_replayed_old_and_future_messages) {
   EXPECT_EQ(authenticator_.counts().stale, 2);
 }
 
-TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
+TEST_F(Receiver, challenges_a_session_whose_clock_differs_and_accepts_it_when_it_responds) {
   const Duration hour = -1h;
   EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   ASSERT_EQ(sent_.size(), 1U);
-  const wire::SessionMessage question = sent_[0];
-  EXPECT_EQ(question.session, sender_.session);
+  const wire::SessionMessage challenge = sent_[0];
+  EXPECT_EQ(challenge.session, sender_.session);
   EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
-  EXPECT_EQ(sent_.size(), 1U) << "the last question was just sent";
-  wire::SessionMessage answer = question;
-  answer.is_answer = true;
-  answer.newest = 2;
-  wire::SessionMessage guessed = answer;
+  EXPECT_EQ(sent_.size(), 1U) << "the last challenge was just sent";
+  wire::SessionMessage response = challenge;
+  response.is_answer = true;
+  response.newest = 2;
+  wire::SessionMessage guessed = response;
   guessed.nonce ^= 1;
   receive(sender_.datagrams(wire::kSessionChannel, encode(guessed), kNow + hour).at(0));
   EXPECT_FALSE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
-  answer.newest = 4;
-  receive(sender_.datagrams(wire::kSessionChannel, encode(answer), kNow + hour).at(0));
+  response.newest = 4;
+  receive(sender_.datagrams(wire::kSessionChannel, encode(response), kNow + hour).at(0));
   EXPECT_TRUE(receive(sender_.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0)));
   EXPECT_THAT(authenticator_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
   EXPECT_TRUE(
@@ -227,7 +227,7 @@ TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answe
   EXPECT_EQ(authenticator_.counts().stale, 3);
 }
 
-TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
+TEST_F(Receiver, rejects_recorded_messages_with_recorded_responses) {
   Sender recorded(key_);
   const Duration hour = -1h;
   const RawDatagram event = recorded.datagrams(wire::kEventChannel, message(40), kNow + hour).at(0);
@@ -235,27 +235,27 @@ TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
   old.session = recorded.session;
   old.nonce = 12345;
   old.is_answer = true;
-  const RawDatagram answer =
+  const RawDatagram response =
       recorded.datagrams(wire::kSessionChannel, encode(old), kNow + hour).at(0);
   for (int i = 0; i < 10; ++i) {
     EXPECT_FALSE(receive(event, i * 1s));
-    receive(answer, i * 1s);
+    receive(response, i * 1s);
   }
   EXPECT_EQ(sent_.size(), 10U);
 }
 
-wire::SessionMessage answer_to(wire::SessionMessage question, uint32_t newest) {
-  question.newest = newest;
-  question.is_answer = true;
-  return question;
+wire::SessionMessage response_to(wire::SessionMessage challenge, uint32_t newest) {
+  challenge.newest = newest;
+  challenge.is_answer = true;
+  return challenge;
 }
 
-/// The answer of `sender` to `question`.
-RawDatagram answer_of(Sender& sender, const wire::SessionMessage& question, uint32_t newest) {
-  return sender.datagrams(wire::kSessionChannel, encode(answer_to(question, newest))).at(0);
+/// The response of `sender` to `challenge`.
+RawDatagram response_of(Sender& sender, const wire::SessionMessage& challenge, uint32_t newest) {
+  return sender.datagrams(wire::kSessionChannel, encode(response_to(challenge, newest))).at(0);
 }
 
-TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered) {
+TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_responded) {
   for (const char* const channel : {"V3D_HEALTH_cap01", wire::kPulseChannel}) {
     Sender sender(key_);
     EXPECT_TRUE(receive(sender.datagrams(wire::kEventChannel, message(40)).at(0)));
@@ -263,7 +263,7 @@ TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered
     EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
     ASSERT_FALSE(sent_.empty());
     ASSERT_EQ(sent_.back().session, sender.session);
-    receive(answer_of(sender, sent_.back(), 2));
+    receive(response_of(sender, sent_.back(), 2));
     EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
     EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
   }
@@ -277,25 +277,25 @@ class ReceiverOfPulses : public Receiver {
     return receive(sender_.datagrams(wire::kPulseChannel, message(40), kNow + sent_after).at(0),
                    received_after);
   }
-  /// The answer to the last question.
-  void answer(Duration sent_after, Duration received_after) {
-    const auto answered = encode(answer_to(sent_.back(), sender_.sequence));
-    receive(sender_.datagrams(wire::kSessionChannel, answered, kNow + sent_after).at(0),
+  /// The response to the last challenge.
+  void respond(Duration sent_after, Duration received_after) {
+    const auto response = encode(response_to(sent_.back(), sender_.sequence));
+    receive(sender_.datagrams(wire::kSessionChannel, response, kNow + sent_after).at(0),
             received_after);
   }
-  void answer_first_question() {
+  void respond_to_first_challenge() {
     EXPECT_FALSE(pulse(0s, 0s));
-    answer(1ms, 1ms);
+    respond(1ms, 1ms);
     ASSERT_TRUE(pulse(1s, 1s));
-    ASSERT_EQ(sent_.size(), 1U) << "a recent message raises no question";
+    ASSERT_EQ(sent_.size(), 1U) << "a recent message causes no challenge";
   }
   void expect_known_ages_after_the_clock_was_set(Duration back) {
-    answer_first_question();
+    respond_to_first_challenge();
     const auto first = pulse(2s - back, 2s);
     ASSERT_TRUE(first) << "it may be late";
     EXPECT_GT(first->age, back - 5ms);
     ASSERT_EQ(sent_.size(), 2U);
-    answer(2001ms - back, 2002ms);
+    respond(2001ms - back, 2002ms);
     EXPECT_LE(pulse(2040ms - back, 2040ms).value().age, 2ms);
     EXPECT_EQ(sent_.size(), 2U);
   }
@@ -309,49 +309,49 @@ TEST_F(ReceiverOfPulses, knows_their_ages_after_a_clock_was_set_back_by_3_s) {
   expect_known_ages_after_the_clock_was_set(3s);
 }
 
-TEST_F(ReceiverOfPulses, keeps_the_comparison_of_clocks_when_messages_and_answers_are_late) {
-  answer_first_question();
+TEST_F(ReceiverOfPulses, keeps_the_comparison_of_clocks_when_messages_and_responses_are_late) {
+  respond_to_first_challenge();
   ASSERT_TRUE(pulse(2s, 2300ms));
   ASSERT_EQ(sent_.size(), 2U);
-  answer(2301ms, 2600ms);  // late by 299 ms of the 300 ms since the question
+  respond(2301ms, 2600ms);  // late by 299 ms of the 300 ms since the challenge
   EXPECT_GE(pulse(2700ms, 3s).value().age, 297ms);
 }
 
 TEST_F(Receiver, rejects_recorded_health_after_its_own_restart) {
   const RawDatagram recorded = sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0);
   for (int i = 0; i < 10; ++i) EXPECT_FALSE(receive(recorded, i * 500ms));
-  EXPECT_FALSE(sent_.empty()) << "there was a question, but the session has ended";
+  EXPECT_FALSE(sent_.empty()) << "there was a challenge, but the session has ended";
 }
 
-TEST_F(Receiver, drops_its_questions_when_it_removes_a_session) {
+TEST_F(Receiver, drops_its_challenges_when_it_removes_a_session) {
   receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_EQ(sent_.size(), 1U);
   for (size_t i = 0; i <= SessionReplayFilter::kMaxSessions; ++i) {
     EXPECT_TRUE(receive(Sender(key_).datagrams(wire::kEventChannel, message(40)).at(0)));
   }
-  receive(answer_of(sender_, sent_[0], 0));
+  receive(response_of(sender_, sent_[0], 0));
   EXPECT_FALSE(receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0)));
 }
 
-TEST_F(Receiver, answers_for_its_own_sessions_at_most_100_times_a_second) {
-  wire::SessionMessage question;
-  question.session = kOwnSession;
-  question.nonce = 99;
-  receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
+TEST_F(Receiver, responds_for_its_own_sessions_at_most_100_times_a_second) {
+  wire::SessionMessage challenge;
+  challenge.session = kOwnSession;
+  challenge.nonce = 99;
+  receive(sender_.datagrams(wire::kSessionChannel, encode(challenge)).at(0));
   ASSERT_EQ(sent_.size(), 1U);
   EXPECT_TRUE(sent_[0].is_answer);
   EXPECT_EQ(sent_[0].nonce, 99);
   EXPECT_EQ(sent_[0].newest, 41U);
-  question.session = 78;
-  receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
+  challenge.session = 78;
+  receive(sender_.datagrams(wire::kSessionChannel, encode(challenge)).at(0));
   EXPECT_EQ(sent_.size(), 1U) << "session of another process";
-  question.session = kOwnSession;
+  challenge.session = kOwnSession;
   for (int i = 0; i < 1000; ++i) {
-    receive(sender_.datagrams(wire::kSessionChannel, encode(question)).at(0));
+    receive(sender_.datagrams(wire::kSessionChannel, encode(challenge)).at(0));
   }
   EXPECT_EQ(sent_.size(), 100U);
   Sender attacker(wire::StudioKey::make());
-  receive(attacker.datagrams(wire::kSessionChannel, encode(question)).at(0), 2s);
+  receive(attacker.datagrams(wire::kSessionChannel, encode(challenge)).at(0), 2s);
   EXPECT_EQ(sent_.size(), 100U);
 }
 

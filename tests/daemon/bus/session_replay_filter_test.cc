@@ -36,15 +36,15 @@ RC_GTEST_PROP(SessionReplayFilter, accepts_a_number_once_also_when_numbers_wrap,
 
 wire::KeyId key_id(uint8_t first) { return {first}; }
 
-TEST(SessionReplayFilter, keeps_answers_of_different_keys_apart) {
+TEST(SessionReplayFilter, keeps_responses_of_different_keys_apart) {
   SessionReplayFilter filter;
   filter.accept(stamp(7, 100), kNow, 0s, key_id(1));
-  EXPECT_TRUE(filter.has_answered(7, key_id(1)));
-  EXPECT_FALSE(filter.has_answered(7, key_id(2)));
-  EXPECT_FALSE(filter.has_answered(7)) << "unknown key";
+  EXPECT_TRUE(filter.has_responded(7, key_id(1)));
+  EXPECT_FALSE(filter.has_responded(7, key_id(2)));
+  EXPECT_FALSE(filter.has_responded(7)) << "unknown key";
   filter.accept(stamp(7, 200), kNow, 0s, key_id(2));
-  EXPECT_TRUE(filter.has_answered(7, key_id(2)));
-  EXPECT_TRUE(filter.has_answered(7, key_id(1)));
+  EXPECT_TRUE(filter.has_responded(7, key_id(2)));
+  EXPECT_TRUE(filter.has_responded(7, key_id(1)));
   EXPECT_FALSE(filter.is_received(stamp(7, 201)));
 }
 
@@ -63,16 +63,16 @@ TEST(SessionReplayFilter, keeps_numbers_and_times_of_different_keys_apart) {
   EXPECT_FALSE(filter.is_recent_for_any(stamp(7, 101, -1h), kNow));
 }
 
-TEST(SessionQuestions, accept_an_answer_of_the_named_key_or_of_any_key_when_none_was_named) {
-  SessionQuestions questions;
-  const int64_t nonce = questions.ask(7, kNow.monotonic, key_id(1)).value();
-  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(2)));
-  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic));
-  EXPECT_TRUE(questions.is_pending(7, nonce, kNow.monotonic, key_id(1)));
-  EXPECT_TRUE(questions.answers(7, nonce, kNow.monotonic, key_id(1)));
-  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(1))) << "once";
-  const int64_t of_any = questions.ask(7, kNow.monotonic).value();
-  EXPECT_TRUE(questions.answers(7, of_any, kNow.monotonic, key_id(2)));
+TEST(SessionChallenges, accept_a_response_of_the_named_key_or_of_any_key_when_none_was_named) {
+  SessionChallenges challenges;
+  const int64_t nonce = challenges.issue(7, kNow.monotonic, key_id(1)).value();
+  EXPECT_FALSE(challenges.pop_matching(7, nonce, kNow.monotonic, key_id(2)));
+  EXPECT_FALSE(challenges.pop_matching(7, nonce, kNow.monotonic));
+  EXPECT_TRUE(challenges.is_pending(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_TRUE(challenges.pop_matching(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_FALSE(challenges.pop_matching(7, nonce, kNow.monotonic, key_id(1))) << "once";
+  const int64_t of_any = challenges.issue(7, kNow.monotonic).value();
+  EXPECT_TRUE(challenges.pop_matching(7, of_any, kNow.monotonic, key_id(2)));
 }
 
 TEST(SessionReplayFilter, counts_messages_older_than_the_window_as_received) {
@@ -134,7 +134,7 @@ TEST(SessionReplayFilter, accepts_a_clock_that_drifts_for_a_day) {
   }
 }
 
-TEST(SessionReplayFilter, rejects_a_session_whose_clock_was_set_until_it_answers) {
+TEST(SessionReplayFilter, rejects_a_session_whose_clock_was_set_until_it_responds) {
   SessionReplayFilter filter;
   filter.note(stamp(7, 1), kNow);
   EXPECT_FALSE(filter.is_recent(stamp(7, 2, -1h), later(1s)));
@@ -144,35 +144,36 @@ TEST(SessionReplayFilter, rejects_a_session_whose_clock_was_set_until_it_answers
   EXPECT_FALSE(filter.is_recent(stamp(7, 4, -2h), later(2s)));
 }
 
-TEST(SessionReplayFilter, compares_clocks_anew_only_if_an_answer_seems_older_than_its_question) {
+TEST(SessionReplayFilter,
+     restarts_the_clock_comparison_only_if_a_response_seems_older_than_its_challenge) {
   // Age of a message that is 400 ms late.
-  const auto age_after = [](Duration set_back, Duration late_answer) {
+  const auto age_after = [](Duration set_back, Duration late_response) {
     SessionReplayFilter filter;
     filter.accept(stamp(7, 1), kNow, 0s);
-    filter.accept(stamp(7, 2, 1s - set_back), later(1s + late_answer), late_answer);
+    filter.accept(stamp(7, 2, 1s - set_back), later(1s + late_response), late_response);
     return to_seconds(filter.age(stamp(7, 3, 2s - set_back), later(2400ms)));
   };
   constexpr double kDriftError = 0.003;
   EXPECT_NEAR(age_after(0s, 0s), 0.4, kDriftError);
-  EXPECT_NEAR(age_after(0s, 300ms), 0.4, kDriftError) << "the late answer changes nothing";
+  EXPECT_NEAR(age_after(0s, 300ms), 0.4, kDriftError) << "the late response changes nothing";
   EXPECT_NEAR(age_after(60ms, 1ms), 0.4, kDriftError);
   EXPECT_NEAR(age_after(3s, 1ms), 0.4, kDriftError);
   EXPECT_NEAR(age_after(-3s, 1ms), 0.4, kDriftError) << "set forward";
   EXPECT_NEAR(age_after(3s, 300ms), 0.1, kDriftError) << "the least possible age";
 }
 
-TEST(SessionReplayFilter, rejects_older_messages_after_the_first_answer_of_a_session) {
+TEST(SessionReplayFilter, rejects_older_messages_after_the_first_response_of_a_session) {
   SessionReplayFilter filter;
   filter.note(stamp(7, 9), kNow);
-  EXPECT_FALSE(filter.has_answered(7));
+  EXPECT_FALSE(filter.has_responded(7));
   EXPECT_FALSE(filter.is_received(stamp(7, 8)));
   filter.accept(stamp(7, 12), kNow, 0s);
-  EXPECT_TRUE(filter.has_answered(7));
+  EXPECT_TRUE(filter.has_responded(7));
   for (const uint32_t old : {8U, 9U, 12U}) EXPECT_TRUE(filter.is_received(stamp(7, old))) << old;
   EXPECT_FALSE(filter.is_received(stamp(7, 13)));
 }
 
-TEST(SessionReplayFilter, keeps_received_messages_when_the_first_answer_is_late) {
+TEST(SessionReplayFilter, keeps_received_messages_when_the_first_response_is_late) {
   SessionReplayFilter filter;
   filter.note(stamp(7, 9), kNow);
   filter.accept(stamp(7, 5), kNow, 0s);
@@ -180,7 +181,7 @@ TEST(SessionReplayFilter, keeps_received_messages_when_the_first_answer_is_late)
   EXPECT_FALSE(filter.is_received(stamp(7, 10)));
 }
 
-TEST(SessionReplayFilter, removes_the_answer_together_with_its_session) {
+TEST(SessionReplayFilter, removes_the_response_together_with_its_session) {
   SessionReplayFilter filter;
   filter.accept(stamp(7, 1), kNow, 0s);
   for (uint32_t i = 0; i < SessionReplayFilter::kMaxSessions; ++i) {
@@ -188,36 +189,36 @@ TEST(SessionReplayFilter, removes_the_answer_together_with_its_session) {
     filter.note(stamp(1000 + i, 1), later(1s));
   }
   EXPECT_EQ(filter.forgotten(), 1);
-  EXPECT_FALSE(filter.has_answered(7));
+  EXPECT_FALSE(filter.has_responded(7));
 }
 
-TEST(SessionQuestions, accept_one_answer_with_the_right_nonce_in_time) {
-  SessionQuestions questions;
+TEST(SessionChallenges, accept_one_response_with_the_right_nonce_in_time) {
+  SessionChallenges challenges;
   const auto now = kNow.monotonic;
-  const auto nonce = questions.ask(7, now);
+  const auto nonce = challenges.issue(7, now);
   ASSERT_TRUE(nonce);
-  EXPECT_FALSE(questions.ask(7, now + 100ms)) << "asked 100 ms ago";
-  EXPECT_EQ(questions.ask(7, now + 200ms), nonce);
-  EXPECT_FALSE(questions.answers(7, *nonce + 1, now + 300ms));
-  EXPECT_FALSE(questions.answers(8, *nonce, now + 300ms));
-  EXPECT_TRUE(questions.answers(7, *nonce, now + 300ms));
-  EXPECT_FALSE(questions.answers(7, *nonce, now + 300ms)) << "repeated answer";
-  const auto late = questions.ask(7, now + 1s);
+  EXPECT_FALSE(challenges.issue(7, now + 100ms)) << "sent 100 ms ago";
+  EXPECT_EQ(challenges.issue(7, now + 200ms), nonce);
+  EXPECT_FALSE(challenges.pop_matching(7, *nonce + 1, now + 300ms));
+  EXPECT_FALSE(challenges.pop_matching(8, *nonce, now + 300ms));
+  EXPECT_TRUE(challenges.pop_matching(7, *nonce, now + 300ms));
+  EXPECT_FALSE(challenges.pop_matching(7, *nonce, now + 300ms)) << "repeated response";
+  const auto late = challenges.issue(7, now + 1s);
   ASSERT_TRUE(late);
   EXPECT_NE(late, nonce);
-  EXPECT_FALSE(questions.answers(7, *late, now + 1s + SessionQuestions::kAnsweredWithin));
+  EXPECT_FALSE(challenges.pop_matching(7, *late, now + 1s + SessionChallenges::kResponseTimeout));
 }
 
-TEST(SessionQuestions, keep_16_questions_pending) {
-  SessionQuestions questions;
+TEST(SessionChallenges, keep_16_challenges_pending) {
+  SessionChallenges challenges;
   std::vector<int64_t> nonces;
   for (uint32_t session = 1; session <= 17; ++session) {
-    nonces.push_back(*questions.ask(session, kNow.monotonic + session * 1ms));
+    nonces.push_back(*challenges.issue(session, kNow.monotonic + session * 1ms));
   }
-  EXPECT_FALSE(questions.answers(1, nonces[0], kNow.monotonic + 50ms))
-      << "the oldest question was replaced";
+  EXPECT_FALSE(challenges.pop_matching(1, nonces[0], kNow.monotonic + 50ms))
+      << "the oldest challenge was replaced";
   for (uint32_t session = 2; session <= 17; ++session) {
-    EXPECT_TRUE(questions.answers(session, nonces[session - 1], kNow.monotonic + 50ms));
+    EXPECT_TRUE(challenges.pop_matching(session, nonces[session - 1], kNow.monotonic + 50ms));
   }
 }
 

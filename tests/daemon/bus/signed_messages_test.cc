@@ -80,21 +80,21 @@ class SignedMessages : public testing::Test {
     const auto got = receive(datagrams, delay);
     return got && got->is_accepted;
   }
-  /// `member` answers the last question, in the session of `sender`.
-  void answer(DatagramSender& sender, const std::string& member, uint32_t newest) {
+  /// `member` responds to the last challenge, in the session of `sender`.
+  void respond(DatagramSender& sender, const std::string& member, uint32_t newest) {
     ASSERT_FALSE(sent_.empty());
-    wire::SessionMessage answer = sent_.back();
-    answer.newest = newest;
-    answer.is_answer = true;
-    receive(sender.signed_datagrams(wire::kSessionChannel, encode(answer), key(member)));
+    wire::SessionMessage response = sent_.back();
+    response.newest = newest;
+    response.is_answer = true;
+    receive(sender.signed_datagrams(wire::kSessionChannel, encode(response), key(member)));
   }
-  /// Whether `message` of `member` is accepted, in a new session that answers.
+  /// Whether `message` of `member` is accepted, in a new session that responds.
   bool is_accepted(const std::string& member, std::string_view channel,
                    const wire::Bytes& message) {
     DatagramSender sender(studio_key_);
     if (accepts(sender.signed_datagrams(channel, message, key(member)))) return true;
     if (sent_.empty() || sent_.back().session != sender.session) return false;
-    answer(sender, member, sender.sequence - 1);
+    respond(sender, member, sender.sequence - 1);
     return accepts(sender.signed_datagrams(channel, message, key(member)));
   }
   std::string trouble() const { return authenticator_.trouble(Realtime::now()); }
@@ -275,28 +275,28 @@ TEST_F(SignedMessages, of_health_without_a_valid_signature_are_delivered_as_unve
 // --- sessions -----------------------------------------------------------------------------------
 
 /// Attack: a member replays signed messages of another member.
-TEST_F(SignedMessages, that_were_recorded_are_rejected_when_another_member_answers) {
+TEST_F(SignedMessages, that_were_recorded_are_rejected_when_another_member_responds) {
   DatagramSender cap01(studio_key_);
   const auto recorded = cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"));
   EXPECT_FALSE(accepts(recorded));
-  answer(cap01, "cap02", static_cast<uint32_t>(-1));
-  EXPECT_FALSE(accepts(recorded)) << "cap02 has answered for the session";
-  answer(cap01, "guest", static_cast<uint32_t>(-1));
+  respond(cap01, "cap02", static_cast<uint32_t>(-1));
+  EXPECT_FALSE(accepts(recorded)) << "cap02 has responded for the session";
+  respond(cap01, "guest", static_cast<uint32_t>(-1));
   EXPECT_FALSE(accepts(recorded));
   EXPECT_EQ(authenticator_.counts().not_signed, 0)
-      << "an answer without a question costs no verification";
-  answer(cap01, "cap01", 0);
+      << "a response without a challenge costs no verification";
+  respond(cap01, "cap01", 0);
   EXPECT_FALSE(accepts(recorded)) << "it may have been received earlier";
   cap01.sequence = 1;
   EXPECT_TRUE(accepts(cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))));
 }
 
-TEST_F(SignedMessages, of_an_hour_ago_are_rejected_when_another_member_answers) {
+TEST_F(SignedMessages, of_an_hour_ago_are_rejected_when_another_member_responds) {
   DatagramSender cap01(studio_key_);
   cap01.sequence = 100;
   const auto recorded =
       cap01.signed_datagrams(wire::kEventChannel, event("cap01"), key("cap01"), kNow - 1h);
-  // cap02 causes a question with a fragment in that session, and answers with the old time.
+  // cap02 causes a challenge with a fragment in that session, and responds with the old time.
   DatagramSender cap02(studio_key_);
   cap02.session = cap01.session;
   EXPECT_FALSE(accepts(cap02.datagrams(wire::kMeshChannel, wire::Bytes(100'000), kNow - 1h)));
@@ -307,10 +307,10 @@ TEST_F(SignedMessages, of_an_hour_ago_are_rejected_when_another_member_answers) 
   EXPECT_TRUE(accepts(
       cap02.signed_datagrams(wire::kEventChannel, event("cap02"), key("cap02"), kNow - 1h)));
   EXPECT_FALSE(accepts(recorded));
-  EXPECT_EQ(sent_.size(), 2U) << "cap01 gets a question";
+  EXPECT_EQ(sent_.size(), 2U) << "cap01 gets a challenge";
 }
 
-TEST_F(SignedMessages, need_a_signed_answer) {
+TEST_F(SignedMessages, need_a_signed_response) {
   DatagramSender sender(studio_key_);
   const auto send = [&] {
     return accepts(sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01")));
@@ -326,27 +326,27 @@ TEST_F(SignedMessages, need_a_signed_answer) {
       sender.datagrams(wire::kSessionChannel, sign_on_bus(encode(plain), origin, key("cap01"))));
   EXPECT_EQ(authenticator_.counts().not_signed, 1) << "signed for another channel";
   EXPECT_FALSE(send());
-  answer(sender, "cap01", sender.sequence - 1);
+  respond(sender, "cap01", sender.sequence - 1);
   EXPECT_TRUE(send());
 }
 
-TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_answer) {
+TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_response) {
   DatagramSender ada(studio_key_);
   const auto send = [&] {
     const wire::Bytes command = sign_message(encode(wire::CommandMessage{}), key("ada"));
     return accepts(ada.datagrams(wire::kCommandChannel, command, kNow - 1h));
   };
-  const auto answer_as = [&](const std::string& member) {
-    wire::SessionMessage answer = sent_.back();
-    answer.newest = ada.sequence;
-    answer.is_answer = true;
-    receive(ada.signed_datagrams(wire::kSessionChannel, encode(answer), key(member), kNow - 1h));
+  const auto respond_as = [&](const std::string& member) {
+    wire::SessionMessage response = sent_.back();
+    response.newest = ada.sequence;
+    response.is_answer = true;
+    receive(ada.signed_datagrams(wire::kSessionChannel, encode(response), key(member), kNow - 1h));
   };
   EXPECT_FALSE(send());
   ASSERT_EQ(sent_.size(), 1U);
-  answer_as("cap02");
+  respond_as("cap02");
   EXPECT_FALSE(send());
-  answer_as("ada");
+  respond_as("ada");
   EXPECT_TRUE(send());
 }
 
@@ -428,9 +428,9 @@ TEST_F(SuppressingViewer, does_not_suppress_messages_by_parts_of_a_message_witho
   EXPECT_TRUE(accepts(ada.datagrams(wire::kCommandChannel, stop())));
 }
 
-TEST_F(SuppressingViewer, does_not_make_messages_old_by_a_later_time_or_by_an_answer) {
+TEST_F(SuppressingViewer, does_not_make_messages_old_by_a_later_time_or_by_a_response) {
   DatagramSender recon01(studio_key_);
-  // recon02 causes a question about the session of recon01 and answers with a time of its own.
+  // recon02 causes a challenge of the session of recon01 and responds with a time of its own.
   DatagramSender recon02 = ahead_of(recon01);
   receive(recon02.datagrams(wire::kMeshChannel, wire::Bytes(100'000, 5), kNow + 1h));
   ASSERT_EQ(sent_.size(), 1U);
@@ -454,7 +454,7 @@ TEST_F(SuppressingViewer, does_not_make_health_accepted_by_splitting_it) {
   const wire::Bytes recorded = sign_on_bus(health("cap01"), origin, key("cap01"));
   EXPECT_FALSE(accepts(in_two_fragments(origin, recorded)));
   ASSERT_EQ(sent_.size(), 1U);
-  answer(cap01, "cap01", cap01.sequence);
+  respond(cap01, "cap01", cap01.sequence);
   EXPECT_FALSE(accepts(in_two_fragments(origin, recorded)));
   cap01.sequence = 5;
   EXPECT_TRUE(accepts(in_two_fragments(

@@ -56,14 +56,14 @@ class Receiver {
                          .serial = 1,
                          .members = {{"cap01", wire::Role::kCapture, cap01_.public_key()}}}));
   }
-  /// The decoded message of cap01, which answers the question of the receiver.
+  /// The decoded message of cap01, which responds to the challenge of the receiver.
   std::optional<wire::HealthMessage> receive(const wire::HealthMessage& health) {
     send(wire::health_channel("cap01"), encode(health));
-    if (!asked_) return std::nullopt;
-    wire::SessionMessage answer = *asked_;
-    answer.newest = sender_.sequence - 1;
-    answer.is_answer = true;
-    send(wire::kSessionChannel, encode(answer));
+    if (!challenge_) return std::nullopt;
+    wire::SessionMessage response = *challenge_;
+    response.newest = sender_.sequence - 1;
+    response.is_answer = true;
+    send(wire::kSessionChannel, encode(response));
     return send(wire::health_channel("cap01"), encode(health));
   }
 
@@ -80,13 +80,13 @@ class Receiver {
   const wire::StudioKey key_ = wire::StudioKey::make();
   const wire::SigningKey cap01_ = wire::SigningKey::make();
   bus::MessageAuthenticator authenticator_;
-  std::optional<wire::SessionMessage> asked_;
+  std::optional<wire::SessionMessage> challenge_;
   test::DatagramSender sender_{key_};
   bus::MessageReceiver receiver_{
       bus::ChannelList(),
       authenticator_,
       [](std::string_view) { return true; },
-      {.send = [this](const wire::SessionMessage& question) { asked_ = question; }}};
+      {.send = [this](const wire::SessionMessage& challenge) { challenge_ = challenge; }}};
 };
 
 size_t limit() { return bus::max_encoded_bytes(wire::health_channel("cap01"), true); }

@@ -172,7 +172,7 @@ TEST_F(NodeLoops, report_that_they_drain_even_if_this_takes_no_time) {
   bus.authenticator().set_key(key_);
   bus::Subscription<wire::HealthMessage> healths(bus, wire::health_channel("cap01"), 64);
   ASSERT_TRUE(accepts_command_of(client));
-  // Health is received once its session has answered a question.
+  // Health is received once its session has responded to a challenge.
   ASSERT_TRUE(becomes_true([&] { return healths.wait(Monotonic::now()).has_value(); }, within(60)));
   const auto obeys = [&](wire::CommandVerb verb) {
     wire::CommandMessage command;
@@ -329,8 +329,8 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   bus.authenticator().set_key(key_);
   bus.authenticator().members().require();
   bus.authenticator().members().set_signing_key(guest_);
-  const auto registration =
-      bus.subscribe(wire::kEventChannel, [](const bus::ReceivedMessage&) {});  // to answer
+  const auto registration = bus.subscribe(
+      wire::kEventChannel, [](const bus::ReceivedMessage&) {});  // to respond to challenges
   wire::HealthMessage forged;
   forged.node = "cap01";
   forged.text = "forged";

@@ -52,7 +52,7 @@ void require_node(const Studio& studio, const std::string& node) {
 }
 
 /// Nodes send health once a second; the first message of a node is not accepted
-/// (ChannelKind::needs_answer).
+/// (ChannelKind::needs_challenge).
 constexpr Duration kListen = std::chrono::seconds(3);
 
 /// Findings about all nodes. Receives health for up to three seconds.
