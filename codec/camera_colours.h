@@ -16,7 +16,8 @@
 
 namespace v3d::codec {
 
-/// What encoder and decoder know of a frame before its colours of cameras. Borrows a FrameState.
+/// The data of a frame that encoder and decoder have before its camera colours. Borrows a
+/// FrameState.
 struct CameraSurface {
   /// Requires colours and known vertices in `state`, and its triangles.
   CameraSurface(const FrameState& state, std::span<const std::array<uint32_t, 3>> triangles);

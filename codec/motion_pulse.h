@@ -1,4 +1,4 @@
-// The vertices of a tracked surface at one pulse, as the coders of its parts know them.
+// Encoder and decoder of one pulse of a tracked surface: positions, colours, confidences.
 #pragma once
 
 #include <array>

@@ -11,10 +11,10 @@
 
 namespace v3d::sound {
 
-/// What a device has played.
+/// Playback position of a device.
 struct PlayedSamples {
   int64_t played = 0;     ///< of those that were written
-  MonotonicInstant at{};  ///< when it had
+  MonotonicInstant at{};  ///< time of `played`, clock of this host
   int64_t space = 0;      ///< samples that write() accepts now
   int64_t underruns = 0;  ///< until now: the device had nothing to play
 };

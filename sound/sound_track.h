@@ -1,4 +1,4 @@
-// SoundTrack: what is known of a recording of sound: levels, gaps, pulses and timecode.
+// SoundTrack: analysis of a sound recording: levels, gaps, pulses and timecode.
 #pragma once
 
 #include <cstdint>

@@ -42,7 +42,7 @@ class TakeDeletion {
 
   /// Deletes a take of the constructor. Requires compare().
   ///
-  /// Comparing many takes needs hours, so this looks again first: throws InputError when
+  /// Comparing many takes needs hours, so this checks again first: throws InputError when
   /// require_deletable() rejects the take now, when its slate has a text that the copy lacks, and
   /// when another file of the take or of its copy was changed or removed since compare(). Throws
   /// std::runtime_error when a file cannot be deleted.

@@ -1,7 +1,7 @@
 // Removal of takes. Only this code deletes or moves recorded files.
 //
 // tests/take/removal_calls.py finds all calls in sources and scripts that remove, shorten or
-// overwrite files, and removal_calls.txt says of each which files it may reach.
+// overwrite files, and removal_calls.txt lists for each call the files that it may reach.
 #pragma once
 
 #include <filesystem>

@@ -85,7 +85,8 @@ class PulseGenerator {
   virtual PulseStatistics statistics() const = 0;
   /// The fault of the running train, one line; empty when there is none.
   virtual std::string fault() const = 0;
-  /// What does not disturb the train, but needs the operator's attention, one line; else empty.
+  /// A problem that does not disturb the train but needs the operator's attention, one line;
+  /// empty when there is none.
   virtual std::string warning() const { return {}; }
   /// A sensor for generators that are informed of the pulses by the cameras; null for others, which
   /// need a sense line. It may outlive the generator.

@@ -66,7 +66,7 @@ struct ShardMessage {
   int64_t first = -1;    ///< the node is responsible for its share from this pulse on; -1: not yet
   int64_t done = -1;     ///< its share is complete up to this pulse: every mesh is made or given up
   int64_t ordered = -1;  ///< its ordered stream has reached this pulse
-  int64_t shown = -1;    ///< the newest pulse on V3D_MESH that it knows
+  int64_t shown = -1;    ///< newest pulse on V3D_MESH that it published or that was reported to it
   std::vector<int64_t>
       given_up;  ///< pulses of its share that will get no mesh; the most recent ones
 };

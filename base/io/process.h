@@ -62,13 +62,14 @@ void lock_memory();
 /// Parses a list of processors as the kernel writes it: "2-3,6". Empty for any other text.
 std::vector<int> parse_processor_list(std::string_view text);
 
-/// What a thread on isolated processors does.
+/// Task of a thread on isolated processors.
 enum class IsolatedTask : uint8_t { kTrigger, kPackets };
 /// The processors for a task, of those that the kernel keeps free of other work (isolcpus=): the
-/// trigger has the last one, packets have the others. Empty: none is left, the task shares.
+/// last one for the trigger, the others for receiving packets. Empty when none is left; the thread
+/// then shares the other processors of the PC.
 std::vector<int> processors_for(IsolatedTask task, std::vector<int> isolated);
-/// Moves the calling thread to these processors of this PC. Without isolated processors, or where
-/// the process may not, nothing changes.
+/// Moves the calling thread to these processors of this PC. Has no effect without isolated
+/// processors, or without permission.
 void use_isolated_processors(IsolatedTask task);
 
 /// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes. Moves

@@ -22,7 +22,7 @@ struct RigOptions {
   /// change; otherwise the lenses are fitted, too, and the colour responses are the identity.
   std::optional<Rig> previous;
   /// Time offsets up to this many instants are corrected and reported; larger ones are an error.
-  /// One is what the buffers of free-running cameras may hold back.
+  /// The buffers of free-running cameras can delay images by one instant.
   int max_time_offset = 1;
   int max_instants = 400;  ///< of those that at least two cameras share
   int threads = 2;

@@ -1,4 +1,4 @@
-// Where a motion stops in the pictures of a camera, as hands that clap.
+// Detects stops of motion in the pictures of a camera, such as those of hands that clap.
 #pragma once
 
 #include <cstdint>
@@ -22,10 +22,13 @@ struct MotionStop {
 };
 
 /// The ends of motions in `changes`, ascending: changes[k] is the change from picture k - 1 to
-/// picture k, for k >= 1; MotionStop::pulse counts pictures. A motion goes on at one speed and
-/// stops between two pictures, as hands do that clap: the part of the last change tells where. It
-/// has five times the change of the stillest quarter of the pictures within half a second, or more,
-/// and no greater one stops within 0.1 s. `rate_hz`: pictures per second.
+/// picture k, for k >= 1; MotionStop::pulse counts pictures. `rate_hz`: pictures per second.
+///
+/// Model: constant speed, then a stop between two pictures, as of hands that clap. The last change
+/// divided by the change before it, both less the change after the stop, is the fraction of the
+/// picture interval at which the motion stopped. The change during a motion is at least five times
+/// that of the stillest quarter of the pictures within half a second. No larger motion stops within
+/// 0.1 s.
 std::vector<MotionStop> stops_of_motion(std::span<const double> changes, double rate_hz);
 
 /// The pictures of one camera, of which it keeps the changes. One thread.

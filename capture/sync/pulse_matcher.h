@@ -93,8 +93,8 @@ struct KnownFrame {
 ///   - the camera was silent for so long that the fit is imprecise;
 ///   - the pulse of the first frame is uncertain: then all frames of the take are suspect.
 ///
-/// A matcher that resumes from frames which another process labelled (resume_from) knows neither
-/// the counter nor the length of the interruption. If the camera's clock and the arrival agree on
+/// A matcher that resumes from frames which another process labelled (resume_from) has neither the
+/// frame counter nor the length of the interruption. If the camera's clock and the arrival agree on
 /// the pulse of the next frame, the frame has that pulse. If the clock restarted, the arrival
 /// decides as above. If the clock seems to have kept running and contradicts the arrival, all
 /// frames stay suspect.

@@ -35,8 +35,8 @@ struct TakeResult {
   TakeCounts counts;
 };
 
-/// Time without a pulse or frame after which none follows an ended train: ten periods, at most 1 s,
-/// and never less than a pulse may be sensed late.
+/// Idle time after which an ended train counts as drained: ten periods, at least
+/// PulseTimes::kMaxSenseDelay, at most 1 s.
 Duration idle_time_after_train(double rate_hz);
 
 /// Receives the pulses and frames of one train. A take records them, a check measures image
@@ -118,7 +118,7 @@ class ActiveTake {
   std::unique_ptr<NodeTake> recording_;    ///< at most one of these three is not null
   std::unique_ptr<CameraCheck> check_;
   std::unique_ptr<BackgroundLearner> learner_;
-  bool listens_ = false;  ///< the sound input listens for a clap
+  bool listens_ = false;  ///< the sound input detects a clap
 };
 
 }  // namespace v3d::captured

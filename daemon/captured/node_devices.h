@@ -130,7 +130,7 @@ class NodeTrigger {
   bool sensor_count_is_better() const;
   /// Pulses of the train until now. `seen`: pulses that this node has seen.
   int64_t commanded(int64_t seen) const;
-  /// False on another node that has not heard the end of the train: it may go on.
+  /// False on another node that has not received the end of the train: more pulses may follow.
   bool end_is_known() const { return generator_ || monitor_->ended(); }
 
   /// One line each; empty without a fault, and on other nodes.

@@ -1,4 +1,4 @@
-// Sound of a check: listens for a clap, and records nothing.
+// Sound of a check: detects a clap, and records nothing.
 #pragma once
 
 #include <memory>
@@ -13,9 +13,9 @@
 
 namespace v3d::captured {
 
-/// What was heard during a check.
+/// Result of the clap detection in a check.
 struct CheckedSound {
-  std::string fault{};                 ///< why no clap can be heard; empty: none
+  std::string fault{};                 ///< why no clap can be detected; empty: none
   std::optional<double> clap_pulse{};  ///< position of the loudest clap, pulses; empty: no clap
   double uncertainty_s = 0;            ///< of that position, one standard deviation
 };

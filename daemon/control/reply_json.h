@@ -29,7 +29,7 @@ std::string numbers_json(const std::map<std::string, double>& values);
 // hours can have millions of missing pulses.
 
 /// Lists of more numbers than this, all lists of a reply together, are packed (packed_numbers.h). A
-/// version that does not know packed lists cannot parse the reply, and says so.
+/// version without packed lists rejects the reply with an error.
 inline constexpr size_t kMaxListedNumbers = 100'000;
 /// A ledger that is longer than this, although its lists are packed, is not sent.
 inline constexpr size_t kMaxDetailBytes = 3 << 20;

@@ -1,4 +1,4 @@
-// What every daemon starts with: main(), service under systemd, watchdog.
+// Common start of all daemons: main(), systemd service, watchdog.
 #pragma once
 
 #include <atomic>
@@ -33,11 +33,11 @@ void feed_watchdog();
 /// The time within which the watchdog must be fed; empty without a watchdog.
 std::optional<Duration> watchdog_period();
 
-/// Reports to systemd that work of the main thread proceeds, so that a start of any length is not
-/// ended while it reads a take of hours, but one that hangs is. One thread.
+/// Reports progress of the main thread to systemd. The watchdog then does not end a long start,
+/// such as one that reads a take of hours, but ends one that hangs. One thread.
 class WorkProgress {
  public:
-  /// systemd waits as long for the next report, also where TimeoutStartSec is shorter.
+  /// systemd waits this long for the next report, also where TimeoutStartSec is shorter.
   static constexpr Duration kMaxPause = std::chrono::minutes(15);
 
   /// Call often: once a second it feeds the watchdog, and extends the time for the start.

@@ -18,7 +18,7 @@ namespace v3d::recond {
 /// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
 ///
 /// Samples a pulse every kFirstPeriod, and every kPeriod once it has a result. Works on one thread
-/// with SCHED_IDLE priority, which runs when no other thread wants the processor. When a sample
+/// with SCHED_IDLE priority, which runs when no other thread is ready to run. When a sample
 /// takes longer than `starved_after`, the thread gets the priority of nice kStarvedNice until it
 /// has a result: a busy PC reports a displaced camera, too. This needs CAP_SYS_NICE or RLIMIT_NICE
 /// (v3d-recond@.service has it); without, the priority stays idle. No function waits for the thread

@@ -18,7 +18,7 @@ struct ClipSurface {
   Skin skin;
 };
 
-/// A moment of an action. World frame, metres, z up.
+/// One frame of an action. World frame, metres, z up.
 struct ClipFrame {
   size_t surface = 0;                   ///< index of Clip::surfaces
   std::vector<Eigen::Vector3f> places;  ///< [vertex]
@@ -67,7 +67,7 @@ size_t stretched_frames(size_t frames, double factor);
 /// positions, across the mean direction from the right to the left hip.
 void mirror(Clip& clip);
 
-/// A joint that is turned over a time.
+/// A joint that is rotated over a range of frames.
 struct Bend {
   Joint joint = kLeftElbow;
   ClipRange range;
@@ -77,7 +77,7 @@ struct Bend {
   size_t ramp = 0;  ///< frames at both ends in which the angle grows from 0 smoothly
 };
 
-/// Turns a joint and all that hangs on it.
+/// Rotates a joint and its descendants.
 void bend(Clip& clip, const Bend& bend);
 
 /// Gives a clip without a prop that of another clip, so that both can be blended: in every frame it

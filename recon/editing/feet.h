@@ -1,4 +1,4 @@
-// Feet that stand stay where they are.
+// Footskate cleanup: detects foot contacts and holds the ankles in place during them.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace v3d::recon {
 
-/// A time in which a foot stands.
+/// A range of frames in which a foot is in contact with the floor.
 struct FootContact {
   Joint ankle = kLeftAnkle;
   ClipRange range;

@@ -9,7 +9,7 @@
 namespace v3d::recon {
 
 /// A transition: frames `at` + 1 to `at` + `blend` of the first action turn into frames `from` to
-/// `from` + `blend` - 1 of the second one, which then goes on.
+/// `from` + `blend` - 1 of the second one, which then continues.
 struct Transition {
   size_t at = 0, from = 0, blend = 10;
   /// Root mean square distance of the joints in these frames, metres, once the second action stands
@@ -32,10 +32,11 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
 /// Returns the last frame with a surface of the first action.
 size_t splice(Clip& a, Clip b, const Transition& transition);
 
-/// How much faster the surface moves at a change of the surface than around it: distance of the
-/// surface of frame `last`, moved to the pose of the next frame, plus what then remains to the
-/// nearest place of that frame's surface; median over the vertices, divided by the median of the
-/// same over the frames up to `around` before and after. 1 for a smooth change.
+/// Ratio of the surface speed at a change of the surface to that around it; 1 for a smooth change.
+///
+/// Numerator: median path of the vertices from frame `last` to the next one, metres. The path of a
+/// vertex is that to the pose of the next frame, and from there to the nearest point of the surface
+/// of that frame. Denominator: median of the same over the frames up to `around` before and after.
 double relative_jump(const Clip& clip, size_t last, size_t around);
 
 }  // namespace v3d::recon

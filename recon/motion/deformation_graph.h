@@ -91,8 +91,8 @@ struct VertexTarget {
 };
 
 struct GraphSolverOptions {
-  /// Weight of an edge of stiffness 1, which asks for a rigid motion of its two nodes, against a
-  /// VertexTarget of weight 1.
+  /// Weight of an edge of stiffness 1, which penalises non-rigid relative motion of its two nodes,
+  /// against a VertexTarget of weight 1.
   double rigidity = 10;
   /// Weight of equal rotations of the nodes of an edge, at a lever of the node spacing.
   double bending = 1;

@@ -1,4 +1,4 @@
-// What the cameras see of a surface at a pulse, and queries on observed surfaces.
+// Camera visibility of surface samples, and nearest-point queries on the mesh of a pulse.
 #pragma once
 
 #include <cstdint>

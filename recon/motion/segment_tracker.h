@@ -13,7 +13,7 @@
 
 namespace v3d::recon {
 
-/// What is known of a pulse: the mesh that was reconstructed from it alone, and its images.
+/// Observation of one pulse: the mesh that was reconstructed from it alone, and its images.
 struct ObservedPulse {
   int64_t pulse = 0;
   Mesh surface;  ///< world, metres; empty: an empty studio

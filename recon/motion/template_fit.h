@@ -24,7 +24,7 @@ struct FitStage {
   bool reverse;              ///< targets also from the observed surface to the template
 };
 
-/// Displacements that a pulse asks for, one per vertex, metres along the normal.
+/// Displacements measured at one pulse, one per vertex, metres along the normal.
 struct NormalDisplacements {
   std::vector<float> target, weight;  ///< measured where the weight is more than 0
 };

@@ -50,8 +50,8 @@ class ColourConsistency {
 // leave-one-out hull shows them, because each of the cameras removes the piece from the hulls of
 // the others.
 
-/// Asked by long computations whether they should end without a result. Called from several threads
-/// at once. Empty: never.
+/// Returns true when a long computation must end without a result. Called from several threads at
+/// once. Empty: never.
 using StopRequest = std::function<bool()>;
 
 struct JointMissingOptions {

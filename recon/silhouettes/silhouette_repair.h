@@ -88,7 +88,7 @@ class SilhouetteRepair {
                              const NeighbourMasks& neighbours = {});
 
   /// repair() without neighbours, which ends early and without a result when `should_stop` returns
-  /// true. It is asked at least once for each leave-one-out hull.
+  /// true. It is called at least once for each leave-one-out hull.
   std::optional<RepairedSilhouettes> repair_unless(const StopRequest& should_stop,
                                                    std::span<const Mask* const> masks,
                                                    std::span<const Frame* const> frames);

@@ -1,4 +1,4 @@
-// What one mesh shows of a body: ends of its Reeb graph, a prop, points of the surface.
+// Body parts detected in one mesh: ends of its Reeb graph, a prop, points of the surface.
 #pragma once
 
 #include <Eigen/Core>

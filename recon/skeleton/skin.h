@@ -1,4 +1,4 @@
-// Skin: how a skeleton moves a surface.
+// Skin: linear blend skinning of a surface by a skeleton.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,7 +19,7 @@ struct SkinInfluence {
   std::array<float, kParts> weight{};
 };
 
-/// How a skeleton moves a tracked surface.
+/// Parameters of the linear blend skinning of a tracked surface.
 struct Skin {
   SkeletonPulse rest;                     ///< the skeleton at the rest pulse of the surface
   std::vector<SkinInfluence> influences;  ///< [vertex]

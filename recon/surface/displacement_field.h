@@ -46,7 +46,7 @@ class DisplacementField {
     Values mean;  ///< of the profile
     Values pull_weight, pull_steps;
   };
-  /// Displacements that the data terms ask for: weight, and steps times weight.
+  /// Target displacements of the data terms: weight, and steps times weight.
   struct Targets {
     Values weight, steps;
   };

@@ -15,7 +15,7 @@
 
 namespace v3d::sim {
 
-// Registers of the simulated cameras that Aravis' fake camera does not know (genicam.cc).
+// Registers of the simulated cameras that Aravis' fake camera lacks (genicam.cc).
 
 namespace registers {
 inline constexpr uint32_t kPtpEnable = 0x310;

@@ -23,8 +23,8 @@ inline constexpr std::array<std::string_view, 15> kMainJoints = {
     "left_elbow", "right_elbow", "left_wrist", "right_wrist",   "left_hip",
     "right_hip",  "left_knee",   "right_knee", "left_ankle",    "right_ankle"};
 
-/// The main joint of a node with this name in a file; empty where there is none. Knows the names of
-/// Mixamo (`mixamorig:LeftForeArm`), VRM (`leftLowerArm`) and Blender (`forearm.L`).
+/// The main joint of a node with this name in a file; empty where there is none. Supports the names
+/// of Mixamo (`mixamorig:LeftForeArm`), VRM (`leftLowerArm`) and Blender (`forearm.L`).
 std::string main_joint_of(std::string_view node);
 
 /// The joints of a performer: those of Pose, the guard and the tip of the sword, all in metres; or

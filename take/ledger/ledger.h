@@ -60,8 +60,8 @@ struct CameraLedger {
 struct Ledger {
   std::string take;
   int64_t commanded = 0;
-  /// True when more pulses may have been commanded than the node knows: it recovered the take, left
-  /// it before its end, or did not hear of its end.
+  /// True when `commanded` is a lower bound: the node recovered the take, left it before its end,
+  /// or did not receive its end.
   bool commanded_is_minimum = false;
   std::optional<int64_t> sensed;  ///< pulses that the sense line detected; empty: no sense line
   std::vector<int64_t> unsensed = {};  ///< commanded pulses that it did not detect

@@ -1,4 +1,4 @@
-// What the ledger has of a sound file: from the track of a recording, or from the file afterwards.
+// Ledger entry of a sound file: from the track of a recording, or afterwards from the file.
 #pragma once
 
 #include <cstdint>

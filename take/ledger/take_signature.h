@@ -95,10 +95,10 @@ struct TakeSignature {
 /// The path of signature.<node>.toml.
 std::filesystem::path signature_path(const TakePaths& paths, const std::string& node);
 
-/// Renames the signature of `node`, if there is one, to a hidden name, because the node records
-/// into the take again: the signature says nothing about the continued take, which would remain
-/// without another one after a crash. Returns whether there was one. Replaces an earlier file of
-/// the hidden name. Fails with path and cause.
+/// Renames the signature of `node`, if there is one, to a hidden name, before the node continues
+/// the take. The signature does not cover the continued take; after a crash it would otherwise
+/// remain as its only signature. Returns whether there was one. Replaces an earlier file of the
+/// hidden name. Fails with path and cause.
 [[nodiscard]] io::Result<bool> set_signature_aside(const TakePaths& paths, const std::string& node);
 /// Undoes set_signature_aside(). Fails with path and cause.
 [[nodiscard]] io::Status restore_signature(const TakePaths& paths, const std::string& node);

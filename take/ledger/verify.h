@@ -30,7 +30,7 @@ struct Verification {
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// What a take without a ledger tells about its pulses.
+/// Evidence about the pulses of a take without a ledger.
 struct PulseEvidence {
   PulseSet sensed;             ///< of pulses.lcmlog
   bool has_sense_line = true;  ///< by the studio file of the take

@@ -1,4 +1,4 @@
-// How well a rig sees the performers.
+// Surface coverage and accuracy of a rig for sampled performers.
 #pragma once
 
 #include <array>

@@ -15,8 +15,8 @@ inline constexpr double kTargetErrorM = 0.0015;
 /// Standard deviation of a matched image position, pixels.
 inline constexpr double kMatchingErrorPx = 0.3;
 
-/// What a set of cameras knows of a point: the number of cameras that see it, and the inverse
-/// covariance (1/m^2) of its triangulated position.
+/// Information of a set of cameras about a point: the number of cameras that see it, and the
+/// inverse covariance (1/m^2) of its triangulated position.
 struct PointInformation {
   int cameras = 0;
   float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;

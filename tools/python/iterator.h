@@ -18,8 +18,8 @@ struct PulseIterator {
 };
 
 /// Defines the iterator class of a reader. `read(reader, pulse)` returns an optional, empty for
-/// pulses to leave out. It runs without the lock of Python. After an exception, the iterator goes
-/// on with the next pulse.
+/// pulses to leave out. It runs without the lock of Python. After an exception, the iterator
+/// continues with the next pulse.
 template <class Reader, class Read>
 void bind_iterator(py::module_& module, const char* name, const Read& read) {
   using Iterator = PulseIterator<Reader>;

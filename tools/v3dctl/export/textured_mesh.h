@@ -1,4 +1,4 @@
-// A mesh with texture coordinates, as file formats want it.
+// A mesh with texture coordinates, as file formats require it.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Claps that `v3dctl check` has heard, and their offset from the pictures.
+// Claps detected by `v3dctl check`, and their offset from the pictures.
 #pragma once
 
 #include <map>
@@ -12,13 +12,13 @@
 
 namespace v3d::ctl {
 
-/// The ends of motions that each camera has seen, by its name.
+/// The ends of motions in the pictures of each camera, by its name.
 using CameraStops = std::map<std::string, std::vector<segmentation::MotionStop>>;
 
-/// What a node has heard during the check, from "sound" in the detail of its reply.
+/// Result of the clap detection of one node, from "sound" in the detail of its reply.
 struct NodeSoundCheck {
   std::string node;
-  std::string fault;               ///< why it could hear no clap; empty: none
+  std::string fault;               ///< why it could detect no clap; empty: none
   std::optional<ClapOffset> clap;  ///< empty: no clap
 };
 

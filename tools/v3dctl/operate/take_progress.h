@@ -1,4 +1,4 @@
-// When a take has ended on all nodes, from their health.
+// Detects the end of a take on all nodes from their health messages.
 #pragma once
 
 #include <cstdint>

@@ -40,7 +40,7 @@ struct SceneTake {
   std::optional<int64_t> out_pulse = std::nullopt;  ///< inclusive
   Outside outside = Outside::kHold;
   std::optional<int> performer = std::nullopt;  ///< the only one that is shown
-  bool sound = true;                            ///< whether it is heard
+  bool sound = true;                            ///< whether its sound is played
   double sound_shift_s = 0;                     ///< sound is later by this, in scene time
   double sound_gain_db = 0;
 };

@@ -63,8 +63,8 @@ class ClipSound {
 /// Mixes the sound of all takes of a scene.
 class SceneSound {
  public:
-  /// Opens the sound of all takes that are heard. `clips`: the takes of the scene, with their
-  /// parts. Throws InputError as TakeSound does.
+  /// Opens the sound of all takes whose sound is played. `clips`: the takes of the scene, with
+  /// their parts. Throws InputError as TakeSound does.
   SceneSound(const std::vector<SoundClip>& clips, double begin_s);
 
   /// True when no take has sound in step with its pulses.

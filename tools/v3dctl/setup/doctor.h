@@ -62,10 +62,10 @@ std::optional<Finding> check_lights(const Studio& studio, const std::string& nod
 
 // --- clock: doctor_machine.cc
 
-/// Asks chronyd, systemd-timesyncd and ptp4l, up to 200 ms.
+/// Queries chronyd, systemd-timesyncd and ptp4l, up to 200 ms.
 Finding check_clock();
 /// `values`: as reported by ClockMonitor and PtpMonitor. `kernel_synchronised`: flag of the kernel,
-/// which is also set by a ptp4l that this user may not ask.
+/// which is also set by a ptp4l that this user may not query.
 Finding check_clock(const std::map<std::string, double>& values, bool kernel_synchronised);
 
 /// Whether scheduled action commands have the time scale of PTP. `tai_offset_s`: seconds by which

@@ -1,4 +1,4 @@
-// The takes of a node: which of them it has, and what their take.toml and ledger.toml say.
+// The takes of a node, with the content of their take.toml and ledger.toml.
 #pragma once
 
 #include <filesystem>
@@ -32,7 +32,7 @@ struct NodeTakes {
 NodeTakes list_node_takes(const Rsync& rsync, const NodeFolder& source,
                           const std::filesystem::path& probe);
 
-/// What a take, or the part of a node, says of itself.
+/// take.toml and ledger.toml of a take, or of the part of a node.
 struct TakeSummary {
   take::TakeInfo info;
   std::optional<take::Ledger> ledger;  ///< empty: it cannot be read

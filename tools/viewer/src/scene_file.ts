@@ -25,7 +25,7 @@ export interface SceneTake extends Placement {
   outside: Outside;
   /** The only performer that is shown; null: all. */
   performer: number | null;
-  /** Whether it is heard in a rendered video, how much later than its pictures, and how loud. */
+  /** Whether its sound is in a rendered video, how much later than its pictures, and how loud. */
   sound: boolean;
   sound_shift_s: number;
   sound_gain_db: number;
