@@ -73,7 +73,7 @@ std::optional<TakeToResume> TakeRejoin::poll(node::TrainMonitor& train) {
 }
 
 void TakeRejoin::begin(const node::PersistedCommands::Found& found) {
-  order_ = found.order;
+  order_ = found.command;
   const take::TakePaths paths = node::take_paths(studio_, order_.take);
   auto reading = std::make_unique<Reading>();
   reading->no_signing = signer_.hold();

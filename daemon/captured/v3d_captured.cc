@@ -20,7 +20,7 @@ std::vector<v3d::take::Ledger> accounts(const v3d::Studio& studio, const std::st
   for (const v3d::node::RecoveredTake& take : recovered) {
     if (take.ledger) ledgers.push_back(*take.ledger);
   }
-  for (const auto& [take, order] : v3d::node::persisted_commands(studio, node).commands) {
+  for (const auto& [take, command] : v3d::node::persisted_commands(studio, node).commands) {
     const v3d::take::TakePaths paths = v3d::node::take_paths(studio, take);
     try {
       // The ledger of an open take is of an earlier recovery, or lacks what was not written.

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint64_t kMaxOrderBytes = 1 << 20;
+constexpr uint64_t kMaxCommandBytes = 1 << 20;
 
 /// The name has the node, because several nodes on one PC may share the folder.
 fs::path command_file(const fs::path& take, const std::string& node) {
@@ -25,7 +25,7 @@ fs::path command_file(const fs::path& take, const std::string& node) {
 
 /// Empty without such a file, and for a file beside the takes.
 io::Result<std::optional<wire::CommandMessage>> read_command(const fs::path& file) {
-  const auto text = io::read_file(file, kMaxOrderBytes, io::OpenMode::kReadWithinFolder);
+  const auto text = io::read_file(file, kMaxCommandBytes, io::OpenMode::kReadWithinFolder);
   if (!text && (text.error().code == ENOENT || text.error().code == ENOTDIR)) return std::nullopt;
   if (!text) return tl::make_unexpected(text.error());
   auto command = wire::decode<wire::CommandMessage>(wire::Bytes(text->begin(), text->end()));
@@ -36,9 +36,9 @@ io::Result<std::optional<wire::CommandMessage>> read_command(const fs::path& fil
 }  // namespace
 
 void persist_command(const Studio& studio, const std::string& node,
-                     const wire::CommandMessage& order) {
-  const wire::Bytes bytes = encode(order);
-  const auto saved = io::replace_file(command_file(take_paths(studio, order.take).folder, node),
+                     const wire::CommandMessage& command) {
+  const wire::Bytes bytes = encode(command);
+  const auto saved = io::replace_file(command_file(take_paths(studio, command.take).folder, node),
                                       std::string(bytes.begin(), bytes.end()));
   if (!saved) spdlog::warn("{}", saved.error().message);
 }
@@ -60,12 +60,12 @@ CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node)
   if (!found.folder_was_listed) spdlog::error("{}", takes.error().message);
   for (const fs::path& take : takes.value_or(std::vector<fs::path>())) {
     const std::string name = take.filename().string();
-    auto order = read_command(command_file(take, node));
-    if (!order) {
-      spdlog::error("{}", order.error().message);
+    auto command = read_command(command_file(take, node));
+    if (!command) {
+      spdlog::error("{}", command.error().message);
       found.unread.insert(name);
-    } else if (*order && (*order)->take == name) {
-      found.commands.emplace(name, *std::move(*order));
+    } else if (*command && (*command)->take == name) {
+      found.commands.emplace(name, *std::move(*command));
     }
   }
   return found;
@@ -73,11 +73,11 @@ CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node)
 
 std::optional<RejoinDecision::Found> RejoinDecision::decide(
     const TrainState::RunningTake& running) {
-  const auto found = commands_.find(running.take);
-  std::optional<Found> order;
-  if (found != commands_.end()) order = {std::move(found->second), running.commanded};
+  const auto command = commands_.find(running.take);
+  std::optional<Found> found;
+  if (command != commands_.end()) found = {std::move(command->second), running.commanded};
   commands_.clear();
-  return order;
+  return found;
 }
 
 PersistedCommands::PersistedCommands(const Studio& studio, std::string node)
@@ -93,8 +93,8 @@ void PersistedCommands::read() {
 
 std::optional<PersistedCommands::Found> PersistedCommands::find_running(TrainMonitor& train) {
   constexpr Duration kPause = std::chrono::seconds(1);
-  const bool may_lack_orders = !on_disk_.unread.empty() || !on_disk_.folder_was_listed;
-  if (!decision_.is_open() && !may_lack_orders) return std::nullopt;
+  const bool may_lack_commands = !on_disk_.unread.empty() || !on_disk_.folder_was_listed;
+  if (!decision_.is_open() && !may_lack_commands) return std::nullopt;
   const auto running = train.running();
   if (!running) return std::nullopt;
   if (!on_disk_.folder_was_listed || on_disk_.unread.contains(running->take)) {
@@ -107,7 +107,7 @@ std::optional<PersistedCommands::Found> PersistedCommands::find_running(TrainMon
 
 void PersistedCommands::drop_all() {
   const CommandsOnDisk found = persisted_commands(studio_, node_);
-  for (const auto& [take, order] : found.commands) drop_command(studio_, node_, take);
+  for (const auto& [take, command] : found.commands) drop_command(studio_, node_, take);
   for (const std::string& take : found.unread) drop_command(studio_, node_, take);
   on_disk_ = {};
   decision_.close();

@@ -1,4 +1,4 @@
-// What a daemon keeps over a restart: the order of the running take.
+// Persisted command: the command of the running take, kept over a restart of the daemon.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,16 @@
 
 namespace v3d::node {
 
-// Persists the order of a node's take in the folder of the take. A daemon that restarts during the
-// take resumes it; after the take, it can still report the result.
+// Persists the command of a node's take in the folder of the take. A daemon that restarts during
+// the take resumes it; after the take, it can still report the result.
 
-/// Saves the order. Call when the take is armed; the file exists until the next order. A write
+/// Saves the command. Call when the take is armed; the file exists until the next command. A write
 /// error is only logged: a restarted daemon then cannot resume the take.
 void persist_command(const Studio& studio, const std::string& node,
-                     const wire::CommandMessage& order);
-/// Deletes the order of one take.
+                     const wire::CommandMessage& command);
+/// Deletes the command of one take.
 void drop_command(const Studio& studio, const std::string& node, const std::string& take);
-/// Whether the folder of a take has an order of this node. Fails with path and cause.
+/// Whether the folder of a take has a command of this node. Fails with path and cause.
 [[nodiscard]] io::Result<bool> has_persisted_command(const take::TakePaths& take,
                                                      const std::string& node);
 
@@ -34,46 +34,47 @@ struct CommandsOnDisk {
   /// By take name; the take may have ended. Has more than one entry when take folders were copied
   /// to this PC.
   std::map<std::string, wire::CommandMessage> commands;
-  std::set<std::string> unread;   ///< takes whose order cannot be read
+  std::set<std::string> unread;   ///< takes whose command cannot be read
   bool folder_was_listed = true;  ///< false: there may be others
 };
-/// The saved orders of this node. Logs why an order cannot be read.
+/// The saved commands of this node. Logs why a command cannot be read.
 CommandsOnDisk persisted_commands(const Studio& studio, const std::string& node);
 
 /// Decides once whether a restarted node rejoins the running take. No input or output. One thread.
 class RejoinDecision {
  public:
   struct Found {
-    wire::CommandMessage order;
+    wire::CommandMessage command;
     int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
   };
-  /// `persisted`: the orders on this node's disk, by take name.
+  /// `persisted`: the commands on this node's disk, by take name.
   explicit RejoinDecision(std::map<std::string, wire::CommandMessage> persisted)
       : commands_(std::move(persisted)) {}
 
-  /// False once the decision has been made, and without persisted orders.
+  /// False once the decision has been made, and without persisted commands.
   bool is_open() const { return !commands_.empty(); }
-  /// The order of the running take, if it was persisted. Call with the first health of the
+  /// The command of the running take, if it was persisted. Call with the first health of the
   /// trigger's node; closes the decision.
   std::optional<Found> decide(const TrainState::RunningTake& running);
-  /// Call when the node receives a new order.
+  /// Call when the node receives a new command.
   void close() { commands_.clear(); }
 
  private:
   std::map<std::string, wire::CommandMessage> commands_;
 };
 
-/// The persisted orders of a node, and whether one of them belongs to the running take. One thread.
+/// The persisted commands of a node, and whether one of them belongs to the running take. One
+/// thread.
 class PersistedCommands {
  public:
   PersistedCommands(const Studio& studio, std::string node);
 
   using Found = RejoinDecision::Found;
-  /// The order of the running take, at most once. Reads the health of the trigger's node; the first
-  /// message decides. While an order cannot be read, it reads all again every second, and decides
-  /// by a later message. Call often, until drop_all().
+  /// The command of the running take, at most once. Reads the health of the trigger's node; the
+  /// first message decides. While a command cannot be read, it reads all again every second, and
+  /// decides by a later message. Call often, until drop_all().
   std::optional<Found> find_running(TrainMonitor& train);
-  /// Deletes all persisted orders, on disk too. Call when the node receives a new order.
+  /// Deletes all persisted commands, on disk too. Call when the node receives a new command.
   void drop_all();
 
  private:

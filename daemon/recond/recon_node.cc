@@ -193,7 +193,7 @@ void ReconNode::arm(const wire::CommandMessage& command) {
 std::optional<wire::CommandMessage> ReconNode::rejoin() {
   const auto found = persisted_commands_.find_running(train_);
   if (!found) return std::nullopt;
-  command_ = found->order;
+  command_ = found->command;
   open(command_, found->commanded);
   events_.send(wire::Severity::kWarning, "reconstruction",
                node_ + " restarted and reconstructs " + command_.take + " again from pulse " +

@@ -138,7 +138,7 @@ std::optional<wire::CommandMessage> SimulatedCapture::rejoin() {
   if (host_.trigger != nullptr) return std::nullopt;
   const auto found = running_take();
   if (!found) return std::nullopt;
-  order_ = found->order;
+  order_ = found->command;
   TakeOnDisk& take = on_disk();
   pulses_ = captured::KnownPulses(order_.take, take.pulses, found->commanded, now());
   accounts_.clear();
@@ -340,7 +340,7 @@ void SimulatedRecon::disarm() {
 std::optional<wire::CommandMessage> SimulatedRecon::rejoin() {
   const auto found = running_take();
   if (!found) return std::nullopt;
-  order_ = found->order;
+  order_ = found->command;
   is_open_ = true;
   return order_;
 }

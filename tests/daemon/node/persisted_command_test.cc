@@ -20,18 +20,18 @@ class PersistedCommandTest : public testing::Test {
     studio_.storage.takes = folder_ / "takes";
     for (const char* take : {"kendo-07", "kendo-08"}) {
       fs::create_directories(take_paths(studio_, take).folder);
-      wire::CommandMessage order;
-      order.verb = wire::CommandVerb::kArm;
-      order.sender = "desk";
-      order.take = take;
-      persist_command(studio_, "cap01", order);
+      wire::CommandMessage command;
+      command.verb = wire::CommandVerb::kArm;
+      command.sender = "desk";
+      command.take = take;
+      persist_command(studio_, "cap01", command);
     }
   }
-  /// Makes the order of a take unreadable: EISDIR.
+  /// Makes the command of a take unreadable: EISDIR.
   void damage(const std::string& take) {
-    const fs::path order = take_paths(studio_, take).folder / ".order-cap01";
-    fs::remove(order);
-    fs::create_directory(order);
+    const fs::path command = take_paths(studio_, take).folder / ".order-cap01";
+    fs::remove(command);
+    fs::create_directory(command);
   }
 
   const test::TemporaryFolder folder_;
@@ -62,7 +62,7 @@ TEST_F(PersistedCommandTest, is_not_searched_in_a_file_beside_the_takes) {
 
 TEST_F(PersistedCommandTest, is_dropped_with_all_others_even_when_it_cannot_be_read) {
   const fs::path damaged = take_paths(studio_, "kendo-08").folder / ".order-cap01";
-  test::write_text(damaged, "no order");
+  test::write_text(damaged, "no command");
   PersistedCommands commands(studio_, "cap01");
   commands.drop_all();
   EXPECT_FALSE(fs::exists(damaged));
