@@ -16,7 +16,7 @@ using testing::SizeIs;
 constexpr double kRate = 25;
 constexpr ImageSize kSize{128, 96};
 
-TEST(StopsOfMotion, are_where_the_part_of_the_last_change_tells) {
+TEST(StopsOfMotion, lie_at_the_fraction_given_by_the_last_change) {
   const auto part = stops_of_motion(std::vector<double>{0, 0, 0, 4, 4, 4, 1, 0, 0}, kRate);
   ASSERT_THAT(part, SizeIs(1));
   EXPECT_THAT(part[0].pulse, DoubleNear(5.25, 1e-9));

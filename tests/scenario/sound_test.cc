@@ -130,7 +130,7 @@ class ClapStudio : public SoundStudio {
              .simulator = {"--clap", "30.4"}}) {}
 };
 
-TEST_F(ClapStudio, is_told_by_the_check_how_much_later_the_sound_is_than_the_pictures) {
+TEST_F(ClapStudio, gets_the_delay_of_the_sound_from_the_check) {
   ASSERT_TRUE(reaches("cap01", "sound_open_flag", 1));
   const std::string text = check({"--json", "--pulses", "50"});
   const auto report = nlohmann::json::parse(text.substr(text.find('{')));

@@ -66,7 +66,7 @@ TEST_F(LevelMonitorTest, names_each_channel_with_its_fault) {
                                              ChannelFault{4, LevelFault::kSilent}));
 }
 
-TEST_F(LevelMonitorTest, counts_anew_after_a_reset) {
+TEST_F(LevelMonitorTest, restarts_its_counts_after_a_reset) {
   add({0, -6, -3, -150}, 6);
   monitor_.reset();
   EXPECT_THAT(monitor_.faults(), IsEmpty());

@@ -95,7 +95,7 @@ class Recording {
   std::vector<double> edges_;
 };
 
-TEST(SoundTrack, knows_the_sample_and_the_timecode_of_every_pulse_at_48_and_96_khz) {
+TEST(SoundTrack, maps_every_pulse_to_its_sample_and_timecode_at_48_and_96_khz) {
   for (const int rate_hz : {48'000, 96'000}) {
     SCOPED_TRACE(rate_hz);
     const Recording recording(rate_hz);

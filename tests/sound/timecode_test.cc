@@ -165,7 +165,7 @@ TEST(TimecodeTrack, finds_the_rate_and_the_timecode_of_any_position) {
   }
 }
 
-TEST(TimecodeTrack, of_another_speed_needs_the_rate_to_be_told) {
+TEST(TimecodeTrack, of_another_speed_requires_the_rate) {
   const TimecodeTrack track =
       track_of(ltc_signal(TimecodeRate::k25, {1, 0, 0, 0}, 2), TimecodeRate::k25);
   EXPECT_THAT(track.at(50.5 * 960), Optional(Timecode{1, 0, 2, 0}));

@@ -129,7 +129,7 @@ TEST_F(TakeRecovery, counts_a_recovered_take_again_when_its_disk_can_be_read_aga
               Contains("calib.toml: has 7 bytes, the ledger says 0"));
 }
 
-TEST_F(TakeRecovery, cannot_know_of_pulses_after_the_last_one) {
+TEST_F(TakeRecovery, cannot_count_pulses_after_the_last_one) {
   EXPECT_TRUE(recover_take(paths_).ledger.commanded_is_minimum);
   EXPECT_EQ(verify_take(paths_).ledger.verdict(),
             "take kendo-07: incomplete, 1 cameras x at least 21 pulses, 1 missing, 0 suspect");
@@ -147,7 +147,7 @@ class TakeRecoveryWithoutSenseLine : public TakeRecovery {
   }
 };
 
-TEST_F(TakeRecoveryWithoutSenseLine, knows_the_pulses_up_to_the_last_frame_only) {
+TEST_F(TakeRecoveryWithoutSenseLine, counts_the_pulses_up_to_the_last_frame_only) {
   const Ledger recovered = recover_take(paths_).ledger;
   EXPECT_EQ(recovered.commanded, kFrames);
   EXPECT_TRUE(recovered.commanded_is_minimum);

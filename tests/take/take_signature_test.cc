@@ -314,7 +314,7 @@ TEST_F(TakeSigning, accepts_plates_and_logs_only_from_the_node_of_the_camera) {
 }
 
 /// Names of cameras may have dots: "ring.01" is not a file of the camera "ring".
-TEST_F(TakeSigning, knows_the_node_of_a_camera_with_a_dot_in_its_name) {
+TEST_F(TakeSigning, finds_the_node_of_a_camera_with_a_dot_in_its_name) {
   add_camera("ring", "cap02");
   add_camera("ring.01", "cap01");
   record("cap01", {"ring", "ring.01"}, cap01_);

@@ -166,7 +166,7 @@ TEST(CameraCheck, compares_a_clap_with_the_pictures_of_all_nodes) {
   EXPECT_NEAR(json["cameras"][0]["offset_ms"], 25, 1e-9);
 }
 
-TEST(CameraCheck, states_that_it_heard_no_clap_or_could_hear_none) {
+TEST(CameraCheck, reports_a_missing_clap_and_a_failed_detection) {
   const CheckReport silent =
       report_with_sound(R"({"fault":"","clap_pulse":null,"uncertainty_us":0.0})");
   EXPECT_THAT(sound_lines(silent.sounds), ElementsAre("sound of cap02: no clap found"));

@@ -66,7 +66,7 @@ TEST(IntegerOption, accepts_integers_within_its_limits) {
   }
 }
 
-TEST(NumberOption, tells_positive_from_non_negative_numbers) {
+TEST(NumberOption, distinguishes_positive_and_non_negative_numbers) {
   EXPECT_EQ(positive_number().error("0.1"), "");
   EXPECT_NE(positive_number().error("0"), "");
   EXPECT_EQ(non_negative_number().error("0"), "");

@@ -301,11 +301,11 @@ class ReceiverOfPulses : public Receiver {
   }
 };
 
-TEST_F(ReceiverOfPulses, knows_their_ages_after_a_clock_was_set_back_by_60_ms) {
+TEST_F(ReceiverOfPulses, reports_their_ages_after_a_clock_was_set_back_by_60_ms) {
   expect_known_ages_after_the_clock_was_set(60ms);
 }
 
-TEST_F(ReceiverOfPulses, knows_their_ages_after_a_clock_was_set_back_by_3_s) {
+TEST_F(ReceiverOfPulses, reports_their_ages_after_a_clock_was_set_back_by_3_s) {
   expect_known_ages_after_the_clock_was_set(3s);
 }
 

@@ -60,7 +60,7 @@ TEST(SoundCheck, gives_the_pulse_of_a_clap) {
   EXPECT_THAT(heard.uncertainty_s, Lt(0.002));
 }
 
-TEST(SoundCheck, hears_no_clap_in_silence_and_in_a_steady_tone) {
+TEST(SoundCheck, finds_no_clap_in_silence_and_in_a_steady_tone) {
   for (const double level : {0.0, 0.3}) {
     const CheckedSound heard =
         hear([&](int64_t sample) { return level * std::sin(0.05 * static_cast<double>(sample)); });

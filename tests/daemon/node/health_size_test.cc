@@ -116,7 +116,7 @@ TEST(HealthSize, health_of_any_number_of_cameras_is_shortened_to_what_receivers_
   }
 }
 
-TEST(HealthSize, what_is_left_out_first_is_what_matters_least_and_the_text_says_so) {
+TEST(HealthSize, omits_the_least_important_values_first_and_reports_it) {
   const auto shortened_to = [](size_t bytes) {
     wire::HealthMessage health = health_of(100, 13);
     shorten_health(health, bytes);

@@ -190,7 +190,7 @@ TEST_F(NodeLoops, report_that_they_drain_even_if_this_takes_no_time) {
   EXPECT_TRUE(becomes_true(drains, within(10)));
 }
 
-TEST_F(NodeLoops, with_more_cameras_than_a_message_can_hold_are_heard_and_say_so) {
+TEST_F(NodeLoops, send_shortened_health_that_reports_the_omission) {
   capture_.emplace(studio_, "cap01", "", 20'000);
   recon_.emplace(studio_, "recon01");
   control::OperatorClient client(studio_);

@@ -163,7 +163,7 @@ TEST_F(TrainStateTest, ends_at_once_after_it_was_rejoined) {
   EXPECT_TRUE(train_.ended());
 }
 
-TEST_F(TrainStateTest, ends_anew_for_each_take) {
+TEST_F(TrainStateTest, ends_again_in_the_next_take) {
   receive(next(wire::NodeState::kRecording));
   receive(next(wire::NodeState::kIdle));
   train_.reset(now_);

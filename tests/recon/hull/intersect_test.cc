@@ -100,7 +100,7 @@ RC_GTEST_PROP(Intersector, takes_what_lies_beyond_the_fold_of_a_lens_as_not_seen
             intersect_brute_force(grid, scene.cameras, scene.mask_pointers(), 1));
 }
 
-RC_GTEST_PROP(Intersector, forgets_the_frame_before, ()) {
+RC_GTEST_PROP(Intersector, does_not_depend_on_the_previous_frame, ()) {
   const VoxelGrid grid = random_grid();
   Scene scene = random_scene(grid, 4);
   Intersector intersector(grid, scene.cameras, 1);

@@ -50,7 +50,7 @@ void require_true_of_every_voxel(const CubeFootprint& view, const SeenPixel& pix
   RC_ASSERT(view.y0 <= pixel.y && pixel.y <= view.y1);
 }
 
-RC_GTEST_PROP(IntersectionOctree, knows_of_a_cube_only_what_is_true_of_each_of_its_voxels, ()) {
+RC_GTEST_PROP(IntersectionOctree, bounds_of_a_cube_hold_for_each_of_its_voxels, ()) {
   const CameraModel model = random_camera(box_of(kGrid));
   const std::vector<VoxelCamera> cameras{VoxelCamera(model, kGrid)};
   std::vector<MaskPyramid> masks(1, MaskPyramid(model.size()));
@@ -66,7 +66,7 @@ RC_GTEST_PROP(IntersectionOctree, knows_of_a_cube_only_what_is_true_of_each_of_i
   });
 }
 
-RC_GTEST_PROP(IntersectionOctree, knows_nothing_where_numbers_may_overflow, ()) {
+RC_GTEST_PROP(IntersectionOctree, gives_no_bounds_where_numbers_may_overflow, ()) {
   const CameraModel usual = random_camera(box_of(kGrid));
   const CameraModel wild(usual.size(), usual.matrix(), Distortion{0, 0, 0, 0, 1e30},
                          usual.cam_from_world());

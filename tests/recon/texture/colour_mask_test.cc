@@ -55,7 +55,7 @@ void check(const Frame& frame, const Mask& differing) {
   }
 }
 
-RC_GTEST_PROP(ColourMask, tells_foreground_and_what_is_two_steps_inside_it, ()) {
+RC_GTEST_PROP(ColourMask, classifies_foreground_and_pixels_two_steps_inside, ()) {
   const Frame frame = random_frame();
   check(frame, *frame.mask);
 }

@@ -291,7 +291,7 @@ TEST(AtlasFilter, keeps_the_colour_of_a_place_that_no_camera_sees_any_more) {
   EXPECT_EQ(filtered(filter, 150), 150);
 }
 
-TEST(AtlasFilter, takes_the_colour_of_a_camera_at_first_sight) {
+TEST(AtlasFilter, adopts_the_colour_of_the_first_camera_at_once) {
   AtlasFilter filter;
   EXPECT_EQ(filtered(filter, 100, false), 100);
   EXPECT_EQ(filtered(filter, 110, true), 110);

@@ -23,7 +23,7 @@ describe('an operator', () => {
     expect(doingOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
   });
 
-  it('is not told that a check or the learning of the background is recorded', () => {
+  it('shows no recording during a check or background', () => {
     for (const take of ['check', 'background']) {
       for (const state of ['idle', 'armed', 'recording', 'draining']) {
         const nodes = [node('cap01', state, take, { unrecorded_flag: 1 }), node('recon01', 'idle')];

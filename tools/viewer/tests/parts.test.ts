@@ -9,7 +9,7 @@ afterEach(() => vi.unstubAllGlobals());
 const answer = (status: number, text = '') => vi.stubGlobal('fetch', async () => new Response(text, { status }));
 
 describe('a request of the page', () => {
-  it('tells what is absent from what a busy server does not send', async () => {
+  it('distinguishes absent content from a busy server', async () => {
     answer(404, 'there is no such take\n');
     expect(await fetchRig('api/rig')).toEqual([]);
     expect(await fetchSound('kendo-07')).toEqual([]);
