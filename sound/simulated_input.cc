@@ -178,7 +178,7 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
                           : key == "clap_edge"       ? &options.clap_edge
                           : key == "clap_ms"         ? &options.clap_ms
                                                      : nullptr;
-    if (value == nullptr || !take_number(rest, *value)) return std::nullopt;
+    if (value == nullptr || !consume_number(rest, *value)) return std::nullopt;
     if (!rest.empty() && rest.front() != ',') return std::nullopt;
     if (!rest.empty()) rest.remove_prefix(1);
   }

@@ -141,7 +141,7 @@ std::string with_unit(double value, const char* unit) {
 
 }  // namespace
 
-bool take_number(std::string_view& text, double& value) {
+bool consume_number(std::string_view& text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || !std::isfinite(value)) {
     return false;
@@ -153,7 +153,7 @@ bool take_number(std::string_view& text, double& value) {
 double parse_length(std::string_view text) {
   std::string_view rest = text;
   double value = 0;
-  if (take_number(rest, value) && value > 0) {
+  if (consume_number(rest, value) && value > 0) {
     if (rest == "mm") return value * 1e-3;
     if (rest == "cm") return value * 1e-2;
     if (rest == "m") return value;

@@ -55,7 +55,7 @@ std::string html_escaped(std::string_view text);
 
 /// Parses a finite number at the start of `text` and removes it. Returns false, and changes
 /// nothing, when `text` does not begin with one.
-bool take_number(std::string_view& text, double& value);
+bool consume_number(std::string_view& text, double& value);
 /// Parses "8mm", "0.5cm" or "2m" to metres. Throws InputError for anything else, including a number
 /// without a unit.
 double parse_length(std::string_view text);

@@ -57,7 +57,7 @@ Box parse_bounds(std::string_view text) {
   std::string_view rest = text;
   bool good = true;
   for (size_t i = 0; i < v.size() && good; ++i) {
-    good = take_number(rest, v[i]);
+    good = consume_number(rest, v[i]);
     if (good && i + 1 < v.size()) {
       good = rest.starts_with(',');
       rest.remove_prefix(good ? 1 : 0);

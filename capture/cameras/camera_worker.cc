@@ -84,7 +84,7 @@ class CameraWorker::Impl {
     start_take(CameraState::kIdle);
   }
 
-  std::optional<Frame> take(MonotonicInstant deadline) {
+  std::optional<Frame> pop(MonotonicInstant deadline) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, deadline - Monotonic::now(), [&] { return !queue_.empty(); });
     if (queue_.empty()) return {};
@@ -114,7 +114,7 @@ class CameraWorker::Impl {
   }
 
   /// Starts a new take number and sets the state that status() reports until the thread has handled
-  /// the request. So status() and take() never return data of the previous take.
+  /// the request. So status() and pop() never return data of the previous take.
   void start_take(CameraState state) {
     ++take_;
     queue_.clear();
@@ -185,7 +185,7 @@ void CameraWorker::rejoin(Duration period, bool edges_are_reported, const Camera
 void CameraWorker::pulse_at(const PulseEdge& edge) { impl_->pulse_at(edge); }
 void CameraWorker::train_ended() { impl_->train_ended(); }
 void CameraWorker::disarm() { impl_->disarm(); }
-std::optional<Frame> CameraWorker::take(MonotonicInstant deadline) { return impl_->take(deadline); }
+std::optional<Frame> CameraWorker::pop(MonotonicInstant deadline) { return impl_->pop(deadline); }
 CameraWorkerStatus CameraWorker::status() const { return impl_->status(); }
 int64_t CameraWorker::waiting() const { return impl_->waiting(); }
 

@@ -53,7 +53,7 @@ struct CameraWorkerOptions {
 };
 
 /// Order of calls in a take: arm() -> kReady -> (pulses on) frames -> (pulses off) train_ended() ->
-/// take() until empty -> disarm(). Thread-safe. Functions return immediately, except take(), which
+/// pop() until empty -> disarm(). Thread-safe. Functions return immediately, except pop(), which
 /// waits, and the destructor, which joins the thread: it waits until the camera answers or times
 /// out.
 class CameraWorker {
@@ -89,7 +89,7 @@ class CameraWorker {
 
   /// Waits until `deadline` for the next labelled frame. Empty if none arrived. The frame is raw:
   /// its roi is the whole image, and it has no mask.
-  std::optional<Frame> take(MonotonicInstant deadline);
+  std::optional<Frame> pop(MonotonicInstant deadline);
 
   CameraWorkerStatus status() const;
   /// Number of frames in the queue.

@@ -154,7 +154,7 @@ void count(std::span<const uint64_t> row, int last, CountedRow& counted) {
 
 }  // namespace
 
-void take_majority(Mask& mask) {
+void filter_majority(Mask& mask) {
   const int height = mask.size().height;
   const auto words = static_cast<size_t>(mask.words_per_row());
   if (height == 0 || words == 0) return;

@@ -39,7 +39,7 @@ class MaskHoles {
 
 /// Sets each pixel to the majority of its 3x3 neighbourhood. Border pixels are repeated outside the
 /// mask. Lines two pixels wide are kept.
-void take_majority(Mask& mask);
+void filter_majority(Mask& mask);
 
 // Repair of frayed outlines: random missing pixels, where performer and background look alike.
 
@@ -84,7 +84,7 @@ class MaskCleanup {
  private:
   template <class IsUnwanted>
   void clean_once(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
-    take_majority(mask);
+    filter_majority(mask);
     pieces_.find(mask);
     for (size_t i = 0; i < pieces_.count(); ++i) {
       if (pieces_.area(i) < options.min_area || is_unwanted(pieces_, i)) pieces_.drop(i, mask);

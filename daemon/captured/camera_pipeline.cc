@@ -93,14 +93,14 @@ void CameraPipeline::learn_again(take::FrameLogReader& log, int64_t pulse) {
 /// Call often while a log is read: the queue of the camera is short.
 void CameraPipeline::write_waiting_frames() {
   heartbeat_.beat();
-  while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
+  while (auto frame = worker_.pop(Monotonic::now())) write_only(std::move(*frame));
 }
 
 void CameraPipeline::run() {
   if (is_resumed_) replay_logs();
   while (!stopping_) {
     heartbeat_.beat();
-    auto frame = worker_.take(Monotonic::now() + kPollInterval);
+    auto frame = worker_.pop(Monotonic::now() + kPollInterval);
     if (!frame) continue;
     process(std::move(*frame));
     count_finished_frame();

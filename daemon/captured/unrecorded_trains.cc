@@ -66,7 +66,7 @@ std::vector<std::vector<Image>> BackgroundLearner::collect_plates() {
 bool BackgroundLearner::take_plate(size_t index, std::vector<Image>& plates) {
   capture::CameraWorker& worker = *workers_[index];
   // All cameras expose at the same time, so waiting for them in turn costs no time.
-  auto frame = worker.take(Monotonic::now() + kPollInterval);
+  auto frame = worker.pop(Monotonic::now() + kPollInterval);
   if (!frame) return false;
   reduce_to_8_bits(frame->image);
   PreviewSender& preview = previews_[index];
@@ -189,7 +189,7 @@ void CameraCheck::CheckedWorker::run() {
   while (!end || Monotonic::now() < *end) {
     heartbeat_.beat();
     if (stopping_ && !end) end = Monotonic::now() + backlog_time_;
-    auto frame = worker_.take(Monotonic::now() + (end ? Duration::zero() : kCheckPollInterval));
+    auto frame = worker_.pop(Monotonic::now() + (end ? Duration::zero() : kCheckPollInterval));
     if (!frame && end) return;
     if (!frame) continue;
     reduce_to_8_bits(frame->image);

@@ -48,7 +48,7 @@ std::optional<std::string> pack_bits(const std::vector<int64_t>& numbers, size_t
 }
 
 /// Reads a number at the start of `text`, and removes it. Empty where there is none.
-std::optional<int64_t> take_number(std::string_view& text) {
+std::optional<int64_t> consume_number(std::string_view& text) {
   int64_t number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc()) return std::nullopt;
@@ -56,7 +56,7 @@ std::optional<int64_t> take_number(std::string_view& text) {
   return number;
 }
 
-bool take_char(std::string_view& text, char expected) {
+bool consume_char(std::string_view& text, char expected) {
   if (!text.starts_with(expected)) return false;
   text.remove_prefix(1);
   return true;
@@ -65,9 +65,9 @@ bool take_char(std::string_view& text, char expected) {
 std::optional<std::vector<int64_t>> unpack_runs(std::string_view text, size_t limit) {
   std::vector<int64_t> numbers;
   while (!text.empty()) {
-    if (!numbers.empty() && !take_char(text, ' ')) return std::nullopt;
-    const auto first = take_number(text);
-    const auto last = take_char(text, ':') ? take_number(text) : first;
+    if (!numbers.empty() && !consume_char(text, ' ')) return std::nullopt;
+    const auto first = consume_number(text);
+    const auto last = consume_char(text, ':') ? consume_number(text) : first;
     if (!first || !last || *last < *first) return std::nullopt;
     const uint64_t further = static_cast<uint64_t>(*last) - static_cast<uint64_t>(*first);
     if (further >= limit - numbers.size()) return std::nullopt;
@@ -77,8 +77,8 @@ std::optional<std::vector<int64_t>> unpack_runs(std::string_view text, size_t li
 }
 
 std::optional<std::vector<int64_t>> unpack_bits(std::string_view text, size_t limit) {
-  const auto first = take_number(text);
-  if (!first || !take_char(text, ' ')) return std::nullopt;
+  const auto first = consume_number(text);
+  if (!first || !consume_char(text, ' ')) return std::nullopt;
   std::vector<uint8_t> bytes(text.size() / 4 * 3 + 3);
   size_t size = 0;
   const int failed = sodium_base642bin(bytes.data(), bytes.size(), text.data(), text.size(),

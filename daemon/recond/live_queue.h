@@ -16,10 +16,10 @@
 namespace v3d::recond {
 
 /// A bounded queue with a drop policy for live display:
-///   - Values are taken in order, oldest first, as long as the queue becomes empty now and then. So
-///     a short pause of the reader loses nothing.
+///   - Values are popped oldest first, as long as the queue becomes empty now and then. So a short
+///     pause of the reader loses nothing.
 ///   - When values have waited without a break for `backlog_timeout` and their number has not
-///     fallen meanwhile, or more than `limit` wait, the reader is behind. From then on take()
+///     fallen meanwhile, or more than `limit` wait, the reader is behind. From then on pop()
 ///     returns the newest value; older ones are dropped and counted. This spreads the loss evenly,
 ///     and the queue adds no latency.
 ///   - After `recovery_time` without a drop the reader is no longer behind.
@@ -48,7 +48,7 @@ class LiveQueue {
   }
 
   /// Removes and returns the next value; empty when none waits.
-  std::optional<T> take(MonotonicInstant now) {
+  std::optional<T> pop(MonotonicInstant now) {
     const std::lock_guard lock(mutex_);
     if (queue_.empty()) return std::nullopt;
     while (is_behind(now) && queue_.size() > 1) drop_oldest(now);
@@ -108,7 +108,7 @@ class LiveQueue {
   mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable filled_;
   std::deque<T> queue_;
-  /// Since then values wait, at least `backlog_` of them; empty: none waited after the last take().
+  /// Since then values wait, at least `backlog_` of them; empty: none waited after the last pop().
   std::optional<MonotonicInstant> backlog_since_;
   size_t backlog_ = 0;
   std::optional<MonotonicInstant> last_drop_;

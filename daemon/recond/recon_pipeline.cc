@@ -199,7 +199,7 @@ std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
   while (!stopping_) {
     reconstructing_.beat();
     ready_.wait(Monotonic::now() + kPollPeriod);
-    if (auto ready = ready_.take(Monotonic::now())) {
+    if (auto ready = ready_.pop(Monotonic::now())) {
       if (shared_ && !shared_->begin(ready->set.pulse)) continue;
       return Job{recon::FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
     }

@@ -256,7 +256,7 @@ bool Shard::is_lost(int64_t pulse) const {
 void Shard::order_meshes() {
   for (;;) {
     const int64_t pulse = reorder_->next();
-    if (auto mesh = reorder_->take()) {
+    if (auto mesh = reorder_->pop()) {
       unpublished_.push_back({*mesh, now_});
       if (unpublished_.size() > kMaxUnpublished) unpublished_.pop_front();
       ordered_.push_back(*std::move(mesh));

@@ -86,11 +86,11 @@ class Shard {
   void on_status(const wire::ShardMessage& status);
   /// A mesh of another node.
   void on_mesh(wire::MeshMessage mesh);
-  /// A mesh that this node made of a set from take_work().
+  /// A mesh that this node made of a set from pop_work().
   void on_own_mesh(wire::MeshMessage mesh);
-  /// This node dropped a set from take_work(), or failed to make its mesh.
+  /// This node dropped a set from pop_work(), or failed to make its mesh.
   void give_up(int64_t pulse);
-  /// Call it when processing of a set from take_work() begins. Returns false when its mesh has
+  /// Call it when processing of a set from pop_work() begins. Returns false when its mesh has
   /// arrived meanwhile: the set needs no processing.
   bool begin(int64_t pulse);
   /// A mesh was published on V3D_MESH.
@@ -99,11 +99,11 @@ class Shard {
   }
 
   /// Sets to process here.
-  std::vector<recon::ReadySet> take_work() { return std::exchange(work_, {}); }
+  std::vector<recon::ReadySet> pop_work() { return std::exchange(work_, {}); }
   /// The meshes of all nodes by ascending pulse, each once.
-  std::vector<wire::MeshMessage> take_ordered() { return std::exchange(ordered_, {}); }
+  std::vector<wire::MeshMessage> pop_ordered() { return std::exchange(ordered_, {}); }
   /// Those of them that this node must publish on V3D_MESH.
-  std::vector<wire::MeshMessage> take_to_publish() { return std::exchange(to_publish_, {}); }
+  std::vector<wire::MeshMessage> pop_to_publish() { return std::exchange(to_publish_, {}); }
   /// The frame groups that this node must receive.
   const bus::FrameGroupSet& frame_groups() const { return groups_; }
   /// The status for the other nodes, without `sent` and `seq`.
@@ -164,7 +164,7 @@ class Shard {
   int64_t newest_set_ = -1;
   std::map<int64_t, Held> held_;
   size_t held_bytes_ = 0;
-  std::set<int64_t> own_pulses_;  ///< handed out by take_work(), not finished
+  std::set<int64_t> own_pulses_;  ///< handed out by pop_work(), not finished
   std::deque<int64_t> given_up_;
   std::deque<std::pair<int64_t, Duration>> known_;  ///< newest known pulse, and since when
   /// Pulses of the trigger, and since when, until they are ordered or known.

@@ -121,7 +121,7 @@ bool ReorderBuffer::add(wire::MeshMessage mesh) {
   return true;
 }
 
-std::optional<wire::MeshMessage> ReorderBuffer::take() {
+std::optional<wire::MeshMessage> ReorderBuffer::pop() {
   const auto found = waiting_.find(next_);
   if (found == waiting_.end()) return std::nullopt;
   std::optional<wire::MeshMessage> mesh(std::move(found->second));

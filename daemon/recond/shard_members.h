@@ -129,11 +129,11 @@ class ReorderBuffer {
   bool add(wire::MeshMessage mesh);
   /// Removes and returns the mesh of next() and advances to the following pulse. Empty when that
   /// mesh is not buffered.
-  std::optional<wire::MeshMessage> take();
+  std::optional<wire::MeshMessage> pop();
   /// Advances past next(), which must not be buffered.
   void skip() { ++next_; }
 
-  /// The pulse that take() returns next.
+  /// The pulse that pop() returns next.
   int64_t next() const { return next_; }
   /// Is the mesh of `pulse` buffered, or is `pulse` before next()?
   bool has(int64_t pulse) const { return pulse < next_ || waiting_.contains(pulse); }

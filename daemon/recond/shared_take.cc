@@ -67,13 +67,13 @@ void SharedTake::process() {
     groups_ = shard_.frame_groups();
     receivers_.on_frame_groups(*groups_);
   }
-  for (recon::ReadySet& set : shard_.take_work()) receivers_.on_work(std::move(set));
-  for (wire::MeshMessage& mesh : shard_.take_to_publish()) {
+  for (recon::ReadySet& set : shard_.pop_work()) receivers_.on_work(std::move(set));
+  for (wire::MeshMessage& mesh : shard_.pop_to_publish()) {
     mesh.seq = published_seq_++;
     mesh.sent = Realtime::now();
     bus_.publish_authenticated(wire::kMeshChannel, encode(mesh));
   }
-  for (const wire::MeshMessage& mesh : shard_.take_ordered()) receivers_.on_ordered(mesh);
+  for (const wire::MeshMessage& mesh : shard_.pop_ordered()) receivers_.on_ordered(mesh);
 }
 
 void SharedTake::send_status() {

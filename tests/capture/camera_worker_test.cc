@@ -35,11 +35,11 @@ TEST_F(CameraWorkerTest, delivers_labelled_frames_in_order) {
   ASSERT_TRUE(ready(*w));
   for (int64_t pulse = 0; pulse < 100; ++pulse) {
     source_->expose();
-    const auto frame = w->take(Monotonic::now() + seconds(20));
+    const auto frame = w->pop(Monotonic::now() + seconds(20));
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->label.pulse, pulse);
   }
-  EXPECT_FALSE(w->take(Monotonic::now()));
+  EXPECT_FALSE(w->pop(Monotonic::now()));
   EXPECT_EQ(w->status().dropped, 0);
 }
 
@@ -50,7 +50,7 @@ TEST_F(CameraWorkerTest, drops_the_oldest_frames_of_a_full_queue_and_counts_them
   ASSERT_TRUE(eventually([&] { return w->status().frames == 10; }));
   EXPECT_EQ(w->status().dropped, 6);
   for (int64_t pulse = 6; pulse < 10; ++pulse) {
-    EXPECT_EQ(w->take(Monotonic::now() + seconds(20))->label.pulse, pulse);
+    EXPECT_EQ(w->pop(Monotonic::now() + seconds(20))->label.pulse, pulse);
   }
 }
 
@@ -60,7 +60,7 @@ TEST_F(CameraWorkerTest, discards_the_previous_take_when_it_is_armed_again) {
     ASSERT_TRUE(ready(*w));
     EXPECT_EQ(w->status().frames, 0);
     source_->expose();
-    const auto frame = w->take(Monotonic::now() + seconds(20));
+    const auto frame = w->pop(Monotonic::now() + seconds(20));
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->label.pulse, 0);
     source_->expose();
@@ -77,7 +77,7 @@ TEST_F(CameraWorkerTest, keeps_frames_that_arrive_while_the_train_ends) {
   }
   ASSERT_TRUE(eventually([&] { return w->status().frames == 500; }));
   for (int64_t pulse = 0; pulse < 500; ++pulse) {
-    ASSERT_EQ(w->take(Monotonic::now() + seconds(20))->label.pulse, pulse);
+    ASSERT_EQ(w->pop(Monotonic::now() + seconds(20))->label.pulse, pulse);
   }
 }
 

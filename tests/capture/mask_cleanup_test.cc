@@ -81,7 +81,7 @@ std::vector<int64_t> areas(const Mask& mask, bool value, bool diagonal, bool bor
 RC_GTEST_PROP(MaskCleanup, majority_equals_a_count_of_pixels, ()) {
   const Mask before = any_mask();
   Mask after = before;
-  segmentation::take_majority(after);
+  segmentation::filter_majority(after);
   Mask expected(before.size());
   for (int y = 0; y < before.size().height; ++y) {
     for (int x = 0; x < before.size().width; ++x) {
@@ -150,13 +150,13 @@ TEST(MaskCleanup, majority_keeps_a_line_of_two_pixels) {
   mask.fill_row(8, 0, 100);
   mask.fill_row(9, 0, 100);
   const Mask before = mask;
-  segmentation::take_majority(mask);
+  segmentation::filter_majority(mask);
   EXPECT_EQ(mask, before);
 }
 
 TEST(MaskCleanup, accepts_an_empty_mask) {
   Mask mask;
-  segmentation::take_majority(mask);
+  segmentation::filter_majority(mask);
   MaskComponents pieces;
   drop_small_pieces(mask, 10, pieces);
   segmentation::MaskHoles().fill_small(mask, pieces.runs(), 10);

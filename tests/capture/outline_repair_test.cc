@@ -53,7 +53,7 @@ Mask salted(Mask mask, double part, unsigned seed) {
 }
 
 Mask smooth(Mask mask) {
-  segmentation::take_majority(mask);
+  segmentation::filter_majority(mask);
   return mask;
 }
 

@@ -164,9 +164,9 @@ class SharedStudio {
     }
     work(i, node);
     node.shard.advance(now_);
-    for (recon::ReadySet& set : node.shard.take_work()) node.work.push_back(std::move(set));
-    for (const wire::MeshMessage& mesh : node.shard.take_ordered()) node.file.push_back(mesh.pulse);
-    for (const wire::MeshMessage& mesh : node.shard.take_to_publish()) {
+    for (recon::ReadySet& set : node.shard.pop_work()) node.work.push_back(std::move(set));
+    for (const wire::MeshMessage& mesh : node.shard.pop_ordered()) node.file.push_back(mesh.pulse);
+    for (const wire::MeshMessage& mesh : node.shard.pop_to_publish()) {
       published_.push_back(mesh.pulse);
       send(i, mesh.pulse);
     }

@@ -72,14 +72,14 @@ class Node {
     return status;
   }
   void check() {
-    for (const v3d::recon::ReadySet& set : shard_.take_work()) {
+    for (const v3d::recon::ReadySet& set : shard_.pop_work()) {
       if (set.set.pulse % 2 == 0) shard_.begin(set.set.pulse);
     }
-    for (const v3d::wire::MeshMessage& mesh : shard_.take_ordered()) {
+    for (const v3d::wire::MeshMessage& mesh : shard_.pop_ordered()) {
       must(mesh.pulse > ordered_);
       ordered_ = mesh.pulse;
     }
-    for (const v3d::wire::MeshMessage& mesh : shard_.take_to_publish()) {
+    for (const v3d::wire::MeshMessage& mesh : shard_.pop_to_publish()) {
       must(mesh.pulse > published_ && mesh.pulse <= ordered_);
       published_ = mesh.pulse;
     }

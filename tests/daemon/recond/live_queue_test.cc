@@ -33,7 +33,7 @@ struct SimulatedReader {
   }
   void work_until(Duration now, Duration work) {
     while (free_at < now) {
-      const auto next = queue.take(at(free_at));
+      const auto next = queue.pop(at(free_at));
       if (!next) {
         free_at = now;
         return;
@@ -94,9 +94,9 @@ TEST(LiveQueue, drops_the_oldest_value_beyond_its_limit) {
   LiveQueue<int> queue({.limit = 3});
   for (int i = 0; i < 5; ++i) queue.push(i, at({}));
   EXPECT_EQ(queue.dropped(), 2);
-  EXPECT_EQ(queue.take(at({})), 4) << "behind: the newest";
+  EXPECT_EQ(queue.pop(at({})), 4) << "behind: the newest";
   EXPECT_EQ(queue.dropped(), 4);
-  EXPECT_FALSE(queue.take(at({})));
+  EXPECT_FALSE(queue.pop(at({})));
 }
 
 TEST(LiveQueue, wait_returns_true_when_a_value_is_queued) {
@@ -125,13 +125,13 @@ RC_GTEST_PROP(LiveQueue, returns_or_drops_every_pulse_once_and_in_order, ()) {
     now += milliseconds(step);
     if (step % 2 == 0) {
       queue.push(pushed++, at(now));
-    } else if (const auto next = queue.take(at(now))) {
+    } else if (const auto next = queue.pop(at(now))) {
       RC_ASSERT(*next > last);
       last = *next;
       ++taken;
     }
   }
-  while (queue.take(at(now))) ++taken;
+  while (queue.pop(at(now))) ++taken;
   RC_ASSERT(taken + queue.dropped() == pushed);
 }
 

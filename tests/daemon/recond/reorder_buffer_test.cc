@@ -23,16 +23,16 @@ RC_GTEST_PROP(ReorderBuffer, returns_every_pulse_once_and_in_order, ()) {
   ReorderBuffer buffer(first);
   std::set<int64_t> added;
   std::vector<int64_t> returned;
-  const auto take = [&] {
-    while (const auto next = buffer.take()) returned.push_back(next->pulse);
+  const auto pop_all = [&] {
+    while (const auto next = buffer.pop()) returned.push_back(next->pulse);
   };
   for (const int64_t pulse : pulses) {
     RC_ASSERT(buffer.add(mesh(pulse)) == added.insert(pulse).second);
-    take();
+    pop_all();
   }
   while (buffer.next() < first + 40) {
     buffer.skip();
-    take();
+    pop_all();
   }
   RC_ASSERT(returned == std::vector<int64_t>(added.begin(), added.end()));
 }
@@ -41,7 +41,7 @@ TEST(ReorderBuffer, rejects_pulses_before_its_first) {
   ReorderBuffer buffer(5);
   EXPECT_FALSE(buffer.add(mesh(4)));
   EXPECT_TRUE(buffer.add(mesh(5)));
-  EXPECT_EQ(buffer.take()->pulse, 5);
+  EXPECT_EQ(buffer.pop()->pulse, 5);
   EXPECT_FALSE(buffer.add(mesh(5))) << "before next()";
 }
 
@@ -52,8 +52,8 @@ TEST(ReorderBuffer, has_limits_of_meshes_and_of_bytes) {
   buffer.add(mesh(2));
   EXPECT_TRUE(buffer.is_full()) << "of meshes";
   buffer.skip();
-  buffer.take();
-  buffer.take();
+  buffer.pop();
+  buffer.pop();
   EXPECT_FALSE(buffer.is_full());
   buffer.add(mesh(4, 100));
   EXPECT_TRUE(buffer.is_full()) << "of bytes";

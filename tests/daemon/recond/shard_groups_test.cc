@@ -97,7 +97,7 @@ TEST(ShardInGroups, makes_no_mesh_of_a_set_truncated_by_joining) {
   shard.on_set(set_of(7, {"cam02"}));
   shard.advance(now += milliseconds(50));
   std::vector<int64_t> work;
-  for (const recon::ReadySet& set : shard.take_work()) work.push_back(set.set.pulse);
+  for (const recon::ReadySet& set : shard.pop_work()) work.push_back(set.set.pulse);
   EXPECT_EQ(work, (std::vector<int64_t>{6, 7})) << "5 is the first of its group";
 }
 
@@ -131,7 +131,7 @@ class LastPulseOfAnotherNode : public testing::Test {
       alive_.sent = from_ns<Realtime>(to_ns(now_));
       shard_.on_status(alive_);
       shard_.advance(now_);
-      for (const wire::MeshMessage& mesh : shard_.take_ordered()) file_.push_back(mesh.pulse);
+      for (const wire::MeshMessage& mesh : shard_.pop_ordered()) file_.push_back(mesh.pulse);
     }
   }
 
@@ -196,7 +196,7 @@ TEST(ShardInGroups, does_not_wait_for_a_publisher_that_has_no_mesh_of_the_last_p
   publisher.ordered = 1;
   run(2);
   EXPECT_TRUE(shard.is_settled());
-  EXPECT_TRUE(shard.take_to_publish().empty()) << "another node publishes";
+  EXPECT_TRUE(shard.pop_to_publish().empty()) << "another node publishes";
 }
 
 TEST(ShardInGroups, reports_a_last_pulse_without_frames_as_done) {

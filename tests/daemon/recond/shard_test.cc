@@ -195,7 +195,7 @@ TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
     recon::ReadySet set;
     set.set.pulse = pulse;
     shard.on_set(std::move(set));
-    for (const recon::ReadySet& mine : shard.take_work()) shard.give_up(mine.set.pulse);
+    for (const recon::ReadySet& mine : shard.pop_work()) shard.give_up(mine.set.pulse);
   }
   EXPECT_EQ(shard.counts().let_go, 300 - static_cast<int64_t>(Shard::kMaxHeld));
   EXPECT_GT(shard.counts().lost, 0) << "the wait for a pending pulse is limited";
@@ -215,7 +215,7 @@ TEST(Shard, counts_and_ignores_sets_and_meshes_whose_pulse_is_implausible) {
   EXPECT_EQ(shard.status().done, -1);
   set.set.pulse = 0;
   shard.on_set(set);
-  EXPECT_EQ(shard.take_work().size(), 1U);
+  EXPECT_EQ(shard.pop_work().size(), 1U);
 }
 
 TEST(Shard, ignores_unknown_nodes_and_other_takes) {
@@ -238,7 +238,7 @@ TEST(Shard, ignores_unknown_nodes_and_other_takes) {
   mesh.take = "kendo-06";
   shard.on_mesh(mesh);
   shard.advance(from_ns<Monotonic>(2));
-  EXPECT_TRUE(shard.take_ordered().empty());
+  EXPECT_TRUE(shard.pop_ordered().empty());
 }
 
 }  // namespace
