@@ -170,7 +170,8 @@ void PerformerTracker::label_object(const SparseVolume& volume, size_t component
     object.velocity = (object.centre - before->centre) / static_cast<double>(elapsed_);
   }
   if (object.identity == 0 && !is_large) object.identity = owner(volume, component, before);
-  const bool is_new = is_large && (object.identity == 0 || object.pulses > options_.pulses_to_part);
+  const bool is_new =
+      is_large && (object.identity == 0 || object.pulses > options_.pulses_to_separate);
   if (is_new && last_identity_ < kMaxIdentity) {
     object.identity = ++last_identity_;
     performers_.push_back({object.identity, VoxelSet(volume.bricks().size(), codec::kEmptyBrick)});

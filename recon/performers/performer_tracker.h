@@ -18,9 +18,9 @@ struct PerformerOptions {
   /// Components of at least this volume can be performers, cubic metres. The hull of a person has
   /// 70 litres and more. Smaller components are objects.
   double min_volume_m3 = 0.02;
-  /// A large component that parted from a performer gets an identity of its own after this number
-  /// of pulses.
-  int pulses_to_part = 5;
+  /// A large component that separated from a performer gets an identity of its own after this
+  /// number of pulses.
+  int pulses_to_separate = 5;
   /// Largest distance from an object to its nearest performer, and the distance at which they
   /// almost touch, metres.
   double max_object_distance_m = 0.6, touch_distance_m = 0.05;
@@ -42,7 +42,7 @@ struct PerformerOptions {
 ///   performer within reach. A performer who almost touches it comes before an object with unknown
 ///   velocity.
 /// - A large object without a performer is a new performer. So is one that has been apart for some
-///   pulses. So performers who are in contact in the first volume are one until they part.
+///   pulses. So performers who are in contact in the first volume are one until they separate.
 ///
 /// Identities count from 1. A performer without a home has left, and gets a new identity if seen
 /// again. Pulses may be missing; a volume without voxels changes nothing.

@@ -152,7 +152,7 @@ std::set<std::array<int, 3>> cells_of(const Performer& performer, double seconds
   return cells;
 }
 
-TEST(Fight, has_contact_and_parts_again_at_least_twice_in_a_period) {
+TEST(Fight, has_contact_and_separates_again_at_least_twice_in_a_period) {
   const std::vector<Performer> cast = cast_of(2);
   int contacts = 0, pulses = 0;
   bool before = false;
