@@ -115,8 +115,8 @@ void BackgroundAdaptation::mark_busy_cells(const Mask& mask) {
   }
 }
 
-void BackgroundAdaptation::follow(ImageView image, const Mask& mask, uint32_t gain,
-                                  BackgroundTable& table) {
+void BackgroundAdaptation::adapt(ImageView image, const Mask& mask, uint32_t gain,
+                                 BackgroundTable& table) {
   V3D_CHECK(image.size == table.size && image.format == table.format && mask.size() == table.size);
   mark_busy_cells(mask);
   const StepParameters parameters{static_cast<uint16_t>(gain), table.sharpness_shift,

@@ -24,10 +24,10 @@ class BackgroundAdaptation {
 
   /// Moves the table's means towards the image. Requires that `mask` is the segmentation of `image`
   /// by the table at brightness `gain`. Integer arithmetic: every processor gives the same table.
-  void follow(ImageView image, const Mask& mask, uint32_t gain, BackgroundTable& table);
+  void adapt(ImageView image, const Mask& mask, uint32_t gain, BackgroundTable& table);
 
   /// Restores the means of the plates.
-  void forget(BackgroundTable& table) const { table.mean = plates_; }
+  void restore_plates(BackgroundTable& table) const { table.mean = plates_; }
 
  private:
   void mark_busy_cells(const Mask& mask);

@@ -56,12 +56,12 @@ Mask Segmenter::segment(ImageView image) {
 void Segmenter::learn(int64_t pulse, ImageView image, const Mask& mask) {
   V3D_CHECK(learns_from(pulse));
   learnt_ = pulse;
-  adaptation_.follow(image, mask, brightness_ratio(image, table_.mean), table_);
+  adaptation_.adapt(image, mask, brightness_ratio(image, table_.mean), table_);
 }
 
-void Segmenter::forget() {
+void Segmenter::restore_plates() {
   learnt_ = -1;
-  adaptation_.forget(table_);
+  adaptation_.restore_plates(table_);
 }
 
 namespace {

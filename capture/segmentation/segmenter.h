@@ -118,7 +118,7 @@ class Segmenter {
   /// the last segment() call, for this image.
   void learn(int64_t pulse, ImageView image, const Mask& mask);
   /// Restores the model of the plates.
-  void forget();
+  void restore_plates();
 
   ImageSize size() const { return table_.size; }
   PixelFormat format() const { return table_.format; }

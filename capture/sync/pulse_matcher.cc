@@ -86,7 +86,7 @@ PulseMatch PulseMatcher::accept(int64_t pulse, const FrameStamp& frame) {
   stragglers_ = 0;
   run_.reset();
   const bool imprecise = fit_.stddev(pulse) > kMaxStddev;
-  fit_.learn(pulse, to_ns(frame.exposed));
+  fit_.update(pulse, to_ns(frame.exposed));
   learn_arrival(pulse, frame.received);
   last_pulse_ = pulse;
   last_counter_ = frame.counter;
@@ -187,7 +187,7 @@ void PulseMatcher::learn_arrival(int64_t pulse, MonotonicInstant received) {
   delay_ = late;
   steadily_late_ = late > kMaxArrivalResidual && as_before ? steadily_late_ + 1 : 0;
   if (std::abs(late) <= kMaxArrivalResidual) {
-    arrivals_.learn(pulse, at);
+    arrivals_.update(pulse, at);
     on_time_frames_ = std::min(on_time_frames_ + 1, kConfirmationsOfArrival);
   } else if (late < 0 || steadily_late_ >= kConfirmationsOfArrival) {
     arrivals_.begin(pulse, at);
@@ -243,7 +243,7 @@ double PulseFit::stddev(int64_t pulse) const {
   return std::sqrt(variance) / nominal_;
 }
 
-void PulseFit::learn(int64_t pulse, int64_t instant_ns) {
+void PulseFit::update(int64_t pulse, int64_t instant_ns) {
   if (pulse <= pulse_) return;
   const auto n = static_cast<double>(pulse - pulse_);
   // Prediction, n periods later.

@@ -33,7 +33,7 @@ class PulseFit {
 
   /// Updates the filter: `pulse` was measured at `instant_ns`. Ignores pulses that are not later
   /// than the latest one.
-  void learn(int64_t pulse, int64_t instant_ns);
+  void update(int64_t pulse, int64_t instant_ns);
 
  private:
   double nominal_;         ///< ns

@@ -52,8 +52,8 @@ void run(const v3d::Studio& studio, const std::string& node) {
       {node, "v3d-captured", v3d::bus::credentials_of_node(studio, node), studio.network.metrics},
       bus, capture);
   for (const v3d::take::Ledger& ledger : accounts(studio, node, recovered)) {
-    loop.remember(ledger.take, "recovered " + ledger.verdict(),
-                  v3d::control::ledger_detail(ledger));
+    loop.set_last_result(ledger.take, "recovered " + ledger.verdict(),
+                         v3d::control::ledger_detail(ledger));
   }
   loop.run();
 }

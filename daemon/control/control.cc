@@ -231,7 +231,7 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
   }
   const bool was_completing = phase_ == Phase::kDraining || phase_ == Phase::kLearning;
   if (was_completing && next.next == Phase::kIdle) {
-    remember(order_.take, text, detail);
+    set_last_result(order_.take, text, detail);
     last_result_.outcome = outcome;
     last_was_check_ = order_.verb == wire::CommandVerb::kCheck;
   }
@@ -239,8 +239,8 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
   return step;
 }
 
-void Controller::remember(const std::string& take, const std::string& text,
-                          const std::string& detail) {
+void Controller::set_last_result(const std::string& take, const std::string& text,
+                                 const std::string& detail) {
   last_take_ = take;
   last_result_.outcome = wire::ReplyMessage::Outcome::kDone;
   last_result_.text = text;

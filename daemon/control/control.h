@@ -162,7 +162,7 @@ class Controller {
   Step on_event(Input event, const std::string& text, const std::string& detail = {});
 
   /// Sets the take that this node recorded before it restarted, and the reply to a later `stop`.
-  void remember(const std::string& take, const std::string& text, const std::string& detail);
+  void set_last_result(const std::string& take, const std::string& text, const std::string& detail);
 
   /// Enters kRecording: after a restart, the node records again into the take of this order.
   /// Requires may_rejoin(); otherwise nothing changes.

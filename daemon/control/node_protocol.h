@@ -75,9 +75,10 @@ class NodeProtocol {
   /// `delegate` must outlive this object. `now`: the time of the first health message.
   NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply, MonotonicInstant now);
 
-  /// See Controller::remember().
-  void remember(const std::string& take, const std::string& text, const std::string& detail) {
-    controller_.remember(take, text, detail);
+  /// See Controller::set_last_result().
+  void set_last_result(const std::string& take, const std::string& text,
+                       const std::string& detail) {
+    controller_.set_last_result(take, text, detail);
   }
 
   /// Executes a command that the CommandReplayFilter admitted.

@@ -34,9 +34,10 @@ class NodeLoop {
   /// `delegate` and `bus` outlive the loop.
   NodeLoop(NodeIdentity identity, bus::Bus& bus, control::NodeDelegate& delegate);
 
-  /// Result of a take that was active when the daemon ended (see Controller::remember).
-  void remember(const std::string& take, const std::string& text, const std::string& detail) {
-    protocol_.remember(take, text, detail);
+  /// Result of a take that was active when the daemon ended (see Controller::set_last_result).
+  void set_last_result(const std::string& take, const std::string& text,
+                       const std::string& detail) {
+    protocol_.set_last_result(take, text, detail);
   }
 
   /// Runs until stop_requested(). Then drains an active take, for at most kLastDrain, and closes it

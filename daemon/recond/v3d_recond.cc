@@ -27,8 +27,8 @@ void recover_take(const std::filesystem::path& mesh, const std::string& take,
   const v3d::recond::RecoveredMeshes recovered = v3d::recond::recover_mesh_file(mesh);
   if (!recovered.is_whole) spdlog::error("{}: {}", take, recovered.text);
   const auto meshes = static_cast<double>(recovered.meshes.value_or(0));
-  loop.remember(take, recovered.text,
-                recovered.meshes ? v3d::control::numbers_json({{"meshes", meshes}}) : "");
+  loop.set_last_result(take, recovered.text,
+                       recovered.meshes ? v3d::control::numbers_json({{"meshes", meshes}}) : "");
 }
 
 /// The node in the studio file; `given` is the option --node, or empty.

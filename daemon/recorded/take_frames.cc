@@ -145,7 +145,7 @@ std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
 void SegmentedLog::learn_before(size_t index) {
   if (!segmenter_) return;
   if (index < learnt_) {
-    segmenter_->forget();
+    segmenter_->restore_plates();
     learnt_ = 0;
   }
   for (; learnt_ < index; ++learnt_) {

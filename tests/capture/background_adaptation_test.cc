@@ -91,7 +91,7 @@ TEST_P(BackgroundAdaptationTest, follows_sunlight_that_brightens_part_of_the_wal
 
 TEST_P(BackgroundAdaptationTest, does_not_learn_a_performer_who_stands_still_for_ten_minutes) {
   for (const Scene& cloth : {Scene(yellow_cloth), Scene(faint_cloth)}) {
-    segmenter_.forget();
+    segmenter_.restore_plates();
     const Scene standing = in_front_of(wall, cloth);
     const Mask at_first = segment(standing);
     EXPECT_GT(intersection_over_union(at_first, mask_of_body()), 0.9);
@@ -126,8 +126,8 @@ TEST_P(BackgroundAdaptationTest, learns_nothing_within_sixteen_pixels_of_the_mas
     Mask mask(kSize);
     mask.set(u, v);
     segmentation::BackgroundTable table = plates;
-    segmentation::BackgroundAdaptation(plates).follow(photograph(brighter, 3).view(), mask,
-                                                      segmentation::kUnitGain, table);
+    segmentation::BackgroundAdaptation(plates).adapt(photograph(brighter, 3).view(), mask,
+                                                     segmentation::kUnitGain, table);
     EXPECT_GT(table.mean[0], plates.mean[0]);
     for (int y = v - 16; y <= v + 16; ++y) {
       const ptrdiff_t from = (ptrdiff_t{y} * kSize.width + u - 16) * plates.channels;
@@ -146,8 +146,8 @@ TEST_P(BackgroundAdaptationTest, learns_no_sample_far_from_its_expected_value) {
   };
   const segmentation::BackgroundTable plates(model_, {});
   segmentation::BackgroundTable table = plates;
-  segmentation::BackgroundAdaptation(plates).follow(photograph(another, 3).view(), Mask(kSize),
-                                                    segmentation::kUnitGain, table);
+  segmentation::BackgroundAdaptation(plates).adapt(photograph(another, 3).view(), Mask(kSize),
+                                                   segmentation::kUnitGain, table);
   EXPECT_EQ(table.mean, plates.mean);
 }
 
@@ -162,7 +162,7 @@ TEST_P(BackgroundAdaptationTest, learns_no_saturated_sample) {
   segmentation::BackgroundTable table = plates;
   const Image image = photograph(with_lamp(1.08), 3);
   for (int i = 0; i < 50; ++i) {
-    segmentation::BackgroundAdaptation(plates).follow(
+    segmentation::BackgroundAdaptation(plates).adapt(
         image.view(), Mask(kSize), static_cast<uint32_t>(1.08 * segmentation::kUnitGain), table);
   }
   const ptrdiff_t lamp = ptrdiff_t{kSunnyWidth} * plates.channels;
@@ -178,7 +178,7 @@ TEST_P(BackgroundAdaptationTest, restores_the_plates_after_forget) {
   const Mask before = segment(in_front_of(lit(0.2), yellow_cloth));
   record([](double passed) { return lit(0.2 * passed); });
   EXPECT_NE(segment(in_front_of(lit(0.2), yellow_cloth)), before);
-  segmenter_.forget();
+  segmenter_.restore_plates();
   EXPECT_EQ(segment(in_front_of(lit(0.2), yellow_cloth)), before);
   EXPECT_TRUE(segmenter_.learns_from(0));
 }
@@ -188,13 +188,13 @@ TEST_P(BackgroundAdaptationTest, is_the_same_on_every_instruction_set) {
   const Mask mask = segmenter_.segment(image.view());
   const segmentation::BackgroundTable plates(model_, {});
   segmentation::BackgroundTable expected = plates;
-  segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
-                                                    expected);
+  segmentation::BackgroundAdaptation(plates).adapt(image.view(), mask, segmentation::kUnitGain,
+                                                   expected);
   EXPECT_NE(expected.mean, plates.mean);
   on_every_instruction_set([&] {
     segmentation::BackgroundTable table = plates;
-    segmentation::BackgroundAdaptation(plates).follow(image.view(), mask, segmentation::kUnitGain,
-                                                      table);
+    segmentation::BackgroundAdaptation(plates).adapt(image.view(), mask, segmentation::kUnitGain,
+                                                     table);
     EXPECT_EQ(table.mean, expected.mean);
   });
 }

@@ -116,7 +116,7 @@ class SimulatedNode {
   /// Restarts the process: only the persisted order remains.
   void restart(MonotonicInstant now) {
     controller_.emplace(name_);
-    if (persisted_) controller_->remember(persisted_->take, "recovered", "{}");
+    if (persisted_) controller_->set_last_result(persisted_->take, "recovered", "{}");
     trigger_known_at_ = now + simulation_.random.between_ms(0, 1500);
     filter_ = std::make_unique<control::CommandReplayFilter>(
         name_, [this] { return simulation_.random.nonce(); });

@@ -94,10 +94,10 @@ void NodeProcess::boot() {
       world_.time.now());
   for (const auto& [name, order] : host_.disk.persisted_commands()) {
     const TakeOnDisk& take = host_.disk.takes.at(name);
-    if (!host_.captures) protocol_->remember(name, "meshes recovered", "{}");
+    if (!host_.captures) protocol_->set_last_result(name, "meshes recovered", "{}");
     if (!take.ledger) continue;
-    protocol_->remember(name, "recovered " + take.ledger->verdict(),
-                        control::ledger_detail(*take.ledger));
+    protocol_->set_last_result(name, "recovered " + take.ledger->verdict(),
+                               control::ledger_detail(*take.ledger));
   }
   plan_turn(world_.time.now());
 }

@@ -137,7 +137,7 @@ class ControllerTest : public testing::Test {
 };
 
 TEST_F(ControllerTest, does_not_rejoin_a_take_after_a_stop_was_answered_with_its_ledger) {
-  controller_.remember("kendo-07", "recovered", "{}");
+  controller_.set_last_result("kendo-07", "recovered", "{}");
   EXPECT_TRUE(controller_.may_rejoin());
   EXPECT_EQ(send(command(wire::CommandVerb::kStop, 1)).text, "recovered");
   EXPECT_FALSE(controller_.may_rejoin()) << "seed 20169961 of the simulator";
@@ -146,7 +146,7 @@ TEST_F(ControllerTest, does_not_rejoin_a_take_after_a_stop_was_answered_with_its
 }
 
 TEST_F(ControllerTest, stops_a_rejoined_take) {
-  controller_.remember("kendo-07", "recovered", "{}");
+  controller_.set_last_result("kendo-07", "recovered", "{}");
   controller_.rejoined(command(wire::CommandVerb::kArm, 7));
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
   EXPECT_EQ(controller_.order().take, "kendo-07");
@@ -170,7 +170,7 @@ TEST_F(ControllerTest, does_not_reply_with_an_earlier_take_after_an_abort) {
 }
 
 TEST_F(ControllerTest, does_not_reply_with_a_recovered_ledger_after_rejoining) {
-  controller_.remember("kendo-07", "recovered 6 pulses", "{}");
+  controller_.set_last_result("kendo-07", "recovered 6 pulses", "{}");
   controller_.rejoined(command(wire::CommandVerb::kArm, 7));
   controller_.on_event(Input::kTrainEnded, "pulses have ended");
   EXPECT_EQ(send(command(wire::CommandVerb::kAbort, 1)).outcome, Outcome::kDone);
@@ -297,7 +297,7 @@ TEST_F(ControllerTest, learns_the_background_after_start_and_replies_the_result_
 }
 
 TEST_F(ControllerTest, replies_with_the_take_recovered_after_a_restart) {
-  controller_.remember("kendo-07", "recovered", "{\"take\":\"kendo-07\"}");
+  controller_.set_last_result("kendo-07", "recovered", "{\"take\":\"kendo-07\"}");
   const wire::ReplyMessage reply = send(command(wire::CommandVerb::kStop, 1));
   EXPECT_EQ(reply.outcome, Outcome::kDone);
   EXPECT_EQ(reply.detail, "{\"take\":\"kendo-07\"}");

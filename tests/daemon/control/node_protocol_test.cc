@@ -132,7 +132,7 @@ TEST_F(Node, survives_a_disk_error_while_rejoining) {
 
 TEST_F(Node, rejoins_a_running_take_unless_it_has_answered_a_stop_with_its_ledger) {
   work_.running_take.emplace().take = "kendo-07";
-  protocol_.remember("kendo-07", "recovered", "{}");
+  protocol_.set_last_result("kendo-07", "recovered", "{}");
   command(wire::CommandVerb::kStop);
   EXPECT_EQ(last_text(), "recovered");
   poll();
@@ -160,7 +160,7 @@ TEST_F(Node, has_the_take_of_a_command_when_it_records_it_or_recorded_it_last) {
   EXPECT_TRUE(protocol_.has_take_of(stop));
   command(wire::CommandVerb::kAbort);
   EXPECT_FALSE(protocol_.has_take_of(stop));
-  protocol_.remember("kendo-07", "recovered", "");
+  protocol_.set_last_result("kendo-07", "recovered", "");
   EXPECT_TRUE(protocol_.has_take_of(stop));
   stop.take = "kendo-08";
   EXPECT_FALSE(protocol_.has_take_of(stop));
