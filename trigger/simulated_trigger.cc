@@ -39,18 +39,18 @@ void SimulatedGenerator::arm(const PulseTrain& train) {
   check_train(train, "simulated trigger");
   const Duration period = period_of(train.rate_hz);
   train_.plan({.period = period, .count = train.count, .skip_after = max_lateness(period)});
-  wire_.reset();
-  wire_ = std::make_unique<WireSocket>(path_);
+  cable_.reset();
+  cable_ = std::make_unique<TriggerCableClient>(path_);
 }
 
 void SimulatedGenerator::start() {
-  V3D_CHECK(wire_ && "arm() comes first");
+  V3D_CHECK(cable_ && "arm() comes first");
   train_.start();
 }
 
 bool SimulatedGenerator::begin_pulse(int64_t /*number*/, MonotonicInstant at) {
-  wire_->drain();  // the echo of own edges; the sensor reads its own copy
-  return wire_->send({to_ns(at)});
+  cable_->drain();  // the echo of own edges; the sensor reads its own copy
+  return cable_->send({to_ns(at)});
 }
 
 std::string SimulatedGenerator::fault() const {
@@ -62,16 +62,16 @@ SimulatedSensor::~SimulatedSensor() = default;
 
 void SimulatedSensor::reset() {
   next_ = 0;
-  if (wire_) wire_->drain();
-  if (!wire_ || wire_->disconnected()) {
-    wire_.reset();
-    wire_ = std::make_unique<WireSocket>(path_);
+  if (cable_) cable_->drain();
+  if (!cable_ || cable_->disconnected()) {
+    cable_.reset();
+    cable_ = std::make_unique<TriggerCableClient>(path_);
   }
 }
 
 std::optional<SensedPulse> SimulatedSensor::wait(MonotonicInstant deadline) {
-  if (wire_) {
-    if (auto edge = wire_->receive(deadline)) {
+  if (cable_) {
+    if (auto edge = cable_->receive(deadline)) {
       return SensedPulse{next_++, from_ns<Monotonic>(edge->edge_monotonic_ns)};
     }
   }
@@ -80,11 +80,11 @@ std::optional<SensedPulse> SimulatedSensor::wait(MonotonicInstant deadline) {
 }
 
 std::string SimulatedSensor::fault() const {
-  if (!wire_) return "trigger wire " + path_.string() + " is not connected";
-  return wire_->disconnected() ? disconnected_text(path_) : std::string();
+  if (!cable_) return "trigger wire " + path_.string() + " is not connected";
+  return cable_->disconnected() ? disconnected_text(path_) : std::string();
 }
 
-WireSocket::WireSocket(const std::filesystem::path& path) {
+TriggerCableClient::TriggerCableClient(const std::filesystem::path& path) {
   const std::string name = path.string();
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -101,16 +101,16 @@ WireSocket::WireSocket(const std::filesystem::path& path) {
   }
 }
 
-WireSocket::~WireSocket() { close(fd_); }
+TriggerCableClient::~TriggerCableClient() { close(fd_); }
 
-bool WireSocket::send(const TriggerEdge& edge) {
+bool TriggerCableClient::send(const TriggerEdge& edge) {
   if (!disconnected_ && ::send(fd_, &edge, sizeof(edge), MSG_NOSIGNAL) != sizeof(edge)) {
     disconnected_ = true;
   }
   return !disconnected_;
 }
 
-std::optional<TriggerEdge> WireSocket::receive_now() {
+std::optional<TriggerEdge> TriggerCableClient::receive_now() {
   TriggerEdge edge;
   const ssize_t n = recv(fd_, &edge, sizeof(edge), MSG_TRUNC);
   if (n == sizeof(edge)) return edge;
@@ -120,7 +120,7 @@ std::optional<TriggerEdge> WireSocket::receive_now() {
   return {};
 }
 
-std::optional<TriggerEdge> WireSocket::receive(MonotonicInstant deadline) {
+std::optional<TriggerEdge> TriggerCableClient::receive(MonotonicInstant deadline) {
   while (!disconnected_) {
     if (auto edge = receive_now()) return edge;
     const Duration left = deadline - Monotonic::now();
@@ -132,7 +132,7 @@ std::optional<TriggerEdge> WireSocket::receive(MonotonicInstant deadline) {
   return {};
 }
 
-void WireSocket::drain() {
+void TriggerCableClient::drain() {
   while (receive_now()) {
   }
 }

@@ -18,13 +18,13 @@ namespace v3d::trigger {
 
 /// A connected client; owns the socket. After a disconnection the functions report it: they do not
 /// block and raise no SIGPIPE. Threads: one caller, except for disconnected().
-class WireSocket {
+class TriggerCableClient {
  public:
   /// Throws InputError when no server listens at `path` or the path is too long.
-  explicit WireSocket(const std::filesystem::path& path);
-  ~WireSocket();
-  WireSocket(const WireSocket&) = delete;
-  WireSocket& operator=(const WireSocket&) = delete;
+  explicit TriggerCableClient(const std::filesystem::path& path);
+  ~TriggerCableClient();
+  TriggerCableClient(const TriggerCableClient&) = delete;
+  TriggerCableClient& operator=(const TriggerCableClient&) = delete;
 
   /// Returns false when the server has disconnected or does not read.
   bool send(const TriggerEdge& edge);
@@ -74,7 +74,7 @@ class SimulatedGenerator : public PulseGenerator, private PulseOutput {
   bool end_pulse() override { return true; }
 
   const std::filesystem::path path_;
-  std::unique_ptr<WireSocket> wire_;
+  std::unique_ptr<TriggerCableClient> cable_;
   PacedTrain train_;  ///< last member: its thread uses the members above
 };
 
@@ -90,7 +90,7 @@ class SimulatedSensor : public PulseSensor {
 
  private:
   const std::filesystem::path path_;
-  std::unique_ptr<WireSocket> wire_;
+  std::unique_ptr<TriggerCableClient> cable_;
   int64_t next_ = 0;
 };
 

@@ -31,7 +31,7 @@ class SimulatedPulses {
   std::vector<MonotonicInstant> operator()() {
     std::vector<MonotonicInstant> pulses;
     if (path_.empty() || !connect()) return pulses;
-    while (const auto edge = wire_->receive(MonotonicInstant())) {
+    while (const auto edge = cable_->receive(MonotonicInstant())) {
       pulses.push_back(from_ns<Monotonic>(edge->edge_monotonic_ns));
     }
     return pulses;
@@ -39,17 +39,17 @@ class SimulatedPulses {
 
  private:
   bool connect() {
-    if (wire_ && !wire_->disconnected()) return true;
+    if (cable_ && !cable_->disconnected()) return true;
     try {
-      wire_ = std::make_shared<trigger::WireSocket>(path_);
+      cable_ = std::make_shared<trigger::TriggerCableClient>(path_);
     } catch (const InputError&) {
-      wire_ = nullptr;
+      cable_ = nullptr;
     }
-    return wire_ != nullptr;
+    return cable_ != nullptr;
   }
 
   const std::filesystem::path path_;
-  std::shared_ptr<trigger::WireSocket> wire_;
+  std::shared_ptr<trigger::TriggerCableClient> cable_;
 };
 
 }  // namespace

@@ -94,12 +94,13 @@ class StudioOf16 : public testing::Test {
   /// Connects the trigger's cable to the cameras of all hosts.
   void connect_trigger() {
     for (int i = 0; i < kCameras; ++i) {
-      wires_.push_back(std::make_unique<trigger::WireSocket>(folder_ / node(i) / "trigger.sock"));
+      cable_clients_.push_back(
+          std::make_unique<trigger::TriggerCableClient>(folder_ / node(i) / "trigger.sock"));
     }
     cable_.emplace(folder_ / "trigger.sock", [this](int64_t, MonotonicInstant at) {
-      for (const auto& wire : wires_) {
-        wire->drain();
-        wire->send({.edge_monotonic_ns = to_ns(at)});
+      for (const auto& client : cable_clients_) {
+        client->drain();
+        client->send({.edge_monotonic_ns = to_ns(at)});
       }
     });
   }
@@ -211,7 +212,7 @@ class StudioOf16 : public testing::Test {
   const test::TemporaryFolder folder_;
   const test::HostNetwork network_{kRecon + 1};
   std::optional<LossySwitch> switch_;
-  std::vector<std::unique_ptr<trigger::WireSocket>> wires_;
+  std::vector<std::unique_ptr<trigger::TriggerCableClient>> cable_clients_;
   std::optional<sim::TriggerCable> cable_;
   std::vector<std::unique_ptr<ChildProcess>> processes_;
   std::optional<control::OperatorClient> client_;
