@@ -35,7 +35,7 @@ std::map<std::string, double> values_of(const ShardCounts& c) {
           {"shard_taken_over", static_cast<double>(c.taken_over)},
           {"shard_repeated", static_cast<double>(c.repeated)},
           {"shard_duplicates", static_cast<double>(c.duplicates)},
-          {"shard_let_go", static_cast<double>(c.let_go)},
+          {"shard_let_go", static_cast<double>(c.released)},
           {"shard_given_up", static_cast<double>(c.given_up)},
           {"shard_lost", static_cast<double>(c.lost)},
           {"shard_nodes", static_cast<double>(c.alive)}};

@@ -32,7 +32,7 @@ namespace {
 
 recon::FrameSetOptions starting_after(recon::FrameSetOptions sets,
                                       std::optional<int64_t> last_pulse) {
-  sets.gone_until = last_pulse;
+  sets.released_until = last_pulse;
   return sets;
 }
 

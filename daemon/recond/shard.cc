@@ -146,7 +146,7 @@ void Shard::hold(recon::ReadySet set) {
   }
   while (held_.size() > kMaxHeld || held_bytes_ > kMaxHeldBytes) {
     release(held_.begin());
-    ++counts_.let_go;
+    ++counts_.released;
   }
 }
 

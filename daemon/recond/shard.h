@@ -24,7 +24,7 @@ struct ShardCounts {
   int64_t taken_over = 0;   ///< sets processed here that belong to a node that is not available
   int64_t repeated = 0;     ///< sets processed here because their owner's mesh did not arrive
   int64_t duplicates = 0;   ///< meshes received twice
-  int64_t let_go = 0;       ///< sets of other nodes, released because kMaxHeld were held
+  int64_t released = 0;     ///< sets of other nodes, released because kMaxHeld were held
   int64_t given_up = 0;     ///< pulses that their owner reported as dropped or failed
   int64_t lost = 0;         ///< pulses without a mesh for any other reason
   int64_t implausible = 0;  ///< ignored sets and meshes: their pulse is not in PlausiblePulses

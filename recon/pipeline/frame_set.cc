@@ -32,7 +32,7 @@ FrameSetAssembler::FrameSetAssembler(FrameSetOptions options) : options_(std::mo
   std::sort(names.begin(), names.end());
   names.erase(std::unique(names.begin(), names.end()), names.end());
   cameras_ = names.size();
-  last_sent_ = options_.gone_until;
+  last_sent_ = options_.released_until;
 }
 
 std::vector<ReadySet> FrameSetAssembler::add(Frame frame, MonotonicInstant now) {

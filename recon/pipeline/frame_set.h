@@ -38,7 +38,7 @@ struct FrameSetOptions {
   Duration deadline = std::chrono::milliseconds(200);  ///< from the first frame of the set
   int max_open = 16;  ///< incomplete sets at a time; one more releases the oldest
   /// Sets up to this pulse were released before a restart in this take.
-  std::optional<int64_t> gone_until{};
+  std::optional<int64_t> released_until{};
 };
 
 struct ReadySet {

@@ -197,7 +197,7 @@ TEST(Shard, holds_a_bounded_number_of_sets_of_others) {
     shard.on_set(std::move(set));
     for (const recon::ReadySet& mine : shard.pop_work()) shard.give_up(mine.set.pulse);
   }
-  EXPECT_EQ(shard.counts().let_go, 300 - static_cast<int64_t>(Shard::kMaxHeld));
+  EXPECT_EQ(shard.counts().released, 300 - static_cast<int64_t>(Shard::kMaxHeld));
   EXPECT_GT(shard.counts().lost, 0) << "the wait for a pending pulse is limited";
 }
 
