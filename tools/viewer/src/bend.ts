@@ -1,7 +1,7 @@
 // Bends of joints over a range of frames, as `v3dctl edit` makes them (docs/editing.md): of the skeleton, and of the surface by
 // linear blend skinning.
 import { parseJson } from '../player/src/json_field';
-import { aboutAxis, hangingOn, product, type Quaternion, rotated, rotationOf } from './pose';
+import { aboutAxis, product, type Quaternion, rotated, rotationOf, subtreeOf } from './pose';
 import { type Joint, PARTS, type Pose, type Skeleton, type Skin } from './skeleton_file';
 
 export interface Bend {
@@ -29,10 +29,10 @@ export function skinAt({ skins }: Skeleton, pulse: number, vertices: number): Sk
   return skins.findLast((skin) => skin.vertices === vertices && skin.pulses.includes(pulse)) ?? null;
 }
 
-/** Joints whose turn moves the surface: parts of the skin hang on them. */
+/** Joints whose turn moves the surface: the skin has parts of their subtree. */
 export function movesSurface({ joints, skins }: Skeleton, joint: number): boolean {
-  const hanging = hangingOn(joints, joint);
-  return skins.some(({ parts }) => [...parts].some((part) => hanging.has(part)));
+  const subtree = subtreeOf(joints, joint);
+  return skins.some(({ parts }) => [...parts].some((part) => subtree.has(part)));
 }
 
 /** Part of the angle at a frame, 0 to 1. */
@@ -49,17 +49,17 @@ export interface Turn {
   rotation: Quaternion;
 }
 
-/** The turn of the parts that hang on the joint. */
+/** The turn of the joint and its descendants. */
 export function turnAt(pose: Pose, bend: Bend, share: number): Turn {
   const axis = rotated(rotationOf(pose, bend.joint), bend.axis);
   const centre = [...pose.positions.subarray(3 * bend.joint, 3 * bend.joint + 3)] as Turn['centre'];
   return { centre, rotation: aboutAxis(axis, (share * bend.degrees * Math.PI) / 180) };
 }
 
-/** The pose with all that hangs on the joint turned. */
+/** The pose with the joint and its descendants turned. */
 export function turnedPose(pose: Pose, joints: readonly Joint[], joint: number, { centre, rotation }: Turn): Pose {
   const positions = pose.positions.slice(), rotations = pose.rotations.slice();
-  for (const n of hangingOn(joints, joint)) {
+  for (const n of subtreeOf(joints, joint)) {
     const arm = centre.map((c, k) => pose.positions[3 * n + k] - c);
     positions.set(rotated(rotation, arm).map((c, k) => c + centre[k]), 3 * n);
     rotations.set(product(rotation, rotationOf(pose, n)), 4 * n);
@@ -67,17 +67,17 @@ export function turnedPose(pose: Pose, joints: readonly Joint[], joint: number, 
   return { ...pose, positions, rotations };
 }
 
-/** Positions of the vertices with the same turn: each moves by the share of its weights that hangs on the joint. */
+/** Positions of the vertices with the same turn: each moves by the share of its weights in the subtree of the joint. */
 export function turnedSurface(
   positions: Float32Array, skin: Skin, joints: readonly Joint[], joint: number, { centre, rotation }: Turn,
 ): Float32Array {
   const moved = positions.slice();
-  const hangs = hangingOn(joints, joint);
-  const isHanging = Array.from({ length: 256 }, (_, part) => hangs.has(part));
+  const subtree = subtreeOf(joints, joint);
+  const isTurned = Array.from({ length: 256 }, (_, part) => subtree.has(part));
   const [x, y, z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => rotated(rotation, axis));
   for (let v = 0; v < skin.vertices; ++v) {
     let sum = 0;
-    for (let k = PARTS * v; k < PARTS * (v + 1); ++k) if (isHanging[skin.joints[k]]) sum += skin.weights[k];
+    for (let k = PARTS * v; k < PARTS * (v + 1); ++k) if (isTurned[skin.joints[k]]) sum += skin.weights[k];
     if (sum === 0) continue;
     const share = sum / 255;
     const a = positions[3 * v] - centre[0], b = positions[3 * v + 1] - centre[1], c = positions[3 * v + 2] - centre[2];

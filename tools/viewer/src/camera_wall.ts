@@ -1,5 +1,5 @@
 // Cards of all cameras, each with its last preview and its state.
-import { judgeCamera, valueOf } from './judge';
+import { gradeCamera, valueOf } from './node_health';
 import { eachForegroundRun, type NodeState, type PreviewHead } from './message';
 
 const OUTLINE = [227, 168, 87];
@@ -46,7 +46,7 @@ export class CameraWall {
     for (const node of nodes) {
       for (const camera of node.cameras) {
         const card = this.card(camera);
-        const { grade, text } = judgeCamera(camera, node, recon);
+        const { grade, text } = gradeCamera(camera, node, recon);
         if (grade === 'good') ++well;
         card.root.className = `camera ${grade}`;
         card.text.textContent = text;

@@ -2,7 +2,7 @@
 import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from '../player/src/mesh_file';
-import type { Parts } from './parts';
+import type { AuxiliaryContent } from './auxiliary_content';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
 import { cameraAt, pulseAt, soundAt } from './scene_clock';
@@ -36,7 +36,7 @@ class Actor {
     readonly rate: number,
     private readonly changed: () => void,
     trouble: (source: string, text: string) => void,
-    parts: Parts,
+    auxiliary: AuxiliaryContent,
   ) {
     this.performer = stage.addPerformer();
     this.views = new PerformerViews(takeOfMeshes(url), this.performer, () => wantsViews(stage.look), changed);
@@ -55,7 +55,7 @@ class Actor {
     };
     this.send({ kind: 'views', wanted: wantsViews(stage.look) });
     this.send({ kind: 'take', take: 0, url });
-    parts.load(`sound of ${take.take}`, () => fetchSound(takeOfMeshes(url)), (sources) => {
+    auxiliary.load(`sound of ${take.take}`, () => fetchSound(takeOfMeshes(url)), (sources) => {
       if (sources.length && !this.ended) this.sound = new SoundPlayer(output, sources, rate, (text) => trouble(`sound files of ${url}`, text));
     });
   }
@@ -190,7 +190,7 @@ export class Composition {
     private readonly rateOf: (take: string) => number | null,
     /** Shows the error of a source, which begins with "scene" or "sound"; '' removes it. */
     private readonly trouble: (source: string, text: string) => void,
-    private readonly parts: Parts,
+    private readonly auxiliary: AuxiliaryContent,
   ) {
     this.apply();
   }
@@ -233,7 +233,7 @@ export class Composition {
     const name = takeOfMeshes(url);
     const rate = this.rateOf(name);
     if (rate === null) return this.trouble(`scene: ${url}`, `There is no take ${name}.`);
-    this.actors.set(take, new Actor(this.stage, this.output, take, url, rate, () => this.setTime(this.seconds), this.trouble, this.parts));
+    this.actors.set(take, new Actor(this.stage, this.output, take, url, rate, () => this.setTime(this.seconds), this.trouble, this.auxiliary));
   }
 
   get hasSound(): boolean {

@@ -3,8 +3,8 @@ import type { Decoder } from '../../../codec/v3d_decoder.mjs';
 import { type LiveFrame, LiveQueue } from '../player/src/sequence';
 import { postFrame } from '../player/src/take_work';
 import type { Post } from '../player/src/worker_messages';
-import { LastingSocket } from './lasting_socket';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
+import { ReconnectingSocket } from './reconnecting_socket';
 
 const PING_MS = 2000;
 /** The server answers every ping. */
@@ -17,7 +17,7 @@ const now = () => performance.timeOrigin + performance.now();
  * the next one after the page has drawn it: a page that draws slowly misses meshes, and those it draws are not late.
  */
 export class LiveWork {
-  private socket: LastingSocket | null = null;
+  private socket: ReconnectingSocket | null = null;
   private readonly queue = new LiveQueue<MeshHead>();
   private readonly clock = new ServerClock();
   private readonly pings: ReturnType<typeof setInterval>;
@@ -65,7 +65,7 @@ export class LiveWork {
     if (this.ended) return;
     const link = (state: 'connecting' | 'open') => this.post({ kind: 'link', take: this.take, link: state });
     link('connecting');
-    this.socket = new LastingSocket(this.url, MAX_SILENCE_MS, {
+    this.socket = new ReconnectingSocket(this.url, MAX_SILENCE_MS, {
       opened: () => {
         this.last = -1;
         link('open');

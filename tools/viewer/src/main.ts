@@ -1,16 +1,17 @@
 // The viewer page: shows takes, scenes of several takes, and the live picture.
 import { Composition } from './composition';
 import { parseAddress } from './address';
+import { AuxiliaryContent } from './auxiliary_content';
+import { ErrorTexts } from './error_texts';
 import { factsHtml, FrameMeter, linkText, liveTexts, scanText, sceneFacts } from './facts';
 import { bindKeys } from './keys';
 import { PerformerList } from './performer_list';
-import { socketUrl } from './lasting_socket';
 import { MotionPanel } from './motion_panel';
-import { Parts } from './parts';
 import { bindToggle, download, find, press, showStartError } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from '../player/src/playback';
 import { ProxyChoice } from './proxy_choice';
+import { socketUrl } from './reconnecting_socket';
 import { fetchText } from './request';
 import { fetchRig, type RigCamera } from './rig';
 import { RigPanel } from './rig_panel';
@@ -23,7 +24,6 @@ import { Stage } from './stage';
 import { listScenes, TakeBrowser } from './take_browser';
 import { fetchTakes, type Take } from './take_list';
 import { Transport } from './transport';
-import { Troubles } from './troubles';
 import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
 
 const TAKES_EVERY_MS = 5000;
@@ -49,12 +49,12 @@ class Viewer {
   private readonly motion: MotionPanel;
   private readonly skeleton: SkeletonPanel;
   private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile());
-  private readonly troubles = new Troubles((text) => {
+  private readonly errors = new ErrorTexts((text) => {
     find('trouble').textContent = text;
     find('trouble').hidden = text === '';
   });
-  private readonly parts = new Parts((part, text) => this.troubles.set(part, text));
-  private readonly sound = new SoundControl(find('sound'), find('canvas'), this.parts, (text) => this.troubles.set('sound', text));
+  private readonly auxiliary = new AuxiliaryContent((item, text) => this.errors.set(item, text));
+  private readonly sound = new SoundControl(find('sound'), find('canvas'), this.auxiliary, (text) => this.errors.set('sound', text));
   private readonly meter = new FrameMeter();
   private shownCount = 0;
   private last = 0;
@@ -66,7 +66,7 @@ class Viewer {
       this.pictures.stand(null);
       this.setFollowing(false);
     };
-    this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw(), this.parts);
+    this.motion = new MotionPanel(this.stage, (message) => this.send(message), () => this.draw(), this.auxiliary);
     this.skeleton = new SkeletonPanel({
       stage: this.stage,
       transport: this.transport,
@@ -75,7 +75,7 @@ class Viewer {
       shows: (performer) => this.performers.shows(performer),
       showMotion: () => this.motion.isOn || this.motion.toggle(),
     });
-    this.stage.onTrouble = (text) => this.troubles.set('scene: background', text);
+    this.stage.onTrouble = (text) => this.errors.set('scene: background', text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
       () => this.composition?.viewsState ?? null);
     find('confidence-note').textContent = CONFIDENCE_IN_WORDS;
@@ -158,7 +158,7 @@ class Viewer {
       return;
     }
     this.browser.list(this.takes);
-    this.parts.again();
+    this.auxiliary.again();
     if (this.listed) return;
     this.listed = true;
     this.followAddress();
@@ -171,7 +171,7 @@ class Viewer {
 
   private openTake(name: string, pulse = NaN, mesh: string | null = null): void {
     const take = this.takes.find((t) => t.name === name);
-    if (!take) return this.troubles.set('take', `There is no take ${name}.`);
+    if (!take) return this.errors.set('take', `There is no take ${name}.`);
     this.openAs({ take, scene: null }, `take=${name}`, `api/takes/${name}/rig`);
     this.startAt = pulse;
     this.proxy.open(take, mesh);
@@ -204,7 +204,7 @@ class Viewer {
   private openScene(name: string, at: number): void {
     const url = new URL(`takes/${encodeURIComponent(name)}/scene.json`, location.href).href;
     this.openAs({ take: null, scene: name }, `scene=${name}`, null);
-    this.parts.load(`${name}/scene.json`, () => fetchText(url), (text) => {
+    this.auxiliary.load(`${name}/scene.json`, () => fetchText(url), (text) => {
       if (text === null) throw new Error('there is no such scene.');
       this.showScene(parseScene(text), at, url);
     });
@@ -217,7 +217,7 @@ class Viewer {
       this.showScene(parseScene(await file.text()));
       find('title').textContent = file.name;
     } catch (error) {
-      this.troubles.set('scene', `${file.name}: ${(error as Error).message}`);
+      this.errors.set('scene', `${file.name}: ${(error as Error).message}`);
     }
   }
 
@@ -246,8 +246,8 @@ class Viewer {
   /** `url`: of its file; an unsaved scene is shown as if its folder were beside the takes. */
   private showScene(scene: SceneFile, at = NaN, url = new URL('takes/unsaved/scene.json', location.href).href): void {
     const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
-    const trouble = (source: string, text: string) => this.troubles.set(source, text);
-    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble, this.parts);
+    const trouble = (source: string, text: string) => this.errors.set(source, text);
+    this.composition = new Composition(this.stage, this.sound.output, scene, url, rateOf, trouble, this.auxiliary);
     this.setScenePlayback(Number.isNaN(at) ? 0 : at);
     this.playback!.playing = Number.isNaN(at);
     this.panel.show(scene);
@@ -273,7 +273,7 @@ class Viewer {
   private sceneChanged(): void {
     const composition = this.composition;
     if (!composition || !this.playback) return;
-    this.troubles.clear('scene');
+    this.errors.clear('scene');
     const { scene } = composition;
     if (pictureCount(scene) - 1 !== this.playback.last || scene.rate_hz !== this.playback.rate) {
       const playing = this.playback.playing;
@@ -301,8 +301,8 @@ class Viewer {
 
   private openAs(what: { take: Take | null; scene: string | null }, address: string, rigUrl: string | null): void {
     const { take, scene } = what;
-    this.parts.clear();
-    this.troubles.clear();
+    this.auxiliary.clear();
+    this.errors.clear();
     this.open = { ...what, number: ++this.opened };
     this.composition?.end();
     this.composition = null;
@@ -326,7 +326,7 @@ class Viewer {
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     this.showRig([]);
-    if (rigUrl !== null) this.parts.load('Cameras', () => fetchRig(rigUrl), (rig) => this.showRig(rig));
+    if (rigUrl !== null) this.auxiliary.load('Cameras', () => fetchRig(rigUrl), (rig) => this.showRig(rig));
   }
 
   private markOpen(): void {
@@ -346,7 +346,7 @@ class Viewer {
     if (message.take !== this.opened) return;
     switch (message.kind) {
       case 'opened': {
-        this.troubles.set('frames', '');
+        this.errors.set('frames', '');
         if (!this.playback?.isOf(message.pulses)) this.setTakePlayback(message.pulses);
         if (message.tracked) {
           this.motion.setAlone();
@@ -356,16 +356,16 @@ class Viewer {
         break;
       }
       case 'scan':
-        this.troubles.set('frames', scanText(this.proxy.file, message.part));
+        this.errors.set('frames', scanText(this.proxy.file, message.part));
         break;
       case 'trouble':
-        this.troubles.set('frames', this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
+        this.errors.set('frames', this.proxy.isOn ? `proxy.v3d: ${message.text} Switch Proxy off to see mesh.v3d.` : message.text);
         break;
       case 'link':
         find('open-live').dataset.link = message.link;
         find('live-text').textContent = message.link === 'open' ? 'connected' : 'connecting …';
         this.meter.latencyMs = null;
-        this.troubles.set('frames', linkText(message.link, this.shown !== null));
+        this.errors.set('frames', linkText(message.link, this.shown !== null));
         break;
       case 'frame':
         this.show(message.frame);
@@ -386,7 +386,7 @@ class Viewer {
   private show(frame: ShownFrame): void {
     this.shown = frame;
     find('canvas').dataset.shown = String(++this.shownCount);
-    this.troubles.set('frames', '');
+    this.errors.set('frames', '');
     this.performers.add(frame);
     this.draw();
     this.meter.add(performance.now());
@@ -488,7 +488,7 @@ class Viewer {
     if (!frame?.live) return;
     const { title, trouble } = liveTexts(frame.live.take, this.meter.ageMs(now));
     find('title').textContent = title;
-    this.troubles.set('live', find('open-live').dataset.link === 'open' ? trouble : '');
+    this.errors.set('live', find('open-live').dataset.link === 'open' ? trouble : '');
   }
 }
 

@@ -1,6 +1,6 @@
 // The tracked surface of a take: its switch, its colours and its trails.
+import type { AuxiliaryContent } from './auxiliary_content';
 import { find } from './page';
-import type { Parts } from './parts';
 import { isThere } from './request';
 import type { Stage } from './stage';
 import { completed } from '../player/src/surface';
@@ -26,7 +26,7 @@ export class MotionPanel {
     private readonly stage: Stage,
     private readonly send: (message: ToWorker) => void,
     private readonly changed: () => void,
-    private readonly parts: Parts,
+    private readonly auxiliary: AuxiliaryContent,
   ) {
     find('motion-on').addEventListener('click', () => this.toggle());
     find('freeze').addEventListener('click', () => this.toggleFreeze());
@@ -45,7 +45,7 @@ export class MotionPanel {
     this.stage.showTrails([]);
     this.draw();
     if (url === null) return;
-    this.parts.load('motion.v3d', () => isThere(url), (there) => (find('motion').hidden = !there));
+    this.auxiliary.load('motion.v3d', () => isThere(url), (there) => (find('motion').hidden = !there));
   }
 
   /** To call when the worker has opened the meshes of the same take again. */

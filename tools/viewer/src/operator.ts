@@ -1,5 +1,5 @@
 // Possible actions of an operator, and texts about the results of his orders. Pure functions.
-import { valueOf } from './judge';
+import { valueOf } from './node_health';
 import type { NodeState, OrderReport } from './message';
 import type { Order } from './orders';
 
@@ -7,7 +7,7 @@ import type { Order } from './orders';
 export type Phase = 'silent' | 'idle' | 'fault' | 'armed' | 'recording' | 'draining' | 'unrecorded';
 export type Action = 'arm' | 'start' | 'stop' | 'abort' | 'verdict';
 
-export interface Doing {
+export interface Activity {
   phase: Phase;
   take: string;
 }
@@ -17,7 +17,7 @@ export const recordsNothing = (node: NodeState) => node.heard && (valueOf(node, 
 export const nothingRecorded = (take: string) => `${take}: nothing is recorded`;
 
 /** "recording  kendo-07"; "check: nothing is recorded". */
-export function nodeDoing(node: NodeState): string {
+export function nodeActivity(node: NodeState): string {
   if (recordsNothing(node)) return nothingRecorded(node.take ?? '');
   return [node.heard ? (node.state ?? '') : 'silent', node.take].filter(Boolean).join('  ');
 }
@@ -27,7 +27,7 @@ export const nodesAtFault = (nodes: readonly NodeState[]) =>
   nodes.filter((node) => node.heard && node.state === 'fault').map(({ name }) => name);
 
 /** The phase of the studio: that of the node which is farthest in a take; without a take `fault`, if a node is at fault. */
-export function doingOf(nodes: readonly NodeState[]): Doing {
+export function activityOf(nodes: readonly NodeState[]): Activity {
   for (const phase of ['recording', 'draining', 'armed'] as const) {
     const at = nodes.filter((node) => node.heard && node.state === phase && !recordsNothing(node));
     if (at.length) return { phase, take: at.find((node) => node.take)?.take ?? '' };
@@ -64,7 +64,7 @@ export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
 }
 
 /** The text on the button of an action. */
-export function wordOf(action: Action, phase: Phase): string {
+export function labelOf(action: Action, phase: Phase): string {
   if (action === 'abort' && phase === 'fault') return 'Clear the fault…';
   return { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' }[action];
 }

@@ -1,8 +1,8 @@
 // Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
 import { MessageClock, type OrderReport, type StudioState } from './message';
 import {
-  type Action, actionsIn, armOrder, type Doing, doingOf, endsSelection, gradeOf, isNews, leavableCameras, linesOf, nextName, nodesAtFault,
-  nothingRecorded, wordOf,
+  type Action, actionsIn, type Activity, activityOf, armOrder, endsSelection, gradeOf, isNews, labelOf, leavableCameras, linesOf, nextName,
+  nodesAtFault, nothingRecorded,
 } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
@@ -23,7 +23,7 @@ export class OperatorPanel {
   private readonly clock = new MessageClock();
   private readonly name = find<HTMLInputElement>('take-name');
   private readonly seconds = find<HTMLInputElement>('take-seconds');
-  private doing: Doing = { phase: 'silent', take: '' };
+  private activity: Activity = { phase: 'silent', take: '' };
   private atFault: string[] = [];
   private cameras: string[] = [];
   private last: OrderReport | null = null;
@@ -51,7 +51,7 @@ export class OperatorPanel {
   setState({ control, nodes, sent_ms }: StudioState): void {
     this.clock.add(sent_ms, performance.now());
     find('operator').hidden = !control;
-    this.doing = doingOf(nodes);
+    this.activity = activityOf(nodes);
     this.atFault = nodesAtFault(nodes);
     this.cameras = nodes.flatMap((node) => node.cameras);
     this.draw();
@@ -74,7 +74,7 @@ export class OperatorPanel {
 
   /** Proposes the name of the next take from the newest one, unless the user has typed a name. */
   setNewestTake(name: string): void {
-    if (!this.named && this.doing.phase === 'idle') this.name.value = nextName(name);
+    if (!this.named && this.activity.phase === 'idle') this.name.value = nextName(name);
   }
 
   private async unlock(): Promise<void> {
@@ -135,17 +135,17 @@ export class OperatorPanel {
     find('unlock').hidden = open;
     find('orders').hidden = !open;
     find('lock').hidden = !open;
-    const actions = this.sending ? [] : actionsIn(this.doing.phase, this.last);
+    const actions = this.sending ? [] : actionsIn(this.activity.phase, this.last);
     this.drawButtons(actions);
     find('arming').hidden = !actions.includes('arm');
     this.drawWithout(actions.includes('arm'));
     this.drawLast();
-    find('doing').textContent = this.sending ? 'Sending the order…' : this.last?.under_way ? `${this.last.text}: under way…` : this.doingText();
+    find('doing').textContent = this.sending ? 'Sending the order…' : this.last?.under_way ? `${this.last.text}: under way…` : this.activityText();
     this.drawQuestion(actions.includes('abort'));
   }
 
-  private doingText(): string {
-    const { phase, take } = this.doing;
+  private activityText(): string {
+    const { phase, take } = this.activity;
     switch (phase) {
       case 'silent':
         return 'No node sends health.';
@@ -162,7 +162,7 @@ export class OperatorPanel {
 
   /** The question before an abort. It closes when it does not fit any more, because its button would do something else. */
   private drawQuestion(possible: boolean): void {
-    const { phase, take } = this.doing;
+    const { phase, take } = this.activity;
     const clears = phase === 'fault', checks = phase === 'unrecorded';
     find('sure-head').textContent = clears ? 'Clear the fault?' : 'Abort?';
     find('sure-no').textContent = clears ? 'Cancel' : 'Do not abort';
@@ -185,10 +185,10 @@ export class OperatorPanel {
   }
 
   private drawButtons(actions: Action[]): void {
-    const { phase } = this.doing;
-    if (!this.isNew('buttons', actions.map((action) => [action, wordOf(action, phase)]))) return;
+    const { phase } = this.activity;
+    if (!this.isNew('buttons', actions.map((action) => [action, labelOf(action, phase)]))) return;
     const buttons = actions.map((action) => {
-      const button = made('button', wordOf(action, phase), action) as HTMLButtonElement;
+      const button = made('button', labelOf(action, phase), action) as HTMLButtonElement;
       button.type = 'button';
       button.dataset.order = action;
       button.disabled = true;

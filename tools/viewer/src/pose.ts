@@ -28,13 +28,13 @@ export function aboutAxis([x, y, z]: readonly number[], radians: number): Quater
   return [Math.cos(radians / 2), sine * x, sine * y, sine * z];
 }
 
-/** The numbers of a joint and of all that hang on it. */
-export function hangingOn(joints: readonly Joint[], root: number): Set<number> {
-  const hanging = new Set([root]);
+/** The numbers of a joint and its descendants. */
+export function subtreeOf(joints: readonly Joint[], root: number): Set<number> {
+  const subtree = new Set([root]);
   joints.forEach(({ parent }, n) => {
-    if (hanging.has(parent)) hanging.add(n); // parents come first
+    if (subtree.has(parent)) subtree.add(n); // parents come first
   });
-  return hanging;
+  return subtree;
 }
 
 /** The three turns of a joint against its parent, as `v3dctl edit` bends them. */

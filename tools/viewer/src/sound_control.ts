@@ -1,7 +1,7 @@
 // The sound of the open take or scene, and the button that switches it.
+import type { AuxiliaryContent } from './auxiliary_content';
 import type { Composition } from './composition';
 import { press } from './page';
-import type { Parts } from './parts';
 import type { Playback } from '../player/src/playback';
 import { fetchSound } from './sound_file';
 import { SoundOutput, SoundPlayer } from './sound_player';
@@ -15,7 +15,7 @@ export class SoundControl {
   constructor(
     private readonly button: HTMLElement,
     private readonly canvas: HTMLElement,
-    private readonly parts: Parts,
+    private readonly auxiliary: AuxiliaryContent,
     private readonly trouble: (text: string) => void,
   ) {
     button.addEventListener('click', () => this.toggle());
@@ -28,7 +28,7 @@ export class SoundControl {
     this.button.hidden = true;
     this.button.dataset.state = '';
     if (!take) return;
-    this.parts.load('Sound', () => fetchSound(take.name), (sources) => {
+    this.auxiliary.load('Sound', () => fetchSound(take.name), (sources) => {
       if (sources.length === 0) return;
       this.player = new SoundPlayer(this.output, sources, take.rate_hz, this.trouble);
       this.button.hidden = false;

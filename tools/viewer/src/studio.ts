@@ -1,11 +1,11 @@
 // The studio page: shows the state of the studio and, if the studio file allows it, sends an operator's commands.
 import { CameraWall } from './camera_wall';
-import { factsOf } from './judge';
-import { LastingSocket, socketUrl } from './lasting_socket';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
-import { doingOf, nodeDoing, nothingRecorded, recordingFacts, recordsNothing } from './operator';
+import { factsOf } from './node_health';
+import { activityOf, nodeActivity, nothingRecorded, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
 import { takesText } from './page';
+import { ReconnectingSocket, socketUrl } from './reconnecting_socket';
 import { Refusal } from './request';
 import { fetchTakes, type Take, takeItem } from './take_list';
 
@@ -43,7 +43,7 @@ function nodeCard(node: NodeState): HTMLElement {
   const line = made('div', '', 'line');
   const state = node.heard ? (node.state ?? '') : 'silent';
   line.append(made('b', node.name), made('i', node.program ?? '', 'dim'));
-  line.append(made('span', nodeDoing(node), recordsNothing(node) ? '' : state));
+  line.append(made('span', nodeActivity(node), recordsNothing(node) ? '' : state));
   card.append(line);
   if (!node.heard) card.append(made('p', `Try: systemctl status --all 'v3d-*' on ${node.name}`, 'wrong'));
   if (node.text) card.append(made('p', node.text, 'wrong'));
@@ -55,7 +55,7 @@ function nodeCard(node: NodeState): HTMLElement {
 
 /** Makes a running recording clearly visible on the page. */
 function showRecording(nodes: NodeState[]): void {
-  const { phase, take } = doingOf(nodes);
+  const { phase, take } = activityOf(nodes);
   const recording = phase === 'recording' && !lost;
   document.body.classList.toggle('recording', recording);
   find('recording').hidden = !recording;
@@ -73,11 +73,11 @@ function showState(state: StudioState): void {
   find('nodes').replaceChildren(...state.nodes.map(nodeCard));
   panel.setState(state);
   showRecording(state.nodes);
-  const { phase, take } = doingOf(state.nodes);
+  const { phase, take } = activityOf(state.nodes);
   const running = phase === 'unrecorded' ? nothingRecorded(take) : `${phase} ${take}`;
-  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded'
+  const activity = phase === 'idle' || phase === 'silent' ? 'no take is being recorded'
     : phase === 'fault' ? 'a node is at fault' : running;
-  find('facts').textContent = `${doing} · ${state.watchers} watching`;
+  find('facts').textContent = `${activity} · ${state.watchers} watching`;
 }
 
 function showEvent(event: StudioEvent): void {
@@ -122,7 +122,7 @@ async function listTakes(): Promise<void> {
 }
 
 function connect(): void {
-  new LastingSocket(socketUrl('api/studio'), MAX_SILENCE_MS, {
+  new ReconnectingSocket(socketUrl('api/studio'), MAX_SILENCE_MS, {
     opened() {
       lost = false;
       find('events').replaceChildren(); // the server sends them again

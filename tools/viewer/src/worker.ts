@@ -1,7 +1,7 @@
 // Worker that fetches and decodes surfaces: those of a take in any order, or live meshes as they arrive.
 import moduleUrl from 'v3d_decoder.wasm?url';
 import { Decoder } from '../../../codec/v3d_decoder.mjs';
-import { TakeWork, troubleOf } from '../player/src/take_work';
+import { errorMessage, TakeWork } from '../player/src/take_work';
 import type { FromWorker, ToWorker } from '../player/src/worker_messages';
 import { LiveWork } from './live_work';
 
@@ -27,5 +27,5 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
   else if (message.kind === 'live') work = new LiveWork(async () => new Decoder(await wasm), post, message.take, message.url);
   else return;
   work.wantViews(viewsWanted);
-  work.open().catch((error) => post(troubleOf(message.take, error)));
+  work.open().catch((error) => post(errorMessage(message.take, error)));
 };

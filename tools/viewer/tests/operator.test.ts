@@ -1,9 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
-  actionsIn, armOrder, camerasNamed, doingOf, endsSelection, gradeOf, isTakeName, leavableCameras, linesOf, nextName, nodeDoing,
-  nodesAtFault,
-  recordingFacts, wordOf,
+  actionsIn, activityOf, armOrder, camerasNamed, endsSelection, gradeOf, isTakeName, labelOf, leavableCameras, linesOf, nextName,
+  nodeActivity, nodesAtFault, recordingFacts,
 } from '../src/operator';
 import { takesText } from '../src/page';
 
@@ -15,26 +14,26 @@ const report = (more: Partial<OrderReport>): OrderReport =>
 
 describe('an operator', () => {
   it('gets the phase of the node that is farthest in a take', () => {
-    expect(doingOf([silent])).toEqual({ phase: 'silent', take: '' });
-    expect(doingOf([silent, node('recon01', 'idle')])).toEqual({ phase: 'idle', take: '' });
-    expect(doingOf([node('cap01', 'armed', 'kendo-07'), node('recon01', 'recording', 'kendo-07')]))
+    expect(activityOf([silent])).toEqual({ phase: 'silent', take: '' });
+    expect(activityOf([silent, node('recon01', 'idle')])).toEqual({ phase: 'idle', take: '' });
+    expect(activityOf([node('cap01', 'armed', 'kendo-07'), node('recon01', 'recording', 'kendo-07')]))
       .toEqual({ phase: 'recording', take: 'kendo-07' });
-    expect(doingOf([node('cap01', 'draining', 'kendo-07'), node('recon01', 'armed', 'x')]).phase).toBe('draining');
-    expect(doingOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
+    expect(activityOf([node('cap01', 'draining', 'kendo-07'), node('recon01', 'armed', 'x')]).phase).toBe('draining');
+    expect(activityOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
   });
 
   it('shows no recording during a check or background', () => {
     for (const take of ['check', 'background']) {
       for (const state of ['idle', 'armed', 'recording', 'draining']) {
         const nodes = [node('cap01', state, take, { unrecorded_flag: 1 }), node('recon01', 'idle')];
-        expect(doingOf(nodes)).toEqual({ phase: 'unrecorded', take });
-        expect(nodeDoing(nodes[0])).toBe(`${take}: nothing is recorded`);
+        expect(activityOf(nodes)).toEqual({ phase: 'unrecorded', take });
+        expect(nodeActivity(nodes[0])).toBe(`${take}: nothing is recorded`);
       }
     }
     expect(actionsIn('unrecorded', null)).toEqual(['abort']);
     const recording = node('cap02', 'recording', 'kendo-07');
-    expect(doingOf([node('cap01', 'recording', 'check', { unrecorded_flag: 1 }), recording])).toEqual({ phase: 'recording', take: 'kendo-07' });
-    expect(nodeDoing(recording)).toBe('recording  kendo-07');
+    expect(activityOf([node('cap01', 'recording', 'check', { unrecorded_flag: 1 }), recording])).toEqual({ phase: 'recording', take: 'kendo-07' });
+    expect(nodeActivity(recording)).toBe('recording  kendo-07');
   });
 
   it('gets only the possible actions', () => {
@@ -48,12 +47,12 @@ describe('an operator', () => {
   it('can clear the fault of a node, which refuses every arm until then', () => {
     const nodes = [node('cap01', 'fault'), node('recon01', 'idle'), silent];
     expect(nodesAtFault(nodes)).toEqual(['cap01']);
-    expect(doingOf(nodes)).toEqual({ phase: 'fault', take: '' });
-    expect(actionsIn(doingOf(nodes).phase, null)).toEqual(['abort']);
-    expect(wordOf('abort', 'fault')).toBe('Clear the fault…');
-    expect(wordOf('abort', 'armed')).toBe('Abort…');
+    expect(activityOf(nodes)).toEqual({ phase: 'fault', take: '' });
+    expect(actionsIn(activityOf(nodes).phase, null)).toEqual(['abort']);
+    expect(labelOf('abort', 'fault')).toBe('Clear the fault…');
+    expect(labelOf('abort', 'armed')).toBe('Abort…');
     expect(actionsIn('fault', report({ do: 'start' }))).toEqual(['verdict', 'abort']);
-    expect(doingOf([node('cap01', 'fault'), node('recon01', 'recording', 'kendo-07')]).phase).toBe('recording');
+    expect(activityOf([node('cap01', 'fault'), node('recon01', 'recording', 'kendo-07')]).phase).toBe('recording');
   });
 
   it('gets no action while an order is under way', () => {

@@ -149,7 +149,7 @@ describe('a bend', () => {
     expect(shareAt({ ...bend, ramp: 0 }, 10)).toBe(1);
   });
 
-  it('turns the joint and all that hangs on it, and the surface by its weights', () => {
+  it('turns the joint and its descendants, and the surface by its weights', () => {
     const { joints, poses: [pose], skins: [weights] } = skeleton();
     const turn = turnAt(pose, bend, 1);
     const turned = turnedPose(pose, joints, 1, turn);

@@ -2,7 +2,7 @@ import { Vector3, Vector4 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { parseAddress } from '../src/address';
 import { frameFacts, liveTexts, MAX_LIVE_AGE_MS } from '../src/facts';
-import { factsOf, judgeCamera } from '../src/judge';
+import { factsOf, gradeCamera } from '../src/node_health';
 import { eachForegroundRun, MessageClock, type NodeState, ServerClock, splitMessage } from '../src/message';
 import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
 import { vertexNormals } from '../player/src/surface';
@@ -142,13 +142,13 @@ describe('the studio in words', () => {
   const well = { 'cam01.streaming_flag': 1, 'cam01.frames': 9 };
 
   it('names the worst fault of a camera', () => {
-    expect(judgeCamera('cam01', node(well), undefined)).toEqual({ grade: 'good', text: 'follows every pulse' });
-    expect(judgeCamera('cam01', node({ ...well, 'cam01.frames_suspect': 2, 'cam01.frames_missing': 1 }), undefined))
+    expect(gradeCamera('cam01', node(well), undefined)).toEqual({ grade: 'good', text: 'follows every pulse' });
+    expect(gradeCamera('cam01', node({ ...well, 'cam01.frames_suspect': 2, 'cam01.frames_missing': 1 }), undefined))
       .toEqual({ grade: 'alarm', text: '1 frame missing' });
-    expect(judgeCamera('cam01', node({ 'cam01.streaming_flag': 0 }), undefined).text).toBe('does not stream');
-    expect(judgeCamera('cam01', node({}, { heard: false }), undefined).text).toBe('cap01 is silent');
+    expect(gradeCamera('cam01', node({ 'cam01.streaming_flag': 0 }), undefined).text).toBe('does not stream');
+    expect(gradeCamera('cam01', node({}, { heard: false }), undefined).text).toBe('cap01 is silent');
     const recon = node({ 'cam01.drift_px': 2.3 }, { name: 'recon01' });
-    expect(judgeCamera('cam01', node(well), recon).text).toContain('silhouettes shifted by 2.3 px');
+    expect(gradeCamera('cam01', node(well), recon).text).toContain('silhouettes shifted by 2.3 px');
   });
 
   it('omits unreported values', () => {

@@ -17,7 +17,7 @@ export function postFrame(post: Post, take: number, frame: Frame, of: Parameters
   post({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
 }
 
-export const troubleOf = (take: number, error: unknown): FromWorker =>
+export const errorMessage = (take: number, error: unknown): FromWorker =>
   ({ kind: 'trouble', take, text: error instanceof Error ? error.message : String(error) });
 
 function noneWithoutFile(error: unknown): FrameEntry[] {
@@ -57,7 +57,7 @@ export class TakeWork {
         return await this.openOnce();
       } catch (error) {
         if (!this.isTemporary(error)) throw error;
-        this.post(troubleOf(this.take, error));
+        this.post(errorMessage(this.take, error));
         await new Promise((done) => setTimeout(done, AGAIN_MS));
       }
     }
@@ -186,7 +186,7 @@ export class TakeWork {
   /** Reports that a frame cannot be shown, once while it is tried again. */
   private fail(frame: number, error: unknown): void {
     if (this.ended) return;
-    if (this.failed !== frame) this.post(troubleOf(this.take, error));
+    if (this.failed !== frame) this.post(errorMessage(this.take, error));
     this.failed = frame;
     clearTimeout(this.again);
     if (!this.isTemporary(error)) return;

@@ -1,5 +1,5 @@
 // Worker of the player: fetches and decodes the surfaces of one file at a time.
-import { TakeWork, troubleOf } from './take_work';
+import { errorMessage, TakeWork } from './take_work';
 import type { FromWorker, ToWorker } from './worker_messages';
 
 const post = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
@@ -20,5 +20,5 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
   if (message.kind !== 'take' && message.kind !== 'tracked') return;
   work = new TakeWork(wasm, post, message.take, message.url, message.deadlineMs);
   const opened = message.kind === 'take' ? work.open() : work.openMotion();
-  opened.catch((error) => post(troubleOf(message.take, error)));
+  opened.catch((error) => post(errorMessage(message.take, error)));
 };

@@ -2,7 +2,7 @@
 import type { NodeState } from './message';
 
 export type Grade = 'good' | 'warning' | 'alarm';
-export interface Judgement {
+export interface CameraHealth {
   grade: Grade;
   text: string;
 }
@@ -20,7 +20,7 @@ export function valueOf(node: NodeState | undefined, name: string): number | und
 }
 
 /** Grades a camera by the health of its node and of the reconstruction. Returns the worst fault. */
-export function judgeCamera(camera: string, node: NodeState, recon: NodeState | undefined): Judgement {
+export function gradeCamera(camera: string, node: NodeState, recon: NodeState | undefined): CameraHealth {
   if (!node.heard) return { grade: 'alarm', text: `${node.name} is silent` };
   const of = (name: string) => valueOf(node, `${camera}.${name}`) ?? 0;
   const running = node.state === 'recording' || node.state === 'armed';

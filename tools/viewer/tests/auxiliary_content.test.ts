@@ -1,5 +1,5 @@
 import { afterEach, describe, expect, it, vi } from 'vitest';
-import { Parts } from '../src/parts';
+import { AuxiliaryContent } from '../src/auxiliary_content';
 import { fetchJson, isThere, Refusal } from '../src/request';
 import { fetchRig } from '../src/rig';
 import { fetchSound } from '../src/sound_file';
@@ -36,22 +36,22 @@ describe('a request of the page', () => {
   });
 });
 
-describe('the parts of the open content', () => {
+describe('items of the auxiliary content', () => {
   const settled = () => new Promise((done) => setTimeout(done));
 
   it('are fetched again until they are there', async () => {
     const shown: [string, string][] = [];
     const used: number[] = [];
-    const parts = new Parts((part, text) => shown.push([part, text]));
+    const content = new AuxiliaryContent((item, text) => shown.push([item, text]));
     let calls = 0;
-    parts.load('Sound', async () => {
+    content.load('Sound', async () => {
       if (++calls < 3) throw new Refusal('too many open files; try again');
       return calls;
     }, (value) => used.push(value));
     await settled();
     expect(shown).toEqual([['Sound', 'Sound: too many open files; try again']]);
     for (let n = 0; n < 5; ++n) {
-      parts.again();
+      content.again();
       await settled();
     }
     expect(calls).toBe(3);
@@ -61,13 +61,13 @@ describe('the parts of the open content', () => {
 
   it('that are invalid are reported and not fetched again', async () => {
     const shown: string[] = [];
-    const parts = new Parts((_, text) => shown.push(text));
+    const content = new AuxiliaryContent((_, text) => shown.push(text));
     let calls = 0;
-    parts.load('duel/scene.json', async () => ++calls, () => {
+    content.load('duel/scene.json', async () => ++calls, () => {
       throw new Error('seconds: expected a number');
     });
     await settled();
-    parts.again();
+    content.again();
     await settled();
     expect(calls).toBe(1);
     expect(shown.at(-1)).toBe('duel/scene.json: seconds: expected a number');
@@ -76,17 +76,17 @@ describe('the parts of the open content', () => {
   it('are forgotten when something else is opened', async () => {
     const shown: string[] = [];
     const used: number[] = [];
-    const parts = new Parts((_, text) => shown.push(text));
+    const content = new AuxiliaryContent((_, text) => shown.push(text));
     let arrive = (_: number) => {}, calls = 0;
-    parts.load('Cameras', () => new Promise<number>((done) => (arrive = done)), (value) => used.push(value));
-    parts.load('Sound', async () => {
+    content.load('Cameras', () => new Promise<number>((done) => (arrive = done)), (value) => used.push(value));
+    content.load('Sound', async () => {
       ++calls;
       throw new Error('The studio does not answer.');
     }, () => undefined);
     await settled();
-    parts.clear();
+    content.clear();
     arrive(1);
-    parts.again();
+    content.again();
     await settled();
     expect(used).toEqual([]);
     expect(calls).toBe(1);

@@ -1,6 +1,6 @@
 // Error texts of the page, one for each source. A source replaces only its own text.
 
-export class Troubles {
+export class ErrorTexts {
   private readonly texts = new Map<string, string>();
 
   /** `show` gets the texts of all sources, a line for each; '' when there is none. It is not called without a change. */

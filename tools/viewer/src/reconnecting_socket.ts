@@ -16,7 +16,7 @@ export function socketUrl(path: string): string {
   return url.href;
 }
 
-export class LastingSocket {
+export class ReconnectingSocket {
   private socket: WebSocket | null = null;
   /** Ends the silence, or the pause before the next connection. */
   private timer: ReturnType<typeof setTimeout> | undefined;
