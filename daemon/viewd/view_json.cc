@@ -48,14 +48,14 @@ void append(std::string& message, const std::vector<uint8_t>& bytes) {
 }
 
 void append(std::string& message, const recon::CameraColours& view) {
-  const size_t sights = message.size();
-  message.resize(sights + (view.vertices.size() + 3) / 4);
+  const size_t visibility_begin = message.size();
+  message.resize(visibility_begin + (view.vertices.size() + 3) / 4);
   for (size_t v = 0; v < view.vertices.size(); ++v) {
     const auto& [r, g, b, seen] = view.vertices[v];
-    const auto sight = static_cast<recon::Visibility>(seen);
-    if (sight == recon::Visibility::kNone) continue;
-    const unsigned bits = sight == recon::Visibility::kFull ? 2 : 1;
-    message[sights + v / 4] |= static_cast<char>(bits << (2 * (v % 4)));
+    const auto visibility = static_cast<recon::Visibility>(seen);
+    if (visibility == recon::Visibility::kNone) continue;
+    const unsigned bits = visibility == recon::Visibility::kFull ? 2 : 1;
+    message[visibility_begin + v / 4] |= static_cast<char>(bits << (2 * (v % 4)));
     message += {static_cast<char>(r), static_cast<char>(g), static_cast<char>(b)};
   }
 }

@@ -84,7 +84,7 @@ class ViewedBall : public test::ViewedSite {
 struct ReadViews {
   nlohmann::json head;
   struct Camera {
-    std::vector<int> sights;
+    std::vector<int> visibility;
     std::vector<Rgb8> colours;  ///< of the visible vertices
   };
   std::vector<Camera> cameras;
@@ -98,11 +98,11 @@ struct ReadViews {
     const size_t vertices = head["vertices"];
     for (size_t c = 0; c < head["cameras"].size(); ++c) {
       Camera camera;
-      const size_t sights = at;
+      const size_t visibility_begin = at;
       at += (vertices + 3) / 4;
       for (size_t v = 0; v < vertices; ++v) {
-        camera.sights.push_back(byte(sights + v / 4) >> (2 * (v % 4)) & 3);
-        if (camera.sights.back() == 0) continue;
+        camera.visibility.push_back(byte(visibility_begin + v / 4) >> (2 * (v % 4)) & 3);
+        if (camera.visibility.back() == 0) continue;
         camera.colours.push_back({byte(at), byte(at + 1), byte(at + 2)});
         at += 3;
       }
@@ -130,7 +130,7 @@ TEST_F(ViewedBall, has_the_colours_of_each_camera_on_its_side) {
   }
   int64_t both = 0;
   for (int64_t v = 0; v < vertices_; ++v) {
-    both += views.cameras[0].sights[v] != 0 && views.cameras[1].sights[v] != 0;
+    both += views.cameras[0].visibility[v] != 0 && views.cameras[1].visibility[v] != 0;
   }
   EXPECT_LT(both, vertices_ / 20) << "they stand on opposite sides, and share its edge alone";
 }

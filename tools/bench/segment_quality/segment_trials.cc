@@ -65,8 +65,8 @@ Image demosaiced(ImageView rgb) { return to_rgb(filtered(rgb).view()); }
 
 constexpr Input kCameraInputs[] = {{"raw", filtered}, {"demosaiced", demosaiced}};
 constexpr Input kColourInputs[] = {{"colour", copy}};
-std::span<const Input> inputs_of(SubtractorInput sight) {
-  if (sight == SubtractorInput::kCamera) return kCameraInputs;
+std::span<const Input> inputs_of(SubtractorInput input_kind) {
+  if (input_kind == SubtractorInput::kCamera) return kCameraInputs;
   return kColourInputs;
 }
 
@@ -81,14 +81,14 @@ struct Setting {
   const Input* input;
 };
 
-std::vector<Setting> settings_of(const std::string& method, SubtractorInput sight) {
+std::vector<Setting> settings_of(const std::string& method, SubtractorInput input_kind) {
   std::vector<Setting> settings;
   const bool mog2 = method == "MOG2";
   const auto kind = mog2 ? SubtractorOptions::Method::kMog2 : SubtractorOptions::Method::kKnn;
   const std::span<const double> thresholds =
       mog2 ? std::span<const double>(kMog2Thresholds) : std::span<const double>(kKnnThresholds);
   for (const double threshold : thresholds) {
-    for (const Input& input : inputs_of(sight)) {
+    for (const Input& input : inputs_of(input_kind)) {
       settings.push_back({{.method = kind, .threshold = threshold, .shadows = true}, &input});
     }
   }
@@ -175,9 +175,9 @@ Trial our_trial(const std::vector<Scene>& scenes) {
   return trial;
 }
 
-std::vector<Trial> peer_trials(const std::string& method, SubtractorInput sight,
+std::vector<Trial> peer_trials(const std::string& method, SubtractorInput input_kind,
                                const std::vector<Scene>& scenes) {
-  const std::vector<Setting> settings = settings_of(method, sight);
+  const std::vector<Setting> settings = settings_of(method, input_kind);
   std::vector<std::vector<Trial>> all(settings.size());
   tbb::parallel_for(size_t{0}, settings.size(),
                     [&](size_t n) { all[n] = trials_of(settings[n], scenes); });

@@ -72,7 +72,7 @@ enum class SubtractorInput {
 /// Trials for every point of the parameter grid, in the same order for all scenes: threshold, raw
 /// or demosaiced image, shadows as background or foreground, and the clean-up. `method` is "MOG2"
 /// or "KNN".
-std::vector<Trial> peer_trials(const std::string& method, SubtractorInput sight,
+std::vector<Trial> peer_trials(const std::string& method, SubtractorInput input_kind,
                                const std::vector<Scene>& scenes);
 
 /// Our mask of one composite, for inspection.

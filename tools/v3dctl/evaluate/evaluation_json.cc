@@ -5,17 +5,17 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json to_json(const recon::VisibilityReport& sight) {
+Json to_json(const recon::VisibilityReport& visibility) {
   Json json;
   constexpr const char* kCameras[] = {"none", "one", "two", "more"};
-  for (size_t n = 0; n < sight.seen_by.size(); ++n) {
-    const recon::VisibilityFigures& f = sight.seen_by[n];
+  for (size_t n = 0; n < visibility.seen_by.size(); ++n) {
+    const recon::VisibilityFigures& f = visibility.seen_by[n];
     json[kCameras[n]] = {{"truth", f.truth},
                          {"truth_within_5mm", f.truth_within},
                          {"reconstructed", f.reconstructed},
                          {"reconstructed_within_5mm", f.reconstructed_within}};
   }
-  json["f_score_5mm_if_right_from_two"] = sight.f_score_if_right_from(2);
+  json["f_score_5mm_if_right_from_two"] = visibility.f_score_if_right_from(2);
   return json;
 }
 

@@ -34,7 +34,7 @@ vec4 viewOf(int camera) {
   int row = textureSize(views, 0).x;
   return texelFetch(views, ivec3(gl_VertexID % row, gl_VertexID / row, camera), 0);
 }
-int sightOf(vec4 view) {
+int visibilityOf(vec4 view) {
   return int(view.a * 2.0 + 0.5);
 }
 // Algorithm 2: weight of a camera for the view direction.
@@ -42,32 +42,32 @@ float weightOf(int camera) {
   return pow((dot(eyeAxis, axes[camera]) + 2.0) / 3.0, ${SHARPNESS}.0);
 }
 // Equation (7) over the cameras that see the vertex. Rims of silhouettes count only if no other camera sees it.
-vec3 blended(bool forEye, out int sight) {
+vec3 blended(bool forEye, out int visibility) {
   vec4 inner = vec4(0.0), rim = vec4(0.0);
   for (int camera = 0; camera < viewCount; ++camera) {
     vec4 view = viewOf(camera);
     vec4 part = vec4(view.rgb, 1.0) * (forEye ? weightOf(camera) : 1.0);
-    if (sightOf(view) == INNER) inner += part;
-    else if (sightOf(view) == RIM) rim += part;
+    if (visibilityOf(view) == INNER) inner += part;
+    else if (visibilityOf(view) == RIM) rim += part;
   }
-  sight = inner.a > 0.0 ? INNER : rim.a > 0.0 ? RIM : 0;
-  vec4 sum = sight == INNER ? inner : rim;
-  return sight > 0 ? sum.rgb / sum.a : tint;
+  visibility = inner.a > 0.0 ? INNER : rim.a > 0.0 ? RIM : 0;
+  vec4 sum = visibility == INNER ? inner : rim;
+  return visibility > 0 ? sum.rgb / sum.a : tint;
 }
 float agreeing() {
-  int sight;
-  vec3 mean = blended(false, sight);
-  if (sight == 0) return 0.0;
+  int visibility;
+  vec3 mean = blended(false, visibility);
+  if (visibility == 0) return 0.0;
   int count = 0;
   for (int camera = 0; camera < viewCount; ++camera) {
     vec4 view = viewOf(camera);
-    if (sightOf(view) == sight && distance(view.rgb, mean) <= ${AGREEING}) ++count;
+    if (visibilityOf(view) == visibility && distance(view.rgb, mean) <= ${AGREEING}) ++count;
   }
   return float(count);
 }
 void main() {
-  int sight;
-  vTint = look == ${LOOKS.indexOf('view')} && viewCount > 0 ? blended(true, sight) : tint;
+  int visibility;
+  vTint = look == ${LOOKS.indexOf('view')} && viewCount > 0 ? blended(true, visibility) : tint;
   vAgreeing = look == ${LOOKS.indexOf('confidence')} && viewCount > 0 ? agreeing() : -1.0;
   vec4 world = modelMatrix * vec4(position, 1.0);
   vNormal = mat3(modelMatrix) * normal; // rotation and uniform scale only
