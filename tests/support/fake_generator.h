@@ -1,5 +1,5 @@
-// Simulated signal generator: stores the settings of SCPI commands, answers queries, and knows how
-// many pulses it is making. Used by the unit tests and by the USB gadget of the lab.
+// Simulated signal generator: stores the settings of SCPI commands, answers queries, and counts the
+// pulses that it makes. Used by the unit tests and by the USB gadget of the lab.
 #pragma once
 
 #include <cstdint>
@@ -20,8 +20,8 @@ class FakeGenerator {
 
   /// Processes one command line without its line end. Returns the answer, if there is one. A
   /// setting whose header is `lies` is acknowledged but not stored.
-  std::optional<std::string> hear(const std::string& line) {
-    heard.push_back(line);
+  std::optional<std::string> process(const std::string& line) {
+    received.push_back(line);
     if (line == "*IDN?") return identity();
     if (line == "*CLS") return {};
     if (line.find("SYST:ERR?") != std::string::npos) return "+0,\"No error\"";
@@ -56,9 +56,9 @@ class FakeGenerator {
     return number(dialect_ == "rigol-dg" ? ":SOUR1:FUNC:PULS:WIDT" : "SOUR1:FUNC:PULS:WIDT");
   }
 
-  std::vector<std::string> heard;  ///< all received lines
-  std::string lies;                ///< header of a setting that it ignores
-  int64_t pulses = 0;              ///< length of the train since the last start; -1: without end
+  std::vector<std::string> received;  ///< all received lines
+  std::string lies;                   ///< header of a setting that it ignores
+  int64_t pulses = 0;                 ///< length of the train since the last start; -1: without end
 
  private:
   std::string identity() const {

@@ -45,7 +45,7 @@ class ScriptedInstrument : public Instrument {
     bench_.host.now += bench_.answer_takes;
     if (bench_.unplugged_after == 0) throw InstrumentAbsent("was unplugged");
     if (bench_.unplugged_after > 0) --bench_.unplugged_after;
-    return bench_.generator.hear(line);
+    return bench_.generator.process(line);
   }
   Bench& bench_;
 };

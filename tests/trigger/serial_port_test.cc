@@ -67,7 +67,7 @@ class SerialBench {
       }
       EXPECT_EQ(line.back(), '\r');
       line.pop_back();
-      const auto answer = generator.hear(line);
+      const auto answer = generator.process(line);
       line.clear();
       if (!answers_ || !answer) continue;
       const std::string text = *answer + "\r\n";
@@ -96,8 +96,8 @@ TEST(SerialPort, programs_and_starts_a_bnc_575) {
     generator.stop();
   }
   bench.unplug();
-  EXPECT_THAT(bench.generator.heard, testing::Contains(":PULSE0:BCO 100"));
-  EXPECT_THAT(bench.generator.heard, testing::Contains(":PULSE0:STATE ON"));
+  EXPECT_THAT(bench.generator.received, testing::Contains(":PULSE0:BCO 100"));
+  EXPECT_THAT(bench.generator.received, testing::Contains(":PULSE0:STATE ON"));
   EXPECT_FALSE(bench.generator.output_on());
 }
 

@@ -30,8 +30,8 @@ StudioSound input() {
   return {.node = "cap01", .device = "hw:0", .timecode_channel = 2, .timecode_rate = {}};
 }
 
-/// What a check hears in 4 s of sound in which the first channel has `signal`, of samples.
-CheckedSound hear(const std::function<double(int64_t)>& signal, int64_t pulses = kPulses) {
+/// Result of a check of 4 s of sound in which the first channel has `signal`, of samples.
+CheckedSound checked_sound(const std::function<double(int64_t)>& signal, int64_t pulses = kPulses) {
   auto queue = std::make_shared<SoundQueue>(1000);
   SoundCheck check({.sound = input(), .pulse_rate_hz = kPulseRate}, queue);
   // The pulses come before their sound, as in a studio.
@@ -52,34 +52,34 @@ CheckedSound hear(const std::function<double(int64_t)>& signal, int64_t pulses =
 }
 
 TEST(SoundCheck, gives_the_pulse_of_a_clap) {
-  const CheckedSound heard = hear(
+  const CheckedSound checked = checked_sound(
       [](int64_t sample) { return test::burst(static_cast<double>(sample), sample_of(20.4)); });
-  EXPECT_EQ(heard.fault, "");
-  ASSERT_TRUE(heard.clap_pulse);
-  EXPECT_THAT(*heard.clap_pulse, DoubleNear(20.4, 0.05));
-  EXPECT_THAT(heard.uncertainty_s, Lt(0.002));
+  EXPECT_EQ(checked.fault, "");
+  ASSERT_TRUE(checked.clap_pulse);
+  EXPECT_THAT(*checked.clap_pulse, DoubleNear(20.4, 0.05));
+  EXPECT_THAT(checked.uncertainty_s, Lt(0.002));
 }
 
 TEST(SoundCheck, finds_no_clap_in_silence_and_in_a_steady_tone) {
   for (const double level : {0.0, 0.3}) {
-    const CheckedSound heard =
-        hear([&](int64_t sample) { return level * std::sin(0.05 * static_cast<double>(sample)); });
-    EXPECT_EQ(heard.fault, "") << level;
-    EXPECT_EQ(heard.clap_pulse, std::nullopt) << level;
+    const CheckedSound checked = checked_sound(
+        [&](int64_t sample) { return level * std::sin(0.05 * static_cast<double>(sample)); });
+    EXPECT_EQ(checked.fault, "") << level;
+    EXPECT_EQ(checked.clap_pulse, std::nullopt) << level;
   }
 }
 
 TEST(SoundCheck, ignores_a_louder_noise_before_the_first_pulse) {
-  const CheckedSound heard = hear([](int64_t sample) {
+  const CheckedSound checked = checked_sound([](int64_t sample) {
     const auto at = static_cast<double>(sample);
     return test::burst(at, 0.5 * kRate) + 0.3 * test::burst(at, sample_of(20.4));
   });
-  ASSERT_TRUE(heard.clap_pulse);
-  EXPECT_THAT(*heard.clap_pulse, DoubleNear(20.4, 0.05));
+  ASSERT_TRUE(checked.clap_pulse);
+  EXPECT_THAT(*checked.clap_pulse, DoubleNear(20.4, 0.05));
 }
 
 TEST(SoundCheck, names_the_fault_when_no_pulse_or_no_sound_came) {
-  EXPECT_THAT(hear([](int64_t) { return 0.0; }, 0).fault, HasSubstr("no pulse"));
+  EXPECT_THAT(checked_sound([](int64_t) { return 0.0; }, 0).fault, HasSubstr("no pulse"));
   SoundCheck check({.sound = input(), .pulse_rate_hz = kPulseRate},
                    std::make_shared<SoundQueue>(10));
   EXPECT_EQ(check.close().fault, "no sound came from hw:0");

@@ -224,7 +224,7 @@ class Messages {
     while (!line.empty() && line.back() == '\n') line.pop_back();
     if (line.empty()) return;
     const int64_t before = generator_.pulses;
-    answer_ = generator_.hear(line).value_or("");
+    answer_ = generator_.process(line).value_or("");
     if (generator_.pulses == before) return;
     const int64_t less = fault_ == "miscounts" && generator_.pulses > 0 ? 1 : 0;
     if (generator_.pulses == 0) {
