@@ -3,7 +3,7 @@
  *
  * Each operator arms, starts and stops its own take, and may give up at every step. After all others have ended, a last
  * operator stops and aborts. Node 0 has the trigger. Messages are lost, repeated and reordered: a command reaches a node
- * once, at any later time, unless the node has obeyed a later command of the same operator. A reply reaches the operator at
+ * once, at any later time, unless the node has executed a later command of the same operator. A reply reaches the operator at
  * any later time, or not at all. A node may crash once. */
 
 /* Two sizes are checked: NODES=2 with PEOPLE=2, and NODES=3 with PEOPLE=1. */
@@ -59,7 +59,7 @@ inline check_take_back(op, n, c) {
                      take[TRIGGER] == take[n]))
 }
 
-#define can(op, c) (c <= sent[op] && c > obeyed[at(op, n)] && has(addressed[cmd(op, c)], n))
+#define can(op, c) (c <= sent[op] && c > executed[at(op, n)] && has(addressed[cmd(op, c)], n))
 
 /* Events at node n: a message of any operator arrives, or the node's own work reports. */
 proctype Node(byte n) {
@@ -68,7 +68,7 @@ proctype Node(byte n) {
 end:
   do
   :: atomic {
-       /* A command, if the node has obeyed neither it nor a later one of its sender. */
+       /* A command, if the node has executed neither it nor a later one of its sender. */
        if
        :: can(0, 1) -> op = 0; c = 1
        :: can(0, 2) -> op = 0; c = 2
@@ -91,7 +91,7 @@ end:
        :: can(2, 6) -> op = 2; c = 6
 #endif
        fi;
-       check_take_back(op, n, c); obey(op, n, c); op = 0; c = 0
+       check_take_back(op, n, c); execute(op, n, c); op = 0; c = 0
      }
   :: atomic { phase[n] == P_arming -> report(n, I_ready, O_done) }
   :: atomic { phase[n] == P_arming && !ending -> report(n, I_failed, O_refused) }
@@ -116,9 +116,9 @@ end:
   od
 }
 
-#define answered(op, n, counter) (obeyed[at(op, n)] == (counter) && said[at(op, n)] != O_none)
-#define final(op, n, counter) (answered(op, n, counter) && said[at(op, n)] != O_pending)
-#define refused(op, n, counter) (answered(op, n, counter) && said[at(op, n)] == O_refused)
+#define answered(op, n, counter) (executed[at(op, n)] == (counter) && reply_of[at(op, n)] != O_none)
+#define final(op, n, counter) (answered(op, n, counter) && reply_of[at(op, n)] != O_pending)
+#define refused(op, n, counter) (answered(op, n, counter) && reply_of[at(op, n)] == O_refused)
 #if NODES == 3
 #define others_final(op, counter) (final(op, 1, counter) && final(op, 2, counter))
 #define other_refused(op, counter) (refused(op, 1, counter) || refused(op, 2, counter))
@@ -131,7 +131,7 @@ end:
 #define all_final(op, counter) (final(op, 0, counter) && others_final(op, counter))
 #define one_refused(op, counter) (refused(op, 0, counter) || other_refused(op, counter))
 
-inline say(what, nodes, whose, only_own) {
+inline send(what, nodes, whose, only_own) {
   atomic {
     sent[id]++;
     verb[cmd(id, sent[id])] = what; addressed[cmd(id, sent[id])] = nodes;
@@ -140,75 +140,75 @@ inline say(what, nodes, whose, only_own) {
 }
 
 /* Sends the same command to more nodes. */
-inline say_to(nodes) { atomic { addressed[cmd(id, sent[id])] = nodes } }
+inline send_to(nodes) { atomic { addressed[cmd(id, sent[id])] = nodes } }
 
 proctype Operator(byte id) {
   bool ok;
-  say(I_arm, 1, id, false);
+  send(I_arm, 1, id, false);
   if
   :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id])
   :: refused(id, TRIGGER, sent[id]) -> goto quit
-  :: true -> say(I_abort, 1, id, true); goto quit /* the deadline has passed */
+  :: true -> send(I_abort, 1, id, true); goto quit /* the deadline has passed */
   fi;
-  say_to(ALL);
+  send_to(ALL);
   if
   :: all_final(id, sent[id]) && !one_refused(id, sent[id])
-  :: one_refused(id, sent[id]) -> say(I_abort, ALL, id, true); goto quit
-  :: true -> say(I_abort, ALL, id, true); goto quit
+  :: one_refused(id, sent[id]) -> send(I_abort, ALL, id, true); goto quit
+  :: true -> send(I_abort, ALL, id, true); goto quit
   fi;
-  say(I_commit, ALL, id, false);
+  send(I_commit, ALL, id, false);
   if
   :: all_final(id, sent[id]) && !one_refused(id, sent[id])
-  :: one_refused(id, sent[id]) -> say(I_abort, ALL, id, true); goto quit
-  :: true -> say(I_abort, ALL, id, true); goto quit
+  :: one_refused(id, sent[id]) -> send(I_abort, ALL, id, true); goto quit
+  :: true -> send(I_abort, ALL, id, true); goto quit
   fi;
   if
   :: goto quit
   :: true
   fi;
-  say(I_start, OTHERS, id, false);
+  send(I_start, OTHERS, id, false);
   if
   :: others_final(id, sent[id]) && !other_refused(id, sent[id])
   :: other_refused(id, sent[id]) -> goto take_back
   :: true -> goto take_back
   fi;
-  say_to(ALL);
+  send_to(ALL);
   if
   :: final(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id]) -> goto stop
   :: refused(id, TRIGGER, sent[id]) -> goto take_back
   :: true -> goto take_back
   fi;
 take_back:
-  say(I_abort, 1, id, true);
+  send(I_abort, 1, id, true);
   if
   :: refused(id, TRIGGER, sent[id])
   :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id]) ->
     atomic { own[cmd(id, sent[id])] = false; addressed[cmd(id, sent[id])] = ALL }
 #ifdef TAKE_BACK_UNHEARD /* an old fault: a start was taken back although the trigger's node had not replied */
-  :: true -> say_to(ALL)
+  :: true -> send_to(ALL)
 #endif
   :: true
   fi;
   goto quit;
 stop:
-  say(I_stop, 1, id, false);
+  send(I_stop, 1, id, false);
   if
   :: answered(id, TRIGGER, sent[id])
   :: true
   fi;
-  say_to(ALL);
+  send_to(ALL);
 quit:
   gone++
 }
 
-/* Second invariant: a stop is obeyed in the end. */
+/* Second invariant: a stop is executed in the end. */
 proctype LastOperator() {
   byte id = LAST;
   gone == PEOPLE;
   ending = true;
-  say(I_stop, ALL, NOBODY, false);
+  send(I_stop, ALL, NOBODY, false);
   all_final(LAST, sent[LAST]);
-  say(I_abort, ALL, NOBODY, false);
+  send(I_abort, ALL, NOBODY, false);
   all_final(LAST, sent[LAST])
 }
 

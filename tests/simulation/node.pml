@@ -18,11 +18,11 @@ byte take[NODES] = NOBODY;
 byte starter[NODES] = NOBODY;
 byte kept[NODES] = NOBODY;    /* on the disk: the last take that was armed */
 bool may_rejoin[NODES];
-byte records[NODES] = NOBODY; /* the last take whose start was obeyed; survives crashes */
+byte records[NODES] = NOBODY; /* the last take whose start was executed; survives crashes */
 #define at(op, node) ((op) * NODES + (node))
-byte obeyed[NODES * OPERATORS];  /* by operator and node: the last obeyed command */
-byte said[NODES * OPERATORS];    /* by operator and node: the answer to that command */
-bool waits[NODES * OPERATORS];   /* by operator and node: the operator waits for a final reply */
+byte executed[NODES * OPERATORS];  /* by operator and node: the last executed command */
+byte reply_of[NODES * OPERATORS];  /* by operator and node: the reply to that command */
+bool waits[NODES * OPERATORS];     /* by operator and node: the operator waits for a final reply */
 hidden byte next_phase, work, verdict;
 
 #define is_order(verb) ((verb) == I_arm || (verb) == I_check || (verb) == I_background)
@@ -31,7 +31,7 @@ inline finish(n, outcome) {
   d_step {
     for (o : 0 .. OPERATORS - 1) {
       if
-      :: waits[at(o, n)] -> said[at(o, n)] = outcome; waits[at(o, n)] = false
+      :: waits[at(o, n)] -> reply_of[at(o, n)] = outcome; waits[at(o, n)] = false
       :: else
       fi
     }
@@ -53,11 +53,11 @@ inline judge(op, n, c) {
 }
 
 /* Controller::execute() */
-inline obey(op, n, c) {
-  obeyed[at(op, n)] = c;
+inline execute(op, n, c) {
+  executed[at(op, n)] = c;
   judge(op, n, c);
   if
-  :: misses -> said[at(op, n)] = O_refused
+  :: misses -> reply_of[at(op, n)] = O_refused
   :: else ->
     lookup(phase[n], input_of(op, n, c));
     if
@@ -67,9 +67,9 @@ inline obey(op, n, c) {
     :: else
     fi;
     phase[n] = next_phase;
-    said[at(op, n)] = (verdict == V_done -> O_done : (verdict == V_pending -> O_pending : O_refused));
+    reply_of[at(op, n)] = (verdict == V_done -> O_done : (verdict == V_pending -> O_pending : O_refused));
     if
-    :: verdict == V_done && verb_of(op, c) == I_abort -> finish(n, O_refused); said[at(op, n)] = O_done
+    :: verdict == V_done && verb_of(op, c) == I_abort -> finish(n, O_refused); reply_of[at(op, n)] = O_done
     :: verdict == V_pending -> waits[at(op, n)] = true
     :: else
     fi
@@ -99,7 +99,7 @@ inline crash(n) {
   phase[n] = P_idle; may_rejoin[n] = (kept[n] != NOBODY);
   d_step {
     for (o : 0 .. OPERATORS - 1) {
-      obeyed[at(o, n)] = last_stale(o); said[at(o, n)] = O_none; waits[at(o, n)] = false
+      executed[at(o, n)] = last_stale(o); reply_of[at(o, n)] = O_none; waits[at(o, n)] = false
     }
     o = 0
   }

@@ -16,7 +16,7 @@ namespace v3d::simulation {
 struct ProtocolEvent {
   /// trace.pml uses the same numbers.
   enum class Kind : uint8_t {
-    kCommand,      ///< a node obeys a command, repeats its answer, or rejects it
+    kCommand,      ///< a node executes a command, repeats its answer, or rejects it
     kReport,       ///< a report of a node's own work changed its phase
     kReply,        ///< a node sends a reply
     kCrash,        ///< a node's process ends

@@ -48,7 +48,7 @@ bool pulses;
 /* Phases of the trigger's node, in the order in which its health shows them; the last one is repeated. */
 byte health[kMaxHealth];
 byte newest;
-byte heard_from[NODES];        /* index of the last health that the node has received or must ignore */
+byte last_health[NODES];       /* index of the last health that the node has received or must ignore */
 bool crashed_in_take;          /* node 1 crashed while pulses ran */
 
 #define has(set, node) (((set) >> (node)) & 1)
@@ -61,9 +61,9 @@ bool crashed_in_take;          /* node 1 crashed while pulses ran */
 #endif
 
 #ifdef DEAF
-#define hears(n) false
+#define receives_health(n) false
 #else
-#define hears(n) (n != TRIGGER)
+#define receives_health(n) (n != TRIGGER)
 #endif
 
 inline on_start(n) {
@@ -95,7 +95,7 @@ inline after_step(n) {
   fi;
   owner = 0; misses = false
 }
-#define can(op, c) (c <= sent[op] && c > obeyed[at(op, n)] && has(addressed[cmd(op, c)], n))
+#define can(op, c) (c <= sent[op] && c > executed[at(op, n)] && has(addressed[cmd(op, c)], n))
 
 proctype Node(byte n) {
   byte op, c, owner, o, h;
@@ -109,16 +109,16 @@ end:
        :: can(1, 1) -> op = 1; c = 1
        :: can(1, 2) -> op = 1; c = 2
        fi;
-       obey(op, n, c); op = 0; c = 0; after_step(n)
+       execute(op, n, c); op = 0; c = 0; after_step(n)
      }
   :: atomic { phase[n] == P_draining -> report(n, I_drained, O_done); after_step(n) }
   :: atomic {
-       hears(n) && phase[n] == P_recording && (heard_from[n] < newest || !runs(health[newest])) ->
+       receives_health(n) && phase[n] == P_recording && (last_health[n] < newest || !runs(health[newest])) ->
        if
-       :: heard_from[n] < newest -> select(h : heard_from[n] + 1 .. newest)
+       :: last_health[n] < newest -> select(h : last_health[n] + 1 .. newest)
        :: else -> h = newest
        fi;
-       heard_from[n] = h;
+       last_health[n] = h;
        if
        :: !runs(health[h]) -> assert(!pulses); report(n, I_train_ended, O_done)
        :: else
@@ -126,9 +126,9 @@ end:
        h = 0; after_step(n)
      }
   :: atomic {
-       hears(n) && may_rejoin[n] && phase[n] == P_idle -> select(h : heard_from[n] .. newest);
+       receives_health(n) && may_rejoin[n] && phase[n] == P_idle -> select(h : last_health[n] .. newest);
        if
-       :: health[h] == P_recording -> heard_from[n] = h; rejoin(n)
+       :: health[h] == P_recording -> last_health[n] = h; rejoin(n)
        :: else -> may_rejoin[n] = false
        fi;
        h = 0; after_step(n)
@@ -141,17 +141,17 @@ end:
        fi;
        crash(n);
 #ifndef STALE_HEALTH
-       heard_from[n] = newest;
+       last_health[n] = newest;
 #endif
        after_step(n)
      }
   od
 }
 
-#define answered(op, n, c) (obeyed[at(op, n)] == (c) && said[at(op, n)] != O_none)
-#define final(op, n, c) (answered(op, n, c) && said[at(op, n)] != O_pending)
-#define done(op, n, c) (answered(op, n, c) && said[at(op, n)] == O_done)
-#define refused(op, n, c) (answered(op, n, c) && said[at(op, n)] == O_refused)
+#define answered(op, n, c) (executed[at(op, n)] == (c) && reply_of[at(op, n)] != O_none)
+#define final(op, n, c) (answered(op, n, c) && reply_of[at(op, n)] != O_pending)
+#define done(op, n, c) (answered(op, n, c) && reply_of[at(op, n)] == O_done)
+#define refused(op, n, c) (answered(op, n, c) && reply_of[at(op, n)] == O_refused)
 #if NODES == 3
 #define others(what, op, c) (what(op, 1, c) && what(op, 2, c))
 #define all_idle (phase[0] == P_idle && phase[1] == P_idle && phase[2] == P_idle)
@@ -160,7 +160,7 @@ end:
 #define all_idle (phase[0] == P_idle && phase[1] == P_idle)
 #endif
 
-inline say(op, what, nodes, only_own) {
+inline send(op, what, nodes, only_own) {
   atomic {
     sent[op]++;
     verb[cmd(op, sent[op])] = what; addressed[cmd(op, sent[op])] = nodes; own[cmd(op, sent[op])] = only_own
@@ -169,9 +169,9 @@ inline say(op, what, nodes, only_own) {
 
 proctype Starter() {
 #ifdef START_ALL_AT_ONCE
-  say(0, I_start, ALL, false);
+  send(0, I_start, ALL, false);
 #else
-  say(0, I_start, OTHERS, false);
+  send(0, I_start, OTHERS, false);
   if
   :: others(done, 0, 1) -> addressed[cmd(0, 1)] = ALL
   :: true -> goto take_back
@@ -182,7 +182,7 @@ proctype Starter() {
   :: true
   fi;
 take_back:
-  say(0, I_abort, 1, true);
+  send(0, I_abort, 1, true);
   if
   :: answered(0, TRIGGER, 2) && !refused(0, TRIGGER, 2) ->
     atomic { own[cmd(0, 2)] = false; addressed[cmd(0, 2)] = ALL }
@@ -199,11 +199,11 @@ proctype Last() {
 #endif
   is_stopped = true;
 #ifdef DEAF
-  say(LAST, I_stop, 1, false)
+  send(LAST, I_stop, 1, false)
 #else
-  say(LAST, I_stop, ALL, false);
+  send(LAST, I_stop, ALL, false);
   final(LAST, TRIGGER, 1) && others(final, LAST, 1);
-  say(LAST, I_abort, ALL, false)
+  send(LAST, I_abort, ALL, false)
 #endif
 }
 
@@ -216,7 +216,7 @@ init {
     }
     health[0] = P_idle; health[1] = P_idle; health[2] = P_armed; newest = 2;
 #ifndef LATE_HEALTH
-    for (i : 0 .. NODES - 1) { heard_from[i] = newest }
+    for (i : 0 .. NODES - 1) { last_health[i] = newest }
 #endif
     for (i : 0 .. NODES - 1) { run Node(i) }
     run Starter(); run Last()

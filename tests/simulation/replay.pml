@@ -4,8 +4,8 @@
  * An operator sends a start, then a stop, each until the node has answered. Each transmission has a stamp and the nonce
  * that the operator learnt from a reply. The network loses some transmissions and replies. An adversary repeats any earlier
  * command and reply at any time, any number of times. The node draws new nonces, and crashes once. Checked in every state:
- *   - no transmission is obeyed twice, and none after a later one of its sender;
- *   - the stop is obeyed and answered in the end (LTL, weak fairness).
+ *   - no transmission is executed twice, and none after a later one of its sender;
+ *   - the stop is executed and answered in the end (LTL, weak fairness).
  *
  * Macros switch on three faults, to show that the model finds them: OBEY_WITHOUT_NONCE, WALL_CLOCK_STAMPS (stamps follow
  * a clock that is set back), NONCE_OF_ANY_REPLY (repeated replies restore old nonces). */
@@ -51,7 +51,7 @@ byte epoch = 1;               /* its nonce */
 byte epoch_before;            /* the previous nonce, while it is accepted; 0: none */
 byte last_stamp, last_counter;                /* of the sender, since the nonce was drawn; 0: nothing received */
 byte last_stamp_before, last_counter_before;  /* the same for the previous nonce */
-byte newest_obeyed;           /* the newest obeyed transmission */
+byte newest_executed;         /* the newest executed transmission */
 bool crashed;
 hidden byte k;
 
@@ -87,8 +87,8 @@ inline arrive(i) {
 #else
   :: is_current(nonce[i]) && is_new(i) ->
 #endif
-    assert(i > newest_obeyed);
-    newest_obeyed = i;
+    assert(i > newest_executed);
+    newest_executed = i;
     last_stamp = stamp_of(i); last_counter = counter[i];
 
     answered_in[i] = epoch;
@@ -122,7 +122,7 @@ inline forget() {
 }
 
 /* StudioCoordinator::on_reply(): handles the reply to transmission i that holds nonce e. */
-inline hear(i, e, asks_again) {
+inline receive_reply(i, e, asks_again) {
   if
 #ifdef NONCE_OF_ANY_REPLY
   :: true ->
@@ -173,8 +173,8 @@ end:
   :: atomic { on_its_way && lost < kMaxLost -> lost++; on_its_way = false; must_repeat = true }
   :: atomic { reply_on_its_way -> reply_on_its_way = false;
        if
-       :: reply_asks_again -> hear(sent, epoch, true)
-       :: else -> hear(sent, epoch, false)
+       :: reply_asks_again -> receive_reply(sent, epoch, true)
+       :: else -> receive_reply(sent, epoch, false)
        fi;
        must_repeat = true
      }
@@ -196,8 +196,8 @@ end:
      }
   :: atomic { sent > 0 && !stopped -> select(i : 1 .. sent); select(e : 1 .. epoch);
        if
-       :: arrived_in[i] != 0 && e >= arrived_in[i] -> hear(i, e, true)
-       :: answered_in[i] == e -> hear(i, e, false)
+       :: arrived_in[i] != 0 && e >= arrived_in[i] -> receive_reply(i, e, true)
+       :: answered_in[i] == e -> receive_reply(i, e, false)
        :: else
        fi;
        i = 0; e = 0
@@ -229,4 +229,4 @@ init { atomic { run Operator(); run Network(); run Adversary(); run Node() }
 #endif
 }
 
-ltl stop_is_obeyed { <> stopped }
+ltl stop_is_executed { <> stopped }

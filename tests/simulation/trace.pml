@@ -19,7 +19,7 @@ c_decl {
 #define E_pulses_begin 4
 #define E_pulses_end 5
 #define E_send 6
-#define E_hear 7
+#define E_receive 7
 
 /* The present event, and the orders of the operators. Hidden, because `chosen` and `next` determine them. */
 hidden byte kind, node, sender, counter, command, own, named, after, outcome, may_end, addressed;
@@ -41,7 +41,7 @@ bool have_run[OPERATORS];             /* pulses of the take */
 /* Replies to an operator's present command: sent by nodes, and received by operators. */
 byte replied_to[NODES * OPERATORS];
 byte replied[NODES * OPERATORS];      /* outcomes, as bits */
-byte heard[NODES * OPERATORS];
+byte received[NODES * OPERATORS];
 /* The commands of operators. */
 byte sent[OPERATORS];
 byte sent_verb[OPERATORS];
@@ -75,12 +75,12 @@ inline begin_trace() {
 inline follow_command() {
   d_step {
     if
-    :: counter <= obeyed[at(sender, node)]
+    :: counter <= executed[at(sender, node)]
     :: else ->
       idle_stop = phase[node] == P_idle && command == I_stop;
-      obey(sender, node, counter);
+      execute(sender, node, counter);
       if
-      :: idle_stop -> said[at(sender, node)] = O_none /* the ledger of the last take, if there is one */
+      :: idle_stop -> reply_of[at(sender, node)] = O_none /* the ledger of the last take, if there is one */
       :: phase[node] != after && (phase[node] == P_recording || phase[node] == P_learning) && after == P_fault ->
         waits[at(sender, node)] = true; report(node, I_broken, O_refused)
       :: phase[node] != after && phase[node] == P_arming -> report(node, I_failed, O_refused)
@@ -125,9 +125,9 @@ inline follow_report() {
 }
 
 inline follow_reply() {
-  counter < obeyed[at(sender, node)] ||
-      (counter == obeyed[at(sender, node)] &&
-       (outcome == O_pending || said[at(sender, node)] == O_none || said[at(sender, node)] == outcome));
+  counter < executed[at(sender, node)] ||
+      (counter == executed[at(sender, node)] &&
+       (outcome == O_pending || reply_of[at(sender, node)] == O_none || reply_of[at(sender, node)] == outcome));
   d_step { if
   :: counter > replied_to[at(sender, node)] -> replied_to[at(sender, node)] = counter; replied[at(sender, node)] = 1 << outcome
   :: counter == replied_to[at(sender, node)] -> replied[at(sender, node)] = replied[at(sender, node)] | (1 << outcome)
@@ -148,9 +148,9 @@ inline follow_pulses_begin() {
 
 /* --- operators: StudioCoordinator --- */
 
-#define all_heard_done \
-  allowed = heard[at(sender, TRIGGER)] == O_done; \
-  others_must(heard[at(sender, o)] == O_done)
+#define all_have_replied_done \
+  allowed = received[at(sender, TRIGGER)] == O_done; \
+  others_must(received[at(sender, o)] == O_done)
 
 /* Starts the next command. */
 inline begin_command() {
@@ -158,30 +158,30 @@ inline begin_command() {
   if
   :: sent[sender] == 0 -> allowed = (command == order_verb[sender] && !own)
   :: sent[sender] != 0 && own -> allowed = (command == I_abort && !takes_back[sender]); takes_back[sender] = true
-  :: sent[sender] != 0 && !own && command == I_commit -> all_heard_done; allowed = allowed && is_order(order_verb[sender])
+  :: sent[sender] != 0 && !own && command == I_commit -> all_have_replied_done; allowed = allowed && is_order(order_verb[sender])
   :: sent[sender] != 0 && !own && command == I_start ->
-    all_heard_done; allowed = allowed && order_verb[sender] == I_background && sent_verb[sender] == I_commit
+    all_have_replied_done; allowed = allowed && order_verb[sender] == I_background && sent_verb[sender] == I_commit
   :: sent[sender] != 0 && !own && command == I_stop ->
-    all_heard_done; allowed = allowed && order_verb[sender] == I_background && sent_verb[sender] == I_start
+    all_have_replied_done; allowed = allowed && order_verb[sender] == I_background && sent_verb[sender] == I_start
   :: sent[sender] != 0 && !own && command != I_commit && command != I_start && command != I_stop -> allowed = false
   fi;
   allowed;
   sent[sender] = counter; sent_verb[sender] = command; is_wide[sender] = false;
   d_step {
     for (o : 0 .. NODES - 1) {
-      heard[at(sender, o)] = O_none
+      received[at(sender, o)] = O_none
     }
     o = 0
   }
 }
 
-#define trigger_has_accepted (heard[at(sender, TRIGGER)] == O_pending || heard[at(sender, TRIGGER)] == O_done)
+#define trigger_has_accepted (received[at(sender, TRIGGER)] == O_pending || received[at(sender, TRIGGER)] == O_done)
 
 /* Nodes that a command may be sent to. */
 inline check_addressed() {
   allowed = true;
   if
-  :: command == I_start && (addressed & 1) -> others_must(heard[at(sender, o)] == O_done)
+  :: command == I_start && (addressed & 1) -> others_must(received[at(sender, o)] == O_done)
   :: is_order(command) && addressed > 1 -> allowed = (is_wide[sender] || trigger_has_accepted); is_wide[sender] = true
   :: command == I_abort && takes_back[sender] && !own -> allowed = (order_verb[sender] == I_start && trigger_has_accepted)
   :: else
@@ -198,10 +198,10 @@ inline follow_send() {
 }
 
 /* Receives a reply to the present command. A node must have sent it. */
-inline follow_hear() {
+inline follow_receive() {
   counter == sent[sender] && replied_to[at(sender, node)] == counter && ((replied[at(sender, node)] >> outcome) & 1);
   if
-  :: heard[at(sender, node)] == O_none || heard[at(sender, node)] == O_pending -> heard[at(sender, node)] = outcome
+  :: received[at(sender, node)] == O_none || received[at(sender, node)] == O_pending -> received[at(sender, node)] = outcome
   :: else
   fi
 }
@@ -222,7 +222,7 @@ inline follow() {
   :: kind == E_pulses_begin -> follow_pulses_begin()
   :: kind == E_pulses_end -> pulses != NOBODY; pulses = NOBODY
   :: kind == E_send -> follow_send()
-  :: kind == E_hear -> follow_hear()
+  :: kind == E_receive -> follow_receive()
   fi;
   next++
 }
