@@ -3,8 +3,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "codec/exception_barrier.h"
 #include "codec/frame_codec.h"
-#include "codec/with_memory.h"
 
 struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header
   v3d::codec::FrameDecoder decoder;
@@ -77,8 +77,8 @@ static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) 
 }  // namespace
 
 v3d_decoder* v3d_decoder_new() {
-  return v3d::codec::with_memory([] { return new v3d_decoder; },
-                                 static_cast<v3d_decoder*>(nullptr));
+  return v3d::codec::value_or_on_bad_alloc([] { return new v3d_decoder; },
+                                           static_cast<v3d_decoder*>(nullptr));
 }
 
 void v3d_decoder_free(v3d_decoder* decoder) { delete decoder; }
@@ -89,7 +89,7 @@ v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t
     if (status == V3D_OK) fill_frame(*decoder);
     return status;
   };
-  const v3d_status status = v3d::codec::with_memory(decode, V3D_OUT_OF_MEMORY);
+  const v3d_status status = v3d::codec::value_or_on_bad_alloc(decode, V3D_OUT_OF_MEMORY);
   // The decoder may have released what the current frame points to.
   if (status == V3D_OUT_OF_MEMORY) decoder->has_frame = false;
   return status;

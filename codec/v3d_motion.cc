@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <vector>
 
+#include "codec/exception_barrier.h"
 #include "codec/motion_codec.h"
 #include "codec/v3d_decoder.h"
-#include "codec/with_memory.h"
 
 struct v3d_motion {  // NOLINT(readability-identifier-naming): named by the C header
   std::vector<uint8_t> bytes;
@@ -17,7 +17,7 @@ struct v3d_motion {  // NOLINT(readability-identifier-naming): named by the C he
 
 namespace {
 
-using v3d::codec::with_memory;
+using v3d::codec::value_or_on_bad_alloc;
 
 template <class Rows>
 auto first_of(const Rows& rows) -> decltype(rows.front().data()) {
@@ -49,10 +49,11 @@ static_assert(offsetof(v3d_motion_segment, pulse_numbers) == 4 &&
 
 v3d_status v3d_motion_open(v3d_motion** motion, const uint8_t* bytes, size_t size) {
   *motion = nullptr;
-  auto* made = with_memory([] { return new v3d_motion; }, static_cast<v3d_motion*>(nullptr));
+  auto* made =
+      value_or_on_bad_alloc([] { return new v3d_motion; }, static_cast<v3d_motion*>(nullptr));
   if (made == nullptr) return V3D_OUT_OF_MEMORY;
   const auto call = [&] { return open(*made, bytes, size); };
-  const v3d_status status = with_memory(call, V3D_OUT_OF_MEMORY);
+  const v3d_status status = value_or_on_bad_alloc(call, V3D_OUT_OF_MEMORY);
   if (status == V3D_OK) {
     *motion = made;
   } else {
@@ -77,7 +78,7 @@ const v3d_motion_surface* v3d_motion_surface_of(v3d_motion* motion, size_t segme
                        from->triangles.size(), first_of(from->triangles)};
     return &motion->surface;
   };
-  return with_memory(call, static_cast<const v3d_motion_surface*>(nullptr));
+  return value_or_on_bad_alloc(call, static_cast<const v3d_motion_surface*>(nullptr));
 }
 
 const v3d_motion_pulse* v3d_motion_decode(v3d_motion* motion, size_t segment, size_t index) {
@@ -89,5 +90,5 @@ const v3d_motion_pulse* v3d_motion_decode(v3d_motion* motion, size_t segment, si
                      from->confidences.empty() ? nullptr : from->confidences.data()};
     return &motion->pulse;
   };
-  return with_memory(call, static_cast<const v3d_motion_pulse*>(nullptr));
+  return value_or_on_bad_alloc(call, static_cast<const v3d_motion_pulse*>(nullptr));
 }

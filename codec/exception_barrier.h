@@ -1,22 +1,22 @@
-// Calls of C programs into the codec when memory is exhausted.
+// Exception barrier of the C interface: converts std::bad_alloc to an error value.
 #pragma once
 
 #include <exception>
 
 namespace v3d::codec {
 
-/// Returns the result of `call`, or `otherwise` when memory is exhausted. Without exceptions, as in
+/// Returns the result of `call`, or `error` when memory is exhausted. Without exceptions, as in
 /// WebAssembly, the program is aborted instead.
 template <class Call, class Result>
-Result with_memory(const Call& call, Result otherwise) {
+Result value_or_on_bad_alloc(const Call& call, Result error) {
 #ifdef __cpp_exceptions
   try {
     return call();
   } catch (const std::exception&) {
-    return otherwise;
+    return error;
   }
 #else
-  static_cast<void>(otherwise);
+  static_cast<void>(error);
   return call();
 #endif
 }
