@@ -38,7 +38,7 @@ struct MotionEncoderOptions {
 
 /// Numbers of bytes of the parts of a segment.
 struct MotionBytes {
-  size_t head = 0, triangles = 0, template_positions = 0, template_colours = 0;
+  size_t header = 0, triangles = 0, template_positions = 0, template_colours = 0;
   size_t positions = 0, colours = 0, confidences = 0;  ///< of all pulses
 };
 
@@ -101,7 +101,7 @@ struct MotionPulse {
 /// proportional to their number plus the limits, and memory stays below 2 GB. One caller at a time.
 class MotionReader {
  public:
-  /// `bytes` are borrowed. Empty unless they are a whole motion file with valid heads.
+  /// `bytes` are borrowed. Empty unless they are a whole motion file with valid headers.
   static std::optional<MotionReader> open(std::span<const uint8_t> bytes);
   MotionReader(MotionReader&&) noexcept;
   MotionReader& operator=(MotionReader&&) noexcept;

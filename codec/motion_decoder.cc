@@ -14,11 +14,11 @@ namespace v3d::codec {
 namespace {
 
 std::vector<VertexPosition> metres_of(std::span<const LatticePosition> positions,
-                                      const MotionHead& head) {
+                                      const MotionSegmentHeader& header) {
   std::vector<VertexPosition> metres(positions.size());
   for (size_t v = 0; v < positions.size(); ++v) {
     for (size_t axis = 0; axis < 3; ++axis) {
-      metres[v][axis] = static_cast<float>(head.origin[axis] + positions[v][axis] * head.step);
+      metres[v][axis] = static_cast<float>(header.origin[axis] + positions[v][axis] * header.step);
     }
   }
   return metres;
@@ -37,24 +37,24 @@ struct PulseRecord {
 };
 
 std::optional<PulseRecord> split(std::span<const uint8_t> bytes) {
-  constexpr size_t kHead = 2 * sizeof(uint32_t);
-  if (bytes.size() < kHead) return std::nullopt;
+  constexpr size_t kHeader = 2 * sizeof(uint32_t);
+  if (bytes.size() < kHeader) return std::nullopt;
   ByteReader in(bytes);
   const size_t colours = in.number<uint32_t>(), confidences = in.number<uint32_t>();
-  const auto rest = bytes.subspan(kHead);
+  const auto rest = bytes.subspan(kHeader);
   if (colours > rest.size() || confidences > rest.size() - colours) return std::nullopt;
   const size_t positions = rest.size() - colours - confidences;
   return PulseRecord{rest.first(positions), rest.subspan(positions, colours),
                      rest.last(confidences)};
 }
 
-/// Decoder of one segment, whose head is valid.
+/// Decoder of one segment, whose header is valid.
 class SegmentDecoder {
  public:
-  SegmentDecoder(std::span<const uint8_t> bytes, const MotionHead& head)
-      : bytes_(bytes), head_(head) {
-    size_t at = head.head_bytes() + head.template_bytes();
-    for (const MotionTableEntry& entry : head.table) {
+  SegmentDecoder(std::span<const uint8_t> bytes, const MotionSegmentHeader& header)
+      : bytes_(bytes), header_(header) {
+    size_t at = header.header_bytes() + header.template_bytes();
+    for (const MotionTableEntry& entry : header.table) {
       first_.push_back(at);
       at += entry.bytes;
     }
@@ -62,25 +62,25 @@ class SegmentDecoder {
 
   /// False when the template is damaged.
   bool decode_template() {
-    auto rest = bytes_.subspan(head_.head_bytes(), head_.template_bytes());
-    if (crc32(rest) != head_.template_checksum) return false;
+    auto rest = bytes_.subspan(header_.header_bytes(), header_.template_bytes());
+    if (crc32(rest) != header_.template_checksum) return false;
     std::array<std::span<const uint8_t>, 3> sections;
     for (size_t n = 0; n < sections.size(); ++n) {
-      sections[n] = rest.first(head_.section_bytes[n]);
-      rest = rest.subspan(head_.section_bytes[n]);
+      sections[n] = rest.first(header_.section_bytes[n]);
+      rest = rest.subspan(header_.section_bytes[n]);
     }
     auto triangles =
-        decode_connectivity(sections[kMotionTriangles], head_.triangles, head_.vertices);
+        decode_connectivity(sections[kMotionTriangles], header_.triangles, header_.vertices);
     if (!triangles) return false;
-    hierarchy_.emplace(*triangles, head_.vertices);
+    hierarchy_.emplace(*triangles, header_.vertices);
     if (!decode_positions(sections[kMotionPositions], *hierarchy_, {}, template_) ||
-        (head_.is(MotionHead::kColoured) &&
-         !decode_motion_colours(sections[kMotionColours], *hierarchy_, head_.colour_steps, {},
+        (header_.is(MotionSegmentHeader::kColoured) &&
+         !decode_motion_colours(sections[kMotionColours], *hierarchy_, header_.colour_steps, {},
                                 template_))) {
       return false;
     }
     finish_template(*hierarchy_, template_);
-    surface_ = {std::move(*triangles), metres_of(template_.positions, head_),
+    surface_ = {std::move(*triangles), metres_of(template_.positions, header_),
                 colours_of(template_.colours)};
     return true;
   }
@@ -91,20 +91,20 @@ class SegmentDecoder {
     forget_all_but(index);
     const PulseState* state = state_of(index);
     if (state == nullptr) return nullptr;
-    pulse_.pulse = head_.table[index].pulse;
-    pulse_.positions = metres_of(state->positions, head_);
-    pulse_.colours =
-        head_.is(MotionHead::kColoursChange) ? colours_of(state->colours) : surface_.colours;
+    pulse_.pulse = header_.table[index].pulse;
+    pulse_.positions = metres_of(state->positions, header_);
+    pulse_.colours = header_.is(MotionSegmentHeader::kColoursChange) ? colours_of(state->colours)
+                                                                     : surface_.colours;
     pulse_.confidences.clear();
     for (const uint8_t level : state->confidences) {
-      pulse_.confidences.push_back(confidence_of(level, head_.confidence_levels));
+      pulse_.confidences.push_back(confidence_of(level, header_.confidence_levels));
     }
     return &pulse_;
   }
 
  private:
   std::vector<uint32_t> references_of(uint32_t index) const {
-    return motion_references(index, static_cast<uint32_t>(head_.table.size()), head_.period);
+    return motion_references(index, static_cast<uint32_t>(header_.table.size()), header_.period);
   }
 
   /// Deletes the states that neither `index` nor one of its references is.
@@ -131,8 +131,8 @@ class SegmentDecoder {
       references.push_back(state_of(reference));
       if (references.back() == nullptr) return nullptr;
     }
-    const auto bytes = bytes_.subspan(first_[index], head_.table[index].bytes);
-    if (crc32(bytes) != head_.table[index].checksum) return nullptr;
+    const auto bytes = bytes_.subspan(first_[index], header_.table[index].bytes);
+    if (crc32(bytes) != header_.table[index].checksum) return nullptr;
     const auto record = split(bytes);
     PulseState state;
     if (!record || !decode_record(*record, references, state)) return nullptr;
@@ -141,8 +141,8 @@ class SegmentDecoder {
 
   bool decode_record(const PulseRecord& record, std::vector<const PulseState*>& references,
                      PulseState& state) const {
-    const bool change = head_.is(MotionHead::kColoursChange);
-    const size_t levels = head_.confidence_levels;
+    const bool change = header_.is(MotionSegmentHeader::kColoursChange);
+    const size_t levels = header_.confidence_levels;
     if (change == record.colours.empty() || (levels > 0) == record.confidences.empty()) {
       return false;
     }
@@ -152,12 +152,12 @@ class SegmentDecoder {
     }
     if (references.empty()) references.push_back(&template_);
     return decode_positions(record.positions, *hierarchy_, references, state) &&
-           (!change || decode_motion_colours(record.colours, *hierarchy_, head_.colour_steps,
+           (!change || decode_motion_colours(record.colours, *hierarchy_, header_.colour_steps,
                                              references, state));
   }
 
   std::span<const uint8_t> bytes_;
-  const MotionHead& head_;
+  const MotionSegmentHeader& header_;
   std::vector<size_t> first_;  ///< [pulse]: offset of its record in the segment
   std::optional<VertexHierarchy> hierarchy_;
   PulseState template_;
@@ -166,16 +166,16 @@ class SegmentDecoder {
   MotionPulse pulse_;
 };
 
-MotionSegmentInfo info_of(const MotionHead& head) {
+MotionSegmentInfo info_of(const MotionSegmentHeader& header) {
   MotionSegmentInfo info;
-  for (const MotionTableEntry& entry : head.table) info.pulses.push_back(entry.pulse);
-  info.key = head.key;
-  info.vertices = head.vertices;
-  info.triangles = head.triangles;
-  info.step_m = head.step;
-  info.coloured = head.is(MotionHead::kColoured);
-  info.colours_change = head.is(MotionHead::kColoursChange);
-  info.has_confidences = head.confidence_levels > 0;
+  for (const MotionTableEntry& entry : header.table) info.pulses.push_back(entry.pulse);
+  info.key = header.key;
+  info.vertices = header.vertices;
+  info.triangles = header.triangles;
+  info.step_m = header.step;
+  info.coloured = header.is(MotionSegmentHeader::kColoured);
+  info.colours_change = header.is(MotionSegmentHeader::kColoursChange);
+  info.has_confidences = header.confidence_levels > 0;
   return info;
 }
 
@@ -183,21 +183,22 @@ MotionSegmentInfo info_of(const MotionHead& head) {
 
 class MotionReader::Impl {
  public:
-  /// False unless the bytes are a file with valid heads.
+  /// False unless the bytes are a file with valid headers.
   bool open(std::span<const uint8_t> bytes) {
     if (!is_motion_file_header(bytes)) return false;
     bytes = bytes.subspan(kMotionFileHeaderBytes);
     int64_t last = -1;
     while (!bytes.empty()) {
-      auto head = read_motion_head(bytes);
-      if (!head || head->table.front().pulse < last || heads_.size() == MotionLimits::kSegments) {
+      auto header = read_motion_segment_header(bytes);
+      if (!header || header->table.front().pulse < last ||
+          headers_.size() == MotionLimits::kSegments) {
         return false;
       }
-      last = head->table.back().pulse;
-      bytes_.push_back(bytes.first(head->bytes));
-      bytes = bytes.subspan(head->bytes);
-      infos_.push_back(info_of(*head));
-      heads_.push_back(std::move(*head));
+      last = header->table.back().pulse;
+      bytes_.push_back(bytes.first(header->bytes));
+      bytes = bytes.subspan(header->bytes);
+      infos_.push_back(info_of(*header));
+      headers_.push_back(std::move(*header));
     }
     return true;
   }
@@ -206,10 +207,10 @@ class MotionReader::Impl {
 
   /// The decoder of a segment; null when its template is damaged.
   SegmentDecoder* decoder(size_t segment) {
-    if (segment >= heads_.size()) return nullptr;
+    if (segment >= headers_.size()) return nullptr;
     if (!decoder_ || segment != current_) {
       decoder_.reset();  // also if memory is exhausted: half a template must not stay
-      auto next = std::make_unique<SegmentDecoder>(bytes_[segment], heads_[segment]);
+      auto next = std::make_unique<SegmentDecoder>(bytes_[segment], headers_[segment]);
       valid_ = next->decode_template();
       decoder_ = std::move(next);
       current_ = segment;
@@ -219,12 +220,12 @@ class MotionReader::Impl {
 
   const MotionPulse* decode(size_t segment, size_t index) {
     SegmentDecoder* of = decoder(segment);
-    if (of == nullptr || index >= heads_[segment].table.size()) return nullptr;
+    if (of == nullptr || index >= headers_[segment].table.size()) return nullptr;
     return of->decode(static_cast<uint32_t>(index));
   }
 
  private:
-  std::vector<MotionHead> heads_;
+  std::vector<MotionSegmentHeader> headers_;
   std::vector<MotionSegmentInfo> infos_;
   std::vector<std::span<const uint8_t>> bytes_;  ///< of each segment
   std::unique_ptr<SegmentDecoder> decoder_;

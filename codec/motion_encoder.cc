@@ -86,26 +86,26 @@ class SegmentEncoder {
   std::optional<EncodedMotion> run() {
     const auto origin = middle_of(segment_.positions);
     if (!origin) return std::nullopt;
-    head_.origin = *origin;
-    fill_head();
+    header_.origin = *origin;
+    fill_header();
     if (!encode_template() || !encode_pulses()) return std::nullopt;
     return assembled();
   }
 
  private:
-  void fill_head() {
-    head_.key = static_cast<uint32_t>(segment_.key);
-    head_.period = static_cast<uint32_t>(options_.key_every);
-    head_.vertices = vertices_;
-    head_.triangles = static_cast<uint32_t>(segment_.triangles.size());
-    head_.step = options_.step_m;
+  void fill_header() {
+    header_.key = static_cast<uint32_t>(segment_.key);
+    header_.period = static_cast<uint32_t>(options_.key_every);
+    header_.vertices = vertices_;
+    header_.triangles = static_cast<uint32_t>(segment_.triangles.size());
+    header_.step = options_.step_m;
     if (!segment_.colours.empty()) {
-      head_.flags = MotionHead::kColoured;
-      head_.colour_steps = options_.colour_steps;
-      if (segment_.colours.size() > 1) head_.flags |= MotionHead::kColoursChange;
+      header_.flags = MotionSegmentHeader::kColoured;
+      header_.colour_steps = options_.colour_steps;
+      if (segment_.colours.size() > 1) header_.flags |= MotionSegmentHeader::kColoursChange;
     }
     if (!segment_.confidences.empty()) {
-      head_.confidence_levels = static_cast<uint8_t>(options_.confidence_levels);
+      header_.confidence_levels = static_cast<uint8_t>(options_.confidence_levels);
     }
   }
 
@@ -115,7 +115,7 @@ class SegmentEncoder {
     for (uint32_t v = 0; v < vertices_; ++v) {
       const VertexPosition& from = segment_.positions[pulse][connectivity_.order[v]];
       for (size_t axis = 0; axis < 3; ++axis) {
-        const double steps = std::round((double{from[axis]} - head_.origin[axis]) / head_.step);
+        const double steps = std::round((double{from[axis]} - header_.origin[axis]) / header_.step);
         if (!(std::abs(steps) <= kMaxLattice)) return false;
         state.positions[v][axis] = static_cast<int32_t>(steps);
       }
@@ -150,9 +150,9 @@ class SegmentEncoder {
     if (!set_positions(segment_.key, template_)) return false;
     sections_[kMotionTriangles] = connectivity_.bytes;
     sections_[kMotionPositions] = encode_positions(hierarchy_, {}, template_);
-    if (head_.is(MotionHead::kColoured)) {
+    if (header_.is(MotionSegmentHeader::kColoured)) {
       sections_[kMotionColours] =
-          encode_motion_colours(mean_colours(), hierarchy_, head_.colour_steps, {}, template_);
+          encode_motion_colours(mean_colours(), hierarchy_, header_.colour_steps, {}, template_);
     }
     finish_template(hierarchy_, template_);
     return true;
@@ -163,7 +163,7 @@ class SegmentEncoder {
     if (states_.count(index) > 0) return true;
     std::vector<const PulseState*> references;
     for (const uint32_t r :
-         motion_references(index, static_cast<uint32_t>(records_.size()), head_.period)) {
+         motion_references(index, static_cast<uint32_t>(records_.size()), header_.period)) {
       if (!encode_pulse(r)) return false;
       references.push_back(&states_[r]);
     }
@@ -173,16 +173,16 @@ class SegmentEncoder {
     if (!set_positions(index, state)) return false;
     const auto positions = encode_positions(hierarchy_, references, state);
     std::vector<uint8_t> colours, confidences;
-    if (head_.is(MotionHead::kColoursChange)) {
-      colours = encode_motion_colours(colours_of(index), hierarchy_, head_.colour_steps, references,
-                                      state);
+    if (header_.is(MotionSegmentHeader::kColoursChange)) {
+      colours = encode_motion_colours(colours_of(index), hierarchy_, header_.colour_steps,
+                                      references, state);
     }
-    if (head_.confidence_levels > 0) {
+    if (header_.confidence_levels > 0) {
       for (const uint32_t v : connectivity_.order) {
         state.confidences.push_back(
-            confidence_level(segment_.confidences[index][v], head_.confidence_levels));
+            confidence_level(segment_.confidences[index][v], header_.confidence_levels));
       }
-      confidences = encode_confidences(hierarchy_, head_.confidence_levels, in_time, state);
+      confidences = encode_confidences(hierarchy_, header_.confidence_levels, in_time, state);
     }
     parts_.positions += positions.size();
     parts_.colours += colours.size();
@@ -203,32 +203,32 @@ class SegmentEncoder {
     records_.resize(pulses);
     for (uint32_t index = 0; index < pulses; ++index) {
       if (!encode_pulse(index)) return false;
-      if (index % head_.period == 0) states_.erase(states_.begin(), states_.find(index));
+      if (index % header_.period == 0) states_.erase(states_.begin(), states_.find(index));
     }
     return true;
   }
 
   EncodedMotion assembled() {
-    head_.bytes = 0;
+    header_.bytes = 0;
     for (size_t n = 0; n < sections_.size(); ++n) {
-      head_.section_bytes[n] = static_cast<uint32_t>(sections_[n].size());
-      head_.template_checksum = crc32(sections_[n], head_.template_checksum);
+      header_.section_bytes[n] = static_cast<uint32_t>(sections_[n].size());
+      header_.template_checksum = crc32(sections_[n], header_.template_checksum);
     }
     for (size_t n = 0; n < records_.size(); ++n) {
-      head_.table.push_back(
+      header_.table.push_back(
           {segment_.pulses[n], static_cast<uint32_t>(records_[n].size()), crc32(records_[n])});
-      head_.bytes += records_[n].size();
+      header_.bytes += records_[n].size();
     }
-    head_.bytes += head_.head_bytes() + head_.template_bytes();
+    header_.bytes += header_.header_bytes() + header_.template_bytes();
     ByteWriter out;
-    out.bytes(write_motion_head(head_));
+    out.bytes(write_motion_segment_header(header_));
     for (const auto& section : sections_) out.bytes(section);
     for (const auto& record : records_) out.bytes(record);
     EncodedMotion encoded{out.take(), std::move(connectivity_.order), parts_};
     encoded.parts.triangles = sections_[kMotionTriangles].size();
     encoded.parts.template_positions = sections_[kMotionPositions].size();
     encoded.parts.template_colours = sections_[kMotionColours].size();
-    encoded.parts.head = head_.head_bytes() + 2 * sizeof(uint32_t) * records_.size();
+    encoded.parts.header = header_.header_bytes() + 2 * sizeof(uint32_t) * records_.size();
     return encoded;
   }
 
@@ -237,7 +237,7 @@ class SegmentEncoder {
   uint32_t vertices_;
   CodedConnectivity connectivity_;
   VertexHierarchy hierarchy_;
-  MotionHead head_;
+  MotionSegmentHeader header_;
   std::array<std::vector<uint8_t>, 3> sections_;
   PulseState template_;
   std::map<uint32_t, PulseState> states_;      ///< by index of the pulse

@@ -12,9 +12,9 @@ namespace {
 constexpr std::array<uint8_t, 8> kFileMagic{'V', '3', 'D', 'T', 0x0D, 0x0A, 0x1A, 0x0A};
 constexpr std::array<uint8_t, 4> kSegmentMagic{'V', '3', 'D', 'S'};
 constexpr uint32_t kVersion = 1;
-constexpr size_t kChecked = 8;  // the checksum covers head and table from here
+constexpr size_t kChecked = 8;  // the checksum covers header and table from here
 
-void write_checked_fields(ByteWriter& out, const MotionHead& h) {
+void write_checked_fields(ByteWriter& out, const MotionSegmentHeader& h) {
   out.number(h.bytes);
   out.number(static_cast<uint32_t>(h.table.size()));
   out.number(h.key);
@@ -38,7 +38,7 @@ void write_checked_fields(ByteWriter& out, const MotionHead& h) {
 }
 
 /// Reads all but the table. Returns the number of its entries; empty when a reserved field is used.
-std::optional<uint32_t> read_checked_fields(ByteReader& in, MotionHead& h) {
+std::optional<uint32_t> read_checked_fields(ByteReader& in, MotionSegmentHeader& h) {
   h.bytes = in.number<uint64_t>();
   const auto pulses = in.number<uint32_t>();
   h.key = in.number<uint32_t>();
@@ -58,18 +58,18 @@ std::optional<uint32_t> read_checked_fields(ByteReader& in, MotionHead& h) {
   return reserved == 0 ? std::optional(pulses) : std::nullopt;
 }
 
-bool colours_are_valid(const MotionHead& h) {
-  const bool coloured = h.is(MotionHead::kColoured);
+bool colours_are_valid(const MotionSegmentHeader& h) {
+  const bool coloured = h.is(MotionSegmentHeader::kColoured);
   const bool steps = std::all_of(h.colour_steps.begin(), h.colour_steps.end(), [&](uint8_t step) {
     return coloured ? step >= 1 && step <= kMaxColourStep : step == 0;
   });
-  return steps && (coloured || !h.is(MotionHead::kColoursChange)) &&
+  return steps && (coloured || !h.is(MotionSegmentHeader::kColoursChange)) &&
          (h.section_bytes[kMotionColours] > 0) == coloured;
 }
 
 /// The rules that do not involve the table.
-bool fields_are_valid(const MotionHead& h) {
-  constexpr unsigned kKnown = MotionHead::kColoured | MotionHead::kColoursChange;
+bool fields_are_valid(const MotionSegmentHeader& h) {
+  constexpr unsigned kKnown = MotionSegmentHeader::kColoured | MotionSegmentHeader::kColoursChange;
   const bool near = std::all_of(h.origin.begin(), h.origin.end(), [](double metres) {
     return std::abs(metres) <= MotionLimits::kMaxOrigin;  // false for not a number
   });
@@ -80,8 +80,8 @@ bool fields_are_valid(const MotionHead& h) {
          h.step >= MotionLimits::kMinStep && h.step <= MotionLimits::kMaxStep;
 }
 
-bool table_is_valid(const MotionHead& h) {
-  uint64_t sum = h.head_bytes() + h.template_bytes();
+bool table_is_valid(const MotionSegmentHeader& h) {
+  uint64_t sum = h.header_bytes() + h.template_bytes();
   int64_t last = -1;
   for (const MotionTableEntry& entry : h.table) {
     if (entry.pulse <= last) return false;
@@ -107,9 +107,9 @@ bool is_motion_file_header(std::span<const uint8_t> bytes) {
          std::equal(expected.begin(), expected.end(), bytes.begin());
 }
 
-std::vector<uint8_t> write_motion_head(const MotionHead& head) {
+std::vector<uint8_t> write_motion_segment_header(const MotionSegmentHeader& header) {
   ByteWriter checked;
-  write_checked_fields(checked, head);
+  write_checked_fields(checked, header);
   const std::vector<uint8_t> fields = checked.take();
   ByteWriter out;
   out.bytes(kSegmentMagic);
@@ -118,28 +118,29 @@ std::vector<uint8_t> write_motion_head(const MotionHead& head) {
   return out.take();
 }
 
-std::optional<MotionHead> read_motion_head(std::span<const uint8_t> bytes) {
-  if (bytes.size() < MotionHead::kBytes ||
+std::optional<MotionSegmentHeader> read_motion_segment_header(std::span<const uint8_t> bytes) {
+  if (bytes.size() < MotionSegmentHeader::kBytes ||
       !std::equal(kSegmentMagic.begin(), kSegmentMagic.end(), bytes.begin())) {
     return std::nullopt;
   }
   ByteReader in(bytes.subspan(kSegmentMagic.size()));
-  MotionHead head;
+  MotionSegmentHeader header;
   const auto checksum = in.number<uint32_t>();
-  const auto pulses = read_checked_fields(in, head);
-  if (!pulses || *pulses > MotionLimits::kPulses || head.bytes > bytes.size()) return std::nullopt;
-  const size_t length = MotionHead::kBytes + *pulses * MotionTableEntry::kBytes;
-  if (length > head.bytes || crc32(bytes.subspan(kChecked, length - kChecked)) != checksum) {
+  const auto pulses = read_checked_fields(in, header);
+  if (!pulses || *pulses > MotionLimits::kPulses || header.bytes > bytes.size())
+    return std::nullopt;
+  const size_t length = MotionSegmentHeader::kBytes + *pulses * MotionTableEntry::kBytes;
+  if (length > header.bytes || crc32(bytes.subspan(kChecked, length - kChecked)) != checksum) {
     return std::nullopt;
   }
-  head.table.resize(*pulses);
-  for (MotionTableEntry& entry : head.table) {
+  header.table.resize(*pulses);
+  for (MotionTableEntry& entry : header.table) {
     entry.pulse = in.number<int64_t>();
     entry.bytes = in.number<uint32_t>();
     entry.checksum = in.number<uint32_t>();
   }
-  if (!fields_are_valid(head) || !table_is_valid(head)) return std::nullopt;
-  return head;
+  if (!fields_are_valid(header) || !table_is_valid(header)) return std::nullopt;
+  return header;
 }
 
 std::vector<uint32_t> motion_references(uint32_t index, uint32_t pulses, uint32_t period) {

@@ -36,8 +36,8 @@ struct MotionTableEntry {
 /// Sections of the template.
 enum MotionSection { kMotionTriangles, kMotionPositions, kMotionColours };
 
-/// Head of a segment and its table.
-struct MotionHead {
+/// Header of a segment and its table.
+struct MotionSegmentHeader {
   static constexpr size_t kBytes = 96;
   static constexpr uint8_t kColoured = 1, kColoursChange = 2;
 
@@ -56,18 +56,18 @@ struct MotionHead {
   std::vector<MotionTableEntry> table;
 
   bool is(uint8_t flag) const { return (flags & flag) != 0; }
-  /// Length of head and table.
-  size_t head_bytes() const { return kBytes + MotionTableEntry::kBytes * table.size(); }
+  /// Length of header and table.
+  size_t header_bytes() const { return kBytes + MotionTableEntry::kBytes * table.size(); }
   uint64_t template_bytes() const {
     return uint64_t{section_bytes[0]} + section_bytes[1] + section_bytes[2];
   }
 };
 
-/// Returns head and table with their checksum.
-std::vector<uint8_t> write_motion_head(const MotionHead& head);
-/// Reads the head at the front of `bytes`, which begin with a segment. Empty unless all rules hold
-/// and the segment lies inside `bytes`.
-std::optional<MotionHead> read_motion_head(std::span<const uint8_t> bytes);
+/// Returns header and table with their checksum.
+std::vector<uint8_t> write_motion_segment_header(const MotionSegmentHeader& header);
+/// Reads the header at the front of `bytes`, which begin with a segment. Empty unless all rules
+/// hold and the segment lies inside `bytes`.
+std::optional<MotionSegmentHeader> read_motion_segment_header(std::span<const uint8_t> bytes);
 
 /// Indices of the pulses that predict pulse `index`, the nearest first: up to four. None for a
 /// pulse that the template predicts. Requires index < pulses.

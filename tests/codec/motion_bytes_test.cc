@@ -14,7 +14,7 @@
 namespace v3d::codec {
 namespace {
 
-constexpr size_t kSegment = 16, kHead = 96;
+constexpr size_t kSegment = 16, kHeader = 96;
 
 /// A small file with all parts.
 std::vector<uint8_t> small_file() {
@@ -63,8 +63,8 @@ T get(const std::vector<uint8_t>& file, size_t at) {
 /// Corrects all checksums of the first segment, as an attacker would.
 void correct_checksums(std::vector<uint8_t>& file) {
   const auto pulses = get<uint32_t>(file, kSegment + 16);
-  const size_t head = kHead + 16 * pulses;
-  size_t at = kSegment + head;
+  const size_t header = kHeader + 16 * pulses;
+  size_t at = kSegment + header;
   const auto checksum = [&](size_t bytes) {
     const uint32_t sum = crc32(std::span(file).subspan(at, bytes));
     at += bytes;
@@ -74,10 +74,10 @@ void correct_checksums(std::vector<uint8_t>& file) {
   for (const size_t field : {48, 52, 56}) sections += get<uint32_t>(file, kSegment + field);
   put(file, kSegment + 44, checksum(sections));
   for (size_t p = 0; p < pulses; ++p) {
-    const size_t entry = kSegment + kHead + 16 * p;
+    const size_t entry = kSegment + kHeader + 16 * p;
     put(file, entry + 12, checksum(get<uint32_t>(file, entry + 8)));
   }
-  put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, head - 8)));
+  put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, header - 8)));
 }
 
 TEST(MotionBytes, a_file_that_ends_early_is_rejected) {
@@ -102,7 +102,7 @@ TEST(MotionBytes, a_changed_bit_is_noticed) {
 TEST(MotionBytes, changed_bytes_with_right_checksums_are_rejected_or_give_a_whole_surface) {
   const auto file = small_file();
   size_t whole = 0;
-  for (size_t at = kSegment + kHead + 16 * 4; at < file.size(); ++at) {
+  for (size_t at = kSegment + kHeader + 16 * 4; at < file.size(); ++at) {
     for (const uint8_t change : {0x01, 0x80, 0xFF}) {
       auto changed = file;
       changed[at] ^= change;
@@ -113,15 +113,15 @@ TEST(MotionBytes, changed_bytes_with_right_checksums_are_rejected_or_give_a_whol
   EXPECT_GT(whole, 0) << "the checksums are not corrected";
 }
 
-TEST(MotionBytes, changed_fields_of_the_head_are_rejected_or_give_a_whole_surface) {
+TEST(MotionBytes, changed_fields_of_the_header_are_rejected_or_give_a_whole_surface) {
   const auto file = small_file();
-  for (size_t at = kSegment + 8; at < kSegment + kHead + 16 * 4; ++at) {
+  for (size_t at = kSegment + 8; at < kSegment + kHeader + 16 * 4; ++at) {
     if (at >= kSegment + 16 && at < kSegment + 20) continue;  // pulses; below
     for (const uint8_t change : {0x01, 0x10, 0xFF}) {
       auto changed = file;
       changed[at] ^= change;
-      const size_t head = kHead + 16 * 4;
-      put(changed, kSegment + 4, crc32(std::span(changed).subspan(kSegment + 8, head - 8)));
+      const size_t header = kHeader + 16 * 4;
+      put(changed, kSegment + 4, crc32(std::span(changed).subspan(kSegment + 8, header - 8)));
       decodable(changed);
     }
   }
@@ -139,14 +139,14 @@ TEST(MotionBytes, claimed_sizes_without_the_bytes_are_rejected) {
         Claim{56, 0xFFFFFFFF}}) {
     auto file = small_file();
     put(file, kSegment + claim.at, claim.value);
-    const size_t head = kHead + 16 * 4;
-    put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, head - 8)));
+    const size_t header = kHeader + 16 * 4;
+    put(file, kSegment + 4, crc32(std::span(file).subspan(kSegment + 8, header - 8)));
     auto reader = MotionReader::open(file);
     EXPECT_TRUE(!reader || reader->surface(0) == nullptr) << claim.at << " " << claim.value;
   }
 }
 
-TEST(MotionBytes, fields_of_the_head_that_break_a_rule_are_rejected) {
+TEST(MotionBytes, fields_of_the_header_that_break_a_rule_are_rejected) {
   struct Field {
     size_t at;
     std::vector<uint8_t> bytes;
@@ -160,7 +160,7 @@ TEST(MotionBytes, fields_of_the_head_that_break_a_rule_are_rejected) {
         Field{39, {65}}, Field{41, {1}}, Field{43, {1}}, Field{60, {1}}, Field{64, bytes_of(0.0)},
         Field{64, bytes_of(2.0)}, Field{64, bytes_of(double{NAN})}, Field{72, bytes_of(2e6)},
         Field{88, bytes_of(double{INFINITY})}, Field{80, bytes_of(double{NAN})},
-        Field{kHead, bytes_of(int64_t{-1})}, Field{kHead + 16, bytes_of(int64_t{100})}}) {
+        Field{kHeader, bytes_of(int64_t{-1})}, Field{kHeader + 16, bytes_of(int64_t{100})}}) {
     auto file = small_file();
     std::copy(field.bytes.begin(), field.bytes.end(), &file[kSegment + field.at]);
     correct_checksums(file);
@@ -171,8 +171,8 @@ TEST(MotionBytes, fields_of_the_head_that_break_a_rule_are_rejected) {
 /// Changes each byte behind the table in turn, and calls `check` with each pulse that is decoded.
 template <class Check>
 void for_changed_bytes(const std::vector<uint8_t>& file, const Check& check) {
-  const size_t head = kHead + 16 * get<uint32_t>(file, kSegment + 16);
-  for (size_t at = kSegment + head; at < file.size(); ++at) {
+  const size_t header = kHeader + 16 * get<uint32_t>(file, kSegment + 16);
+  for (size_t at = kSegment + header; at < file.size(); ++at) {
     for (const uint8_t change : {0x01, 0x20, 0xC0}) {
       auto changed = file;
       changed[at] ^= change;

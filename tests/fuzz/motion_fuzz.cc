@@ -12,7 +12,7 @@
 namespace {
 
 using v3d::codec::crc32;
-using v3d::codec::MotionHead;
+using v3d::codec::MotionSegmentHeader;
 using v3d::codec::MotionTableEntry;
 using v3d::test::must;
 
@@ -33,13 +33,13 @@ void put(std::vector<uint8_t>& file, size_t at, T number) {
 /// Corrects the checksums of the segment at `segment`. Returns where the next one begins, 0 when
 /// the segment is not whole.
 size_t correct(std::vector<uint8_t>& file, size_t segment) {
-  if (file.size() - segment < MotionHead::kBytes) return 0;
+  if (file.size() - segment < MotionSegmentHeader::kBytes) return 0;
   const size_t room = file.size() - segment;
   const size_t pulses = get<uint32_t>(file, segment + kPulses);
   if (pulses > room / MotionTableEntry::kBytes) return 0;
-  const size_t head = MotionHead::kBytes + MotionTableEntry::kBytes * pulses;
-  if (head > room) return 0;
-  size_t at = segment + head;
+  const size_t header = MotionSegmentHeader::kBytes + MotionTableEntry::kBytes * pulses;
+  if (header > room) return 0;
+  size_t at = segment + header;
   const auto checksum = [&](size_t bytes) {
     bytes = std::min(bytes, file.size() - at);
     const uint32_t sum = crc32(std::span(file).subspan(at, bytes));
@@ -50,12 +50,12 @@ size_t correct(std::vector<uint8_t>& file, size_t segment) {
   for (size_t n = 0; n < 3; ++n) sections += get<uint32_t>(file, segment + kSections + 4 * n);
   put(file, segment + kTemplateChecksum, checksum(sections));
   for (size_t p = 0; p < pulses; ++p) {
-    const size_t entry = segment + MotionHead::kBytes + MotionTableEntry::kBytes * p;
+    const size_t entry = segment + MotionSegmentHeader::kBytes + MotionTableEntry::kBytes * p;
     put(file, entry + 12, checksum(get<uint32_t>(file, entry + 8)));
   }
   put(file, segment + kBytes, uint64_t{at - segment});
   put(file, segment + kChecksum,
-      crc32(std::span(file).subspan(segment + kChecked, head - kChecked)));
+      crc32(std::span(file).subspan(segment + kChecked, header - kChecked)));
   return at;
 }
 

@@ -116,7 +116,7 @@ class MotionMaker {
     append(encoded->bytes);
     const codec::MotionBytes& parts = encoded->parts;
     report_.template_bytes += static_cast<int64_t>(
-        parts.head + parts.triangles + parts.template_positions + parts.template_colours);
+        parts.header + parts.triangles + parts.template_positions + parts.template_colours);
     report_.position_bytes += static_cast<int64_t>(parts.positions);
     report_.colour_bytes += static_cast<int64_t>(parts.colours);
     report_.confidence_bytes += static_cast<int64_t>(parts.confidences);
