@@ -98,8 +98,8 @@ class CoefficientModels {
   std::array<std::array<ResidualModel, 2>, 3> cg_;
 };
 
-/// What the encoder wants to code of a camera. The decoder uses none of it.
-struct WantedCamera {
+/// Input of the encoder for one camera. The decoder ignores it.
+struct CameraInput {
   std::vector<uint8_t> seen;     ///< [vertex]
   std::vector<uint8_t> groups;   ///< [group]: predicted from the previous frame
   std::array<double, 3> mean{};  ///< of all vertices
@@ -139,7 +139,7 @@ class CameraCode {
 
   /// Codes camera number `camera`, whose axis is set. False when the end of the bytes was exceeded.
   /// `all`: of all cameras; the earlier ones are coded.
-  bool run(size_t camera, const WantedCamera& wanted, std::span<CameraResiduals> all) {
+  bool run(size_t camera, const CameraInput& input, std::span<CameraResiduals> all) {
     CameraResiduals& residuals = all[camera];
     const size_t near = nearest_camera(all.first(camera + 1));
     near_ = near == camera ? nullptr : all[near].vertices.data();
@@ -148,11 +148,11 @@ class CameraCode {
     before_ = previous_ == nullptr ? nullptr : previous_->cameras[camera].vertices.data();
     residuals.vertices.assign(vertices_, {});
     if (vertices_ == 0) return true;
-    code_seen(wanted, residuals);
+    code_seen(input, residuals);
     if (overran()) return false;
-    if (before_ != nullptr) code_groups(wanted, residuals);
+    if (before_ != nullptr) code_groups(input, residuals);
     if (overran()) return false;
-    return code_coefficients(wanted, residuals);
+    return code_coefficients(input, residuals);
   }
 
  private:
@@ -169,12 +169,12 @@ class CameraCode {
     return then == kNoVertex || before_[then][3] == 0 ? nullptr : &before_[then];
   }
 
-  void code_seen(const WantedCamera& wanted, CameraResiduals& residuals);
-  void code_groups(const WantedCamera& wanted, CameraResiduals& residuals);
-  bool code_coefficients(const WantedCamera& wanted, CameraResiduals& residuals);
+  void code_seen(const CameraInput& input, CameraResiduals& residuals);
+  void code_groups(const CameraInput& input, CameraResiduals& residuals);
+  bool code_coefficients(const CameraInput& input, CameraResiduals& residuals);
   void count_seen(const CameraResiduals& residuals);
-  void code_mean(const WantedCamera& wanted);
-  void code_node(uint32_t node, const WantedCamera& wanted);
+  void code_mean(const CameraInput& input);
+  void code_node(uint32_t node, const CameraInput& input);
   void split(uint32_t node, const Coefficients& k);
   void pass_on(uint32_t node, uint32_t child) {
     means_[child] = means_[vertices_ + node];
@@ -210,7 +210,7 @@ class CameraCode {
 };
 
 template <class Coder>
-void CameraCode<Coder>::code_seen(const WantedCamera& wanted, CameraResiduals& residuals) {
+void CameraCode<Coder>::code_seen(const CameraInput& input, CameraResiduals& residuals) {
   for (uint32_t v = 0; v < vertices_; ++v) {
     const int facing = facing_class(surface_.normals[v], residuals.axis);
     if (facing == 0) continue;
@@ -222,13 +222,13 @@ void CameraCode<Coder>::code_seen(const WantedCamera& wanted, CameraResiduals& r
       before = previous(v) != nullptr ? 2 : 1;
     const size_t near = near_ == nullptr ? 0 : static_cast<size_t>(1 + near_[v][3]);
     BitModel& model = seen_models_[static_cast<size_t>(facing - 1)][known][before][near];
-    residuals.vertices[v][3] = coder_.bit(model, !kDecodes && wanted.seen[v] != 0) ? 1 : 0;
+    residuals.vertices[v][3] = coder_.bit(model, !kDecodes && input.seen[v] != 0) ? 1 : 0;
     if (v % kColourGroup == 0 && overran()) return;
   }
 }
 
 template <class Coder>
-void CameraCode<Coder>::code_groups(const WantedCamera& wanted, CameraResiduals& residuals) {
+void CameraCode<Coder>::code_groups(const CameraInput& input, CameraResiduals& residuals) {
   bool last = false;
   for (uint32_t first = 0; first < vertices_; first += kColourGroup) {
     const uint32_t end = std::min(first + kColourGroup, vertices_);
@@ -238,7 +238,7 @@ void CameraCode<Coder>::code_groups(const WantedCamera& wanted, CameraResiduals&
     }
     if (!possible) continue;
     last = coder_.bit(group_models_[last ? 1 : 0],
-                      !kDecodes && wanted.groups[first / kColourGroup] != 0);
+                      !kDecodes && input.groups[first / kColourGroup] != 0);
     for (uint32_t v = first; v < end && last; ++v) {
       const LumaChroma* const then = previous(v);
       if (residuals.vertices[v][3] != 0 && then != nullptr) residuals.vertices[v] = *then;
@@ -247,13 +247,13 @@ void CameraCode<Coder>::code_groups(const WantedCamera& wanted, CameraResiduals&
 }
 
 template <class Coder>
-bool CameraCode<Coder>::code_coefficients(const WantedCamera& wanted, CameraResiduals& residuals) {
+bool CameraCode<Coder>::code_coefficients(const CameraInput& input, CameraResiduals& residuals) {
   count_seen(residuals);
   if (counts_.back() == 0) return true;
-  code_mean(wanted);
+  code_mean(input);
   constexpr uint32_t kChecked = 4096;  // nodes between two checks for the end of the bytes
   for (auto node = static_cast<uint32_t>(surface_.tree.nodes().size()); node-- > 0;) {
-    if (counts_[vertices_ + node] > 0) code_node(node, wanted);
+    if (counts_[vertices_ + node] > 0) code_node(node, input);
     if (node % kChecked == 0 && overran()) return false;
   }
   for (uint32_t v = 0; v < vertices_; ++v) {
@@ -281,17 +281,17 @@ void CameraCode<Coder>::count_seen(const CameraResiduals& residuals) {
 }
 
 template <class Coder>
-void CameraCode<Coder>::code_mean(const WantedCamera& wanted) {
+void CameraCode<Coder>::code_mean(const CameraInput& input) {
   active_.back() = 2;
   for (size_t n = 0; n < 3; ++n) {
     const int64_t step = mean_step(steps_[n], counts_.back());
-    const int k = mean_models_[n].code(coder_, kDecodes ? 0 : quantised(wanted.mean[n], step));
+    const int k = mean_models_[n].code(coder_, kDecodes ? 0 : quantised(input.mean[n], step));
     means_.back()[n] = static_cast<int32_t>(std::clamp<int64_t>(k * step, -kMaxMean, kMaxMean));
   }
 }
 
 template <class Coder>
-void CameraCode<Coder>::code_node(uint32_t node, const WantedCamera& wanted) {
+void CameraCode<Coder>::code_node(uint32_t node, const CameraInput& input) {
   const uint32_t low = surface_.tree.nodes()[node].low, high = surface_.tree.nodes()[node].high;
   if (counts_[low] == 0) return pass_on(node, high);
   if (counts_[high] == 0) return pass_on(node, low);
@@ -304,7 +304,7 @@ void CameraCode<Coder>::code_node(uint32_t node, const WantedCamera& wanted) {
   const Coefficients k = models_.code(coder_, at, [&] {
     Coefficients steps;
     for (size_t n = 0; n < 3; ++n) {
-      steps[n] = quantised(double{wanted.differences[node][n]},
+      steps[n] = quantised(double{input.differences[node][n]},
                            difference_step(steps_[n], counts_[low], counts_[high]));
     }
     return steps;

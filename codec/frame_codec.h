@@ -67,7 +67,7 @@ struct DecodedFrame {
   std::vector<VertexTriangle> triangles;
   std::vector<VertexColour> colours;  ///< one per vertex, or none
   std::vector<uint8_t> labels;        ///< performer of each vertex, 0: unknown; or none
-  /// The view of each camera of facts.cameras, or none; see FrameDecoder::want_cameras().
+  /// The view of each camera of facts.cameras, or none; see FrameDecoder::enable_cameras().
   std::vector<CameraView> cameras;
 };
 
@@ -127,7 +127,7 @@ class FrameDecoder {
   const DecodedFrame& frame() const;
   /// Whether the next frames are decoded with the colours of cameras that they have. At first they
   /// are not, which takes less time and memory. Colours begin at the next key frame at the latest.
-  void want_cameras(bool wanted);
+  void enable_cameras(bool enabled);
 
   /// For the codec: the last decoded frame without its triangles, and the frame before.
   const FrameState& state() const;

@@ -36,7 +36,7 @@ class FrameDecoder::Impl {
   const DecodedFrame& frame() const { return frame_; }
   const FrameState& state() const { return states_[last_]; }
   const FrameState& state_before() const { return states_[1 - last_]; }
-  void want_cameras(bool wanted) { cameras_wanted_ = wanted; }
+  void enable_cameras(bool enabled) { cameras_enabled_ = enabled; }
 
  private:
   bool follows(const FrameHeader& header) const {
@@ -112,7 +112,7 @@ class FrameDecoder::Impl {
   /// Leaves the frame without these colours when the frame before was decoded without them.
   bool decode_cameras(std::span<const uint8_t> bytes, FrameState& now) const {
     now.cameras.clear();
-    if (!cameras_wanted_ || !now.header.is(FrameHeader::kCameras)) return true;
+    if (!cameras_enabled_ || !now.header.is(FrameHeader::kCameras)) return true;
     const FrameState& before = states_[last_];
     const bool may_follow = now.header.is(FrameHeader::kInter) &&
                             before.header.facts.cameras == now.header.facts.cameras;
@@ -132,7 +132,7 @@ class FrameDecoder::Impl {
   std::array<FrameState, 2> states_;
   int last_ = 0;            ///< index of the last frame in states_
   bool has_frame_ = false;  ///< states_[last_] holds a frame
-  bool cameras_wanted_ = false;
+  bool cameras_enabled_ = false;
   DecodedFrame frame_;
 };
 
@@ -140,7 +140,7 @@ FrameDecoder::FrameDecoder() : impl_(std::make_unique<Impl>()) {}
 FrameDecoder::~FrameDecoder() = default;
 DecodeStatus FrameDecoder::decode(std::span<const uint8_t> bytes) { return impl_->decode(bytes); }
 const DecodedFrame& FrameDecoder::frame() const { return impl_->frame(); }
-void FrameDecoder::want_cameras(bool wanted) { impl_->want_cameras(wanted); }
+void FrameDecoder::enable_cameras(bool enabled) { impl_->enable_cameras(enabled); }
 const FrameState& FrameDecoder::state() const { return impl_->state(); }
 const FrameState& FrameDecoder::state_before() const { return impl_->state_before(); }
 

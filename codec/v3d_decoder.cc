@@ -96,7 +96,7 @@ v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t
 }
 
 void v3d_decoder_want_views(v3d_decoder* decoder, int wanted) {
-  decoder->decoder.want_cameras(wanted != 0);
+  decoder->decoder.enable_cameras(wanted != 0);
 }
 
 const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {

@@ -58,7 +58,7 @@ class MeshFrames::Reader {
   /// Empty for a damaged frame. Requires a frame that the file has.
   virtual std::optional<recon::CompactFrame> read(int64_t frame) = 0;
   virtual bool is_unfinished() const { return false; }
-  virtual void want_views(bool /*wanted*/) {}
+  virtual void enable_views(bool /*enabled*/) {}
   /// How to get another file.
   virtual std::string remedy() const = 0;
 };
@@ -70,7 +70,7 @@ class MeshFrames::MeshReader : public MeshFrames::Reader {
 
   const std::vector<int64_t>& pulses() const override { return file_.pulses(); }
   bool is_unfinished() const override { return file_.index_was_rebuilt(); }
-  void want_views(bool wanted) override { decoder_.want_cameras(wanted); }
+  void enable_views(bool enabled) override { decoder_.enable_cameras(enabled); }
   std::string remedy() const override { return "reconstruct the take again"; }
 
   std::optional<recon::CompactFrame> read(int64_t frame) override {
@@ -179,7 +179,7 @@ MeshFrames::MeshFrames(MeshFrames&&) noexcept = default;
 MeshFrames& MeshFrames::operator=(MeshFrames&&) noexcept = default;
 
 bool MeshFrames::is_unfinished() const { return reader_->is_unfinished(); }
-void MeshFrames::want_views(bool wanted) { reader_->want_views(wanted); }
+void MeshFrames::enable_views(bool enabled) { reader_->enable_views(enabled); }
 
 std::vector<int64_t> MeshFrames::frames(take::FrameRange range) const {
   const std::vector<int64_t>& all = reader_->pulses();

@@ -38,7 +38,7 @@ class MeshFrames {
   bool is_unfinished() const;
   /// Whether the next frames are read with the views of cameras that they have. Call it before the
   /// first read().
-  void want_views(bool wanted);
+  void enable_views(bool enabled);
   /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
   std::vector<int64_t> frames(take::FrameRange range) const;
   /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.

@@ -24,7 +24,7 @@ struct CompactFrame {
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   int live_passes = 0;  ///< of LivePass, the first so many; 0: none, or another deformation
   std::vector<uint8_t> performers;       ///< of each vertex, 0: unknown; empty: not stated
-  std::vector<codec::CameraView> views;  ///< of `cameras`; empty: none, or not wanted
+  std::vector<codec::CameraView> views;  ///< of `cameras`; empty: none, or not enabled
   VertexLattice lattice;
   Mesh mesh;
 };
@@ -33,7 +33,7 @@ struct CompactFrame {
 class CompactDecoder {
  public:
   codec::DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
-  void want_cameras(bool wanted) { decoder_.want_cameras(wanted); }
+  void enable_cameras(bool enabled) { decoder_.enable_cameras(enabled); }
   /// The last decoded frame.
   CompactFrame frame() const;
 

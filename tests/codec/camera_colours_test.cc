@@ -115,7 +115,7 @@ TEST(CameraColours, decode_to_the_colours_of_each_camera_in_a_sequence) {
   const auto plain = moving_ball(4);
   const Sequence sequence = with_views(plain, kPlenty);
   FrameDecoder decoder, before;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   for (size_t n = 0; n < plain.size(); ++n) {
     ASSERT_EQ(decoder.decode(sequence.frames[n]), DecodeStatus::kOk);
     ASSERT_EQ(before.decode(plain[n]), DecodeStatus::kOk);
@@ -162,12 +162,12 @@ TEST(CameraColours, are_left_out_by_a_decoder_that_does_not_want_them) {
   }
 }
 
-TEST(CameraColours, begin_at_the_next_key_frame_when_they_become_wanted) {
+TEST(CameraColours, begin_at_the_next_key_frame_when_they_are_enabled) {
   const auto plain = moving_ball(6);
   const Sequence sequence = with_views(plain, kPlenty);
   FrameDecoder decoder;
   ASSERT_EQ(decoder.decode(sequence.frames[0]), DecodeStatus::kOk);
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   for (size_t n = 1; n < sequence.frames.size(); ++n) {
     ASSERT_EQ(decoder.decode(sequence.frames[n]), DecodeStatus::kOk);
     EXPECT_EQ(decoder.frame().cameras.empty(), n < 4) << n;
@@ -188,7 +188,7 @@ TEST(CameraColours, and_labels_leave_each_other_unchanged) {
   const auto plain = moving_ball(2);
   FrameReviser labeller, colourist, labeller_again;
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   for (const auto& frame : plain) {
     ASSERT_EQ(labeller.decode(frame), DecodeStatus::kOk);
     const std::vector<uint8_t> labels(labeller.frame().positions.size(), 7);
@@ -201,7 +201,7 @@ TEST(CameraColours, and_labels_leave_each_other_unchanged) {
     labeller_again.labelled({});
   }
   FrameDecoder unlabelled;
-  unlabelled.want_cameras(true);
+  unlabelled.enable_cameras(true);
   ASSERT_EQ(labeller_again.decode(with_views(plain, kPlenty).frames[0]), DecodeStatus::kOk);
   ASSERT_EQ(unlabelled.decode(labeller_again.labelled({})), DecodeStatus::kOk);
   EXPECT_EQ(unlabelled.frame().cameras.size(), 2U) << "removing labels keeps colours of cameras";
@@ -215,7 +215,7 @@ TEST(CameraColours, of_vertices_that_do_not_face_the_camera_are_not_kept) {
     std::fill(view.vertices.begin(), view.vertices.end(), std::array<uint8_t, 4>{9, 9, 9, 255});
   }
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   ASSERT_EQ(decoder.decode(reviser.with_cameras(views, kPlenty)), DecodeStatus::kOk);
   const auto seen = [&](size_t camera) {
     const auto& vertices = decoder.frame().cameras[camera].vertices;
@@ -240,7 +240,7 @@ TEST(CameraColours, that_are_truncated_or_longer_are_malformed) {
     std::vector<uint8_t> changed = frame;
     changed.resize(static_cast<size_t>(static_cast<int>(frame.size()) + change));
     FrameDecoder decoder;
-    decoder.want_cameras(true);
+    decoder.enable_cameras(true);
     EXPECT_EQ(decoder.decode(with_checksum(changed)), DecodeStatus::kMalformed) << change;
   }
 }
@@ -252,7 +252,7 @@ TEST(CameraColours, of_unknown_flags_or_a_step_of_zero_are_malformed) {
     std::vector<uint8_t> changed = sequence.frames[0];
     changed[section + at] = at == 0 ? 2 : 0;
     FrameDecoder decoder;
-    decoder.want_cameras(true);
+    decoder.enable_cameras(true);
     EXPECT_EQ(decoder.decode(with_checksum(changed)), DecodeStatus::kMalformed) << at;
   }
 }
@@ -262,7 +262,7 @@ TEST(CameraColours, of_a_key_frame_that_claim_a_previous_frame_are_malformed) {
   std::vector<uint8_t> changed = sequence.frames[0];
   changed[changed.size() - sequence.costs[0].bytes] = 1;
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   EXPECT_EQ(decoder.decode(with_checksum(changed)), DecodeStatus::kMalformed);
 }
 
@@ -297,7 +297,7 @@ TEST(CameraColours, are_kept_of_a_mesh_without_a_volume) {
   views[1].axis = {0, 0, -kAxisUnits};
   for (CameraView& view : views) view.vertices.assign(4, {90, 60, 70, 255});
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   ASSERT_EQ(decoder.decode(reviser.with_cameras(views, kPlenty)), DecodeStatus::kOk);
   ASSERT_EQ(decoder.frame().cameras.size(), 2U);
   EXPECT_EQ(decoder.frame().cameras[0].vertices[0][3], 255);
@@ -308,7 +308,7 @@ TEST(CameraColours, are_kept_of_a_mesh_without_a_volume) {
 TEST(CDecoder, returns_the_views_of_cameras) {
   const Sequence sequence = with_views(moving_ball(1), kPlenty);
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   ASSERT_EQ(decoder.decode(sequence.frames[0]), DecodeStatus::kOk);
   for (size_t camera = 0; camera < 2; ++camera) {
     const auto& vertices = decoder.frame().cameras[camera].vertices;

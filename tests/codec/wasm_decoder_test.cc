@@ -62,7 +62,7 @@ void append(std::string& text, const Numbers& numbers) {
 /// Decodes natively; the format is that of decode.mjs.
 std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   std::string text;
   for (const auto& frame : frames) {
     text.push_back(static_cast<char>(decoder.decode(frame)));

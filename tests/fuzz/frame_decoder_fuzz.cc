@@ -43,7 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto rest = input.bytes(size);
   std::vector<uint8_t> first(bytes.begin(), bytes.end()), second(rest.begin(), rest.end());
   v3d::codec::FrameDecoder decoder;
-  decoder.want_cameras(true);
+  decoder.enable_cameras(true);
   const uint32_t checksum = set_checksum(first);
   const bool has_first = decoder.decode(first) == v3d::codec::DecodeStatus::kOk;
   if (has_first) {

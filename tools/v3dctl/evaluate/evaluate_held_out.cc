@@ -86,7 +86,7 @@ std::optional<Mesh> read_resampled_truth(const Mesh& mesh, const std::filesystem
 std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request) {
   recorded::MeshFrames meshes = open_meshes(evaluated);
-  meshes.want_views(request.view_dependent);
+  meshes.enable_views(request.view_dependent);
   recorded::TakeFrames recorded(evaluated.take, request.cameras);
   std::vector<HeldOutSamples> samples(request.cameras.size());
   const std::vector<int64_t> frames = meshes.frames({});

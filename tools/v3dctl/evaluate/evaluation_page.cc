@@ -159,7 +159,7 @@ std::vector<recon::CompactFrame> meshes_of(const EvaluationPage& page, int64_t f
   std::vector<recon::CompactFrame> meshes;
   for (const EvaluationColumn& column : page.columns) {
     recorded::MeshFrames frames = open_meshes(column.evaluated);
-    frames.want_views(page.view_dependent);
+    frames.enable_views(page.view_dependent);
     meshes.push_back(frames.read(frame));
   }
   return meshes;

@@ -203,7 +203,7 @@ int run_take(const Arguments& arguments) {
   }
   recorded::MeshFrames meshes = open_meshes(arguments.take, arguments.proxy);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
-  meshes.want_views(arguments.view_dependent);
+  meshes.enable_views(arguments.view_dependent);
   const recon::CompactFrame compact = meshes.read(frame);
   const FrameRenderer renderer(arguments, compact);
   const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)

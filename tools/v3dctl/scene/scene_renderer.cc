@@ -55,7 +55,7 @@ SceneRenderer::SceneRenderer(Scene scene, const Options& options)
     const auto source = options.view_dependent
                             ? resolved_view_source(options.view_source, take.take)
                             : recorded::ViewSource::kPhotographs;
-    meshes->want_views(options.view_dependent && source == recorded::ViewSource::kMesh);
+    meshes->enable_views(options.view_dependent && source == recorded::ViewSource::kMesh);
     actors_.push_back({take, std::move(meshes), std::move(pulses),
                        load_take_info(take::TakePaths{take.take}).rate_hz, source});
   }
