@@ -78,8 +78,8 @@ std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdi
 
 namespace {
 
-float position(const FrameMetadata& facts, int axis, int64_t number) {
-  return static_cast<float>(facts.origin[axis] + static_cast<double>(number) * facts.step);
+float position(const FrameMetadata& metadata, int axis, int64_t number) {
+  return static_cast<float>(metadata.origin[axis] + static_cast<double>(number) * metadata.step);
 }
 
 /// Coordinates of the lattice places of the box along an axis, metres.
@@ -87,7 +87,7 @@ std::vector<float> positions_along(const FrameHeader& header, int axis) {
   const int first = 2 * kBrickEdge * header.first_brick[axis];
   std::vector<float> positions;
   for (int place = first; place <= first + 2 * kBrickEdge * header.bricks[axis]; ++place) {
-    positions.push_back(position(header.facts, axis, int64_t{place} * header.subdivision));
+    positions.push_back(position(header.metadata, axis, int64_t{place} * header.subdivision));
   }
   return positions;
 }
@@ -105,7 +105,7 @@ void place_on_lattice(const FrameState& state, std::span<VertexPosition> out) {
 void place_by_number(const FrameState& state, std::span<VertexPosition> out) {
   for (size_t v = 0; v < out.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
-      out[v][axis] = position(state.header.facts, axis, state.numbers[v][axis]);
+      out[v][axis] = position(state.header.metadata, axis, state.numbers[v][axis]);
     }
   }
 }
@@ -119,7 +119,7 @@ std::vector<VertexColour> colours_of(std::span<const LumaChroma> values) {
 }
 
 void make_mesh(const FrameState& state, DecodedFrame& out) {
-  out.facts = state.header.facts;
+  out.metadata = state.header.metadata;
   out.key_pulse = state.header.key_pulse;
   out.positions.resize(state.header.vertices);
   state.numbers.empty() ? place_on_lattice(state, out.positions)

@@ -70,7 +70,7 @@ struct FrameState {
   /// them.
   std::vector<VertexValues> numbers;
   std::vector<uint8_t> labels;           ///< [vertex]: performer; empty: none
-  std::vector<CameraResiduals> cameras;  ///< of facts.cameras; empty: none
+  std::vector<CameraResiduals> cameras;  ///< of metadata.cameras; empty: none
 };
 
 inline constexpr int kMaxDisplacement = 32767;

@@ -22,7 +22,7 @@ using VertexTriangle = std::array<uint32_t, 3>;
 struct FrameContent {
   /// `step`: half a voxel of the volume. Without a volume: the step of the lattice to which
   /// vertices are rounded.
-  FrameMetadata facts;
+  FrameMetadata metadata;
   /// The volume whose discrete marching cubes surface is the mesh. Null for any other mesh; its
   /// vertices must be numbered in the order in which the triangles first use them.
   const BrickVolume* volume = nullptr;
@@ -61,13 +61,13 @@ struct EncoderOptions {
 
 /// A decoded mesh; every decoder returns the same bits.
 struct DecodedFrame {
-  FrameMetadata facts;
+  FrameMetadata metadata;
   int64_t key_pulse = 0;  ///< pulse of the key frame where decoding of this frame must start
   std::vector<VertexPosition> positions;
   std::vector<VertexTriangle> triangles;
   std::vector<VertexColour> colours;  ///< one per vertex, or none
   std::vector<uint8_t> labels;        ///< performer of each vertex, 0: unknown; or none
-  /// The view of each camera of facts.cameras, or none; see FrameDecoder::enable_cameras().
+  /// The view of each camera of metadata.cameras, or none; see FrameDecoder::enable_cameras().
   std::vector<CameraView> cameras;
 };
 

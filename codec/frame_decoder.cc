@@ -16,7 +16,7 @@ class FrameDecoder::Impl {
     if (header->is(FrameHeader::kInter) && !follows(*header)) return DecodeStatus::kNeedsReference;
     auto names = decode_names(section(bytes, *header, kNames), header->cameras);
     if (!names) return DecodeStatus::kMalformed;
-    header->facts.cameras = *std::move(names);
+    header->metadata.cameras = *std::move(names);
     FrameState& now = states_[1 - last_];
     now.header = *std::move(header);
     if (!decode_shape(bytes, now) || !decode_displacements(bytes, now) ||
@@ -115,7 +115,7 @@ class FrameDecoder::Impl {
     if (!cameras_enabled_ || !now.header.is(FrameHeader::kCameras)) return true;
     const FrameState& before = states_[last_];
     const bool may_follow = now.header.is(FrameHeader::kInter) &&
-                            before.header.facts.cameras == now.header.facts.cameras;
+                            before.header.metadata.cameras == now.header.metadata.cameras;
     std::vector<uint32_t> vertices;
     std::optional<PreviousCameras> previous;
     if (may_follow && !before.cameras.empty()) {

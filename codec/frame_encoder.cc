@@ -11,27 +11,28 @@
 namespace v3d::codec {
 namespace {
 
-bool facts_fit(const FrameMetadata& facts) {
+bool metadata_fits(const FrameMetadata& metadata) {
   const auto fits = [](const std::string& name) {
     return !name.empty() && name.size() <= FrameLimits::kNameBytes;
   };
-  return facts.pulse >= 0 && facts.cameras.size() <= FrameLimits::kCameras && facts.missing >= 0 &&
-         facts.missing <= FrameLimits::kCameras && facts.live_passes >= 0 &&
-         facts.live_passes <= FrameLimits::kPasses && std::isfinite(facts.step) && facts.step > 0 &&
-         std::all_of(facts.cameras.begin(), facts.cameras.end(), fits) &&
-         std::is_sorted(facts.cameras.begin(), facts.cameras.end(), std::less_equal<>());
+  return metadata.pulse >= 0 && metadata.cameras.size() <= FrameLimits::kCameras &&
+         metadata.missing >= 0 && metadata.missing <= FrameLimits::kCameras &&
+         metadata.live_passes >= 0 && metadata.live_passes <= FrameLimits::kPasses &&
+         std::isfinite(metadata.step) && metadata.step > 0 &&
+         std::all_of(metadata.cameras.begin(), metadata.cameras.end(), fits) &&
+         std::is_sorted(metadata.cameras.begin(), metadata.cameras.end(), std::less_equal<>());
 }
 
 /// Rounds positions to lattice numbers. Empty when a number is too large or a position is not
 /// finite.
 std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPosition> positions,
-                                                    const FrameMetadata& facts) {
+                                                    const FrameMetadata& metadata) {
   constexpr double kMaxNumber = 1 << 29;
   std::vector<VertexValues> numbers(positions.size());
   for (size_t v = 0; v < positions.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
       const double at =
-          std::floor((double{positions[v][axis]} - facts.origin[axis]) / facts.step + 0.5);
+          std::floor((double{positions[v][axis]} - metadata.origin[axis]) / metadata.step + 0.5);
       if (!(at >= -kMaxNumber && at <= kMaxNumber)) return std::nullopt;
       numbers[v][axis] = static_cast<int32_t>(at);
     }
@@ -68,7 +69,7 @@ class FrameEncoder::Impl {
       restart();
       return std::nullopt;
     }
-    sections[kNames] = encode_names(content.facts.cameras);
+    sections[kNames] = encode_names(content.metadata.cameras);
     std::vector<uint8_t> bytes = write_frame(now.header, sections);
     last_ = 1 - last_;
     has_frame_ = true;
@@ -81,13 +82,13 @@ class FrameEncoder::Impl {
  private:
   bool begin(const FrameContent& content, FrameState& now) {
     now.header = {};
-    now.header.facts = content.facts;
-    now.header.cameras = static_cast<uint16_t>(content.facts.cameras.size());
-    now.header.key_pulse = content.facts.pulse;
+    now.header.metadata = content.metadata;
+    now.header.cameras = static_cast<uint16_t>(content.metadata.cameras.size());
+    now.header.key_pulse = content.metadata.pulse;
     now.numbers.clear();
     now.surface.colours.clear();
     now.labels.clear();
-    return facts_fit(content.facts);
+    return metadata_fits(content.metadata);
   }
 
   static bool encode_shape(const FrameContent& content, FrameState& now,
@@ -148,13 +149,13 @@ class FrameEncoder::Impl {
     if (!is_explicit && content.positions.empty()) return true;
     if (content.positions.size() != h.vertices) return false;
     if (!is_explicit) subdivide(h);
-    auto numbers = numbers_of(content.positions, h.facts);
+    auto numbers = numbers_of(content.positions, h.metadata);
     if (!numbers) return false;
     std::vector<VertexValues> from(h.vertices);
     if (!is_explicit) {
       if (are_places(*numbers, now)) {
         h.subdivision = 1;
-        h.facts.step = content.facts.step;
+        h.metadata.step = content.metadata.step;
         return true;
       }
       h.flags |= FrameHeader::kDisplaced;
@@ -164,10 +165,10 @@ class FrameEncoder::Impl {
   }
 
   void subdivide(FrameHeader& h) const {
-    const double steps = std::ceil(h.facts.step / options_.displacement_step_m - 1e-6);
+    const double steps = std::ceil(h.metadata.step / options_.displacement_step_m - 1e-6);
     h.subdivision = static_cast<uint16_t>(
         std::clamp(steps, 1.0, static_cast<double>(FrameLimits::kSubdivision)));
-    h.facts.step /= h.subdivision;
+    h.metadata.step /= h.subdivision;
   }
 
   static bool encode_numbers(std::vector<VertexValues> numbers, std::span<const VertexValues> from,
@@ -219,7 +220,7 @@ class FrameEncoder::Impl {
 
   bool may_follow(const FrameHeader& h) const {
     const FrameHeader& before = last().header;
-    const int64_t now = h.facts.pulse, then = before.facts.pulse;
+    const int64_t now = h.metadata.pulse, then = before.metadata.pulse;
     return has_frame_ && !h.is(FrameHeader::kExplicit) && !before.is(FrameHeader::kExplicit) &&
            before.is(FrameHeader::kColours) && then < now &&
            then / options_.key_every == now / options_.key_every;

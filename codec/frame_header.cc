@@ -11,7 +11,7 @@ namespace v3d::codec {
 namespace {
 
 constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
-/// The first version that states FrameMetadata::live_passes, and that has labels.
+/// The first version that has FrameMetadata::live_passes and labels.
 constexpr uint16_t kWithPasses = 3;
 /// The first version that has the colours of cameras.
 constexpr uint16_t kWithCameras = 4;
@@ -31,17 +31,17 @@ void read_all(ByteReader& in, Array& numbers) {
 void write_checked_fields(ByteWriter& out, const FrameHeader& h) {
   out.number(h.flags);
   out.number(h.cameras);
-  out.number(static_cast<uint16_t>(h.facts.missing));
+  out.number(static_cast<uint16_t>(h.metadata.missing));
   out.number(h.subdivision);
-  out.number(h.facts.pulse);
-  out.number(h.facts.exposure_ns);
+  out.number(h.metadata.pulse);
+  out.number(h.metadata.exposure_ns);
   out.number(h.key_pulse);
   out.number(h.reference);
-  out.number(h.facts.quality);
-  write_all(out, h.facts.origin);
-  out.number(h.facts.step);
+  out.number(h.metadata.quality);
+  write_all(out, h.metadata.origin);
+  out.number(h.metadata.step);
   write_all(out, h.colour_steps);
-  out.number(static_cast<uint8_t>(h.facts.live_passes));
+  out.number(static_cast<uint8_t>(h.metadata.live_passes));
   out.number(h.vertices);
   out.number(h.triangles);
   write_all(out, h.first_brick);
@@ -53,17 +53,17 @@ void write_checked_fields(ByteWriter& out, const FrameHeader& h) {
 void read_checked_fields(ByteReader& in, FrameHeader& h) {
   h.flags = in.number<uint16_t>();
   h.cameras = in.number<uint16_t>();
-  h.facts.missing = in.number<uint16_t>();
+  h.metadata.missing = in.number<uint16_t>();
   h.subdivision = in.number<uint16_t>();
-  h.facts.pulse = in.number<int64_t>();
-  h.facts.exposure_ns = in.number<int64_t>();
+  h.metadata.pulse = in.number<int64_t>();
+  h.metadata.exposure_ns = in.number<int64_t>();
   h.key_pulse = in.number<int64_t>();
   h.reference = in.number<uint32_t>();
-  h.facts.quality = in.number<float>();
-  read_all(in, h.facts.origin);
-  h.facts.step = in.number<double>();
+  h.metadata.quality = in.number<float>();
+  read_all(in, h.metadata.origin);
+  h.metadata.step = in.number<double>();
   read_all(in, h.colour_steps);
-  h.facts.live_passes = in.number<uint8_t>();
+  h.metadata.live_passes = in.number<uint8_t>();
   h.vertices = in.number<uint32_t>();
   h.triangles = in.number<uint32_t>();
   read_all(in, h.first_brick);
@@ -83,7 +83,7 @@ bool flags_are_valid(const FrameHeader& h) {
   return (h.flags & ~kKnown) == 0 && explicit_key && coloured;
 }
 
-bool facts_are_valid(const FrameMetadata& f) {
+bool metadata_is_valid(const FrameMetadata& f) {
   const bool finite = std::all_of(f.origin.begin(), f.origin.end(),
                                   [](double metres) { return std::isfinite(metres); });
   return f.missing <= FrameLimits::kCameras && f.pulse >= 0 && finite && std::isfinite(f.step) &&
@@ -131,22 +131,23 @@ bool sections_are_valid(const FrameHeader& h, size_t bytes) {
 
 bool is_valid(const FrameHeader& h, size_t bytes) {
   const bool key = !h.is(FrameHeader::kInter);
-  return flags_are_valid(h) && facts_are_valid(h.facts) && box_is_valid(h) &&
+  return flags_are_valid(h) && metadata_is_valid(h.metadata) && box_is_valid(h) &&
          colours_are_valid(h) && sections_are_valid(h, bytes) &&
          h.cameras <= FrameLimits::kCameras && h.subdivision >= 1 &&
          h.subdivision <= FrameLimits::kSubdivision && h.key_pulse >= 0 &&
-         (key ? h.key_pulse == h.facts.pulse && h.reference == 0 : h.key_pulse < h.facts.pulse) &&
+         (key ? h.key_pulse == h.metadata.pulse && h.reference == 0
+              : h.key_pulse < h.metadata.pulse) &&
          h.vertices <= FrameLimits::kVertices && h.triangles <= FrameLimits::kTriangles;
 }
 
 /// The lowest version that has all fields of `h`, so that older readers read what they can.
 uint16_t version_of(const FrameHeader& h) {
   if (h.is(FrameHeader::kCameras)) return kWithCameras;
-  return h.facts.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
+  return h.metadata.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
 }
 
 bool version_is_valid(const FrameHeader& h, uint16_t version) {
-  return version_of(h) == version && h.facts.live_passes <= FrameLimits::kPasses;
+  return version_of(h) == version && h.metadata.live_passes <= FrameLimits::kPasses;
 }
 
 /// Sets the size of the section of labels. Any number where the frame has no such section.

@@ -41,7 +41,7 @@ struct FrameHeader {
   static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8, kLabelled = 16,
                             kCameras = 32;
 
-  FrameMetadata facts;  ///< without the names of the cameras
+  FrameMetadata metadata;  ///< without the names of the cameras
   uint16_t cameras = 0;
   uint16_t flags = 0;
   uint16_t subdivision = 1;  ///< lattice steps in half a voxel

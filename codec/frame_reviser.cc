@@ -54,7 +54,7 @@ std::vector<uint8_t> FrameReviser::labelled(std::span<const uint8_t> labels) {
 
 std::vector<uint8_t> FrameReviser::with_cameras(std::span<const CameraView> views,
                                                 size_t max_bytes) {
-  V3D_CODEC_CHECK(views.empty() || views.size() == frame().facts.cameras.size());
+  V3D_CODEC_CHECK(views.empty() || views.size() == frame().metadata.cameras.size());
   Revision revised = revision();
   revised.header.flags &= static_cast<uint16_t>(~FrameHeader::kCameras);
   revised.sections[kCameras].clear();
@@ -65,7 +65,7 @@ std::vector<uint8_t> FrameReviser::with_cameras(std::span<const CameraView> view
   } else {
     residuals_.clear();
   }
-  cameras_ = frame().facts.cameras;
+  cameras_ = frame().metadata.cameras;
   return finish(revised);
 }
 
@@ -75,7 +75,7 @@ void FrameReviser::encode_views(std::span<const CameraView> views, size_t max_by
   std::vector<uint32_t> vertices;
   std::optional<PreviousCameras> previous;
   if (revision.header.is(FrameHeader::kInter) && !residuals_.empty() &&
-      cameras_ == frame().facts.cameras) {
+      cameras_ == frame().metadata.cameras) {
     vertices = previous_vertices(decoder_.state_before().surface, now.surface);
     previous = {residuals_, vertices};
   }

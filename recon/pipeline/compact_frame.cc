@@ -49,16 +49,16 @@ Mesh mesh_of(const codec::DecodedFrame& decoded) {
 
 CompactFrame CompactDecoder::frame() const {
   const codec::DecodedFrame& decoded = decoder_.frame();
-  const codec::FrameMetadata& facts = decoded.facts;
-  return {.pulse = facts.pulse,
-          .exposure = from_ns<Realtime>(facts.exposure_ns),
-          .cameras = facts.cameras,
-          .missing = facts.missing,
-          .quality = facts.quality,
-          .live_passes = facts.live_passes,
+  const codec::FrameMetadata& metadata = decoded.metadata;
+  return {.pulse = metadata.pulse,
+          .exposure = from_ns<Realtime>(metadata.exposure_ns),
+          .cameras = metadata.cameras,
+          .missing = metadata.missing,
+          .quality = metadata.quality,
+          .live_passes = metadata.live_passes,
           .performers = decoded.labels,
           .views = decoded.cameras,
-          .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
+          .lattice = {{metadata.origin[0], metadata.origin[1], metadata.origin[2]}, metadata.step},
           .mesh = mesh_of(decoded)};
 }
 

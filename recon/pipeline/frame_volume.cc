@@ -19,9 +19,9 @@ std::optional<codec::FrameHeader> header_with_volume(std::span<const uint8_t> co
 std::optional<VoxelGrid> frame_grid(std::span<const uint8_t> compact) {
   const auto header = header_with_volume(compact);
   if (!header) return std::nullopt;
-  const codec::FrameMetadata& facts = header->facts;
-  VoxelGrid grid{.origin = {facts.origin[0], facts.origin[1], facts.origin[2]},
-                 .voxel_m = 2 * facts.step * header->subdivision};
+  const codec::FrameMetadata& metadata = header->metadata;
+  VoxelGrid grid{.origin = {metadata.origin[0], metadata.origin[1], metadata.origin[2]},
+                 .voxel_m = 2 * metadata.step * header->subdivision};
   for (size_t axis = 0; axis < 3; ++axis) {
     grid.counts[axis] =
         int64_t{codec::kBrickEdge} * (header->first_brick[axis] + header->bricks[axis]);

@@ -107,14 +107,14 @@ void Reconstructor::encode(FrameSetJob& work) {
   result.quality = quality_.measure(result.mesh, work.frames);
   result.times.quality = milliseconds_since(measuring);
   const MonotonicInstant encoding = Monotonic::now();
-  const PulseFacts facts{.pulse = result.pulse,
-                         .exposure = work.set.exposure,
-                         .cameras = result.cameras,
-                         .missing = static_cast<int>(rig_.size() - result.cameras.size()),
-                         .quality = result.quality.silhouette_iou,
-                         .live_passes = result.live_passes,
-                         .performers = result.performers};
-  result.compact = encode_.encode(facts, work.volume, result.mesh);
+  const PulseMetadata metadata{.pulse = result.pulse,
+                               .exposure = work.set.exposure,
+                               .cameras = result.cameras,
+                               .missing = static_cast<int>(rig_.size() - result.cameras.size()),
+                               .quality = result.quality.silhouette_iou,
+                               .live_passes = result.live_passes,
+                               .performers = result.performers};
+  result.compact = encode_.encode(metadata, work.volume, result.mesh);
   result.times.encode = milliseconds_since(encoding);
 }
 

@@ -185,29 +185,29 @@ EncodeStage::EncodeStage(const VoxelGrid& grid, const std::optional<VertexLattic
       deformed_(lattice.has_value()),
       encoder_(encoder_options(lattice.value_or(half_voxel_lattice(grid)))) {}
 
-std::vector<uint8_t> EncodeStage::encode(const PulseFacts& facts, const SparseVolume& volume,
+std::vector<uint8_t> EncodeStage::encode(const PulseMetadata& metadata, const SparseVolume& volume,
                                          Mesh& surface) {
   const codec::BrickVolume bricks = volume.view();
   const std::vector<codec::VertexColour> colours = vertex_colours(surface.colours);
   std::vector<codec::VertexPosition> moved;
   if (deformed_) moved = vertex_positions(surface.vertices);
   codec::FrameContent content;
-  content.facts = {.pulse = facts.pulse,
-                   .exposure_ns = to_ns(facts.exposure),
-                   .cameras = facts.cameras,
-                   .missing = facts.missing,
-                   .quality = static_cast<float>(facts.quality),
-                   .origin = {origin_.x(), origin_.y(), origin_.z()},
-                   .step = voxel_m_ / 2,
-                   .live_passes = facts.live_passes};
+  content.metadata = {.pulse = metadata.pulse,
+                      .exposure_ns = to_ns(metadata.exposure),
+                      .cameras = metadata.cameras,
+                      .missing = metadata.missing,
+                      .quality = static_cast<float>(metadata.quality),
+                      .origin = {origin_.x(), origin_.y(), origin_.z()},
+                      .step = voxel_m_ / 2,
+                      .live_passes = metadata.live_passes};
   content.volume = &bricks;
   content.positions = moved;
   content.triangles = surface.triangles;
   content.colours = colours;
-  content.labels = facts.performers;
+  content.labels = metadata.performers;
   auto compact = encoder_.encode(content);
   if (!compact) {
-    throw InputError("pulse " + std::to_string(facts.pulse) + ": a surface of " +
+    throw InputError("pulse " + std::to_string(metadata.pulse) + ": a surface of " +
                      std::to_string(surface.vertices.size()) +
                      " vertices does not fit a compact frame (docs/compact-frame.md has its "
                      "limits): use a larger voxel");

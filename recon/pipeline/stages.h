@@ -123,8 +123,8 @@ enum class ColourDetail {
 void colour_surface(const Rig& rig, const RigFrames& frames, double voxel_m, ColourDetail detail,
                     Mesh& surface);
 
-/// What a compact frame states beside its mesh.
-struct PulseFacts {
+/// Metadata of a compact frame.
+struct PulseMetadata {
   int64_t pulse = 0;
   RealtimeInstant exposure{};        ///< 0: unknown
   std::vector<std::string> cameras;  ///< that took part, ascending
@@ -144,7 +144,8 @@ class EncodeStage {
 
   /// Replaces the colours of `surface` by those that receivers decode. Throws InputError when the
   /// surface exceeds the limits of a compact frame (4 million vertices).
-  std::vector<uint8_t> encode(const PulseFacts& facts, const SparseVolume& volume, Mesh& surface);
+  std::vector<uint8_t> encode(const PulseMetadata& metadata, const SparseVolume& volume,
+                              Mesh& surface);
   /// The next frame becomes a key frame.
   void restart() { encoder_.restart(); }
 

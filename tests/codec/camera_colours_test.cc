@@ -285,8 +285,8 @@ TEST(CameraColours, are_kept_of_a_mesh_without_a_volume) {
   positions = {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0, 1}};
   const std::vector<VertexColour> colours(4, VertexColour{50, 60, 70});
   content.volume = nullptr;
-  content.facts.origin = {0, 0, 0};
-  content.facts.step = 0.001;
+  content.metadata.origin = {0, 0, 0};
+  content.metadata.step = 0.001;
   content.positions = positions;
   content.triangles = triangles;
   content.colours = colours;

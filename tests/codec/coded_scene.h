@@ -70,14 +70,14 @@ struct Scene {
 
   FrameContent content(int64_t pulse) const {
     FrameContent c;
-    c.facts.pulse = pulse;
-    c.facts.exposure_ns = 1'700'000'000'000'000'000 + pulse;
-    c.facts.cameras = {"cam01", "cam02"};
-    c.facts.missing = 3;
-    c.facts.quality = 0.75F;
+    c.metadata.pulse = pulse;
+    c.metadata.exposure_ns = 1'700'000'000'000'000'000 + pulse;
+    c.metadata.cameras = {"cam01", "cam02"};
+    c.metadata.missing = 3;
+    c.metadata.quality = 0.75F;
     const recon::VoxelGrid& grid = volume.grid();
-    c.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
-    c.facts.step = grid.voxel_m / 2;
+    c.metadata.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+    c.metadata.step = grid.voxel_m / 2;
     c.volume = &view;
     c.positions = moved;
     c.colours = colours;

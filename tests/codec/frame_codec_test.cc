@@ -56,16 +56,16 @@ TEST(FrameCodec, keeps_the_metadata_of_a_frame) {
   const Scene scene(ball(10));
   FrameDecoder decoder;
   ASSERT_EQ(decoder.decode(FrameEncoder({}).encode(scene.content(9)).value()), DecodeStatus::kOk);
-  const FrameMetadata& facts = decoder.frame().facts;
-  const FrameMetadata expected = scene.content(9).facts;
-  EXPECT_EQ(facts.pulse, 9);
+  const FrameMetadata& metadata = decoder.frame().metadata;
+  const FrameMetadata expected = scene.content(9).metadata;
+  EXPECT_EQ(metadata.pulse, 9);
   EXPECT_EQ(decoder.frame().key_pulse, 9);
-  EXPECT_EQ(facts.exposure_ns, expected.exposure_ns);
-  EXPECT_EQ(facts.cameras, expected.cameras);
-  EXPECT_EQ(facts.missing, 3);
-  EXPECT_EQ(facts.quality, 0.75F);
-  EXPECT_EQ(facts.origin, expected.origin);
-  EXPECT_EQ(facts.step, expected.step);
+  EXPECT_EQ(metadata.exposure_ns, expected.exposure_ns);
+  EXPECT_EQ(metadata.cameras, expected.cameras);
+  EXPECT_EQ(metadata.missing, 3);
+  EXPECT_EQ(metadata.quality, 0.75F);
+  EXPECT_EQ(metadata.origin, expected.origin);
+  EXPECT_EQ(metadata.step, expected.step);
 }
 
 TEST(FrameCodec, aborts_in_every_build_when_a_precondition_is_violated) {
@@ -113,7 +113,7 @@ TEST(FrameCodec, keeps_moved_vertices_within_half_a_step_and_reports_the_step) {
     FrameDecoder decoder;
     ASSERT_EQ(decoder.decode(encoder.encode(scene.content(0)).value()), DecodeStatus::kOk);
     const DecodedFrame& frame = decoder.frame();
-    EXPECT_DOUBLE_EQ(frame.facts.step, step_m);
+    EXPECT_DOUBLE_EQ(frame.metadata.step, step_m);
     for (size_t v = 0; v < scene.moved.size(); ++v) {
       for (int axis = 0; axis < 3; ++axis) {
         ASSERT_NEAR(frame.positions[v][axis], scene.moved[v][axis], 0.5 * step_m + 1e-6);
@@ -155,7 +155,7 @@ TEST(FrameCodec, decodes_only_complete_frames_when_one_in_twenty_is_lost) {
   bool complete = true;  // all frames since the key frame have arrived
   for (const auto& frame : moving_ball(80)) {
     ASSERT_EQ(whole.decode(frame), DecodeStatus::kOk);
-    const int64_t pulse = whole.frame().facts.pulse;
+    const int64_t pulse = whole.frame().metadata.pulse;
     const bool arrives = hash(static_cast<uint32_t>(pulse), 5) % 20 != 0;
     complete = (complete || whole.frame().key_pulse == pulse) && arrives;
     lost += arrives ? 0 : 1;
@@ -201,7 +201,7 @@ struct AnyMesh {
 
   FrameContent content() const {
     FrameContent c;
-    c.facts.step = 0.25;
+    c.metadata.step = 0.25;
     c.positions = positions;
     c.triangles = triangles;
     c.colours = colours;
@@ -235,7 +235,7 @@ TEST(FrameCodec, rejects_invalid_content) {
   far.moved.assign(far.mesh.vertices.size(), {1000, 0, 0});
   EXPECT_FALSE(encoder.encode(far.content(0)));
   FrameContent unsorted = AnyMesh().content();
-  unsorted.facts.cameras = {"b", "a"};
+  unsorted.metadata.cameras = {"b", "a"};
   EXPECT_FALSE(encoder.encode(unsorted));
 }
 
@@ -263,15 +263,15 @@ TEST(FrameCodec, states_the_passes_of_a_live_deformation_in_version_3_alone) {
   const Scene scene(ball(5));
   for (const int passes : {0, 1, FrameLimits::kPasses}) {
     FrameContent content = scene.content(0);
-    content.facts.live_passes = passes;
+    content.metadata.live_passes = passes;
     const auto frame = FrameEncoder({}).encode(content).value();
     EXPECT_EQ(frame[8], passes == 0 ? 2 : 3);
     FrameDecoder decoder;
     ASSERT_EQ(decoder.decode(frame), DecodeStatus::kOk);
-    EXPECT_EQ(decoder.frame().facts.live_passes, passes);
+    EXPECT_EQ(decoder.frame().metadata.live_passes, passes);
   }
   FrameContent content = scene.content(0);
-  content.facts.live_passes = FrameLimits::kPasses + 1;
+  content.metadata.live_passes = FrameLimits::kPasses + 1;
   EXPECT_FALSE(FrameEncoder({}).encode(content));
 }
 

@@ -46,7 +46,7 @@ std::vector<std::vector<uint8_t>> frames() {
   scene.paint(1);
   scene.move(0.02);
   FrameContent deformed = scene.content(0);
-  deformed.facts.live_passes = 2;
+  deformed.metadata.live_passes = 2;
   const std::vector<uint8_t> labels = labels_of(scene);
   deformed.labels = labels;
   all.push_back(FrameEncoder({}).encode(deformed).value());
@@ -66,7 +66,7 @@ std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   std::string text;
   for (const auto& frame : frames) {
     text.push_back(static_cast<char>(decoder.decode(frame)));
-    text.push_back(static_cast<char>(decoder.frame().facts.live_passes));
+    text.push_back(static_cast<char>(decoder.frame().metadata.live_passes));
     append(text, decoder.frame().positions);
     append(text, decoder.frame().triangles);
     append(text, decoder.frame().colours);

@@ -29,7 +29,7 @@ void check(const v3d::codec::DecodedFrame& frame) {
   }
   v3d::test::must(frame.labels.empty() || frame.labels.size() == frame.positions.size());
   v3d::test::must(frame.colours.empty() || frame.colours.size() == frame.positions.size());
-  v3d::test::must(frame.cameras.empty() || frame.cameras.size() == frame.facts.cameras.size());
+  v3d::test::must(frame.cameras.empty() || frame.cameras.size() == frame.metadata.cameras.size());
   for (const auto& camera : frame.cameras) {
     v3d::test::must(camera.vertices.size() == frame.positions.size());
   }

@@ -122,8 +122,8 @@ void write_sequence(const fs::path& file, int64_t left_out = -1) {
     const auto grey = static_cast<uint8_t>(30 * pulse);
     const std::vector<codec::VertexColour> colours(6, codec::VertexColour{grey, grey, grey});
     codec::FrameContent content;
-    content.facts.pulse = pulse;
-    content.facts.step = 0.01;
+    content.metadata.pulse = pulse;
+    content.metadata.step = 0.01;
     content.volume = &volume;
     content.colours = colours;
     const auto bytes = encoder.encode(content).value();

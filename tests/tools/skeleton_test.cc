@@ -203,9 +203,9 @@ void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
   std::filesystem::remove(take.mesh());
   take::MeshFileWriter file(take.mesh());
   for (int pulse = 0; pulse < test::kGlidingPulses; ++pulse) {
-    content.facts.pulse = pulse;
-    content.facts.origin = {-2, -2, -1};
-    content.facts.step = lattice.step;
+    content.metadata.pulse = pulse;
+    content.metadata.origin = {-2, -2, -1};
+    content.metadata.step = lattice.step;
     const auto encoded = codec::FrameEncoder({}).encode(content);
     ASSERT_TRUE(encoded);
     EXPECT_TRUE(file.append(pulse, *encoded));

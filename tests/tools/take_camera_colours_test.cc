@@ -20,8 +20,8 @@ std::vector<uint8_t> encoded(codec::FrameEncoder& encoder, int64_t pulse,
   const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
                                                  {9, 99, 200});
   codec::FrameContent content;
-  content.facts.pulse = pulse;
-  content.facts.step = volume.grid().voxel_m / 2;
+  content.metadata.pulse = pulse;
+  content.metadata.step = volume.grid().voxel_m / 2;
   content.volume = &bricks;
   content.colours = colours;
   return encoder.encode(content).value();

@@ -43,9 +43,9 @@ class TwoBodies : public testing::Test {
     const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
                                                    {9, 99, 200});
     codec::FrameContent content;
-    content.facts.pulse = pulse;
-    content.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
-    content.facts.step = grid.voxel_m / 2;
+    content.metadata.pulse = pulse;
+    content.metadata.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+    content.metadata.step = grid.voxel_m / 2;
     content.volume = &bricks;
     content.colours = colours;
     io::throw_if_failed(file.append(pulse, encoder_.encode(content).value()));
@@ -163,7 +163,7 @@ TEST_F(TwoBodies, are_not_labelled_when_a_mesh_claims_too_large_a_space) {
   const recon::SparseVolume volume = volume_at(0);
   const codec::BrickVolume bricks = volume.view();
   codec::FrameContent content;
-  content.facts.step = 0.01;
+  content.metadata.step = 0.01;
   content.volume = &bricks;
   std::vector<uint8_t> frame = encoder_.encode(content).value();
   for (const size_t axis : {100, 102, 104}) frame[axis + 1] = 15;  // first brick 3840 or more

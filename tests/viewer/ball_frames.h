@@ -14,7 +14,7 @@ inline codec::FrameContent ball_frame(codec::Scene& scene, int64_t pulse,
   scene.colours.assign(scene.mesh.vertices.size(), colour);
   codec::FrameContent content = scene.content(pulse);
   const double half = 25 * scene.volume.grid().voxel_m;
-  content.facts.origin = {-half, -half, 1 - half};
+  content.metadata.origin = {-half, -half, 1 - half};
   return content;
 }
 

@@ -69,10 +69,10 @@ codec::FrameContent content_of(const Pulse& pulse, const codec::BrickVolume& vol
                                int64_t number) {
   const recon::VoxelGrid& grid = pulse.volume.grid();
   codec::FrameContent content;
-  content.facts.pulse = number;
-  content.facts.cameras = {rig()[0].name};
-  content.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
-  content.facts.step = grid.voxel_m / 2;
+  content.metadata.pulse = number;
+  content.metadata.cameras = {rig()[0].name};
+  content.metadata.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+  content.metadata.step = grid.voxel_m / 2;
   content.volume = &volume;
   content.positions = pulse.positions;
   content.colours = pulse.colours;

@@ -19,8 +19,8 @@ class Meshes {
  public:
   wire::MeshMessage next(bool key) {
     codec::FrameHeader header;
-    header.facts.pulse = pulse_;
-    header.facts.step = 0.01;
+    header.metadata.pulse = pulse_;
+    header.metadata.step = 0.01;
     if (key) key_ = pulse_;
     header.key_pulse = key_;
     header.flags = codec::FrameHeader::kColours | (key ? 0 : codec::FrameHeader::kInter);

@@ -70,8 +70,8 @@ class ViewedBall : public test::ViewedSite {
     for (const int64_t pulse : {0, 2}) {
       codec::FrameContent content = scene.content(pulse);
       const double half = 25 * scene.volume.grid().voxel_m;
-      content.facts.origin = {-half, -half, 1 - half};
-      content.facts.cameras = {"left", "right"};
+      content.metadata.origin = {-half, -half, 1 - half};
+      content.metadata.cameras = {"left", "right"};
       EXPECT_TRUE(file.append(pulse, *encoder.encode(content)));
     }
     EXPECT_TRUE(file.close());

@@ -14,13 +14,13 @@ struct Triangle {
   std::vector<uint8_t> encoded() const {
     const std::vector<codec::VertexColour> coded = vertex_colours(colours);
     codec::FrameContent content;
-    content.facts = {.pulse = 7,
-                     .exposure_ns = 1'700'000'000'000'000'000,
-                     .cameras = {"cam01", "cam02"},
-                     .missing = 2,
-                     .quality = 0.5F,
-                     .origin = {0, 0, 0},
-                     .step = 0.25};
+    content.metadata = {.pulse = 7,
+                        .exposure_ns = 1'700'000'000'000'000'000,
+                        .cameras = {"cam01", "cam02"},
+                        .missing = 2,
+                        .quality = 0.5F,
+                        .origin = {0, 0, 0},
+                        .step = 0.25};
     content.positions = positions;
     content.triangles = triangles;
     content.colours = coded;

@@ -23,8 +23,8 @@ std::vector<uint8_t> frame_of(const SparseVolume& volume, float move = 0) {
   for (Eigen::Vector3f& vertex : mesh.vertices) vertex.x() += move;
   const auto positions = vertex_positions(mesh.vertices);
   codec::FrameContent content;
-  content.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
-  content.facts.step = grid.voxel_m / 2;
+  content.metadata.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+  content.metadata.step = grid.voxel_m / 2;
   content.volume = &bricks;
   if (move > 0) content.positions = positions;
   return codec::FrameEncoder({.displacement_step_m = grid.voxel_m / 20}).encode(content).value();
@@ -52,7 +52,7 @@ TEST(FrameVolume, is_empty_for_a_frame_without_a_volume_and_for_other_bytes) {
   const std::vector<codec::VertexPosition> positions{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   const std::vector<codec::VertexTriangle> triangles{{0, 1, 2}};
   codec::FrameContent content;
-  content.facts.step = 0.5;
+  content.metadata.step = 0.5;
   content.positions = positions;
   content.triangles = triangles;
   const auto explicit_frame = codec::FrameEncoder({}).encode(content).value();

@@ -148,11 +148,12 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
   colour_surface(rig, frames, given.voxel_m,
                  quality == Quality::kHigh ? ColourDetail::kFull : ColourDetail::kLive, mesh);
   const QualityMeter meter(rig, given.bounds, given.voxel_m);
-  PulseFacts facts{.pulse = set.pulse, .exposure = set.exposure, .cameras = names_of(rig, frames)};
-  facts.missing = static_cast<int>(rig.size() - facts.cameras.size());
-  facts.quality = meter.measure(mesh, frames).silhouette_iou;
-  facts.live_passes = live_passes;
-  return EncodeStage(hulls.grid(), lattice).encode(facts, hull.volume, mesh);
+  PulseMetadata metadata{
+      .pulse = set.pulse, .exposure = set.exposure, .cameras = names_of(rig, frames)};
+  metadata.missing = static_cast<int>(rig.size() - metadata.cameras.size());
+  metadata.quality = meter.measure(mesh, frames).silhouette_iou;
+  metadata.live_passes = live_passes;
+  return EncodeStage(hulls.grid(), lattice).encode(metadata, hull.volume, mesh);
 }
 
 TEST(Stages, one_after_the_other_make_the_compact_frame_of_the_reconstructor) {

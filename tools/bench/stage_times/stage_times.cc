@@ -166,10 +166,10 @@ class Chain {
     const std::vector<codec::VertexColour> colours = recon::vertex_colours(mesh.colours);
     const Eigen::Vector3d& origin = grid_.origin;
     codec::FrameContent content;
-    content.facts.pulse = encoded_++;
-    content.facts.cameras = work.result.cameras;
-    content.facts.origin = {origin.x(), origin.y(), origin.z()};
-    content.facts.step = grid_.voxel_m / 2;
+    content.metadata.pulse = encoded_++;
+    content.metadata.cameras = work.result.cameras;
+    content.metadata.origin = {origin.x(), origin.y(), origin.z()};
+    content.metadata.step = grid_.voxel_m / 2;
     content.volume = &volume;
     content.triangles = mesh.triangles;
     content.colours = colours;

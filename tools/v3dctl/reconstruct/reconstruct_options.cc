@@ -209,8 +209,8 @@ std::map<int64_t, int> passes_of_meshes(const std::filesystem::path& path) {
     const auto compact = io::value_or_throw(meshes.read(pulse));
     const auto header = compact ? codec::read_header(*compact) : std::nullopt;
     if (!header) continue;
-    passes[pulse] = header->facts.live_passes;
-    is_deformed = is_deformed || header->facts.live_passes > 0;
+    passes[pulse] = header->metadata.live_passes;
+    is_deformed = is_deformed || header->metadata.live_passes > 0;
   }
   if (!is_deformed) {
     throw InputError("--passes live: " + path.string() +

@@ -64,8 +64,9 @@ class CameraColourist {
   std::vector<codec::CameraView> views() {
     const codec::DecodedFrame& decoded = codec_.frame();
     if (!frames_ || decoded.colours.empty()) return {};
-    const std::vector<std::string>& cameras = decoded.facts.cameras;
-    recon::FrameSet set = observe_all(decoded.facts.pulse, frames_->read(decoded.facts.pulse));
+    const std::vector<std::string>& cameras = decoded.metadata.cameras;
+    recon::FrameSet set =
+        observe_all(decoded.metadata.pulse, frames_->read(decoded.metadata.pulse));
     std::erase_if(set.frames, [&](const Frame& frame) {
       return !std::ranges::binary_search(cameras, frame.camera);
     });
