@@ -99,8 +99,8 @@ struct DatagramRing::Buffers {
     prepare({0, kPlaces});
   }
   /// Restores the lengths that recvmmsg() has overwritten in these places.
-  void prepare(Room room) {
-    for (size_t i = room.first; i < room.first + room.count; ++i) {
+  void prepare(FreeRange range) {
+    for (size_t i = range.first; i < range.first + range.count; ++i) {
       messages[i].msg_hdr.msg_namelen = sizeof sources[i];
       messages[i].msg_hdr.msg_controllen = controls[i].size();
     }
@@ -151,7 +151,7 @@ void DatagramRing::stop() {
   changed_.notify_all();
 }
 
-DatagramRing::Room DatagramRing::wait_for_room() {
+DatagramRing::FreeRange DatagramRing::wait_for_free_range() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return received_ - handled_ < kPlaces || stopped_; });
   if (stopped_) return {};
@@ -185,18 +185,18 @@ MulticastReceiver::MulticastReceiver(const std::string& url) : socket_(udp_socke
 
 size_t MulticastReceiver::receive(DatagramRing& ring) {
   constexpr size_t kAtOnce = 32;
-  const DatagramRing::Room room = ring.wait_for_room();
-  if (room.count == 0) return 0;
+  const DatagramRing::FreeRange range = ring.wait_for_free_range();
+  if (range.count == 0) return 0;
   DatagramRing::Buffers& buffers = *ring.buffers_;
-  const auto limit = static_cast<unsigned>(std::min(room.count, kAtOnce));
-  const int received = recvmmsg(fd(), &buffers.messages[room.first], limit, MSG_DONTWAIT, nullptr);
+  const auto limit = static_cast<unsigned>(std::min(range.count, kAtOnce));
+  const int received = recvmmsg(fd(), &buffers.messages[range.first], limit, MSG_DONTWAIT, nullptr);
   if (received <= 0) return 0;
   const auto count = static_cast<size_t>(received);
-  for (size_t i = room.first; i < room.first + count; ++i) {
+  for (size_t i = range.first; i < range.first + count; ++i) {
     buffers.received[i] = buffers.datagram(i);
     dropped_ = std::max<int64_t>(dropped_, buffers.drops(i));
   }
-  buffers.prepare({room.first, count});
+  buffers.prepare({range.first, count});
   ring.add(count);
   return count;
 }

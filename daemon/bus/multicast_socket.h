@@ -51,11 +51,11 @@ class DatagramRing {
   friend class MulticastReceiver;
   struct Buffers;
   /// Contiguous free places, from `first` on.
-  struct Room {
+  struct FreeRange {
     size_t first = 0;
     size_t count = 0;
   };
-  Room wait_for_room();
+  FreeRange wait_for_free_range();
   void add(size_t count);
 
   const std::unique_ptr<Buffers> buffers_;

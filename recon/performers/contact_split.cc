@@ -97,7 +97,7 @@ void ContactSplit::drop_contested_seeds(const SparseVolume& volume,
 
 void ContactSplit::prepare_growth(const SparseVolume& volume,
                                   std::span<const ComponentPart> component, Sets sets) {
-  room_.assign(near_.size(), codec::kEmptyBrick);
+  growable_.assign(near_.size(), codec::kEmptyBrick);
   active_.clear();
   const auto occupied_of = [&](size_t brick, int z) { return volume.bricks()[brick][z]; };
   for (const ComponentPart& part : component) {
@@ -105,9 +105,9 @@ void ContactSplit::prepare_growth(const SparseVolume& volume,
     codec::Brick left = part.bits;
     for (const VoxelSet* set : sets) subtract(left, (*set)[part.brick]);
     if (is_empty(left)) continue;
-    codec::Brick& room = room_[part.brick];
-    room = dilated(bricks_around(volume, part.brick), occupied_of);
-    for (const VoxelSet* set : sets) subtract(room, (*set)[part.brick]);
+    codec::Brick& growable = growable_[part.brick];
+    growable = dilated(bricks_around(volume, part.brick), occupied_of);
+    for (const VoxelSet* set : sets) subtract(growable, (*set)[part.brick]);
     active_.push_back(part.brick);
   }
 }
@@ -131,12 +131,12 @@ void ContactSplit::grow(const SparseVolume& volume, Sets sets) {
     for (const uint32_t brick : active_) grow_brick(volume, sets, step, brick);
     for (const Change& change : changes_) {
       add((*sets[change.set])[change.brick], change.voxels);
-      subtract(room_[change.brick], change.voxels);
+      subtract(growable_[change.brick], change.voxels);
     }
     next_.clear();
     for (const Change& change : changes_) {
       for (const int n : bricks_around(volume, change.brick)) {
-        if (n < 0 || is_marked_[n] || is_empty(room_[n])) continue;
+        if (n < 0 || is_marked_[n] || is_empty(growable_[n])) continue;
         is_marked_[n] = 1;
         next_.push_back(static_cast<uint32_t>(n));
       }
@@ -150,7 +150,7 @@ void ContactSplit::grow(const SparseVolume& volume, Sets sets) {
 /// the last are preferred in turn.
 void ContactSplit::grow_brick(const SparseVolume& volume, Sets sets, size_t step, uint32_t brick) {
   const BricksAround around = bricks_around(volume, brick);
-  codec::Brick left = room_[brick];
+  codec::Brick left = growable_[brick];
   for (size_t n = 0; n < sets.size(); ++n) {
     const size_t k = step % 2 == 0 ? n : sets.size() - 1 - n;
     const codec::Brick gained = common(dilated(around, layers_of(*sets[k])), left);

@@ -72,8 +72,8 @@ class ContactSplit {
 
   const bool follow_motion_;
   // By brick of the volume.
-  std::vector<uint64_t> near_;      ///< bit k: set k has seeds in or beside it; 0 outside
-  std::vector<codec::Brick> room_;  ///< voxels through which sets may still grow
+  std::vector<uint64_t> near_;          ///< bit k: set k has seeds in or beside it; 0 outside
+  std::vector<codec::Brick> growable_;  ///< voxels through which sets may still grow
   std::vector<uint8_t> is_marked_;
   std::vector<uint32_t> group_, active_, next_;
   std::vector<Change> changes_;

@@ -91,7 +91,7 @@ HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
 
 /// Classes of ColourMask. A pixel of none of them is outside the mask.
 struct PixelClasses {
-  LaneMask inner, rim, room;
+  LaneMask inner, rim, background_like;
 };
 
 HWY_INLINE PixelClasses read_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
@@ -234,10 +234,13 @@ HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, const Pi
   alignas(64) float products[4 * kLanes];
   hn::StoreInterleaved4((weight * colour.channel[0]).v, (weight * colour.channel[1]).v,
                         (weight * colour.channel[2]).v, weight.v, Floats(), products);
-  const uint64_t inner = bits_of(classes.inner), room = bits_of(classes.room);
+  const uint64_t inner = bits_of(classes.inner);
+  const uint64_t background_like = bits_of(classes.background_like);
   for (uint64_t bits = bits_of(lanes); bits != 0; bits &= bits - 1) {
     const int lane = std::countr_zero(bits);
-    auto& of_class = inner >> lane & 1 ? sums.inner : room >> lane & 1 ? sums.room : sums.rim;
+    auto& of_class = inner >> lane & 1             ? sums.inner
+                     : background_like >> lane & 1 ? sums.background_like
+                                                   : sums.rim;
     auto& sum = of_class[number[lane]];
     for (int k = 0; k < 4; ++k) sum[k] += products[4 * lane + k];
   }
@@ -257,7 +260,7 @@ HWY_INLINE void sample_seen(const VertexCamera& camera, const SeenVertices& foun
       return hn::IfThenElseZero(hn::RebindMask(ints, there), whole);
     };
     const PixelClasses classes = read_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
-    const LaneMask in_mask = hn::Or(hn::Or(classes.inner, classes.rim), classes.room);
+    const LaneMask in_mask = hn::Or(hn::Or(classes.inner, classes.rim), classes.background_like);
     LaneMask seen = hn::And(there, in_mask);
     if (bits_of(seen) == 0) continue;
     Colour colour = sample(camera, u, v, seen);

@@ -50,7 +50,8 @@ struct ColourSums {
   using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
   alignas(64) Sums inner{};  ///< samples of foreground pixels alone
   alignas(64) Sums rim{};    ///< samples that may contain background
-  alignas(64) Sums room{};   ///< samples of ColourMask::room(): probably background
+  /// Samples of ColourMask::background_like(): probably background.
+  alignas(64) Sums background_like{};
 };
 
 /// Adds the colours of vertices `first` to `first` + kBlock that `camera` sees: the normal faces

@@ -65,7 +65,8 @@ ColourMask::ColourMask(const Frame& frame)
     for (int x = roi_.x0; x < roi_.x0 + roi_.width; x += 32) {
       const uint32_t inner =
           row.bits(x) & above.bits(x) & below.bits(x) & row.bits(x - kReach) & row.bits(x + kReach);
-      const uint32_t low = kept.bits(x), room = mask.bits(x) & ~low, high = inner | room;
+      const uint32_t low = kept.bits(x), background_like = mask.bits(x) & ~low;
+      const uint32_t high = inner | background_like;
       *out++ = (low & 0xFFFF) | high << 16;
       *out++ = low >> 16 | (high & 0xFFFF0000);
     }

@@ -11,7 +11,8 @@ namespace v3d::recon {
 /// Classes of the pixels in the roi of a frame, two bits for each:
 ///   0  outside the mask
 ///   1  rim: foreground, but an interpolated colour may contain background
-///   2  room: equal to the background, in the mask at most kLooseReach pixels from its outline
+///   2  background-like: equal to the background, and in the mask at most kLooseReach pixels from
+///      its outline
 ///   3  inner: this pixel and the four pixels two steps left, right, above and below are in the
 ///      mask and differ from the background (at the border, the border pixel counts)
 ///
@@ -37,7 +38,7 @@ class ColourMask {
   // (x, y) in the whole image. Requires that the roi contains it.
   bool foreground(int x, int y) const { return bit(x, y, 0); }
   bool inner(int x, int y) const { return bit(x, y, 0) && bit(x, y, 16); }
-  bool room(int x, int y) const { return !bit(x, y, 0) && bit(x, y, 16); }
+  bool background_like(int x, int y) const { return !bit(x, y, 0) && bit(x, y, 16); }
 
  private:
   bool bit(int x, int y, int shift) const {

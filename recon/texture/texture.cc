@@ -31,8 +31,9 @@ std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
 /// to each other in the image, so its pixels are still in the cache.
 constexpr size_t kGroup = 8;
 
-/// Colours of the vertices of a block, from `first` on. A vertex that is seen only as the room gets
-/// this colour, but it is not `known`: fill_unseen() replaces the colour where it can.
+/// Colours of the vertices of a block, from `first` on. A vertex whose samples all equal the
+/// background gets their colour, but it is not `known`: fill_unseen() replaces the colour where it
+/// can.
 void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colours,
                   std::vector<uint8_t>& known) {
   const size_t count = std::min(PointArrays::kBlock, colours.size() - first);
@@ -44,8 +45,8 @@ void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colou
     if (colour) {
       colours[first + i] = *colour;
       known[first + i] = 1;
-    } else if (const auto room = weighted_mean(sums.room, i)) {
-      colours[first + i] = *room;
+    } else if (const auto background_like = weighted_mean(sums.background_like, i)) {
+      colours[first + i] = *background_like;
     }
   }
 }

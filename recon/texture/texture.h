@@ -73,7 +73,7 @@ inline constexpr Rgb8 kUnseenColour{128, 128, 128};
 
 struct Texture {
   std::vector<Rgb8> colours;  ///< one per vertex
-  int64_t unseen = 0;         ///< vertices that no camera sees, or only as ColourMask::room()
+  int64_t unseen = 0;  ///< vertices that no camera sees, or only as ColourMask::background_like()
 };
 
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
@@ -84,8 +84,8 @@ struct Texture {
 ///
 /// Additions to the paper: a sample outside ColourMask::inner() counts only where no other camera
 /// sees the vertex, because the background shines through at the rim of a silhouette. Vertices that
-/// no camera sees, or only as ColourMask::room(), take the mean colour of their neighbours, pass by
-/// pass. A sample of the room counts only where this reaches no vertex.
+/// no camera sees, or only as ColourMask::background_like(), take the mean colour of their
+/// neighbours, pass by pass. A background-like sample counts only where this reaches no vertex.
 ///
 /// Deterministic: independent of thread count and of the order of `cameras`, which are sorted by
 /// name. Names must differ.

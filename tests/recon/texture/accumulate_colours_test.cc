@@ -82,7 +82,7 @@ int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& 
   const auto screen = project_vertices(ball(), model);
   const auto normals = vertex_normals(ball());
   const auto blocks = see(camera);
-  int count = 0, rooms = 0;
+  int count = 0, background_like_count = 0;
   for (size_t v = 0; v < screen.size(); ++v) {
     const ColourSums& sums = blocks[v / PointArrays::kBlock];
     const size_t i = v % PointArrays::kBlock;
@@ -92,18 +92,19 @@ int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& 
     const auto colour = colour_at(camera, screen[v].x, screen[v].y);
     const bool seen = facing > 0 && screen[v].on_screen() && colour;
     const int x = static_cast<int>(screen[v].x + 0.5F), y = static_cast<int>(screen[v].y + 0.5F);
-    const bool inner = seen && camera.mask.inner(x, y), room = seen && camera.mask.room(x, y);
+    const bool inner = seen && camera.mask.inner(x, y);
+    const bool background_like = seen && camera.mask.background_like(x, y);
     EXPECT_EQ(sums.inner[i][3], inner ? facing : 0);
-    EXPECT_EQ(sums.room[i][3], room ? facing : 0);
-    EXPECT_EQ(sums.rim[i][3], seen && !inner && !room ? facing : 0);
+    EXPECT_EQ(sums.background_like[i][3], background_like ? facing : 0);
+    EXPECT_EQ(sums.rim[i][3], seen && !inner && !background_like ? facing : 0);
     for (int k = 0; k < 3 && seen; ++k) {
-      const auto& of_class = inner ? sums.inner : room ? sums.room : sums.rim;
+      const auto& of_class = inner ? sums.inner : background_like ? sums.background_like : sums.rim;
       EXPECT_EQ(of_class[i][k], facing * (*colour)[k]) << v << " " << k;
     }
-    rooms += room;
+    background_like_count += background_like;
     count += seen;
   }
-  EXPECT_EQ(rooms > 0, camera.frame->background_difference.has_value());
+  EXPECT_EQ(background_like_count > 0, camera.frame->background_difference.has_value());
   return count;
 }
 
@@ -143,7 +144,7 @@ TEST(AccumulateVertexColours, returns_the_same_sums_on_every_instruction_set) {
       for (size_t b = 0; b < best.size(); ++b) {
         EXPECT_EQ(found[b].inner, best[b].inner);
         EXPECT_EQ(found[b].rim, best[b].rim);
-        EXPECT_EQ(found[b].room, best[b].room);
+        EXPECT_EQ(found[b].background_like, best[b].background_like);
       }
     });
   }

@@ -48,7 +48,7 @@ void check(const Frame& frame, const Mask& differing) {
     for (int x = roi.x0; x < roi.x0 + roi.width; ++x) {
       const bool foreground = at(x, y) || deep.get(x, y);
       RC_ASSERT(found.foreground(x, y) == foreground);
-      RC_ASSERT(found.room(x, y) == (frame.mask->get(x, y) && !foreground));
+      RC_ASSERT(found.background_like(x, y) == (frame.mask->get(x, y) && !foreground));
       RC_ASSERT(found.inner(x, y) ==
                 (at(x, y) && at(x - 2, y) && at(x + 2, y) && at(x, y - 2) && at(x, y + 2)));
     }
@@ -66,7 +66,7 @@ RC_GTEST_PROP(ColourMask, has_inside_only_pixels_that_differ_from_the_background
   check(frame, intersection_of(*frame.mask, *frame.background_difference));
 }
 
-TEST(ColourMask, takes_pixels_for_the_room_only_near_the_outline) {
+TEST(ColourMask, finds_background_like_pixels_only_near_the_outline) {
   Frame frame;
   frame.sensor_size = {100, 60};
   frame.roi = {0, 0, 100, 60};
@@ -75,7 +75,7 @@ TEST(ColourMask, takes_pixels_for_the_room_only_near_the_outline) {
   for (int y = 0; y < 60; ++y) frame.mask->fill_row(y, 0, 50);
   const ColourMask mask(frame);
   for (int x = 0; x < 100; ++x) {
-    EXPECT_EQ(mask.room(x, 30), x >= 50 - ColourMask::kLooseReach && x < 50) << x;
+    EXPECT_EQ(mask.background_like(x, 30), x >= 50 - ColourMask::kLooseReach && x < 50) << x;
     EXPECT_EQ(mask.foreground(x, 30), x < 50 - ColourMask::kLooseReach) << x;
     EXPECT_FALSE(mask.inner(x, 30)) << x;
   }

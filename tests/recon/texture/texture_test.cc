@@ -304,21 +304,21 @@ Shot loose_shot(int begin, int end, int loose) {
   return s;
 }
 
-TEST(Texture, a_vertex_seen_only_as_the_room_gets_the_colour_of_its_neighbours) {
+TEST(Texture, a_vertex_with_background_like_samples_only_gets_the_colour_of_its_neighbours) {
   const std::vector<Shot> shots{loose_shot(0, 80, 6)};
   const Mesh plane = shapes::patch(0.5F, 0, 40);
   const Texture texture = colour_vertices(plane, borrow(shots), {});
-  int room = 0;
+  int background_like = 0;
   for (size_t v = 0; v < plane.vertices.size(); ++v) {
     const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
     if (x > 79.4) continue;
-    EXPECT_GT(texture.colours[v].g, 100) << x;  // the yellow next to the room contains red
-    room += x > 74.5;
+    EXPECT_GT(texture.colours[v].g, 100) << x;  // the yellow next to the background contains red
+    background_like += x > 74.5;
   }
-  EXPECT_GT(room, 100);
+  EXPECT_GT(background_like, 100);
 }
 
-TEST(Texture, a_vertex_seen_only_as_the_room_has_its_colour_where_no_vertex_has_a_better_one) {
+TEST(Texture, a_vertex_with_background_like_samples_only_has_their_colour_where_none_is_better) {
   const std::vector<Shot> shots{loose_shot(74, 80, 6)};
   const Mesh plane = shapes::patch(0.5F, 0, 40);
   const Texture texture = colour_vertices(plane, borrow(shots), {});
@@ -472,7 +472,7 @@ TEST(CameraColours, distinguish_the_rim_of_a_silhouette_from_its_inside) {
   }
 }
 
-TEST(CameraColours, leave_out_what_a_camera_sees_only_as_the_room) {
+TEST(CameraColours, leave_out_background_like_samples) {
   const std::vector<Shot> shots{loose_shot(0, 80, 6)};
   const Mesh plane = shapes::patch(0.5F, 0, 40);
   const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
