@@ -10,8 +10,8 @@ namespace {
 /// Windows before a clap, whose mean energy it exceeds, and those in which it rises.
 constexpr size_t kBefore = 50;
 constexpr size_t kRise = 3;
-constexpr double kMinEnergy = 1e-5;   // -50 dB
-constexpr double kLeastNoise = 1e-9;  // -90 dB: digital silence has no energy
+constexpr double kMinEnergy = 1e-5;  // -50 dB
+constexpr double kMinNoise = 1e-9;   // -90 dB: digital silence has no energy
 
 }  // namespace
 
@@ -31,7 +31,7 @@ void ClapFinder::add_window() {
   const double before =
       std::accumulate(energies_.begin(), energies_.begin() + kBefore, 0.0) / kBefore;
   const double loudest = *std::max_element(energies_.begin() + kBefore, energies_.end());
-  const double rise_db = 10 * std::log10(loudest / std::max(before, kLeastNoise));
+  const double rise_db = 10 * std::log10(loudest / std::max(before, kMinNoise));
   if (loudest >= kMinEnergy && rise_db >= kMinRiseDb && (!clap_ || loudest > clap_->energy)) {
     clap_ = {.sample = onset(kBefore), .energy = loudest, .rise_db = rise_db};
   }

@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kNoise = 16;
 constexpr double kMinRatio = 5;
-constexpr double kStillShare = 0.25;   // of the pictures; the others may show motion
-constexpr double kLeastChange = 0.02;  // of 255: one byte of 800 that exceeds the noise
+constexpr double kStillShare = 0.25;  // of the pictures; the others may show motion
+constexpr double kMinChange = 0.02;   // of 255: one byte of 800 that exceeds the noise
 constexpr double kSearchSeconds = 0.5;
 constexpr double kApartSeconds = 0.1;
 
@@ -67,7 +67,7 @@ std::vector<MotionStop> stops_of_motion(std::span<const double> changes, double 
   std::vector<MotionStop> stops;
   for (size_t k = 1; k + 2 < changes.size(); ++k) {
     const double drop = drop_at(changes, k);
-    if (drop < kMinRatio * kLeastChange || drop < changes[k] / 2) continue;
+    if (drop < kMinRatio * kMinChange || drop < changes[k] / 2) continue;
     if (!is_greatest(changes, k, apart)) continue;
     if (drop < kMinRatio * still_change(changes, k, search)) continue;
     const double part = std::clamp((changes[k + 1] - changes[k + 2]) / drop, 0.0, 1.0);

@@ -28,25 +28,25 @@ class PassLoadControl {
   static constexpr int64_t kFirstPause = 25;
   static constexpr int64_t kLongestPause = 1600;
 
-  /// `most`: passes with enough time.
-  explicit PassLoadControl(int most) : most_(most), passes_(most) {}
+  /// `max_passes`: passes with enough time.
+  explicit PassLoadControl(int max_passes) : max_passes_(max_passes), passes_(max_passes) {}
 
   /// The passes of the next pulse, while `waiting` sets wait. Call it once for each pulse.
   /// `behind`: LiveQueue::behind(), sets were dropped.
   int next(size_t waiting, bool behind) {
     if (++since_change_ == kLongestPause && was_raised_) pause_ = kFirstPause;
-    if (std::exchange(is_other_load_, false) || waiting == 0 || waiting < least_) {
-      least_ = waiting;
-      since_least_ = 0;
+    if (std::exchange(is_other_load_, false) || waiting == 0 || waiting < min_waiting_) {
+      min_waiting_ = waiting;
+      since_min_ = 0;
     } else {
-      ++since_least_;
+      ++since_min_;
     }
-    const bool is_slow = waiting >= least_ + kGrowth || since_least_ >= kPatience;
+    const bool is_slow = waiting >= min_waiting_ + kGrowth || since_min_ >= kPatience;
     is_late_ = waiting > 0 && (is_late_ || is_slow);
     if (passes_ > 0 && (behind || is_slow)) {
       if (was_raised_) pause_ = std::min(2 * pause_, kLongestPause);
       change_to(behind ? 0 : passes_ - 1, waiting);
-    } else if (passes_ < most_ && waiting == 0 && !behind && since_change_ >= pause_) {
+    } else if (passes_ < max_passes_ && waiting == 0 && !behind && since_change_ >= pause_) {
       change_to(passes_ + 1, waiting);
     }
     return is_late_ ? 0 : passes_;
@@ -59,16 +59,16 @@ class PassLoadControl {
   void change_to(int passes, size_t waiting) {
     was_raised_ = passes > passes_;
     passes_ = passes;
-    since_change_ = since_least_ = 0;
-    least_ = waiting;
+    since_change_ = since_min_ = 0;
+    min_waiting_ = waiting;
   }
 
-  const int most_;
+  const int max_passes_;
   int passes_;
-  bool was_raised_ = false;                     ///< by the last change
-  int64_t since_change_ = 0, since_least_ = 0;  ///< pulses
-  size_t least_ = 0;      ///< sets that waited at least, since the last change
-  bool is_late_ = false;  ///< until the queue is empty
+  bool was_raised_ = false;                   ///< by the last change
+  int64_t since_change_ = 0, since_min_ = 0;  ///< pulses
+  size_t min_waiting_ = 0;                    ///< sets that waited at least, since the last change
+  bool is_late_ = false;                      ///< until the queue is empty
   bool is_other_load_ = false;
   int64_t pause_ = kFirstPause;  ///< pulses
 };

@@ -56,7 +56,7 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
                   }}),
       warm_up_(std::move(setup.warm_up)),
       sequences_(!setup.resume_at),
-      most_passes_(setup.live_passes),
+      max_passes_(setup.live_passes),
       passes_(setup.live_passes),
       by_passes_(static_cast<size_t>(setup.live_passes) + 1),
       repair_(make_repair(std::move(setup.repair))),
@@ -229,7 +229,7 @@ void ReconPipeline::repair(Job& job) {
 /// The warm-up gets all passes, to allocate memory for them.
 void ReconPipeline::choose_passes(Job& job) {
   job.work.live_passes =
-      job.is_warm_up ? most_passes_ : passes_.next(ready_.size(), ready_.behind(Monotonic::now()));
+      job.is_warm_up ? max_passes_ : passes_.next(ready_.size(), ready_.behind(Monotonic::now()));
 }
 
 void ReconPipeline::make_mesh(Job& job) {
@@ -346,7 +346,7 @@ ReconCounts ReconPipeline::counts() const {
                      .implausible = implausible_frames_ + implausible_pulses_,
                      .write_errors = write_errors_};
   if (repair_) counts.repair = repair_->counts();
-  if (most_passes_ > 0) counts.by_passes.assign(by_passes_.begin(), by_passes_.end());
+  if (max_passes_ > 0) counts.by_passes.assign(by_passes_.begin(), by_passes_.end());
   if (shared_) {
     counts.shard = shared_->counts();
     counts.without_mesh = shared_->without_mesh();

@@ -189,7 +189,7 @@ class ReconPipeline {
   std::string failure_;
   recon::FrameQuality quality_;
 
-  const int most_passes_;
+  const int max_passes_;
   PassLoadControl passes_;                       ///< used by the first stage
   std::vector<std::atomic<int64_t>> by_passes_;  ///< meshes; without passes one number
   std::unique_ptr<LiveRepair> repair_;           ///< null where silhouettes are not repaired

@@ -14,7 +14,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kAboveLowestM = 0.04, kMaxSpeed = 0.35;  ///< metres, metres per second
-constexpr size_t kLeastFrames = 4;
+constexpr size_t kMinFrames = 4;
 constexpr double kLowest = 0.05;  ///< part of the frames in which an ankle is at its lowest
 
 const Vector3d& place(const Clip& clip, size_t frame, Joint joint) {
@@ -44,7 +44,7 @@ void add_contacts(const Clip& clip, Joint ankle, std::vector<FootContact>& conta
     if (!stands(f)) continue;
     size_t last = f;
     while (last < clip.frames.size() && stands(last)) ++last;
-    if (last - f >= kLeastFrames) contacts.push_back({ankle, {f, last}});
+    if (last - f >= kMinFrames) contacts.push_back({ankle, {f, last}});
     f = last;
   }
 }

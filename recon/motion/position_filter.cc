@@ -16,12 +16,12 @@ namespace {
 using Eigen::Vector3f;
 
 // Pulses on each side of the middle of a window.
-constexpr int kStillReach = 4, kMovingReach = 3, kLeastMovingReach = 2;
+constexpr int kStillReach = 4, kMovingReach = 3, kMinMovingReach = 2;
 /// A window is used whose residual is at most this many times the noise of the vertex.
 constexpr float kTolerance = 1.25F;
 // The noise of a vertex is at least the first, and counts up to the second: root mean square,
 // metres.
-constexpr float kLeastNoiseM = 0.0003F, kMostNoiseM = 0.003F;
+constexpr float kMinNoiseM = 0.0003F, kMaxNoiseM = 0.003F;
 
 /// Positions of one vertex around a pulse.
 using Window = std::span<const Vector3f>;
@@ -79,20 +79,20 @@ Window around(std::span<const Vector3f> path, size_t i, int reach) {
 /// Median residual of short parabolas: short enough that most motion follows them.
 float noise_of(std::span<const Vector3f> path) {
   std::vector<float> residuals;
-  for (size_t i = kLeastMovingReach; i + kLeastMovingReach < path.size(); ++i) {
-    residuals.push_back(parabola_of(around(path, i, kLeastMovingReach)).residual_m);
+  for (size_t i = kMinMovingReach; i + kMinMovingReach < path.size(); ++i) {
+    residuals.push_back(parabola_of(around(path, i, kMinMovingReach)).residual_m);
   }
-  return std::clamp(upper_median(std::move(residuals)), kLeastNoiseM, kMostNoiseM);
+  return std::clamp(upper_median(std::move(residuals)), kMinNoiseM, kMaxNoiseM);
 }
 
 /// Position at pulse `i` of a vertex whose path is `path`.
 Vector3f smoothed(std::span<const Vector3f> path, size_t i, float tolerance_m) {
-  const int most = static_cast<int>(std::min(i, path.size() - 1 - i));
-  for (int reach = std::min(most, kStillReach); reach > 0; --reach) {
+  const int max_reach = static_cast<int>(std::min(i, path.size() - 1 - i));
+  for (int reach = std::min(max_reach, kStillReach); reach > 0; --reach) {
     const Fit fit = mean_of(around(path, i, reach));
     if (fit.residual_m <= tolerance_m) return fit.middle;
   }
-  for (int reach = std::min(most, kMovingReach); reach >= kLeastMovingReach; --reach) {
+  for (int reach = std::min(max_reach, kMovingReach); reach >= kMinMovingReach; --reach) {
     const Fit fit = parabola_of(around(path, i, reach));
     if (fit.residual_m <= tolerance_m) return fit.middle;
   }

@@ -26,7 +26,7 @@ constexpr double kMinHeadRadius = 0.025;  ///< of the height
 constexpr double kHeadLength = 0.13;      ///< of the height: from the top to the chin
 // Of the height: the part of a leg above the sole, and the least distance of its middle from that
 // of the foot, at which it shows where the toes are.
-constexpr double kShinLow = 0.06, kShinHigh = 0.1, kLeastAhead = 0.01;
+constexpr double kShinLow = 0.06, kShinHigh = 0.1, kMinAhead = 0.01;
 constexpr double kWholeFoot = 0.1;  ///< of the height: length of a foot that is flat on the ground
 
 std::vector<Vector3d> centres_of(const ReebGraph& graph, const GraphBranch& branch, size_t count) {
@@ -262,7 +262,7 @@ class Observer {
     Vector2d leg = Vector2d::Zero();
     for (const Vector2d& place : shin) leg += place / static_cast<double>(shin.size());
     const double ahead = foot.axis.head<2>().dot(foot.centre.head<2>() - leg);
-    if (std::abs(ahead) < kLeastAhead * height_m()) return;
+    if (std::abs(ahead) < kMinAhead * height_m()) return;
     if (ahead < 0) foot.axis = -foot.axis;
     foot.points_ahead = true;
   }

@@ -22,7 +22,7 @@ constexpr double kRobustM = 0.03;       ///< residual at which a vertex has half
 constexpr double kCapM = 0.06;          ///< residuals beyond count as this
 constexpr double kPriorM = 0.02;        ///< cost of a part that no pulse suggests
 constexpr double kNeighboursM = 0.012;  ///< cost of a part that no neighbour has
-constexpr size_t kLeastVertices = 12;   ///< of a part with a motion of its own
+constexpr size_t kMinVertices = 12;     ///< of a part with a motion of its own
 constexpr double kFootBegins = 0.93;    ///< place along the shin
 
 /// The part that the surface near a capsule belongs to.
@@ -135,7 +135,7 @@ class PartFinder {
       // Parents come before their children in kPartJoints.
       for (const Joint part : kPartJoints) {
         Isometry3d& motion = parts_.motions[p][part];
-        if (members[part].size() < kLeastVertices) {
+        if (members[part].size() < kMinVertices) {
           motion = part == kPelvis ? Isometry3d::Identity() : parts_.motions[p][parent_part(part)];
           continue;
         }
@@ -183,7 +183,7 @@ class PartFinder {
     tbb::parallel_for(size_t{0}, vertices(), [&](size_t v) {
       costs[v].fill(std::numeric_limits<float>::infinity());
       for (const Joint part : kPartJoints) {
-        if (parts_.count[part] < kLeastVertices) continue;
+        if (parts_.count[part] < kMinVertices) continue;
         costs[v][part] =
             static_cast<float>(path_error(v, part) + (1 - shares_[v][part]) * kPriorM * kPriorM);
       }

@@ -24,7 +24,7 @@ constexpr double kPoseM = 0.04, kMotionM = 0.003, kRingM = 0.015;
 constexpr double kLimbRadius = 0.04;  ///< share of the stature: at elbows, knees and ankles
 constexpr double kIndependent = 10;   ///< pulses between independent errors of a motion
 constexpr double kHeadTrust = 0.5;    ///< of the motion of the head against single pulses
-constexpr size_t kLeastRing = 6;      ///< edges between two parts that show their joint
+constexpr size_t kMinRing = 6;        ///< edges between two parts that show their joint
 constexpr double kConfidentM = 0.03;  ///< residual of a part
 
 Vector3d median_place(const std::vector<Vector3d>& places) {
@@ -135,7 +135,7 @@ class JointFinder {
         middles.push_back(0.5 * (places[v] + places[w]).cast<double>());
       }
     }
-    if (middles.size() < kLeastRing) return;
+    if (middles.size() < kMinRing) return;
     Vector3d centre = Vector3d::Zero();
     for (const Vector3d& middle : middles) centre += middle / static_cast<double>(middles.size());
     std::vector<double> radii;

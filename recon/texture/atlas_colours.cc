@@ -329,7 +329,7 @@ void AtlasFilter::apply(AtlasColours& colours) {
     was_seen_ = colours.seen;
     return;
   }
-  constexpr float kLeastStep = 1.0F / 7, kNoise = 6, kChange = 40;
+  constexpr float kMinStep = 1.0F / 7, kNoise = 6, kChange = 40;
   for (size_t i = 0; i < was_seen_.size(); ++i) {
     const bool is_seen = colours.seen[i] != 0;
     if (!is_seen && was_seen_[i] != 0) {
@@ -342,7 +342,7 @@ void AtlasFilter::apply(AtlasColours& colours) {
     }
     const bool is_first = is_seen && was_seen_[i] == 0;
     const float step =
-        is_first ? 1 : std::clamp((change - kNoise) / (kChange - kNoise), kLeastStep, 1.0F);
+        is_first ? 1 : std::clamp((change - kNoise) / (kChange - kNoise), kMinStep, 1.0F);
     for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
       shown_[c] += step * (static_cast<float>(bytes[c]) - shown_[c]);
       bytes[c] = static_cast<uint8_t>(shown_[c] + 0.5F);

@@ -180,12 +180,12 @@ Best best_of(const std::vector<Candidate>& candidates, const Selection& selectio
 /// Replaces chosen camera `index` by a better candidate. Returns false where there is none.
 bool exchange(const std::vector<Candidate>& candidates, Selection& selection,
               std::vector<Candidate>& chosen, size_t index, double separation) {
-  constexpr double kLeastGain = 1e-3;  // samples
+  constexpr double kMinGain = 1e-3;  // samples
   const Candidate old = chosen[index];
   selection.apply(old, -1);
   chosen.erase(chosen.begin() + static_cast<std::ptrdiff_t>(index));
   const Best best = best_of(candidates, selection, chosen, separation);
-  const bool better = best.candidate && best.gain > selection.gain(old) + kLeastGain;
+  const bool better = best.candidate && best.gain > selection.gain(old) + kMinGain;
   chosen.insert(chosen.begin() + static_cast<std::ptrdiff_t>(index),
                 better ? *best.candidate : old);
   selection.apply(chosen[index], 1);

@@ -26,9 +26,9 @@ CameraModel view_of(const Vector3d& eye, const Box& box) {
 }
 
 float incidence(const Vector3f& eye, const SurfaceSample& sample) {
-  static const float kLeast = static_cast<float>(std::cos(kMaxIncidenceDeg * M_PI / 180));
+  static const float kMinCosine = static_cast<float>(std::cos(kMaxIncidenceDeg * M_PI / 180));
   const float cosine = (eye - sample.point).normalized().dot(sample.normal);
-  return cosine < kLeast ? 0 : cosine;
+  return cosine < kMinCosine ? 0 : cosine;
 }
 
 /// Clears the incidence of the samples in `range` that surfaces of `list` hide.

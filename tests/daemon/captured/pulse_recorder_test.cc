@@ -56,11 +56,11 @@ TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed
 
 /// A pulse, the message about it, and its reception on another PC.
 struct Transfer {
-  Duration offset{};       ///< wall clock of the sender minus that of the receiver
-  Duration sent_after{};   ///< time from the pulse to the sending
-  Duration age{};          ///< time from the sending to the reception
-  Duration least_delay{};  ///< of earlier messages; ReceivedMessage::age lacks it
-  Duration set_back{};     ///< step of the sender's clock since clocks were compared
+  Duration offset{};      ///< wall clock of the sender minus that of the receiver
+  Duration sent_after{};  ///< time from the pulse to the sending
+  Duration age{};         ///< time from the sending to the reception
+  Duration min_delay{};   ///< of earlier messages; ReceivedMessage::age lacks it
+  Duration set_back{};    ///< step of the sender's clock since clocks were compared
   bool is_authentic = true;
 
   /// Error of the time of the pulse.
@@ -73,7 +73,7 @@ struct Transfer {
     pulse.edge = sent - sent_after;
     bus::ReceivedMessage in;
     if (is_authentic) {
-      in.age = age - least_delay + set_back;
+      in.age = age - min_delay + set_back;
       in.sent = sent;
     }
     const capture::PulseEdge edge = edge_on_this_pc(pulse, in, now);
@@ -90,7 +90,7 @@ Duration any_ms(int least, int most) {
 RC_GTEST_PROP(EdgeOnThisPc, is_exact_however_late_the_message_is_if_the_clocks_are_synchronised,
               ()) {
   const Transfer transfer{
-      .sent_after = any_ms(0, 4000), .age = any_ms(5, 4000), .least_delay = any_ms(0, 5)};
+      .sent_after = any_ms(0, 4000), .age = any_ms(5, 4000), .min_delay = any_ms(0, 5)};
   RC_ASSERT(transfer.error() == Duration::zero());
 }
 
@@ -98,15 +98,15 @@ RC_GTEST_PROP(EdgeOnThisPc, is_late_by_the_least_delay_of_a_message_if_the_clock
   const Transfer transfer{.offset = any_ms(60, 1'000'000) * *rc::gen::elementOf(std::vector{-1, 1}),
                           .sent_after = any_ms(0, 4000),
                           .age = any_ms(5, 50),
-                          .least_delay = any_ms(0, 5)};
-  RC_ASSERT(transfer.error() == transfer.least_delay);
+                          .min_delay = any_ms(0, 5)};
+  RC_ASSERT(transfer.error() == transfer.min_delay);
 }
 
 RC_GTEST_PROP(EdgeOnThisPc, is_unknown_if_the_clocks_differ_and_the_message_may_be_late, ()) {
   const Transfer transfer{.offset = any_ms(60, 1'000'000) * *rc::gen::elementOf(std::vector{-1, 1}),
                           .sent_after = any_ms(0, 4000),
                           .age = any_ms(56, 4000),
-                          .least_delay = any_ms(0, 5)};
+                          .min_delay = any_ms(0, 5)};
   RC_ASSERT(transfer.error() == std::nullopt);
 }
 

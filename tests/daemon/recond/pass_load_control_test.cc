@@ -10,7 +10,7 @@
 namespace v3d::recond {
 namespace {
 
-constexpr int kMost = 2;
+constexpr int kMaxPasses = 2;
 constexpr int64_t kFirstPause = PassLoadControl::kFirstPause;
 constexpr int64_t kLongestPause = PassLoadControl::kLongestPause;
 
@@ -30,22 +30,22 @@ class ReconstructionInVirtualTime {
     while (std::ssize(passes) < pulses) {
       free_at_ = std::max(free_at_, static_cast<double>(next_));
       const auto waiting = static_cast<size_t>(free_at_) - static_cast<size_t>(next_);
-      most_waiting_ = std::max(most_waiting_, waiting);
+      max_waiting_ = std::max(max_waiting_, waiting);
       passes.push_back(load_.next(waiting, false));
       free_at_ += cost_[static_cast<size_t>(passes.back())];
       ++next_;
     }
     return passes;
   }
-  size_t most_waiting() const { return most_waiting_; }
+  size_t max_waiting() const { return max_waiting_; }
   PassLoadControl& load() { return load_; }
 
  private:
-  PassLoadControl load_{kMost};
+  PassLoadControl load_{kMaxPasses};
   std::vector<double> cost_;
   double free_at_ = 0;  ///< when the reconstruction can begin with pulse next_
   int64_t next_ = 0;
-  size_t most_waiting_ = 0;
+  size_t max_waiting_ = 0;
 };
 
 int64_t changes_of(const std::vector<int>& passes) {
@@ -56,7 +56,7 @@ int64_t changes_of(const std::vector<int>& passes) {
 
 TEST(PassLoadControl, gives_all_passes_where_there_is_time) {
   ReconstructionInVirtualTime recon({0.3, 0.6, 0.99});
-  EXPECT_EQ(recon.run(2000), std::vector<int>(2000, kMost));
+  EXPECT_EQ(recon.run(2000), std::vector<int>(2000, kMaxPasses));
 }
 
 TEST(PassLoadControl, drops_no_pulse_when_there_is_time_for_the_hull) {
@@ -64,7 +64,7 @@ TEST(PassLoadControl, drops_no_pulse_when_there_is_time_for_the_hull) {
     for (const double pass : {0.06, 0.3, 1.0, 3.0}) {
       ReconstructionInVirtualTime recon({hull, hull + pass, hull + 2 * pass});
       recon.run(20'000);
-      EXPECT_LT(recon.most_waiting(), LiveQueue<int>::Options().limit)
+      EXPECT_LT(recon.max_waiting(), LiveQueue<int>::Options().limit)
           << "hull " << hull << ", pass " << pass;
     }
   }
@@ -86,19 +86,19 @@ TEST(PassLoadControl, gives_all_passes_again_after_a_slow_time) {
   recon.run(100);
   recon.set_cost({0.3, 0.6, 0.9});
   recon.run(8 * kFirstPause);
-  EXPECT_EQ(recon.run(1000), std::vector<int>(1000, kMost));
+  EXPECT_EQ(recon.run(1000), std::vector<int>(1000, kMaxPasses));
 }
 
 TEST(PassLoadControl, leaves_a_pass_out_when_the_queue_does_not_become_shorter) {
-  PassLoadControl load(kMost);
+  PassLoadControl load(kMaxPasses);
   std::vector<int> passes;
   for (int64_t pulse = 0; pulse <= PassLoadControl::kPatience; ++pulse) {
     passes.push_back(load.next(1, false));
   }
-  EXPECT_EQ(passes.front(), kMost);
+  EXPECT_EQ(passes.front(), kMaxPasses);
   EXPECT_EQ(passes.back(), 0)
       << "LiveQueue drops sets when values wait for too long without a break";
-  EXPECT_EQ(load.next(0, false), kMost - 1);
+  EXPECT_EQ(load.next(0, false), kMaxPasses - 1);
 }
 
 TEST(PassLoadControl, gives_no_pass_to_a_late_picture_until_no_set_waits) {
@@ -108,12 +108,12 @@ TEST(PassLoadControl, gives_no_pass_to_a_late_picture_until_no_set_waits) {
   std::vector<int> passes = recon.run(20);
   const auto recovered = std::ranges::find_if(passes, [](int n) { return n > 0; });
   EXPECT_LE(recovered - passes.begin(), 8) << "a pulse of 0.3 periods gains 0.7";
-  EXPECT_EQ(*recovered, kMost - 1);
-  EXPECT_EQ(recon.run(2 * kFirstPause).back(), kMost);
+  EXPECT_EQ(*recovered, kMaxPasses - 1);
+  EXPECT_EQ(recon.run(2 * kFirstPause).back(), kMaxPasses);
 }
 
 TEST(PassLoadControl, gives_no_pass_after_sets_were_dropped) {
-  PassLoadControl load(kMost);
+  PassLoadControl load(kMaxPasses);
   EXPECT_EQ(load.next(0, true), 0);
 }
 
@@ -122,9 +122,9 @@ TEST(PassLoadControl, keeps_its_passes_when_something_else_makes_sets_wait) {
   recon.run(100);
   recon.delay(9);
   recon.load().ignore_waiting();
-  EXPECT_EQ(recon.run(200), std::vector<int>(200, kMost));
+  EXPECT_EQ(recon.run(200), std::vector<int>(200, kMaxPasses));
   recon.delay(9);
-  EXPECT_LT(recon.run(1).front(), kMost) << "without ignore_waiting()";
+  EXPECT_LT(recon.run(1).front(), kMaxPasses) << "without ignore_waiting()";
 }
 
 }  // namespace

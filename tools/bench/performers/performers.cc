@@ -42,7 +42,8 @@ class Trial {
     total.labelling_ms += processor_ms() - middle;
     total.tracking_ms += middle - begin;
     total.live_ms += pulse.live_ms;
-    for (const auto& performer : performers) most_ = std::max<int>(most_, performer.identity);
+    for (const auto& performer : performers)
+      max_identity_ = std::max<int>(max_identity_, performer.identity);
     compare(labels, pulse.truth, total);
   }
 
@@ -52,7 +53,7 @@ class Trial {
     const Total& contact = totals_[1];
     const Total all{apart.pulses + contact.pulses, apart.vertices + contact.vertices,
                     apart.wrong + contact.wrong};
-    std::printf("%s\n  identities %d, switches %d\n", name_.c_str(), most_, switches_);
+    std::printf("%s\n  identities %d, switches %d\n", name_.c_str(), max_identity_, switches_);
     std::printf("  wrong labels %.2f %%; in contact %.2f %%, apart %.2f %%, worst pulse %.1f %%\n",
                 percent(all), percent(contact), percent(apart), worst_);
     for (const auto& [state, total] : {std::pair("contact", contact), std::pair("apart", apart)}) {
@@ -96,7 +97,7 @@ class Trial {
   recon::PerformerTracker tracker_;
   recon::VertexLabels labels_;
   std::array<int, 3> first_{-1, -1, -1}, latest_{-1, -1, -1};  ///< by true performer
-  int most_ = 0, switches_ = 0;
+  int max_identity_ = 0, switches_ = 0;
   double worst_ = 0;
   std::array<Total, 2> totals_{};  ///< apart, in contact
 };

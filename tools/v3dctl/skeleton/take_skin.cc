@@ -10,7 +10,7 @@
 namespace v3d::ctl {
 namespace {
 
-constexpr size_t kLeastPulses = 3;
+constexpr size_t kMinPulses = 3;
 
 bool is_limb(recon::Joint part) {
   using namespace recon;
@@ -36,7 +36,7 @@ std::vector<recon::TrackedBody> read_tracked_bodies(const std::filesystem::path&
     body.rest = body.positions.size() - 1;
     body.surface = std::move(surface);
   }
-  std::erase_if(bodies, [](const auto& body) { return body.pulses.size() < kLeastPulses; });
+  std::erase_if(bodies, [](const auto& body) { return body.pulses.size() < kMinPulses; });
   return bodies;
 }
 

@@ -29,7 +29,7 @@ export function distort(camera: RigCamera, x: number, y: number): [number, numbe
 }
 
 /** The squared radius up to which the radial polynomial increases. Beyond it, distorted points would be wrong. */
-export function mostRadius2(camera: RigCamera): number {
+export function maxRadius2(camera: RigCamera): number {
   const [k1, k2, , , k3, k4, k5, k6] = coefficientsOf(camera);
   const grows = (s: number) => {
     const top = 1 + s * (k1 + s * (k2 + s * k3));
@@ -50,10 +50,10 @@ uniform float lens[14];
 uniform mat3 tilt;
 uniform mat3 matrix;
 uniform vec2 imageSize;
-uniform float mostRadius2;
+uniform float maxRadius2;
 vec2 inImage(vec2 p) {
   float s = dot(p, p);
-  if (s > mostRadius2) return vec2(-1.0);
+  if (s > maxRadius2) return vec2(-1.0);
   float radial = (1.0 + s * (lens[0] + s * (lens[1] + s * lens[4]))) / (1.0 + s * (lens[5] + s * (lens[6] + s * lens[7])));
   vec2 bent = p * radial + s * (vec2(lens[8], lens[10]) + s * vec2(lens[9], lens[11]));
   bent.x += 2.0 * lens[2] * p.x * p.y + lens[3] * (s + 2.0 * p.x * p.x);

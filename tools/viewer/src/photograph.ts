@@ -2,7 +2,7 @@
 import {
   BufferAttribute, BufferGeometry, DataTexture, GLSL3, LinearFilter, Matrix3, Mesh, NoColorSpace, ShaderMaterial, Texture,
 } from 'three';
-import { coefficientsOf, LENS_GLSL, mostRadius2, tiltOf } from './lens';
+import { coefficientsOf, LENS_GLSL, maxRadius2, tiltOf } from './lens';
 import type { RigCamera } from './rig';
 
 // One triangle over the whole screen; a ray through each of its points.
@@ -31,7 +31,7 @@ export class Photograph {
     vertexShader, fragmentShader, glslVersion: GLSL3, transparent: true, depthTest: false, depthWrite: false,
     uniforms: {
       lens: { value: new Array<number>(14).fill(0) }, tilt: { value: new Matrix3() }, matrix: { value: new Matrix3() },
-      imageSize: { value: [1, 1] }, mostRadius2: { value: 1 }, amount: { value: 0 },
+      imageSize: { value: [1, 1] }, maxRadius2: { value: 1 }, amount: { value: 0 },
       photograph: { value: new DataTexture(new Uint8Array(4), 1, 1) as Texture },
     },
   });
@@ -64,7 +64,7 @@ export class Photograph {
     const [a, b, c] = camera.matrix;
     uniforms.matrix.value = new Matrix3(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]);
     uniforms.imageSize.value = [camera.width, camera.height];
-    uniforms.mostRadius2.value = mostRadius2(camera);
+    uniforms.maxRadius2.value = maxRadius2(camera);
   }
 
   /** Shows a picture; null: none. The caller keeps ownership and must keep it until the next is shown. */

@@ -2,7 +2,7 @@ import { Vector4 } from 'three';
 import { describe, expect, it, vi } from 'vitest';
 import { ROW, type VertexViews } from '../player/src/camera_views';
 import { codedViews, hasCodedViews } from '../player/src/coded_views';
-import { distort, mostRadius2 } from '../src/lens';
+import { distort, maxRadius2 } from '../src/lens';
 import { Playback } from '../player/src/playback';
 import { PulseStore } from '../player/src/pulse_store';
 import type { Performer } from '../src/performer';
@@ -18,7 +18,7 @@ const camera = (distortion: number[], skew = 0): RigCamera => ({
 describe('a lens', () => {
   it('without distortion leaves everything where it is', () => {
     expect(distort(camera([]), 0.3, -0.2)).toEqual([0.3, -0.2]);
-    expect(mostRadius2(camera([]))).toBeGreaterThan(1000);
+    expect(maxRadius2(camera([]))).toBeGreaterThan(1000);
   });
 
   // By hand, term by term of OpenCV's formula.
@@ -47,8 +47,8 @@ describe('a lens', () => {
   });
 
   it('is not used beyond the radius where it folds back', () => {
-    const most = mostRadius2(camera([-0.3, 0, 0, 0]));
-    expect(most).toBeCloseTo(1 / 0.9, 1); // the derivative 1 - 0.9 r^2 is 0 there
+    const max = maxRadius2(camera([-0.3, 0, 0, 0]));
+    expect(max).toBeCloseTo(1 / 0.9, 1); // the derivative 1 - 0.9 r^2 is 0 there
   });
 
   it('with skew projects points as its image does', () => {
