@@ -16,7 +16,7 @@ std::vector<uint64_t> codes_of(const FrameState& state) {
   };
   const bool by_number = state.header.is(FrameHeader::kExplicit);
   for (size_t v = 0; v < codes.size(); ++v) {
-    codes[v] = by_number ? code(state.numbers[v]) : code(state.surface.places[v]);
+    codes[v] = by_number ? code(state.numbers[v]) : code(state.surface.positions[v]);
   }
   return codes;
 }
@@ -45,7 +45,7 @@ Normals normals_of(const Positions& positions, std::span<const std::array<uint32
 }
 
 Normals normals_of(const FrameState& state, std::span<const std::array<uint32_t, 3>> triangles) {
-  return state.numbers.empty() ? normals_of(state.surface.places, triangles)
+  return state.numbers.empty() ? normals_of(state.surface.positions, triangles)
                                : normals_of(state.numbers, triangles);
 }
 
@@ -59,7 +59,7 @@ CameraSurface::CameraSurface(const FrameState& state,
       colours(state.surface.colours) {}
 
 std::vector<uint32_t> previous_vertices(const CodedSurface& before, const CodedSurface& now) {
-  std::vector<uint32_t> vertices(now.places.size());
+  std::vector<uint32_t> vertices(now.positions.size());
   for (uint32_t v = 0; v < vertices.size(); ++v) {
     const int64_t then = previous_vertex(before, now, v);
     vertices[v] = then < 0 ? kNoVertex : static_cast<uint32_t>(then);

@@ -10,13 +10,13 @@ void CodedSurface::measure() {
   surface.number();
 }
 
-void CodedSurface::make_places() {
-  places.resize(surface.vertex_count());
+void CodedSurface::make_positions() {
+  positions.resize(surface.vertex_count());
   HalfVoxels origin;
   for (int axis = 0; axis < 3; ++axis) origin[axis] = 2 * kBrickEdge * volume.first[axis];
   for (size_t brick = 0; brick < surface.bricks().size(); ++brick) {
     surface.for_each_vertex(brick, [&](uint32_t vertex, const HalfVoxels& half) {
-      for (int axis = 0; axis < 3; ++axis) places[vertex][axis] = origin[axis] + half[axis];
+      for (int axis = 0; axis < 3; ++axis) positions[vertex][axis] = origin[axis] + half[axis];
     });
   }
 }
@@ -35,7 +35,7 @@ int64_t CodedSurface::vertex_on(const LatticeEdge& edge) const {
 }
 
 int64_t previous_vertex(const CodedSurface& before, const CodedSurface& now, uint32_t vertex) {
-  LatticeEdge edge = edge_at(now.places[vertex]);
+  LatticeEdge edge = edge_at(now.positions[vertex]);
   for (const int move : {0, 1, -2}) {
     edge.voxel[edge.axis] += move;  // on this edge, then one voxel further, then one voxel back
     if (const int64_t found = before.vertex_on(edge); found >= 0) return found;
@@ -53,10 +53,11 @@ ValueRange position_range(const FrameHeader& header) {
   return {-kMaxDisplacement, kMaxDisplacement};
 }
 
-std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision) {
-  std::vector<VertexValues> sums(surface.places.size());  // the fourth number counts the neighbours
+std::vector<VertexValues> smoothed_positions(const CodedSurface& surface, int subdivision) {
+  // The fourth number counts the neighbours.
+  std::vector<VertexValues> sums(surface.positions.size());
   const auto add = [&](uint32_t from, uint32_t to) {
-    for (int axis = 0; axis < 3; ++axis) sums[to][axis] += surface.places[from][axis];
+    for (int axis = 0; axis < 3; ++axis) sums[to][axis] += surface.positions[from][axis];
     ++sums[to][3];
   };
   for (const auto& [a, b, c] : surface.triangles) {
@@ -68,7 +69,7 @@ std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdi
     const int64_t count = sums[v][3];
     for (int axis = 0; axis < 3; ++axis) {
       // One third of its own position plus two thirds of the mean of its neighbours, rounded.
-      const int64_t thirds = surface.places[v][axis] * count + 2 * int64_t{sums[v][axis]};
+      const int64_t thirds = surface.positions[v][axis] * count + 2 * int64_t{sums[v][axis]};
       sums[v][axis] = static_cast<int32_t>((2 * thirds * subdivision + 3 * count) / (6 * count));
     }
     sums[v][3] = 0;
@@ -82,12 +83,13 @@ float position(const FrameMetadata& metadata, int axis, int64_t number) {
   return static_cast<float>(metadata.origin[axis] + static_cast<double>(number) * metadata.step);
 }
 
-/// Coordinates of the lattice places of the box along an axis, metres.
+/// Coordinates of the half voxels of the box along an axis, metres.
 std::vector<float> positions_along(const FrameHeader& header, int axis) {
   const int first = 2 * kBrickEdge * header.first_brick[axis];
+  const int last = first + 2 * kBrickEdge * header.bricks[axis];
   std::vector<float> positions;
-  for (int place = first; place <= first + 2 * kBrickEdge * header.bricks[axis]; ++place) {
-    positions.push_back(position(header.metadata, axis, int64_t{place} * header.subdivision));
+  for (int half_voxel = first; half_voxel <= last; ++half_voxel) {
+    positions.push_back(position(header.metadata, axis, int64_t{half_voxel} * header.subdivision));
   }
   return positions;
 }
@@ -97,7 +99,7 @@ void place_on_lattice(const FrameState& state, std::span<VertexPosition> out) {
     const std::vector<float> positions = positions_along(state.header, axis);
     const int first = 2 * kBrickEdge * state.header.first_brick[axis];
     for (size_t v = 0; v < out.size(); ++v) {
-      out[v][axis] = positions[static_cast<size_t>(state.surface.places[v][axis] - first)];
+      out[v][axis] = positions[static_cast<size_t>(state.surface.positions[v][axis] - first)];
     }
   }
 }

@@ -22,7 +22,7 @@ namespace v3d::codec {
 struct CodedSurface {
   Occupancy volume;
   BrickSurface surface;
-  std::vector<HalfVoxels> places;  ///< [vertex]: position in half voxels of the whole grid
+  std::vector<HalfVoxels> positions;  ///< [vertex]: in half voxels of the whole grid
   std::vector<std::array<uint32_t, 3>> triangles;
   KnownVertices known;
   std::vector<LumaChroma> colours;  ///< [vertex]: decoded colours; empty: none
@@ -30,7 +30,7 @@ struct CodedSurface {
   /// Computes the surface bricks of `volume` and counts vertices and triangles.
   void measure();
   /// These require measure(). make_known() also requires make_triangles().
-  void make_places();
+  void make_positions();
   void make_triangles();
   void make_known() { known.make(triangles, surface.vertex_count()); }
   /// The vertex on an edge of the whole grid; below 0 when the edge has none.
@@ -82,7 +82,7 @@ ValueRange position_range(const FrameHeader& header);
 /// Positions of vertices after smoothing of the voxel steps, in lattice steps. Displacements are
 /// relative to them. For a smooth deformed surface they are closer than the vertices of the volume.
 /// Normative: docs/compact-frame.md.
-std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision);
+std::vector<VertexValues> smoothed_positions(const CodedSurface& surface, int subdivision);
 
 std::vector<VertexColour> colours_of(std::span<const LumaChroma> values);
 

@@ -9,7 +9,7 @@ namespace v3d::codec {
 
 // Corner c of a cube lies at (c & 1, c >> 1 & 1, c >> 2). A case is a set of occupied corners, bit
 // c for corner c. The edge of a cube along axis a (0 x, 1 y, 2 z) is number 4 * a + m, where m's
-// low bit is its place along the lower one of the two other axes, m's high bit along the higher
+// low bit is its position along the lower one of the two other axes, m's high bit along the higher
 // one.
 
 /// An edge of a cube: its lower end. It is one step long, along `axis`.

@@ -64,7 +64,7 @@ class FrameDecoder::Impl {
         now.surface.surface.triangle_count() != h.triangles) {
       return false;
     }
-    now.surface.make_places();
+    now.surface.make_positions();
     now.surface.make_triangles();
     constexpr uint16_t kPredicted =
         FrameHeader::kDisplaced | FrameHeader::kColours | FrameHeader::kLabelled;
@@ -80,7 +80,7 @@ class FrameDecoder::Impl {
     if (!values) return false;
     now.numbers = *std::move(values);
     if (now.header.is(FrameHeader::kExplicit)) return true;
-    const auto from = smoothed_places(now.surface, now.header.subdivision);
+    const auto from = smoothed_positions(now.surface, now.header.subdivision);
     for (size_t v = 0; v < from.size(); ++v) {
       for (int axis = 0; axis < 3; ++axis) now.numbers[v][axis] += from[v][axis];
     }

@@ -41,10 +41,10 @@ std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPositi
 }
 
 /// Whether the vertices lie where the volume has them.
-bool are_places(std::span<const VertexValues> numbers, const FrameState& state) {
+bool are_undisplaced(std::span<const VertexValues> numbers, const FrameState& state) {
   for (size_t v = 0; v < numbers.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
-      if (numbers[v][axis] != state.surface.places[v][axis] * state.header.subdivision)
+      if (numbers[v][axis] != state.surface.positions[v][axis] * state.header.subdivision)
         return false;
     }
   }
@@ -110,7 +110,7 @@ class FrameEncoder::Impl {
       h.first_brick[axis] = static_cast<uint16_t>(surface.volume.first[axis]);
       h.bricks[axis] = static_cast<uint16_t>(surface.volume.counts()[axis]);
     }
-    surface.make_places();
+    surface.make_positions();
     if (content.triangles.empty()) {
       surface.make_triangles();
     } else {
@@ -153,13 +153,13 @@ class FrameEncoder::Impl {
     if (!numbers) return false;
     std::vector<VertexValues> from(h.vertices);
     if (!is_explicit) {
-      if (are_places(*numbers, now)) {
+      if (are_undisplaced(*numbers, now)) {
         h.subdivision = 1;
         h.metadata.step = content.metadata.step;
         return true;
       }
       h.flags |= FrameHeader::kDisplaced;
-      from = smoothed_places(now.surface, h.subdivision);
+      from = smoothed_positions(now.surface, h.subdivision);
     }
     return encode_numbers(*std::move(numbers), from, now, bytes);
   }
