@@ -69,14 +69,14 @@ Joint other_side(Joint joint) {
 struct Mirror {
   Vector3d centre = Vector3d::Zero(), normal = Vector3d::UnitY();
   Matrix3d linear() const { return Matrix3d::Identity() - 2 * normal * normal.transpose(); }
-  Vector3d place(const Vector3d& p) const { return centre + linear() * (p - centre); }
+  Vector3d reflected(const Vector3d& p) const { return centre + linear() * (p - centre); }
 
   SkeletonPulse skeleton(const SkeletonPulse& pulse) const {
     const Matrix3d left_to_right = Vector3d(1, -1, 1).asDiagonal();
     SkeletonPulse result = pulse;
     for (size_t j = 0; j < kJoints; ++j) {
       const Joint to = other_side(static_cast<Joint>(j));
-      result.joints[to] = place(pulse.joints[j]);
+      result.joints[to] = reflected(pulse.joints[j]);
       result.rotations[to] = linear() * pulse.rotations[j] * left_to_right;
       result.confidence[to] = pulse.confidence[j];
     }
@@ -129,8 +129,9 @@ ClipFrame frame_between(const Clip& clip, const ClipFrame& a, const ClipFrame& b
     pose(clip, result, skeleton);
     return result;
   }
-  for (size_t v = 0; v < result.places.size(); ++v) {
-    result.places[v] = a.places[v] + static_cast<float>(share) * (b.places[v] - a.places[v]);
+  for (size_t v = 0; v < result.positions.size(); ++v) {
+    result.positions[v] =
+        a.positions[v] + static_cast<float>(share) * (b.positions[v] - a.positions[v]);
   }
   result.skeleton = skeleton;
   return result;
@@ -139,7 +140,7 @@ ClipFrame frame_between(const Clip& clip, const ClipFrame& a, const ClipFrame& b
 void pose(const Clip& clip, ClipFrame& frame, const SkeletonPulse& skeleton) {
   const Skin& skin = clip.surfaces[frame.surface].skin;
   const PartMotion motion = part_motion(frame.skeleton, skeleton);
-  frame.places = skinned(skin, motion, frame.places);
+  frame.positions = skinned(skin, motion, frame.positions);
   frame.skeleton = skeleton;
 }
 
@@ -181,8 +182,8 @@ void mirror(Clip& clip) {
     }
   }
   for (ClipFrame& frame : clip.frames) {
-    for (Vector3f& place : frame.places) {
-      place = mirror.place(place.cast<double>()).cast<float>();
+    for (Vector3f& position : frame.positions) {
+      position = mirror.reflected(position.cast<double>()).cast<float>();
     }
     frame.skeleton = mirror.skeleton(frame.skeleton);
   }

@@ -20,10 +20,10 @@ struct ClipSurface {
 
 /// One frame of an action. World frame, metres, z up.
 struct ClipFrame {
-  size_t surface = 0;                   ///< index of Clip::surfaces
-  std::vector<Eigen::Vector3f> places;  ///< [vertex]
-  std::vector<Rgb8> colours;            ///< [vertex], or none
-  SkeletonPulse skeleton;               ///< its index has no meaning here
+  size_t surface = 0;                      ///< index of Clip::surfaces
+  std::vector<Eigen::Vector3f> positions;  ///< [vertex]
+  std::vector<Rgb8> colours;               ///< [vertex], or none
+  SkeletonPulse skeleton;                  ///< its index has no meaning here
 };
 
 /// An action of one performer. Operations number its frames from 0.
@@ -81,7 +81,7 @@ struct Bend {
 void bend(Clip& clip, const Bend& bend);
 
 /// Gives a clip without a prop that of another clip, so that both can be blended: in every frame it
-/// has the place in the right hand that it has in `held`. Its confidence is 0.
+/// has the position in the right hand that it has in `held`. Its confidence is 0.
 void carry_prop(Clip& clip, const SkeletonPulse& held);
 
 /// Rises smoothly from 0 at t <= 0 to 1 at t >= 1.

@@ -17,26 +17,27 @@ constexpr double kAboveLowestM = 0.04, kMaxSpeed = 0.35;  ///< metres, metres pe
 constexpr size_t kMinFrames = 4;
 constexpr double kLowest = 0.05;  ///< part of the frames in which an ankle is at its lowest
 
-const Vector3d& place(const Clip& clip, size_t frame, Joint joint) {
+const Vector3d& position_of(const Clip& clip, size_t frame, Joint joint) {
   return clip.frames[frame].skeleton.joints[joint];
 }
 
-Vector3d mean_place(const Clip& clip, const FootContact& contact) {
+Vector3d mean_position(const Clip& clip, const FootContact& contact) {
   Vector3d sum = Vector3d::Zero();
   for (size_t f = contact.range.first; f < contact.range.last; ++f) {
-    sum += place(clip, f, contact.ankle);
+    sum += position_of(clip, f, contact.ankle);
   }
   return sum / static_cast<double>(contact.range.last - contact.range.first);
 }
 
 void add_contacts(const Clip& clip, Joint ankle, std::vector<FootContact>& contacts) {
   std::vector<double> heights;
-  for (size_t f = 0; f < clip.frames.size(); ++f) heights.push_back(place(clip, f, ankle).z());
+  for (size_t f = 0; f < clip.frames.size(); ++f)
+    heights.push_back(position_of(clip, f, ankle).z());
   const double highest = percentile(heights, kLowest) + kAboveLowestM;
   const auto stands = [&](size_t f) {
     if (heights[f] > highest) return false;
     const size_t before = f > 0 ? f - 1 : f, after = std::min(f + 1, clip.frames.size() - 1);
-    const Vector3d step = place(clip, after, ankle) - place(clip, before, ankle);
+    const Vector3d step = position_of(clip, after, ankle) - position_of(clip, before, ankle);
     const double seconds = static_cast<double>(std::max<size_t>(after - before, 1)) / clip.rate_hz;
     return step.head<2>().norm() <= kMaxSpeed * seconds;
   };
@@ -90,9 +91,9 @@ std::vector<FootContact> foot_contacts(const Clip& clip) {
 double foot_slide(const Clip& clip, const std::vector<FootContact>& contacts) {
   double slide = 0;
   for (const FootContact& contact : contacts) {
-    const Vector3d mean = mean_place(clip, contact);
+    const Vector3d mean = mean_position(clip, contact);
     for (size_t f = contact.range.first; f < contact.range.last; ++f) {
-      slide = std::max(slide, (place(clip, f, contact.ankle) - mean).head<2>().norm());
+      slide = std::max(slide, (position_of(clip, f, contact.ankle) - mean).head<2>().norm());
     }
   }
   return slide;
@@ -101,10 +102,10 @@ double foot_slide(const Clip& clip, const std::vector<FootContact>& contacts) {
 void hold_feet(Clip& clip, const std::vector<FootContact>& contacts, size_t fade) {
   for (const FootContact& contact : contacts) {
     const auto [first, last] = contact.range;
-    const Vector3d mean = mean_place(clip, contact);
+    const Vector3d mean = mean_position(clip, contact);
     // Corrections are along the floor, also where they fade: the ankle keeps its height.
     const auto correction = [&](size_t f) {
-      Vector3d by = mean - place(clip, f, contact.ankle);
+      Vector3d by = mean - position_of(clip, f, contact.ankle);
       by.z() = 0;
       return by;
     };

@@ -18,15 +18,15 @@ struct FootContact {
 /// moves by at most 0.35 m/s along the floor.
 std::vector<FootContact> foot_contacts(const Clip& clip);
 
-/// Largest distance of an ankle along the floor from its mean place in a contact, metres.
+/// Largest distance of an ankle along the floor from its mean position in a contact, metres.
 double foot_slide(const Clip& clip, const std::vector<FootContact>& contacts);
 
-/// Moves the ankle along the floor to its mean place in each contact, by turning thigh and shin.
+/// Moves the ankle along the floor to its mean position in each contact, by turning thigh and shin.
 /// The ankle keeps its height and the foot its direction. The correction fades within `fade` frames
 /// before and after a contact.
 ///
 /// Source: Kovar, Schreiner and Gleicher, Footskate cleanup for motion capture editing, SCA 2002;
-/// here bones keep their lengths, and a place out of reach is approached as far as possible.
+/// here bones keep their lengths, and a position out of reach is approached as far as possible.
 void hold_feet(Clip& clip, const std::vector<FootContact>& contacts, size_t fade);
 
 }  // namespace v3d::recon

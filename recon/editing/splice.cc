@@ -65,13 +65,14 @@ void move(const Isometry3d& motion, SkeletonPulse& skeleton) {
 }
 
 void move(const Isometry3d& motion, ClipFrame& frame) {
-  for (Vector3f& place : frame.places) place = (motion * place.cast<double>()).cast<float>();
+  for (Vector3f& position : frame.positions)
+    position = (motion * position.cast<double>()).cast<float>();
   move(motion, frame.skeleton);
 }
 
 Mesh mesh_of(const Clip& clip, const ClipFrame& frame) {
   Mesh mesh;
-  mesh.vertices = frame.places;
+  mesh.vertices = frame.positions;
   mesh.triangles = clip.surfaces[frame.surface].triangles;
   return mesh;
 }
@@ -80,15 +81,15 @@ Mesh mesh_of(const Clip& clip, const ClipFrame& frame) {
 void approach(const Clip& clip, ClipFrame& frame, const ClipFrame& other, double share) {
   const Mesh mesh = mesh_of(clip, other);
   const NearestTriangle surface(mesh);
-  tbb::parallel_for(size_t{0}, frame.places.size(), [&](size_t v) {
-    const auto nearest = surface.find(frame.places[v].cast<double>());
+  tbb::parallel_for(size_t{0}, frame.positions.size(), [&](size_t v) {
+    const auto nearest = surface.find(frame.positions[v].cast<double>());
     if (!nearest || nearest->distance > kSameSurfaceM) return;
-    Vector3f place = Vector3f::Zero();
+    Vector3f position = Vector3f::Zero();
     for (size_t k = 0; k < 3; ++k) {
-      place += static_cast<float>(nearest->weights[static_cast<int>(k)]) *
-               mesh.vertices[mesh.triangles[nearest->triangle][k]];
+      position += static_cast<float>(nearest->weights[static_cast<int>(k)]) *
+                  mesh.vertices[mesh.triangles[nearest->triangle][k]];
     }
-    frame.places[v] += static_cast<float>(share) * (place - frame.places[v]);
+    frame.positions[v] += static_cast<float>(share) * (position - frame.positions[v]);
   });
 }
 
@@ -98,8 +99,8 @@ double step(const Clip& clip, size_t frame) {
   const ClipFrame& next = clip.frames[frame + 1];
   std::vector<double> metres;
   if (now.surface == next.surface) {
-    for (size_t v = 0; v < now.places.size(); ++v) {
-      metres.push_back((next.places[v] - now.places[v]).norm());
+    for (size_t v = 0; v < now.positions.size(); ++v) {
+      metres.push_back((next.positions[v] - now.positions[v]).norm());
     }
     return median(metres);
   }
@@ -107,9 +108,9 @@ double step(const Clip& clip, size_t frame) {
   pose(clip, moved, next.skeleton);
   const Mesh mesh = mesh_of(clip, next);
   const NearestTriangle surface(mesh);
-  for (size_t v = 0; v < now.places.size(); ++v) {
-    const double remaining = surface.find(moved.places[v].cast<double>())->distance;
-    metres.push_back((moved.places[v] - now.places[v]).norm() + remaining);
+  for (size_t v = 0; v < now.positions.size(); ++v) {
+    const double remaining = surface.find(moved.positions[v].cast<double>())->distance;
+    metres.push_back((moved.positions[v] - now.positions[v]).norm() + remaining);
   }
   return median(metres);
 }

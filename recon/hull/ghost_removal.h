@@ -21,7 +21,7 @@ struct GhostOptions {
 
 /// Removes ghosts (phantom volumes) from visual hulls.
 ///
-/// A hull has every place that all silhouettes allow. Between and behind the objects, several
+/// A hull has every point that all silhouettes allow. Between and behind the objects, several
 /// silhouettes can overlap by chance: this makes loose components where nothing is. In every camera
 /// such a component lies on lines of sight that already meet another one. A camera *proves* a
 /// component when at least half of the lines of sight to its voxels meet no other component. The

@@ -72,10 +72,10 @@ std::vector<PointChange> changes_of(const std::vector<SurfaceSample>& samples,
   std::vector<PointChange> changes(samples.size());
   tbb::parallel_for(size_t{0}, samples.size(), [&](size_t i) {
     const auto nearest = truth.find(samples[i].position);
-    const Eigen::Vector3d place =
+    const Eigen::Vector3d position =
         interpolated(*now.truth, now.truth->vertices, nearest->triangle, nearest->weights);
-    changes[i] = {truth_before.find(place)->distance, earlier.find(samples[i].position)->distance,
-                  nearest->distance};
+    changes[i] = {truth_before.find(position)->distance,
+                  earlier.find(samples[i].position)->distance, nearest->distance};
   });
   return changes;
 }
@@ -189,20 +189,20 @@ class VisibleCameras {
     draw_depths(truth, cameras, depths_);
   }
 
-  /// Number of cameras that see the place, at most kMaxCount.
-  size_t count(const SurfaceSample& place) const {
+  /// Number of cameras that see the sample, at most kMaxCount.
+  size_t count(const SurfaceSample& sample) const {
     size_t seeing = 0;
-    for (size_t c = 0; c < cameras_.size() && seeing < kMaxCount; ++c) seeing += sees(c, place);
+    for (size_t c = 0; c < cameras_.size() && seeing < kMaxCount; ++c) seeing += sees(c, sample);
     return seeing;
   }
 
  private:
-  bool sees(size_t c, const SurfaceSample& place) const {
+  bool sees(size_t c, const SurfaceSample& sample) const {
     const CameraModel& camera = cameras_[c];
-    const Eigen::Vector3d way = camera.center() - place.position;
-    const double facing = way.dot(place.normal) / way.norm();
+    const Eigen::Vector3d way = camera.center() - sample.position;
+    const double facing = way.dot(sample.normal) / way.norm();
     if (!(facing >= kMinFacing)) return false;
-    const auto pixel = camera.project(place.position);
+    const auto pixel = camera.project(sample.position);
     if (!pixel) return false;
     const auto x = static_cast<int>(std::lround(pixel->x()));
     const auto y = static_cast<int>(std::lround(pixel->y()));
@@ -254,27 +254,27 @@ VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& tr
                                        std::span<const CameraModel> cameras, double limit_m,
                                        const SurfaceDistanceOptions& options) {
   VisibilityReport report;
-  const auto true_places = sample_surface(truth, options.samples, options.seed);
-  const auto made_places = sample_surface(reconstructed, options.samples, options.seed);
-  if (true_places.empty() || made_places.empty()) return report;
+  const auto true_samples = sample_surface(truth, options.samples, options.seed);
+  const auto made_samples = sample_surface(reconstructed, options.samples, options.seed);
+  if (true_samples.empty() || made_samples.empty()) return report;
   const VisibleCameras visible(truth, cameras);
   const NearestTriangle nearest_true(truth), nearest_made(reconstructed);
   const auto normals = vertex_normals(truth);
 
-  std::vector<Judged> judged(true_places.size());
+  std::vector<Judged> judged(true_samples.size());
   tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {
-    judged[i] = {visible.count(true_places[i]),
-                 nearest_made.find(true_places[i].position)->distance <= limit_m};
+    judged[i] = {visible.count(true_samples[i]),
+                 nearest_made.find(true_samples[i].position)->distance <= limit_m};
   });
   add_up(judged, &VisibilityFigures::truth, &VisibilityFigures::truth_within, report);
 
-  judged.resize(made_places.size());
+  judged.resize(made_samples.size());
   tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {
-    const auto point = *nearest_true.find(made_places[i].position);
-    const SurfaceSample place{
+    const auto point = *nearest_true.find(made_samples[i].position);
+    const SurfaceSample sample{
         interpolated(truth, truth.vertices, point.triangle, point.weights),
         interpolated(truth, normals, point.triangle, point.weights).normalized()};
-    judged[i] = {visible.count(place), point.distance <= limit_m};
+    judged[i] = {visible.count(sample), point.distance <= limit_m};
   });
   add_up(judged, &VisibilityFigures::reconstructed, &VisibilityFigures::reconstructed_within,
          report);

@@ -82,10 +82,10 @@ double psnr_db(ImageView a, ImageView b, const Mask& where);
 /// Source: Wang, Bovik, Sheikh and Simoncelli, 2004.
 double ssim(ImageView a, ImageView b, const Mask& where);
 
-// Accuracy by visibility: separates errors of the reconstruction from places that too few cameras
+// Accuracy by visibility: separates errors of the reconstruction from points that too few cameras
 // see.
 
-/// Parts of two surfaces, 0 to 1. Places of the reconstruction are classified by the nearest place
+/// Parts of two surfaces, 0 to 1. Points of the reconstruction are classified by the nearest point
 /// of the true surface.
 struct VisibilityFigures {
   double truth = 0;         ///< part of the true surface
@@ -94,15 +94,15 @@ struct VisibilityFigures {
   double reconstructed_within = 0;
 };
 
-/// By the number of cameras that see the true place: none, one, two, three or more.
+/// By the number of cameras that see the true point: none, one, two, three or more.
 struct VisibilityReport {
   std::array<VisibilityFigures, 4> seen_by;
 
-  /// The f-score if all places that at least `cameras` cameras see were correct.
+  /// The f-score if all points that at least `cameras` cameras see were correct.
   double f_score_if_right_from(size_t cameras) const;
 };
 
-/// A camera sees a place that projects into its image, faces it by less than 78 degrees, and is not
+/// A camera sees a point that projects into its image, faces it by less than 78 degrees, and is not
 /// hidden by the true surface. `limit_m` is the largest correct distance, metres. Points as in
 /// compare_surfaces(). All 0 when one of the surfaces has no area.
 VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& truth,

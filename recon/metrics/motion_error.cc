@@ -38,7 +38,7 @@ Eigen::Matrix3d frame_of(const Mesh& mesh, uint32_t triangle) {
 }  // namespace
 
 CarriedPoints::CarriedPoints(const Mesh& surface, std::vector<Vector3f> points)
-    : places_(std::move(points)), before_(places_), bindings_(places_.size()) {
+    : positions_(std::move(points)), before_(positions_), bindings_(positions_.size()) {
   for (Binding& binding : bindings_) binding.triangle = 0;  // bind() takes all
   bind(surface, kMaxDistanceM);
 }
@@ -49,11 +49,11 @@ int64_t CarriedPoints::bound() const {
 
 void CarriedPoints::bind(const Mesh& surface, double max_distance_m) {
   const NearestTriangle tree(surface);
-  for_each_vertex(places_.size(), [&](size_t i) {
+  for_each_vertex(positions_.size(), [&](size_t i) {
     Binding& binding = bindings_[i];
     if (binding.triangle == kUnbound) return;
-    const Vector3d place = places_[i].cast<double>();
-    const auto found = tree.find(place);
+    const Vector3d position = positions_[i].cast<double>();
+    const auto found = tree.find(position);
     if (!found || found->distance > max_distance_m) {
       binding.triangle = kUnbound;
       return;
@@ -61,25 +61,25 @@ void CarriedPoints::bind(const Mesh& surface, double max_distance_m) {
     const Vector3d on = interpolated(surface, surface.vertices, found->triangle, found->weights);
     binding = {found->triangle,
                {found->weights[0], found->weights[1], found->weights[2]},
-               frame_of(surface, found->triangle).transpose() * (place - on)};
+               frame_of(surface, found->triangle).transpose() * (position - on)};
   });
 }
 
 void CarriedPoints::follow(const Mesh& surface) {
-  before_ = places_;
-  for_each_vertex(places_.size(), [&](size_t i) {
+  before_ = positions_;
+  for_each_vertex(positions_.size(), [&](size_t i) {
     const Binding& binding = bindings_[i];
     if (binding.triangle == kUnbound) return;
     const Vector3d on = interpolated(surface, surface.vertices, binding.triangle,
                                      {binding.weights[0], binding.weights[1], binding.weights[2]});
-    places_[i] = (on + frame_of(surface, binding.triangle) * binding.offset_m).cast<float>();
+    positions_[i] = (on + frame_of(surface, binding.triangle) * binding.offset_m).cast<float>();
   });
 }
 
 void CarriedPoints::change_surface_later(const Mesh& surface) {
-  for (size_t i = 0; i < places_.size(); ++i) {
-    const Vector3f next = 2 * places_[i] - before_[i];
-    before_[i] = std::exchange(places_[i], next);
+  for (size_t i = 0; i < positions_.size(); ++i) {
+    const Vector3f next = 2 * positions_[i] - before_[i];
+    before_[i] = std::exchange(positions_[i], next);
   }
   change_surface(surface);
 }
@@ -89,7 +89,7 @@ void CarriedPoints::change_surface(const Mesh& surface) {
 }
 
 void CarriedPoints::move_to_nearest(const Mesh& surface) {
-  before_ = places_;
+  before_ = positions_;
   bind(surface, std::numeric_limits<double>::infinity());
   for (Binding& binding : bindings_) binding.offset_m.setZero();
   const std::vector<Vector3f> before = before_;
@@ -102,7 +102,7 @@ EndPointError end_point_error(const CarriedPoints& carried, std::span<const Vect
   std::vector<double> all, tangential;
   for (size_t i = 0; i < truth.size(); ++i) {
     if (chosen[i] == 0 || !carried.is_bound(i)) continue;
-    const Vector3d error = (carried.places()[i] - truth[i]).cast<double>();
+    const Vector3d error = (carried.positions()[i] - truth[i]).cast<double>();
     const Vector3d normal = normals[i].cast<double>();
     all.push_back(kMillimetres * error.norm());
     tangential.push_back(kMillimetres * (error - normal.dot(error) * normal).norm());

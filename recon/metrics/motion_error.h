@@ -10,7 +10,7 @@
 
 namespace v3d::recon {
 
-/// Distances of carried points from their true places.
+/// Distances of carried points from their true positions.
 struct EndPointError {
   int64_t points = 0;
   double p50_mm = 0, p90_mm = 0;
@@ -24,23 +24,23 @@ class CarriedPoints {
   /// A point farther than this from the first surface is not bound.
   static constexpr double kMaxDistanceM = 0.02;
 
-  /// Binds each of `points` to the nearest place of `surface`: a triangle, barycentric weights, and
+  /// Binds each of `points` to the nearest point of `surface`: a triangle, barycentric weights, and
   /// an offset in the frame of the triangle.
   CarriedPoints(const Mesh& surface, std::vector<Eigen::Vector3f> points);
 
-  const std::vector<Eigen::Vector3f>& places() const { return places_; }
+  const std::vector<Eigen::Vector3f>& positions() const { return positions_; }
   bool is_bound(size_t point) const { return bindings_[point].triangle != kUnbound; }
   int64_t bound() const;
 
   /// Moves the points to the next pulse of the same surface: the same triangles, other vertices.
   void follow(const Mesh& surface);
-  /// Binds the points that were bound to the nearest places of another surface of the same pulse,
+  /// Binds the points that were bound to the nearest points of another surface of the same pulse,
   /// at any distance, so that a lost point counts with its error.
   void change_surface(const Mesh& surface);
   /// As change_surface(), one pulse later: first moves the points on as between the last two
   /// pulses.
   void change_surface_later(const Mesh& surface);
-  /// Moves the points to the nearest places of another surface, at any distance: nearest-point
+  /// Moves the points to the nearest points of another surface, at any distance: nearest-point
   /// propagation.
   void move_to_nearest(const Mesh& surface);
 
@@ -54,7 +54,7 @@ class CarriedPoints {
   };
   void bind(const Mesh& surface, double max_distance_m);
 
-  std::vector<Eigen::Vector3f> places_, before_;
+  std::vector<Eigen::Vector3f> positions_, before_;
   std::vector<Binding> bindings_;
 };
 
@@ -64,7 +64,7 @@ EndPointError end_point_error(const CarriedPoints& carried, std::span<const Eige
                               std::span<const Eigen::Vector3f> normals,
                               std::span<const uint8_t> chosen);
 
-/// Unit normals of `surface` at the nearest places of the points; zero without triangles.
+/// Unit normals of `surface` at its point nearest to each of `points`; zero without triangles.
 std::vector<Eigen::Vector3f> normals_at(const Mesh& surface,
                                         std::span<const Eigen::Vector3f> points);
 

@@ -164,7 +164,7 @@ void DeformationGraph::link_components(const Mesh& rest, const Neighbours& neigh
 
 std::vector<NodeMotion> DeformationGraph::rest_motion() const {
   std::vector<NodeMotion> motion(rest_.size());
-  for (size_t n = 0; n < rest_.size(); ++n) motion[n].place = rest_[n];
+  for (size_t n = 0; n < rest_.size(); ++n) motion[n].position = rest_[n];
   return motion;
 }
 
@@ -175,7 +175,7 @@ Vector3d DeformationGraph::moved(std::span<const NodeMotion> motion, size_t v,
   for (int k = 0; k < kInfluences; ++k) {
     const NodeMotion& node = motion[influence.node[k]];
     sum += double{influence.weight[k]} *
-           (node.rotation * (rest - rest_[influence.node[k]]) + node.place);
+           (node.rotation * (rest - rest_[influence.node[k]]) + node.position);
   }
   return sum;
 }

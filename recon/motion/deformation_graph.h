@@ -14,10 +14,10 @@
 namespace v3d::recon {
 
 /// The rigid motion of a node: its neighbourhood turns by `rotation` around it, and the node is at
-/// `place` (world, metres).
+/// `position` (world, metres).
 struct NodeMotion {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
 };
 
 /// Nodes of a template surface at rest, and the influence of each on the vertices near it.
@@ -82,7 +82,7 @@ class DeformationGraph {
 };
 
 /// One measurement of a vertex: its position along `direction` (unit length) should be that of
-/// `target`. A place on a surface has one, a matched point three.
+/// `target`. A point of a surface has one, a matched point three.
 struct VertexTarget {
   uint32_t vertex = 0;
   float weight = 0;

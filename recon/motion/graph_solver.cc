@@ -142,15 +142,15 @@ class GraphSolver::Impl {
     const Vector3d direction = target.direction.cast<double>();
     const Vector3d rest = rest_[target.vertex].cast<double>();
     std::array<Part, DeformationGraph::kInfluences> jacobian;
-    Vector3d place = Vector3d::Zero();
+    Vector3d position = Vector3d::Zero();
     for (size_t k = 0; k < jacobian.size(); ++k) {
       const uint32_t node = influence.node[k];
       const double weight = influence.weight[k];
       const Vector3d arm = motion[node].rotation * (rest - graph_.rest()[node]);
-      place += weight * (arm + motion[node].place);
+      position += weight * (arm + motion[node].position);
       jacobian[k] << weight * arm.cross(direction), weight * direction;
     }
-    const double residual = direction.dot(target.target.cast<double>() - place);
+    const double residual = direction.dot(target.target.cast<double>() - position);
     for (size_t i = 0; i < jacobian.size(); ++i) {
       if (influence.weight[i] == 0) continue;
       sum.right[influence.node[i]] += double{target.weight} * residual * jacobian[i];
@@ -170,13 +170,13 @@ class GraphSolver::Impl {
       const NodeMotion& b = motion[edge.b];
       const Vector3d rest = graph_.rest()[edge.b] - graph_.rest()[edge.a];
       // Huber's weight: few edges bend much, at joints and folds, and most stay rigid.
-      const double bend = std::max((a.rotation * rest + a.place - b.place).norm(),
-                                   (b.rotation * rest + a.place - b.place).norm());
+      const double bend = std::max((a.rotation * rest + a.position - b.position).norm(),
+                                   (b.rotation * rest + a.position - b.position).norm());
       const double yields = bend > kYieldM ? kYieldM / bend : 1;
       const double rigidity = options.rigidity * edge.stiffness * yields;
-      // Each node predicts the place of the other one.
-      add_prediction(edge.a, edge.b, a.rotation * rest, b.place - a.place, rigidity, sum);
-      add_prediction(edge.b, edge.a, b.rotation * -rest, a.place - b.place, rigidity, sum);
+      // Each node predicts the position of the other one.
+      add_prediction(edge.a, edge.b, a.rotation * rest, b.position - a.position, rigidity, sum);
+      add_prediction(edge.b, edge.a, b.rotation * -rest, a.position - b.position, rigidity, sum);
       const double bending = options.bending * edge.stiffness * yields * lever * lever;
       add_rotation(edge.a, edge.b, rotation_vector(b.rotation * a.rotation.transpose()), bending,
                    sum);
@@ -221,7 +221,7 @@ class GraphSolver::Impl {
     conjugate_gradients();
     for (size_t n = 0; n < graph_.nodes(); ++n) {
       motion[n].rotation = rotation_of(change_[n].head<3>()) * motion[n].rotation;
-      motion[n].place += change_[n].tail<3>();
+      motion[n].position += change_[n].tail<3>();
     }
   }
 

@@ -33,7 +33,7 @@ double seen_share(const ObservedPulse& observed) {
   const std::vector<Eigen::Vector3f> normals = vertex_normals(observed.surface);
   const SurfaceSamples samples = every_nth(observed.surface, normals, kSampleEvery);
   const std::vector<uint8_t> seen =
-      visible_camera_counts(samples.places, samples.normals, observed.cameras, depths);
+      visible_camera_counts(samples.positions, samples.normals, observed.cameras, depths);
   const auto count = std::ranges::count_if(seen, [](uint8_t cameras) { return cameras >= 2; });
   return static_cast<double>(count) / static_cast<double>(std::max<size_t>(seen.size(), 1));
 }

@@ -16,20 +16,20 @@ constexpr float kToleranceM = 0.015F;  ///< behind the surface in a depth buffer
 SurfaceSamples every_nth(const Mesh& mesh, std::span<const Eigen::Vector3f> normals, size_t n) {
   SurfaceSamples samples;
   for (size_t v = 0; v < mesh.vertices.size(); v += n) {
-    samples.places.push_back(mesh.vertices[v]);
+    samples.positions.push_back(mesh.vertices[v]);
     samples.normals.push_back(normals[v]);
   }
   return samples;
 }
 
-std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> places,
+std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> positions,
                                            std::span<const Eigen::Vector3f> normals,
                                            const SurfaceCameras& cameras,
                                            std::span<const DepthBuffer> depths) {
-  std::vector<uint8_t> count(places.size(), 0);
+  std::vector<uint8_t> count(positions.size(), 0);
   for_each_block<VertexVisibility::kCapacity>(count.size(), [&](size_t begin, size_t end) {
     BlockVisibility block;
-    block.compute(places.subspan(begin, end - begin), normals.subspan(begin, end - begin),
+    block.compute(positions.subspan(begin, end - begin), normals.subspan(begin, end - begin),
                   cameras.cameras, depths, {.min_facing = kMinFacing, .tolerance_m = kToleranceM});
     for (size_t v = begin; v < end; ++v) {
       for (const VertexVisibility& camera : block.by_camera()) {
@@ -43,9 +43,9 @@ std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> plac
 ObservedSurface::ObservedSurface(std::shared_ptr<const ObservedPulse> pulse)
     : pulse_(std::move(pulse)), normals_(vertex_normals(pulse_->surface)), tree_(pulse_->surface) {}
 
-std::optional<ObservedSurface::Nearest> ObservedSurface::nearest(const Eigen::Vector3f& place,
+std::optional<ObservedSurface::Nearest> ObservedSurface::nearest(const Eigen::Vector3f& position,
                                                                  double radius_m) const {
-  const auto found = tree_.find(place.cast<double>());
+  const auto found = tree_.find(position.cast<double>());
   if (!found || found->distance > radius_m) return std::nullopt;
   const Mesh& mesh = pulse_->surface;
   return Nearest{
@@ -53,8 +53,8 @@ std::optional<ObservedSurface::Nearest> ObservedSurface::nearest(const Eigen::Ve
       interpolated(mesh, normals_, found->triangle, found->weights).cast<float>().normalized()};
 }
 
-double ObservedSurface::distance(const Eigen::Vector3d& place) const {
-  const auto found = tree_.find(place);
+double ObservedSurface::distance(const Eigen::Vector3d& position) const {
+  const auto found = tree_.find(position);
   return found ? found->distance : std::numeric_limits<double>::infinity();
 }
 

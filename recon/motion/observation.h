@@ -14,16 +14,16 @@
 
 namespace v3d::recon {
 
-/// Places and unit normals of vertices of a surface, world, metres.
+/// Positions and unit normals of vertices of a surface, world, metres.
 struct SurfaceSamples {
-  std::vector<Eigen::Vector3f> places, normals;
+  std::vector<Eigen::Vector3f> positions, normals;
 };
 /// Every n-th vertex.
 SurfaceSamples every_nth(const Mesh& mesh, std::span<const Eigen::Vector3f> normals, size_t n);
 
-/// The number of cameras that see each place: it is not far behind the surface in `depths`, and
+/// The number of cameras that see each position: it is not far behind the surface in `depths`, and
 /// faces the camera. Works in the caller's TBB arena.
-std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> places,
+std::vector<uint8_t> visible_camera_counts(std::span<const Eigen::Vector3f> positions,
                                            std::span<const Eigen::Vector3f> normals,
                                            const SurfaceCameras& cameras,
                                            std::span<const DepthBuffer> depths);
@@ -38,12 +38,12 @@ class ObservedSurface {
   const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
 
   struct Nearest {
-    Eigen::Vector3f place, normal;
+    Eigen::Vector3f position, normal;
   };
-  /// The nearest place; empty when it is farther than `radius_m`.
-  std::optional<Nearest> nearest(const Eigen::Vector3f& place, double radius_m) const;
-  /// Distance to the nearest place, metres; infinite without a surface.
-  double distance(const Eigen::Vector3d& place) const;
+  /// The nearest point; empty when it is farther than `radius_m`.
+  std::optional<Nearest> nearest(const Eigen::Vector3f& position, double radius_m) const;
+  /// Distance to the nearest point, metres; infinite without a surface.
+  double distance(const Eigen::Vector3d& position) const;
 
  private:
   std::shared_ptr<const ObservedPulse> pulse_;

@@ -34,10 +34,10 @@ struct Fit {
 Fit mean_of(Window window) {
   const auto count = static_cast<float>(window.size());
   Vector3f mean = Vector3f::Zero();
-  for (const Vector3f& place : window) mean += place;
+  for (const Vector3f& position : window) mean += position;
   mean /= count;
   float square = 0;
-  for (const Vector3f& place : window) square += (place - mean).squaredNorm();
+  for (const Vector3f& position : window) square += (position - mean).squaredNorm();
   return {mean, std::sqrt(square / (count - 1))};
 }
 
@@ -50,13 +50,13 @@ Fit parabola_of(Window window) {
   float t2 = 0, t4 = 0;
   Vector3f sum = Vector3f::Zero(), linear = Vector3f::Zero(), square = Vector3f::Zero();
   for (size_t i = 0; i < window.size(); ++i) {
-    const Vector3f& place = window[i];
+    const Vector3f& position = window[i];
     const float t = static_cast<float>(i) - reach;
     t2 += t * t;
     t4 += t * t * t * t;
-    sum += place;
-    linear += t * place;
-    square += t * t * place;
+    sum += position;
+    linear += t * position;
+    square += t * t * position;
   }
   const float determinant = count * t4 - t2 * t2;
   const Vector3f middle = (t4 * sum - t2 * square) / determinant;

@@ -50,7 +50,7 @@ Motion with_same_speed(const Motion& before, const Motion& now) {
         now[n].rotation * before[n].rotation.transpose() * now[n].rotation;
     // Without this, rounding errors double with each pulse that is only predicted.
     next[n].rotation = Eigen::Quaterniond(turned).normalized().toRotationMatrix();
-    next[n].place = 2 * now[n].place - before[n].place;
+    next[n].position = 2 * now[n].position - before[n].position;
   }
   return next;
 }
@@ -202,8 +202,8 @@ class SegmentTracker {
       for (size_t i = 0; i < count; ++i) {
         const NodeMotion& a = motions_[i][edge.a];
         const NodeMotion& b = motions_[i][edge.b];
-        sum += (a.rotation * rest + a.place - b.place).squaredNorm();
-        sum += (b.rotation * rest + a.place - b.place).squaredNorm();
+        sum += (a.rotation * rest + a.position - b.position).squaredNorm();
+        sum += (b.rotation * rest + a.position - b.position).squaredNorm();
       }
       const double square = sum / (2 * static_cast<double>(count));
       edge.stiffness =

@@ -43,7 +43,7 @@ struct TrackingOptions {
 /// How well the template explains a pulse, before the displacements of single vertices.
 struct PulseResidual {
   /// Distance from the observed surface, where at least two cameras see it, to the template,
-  /// metres. All of it counts where no place has two cameras.
+  /// metres. All of it counts where no sample has two cameras.
   double median_m = 0, p90_m = 0;
   double far = 0;  ///< part of that observed surface beyond TrackingOptions::far_m
   /// Part of the seen vertices of the template as far from the observed surface: what is no longer

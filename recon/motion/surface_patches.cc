@@ -68,12 +68,12 @@ namespace {
 using PatchView = SurfacePatches::PatchView;
 
 /// Empty where a corner of the patch lies outside the silhouette.
-std::optional<PatchView> view_of(const SurfaceCamera& camera, const Vector3f& place,
+std::optional<PatchView> view_of(const SurfaceCamera& camera, const Vector3f& position,
                                  const Vector3f& across, const Vector3f& down, size_t level) {
   const float step = kStepM[level];
-  const auto middle = camera.project(place);
-  const auto aside = camera.project(place + step * across);
-  const auto below = camera.project(place + step * down);
+  const auto middle = camera.project(position);
+  const auto aside = camera.project(position + step * across);
+  const auto below = camera.project(position + step * down);
   if (!middle || !aside || !below) return std::nullopt;
   const Vector2f across_px = aside->pixel - middle->pixel, down_px = below->pixel - middle->pixel;
   constexpr auto kHalf = static_cast<float>(kReach);
@@ -115,11 +115,11 @@ float normalise(std::array<float, kCount>& samples) {
 
 SurfacePatches::SurfacePatches(const Mesh& rest, double spacing_m) {
   const std::vector<Vector3f> normals = vertex_normals(rest);
-  const DeformationGraph places(rest, spacing_m);
+  const DeformationGraph spaced(rest, spacing_m);
   constexpr auto kNone = std::numeric_limits<uint32_t>::max();
-  std::vector<uint32_t> number(places.nodes(), kNone);  // of the patch at each node
-  for (size_t node = 0; node < places.nodes(); ++node) {
-    const uint32_t vertex = places.vertices_of_nodes()[node];
+  std::vector<uint32_t> number(spaced.nodes(), kNone);  // of the patch at each node
+  for (size_t node = 0; node < spaced.nodes(); ++node) {
+    const uint32_t vertex = spaced.vertices_of_nodes()[node];
     const Vector3f& normal = normals[vertex];
     if (normal.squaredNorm() < 0.5F) continue;
     const Vector3f other = std::abs(normal.z()) < 0.9F ? Vector3f::UnitZ() : Vector3f::UnitX();
@@ -130,7 +130,7 @@ SurfacePatches::SurfacePatches(const Mesh& rest, double spacing_m) {
     number[node] = static_cast<uint32_t>(patches_.size());
     patches_.push_back(patch);
   }
-  for (const DeformationGraph::Edge& edge : places.edges()) {
+  for (const DeformationGraph::Edge& edge : spaced.edges()) {
     const uint32_t a = number[edge.a], b = number[edge.b];
     if (a == kNone || b == kNone) continue;
     if (patches_[a].across.dot(patches_[b].across) < kMinParallel ||
@@ -156,13 +156,13 @@ void SurfacePatches::find_views(const SeenSurface& seen, float min_facing,
   views.assign(patches_.size(), {});
   const std::vector<SurfaceCamera>& cameras = seen.cameras->cameras;
   for_each_block<VertexVisibility::kCapacity>(patches_.size(), [&](size_t begin, size_t end) {
-    std::array<Vector3f, VertexVisibility::kCapacity> places, normals;
+    std::array<Vector3f, VertexVisibility::kCapacity> positions, normals;
     for (size_t i = begin; i < end; ++i) {
-      places[i - begin] = seen.surface->vertices[patches_[i].vertex];
+      positions[i - begin] = seen.surface->vertices[patches_[i].vertex];
       normals[i - begin] = (*seen.normals)[patches_[i].vertex];
     }
     BlockVisibility block;
-    block.compute(std::span(places).first(end - begin), std::span(normals).first(end - begin),
+    block.compute(std::span(positions).first(end - begin), std::span(normals).first(end - begin),
                   cameras, seen.depths, {.min_facing = min_facing, .tolerance_m = kToleranceM});
     for (size_t i = begin; i < end; ++i) {
       Views& of_patch = views[i];
@@ -180,11 +180,12 @@ void SurfacePatches::find_views(const SeenSurface& seen, float min_facing,
   });
 }
 
-bool SurfacePatches::learn_patch(const SurfaceCamera& camera, const Vector3f& place,
+bool SurfacePatches::learn_patch(const SurfaceCamera& camera, const Vector3f& position,
                                  const Matrix3f& rotation, Patch& patch) {
   std::array<Appearance, kLevels> learnt;
   for (size_t level = 0; level < kLevels; ++level) {
-    const auto view = view_of(camera, place, rotation * patch.across, rotation * patch.down, level);
+    const auto view =
+        view_of(camera, position, rotation * patch.across, rotation * patch.down, level);
     if (!view) return false;
     Samples<kLearntSide> wide;
     for (int row = 0; row < kLearntSide; ++row) {
@@ -280,13 +281,13 @@ void add_correlations(const PatchView& view, std::span<const float> samples, int
 
 }  // namespace
 
-/// The views of a patch at a place, for a level of the pictures.
+/// The views of a patch at a position, for a level of the pictures.
 std::vector<PatchView> SurfacePatches::views_of(const SeenSurface& seen, const Views& views,
                                                 const Placed& at, size_t level) {
   std::vector<PatchView> list;
   for (int k = 0; k < views.count; ++k) {
     const SurfaceCamera& camera = seen.cameras->cameras[views.list[static_cast<size_t>(k)].camera];
-    if (const auto view = view_of(camera, at.place, at.across, at.down, level)) {
+    if (const auto view = view_of(camera, at.position, at.across, at.down, level)) {
       list.push_back(*view);
     }
   }
@@ -353,7 +354,7 @@ std::optional<PatchMatch> SurfacePatches::align(const Patch& patch, const Placed
 
   PatchMatch match;
   match.vertex = patch.vertex;
-  match.place = at.place + kStepM[0] * (steps.x() * at.across + steps.y() * at.down);
+  match.position = at.position + kStepM[0] * (steps.x() * at.across + steps.y() * at.down);
   match.correlation = correlation;
   // Variance along an axis: noise^2 / (contrast^2 * curvature).
   const Eigen::SelfAdjointEigenSolver<Matrix2f> axes(wanted.curvature);
@@ -391,8 +392,8 @@ std::vector<PatchMatch> SurfacePatches::match(const SeenSurface& seen,
         continue;
       }
       Placed start = placed[i];
-      start.place += kStepM[1] * (static_cast<float>(shifts[i]->across) * start.across +
-                                  static_cast<float>(shifts[i]->down) * start.down);
+      start.position += kStepM[1] * (static_cast<float>(shifts[i]->across) * start.across +
+                                     static_cast<float>(shifts[i]->down) * start.down);
       found[i] = align(patches_[i], start, views_of(seen, views[i], start, 0));
     }
   });

@@ -28,7 +28,7 @@ struct SeenSurface {
 /// Where a patch was found.
 struct PatchMatch {
   uint32_t vertex = 0;
-  Eigen::Vector3f place = Eigen::Vector3f::Zero();  ///< of the vertex, world, metres
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< of the vertex, world, metres
   /// Two orthogonal directions of the surface, and the precision along each: 0 (no texture) to 1.
   std::array<Eigen::Vector3f, 2> directions{};
   std::array<float, 2> precision{};
@@ -58,7 +58,7 @@ class SurfacePatches {
   /// `rotations`: of the surface around each patch since rest.
   void learn(const SeenSurface& seen, std::span<const Eigen::Matrix3f> rotations);
 
-  /// Searches the learnt patches around the places of their vertices. `reach_m`: how far a match
+  /// Searches the learnt patches around the positions of their vertices. `reach_m`: how far a match
   /// may be, at most 56 mm. Where it is more than 4 mm, a joint search of all patches
   /// (likely_shifts()) precedes the alignment.
   std::vector<PatchMatch> match(const SeenSurface& seen, std::span<const Eigen::Matrix3f> rotations,
@@ -91,7 +91,7 @@ class SurfacePatches {
   };
   /// A patch at a pulse: world, metres; unit axes.
   struct Placed {
-    Eigen::Vector3f place = Eigen::Vector3f::Zero();
+    Eigen::Vector3f position = Eigen::Vector3f::Zero();
     Eigen::Vector3f across = Eigen::Vector3f::Zero(), down = Eigen::Vector3f::Zero();
   };
   struct View {
@@ -111,7 +111,7 @@ class SurfacePatches {
                                                 std::span<const Placed> placed, int reach) const;
   static std::optional<PatchMatch> align(const Patch& patch, const Placed& at,
                                          std::span<const PatchView> views);
-  static bool learn_patch(const SurfaceCamera& camera, const Eigen::Vector3f& place,
+  static bool learn_patch(const SurfaceCamera& camera, const Eigen::Vector3f& position,
                           const Eigen::Matrix3f& rotation, Patch& patch);
 
   std::vector<Patch> patches_;

@@ -55,8 +55,8 @@ void append_used(const std::vector<VertexTarget>& from, std::vector<VertexTarget
   }
 }
 
-/// A place counts for the residual when this many cameras see it: two, or 0 where no place has two,
-/// as with a single camera. Otherwise every template would fit such a pulse.
+/// A sample counts for the residual when this many cameras see it: two, or 0 where no sample has
+/// two, as with a single camera. Otherwise every template would fit such a pulse.
 int cameras_that_prove(std::span<const uint8_t> cameras) {
   const bool any = std::ranges::any_of(cameras, [](uint8_t count) { return count >= 2; });
   return any ? 2 : 0;
@@ -122,34 +122,34 @@ void TemplateFit::add_surface_targets(const ObservedSurface& now, const FitStage
   std::vector<VertexTarget> all(moved_.vertices.size());
   const auto radius = static_cast<float>(stage.radius_m);
   for_each_vertex(all.size(), [&](size_t v) {
-    const Vector3f& place = moved_.vertices[v];
-    const auto on = now.nearest(place, stage.radius_m);
+    const Vector3f& position = moved_.vertices[v];
+    const auto on = now.nearest(position, stage.radius_m);
     if (!on || on->normal.dot(normals_[v]) < static_cast<float>(stage.min_facing)) return;
-    const float weight = robust_weight((on->place - place).norm(), radius);
+    const float weight = robust_weight((on->position - position).norm(), radius);
     all[v] = {static_cast<uint32_t>(v), visible_in_[v] > 0 ? weight : kUnseenWeight * weight,
-              on->normal, on->place};
+              on->normal, on->position};
   });
   append_used(all, targets);
 }
 
-/// Observed places that the template does not reach pull its nearest vertex.
+/// Observed samples that the template does not reach pull its nearest vertex.
 void TemplateFit::add_reverse_targets(const ObservedSurface& now, const FitStage& stage,
                                       std::vector<VertexTarget>& targets) const {
   const NearestTriangle tree(moved_);
   const SurfaceSamples samples = every_nth(now.mesh(), now.normals(), kReverseEvery);
   const double radius = 2 * stage.radius_m;
-  std::vector<VertexTarget> all(samples.places.size());
+  std::vector<VertexTarget> all(samples.positions.size());
   for_each_vertex(all.size(), [&](size_t i) {
-    const Vector3f& place = samples.places[i];
-    const auto found = tree.find(place.cast<double>());
+    const Vector3f& position = samples.positions[i];
+    const auto found = tree.find(position.cast<double>());
     if (!found || found->distance > radius) return;
     int corner = 0;
     found->weights.maxCoeff(&corner);
     const uint32_t vertex = moved_.triangles[found->triangle][static_cast<size_t>(corner)];
     if (normals_[vertex].dot(samples.normals[i]) < static_cast<float>(stage.min_facing)) return;
-    // The vertex moves as the nearest place of the template should.
+    // The vertex moves as the nearest point of the template should.
     const Vector3f way =
-        place -
+        position -
         interpolated(moved_, moved_.vertices, found->triangle, found->weights).cast<float>();
     all[i] = {vertex, robust_weight(way.norm(), static_cast<float>(radius)), samples.normals[i],
               moved_.vertices[vertex] + way};
@@ -163,7 +163,7 @@ void TemplateFit::add_patch_targets(const ObservedSurface& now, const FitStage& 
   for (const PatchMatch& match : matches_) {
     for (size_t k = 0; k < match.directions.size(); ++k) {
       targets.push_back(
-          {match.vertex, kPatchWeight * match.precision[k], match.directions[k], match.place});
+          {match.vertex, kPatchWeight * match.precision[k], match.directions[k], match.position});
     }
   }
 }
@@ -174,10 +174,10 @@ NormalDisplacements TemplateFit::normal_displacements(const ObservedSurface& now
   NormalDisplacements detail{std::vector<float>(count, 0), std::vector<float>(count, 0)};
   for_each_vertex(count, [&](size_t v) {
     if (visible_in_[v] == 0) return;
-    const Vector3f& place = moved_.vertices[v];
-    const auto on = now.nearest(place, double{limit_m});
+    const Vector3f& position = moved_.vertices[v];
+    const auto on = now.nearest(position, double{limit_m});
     if (!on || on->normal.dot(normals_[v]) < kMinDisplacedFacing) return;
-    const float along = normals_[v].dot(on->place - place);
+    const float along = normals_[v].dot(on->position - position);
     const int cameras = std::min<int>(visible_in_[v], kFullWeightCameras);
     detail.target[v] = along;
     detail.weight[v] =
@@ -209,16 +209,16 @@ std::vector<Vector3f> TemplateFit::displaced(const NormalDisplacements& detail) 
 PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) const {
   const SurfaceSamples samples = every_nth(now.mesh(), now.normals(), kReverseEvery);
   // Where the template misses a part, cameras see this part before the template.
-  std::vector<uint8_t> seen(samples.places.size(), 2);
+  std::vector<uint8_t> seen(samples.positions.size(), 2);
   if (!now.pulse().cameras.cameras.empty()) {
-    seen = visible_camera_counts(samples.places, samples.normals, now.pulse().cameras, depths_);
+    seen = visible_camera_counts(samples.positions, samples.normals, now.pulse().cameras, depths_);
   }
   const NearestTriangle tree(moved_);
-  std::vector<double> distances(samples.places.size(), -1);
+  std::vector<double> distances(samples.positions.size(), -1);
   const int enough = cameras_that_prove(seen);
   for_each_vertex(distances.size(), [&](size_t i) {
     if (seen[i] < enough) return;
-    const auto found = tree.find(samples.places[i].cast<double>());
+    const auto found = tree.find(samples.positions[i].cast<double>());
     if (found) distances[i] = found->distance;
   });
   std::erase_if(distances, [](double d) { return d < 0; });
@@ -257,7 +257,7 @@ std::vector<double> TemplateFit::node_distances(const ObservedSurface& now,
                                                 std::span<const NodeMotion> motion) {
   std::vector<double> distances(motion.size());
   for_each_vertex(motion.size(), [&](size_t n) {
-    distances[n] = std::min(now.distance(motion[n].place), kMaxDistanceM);
+    distances[n] = std::min(now.distance(motion[n].position), kMaxDistanceM);
   });
   return distances;
 }

@@ -1,4 +1,4 @@
-// Block matching of volumes: the motion of a place from one volume to the next.
+// Block matching of volumes: the motion of a block from one volume to the next.
 #pragma once
 
 #include <array>

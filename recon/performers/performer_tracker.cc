@@ -187,7 +187,7 @@ uint8_t PerformerTracker::former_performer(size_t component) const {
   return 0;
 }
 
-/// The object of the previous volume that is nearest to its expected place; null: none is near.
+/// The object of the previous volume that is nearest to its expected position; null: none is near.
 const PerformerTracker::Object* PerformerTracker::same_object(const Object& object,
                                                               double voxel_m) const {
   const Object* best = nullptr;

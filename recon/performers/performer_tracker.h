@@ -24,8 +24,8 @@ struct PerformerOptions {
   /// Largest distance from an object to its nearest performer, and the distance at which they
   /// almost touch, metres.
   double max_object_distance_m = 0.6, touch_distance_m = 0.05;
-  /// Fastest object without and with known velocity: distance from the expected place, metres per
-  /// pulse. 0.8 m at 25 pulses/s is 20 m/s.
+  /// Fastest object without and with known velocity: distance from the expected position, metres
+  /// per pulse. 0.8 m at 25 pulses/s is 20 m/s.
   double max_object_step_m = 0.8, max_object_deviation_m = 0.3;
   bool follow_contact_motion = true;  ///< ContactSplit
 };
@@ -38,7 +38,7 @@ struct PerformerOptions {
 /// - A component that is the home of several performers is divided by ContactSplit.
 /// - Another component is an *object*, such as a thrown ball or a piece of a blade. It belongs to
 ///   the performer who had half of its voxels; else to that of the same object in the previous
-///   volume, which has a similar size and lies near the expected place; else to the nearest
+///   volume, which has a similar size and lies near the expected position; else to the nearest
 ///   performer within reach. A performer who almost touches it comes before an object with unknown
 ///   velocity.
 /// - A large object without a performer is a new performer. So is one that has been apart for some

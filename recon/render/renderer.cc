@@ -60,8 +60,8 @@ std::vector<float> vertex_lights(const Mesh& mesh, const Eigen::Vector3d& eye, f
   return lights;
 }
 
-/// What is interpolated over a triangle, at its corners: the shaded colour, or a place in the atlas
-/// and the brightness there.
+/// What is interpolated over a triangle, at its corners: the shaded colour, or a position in the
+/// atlas and the brightness there.
 class CornerValues {
  public:
   CornerValues(const Mesh& mesh, const CameraModel& camera, const DrawOptions& options)

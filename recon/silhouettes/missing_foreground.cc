@@ -26,13 +26,13 @@ constexpr double kToleranceVoxels = 3;
 constexpr float kSameColour = 24;
 constexpr int kPatch = 2;
 constexpr int kStep = 3;
-/// Smallest number of comparable places.
-constexpr int kMinPlaces = 12;
-/// Part of the places that agree by chance where the camera sees past the surface. The mean is
+/// Smallest number of comparable points.
+constexpr int kMinPoints = 12;
+/// Part of the points that agree by chance where the camera sees past the surface. The mean is
 /// 0.02; one in 40 pieces has more than this (v3d-silhouette-faults, seeds 401 to 405 and 411 to
 /// 415).
 constexpr double kByChance = 0.2;
-/// Required excess over chance, in standard deviations of independent places. None of these 659
+/// Required excess over chance, in standard deviations of independent points. None of these 659
 /// pieces exceeds 3.
 constexpr double kDeviations = 3.5;
 
@@ -75,13 +75,13 @@ std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> fr
   return views;
 }
 
-/// Colour of a place in a view; empty where the place is hidden.
-std::optional<Eigen::Vector3f> colour_at(const View& view, const Eigen::Vector3d& place,
+/// Colour of a point in a view; empty where the point is hidden.
+std::optional<Eigen::Vector3f> colour_at(const View& view, const Eigen::Vector3d& point,
                                          double tolerance_m) {
   const CameraModel& model = view.camera->model;
-  const auto pixel = model.project(place);
+  const auto pixel = model.project(point);
   if (!pixel || !model.inside_image(*pixel)) return {};
-  const double z = (model.cam_from_world() * place).z();
+  const double z = (model.cam_from_world() * point).z();
   const int x =
       std::min(static_cast<int>((pixel->x() + 0.5) / kReduction), view.depth.size.width - 1);
   const int y =
@@ -95,13 +95,13 @@ bool same(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
 }
 
 /// True when the majority of the views, and at least two, agree with the camera; empty when fewer
-/// than two see the place.
+/// than two see the point.
 std::optional<bool> agree_with(const Eigen::Vector3f& own, std::span<const View> views,
-                               const Eigen::Vector3d& place, double tolerance_m) {
+                               const Eigen::Vector3d& point, double tolerance_m) {
   int seen = 0;
   int agreeing = 0;
   for (const View& view : views) {
-    const auto colour = colour_at(view, place, tolerance_m);
+    const auto colour = colour_at(view, point, tolerance_m);
     if (!colour) continue;
     ++seen;
     agreeing += same(own, *colour);
@@ -121,7 +121,7 @@ class ColourConsistency::Views {
         others_(neighbours_of(rig, frames, camera, surface)),
         tolerance_m_(tolerance_m) {}
 
-  /// Agreement at the place of the surface in this pixel; empty where it cannot be determined.
+  /// Agreement at the point of the surface in this pixel; empty where it cannot be determined.
   std::optional<bool> agrees(int x, int y) const {
     const CameraModel& model = own_.camera->model;
     const Eigen::Vector2d pixel(x, y);
@@ -166,7 +166,7 @@ ColourAgreement ColourConsistency::within(const Mask& piece) const {
 
 bool ColourAgreement::is_consistent() const {
   const double by_chance = kByChance * compared;
-  return compared >= kMinPlaces &&
+  return compared >= kMinPoints &&
          agreeing > by_chance + kDeviations * std::sqrt(by_chance * (1 - kByChance));
 }
 

@@ -14,15 +14,15 @@
 
 namespace v3d::recon {
 
-// Colour consistency test: do other cameras see the same colours at a place where one camera
+// Colour consistency test: do other cameras see the same colours at a point where one camera
 // reports background?
 
-/// Number of places that could be compared, and of those that agree.
+/// Number of points that could be compared, and of those that agree.
 struct ColourAgreement {
   int compared = 0;
   int agreeing = 0;
 
-  /// True when significantly more places agree than by chance. A camera that sees past the surface
+  /// True when significantly more points agree than by chance. A camera that sees past the surface
   /// agrees by chance only.
   bool is_consistent() const;
 };
@@ -37,7 +37,7 @@ class ColourConsistency {
                     const Mesh& surface, double voxel_m);
   ~ColourConsistency();
 
-  /// Compares the places of the surface that the camera sees within `piece` with the majority of
+  /// Compares the points of the surface that the camera sees within `piece` with the majority of
   /// its neighbours. The result is empty where the camera has no colours.
   ColourAgreement within(const Mask& piece) const;
 

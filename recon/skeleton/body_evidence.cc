@@ -47,8 +47,8 @@ std::optional<PropEvidence> prop_of(const ReebGraph& graph, const GraphBranch& b
   for (const Vector3d& centre : centres) second += (centre - mean) * (centre - mean).transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(second);
   const Vector3d axis = solver.eigenvectors().col(2);
-  const auto on_axis = [&](const Vector3d& place) -> Vector3d {
-    return mean + axis.dot(place - mean) * axis;
+  const auto on_axis = [&](const Vector3d& position) -> Vector3d {
+    return mean + axis.dot(position - mean) * axis;
   };
   for (const Vector3d& centre : centres) {
     if ((centre - on_axis(centre)).norm() > kPropBend * branch.slender_length_m) return {};
@@ -118,18 +118,18 @@ class Observer {
     size_t count = 0;
     for (size_t v = 0; v < mesh_.vertices.size(); ++v) {
       if (!is_body(v)) continue;
-      const Vector3d place = mesh_.vertices[v].cast<double>();
-      result_.bottom_m = std::min(result_.bottom_m, place.z());
-      result_.top_m = std::max(result_.top_m, place.z());
-      result_.centre += place;
+      const Vector3d position = mesh_.vertices[v].cast<double>();
+      result_.bottom_m = std::min(result_.bottom_m, position.z());
+      result_.top_m = std::max(result_.top_m, position.z());
+      result_.centre += position;
       ++count;
     }
     if (count > 0) result_.centre /= static_cast<double>(count);
   }
 
   double height_m() const { return result_.top_m - result_.bottom_m; }
-  double height_of(const Vector3d& place) const {
-    return (place.z() - result_.bottom_m) / height_m();
+  double height_of(const Vector3d& position) const {
+    return (position.z() - result_.bottom_m) / height_m();
   }
 
   void name_ends() {
@@ -212,25 +212,25 @@ class Observer {
     double sole = std::numeric_limits<double>::infinity();
     const auto for_each_near = [&](const auto& visit) {
       for (size_t v = 0; v < mesh_.vertices.size(); ++v) {
-        const Vector3d place = mesh_.vertices[v].cast<double>();
-        if ((place - branch.end).head<2>().norm() < reach && place.z() < branch.end.z() + reach &&
-            is_body(v)) {
-          visit(place);
+        const Vector3d position = mesh_.vertices[v].cast<double>();
+        if ((position - branch.end).head<2>().norm() < reach &&
+            position.z() < branch.end.z() + reach && is_body(v)) {
+          visit(position);
         }
       }
     };
-    for_each_near([&](const Vector3d& place) { sole = std::min(sole, place.z()); });
+    for_each_near([&](const Vector3d& position) { sole = std::min(sole, position.z()); });
     std::vector<Vector2d> flat;
-    for_each_near([&](const Vector3d& place) {
-      if (place.z() < sole + 0.03 * height_m()) flat.emplace_back(place.head<2>());
+    for_each_near([&](const Vector3d& position) {
+      if (position.z() < sole + 0.03 * height_m()) flat.emplace_back(position.head<2>());
     });
     if (flat.size() < 8) return;
     measure_foot(flat, foot);
     foot.centre.z() = sole;
     std::vector<Vector2d> shin;
-    for_each_near([&](const Vector3d& place) {
-      const double height = (place.z() - sole) / height_m();
-      if (height > kShinLow && height < kShinHigh) shin.emplace_back(place.head<2>());
+    for_each_near([&](const Vector3d& position) {
+      const double height = (position.z() - sole) / height_m();
+      if (height > kShinLow && height < kShinHigh) shin.emplace_back(position.head<2>());
     });
     point_ahead(shin, foot);
     for (const FootEvidence& other : result_.feet) {
@@ -241,15 +241,16 @@ class Observer {
 
   static void measure_foot(const std::vector<Vector2d>& flat, FootEvidence& foot) {
     Vector2d mean = Vector2d::Zero();
-    for (const Vector2d& place : flat) mean += place / static_cast<double>(flat.size());
+    for (const Vector2d& position : flat) mean += position / static_cast<double>(flat.size());
     Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-    for (const Vector2d& place : flat) second += (place - mean) * (place - mean).transpose();
+    for (const Vector2d& position : flat)
+      second += (position - mean) * (position - mean).transpose();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(second);
     const Vector2d axis = solver.eigenvectors().col(1);
     double low = 0, high = 0;
-    for (const Vector2d& place : flat) {
-      low = std::min(low, axis.dot(place - mean));
-      high = std::max(high, axis.dot(place - mean));
+    for (const Vector2d& position : flat) {
+      low = std::min(low, axis.dot(position - mean));
+      high = std::max(high, axis.dot(position - mean));
     }
     foot.axis = Vector3d(axis.x(), axis.y(), 0);
     foot.length_m = high - low;
@@ -260,7 +261,7 @@ class Observer {
   void point_ahead(const std::vector<Vector2d>& shin, FootEvidence& foot) const {
     if (shin.size() < 8 || foot.length_m < kWholeFoot * height_m()) return;
     Vector2d leg = Vector2d::Zero();
-    for (const Vector2d& place : shin) leg += place / static_cast<double>(shin.size());
+    for (const Vector2d& position : shin) leg += position / static_cast<double>(shin.size());
     const double ahead = foot.axis.head<2>().dot(foot.centre.head<2>() - leg);
     if (std::abs(ahead) < kMinAhead * height_m()) return;
     if (ahead < 0) foot.axis = -foot.axis;
@@ -273,7 +274,7 @@ class Observer {
       const uint32_t n = graph_.node_of[v];
       if (n == ReebNode::kNoParent) continue;
       OutlinePoint point;
-      point.place = mesh_.vertices[v].cast<double>();
+      point.position = mesh_.vertices[v].cast<double>();
       if (is_prop_[n] != 0) {
         point.capsule = static_cast<int>(kPropCapsule);
       } else if (node(n).component != component_) {

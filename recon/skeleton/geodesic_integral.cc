@@ -52,10 +52,10 @@ std::vector<uint32_t> from_outside_in(const Mesh& mesh, const VertexGraph& graph
   return vertices;
 }
 
-/// Places that cover a graph: every vertex is nearer than a spacing to one.
+/// Samples that cover a graph: every vertex is nearer than a spacing to one.
 struct Cover {
-  std::vector<uint32_t> vertices;  ///< of the places
-  std::vector<uint32_t> owner;     ///< nearest place of each vertex; kNone for one without links
+  std::vector<uint32_t> vertices;  ///< of the samples
+  std::vector<uint32_t> owner;     ///< nearest sample of each vertex; kNone for one without links
 };
 
 Cover cover(const VertexGraph& graph, std::span<const uint32_t> order, float spacing_m) {
@@ -65,12 +65,12 @@ Cover cover(const VertexGraph& graph, std::span<const uint32_t> order, float spa
   ShortestPaths paths;
   for (const uint32_t vertex : order) {
     if (nearest[vertex] < spacing_m) continue;
-    const auto place = static_cast<uint32_t>(result.vertices.size());
+    const auto sample = static_cast<uint32_t>(result.vertices.size());
     result.vertices.push_back(vertex);
     nearest[vertex] = 0;
-    result.owner[vertex] = place;
+    result.owner[vertex] = sample;
     paths.run(graph, std::span(&vertex, 1), spacing_m, nearest,
-              [&](uint32_t reached, uint32_t) { result.owner[reached] = place; });
+              [&](uint32_t reached, uint32_t) { result.owner[reached] = sample; });
   }
   return result;
 }
@@ -136,8 +136,8 @@ std::vector<uint32_t> components_of(const VertexGraph& graph) {
   return component;
 }
 
-/// Spacing of about `count` places that cover() spreads over an area. Their balls overlap: of
-/// places r apart, about 1.3 lie in an area of r x r.
+/// Spacing of about `count` samples that cover() spreads over an area. Their balls overlap: of
+/// samples r apart, about 1.3 lie in an area of r x r.
 float spacing_of(double area_m2, size_t count) {
   return static_cast<float>(std::sqrt(1.3 * area_m2 / static_cast<double>(count)));
 }
@@ -200,8 +200,8 @@ void interpolate(const Mesh& mesh, const SampledSurface& surface, const std::vec
       reach = std::max(reach, link.metres);
     }
     const auto add = [&](uint32_t sample) {
-      const Vector3f& place = mesh.vertices[surface.vertices[sample]];
-      const float squared = (place - mesh.vertices[v]).squaredNorm();
+      const Vector3f& position = mesh.vertices[surface.vertices[sample]];
+      const float squared = (position - mesh.vertices[v]).squaredNorm();
       const float weight =
           reach > 0 ? std::max(1 - squared / (1.44F * reach * reach), 1e-3F) : 1.0F;
       sum += weight * weight * means[sample];

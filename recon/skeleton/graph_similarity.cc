@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Metres and parts at which the likeness of two values falls to 1/e.
-constexpr double kPlaceM = 0.15, kExtentM = 0.08, kPerimeterM = 0.4;
+constexpr double kPositionM = 0.15, kExtentM = 0.08, kPerimeterM = 0.4;
 
 double lowest(const ReebGraph& graph) {
   double z = std::numeric_limits<double>::infinity();
@@ -104,11 +104,11 @@ class Matcher {
     const Vector3d from_m = m.centre - a_.centre, from_n = n.centre - b_.centre;
     const double higher = (m.centre.z() - lowest_a_) - (n.centre.z() - lowest_b_);
     const double farther = from_m.head<2>().norm() - from_n.head<2>().norm();
-    const double place = std::hypot(higher, farther) / kPlaceM;
+    const double position = std::hypot(higher, farther) / kPositionM;
     const double extent = (m.extent - n.extent).norm() / kExtentM;
     const double perimeter =
         std::abs(std::sqrt(m.perimeter) - std::sqrt(n.perimeter)) / std::sqrt(kPerimeterM);
-    return share * std::exp(-place * place) * std::exp(-extent * extent) *
+    return share * std::exp(-position * position) * std::exp(-extent * extent) *
            std::exp(-perimeter * perimeter);
   }
 

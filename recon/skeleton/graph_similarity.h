@@ -14,9 +14,9 @@ namespace v3d::recon {
 ///
 /// Nodes are matched from coarse to fine: of the same interval, with matched parents, the most
 /// alike first. A matched pair adds the smaller of its two shares of area and volume, times how
-/// alike its extent, perimeter and place are. The place is the height over the lowest node and the
-/// distance from the vertical axis of the body, so that a turn about this axis changes nothing. All
-/// levels count equally. Requires the same number of levels. Thread-safe.
+/// alike its extent, perimeter and position are. The position is the height over the lowest node
+/// and the distance from the vertical axis of the body, so that a turn about this axis changes
+/// nothing. All levels count equally. Requires the same number of levels. Thread-safe.
 ///
 /// Sources: Hilaga et al., SIGGRAPH 2001, section 5; Tung and Schmitt, IJSM 2005 (attributes).
 /// Deviations: docs/skeleton.md.

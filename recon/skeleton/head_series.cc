@@ -17,14 +17,14 @@ bool agree(const SeenPulse& earlier, const SeenPulse& later) {
   return (*earlier.evidence->head - *later.evidence->head).norm() < reach;
 }
 
-HeadPlace seen_head(const SeenPulse& pulse) {
+HeadPosition seen_head(const SeenPulse& pulse) {
   return {*pulse.evidence->head, *pulse.evidence->neck, 1};
 }
 
 /// Sets the heads between those at `from` and `to`.
 void interpolate(std::span<const SeenPulse> seen, size_t from, size_t to,
-                 std::vector<HeadPlace>& heads) {
-  const HeadPlace &a = heads[from], &b = heads[to];
+                 std::vector<HeadPosition>& heads) {
+  const HeadPosition &a = heads[from], &b = heads[to];
   const auto whole = static_cast<double>(seen[to].number - seen[from].number);
   for (size_t n = from + 1; n < to; ++n) {
     const double t = static_cast<double>(seen[n].number - seen[from].number) / whole;
@@ -55,8 +55,8 @@ std::vector<std::ptrdiff_t> longest_series(std::span<const SeenPulse> seen, std:
 
 }  // namespace
 
-std::vector<HeadPlace> follow_head(std::span<const SeenPulse> seen) {
-  std::vector<HeadPlace> heads(seen.size());
+std::vector<HeadPosition> follow_head(std::span<const SeenPulse> seen) {
+  std::vector<HeadPosition> heads(seen.size());
   std::ptrdiff_t last = -1;
   const std::vector<std::ptrdiff_t> before = longest_series(seen, last);
   if (last >= 0) heads[static_cast<size_t>(last)] = seen_head(seen[static_cast<size_t>(last)]);

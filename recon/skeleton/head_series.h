@@ -19,13 +19,14 @@ struct SeenPulse {
 };
 
 /// World frame, metres.
-struct HeadPlace {
+struct HeadPosition {
   Eigen::Vector3d head = Eigen::Vector3d::Zero(), neck = Eigen::Vector3d::Zero();
   double weight = 0;  ///< 1: an end of the graph; less: interpolated; 0: unknown
 };
 
 /// The head at all pulses of `seen`, which have ascending numbers: the longest series of ends of
-/// graphs that agree with one another, and places between them. A raised arm can look like a head.
-std::vector<HeadPlace> follow_head(std::span<const SeenPulse> seen);
+/// graphs that agree with one another, and positions between them. A raised arm can look like a
+/// head.
+std::vector<HeadPosition> follow_head(std::span<const SeenPulse> seen);
 
 }  // namespace v3d::recon

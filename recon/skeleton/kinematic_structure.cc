@@ -180,7 +180,7 @@ class TakeFit {
     for (size_t n = start; n-- > stretch.first;) carry(n + 1, n);
   }
 
-  /// Places of the right and the left hand on the prop. The right hand is nearer to the tip.
+  /// Positions of the right and the left hand on the prop. The right hand is nearer to the tip.
   std::pair<Vector3d, Vector3d> grips(const PropEvidence& prop) const {
     const Vector3d along = (prop.tip - prop.base).normalized();
     return {prop.base - kRightGrip * facts_.stature_m * along,
@@ -257,16 +257,16 @@ class TakeFit {
   }
 
   /// The pelvis is above the middle between neck and feet: otherwise a person falls.
-  void add_balance(const HeadPlace& head, const JointPositions& expected,
+  void add_balance(const HeadPosition& head, const JointPositions& expected,
                    std::vector<JointTarget>& targets) const {
     const Vector3d neck = head.weight > 0 ? head.neck : expected[kNeck];
     Vector3d feet = Vector3d::Zero();
     for (const Joint ankle : {kLeftAnkle, kRightAnkle}) {
-      Vector3d place = expected[ankle];
+      Vector3d position = expected[ankle];
       for (const JointTarget& target : targets) {
-        if (target.joint == ankle) place = target.place;
+        if (target.joint == ankle) position = target.position;
       }
-      feet += 0.5 * place;
+      feet += 0.5 * position;
     }
     Vector3d down = 0.5 * (feet - neck);
     down.z() = -lengths_.between(kPelvis, kNeck);
@@ -278,8 +278,8 @@ class TakeFit {
                  std::vector<JointTarget>& targets) const {
     const Joint shoulder = wrist == kLeftWrist ? kLeftShoulder : kRightShoulder;
     const Vector3d towards = (expected[shoulder] - grip).normalized();
-    const Vector3d place = grip + proportions::kGrip * facts_.stature_m * towards;
-    targets.push_back({wrist, place, kHandWeight});
+    const Vector3d position = grip + proportions::kGrip * facts_.stature_m * towards;
+    targets.push_back({wrist, position, kHandWeight});
   }
 
   void add_hands(const BodyEvidence& seen, const JointPositions& expected,
@@ -308,7 +308,7 @@ class TakeFit {
     problem.expected = expected;
     problem.expected_weight = expected_weight;
     problem.has_prop = facts_.has_prop;
-    const HeadPlace& head = heads_[n];
+    const HeadPosition& head = heads_[n];
     if (head.weight > 0) {
       problem.targets.push_back({kHead, head.head, kHeadWeight * head.weight});
       problem.targets.push_back({kNeck, head.neck, kHeadWeight * head.weight});
@@ -365,12 +365,12 @@ class TakeFit {
                                              const JointPositions& joints) const {
     if (point.capsule != OutlinePoint::kAnyCapsule) {
       const auto only = static_cast<size_t>(point.capsule);
-      return {only, distance_to(outline_[only], joints, point.place)};
+      return {only, distance_to(outline_[only], joints, point.position)};
     }
     std::pair<size_t, CapsuleDistance> best;
     double least = 1e9;
     for (size_t c = 0; c < kPropCapsule; ++c) {
-      const CapsuleDistance distance = distance_to(outline_[c], joints, point.place);
+      const CapsuleDistance distance = distance_to(outline_[c], joints, point.position);
       const double outside = std::abs(distance.metres - outline_[c].radius(distance.along));
       if (outside >= least) continue;
       least = outside;
@@ -452,7 +452,7 @@ class TakeFit {
   BodyLengths lengths_;
   std::vector<Capsule> outline_;
   std::vector<FittedPose> poses_;
-  std::vector<HeadPlace> heads_;
+  std::vector<HeadPosition> heads_;
 };
 
 }  // namespace

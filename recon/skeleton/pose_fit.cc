@@ -42,10 +42,10 @@ class Normals {
   void add(std::initializer_list<Term> terms, double residual, double weight) {
     add(std::span(terms.begin(), terms.size()), residual, weight);
   }
-  /// The joint should be at `place`.
-  void attract(Joint joint, const Vector3d& from, const Vector3d& place, double weight) {
+  /// The joint should be at `position`.
+  void attract(Joint joint, const Vector3d& from, const Vector3d& position, double weight) {
     for (int axis = 0; axis < 3; ++axis) {
-      add({{joint, Vector3d::Unit(axis)}}, from[axis] - place[axis], weight);
+      add({{joint, Vector3d::Unit(axis)}}, from[axis] - position[axis], weight);
     }
   }
   Eigen::VectorXd step() {
@@ -75,7 +75,7 @@ class Fit {
     add_lengths(normals);
     add_bends(normals);
     for (const JointTarget& target : problem_.targets) {
-      normals.attract(target.joint, joints_[target.joint], target.place, target.weight);
+      normals.attract(target.joint, joints_[target.joint], target.position, target.weight);
     }
     for (size_t j = 0; j < kJoints; ++j) {
       normals.attract(static_cast<Joint>(j), joints_[j], problem_.expected[j],
@@ -115,12 +115,12 @@ class Fit {
   Nearest nearest_capsule(const OutlinePoint& point) const {
     if (point.capsule != OutlinePoint::kAnyCapsule) {
       const auto only = static_cast<size_t>(point.capsule);
-      return {only, distance_to(outline_[only], joints_, point.place)};
+      return {only, distance_to(outline_[only], joints_, point.position)};
     }
     Nearest nearest;
     double least = std::numeric_limits<double>::infinity();
     for (size_t c = 0; c < kPropCapsule; ++c) {
-      const CapsuleDistance distance = distance_to(outline_[c], joints_, point.place);
+      const CapsuleDistance distance = distance_to(outline_[c], joints_, point.position);
       const double outside = distance.metres - outline_[c].radius(distance.along);
       if (std::abs(outside) >= least) continue;
       least = std::abs(outside);
@@ -139,7 +139,7 @@ class Fit {
       const double residual = distance.metres - capsule.radius(distance.along);
       const Vector3d axis =
           (1 - distance.along) * capsule.a.at(joints_) + distance.along * capsule.b.at(joints_);
-      const Vector3d away = (axis - point.place) / distance.metres;
+      const Vector3d away = (axis - point.position) / distance.metres;
       std::array<Normals::Term, 6> terms;
       for (size_t k = 0; k < 3; ++k) {
         terms[k] = {capsule.a.joint[k], (1 - distance.along) * capsule.a.weight[k] * away};
@@ -195,8 +195,8 @@ class Fit {
     Vector3d bend = side - side.dot(line) / (length * length) * line;
     if (bend.norm() < 1e-6) return;
     bend.normalize();
-    const Vector3d place = joints_[root] + along / length * line + aside * bend;
-    normals.attract(middle, joints_[middle], place, share * kBendWeight);
+    const Vector3d position = joints_[root] + along / length * line + aside * bend;
+    normals.attract(middle, joints_[middle], position, share * kBendWeight);
   }
 
   void add_bends(Normals& normals) const {
@@ -225,11 +225,12 @@ class Fit {
 }  // namespace
 
 CapsuleDistance distance_to(const Capsule& capsule, const JointPositions& joints,
-                            const Vector3d& place) {
+                            const Vector3d& position) {
   const Vector3d a = capsule.a.at(joints), along = capsule.b.at(joints) - a;
   const double squared = along.squaredNorm();
-  const double t = squared > 1e-12 ? std::clamp((place - a).dot(along) / squared, 0.0, 1.0) : 0.0;
-  return {t, (place - a - t * along).norm()};
+  const double t =
+      squared > 1e-12 ? std::clamp((position - a).dot(along) / squared, 0.0, 1.0) : 0.0;
+  return {t, (position - a - t * along).norm()};
 }
 
 FittedPose fit_pose(const PoseProblem& problem, const BodyLengths& lengths,

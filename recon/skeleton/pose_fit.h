@@ -11,18 +11,18 @@
 
 namespace v3d::recon {
 
-/// A joint that should be near a place.
+/// A joint that should be near a position.
 struct JointTarget {
   Joint joint = kPelvis;
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< world, metres
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< world, metres
   double weight = 1;
 };
 
-/// A place of the surface; `capsule`: the only one that it can belong to, kAnyCapsule: the nearest
+/// A point of the surface; `capsule`: the only one that it can belong to, kAnyCapsule: the nearest
 /// one that is not the prop.
 struct OutlinePoint {
   static constexpr int kAnyCapsule = -1;
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< world, metres
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< world, metres
   int capsule = kAnyCapsule;
 };
 
@@ -52,7 +52,7 @@ struct CapsuleDistance {
   double metres = 0;  ///< from the axis
 };
 CapsuleDistance distance_to(const Capsule& capsule, const JointPositions& joints,
-                            const Eigen::Vector3d& place);
+                            const Eigen::Vector3d& position);
 
 /// Gauss-Newton fit from `start`: the surface is at the radius of the nearest capsule (robust),
 /// bones have their lengths, targets and expected positions attract joints; knees bend forward,

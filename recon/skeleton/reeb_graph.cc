@@ -23,10 +23,10 @@ struct Moments {
   Vector3d first = Vector3d::Zero();
   Matrix3d second = Matrix3d::Zero();
 
-  void add(double of_area, const Vector3d& place) {
+  void add(double of_area, const Vector3d& position) {
     area += of_area;
-    first += of_area * place;
-    second += of_area * place * place.transpose();
+    first += of_area * position;
+    second += of_area * position * position.transpose();
   }
   void add(const Moments& other) {
     area += other.area;

@@ -23,7 +23,7 @@ constexpr double kCapM = 0.06;          ///< residuals beyond count as this
 constexpr double kPriorM = 0.02;        ///< cost of a part that no pulse suggests
 constexpr double kNeighboursM = 0.012;  ///< cost of a part that no neighbour has
 constexpr size_t kMinVertices = 12;     ///< of a part with a motion of its own
-constexpr double kFootBegins = 0.93;    ///< place along the shin
+constexpr double kFootBegins = 0.93;    ///< position along the shin
 
 /// The part that the surface near a capsule belongs to.
 Joint part_of_capsule(size_t capsule, double along) {
@@ -107,12 +107,12 @@ class PartFinder {
     });
   }
 
-  Joint nearest_part(const Vector3d& place, const JointPositions& pose) const {
+  Joint nearest_part(const Vector3d& position, const JointPositions& pose) const {
     double least = std::numeric_limits<double>::infinity();
     Joint part = kPelvis;
     for (size_t c = 0; c < outline_.size(); ++c) {
       if (c == kPropCapsule && !has_prop_) continue;
-      const CapsuleDistance distance = distance_to(outline_[c], pose, place);
+      const CapsuleDistance distance = distance_to(outline_[c], pose, position);
       const double outside = std::abs(distance.metres - outline_[c].radius(distance.along));
       if (outside >= least) continue;
       least = outside;
@@ -172,8 +172,8 @@ class PartFinder {
     const Vector3d rest = body_.surface.vertices[v].cast<double>();
     double sum = 0;
     for (size_t p = 0; p < pulses(); ++p) {
-      const Vector3d place = body_.positions[p][v].cast<double>();
-      sum += std::min((parts_.motions[p][part] * rest - place).squaredNorm(), kCapM * kCapM);
+      const Vector3d position = body_.positions[p][v].cast<double>();
+      sum += std::min((parts_.motions[p][part] * rest - position).squaredNorm(), kCapM * kCapM);
     }
     return sum / static_cast<double>(pulses());
   }

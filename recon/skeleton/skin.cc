@@ -66,10 +66,10 @@ class SkinFitter {
     const Vector3d rest = body_.surface.vertices[v].cast<double>();
     double squares = kOwnPartM * kOwnPartM * static_cast<double>(motions_.size()), product = 0;
     for (size_t p = 0; p < motions_.size(); ++p) {
-      const Vector3d place = motions_[p][own] * rest;
-      const Vector3d difference = motions_[p][other] * rest - place;
+      const Vector3d position = motions_[p][own] * rest;
+      const Vector3d difference = motions_[p][other] * rest - position;
       squares += difference.squaredNorm();
-      product += difference.dot(body_.positions[p][v].cast<double>() - place);
+      product += difference.dot(body_.positions[p][v].cast<double>() - position);
     }
     const double weight = std::clamp(product / squares, 0.0, 1.0);
     return {weight, weight * (2 * product - weight * squares)};
@@ -126,15 +126,16 @@ PartMotion part_motion(const SkeletonPulse& from, const SkeletonPulse& to) {
 }
 
 std::vector<Vector3f> skinned(const Skin& skin, const PartMotion& motion,
-                              std::span<const Vector3f> places) {
-  V3D_CHECK(places.size() == skin.influences.size());
-  std::vector<Vector3f> moved(places.size());
-  tbb::parallel_for(size_t{0}, places.size(), [&](size_t v) {
+                              std::span<const Vector3f> positions) {
+  V3D_CHECK(positions.size() == skin.influences.size());
+  std::vector<Vector3f> moved(positions.size());
+  tbb::parallel_for(size_t{0}, positions.size(), [&](size_t v) {
     const SkinInfluence& influence = skin.influences[v];
     Vector3d sum = Vector3d::Zero();
     for (size_t k = 0; k < SkinInfluence::kParts; ++k) {
       if (influence.weight[k] == 0) continue;
-      sum += double{influence.weight[k]} * (motion[influence.part[k]] * places[v].cast<double>());
+      sum +=
+          double{influence.weight[k]} * (motion[influence.part[k]] * positions[v].cast<double>());
     }
     moved[v] = sum.cast<float>();
   });

@@ -28,9 +28,9 @@ struct Skin {
 /// Motions of all parts from one skeleton to another, by joint.
 PartMotion part_motion(const SkeletonPulse& from, const SkeletonPulse& to);
 
-/// Vertices at `places`, moved by linear blend skinning. One place per influence.
+/// Vertices at `positions`, moved by linear blend skinning. One position per influence.
 std::vector<Eigen::Vector3f> skinned(const Skin& skin, const PartMotion& motion,
-                                     std::span<const Eigen::Vector3f> places);
+                                     std::span<const Eigen::Vector3f> positions);
 
 /// Learns the weights of the vertices from their paths: each is a blend of its own part and one
 /// that touches it, smoothed over the surface. `pulses`: the skeleton at each pulse of the body.

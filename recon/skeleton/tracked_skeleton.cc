@@ -27,20 +27,20 @@ constexpr double kHeadTrust = 0.5;    ///< of the motion of the head against sin
 constexpr size_t kMinRing = 6;        ///< edges between two parts that show their joint
 constexpr double kConfidentM = 0.03;  ///< residual of a part
 
-Vector3d median_place(const std::vector<Vector3d>& places) {
+Vector3d median_position(const std::vector<Vector3d>& positions) {
   Vector3d result;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<double> values;
-    for (const Vector3d& place : places) values.push_back(place[axis]);
+    for (const Vector3d& position : positions) values.push_back(position[axis]);
     result[axis] = median(values);
   }
   return result;
 }
 
-/// A place of a joint at rest, and how far it is trusted: 0 where only the poses of single pulses
-/// show it, near 1 where the motion of its parts does.
+/// A position of a joint at rest, and how far it is trusted: 0 where only the poses of single
+/// pulses show it, near 1 where the motion of its parts does.
 struct Centre {
-  Vector3d place = Vector3d::Zero();
+  Vector3d position = Vector3d::Zero();
   double trust = 0;
 };
 
@@ -87,38 +87,38 @@ class JointFinder {
     result_.trust[joint] = centre.trust;
     for (size_t p = 0; p < poses_.size(); ++p) {
       const PartMotion& motion = parts_.motions[p];
-      Vector3d& place = result_.joints[p][joint];
-      place = 0.5 * (motion[a] * centre.place + motion[b] * centre.place);
-      if (poses_[p] != nullptr) place += (1 - centre.trust) * ((*poses_[p])[joint] - place);
+      Vector3d& position = result_.joints[p][joint];
+      position = 0.5 * (motion[a] * centre.position + motion[b] * centre.position);
+      if (poses_[p] != nullptr) position += (1 - centre.trust) * ((*poses_[p])[joint] - position);
     }
   }
 
   /// Where the poses show a joint, at rest: the median over the pulses, in the frames of two parts.
   Vector3d expected(Joint joint, Joint a, Joint b) const {
-    std::vector<Vector3d> places;
+    std::vector<Vector3d> positions;
     for (size_t p = 0; p < poses_.size(); ++p) {
       if (poses_[p] == nullptr) continue;
-      const Vector3d& place = (*poses_[p])[joint];
-      places.push_back(parts_.motions[p][a].inverse() * place);
-      places.push_back(parts_.motions[p][b].inverse() * place);
+      const Vector3d& position = (*poses_[p])[joint];
+      positions.push_back(parts_.motions[p][a].inverse() * position);
+      positions.push_back(parts_.motions[p][b].inverse() * position);
     }
-    return median_place(places);
+    return median_position(positions);
   }
 
-  /// A weighted sum of places.
+  /// A weighted sum of positions.
   struct Evidence {
     Matrix3d information = Matrix3d::Zero();  ///< 1 / m^2
     Vector3d weighted = Vector3d::Zero();
-    void add(const Vector3d& place, double deviation_m) {
+    void add(const Vector3d& position, double deviation_m) {
       information += Matrix3d::Identity() / (deviation_m * deviation_m);
-      weighted += place / (deviation_m * deviation_m);
+      weighted += position / (deviation_m * deviation_m);
     }
-    /// `place` is known across an axis only.
-    void add_across(const Vector3d& axis, const Vector3d& place, double deviation_m) {
+    /// `position` is known across an axis only.
+    void add_across(const Vector3d& axis, const Vector3d& position, double deviation_m) {
       const Matrix3d across =
           (Matrix3d::Identity() - axis * axis.transpose()) / (deviation_m * deviation_m);
       information += across;
-      weighted += across * place;
+      weighted += across * position;
     }
     Vector3d mean() const { return information.ldlt().solve(weighted); }
   };
@@ -127,12 +127,12 @@ class JointFinder {
   /// count little.
   void add_ring(Joint a, Joint b, Evidence& evidence) const {
     std::vector<Vector3d> middles;
-    const std::vector<Eigen::Vector3f>& places = body_.surface.vertices;
+    const std::vector<Eigen::Vector3f>& positions = body_.surface.vertices;
     for (const auto& triangle : body_.surface.triangles) {
       for (size_t k = 0; k < 3; ++k) {
         const uint32_t v = triangle[k], w = triangle[(k + 1) % 3];
         if (parts_.part_of[v] != a || parts_.part_of[w] != b) continue;
-        middles.push_back(0.5 * (places[v] + places[w]).cast<double>());
+        middles.push_back(0.5 * (positions[v] + positions[w]).cast<double>());
       }
     }
     if (middles.size() < kMinRing) return;
@@ -155,7 +155,7 @@ class JointFinder {
     return sum / static_cast<double>(std::max<size_t>(parts_.count[part], 1));
   }
 
-  /// The place that two parts move alike: the centre of rotation between them.
+  /// The point that two parts move alike: the centre of rotation between them.
   void add_motion(Joint a, Joint b, Evidence& evidence) const {
     Evidence motion;
     motion.add(evidence.mean(), 1);  // so that all axes are known
@@ -192,10 +192,10 @@ class JointFinder {
     Vector3d sum = Vector3d::Zero();
     for (size_t v = 0; v < parts_.part_of.size(); ++v) {
       if (parts_.part_of[v] != elbow) continue;
-      sum += body_.surface.vertices[v].cast<double>() - root.place;
+      sum += body_.surface.vertices[v].cast<double>() - root.position;
     }
     const double length = structure_.lengths.between(elbow, wrist);
-    return {root.place + length * sum.normalized(), root.trust};
+    return {root.position + length * sum.normalized(), root.trust};
   }
 
   /// The pelvis is above the middle between the hips, towards the neck.

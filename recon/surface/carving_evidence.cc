@@ -21,8 +21,8 @@ FreeSpaceVotes::FreeSpaceVotes(const SparseVolume& volume)
       votes_(512 * volume.bricks().size()),
       has_free_(volume.bricks().size()) {}
 
-std::optional<Eigen::Vector3i> FreeSpaceVotes::voxel_at(const Eigen::Vector3f& place) const {
-  const Eigen::Vector3f at = (place - origin_) * per_metre_;
+std::optional<Eigen::Vector3i> FreeSpaceVotes::voxel_at(const Eigen::Vector3f& position) const {
+  const Eigen::Vector3f at = (position - origin_) * per_metre_;
   for (int axis = 0; axis < 3; ++axis) {
     if (!(at[axis] >= 0 && at[axis] < VoxelGrid::kMaxCount)) return std::nullopt;
   }
@@ -33,13 +33,13 @@ int FreeSpaceVotes::brick_of(const Eigen::Vector3i& voxel) const {
   return volume_.index_of({voxel.x() / 8, voxel.y() / 8, voxel.z() / 8});
 }
 
-int FreeSpaceVotes::brick_at(const Eigen::Vector3f& place) const {
-  const auto voxel = voxel_at(place);
+int FreeSpaceVotes::brick_at(const Eigen::Vector3f& position) const {
+  const auto voxel = voxel_at(position);
   return voxel ? brick_of(*voxel) : -1;
 }
 
-void FreeSpaceVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
-  const auto voxel = voxel_at(place);
+void FreeSpaceVotes::vote(const Eigen::Vector3f& position, uint32_t what) {
+  const auto voxel = voxel_at(position);
   const int brick = voxel ? brick_of(*voxel) : -1;
   if (brick < 0) return;
   const int inside = 64 * (voxel->z() % 8) + 8 * (voxel->y() % 8) + voxel->x() % 8;
@@ -94,27 +94,27 @@ constexpr int kRim = 1;
 /// Voxels of a brick: their numbers and positions.
 struct VoxelBlock {
   std::array<uint16_t, PointBlock::kCapacity> number;
-  PointBlock places;
+  PointBlock positions;
 };
 
 /// Calls work(VoxelBlock) for all voxels, in blocks.
 template <class Work>
 void for_each_block(const VoxelGrid& grid, const codec::BrickCoord& at, const codec::Brick& voxels,
                     VoxelBlock& block, const Work& work) {
-  block.places.count = 0;
+  block.positions.count = 0;
   for (int z = 0; z < codec::kBrickEdge; ++z) {
     for (uint64_t bits = voxels[z]; bits != 0; bits &= bits - 1) {
       const int bit = std::countr_zero(bits);
-      const size_t i = block.places.count++;
+      const size_t i = block.positions.count++;
       block.number[i] = static_cast<uint16_t>(64 * z + bit);
-      block.places.set(
+      block.positions.set(
           i, grid.center(8 * at.x + bit % 8, 8 * at.y + bit / 8, 8 * at.z + z).cast<float>());
-      if (block.places.count < PointBlock::kCapacity) continue;
+      if (block.positions.count < PointBlock::kCapacity) continue;
       work(block);
-      block.places.count = 0;
+      block.positions.count = 0;
     }
   }
-  if (block.places.count > 0) work(block);
+  if (block.positions.count > 0) work(block);
 }
 
 /// The pixels of a mask for which chosen(x, y) is true.
@@ -164,8 +164,8 @@ std::vector<codec::Brick> voxels_at(std::span<const Mask> pixels,
     for_each_block(volume.grid(), volume.coords()[b], some[b], block, [&](const VoxelBlock& part) {
       PixelBlock seen;
       for (const size_t c : open) {
-        project_block(cameras[c], part.places, seen);
-        for (size_t i = 0; i < part.places.count; ++i) {
+        project_block(cameras[c], part.positions, seen);
+        for (size_t i = 0; i < part.positions.count; ++i) {
           if (!has(pixels[c], seen.u[i], seen.v[i])) continue;
           found[b][part.number[i] / 64] |= uint64_t{1} << (part.number[i] % 64);
         }

@@ -26,14 +26,16 @@ class FreeSpaceVotes {
   /// `volume` is borrowed and must not change.
   explicit FreeSpaceVotes(const SparseVolume& volume);
 
-  /// Index of the volume's brick that contains `place` (world, metres); -1 where no brick is
+  /// Index of the volume's brick that contains `position` (world, metres); -1 where no brick is
   /// stored.
-  int brick_at(const Eigen::Vector3f& place) const;
+  int brick_at(const Eigen::Vector3f& position) const;
 
-  /// Adds `votes` to the voxel at `place` (world, metres). Votes outside the volume are ignored.
-  void vote_free(const Eigen::Vector3f& place, uint8_t votes = 1) { vote(place, kFree * votes); }
-  void vote_occupied(const Eigen::Vector3f& place, uint8_t votes = 1) {
-    vote(place, kOccupied * votes);
+  /// Adds `votes` to the voxel at `position` (world, metres). Votes outside the volume are ignored.
+  void vote_free(const Eigen::Vector3f& position, uint8_t votes = 1) {
+    vote(position, kFree * votes);
+  }
+  void vote_occupied(const Eigen::Vector3f& position, uint8_t votes = 1) {
+    vote(position, kOccupied * votes);
   }
 
   /// The occupied voxels with at least `min_votes` votes for empty (1 or more) and fewer votes for
@@ -48,9 +50,9 @@ class FreeSpaceVotes {
   static constexpr uint32_t kFree = 1, kOccupied = 1 << 16;
   static_assert(kMaxVotes + UINT8_MAX < kOccupied);
   /// The voxel; empty where there can be none.
-  std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& place) const;
+  std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& position) const;
   int brick_of(const Eigen::Vector3i& voxel) const;
-  void vote(const Eigen::Vector3f& place, uint32_t what);
+  void vote(const Eigen::Vector3f& position, uint32_t what);
 
   const SparseVolume& volume_;
   const Eigen::Vector3f origin_;

@@ -47,13 +47,13 @@ constexpr float kUnit = 124;  ///< cost of a correlation that is lower by 1
 constexpr uint8_t kSlope = 31;
 constexpr int kRounds = 4;
 
-/// Smallest correlation with another camera for a camera to count as seeing the place.
+/// Smallest correlation with another camera for a camera to count as seeing the sample.
 constexpr float kAgreeing = 0.4F;
-// Votes for empty along a ray: distance of the first vote from the place, voxels. The last vote is
+// Votes for empty along a ray: distance of the first vote from the sample, voxels. The last vote is
 // where an oblique ray leaves the hull. Votes are summed over neighbouring voxels.
 constexpr float kFirstFree = 3.5F;
 constexpr float kMaxSlant = 3, kBeyondSkin = 2;
-constexpr int kVotesInwards = 5;  ///< votes for occupied, voxels from the place inwards
+constexpr int kVotesInwards = 5;  ///< votes for occupied, voxels from the sample inwards
 
 constexpr int kMinVotes = 16;  ///< summed over vertices
 constexpr int kCutSmoothing = 8;
@@ -105,8 +105,8 @@ class ConcavityCarver::Impl {
       if (std::find(near.begin(), near.end(), 1) == near.end()) break;
       opened = cut.bricks();
       marching_cubes_.run(cut.remaining(), remaining_);
-      search_surface(cameras, remaining_, kEveryInLaterPasses, [&](const Vector3f& place) {
-        const int brick = votes.brick_at(place);
+      search_surface(cameras, remaining_, kEveryInLaterPasses, [&](const Vector3f& position) {
+        const int brick = votes.brick_at(position);
         return brick >= 0 && near[brick] != 0;
       });
       select_depths(found.samples);
@@ -158,7 +158,7 @@ class ConcavityCarver::Impl {
         [&] { draw_depths(mesh_, cameras.models, depths_, Faces::kFront); });
   }
 
-  /// Searches every `every`-th vertex for which where(place) is true.
+  /// Searches every `every`-th vertex for which where(position) is true.
   template <class Where>
   void search_surface(const SurfaceCameras& cameras, const Mesh& surface, size_t every,
                       const Where& where) {
@@ -181,12 +181,12 @@ class ConcavityCarver::Impl {
   void search_block(std::span<const SurfaceCamera> cameras, std::span<VertexSearch> searches,
                     BlockVisibility& block) {
     const size_t count = searches.size();
-    std::array<Vector3f, VertexVisibility::kCapacity> places, normals;
+    std::array<Vector3f, VertexVisibility::kCapacity> positions, normals;
     for (size_t i = 0; i < count; ++i) {
-      places[i] = mesh_.vertices[searches[i].vertex];
+      positions[i] = mesh_.vertices[searches[i].vertex];
       normals[i] = normals_[searches[i].vertex];
     }
-    const auto where = std::span(places).first(count), facing = std::span(normals).first(count);
+    const auto where = std::span(positions).first(count), facing = std::span(normals).first(count);
     block.compute(where, facing, cameras, depths_, {.tolerance_m = kHiddenBehind * voxel_});
     block.windows.find(where, facing, cameras, block.by_camera(),
                        {.level = kLevel,
@@ -301,7 +301,7 @@ class ConcavityCarver::Impl {
     sample.vertices = static_cast<uint8_t>(every_);
     sample.depth_m = kStep * static_cast<float>(label) * voxel_;
     sample.outwards = normals_[search.vertex];
-    sample.place = mesh_.vertices[search.vertex] - sample.depth_m * sample.outwards;
+    sample.position = mesh_.vertices[search.vertex] - sample.depth_m * sample.outwards;
     for (int c = 0; c < search.views.count; ++c) {
       if ((search.agreeing[label] >> c & 1) == 0) continue;
       sample.cameras[sample.count++] = static_cast<uint16_t>(search.views.camera[c]);
@@ -322,7 +322,7 @@ class ConcavityCarver::Impl {
     for_each_vertex(samples.size(), [&](size_t i) {
       const auto still = [&](uint16_t camera) -> const SurfaceCamera* {
         const auto& [then, now] = adjacent.cameras[camera];
-        const auto seen = now != nullptr ? now->project(samples[i].place) : std::nullopt;
+        const auto seen = now != nullptr ? now->project(samples[i].position) : std::nullopt;
         return seen && static_weight(*now, *then, seen->pixel) > 0 ? now : nullptr;
       };
       vote(samples[i], still, votes);
@@ -338,13 +338,13 @@ class ConcavityCarver::Impl {
       const SurfaceCamera* camera = camera_of(sample.cameras[c]);
       if (camera == nullptr) continue;
       ++cameras;
-      const Vector3f out = (camera->center() - sample.place).normalized();
+      const Vector3f out = (camera->center() - sample.position).normalized();
       for (float way = kFirstFree; way < last; ++way) {
-        votes.vote_free(sample.place + way * voxel_ * out, sample.vertices);
+        votes.vote_free(sample.position + way * voxel_ * out, sample.vertices);
       }
     }
     for (int way = 0; cameras >= 2 && way < kVotesInwards; ++way) {
-      votes.vote_occupied(sample.place - static_cast<float>(way) * voxel_ * sample.outwards,
+      votes.vote_occupied(sample.position - static_cast<float>(way) * voxel_ * sample.outwards,
                           sample.vertices);
     }
   }

@@ -17,7 +17,7 @@ namespace v3d::recon {
 /// Stereo sample: the accepted depth of one vertex, on which cameras agree.
 struct StereoSample {
   static constexpr size_t kMaxCameras = 6;
-  Eigen::Vector3f place;     ///< world, metres
+  Eigen::Vector3f position;  ///< world, metres
   Eigen::Vector3f outwards;  ///< unit normal of the surface where the depth search started
   float depth_m = 0;         ///< depth below that surface
   std::array<uint16_t, kMaxCameras> cameras{};  ///< that agree: indices into the SurfaceCameras

@@ -149,20 +149,20 @@ class Deformer::Impl {
 
   void observe_block(const Round& round, const Mesh& mesh, size_t first, BlockVisibility& block) {
     const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
-    const auto places = std::span(mesh.vertices).subspan(first, count);
+    const auto positions = std::span(mesh.vertices).subspan(first, count);
     const auto normals = std::span<const Vector3f>(normals_).subspan(first, count);
-    block.compute(places, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
-    if (options_.photometric > 0) correlate_block(round, places, first, block);
-    if (round.outlines && options_.silhouette > 0) pull_block(places, first, block.by_camera());
+    block.compute(positions, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    if (options_.photometric > 0) correlate_block(round, positions, first, block);
+    if (round.outlines && options_.silhouette > 0) pull_block(positions, first, block.by_camera());
   }
 
-  void correlate_block(const Round& round, std::span<const Vector3f> places, size_t first,
+  void correlate_block(const Round& round, std::span<const Vector3f> positions, size_t first,
                        BlockVisibility& block) {
     const CorrelationOptions correlation{.side = options_.window,
                                          .first = round.first,
                                          .noise = kNoiseVariance,
                                          .robust = options_.mode != DeformMode::kPaper};
-    block.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
+    block.windows.find(positions, std::span<const Vector3f>(normals_).subspan(first), cameras_,
                        block.by_camera(),
                        {.level = round.level,
                         .max_views = options_.views,
@@ -170,7 +170,7 @@ class Deformer::Impl {
                         .spacing_m = round.spacing * voxel_,
                         .step_m = round.step * voxel_},
                        correlation);
-    for (size_t i = 0; i < places.size(); ++i) {
+    for (size_t i = 0; i < positions.size(); ++i) {
       const WindowViews& views = block.windows.views(i);
       if (views.count < 2) continue;
       correlate(views, correlation, profiles_[first + i]);
@@ -178,14 +178,14 @@ class Deformer::Impl {
     }
   }
 
-  void pull_block(std::span<const Vector3f> places, size_t first,
+  void pull_block(std::span<const Vector3f> positions, size_t first,
                   std::span<const VertexVisibility> visibilities) {
     const float each = weight(kPullOfSilhouette, options_.silhouette);
     for (size_t c = 0; c < cameras_.size(); ++c) {
       const VertexBits near =
-          grazing_vertices(near_[c], visibilities[c], places.size(), kMaxOutlineFacing);
+          grazing_vertices(near_[c], visibilities[c], positions.size(), kMaxOutlineFacing);
       for_each_bit(near, [&](size_t i) {
-        const auto way = silhouette_displacement(cameras_[c], depths_[c], places[i],
+        const auto way = silhouette_displacement(cameras_[c], depths_[c], positions[i],
                                                  normals_[first + i], visibilities[c].at(i));
         if (!way) return;
         pulls_[first + i].weight += each;
@@ -330,12 +330,12 @@ struct OutlineSearch {
 };
 
 std::optional<OutlineSearch> search_along(const SurfaceCamera& camera, ImageSize size,
-                                          const Eigen::Vector3f& place,
+                                          const Eigen::Vector3f& position,
                                           const Eigen::Vector3f& normal,
                                           const SurfaceCamera::Seen& seen) {
   const float room = (kSearchPixels + 1) * camera.coarseness();
   if (!deep_inside(seen.pixel, size, room)) return std::nullopt;
-  const auto beside = camera.project(place + kProbeMetres * normal);
+  const auto beside = camera.project(position + kProbeMetres * normal);
   if (!beside) return std::nullopt;
   const Vector2f across = beside->pixel - seen.pixel;
   const float length = across.norm() / camera.coarseness();
@@ -360,10 +360,10 @@ Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
 }
 
 std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                             const Eigen::Vector3f& place,
+                                             const Eigen::Vector3f& position,
                                              const Eigen::Vector3f& normal,
                                              const SurfaceCamera::Seen& seen) {
-  const auto search = search_along(camera, depth.size, place, normal, seen);
+  const auto search = search_along(camera, depth.size, position, normal, seen);
   if (!search) return std::nullopt;
   const auto drawn = [&](const Vector2f& p) {
     return std::isfinite(depth.at(static_cast<int>(p.x()), static_cast<int>(p.y())));
@@ -376,10 +376,10 @@ std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const 
 }
 
 std::optional<float> displacement_to_silhouette(const SurfaceCamera& camera,
-                                                const Eigen::Vector3f& place,
+                                                const Eigen::Vector3f& position,
                                                 const Eigen::Vector3f& normal,
                                                 const SurfaceCamera::Seen& seen) {
-  const auto search = search_along(camera, camera.silhouette().size(), place, normal, seen);
+  const auto search = search_along(camera, camera.silhouette().size(), position, normal, seen);
   if (!search) return std::nullopt;
   const auto observed_at = observed_outline(camera, seen.pixel, search->direction);
   if (!observed_at) return std::nullopt;

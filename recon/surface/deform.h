@@ -78,17 +78,17 @@ inline constexpr float kMaxOutlineFacing = 0.35F;
 /// So a mesh that fills its silhouette has displacement 0. Empty for a vertex off the outline, and
 /// where the observed outline is not near.
 ///
-/// `depth` is the depth buffer of the mesh, `seen` is camera.project(place). Requires a grazing
+/// `depth` is the depth buffer of the mesh, `seen` is camera.project(position). Requires a grazing
 /// vertex (grazing_vertices()) inside near_outline().
 std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                             const Eigen::Vector3f& place,
+                                             const Eigen::Vector3f& position,
                                              const Eigen::Vector3f& normal,
                                              const SurfaceCamera::Seen& seen);
 
 /// The same for a vertex that lies on the outline of the mesh itself: how far the outline of the
 /// observed silhouette is. Requires a grazing vertex inside near_silhouette_outline().
 std::optional<float> displacement_to_silhouette(const SurfaceCamera& camera,
-                                                const Eigen::Vector3f& place,
+                                                const Eigen::Vector3f& position,
                                                 const Eigen::Vector3f& normal,
                                                 const SurfaceCamera::Seen& seen);
 

@@ -43,8 +43,8 @@ constexpr float kNoiseVariance = 2;  ///< squared grey values
 constexpr int kSweeps = 4;           ///< of the displacement field
 constexpr int kSmoothingBefore = 2, kSmoothingAfter = 1, kNormalSmoothing = 2;
 
-/// Weight of the pull to the place before the search; a clear depth has about 0.3. Without it, the
-/// field would carry vertices without a window inwards, off their silhouettes.
+/// Weight of the pull to the position before the search; a clear depth has about 0.3. Without it,
+/// the field would carry vertices without a window inwards, off their silhouettes.
 constexpr float kHold = 0.005F;
 /// Weight of the pull to the observed outline, for each camera in which a vertex lies on the
 /// outline of the mesh.
@@ -59,8 +59,8 @@ constexpr double kTriangleRadius = 0.71;
 
 /// A block of windows; one object per thread.
 struct Block {
-  std::array<Vector3f, VertexVisibility::kCapacity> places, normals;
-  PointBlock place_block, normal_block;
+  std::array<Vector3f, VertexVisibility::kCapacity> positions, normals;
+  PointBlock position_block, normal_block;
   std::vector<VertexVisibility> by_camera;
   WindowBlock windows;
 };
@@ -141,11 +141,11 @@ class LiveDeformer::Impl {
                       [&](size_t c) { near_[c] = near_silhouette_outline(cameras[c]); });
   }
 
-  /// Whether no surface lies beyond the place in the direction of its normal, seen from the camera:
-  /// the place is on the outline of the mesh.
+  /// Whether no surface lies beyond the position in the direction of its normal, seen from the
+  /// camera: the position is on the outline of the mesh.
   bool is_on_outline(const SurfaceCamera& camera, const PointDepthBuffer& depth,
-                     const Vector3f& place, const Vector3f& normal) const {
-    const auto beyond = camera.project(place + kClear * voxel_ * normal);
+                     const Vector3f& position, const Vector3f& normal) const {
+    const auto beyond = camera.project(position + kClear * voxel_ * normal);
     if (!beyond) return false;
     const CellGrid& grid = depth.grid();
     const auto column = static_cast<int>((beyond->pixel.x() - grid.first_u) * grid.cells_per_pixel);
@@ -158,11 +158,11 @@ class LiveDeformer::Impl {
   void pull_to_outlines(std::span<const SurfaceCamera> cameras, size_t begin, const Block& block) {
     for (size_t c = 0; c < cameras.size(); ++c) {
       const VertexBits on_outline = grazing_vertices(near_[c], block.by_camera[c],
-                                                     block.place_block.count, kMaxOutlineFacing);
+                                                     block.position_block.count, kMaxOutlineFacing);
       for_each_bit(on_outline, [&](size_t i) {
-        if (!is_on_outline(cameras[c], depths_[c], block.places[i], block.normals[i])) return;
-        const auto way = displacement_to_silhouette(cameras[c], block.places[i], block.normals[i],
-                                                    block.by_camera[c].at(i));
+        if (!is_on_outline(cameras[c], depths_[c], block.positions[i], block.normals[i])) return;
+        const auto way = displacement_to_silhouette(cameras[c], block.positions[i],
+                                                    block.normals[i], block.by_camera[c].at(i));
         if (!way) return;
         OutlinePull& pull = pulls_[kEvery * (begin + i)];
         pull.weight += kOutlinePull;
@@ -175,23 +175,23 @@ class LiveDeformer::Impl {
   void correlate_block(const Search& search, std::span<const SurfaceCamera> cameras,
                        const Mesh& mesh, size_t begin, size_t end, Block& block) {
     const size_t count = end - begin;
-    block.place_block.count = count;
+    block.position_block.count = count;
     for (size_t i = 0; i < count; ++i) {
-      block.places[i] = mesh.vertices[kEvery * (begin + i)];
+      block.positions[i] = mesh.vertices[kEvery * (begin + i)];
       block.normals[i] = normals_[kEvery * (begin + i)];
-      block.place_block.set(i, block.places[i]);
+      block.position_block.set(i, block.positions[i]);
       block.normal_block.set(i, block.normals[i]);
     }
     block.by_camera.resize(cameras.size());
     for (size_t c = 0; c < cameras.size(); ++c) {
-      test_cell_visibility(cameras[c], depths_[c], block.place_block, block.normal_block,
+      test_cell_visibility(cameras[c], depths_[c], block.position_block, block.normal_block,
                            {.tolerance_m = kHiddenBehind * voxel_}, block.by_camera[c]);
     }
     if (search.outlines) pull_to_outlines(cameras, begin, block);
     const CorrelationOptions correlation{
         .side = kSide, .first = search.first, .noise = kNoiseVariance};
-    block.windows.find(std::span(block.places).first(count), std::span(block.normals).first(count),
-                       cameras, block.by_camera,
+    block.windows.find(std::span(block.positions).first(count),
+                       std::span(block.normals).first(count), cameras, block.by_camera,
                        {.level = search.level,
                         .max_views = kMaxViews,
                         .spacing_m = search.spacing * voxel_,

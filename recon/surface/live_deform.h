@@ -29,8 +29,8 @@ struct LiveDeformOptions {
 /// Moves the surface of a visual hull to where the images agree, like Deformer, but faster and
 /// coarser. Every fourth vertex has a template window, of 3 x 3 samples. Visibility comes from
 /// point depth buffers. There is no concavity carving. In the fine search, silhouettes pull at
-/// those of these vertices that lie on the outline of the mesh. A weak pull to the place before a
-/// search holds the vertices that no two cameras see.
+/// those of these vertices that lie on the outline of the mesh. A weak pull to the position before
+/// a search holds the vertices that no two cameras see.
 ///
 /// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic:
 /// independent of thread count and instruction set.

@@ -26,7 +26,7 @@ HWY_INLINE Lanes lanes_at(const float* from) { return Lanes(hn::Load(Floats(), f
 HWY_INLINE void put(Lanes value, float* to) { hn::Store(value.v, Floats(), to); }
 
 // Coordinates are integers in units of 1 / 65,536 pixel.
-constexpr float kPlaceOne = 65536;
+constexpr float kFixedPointOne = 65536;
 
 // Samples are integers with kSampleOne units per grey value. Two samples share a lane, and the sum
 // of all products of the largest window fits in a lane.
@@ -49,12 +49,14 @@ struct Offsets {
   int32_t u[kMaxWindowSide * kMaxWindowSide + 1], v[kMaxWindowSide * kMaxWindowSide + 1];
 };
 
-HWY_INLINE int32_t place(float pixels) { return static_cast<int32_t>(kPlaceOne * pixels); }
-HWY_INLINE IntLanes place(Lanes pixels) { return truncate(Lanes(kPlaceOne) * pixels); }
+HWY_INLINE int32_t fixed_point(float pixels) {
+  return static_cast<int32_t>(kFixedPointOne * pixels);
+}
+HWY_INLINE IntLanes fixed_point(Lanes pixels) { return truncate(Lanes(kFixedPointOne) * pixels); }
 
 void find_offsets(const WindowView& view, int side, Offsets& offsets) {
-  const int32_t u_across = place(view.u_across), v_across = place(view.v_across);
-  const int32_t u_down = place(view.u_down), v_down = place(view.v_down);
+  const int32_t u_across = fixed_point(view.u_across), v_across = fixed_point(view.v_across);
+  const int32_t u_down = fixed_point(view.u_down), v_down = fixed_point(view.v_down);
   const int half = side / 2;
   int n = 0;
   for (int j = -half; j <= half; ++j) {
@@ -83,8 +85,8 @@ HWY_INLINE void take(const WindowView& view, int side, float noise, Lanes depth,
   find_offsets(view, side, offsets);
   const auto* quads = reinterpret_cast<const int32_t*>(view.image->quads());
   const auto row_length = hn::Set(ints, view.image->width() << 16 | 1);
-  const auto u = place(Lanes(view.u) + depth * view.u_out);
-  const auto v = place(Lanes(view.v) + depth * view.v_out);
+  const auto u = fixed_point(Lanes(view.u) + depth * view.u_out);
+  const auto v = fixed_point(Lanes(view.v) + depth * view.v_out);
   const auto at = [&](int n) {
     return sample(quads, row_length, hn::Add(u, hn::Set(ints, offsets.u[n])),
                   hn::Add(v, hn::Set(ints, offsets.v[n])));
@@ -246,20 +248,20 @@ bool corners_in_silhouette(const SurfaceCamera& camera, const Vector2f& middle,
 
 }  // namespace
 
-void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3f> normals,
+void WindowBlock::find(std::span<const Vector3f> positions, std::span<const Vector3f> normals,
                        std::span<const SurfaceCamera> cameras,
                        std::span<const VertexVisibility> visibilities, const WindowOptions& options,
                        const CorrelationOptions& correlation) {
   const int max_views = std::min(options.max_views, kMaxWindowViews);
-  for (size_t i = 0; i < places.size(); ++i) {
+  for (size_t i = 0; i < positions.size(); ++i) {
     candidates_[i].count = 0;
     if (i % options.every == 0) choose_cameras(i, visibilities, max_views);
   }
-  list_observers(normals.first(places.size()), options, cameras.size());
+  list_observers(normals.first(positions.size()), options, cameras.size());
   for (size_t c = 0; c < cameras.size(); ++c) {
-    project_axes(places, normals, cameras[c], observers_[c], options);
+    project_axes(positions, normals, cameras[c], observers_[c], options);
   }
-  for (size_t i = 0; i < places.size(); ++i)
+  for (size_t i = 0; i < positions.size(); ++i)
     make_views(i, cameras, visibilities, options, correlation);
 }
 
@@ -290,16 +292,16 @@ void WindowBlock::list_observers(std::span<const Vector3f> normals, const Window
 
 /// Projects, for all windows that the camera sees, the ends of one step along each window axis and
 /// along the normal.
-void WindowBlock::project_axes(std::span<const Vector3f> places, std::span<const Vector3f> normals,
-                               const SurfaceCamera& camera, std::span<const Observer> observers,
-                               const WindowOptions& options) {
+void WindowBlock::project_axes(std::span<const Vector3f> positions,
+                               std::span<const Vector3f> normals, const SurfaceCamera& camera,
+                               std::span<const Observer> observers, const WindowOptions& options) {
   PointBlock points;
   PixelBlock pixels;
   static_assert(3 * VertexVisibility::kCapacity <= PointBlock::kCapacity);
   for (const auto& [i, candidate] : observers) {
-    points.set(points.count++, places[i] + across_[i]);
-    points.set(points.count++, places[i] + normals[i].cross(across_[i]));
-    points.set(points.count++, places[i] + options.step_m * normals[i]);
+    points.set(points.count++, positions[i] + across_[i]);
+    points.set(points.count++, positions[i] + normals[i].cross(across_[i]));
+    points.set(points.count++, positions[i] + options.step_m * normals[i]);
   }
   project_block(camera, points, pixels);
   size_t at = 0;

@@ -84,11 +84,11 @@ class WindowBlock {
   /// For each vertex, the cameras that see it, most frontal first: C_v of the paper, with c_m at
   /// the front.
   ///
-  /// `visibilities` has one entry per camera, for the vertices at `places` (world, metres) with
+  /// `visibilities` has one entry per camera, for the vertices at `positions` (world, metres) with
   /// unit `normals`, at most VertexVisibility::kCapacity. A camera is left out when part of the
   /// window would lie outside its image. A vertex has no window when corners lie outside the
   /// silhouette of its first camera, at an outline or on a thin part: background would be compared.
-  void find(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
+  void find(std::span<const Eigen::Vector3f> positions, std::span<const Eigen::Vector3f> normals,
             std::span<const SurfaceCamera> cameras, std::span<const VertexVisibility> visibilities,
             const WindowOptions& options, const CorrelationOptions& correlation);
 
@@ -114,7 +114,7 @@ class WindowBlock {
   void choose_cameras(size_t i, std::span<const VertexVisibility> visibilities, int max_views);
   void list_observers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
                       size_t cameras);
-  void project_axes(std::span<const Eigen::Vector3f> places,
+  void project_axes(std::span<const Eigen::Vector3f> positions,
                     std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
                     std::span<const Observer> observers, const WindowOptions& options);
   void make_views(size_t i, std::span<const SurfaceCamera> cameras,
@@ -132,19 +132,19 @@ class WindowBlock {
 /// memory; one object per thread.
 class BlockVisibility {
  public:
-  /// `places` (world, metres) and unit `normals` of at most VertexVisibility::kCapacity vertices.
-  /// `depths` has the depth buffer of the mesh in each camera.
-  void compute(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
+  /// `positions` (world, metres) and unit `normals` of at most VertexVisibility::kCapacity
+  /// vertices. `depths` has the depth buffer of the mesh in each camera.
+  void compute(std::span<const Eigen::Vector3f> positions, std::span<const Eigen::Vector3f> normals,
                std::span<const SurfaceCamera> cameras, std::span<const DepthBuffer> depths,
                const VisibilityOptions& options) {
-    places_.count = places.size();
-    for (size_t i = 0; i < places.size(); ++i) {
-      places_.set(i, places[i]);
+    positions_.count = positions.size();
+    for (size_t i = 0; i < positions.size(); ++i) {
+      positions_.set(i, positions[i]);
       normals_.set(i, normals[i]);
     }
     by_camera_.resize(cameras.size());
     for (size_t c = 0; c < cameras.size(); ++c) {
-      test_visibility(cameras[c], depths[c], places_, normals_, options, by_camera_[c]);
+      test_visibility(cameras[c], depths[c], positions_, normals_, options, by_camera_[c]);
     }
   }
 
@@ -154,7 +154,7 @@ class BlockVisibility {
   WindowBlock windows;  ///< call find() with by_camera()
 
  private:
-  PointBlock places_, normals_;
+  PointBlock positions_, normals_;
   std::vector<VertexVisibility> by_camera_;
 };
 

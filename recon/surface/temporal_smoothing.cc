@@ -33,12 +33,12 @@ struct VertexView {
   float per_depth = 0;  ///< metres along the normal for a metre of camera z
 };
 
-std::optional<VertexView> see(const PulseViews::View& view, const Vector3f& place,
+std::optional<VertexView> see(const PulseViews::View& view, const Vector3f& position,
                               const Vector3f& normal, float voxel) {
-  const Vector3f way = place - view.camera.center();
+  const Vector3f way = position - view.camera.center();
   const float facing = -way.dot(normal) / way.norm();
   if (!(facing >= kMinFacing)) return std::nullopt;
-  const auto seen = view.camera.project(place);
+  const auto seen = view.camera.project(position);
   if (!seen) return std::nullopt;
   const float slope = std::sqrt(std::max(0.0F, 1 - facing * facing)) / facing;
   const float slant = view.camera.pixel_m_per_m() * seen->z * std::min(slope, kMaxSlant);
@@ -60,12 +60,12 @@ void add_camera(const PulseViews::View& now, const PulseViews::View& then, const
 }
 
 NeighbourEvidence gather_evidence(const PulseViews& now, const PulseViews& then,
-                                  const Vector3f& place, const Vector3f& normal, float voxel) {
+                                  const Vector3f& position, const Vector3f& normal, float voxel) {
   NeighbourEvidence evidence;
   for (size_t c = 0; c < now.cameras(); ++c) {
     const auto here = now.view(c), there = then.view(c);
     if (!here || !there) continue;
-    if (const auto vertex = see(*here, place, normal, voxel)) {
+    if (const auto vertex = see(*here, position, normal, voxel)) {
       add_camera(*here, *there, *vertex, kMaxDistance * voxel, evidence);
     }
   }
@@ -120,7 +120,7 @@ constexpr float kMoving = 3;
 /// Largest change of an outline without motion, pixels of picture(0).
 constexpr float kMaxOutlineShift = 3;
 
-int lattice_place(float at, float scale, float first) {
+int lattice_coordinate(float at, float scale, float first) {
   return static_cast<int>(std::floor(at * scale - first + 0.5F));
 }
 
@@ -128,8 +128,8 @@ int lattice_place(float at, float scale, float first) {
 std::optional<float> difference(const Luminance& a, const Luminance& b, const Vector2f& pixel) {
   constexpr int kRoom = Luminance::kBorder + kReach;
   const auto corner = [&](const Luminance& p) -> const uint32_t* {
-    const int x = lattice_place(pixel.x(), p.scale(), p.first_u());
-    const int y = lattice_place(pixel.y(), p.scale(), p.first_v());
+    const int x = lattice_coordinate(pixel.x(), p.scale(), p.first_u());
+    const int y = lattice_coordinate(pixel.y(), p.scale(), p.first_v());
     const bool inside = x >= kRoom && y >= kRoom && x < p.width() - kRoom && y < p.height() - kRoom;
     return inside ? p.quads() + static_cast<size_t>(y) * p.width() + x : nullptr;
   };

@@ -26,7 +26,7 @@ struct Chart {
 /// that a projection would turn over or hide behind others get charts of their own, so the
 /// projection of `triangles` is one to one down to `cell_m` metres (0: a third of the mean edge).
 /// Only folds of a few triangles stay as `folded`: charts of their own would need many texels for
-/// places that hardly any camera sees. The axes give a chart a small bounding rectangle.
+/// parts that hardly any camera sees. The axes give a chart a small bounding rectangle.
 /// Deterministic. One thread.
 std::vector<Chart> surface_charts(const Mesh& mesh, double cell_m = 0);
 

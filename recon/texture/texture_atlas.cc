@@ -56,33 +56,33 @@ std::optional<std::vector<Eigen::Vector2i>> pack(const std::vector<FlatChart>& c
   std::vector<stbrp_node> nodes(static_cast<size_t>(options.side));
   stbrp_init_target(&context, options.side, options.side, nodes.data(), options.side);
   if (stbrp_pack_rects(&context, rects.data(), static_cast<int>(rects.size())) == 0) return {};
-  std::vector<Eigen::Vector2i> places(charts.size());
-  for (const stbrp_rect& rect : rects) places[static_cast<size_t>(rect.id)] = {rect.x, rect.y};
-  return places;
+  std::vector<Eigen::Vector2i> origins(charts.size());
+  for (const stbrp_rect& rect : rects) origins[static_cast<size_t>(rect.id)] = {rect.x, rect.y};
+  return origins;
 }
 
 struct Packing {
   double texels_per_m = 0;
-  std::vector<Eigen::Vector2i> places;
+  std::vector<Eigen::Vector2i> origins;
 };
 
 /// The highest resolution that fits, within a hundredth.
 Packing pack_tightly(const std::vector<FlatChart>& charts, const AtlasOptions& options) {
-  if (auto places = pack(charts, options.max_texels_per_m, options)) {
-    return {options.max_texels_per_m, std::move(*places)};
+  if (auto origins = pack(charts, options.max_texels_per_m, options)) {
+    return {options.max_texels_per_m, std::move(*origins)};
   }
   Packing best;
   double low = 0, high = options.max_texels_per_m;
-  if (auto places = pack(charts, low, options)) best.places = std::move(*places);
-  if (best.places.empty()) {
+  if (auto origins = pack(charts, low, options)) best.origins = std::move(*origins);
+  if (best.origins.empty()) {
     throw InputError("texture atlas of " + std::to_string(options.side) +
                      " texels: " + std::to_string(charts.size()) +
                      " charts do not fit; expected a larger atlas, or a mesh in fewer pieces");
   }
   while (high - low > 0.01 * high && high > 1e-3) {
     const double middle = (low + high) / 2;
-    if (auto places = pack(charts, middle, options)) {
-      best = {middle, std::move(*places)};
+    if (auto origins = pack(charts, middle, options)) {
+      best = {middle, std::move(*origins)};
       low = middle;
     } else {
       high = middle;
@@ -114,7 +114,7 @@ AtlasLayout lay_out_atlas(const Mesh& mesh, const AtlasOptions& options) {
   const auto scale = static_cast<float>(packing.texels_per_m);
   for (uint32_t c = 0; c < charts.size(); ++c) {
     const Eigen::Vector2f origin =
-        (packing.places[c].array() + options.gutter).matrix().cast<float>();
+        (packing.origins[c].array() + options.gutter).matrix().cast<float>();
     const auto place = [&](uint32_t t) {
       layout.chart[t] = c;
       for (int k = 0; k < 3; ++k) {

@@ -10,7 +10,7 @@ namespace v3d::recon {
 /// than pixels, so the tolerance grows with the slant across a cell. A vertex outside the valid
 /// cells is not seen; a default-constructed buffer has none.
 void test_cell_visibility(const SurfaceCamera& camera, const PointDepthBuffer& depth,
-                          const PointBlock& places, const PointBlock& normals,
+                          const PointBlock& positions, const PointBlock& normals,
                           const VisibilityOptions& options, VertexVisibility& visibility);
 
 }  // namespace v3d::recon

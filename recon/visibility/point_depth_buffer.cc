@@ -205,7 +205,7 @@ namespace {
 
 using Corners = std::array<Eigen::Vector3f, 3>;
 
-/// Squared covering radius: the largest distance of a place in the triangle from the nearest
+/// Squared covering radius: the largest distance of a point in the triangle from the nearest
 /// corner. It is half the longest edge in obtuse triangles, else the circumradius.
 float covering_radius2(const Corners& c) {
   const Eigen::Vector3f ab = c[1] - c[0], ac = c[2] - c[0];

@@ -16,8 +16,8 @@ namespace v3d::recon {
 
 // Points of a surface: coordinates laid out for SIMD, and a set of points that covers the surface.
 
-/// The vertices of `mesh`, and points inside its larger triangles, so that every place of the
-/// surface is within `radius_m` metres of a point.
+/// The vertices of `mesh`, and points inside its larger triangles, so that every point of the
+/// surface is within `radius_m` metres of one of the result.
 ///
 /// Triangles no larger than the radius need no point: for marching cubes, voxels with edges of 1.41
 /// * radius_m. A triangle n times as large adds about n^2 / 2 points.
@@ -64,9 +64,9 @@ struct CellGrid {
 
 /// For every cell, the depth of the nearest point in the 3 x 3 cells around it.
 ///
-/// Every place of the surface has a point within the width of a cell, so the buffer has no holes.
-/// The outline of an occluder grows by one to two cell widths (once to twice the radius of the
-/// points), so that its colours do not leak onto the surface behind it.
+/// Every position on the surface has a point within the width of a cell, so the buffer has no
+/// holes. The outline of an occluder grows by one to two cell widths (once to twice the radius of
+/// the points), so that its colours do not leak onto the surface behind it.
 class PointDepthBuffer {
  public:
   PointDepthBuffer() = default;

@@ -25,8 +25,8 @@ SurfaceCamera::SurfaceCamera(const DeformCamera& camera, int halvings)
   }
 }
 
-std::optional<SurfaceCamera::Seen> SurfaceCamera::project(const Eigen::Vector3f& place) const {
-  const auto p = camera_point<float>(lens_, place.x(), place.y(), place.z());
+std::optional<SurfaceCamera::Seen> SurfaceCamera::project(const Eigen::Vector3f& position) const {
+  const auto p = camera_point<float>(lens_, position.x(), position.y(), position.z());
   if (p.z < static_cast<float>(kNearPlaneMetres)) return std::nullopt;
   const PixelPoint<float> pixel = pixel_point(lens_, p);
   if (!(pixel.radius2 <= lens_.max_radius2)) return std::nullopt;
@@ -56,8 +56,8 @@ SurfaceCameras::SurfaceCameras(std::span<const DeformCamera> given, const Mesh& 
   }
 }
 
-int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m) {
-  const double z = (camera.cam_from_world() * place.cast<double>()).z();
+int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& position, double voxel_m) {
+  const double z = (camera.cam_from_world() * position.cast<double>()).z();
   const double pixel_m = z / camera.matrix()(0, 0);
   if (!(pixel_m > 0)) return 0;
   return std::clamp(static_cast<int>(std::ceil(std::log2(voxel_m / 4 / pixel_m))), 0, kMaxHalvings);

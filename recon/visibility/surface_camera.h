@@ -33,8 +33,8 @@ class Luminance {
 
   /// Pixels of this image per pixel of the camera: 1, 0.5, ...
   float scale() const { return scale_; }
-  /// A place in the image of the camera, (0.5, 0.5) in the centre of its first pixel, times
-  /// scale(), minus (first_u(), first_v()), is the place in this lattice of pixel centres.
+  /// A position in the image of the camera, (0.5, 0.5) in the centre of its first pixel, times
+  /// scale(), minus (first_u(), first_v()), is the position in this lattice of pixel centres.
   float first_u() const { return first_u_; }
   float first_v() const { return first_v_; }
   int width() const { return width_; }
@@ -77,7 +77,7 @@ class SurfaceCamera {
   explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
 
   const Eigen::Vector3f& center() const { return center_; }
-  const VoxelCamera& lens() const { return lens_; }  ///< for places in metres
+  const VoxelCamera& lens() const { return lens_; }  ///< for positions in metres
   const Mask& silhouette() const { return *frame_->mask; }
   const Luminance& picture(int level) const { return pictures_[level]; }
   /// Width of a pixel of picture(0) in pixels of the camera.
@@ -85,9 +85,9 @@ class SurfaceCamera {
   /// Width of a pixel in metres at a distance of 1 m.
   float pixel_m_per_m() const { return 1 / lens_.pixel_from_lens[0][0]; }
 
-  /// Projection of `place` (world, metres), also outside the image. Empty before the near plane and
-  /// outside the lens model.
-  std::optional<Seen> project(const Eigen::Vector3f& place) const;
+  /// Projection of `position` (world, metres), also outside the image. Empty before the near plane
+  /// and outside the lens model.
+  std::optional<Seen> project(const Eigen::Vector3f& position) const;
   /// True when the pixel exists and is foreground.
   bool in_silhouette(const Eigen::Vector2f& pixel) const {
     const bool exists =
@@ -117,9 +117,9 @@ struct SurfaceCameras {
 };
 
 /// How often the image can be halved until its pixels are as wide as a quarter of a voxel at the
-/// distance of `place` (world, metres). Windows are sampled by the voxel, so finer pixels would be
-/// skipped and add noise.
-int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
+/// distance of `position` (world, metres). Windows are sampled by the voxel, so finer pixels would
+/// be skipped and add noise.
+int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& position, double voxel_m);
 
 /// Mean of the vertices; (0, 0, 0) for an empty mesh.
 Eigen::Vector3f vertex_centroid(const Mesh& mesh);

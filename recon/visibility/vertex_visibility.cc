@@ -54,9 +54,10 @@ struct Pixels {
 };
 
 template <Lens kLens>
-HWY_INLINE Pixels project(const VoxelCamera& lens, const Vector& place) {
+HWY_INLINE Pixels project(const VoxelCamera& lens, const Vector& position) {
   const Floats floats;
-  const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(lens, place.x, place.y, place.z);
+  const CameraPoint<Lanes> p =
+      HWY_NAMESPACE::camera_point<Lanes>(lens, position.x, position.y, position.z);
   const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(lens, p);
   const auto before = hn::Ge(p.z.v, hn::Set(floats, static_cast<float>(kNearPlaneMetres)));
   const auto in_lens = hn::Le(q.radius2.v, hn::Set(floats, lens.max_radius2));
@@ -165,17 +166,17 @@ void grazing_any(const Mask& pixels, const VertexVisibility& visibility, size_t 
 }
 
 template <Lens kLens, class Depth>
-void test_with(const SurfaceCamera& camera, const Depth& depth, const PointBlock& places,
+void test_with(const SurfaceCamera& camera, const Depth& depth, const PointBlock& positions,
                const PointBlock& normals, const VisibilityOptions& options,
                VertexVisibility& visibility) {
   const Floats floats;
   const Eigen::Vector3f& center = camera.center();
-  for (size_t i = 0; i < places.count; i += kLanes) {
-    const Vector place = vector_at(places, i);
-    const Vector way{Lanes(center.x()) - place.x, Lanes(center.y()) - place.y,
-                     Lanes(center.z()) - place.z};
+  for (size_t i = 0; i < positions.count; i += kLanes) {
+    const Vector position = vector_at(positions, i);
+    const Vector way{Lanes(center.x()) - position.x, Lanes(center.y()) - position.y,
+                     Lanes(center.z()) - position.z};
     const Lanes facing = dot(way, vector_at(normals, i)) / Lanes(hn::Sqrt(dot(way, way).v));
-    const Pixels p = project<kLens>(camera.lens(), place);
+    const Pixels p = project<kLens>(camera.lens(), position);
     const auto faces = hn::Ge(facing.v, hn::Set(floats, options.min_facing));
     const Lanes sine2(hn::Max((Lanes(1.0F) - facing * facing).v, hn::Zero(floats)));
     const Lanes slope = Lanes(hn::Sqrt(sine2.v)) / facing;
@@ -192,29 +193,29 @@ void test_with(const SurfaceCamera& camera, const Depth& depth, const PointBlock
 }
 
 template <class Depth>
-HWY_INLINE void test_all(const SurfaceCamera& camera, const Depth& depth, const PointBlock& places,
-                         const PointBlock& normals, const VisibilityOptions& options,
-                         VertexVisibility& visibility) {
+HWY_INLINE void test_all(const SurfaceCamera& camera, const Depth& depth,
+                         const PointBlock& positions, const PointBlock& normals,
+                         const VisibilityOptions& options, VertexVisibility& visibility) {
   switch (camera.lens().lens) {
     case Lens::kPinhole:
-      return test_with<Lens::kPinhole>(camera, depth, places, normals, options, visibility);
+      return test_with<Lens::kPinhole>(camera, depth, positions, normals, options, visibility);
     case Lens::kPolynomial:
-      return test_with<Lens::kPolynomial>(camera, depth, places, normals, options, visibility);
+      return test_with<Lens::kPolynomial>(camera, depth, positions, normals, options, visibility);
     default:
-      return test_with<Lens::kFull>(camera, depth, places, normals, options, visibility);
+      return test_with<Lens::kFull>(camera, depth, positions, normals, options, visibility);
   }
 }
 
-void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
+void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& positions,
               const PointBlock& normals, const VisibilityOptions& options,
               VertexVisibility& visibility) {
-  test_all(camera, depth, places, normals, options, visibility);
+  test_all(camera, depth, positions, normals, options, visibility);
 }
 
 void test_cells_any(const SurfaceCamera& camera, const PointDepthBuffer& depth,
-                    const PointBlock& places, const PointBlock& normals,
+                    const PointBlock& positions, const PointBlock& normals,
                     const VisibilityOptions& options, VertexVisibility& visibility) {
-  test_all(camera, depth, places, normals, options, visibility);
+  test_all(camera, depth, positions, normals, options, visibility);
 }
 
 }  // namespace
@@ -234,15 +235,15 @@ void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelB
 }
 
 void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
-                     const PointBlock& places, const PointBlock& normals,
+                     const PointBlock& positions, const PointBlock& normals,
                      const VisibilityOptions& options, VertexVisibility& visibility) {
-  HWY_DYNAMIC_DISPATCH(test_any)(camera, depth, places, normals, options, visibility);
+  HWY_DYNAMIC_DISPATCH(test_any)(camera, depth, positions, normals, options, visibility);
 }
 
 void test_cell_visibility(const SurfaceCamera& camera, const PointDepthBuffer& depth,
-                          const PointBlock& places, const PointBlock& normals,
+                          const PointBlock& positions, const PointBlock& normals,
                           const VisibilityOptions& options, VertexVisibility& visibility) {
-  HWY_DYNAMIC_DISPATCH(test_cells_any)(camera, depth, places, normals, options, visibility);
+  HWY_DYNAMIC_DISPATCH(test_cells_any)(camera, depth, positions, normals, options, visibility);
 }
 
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,

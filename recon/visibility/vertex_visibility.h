@@ -19,8 +19,8 @@ struct PointBlock {
   size_t count = 0;
   alignas(64) std::array<float, kCapacity> x{}, y{}, z{};
 
-  void set(size_t i, const Eigen::Vector3f& place) {
-    x[i] = place.x(), y[i] = place.y(), z[i] = place.z();
+  void set(size_t i, const Eigen::Vector3f& position) {
+    x[i] = position.x(), y[i] = position.y(), z[i] = position.z();
   }
 };
 
@@ -51,7 +51,7 @@ struct VertexVisibility {
 /// have unit length. Requires at most kCapacity vertices. Vectorised by run-time dispatch; every
 /// instruction set gives the same bits.
 void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
-                     const PointBlock& places, const PointBlock& normals,
+                     const PointBlock& positions, const PointBlock& normals,
                      const VisibilityOptions& options, VertexVisibility& visibility);
 
 /// One bit per vertex of a block.

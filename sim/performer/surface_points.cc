@@ -53,16 +53,16 @@ SurfacePoints::SurfacePoints(const std::vector<Part>& parts, size_t count, uint6
   }
 }
 
-std::vector<Eigen::Vector3f> SurfacePoints::places(const std::vector<Part>& parts) const {
-  std::vector<Eigen::Vector3f> places;
+std::vector<Eigen::Vector3f> SurfacePoints::positions(const std::vector<Part>& parts) const {
+  std::vector<Eigen::Vector3f> positions;
   for (const Point& point : points_) {
     V3D_CHECK(point.part < parts.size());
     const Mesh& mesh = parts[point.part].mesh;
     const auto& [a, b, c] = mesh.triangles[point.triangle];
-    places.push_back(point.weights[0] * mesh.vertices[a] + point.weights[1] * mesh.vertices[b] +
-                     point.weights[2] * mesh.vertices[c]);
+    positions.push_back(point.weights[0] * mesh.vertices[a] + point.weights[1] * mesh.vertices[b] +
+                        point.weights[2] * mesh.vertices[c]);
   }
-  return places;
+  return positions;
 }
 
 std::vector<Eigen::Vector3f> SurfacePoints::normals(const std::vector<Part>& parts) const {

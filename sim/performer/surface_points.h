@@ -21,7 +21,7 @@ class SurfacePoints {
 
   const std::vector<PointGroup>& groups() const { return groups_; }
   /// The points at another time: `parts` are the same parts then. World, metres.
-  std::vector<Eigen::Vector3f> places(const std::vector<Part>& parts) const;
+  std::vector<Eigen::Vector3f> positions(const std::vector<Part>& parts) const;
   /// The outward unit normals of the triangles at the points.
   std::vector<Eigen::Vector3f> normals(const std::vector<Part>& parts) const;
 

@@ -186,9 +186,9 @@ TEST(Paint, has_fine_detail_on_every_material) {
       float low = 2, high = -1;
       for (int i = 0; i < 200; ++i) {
         // A patch of 2 cm, on the front of a part of 7 cm radius.
-        const Eigen::Vector3f place(0.07F, 0.0001F * static_cast<float>(i % 14 * 14),
-                                    0.0001F * static_cast<float>(i));
-        const float value = paint(static_cast<Material>(m), place, 1, palette).sum();
+        const Eigen::Vector3f position(0.07F, 0.0001F * static_cast<float>(i % 14 * 14),
+                                       0.0001F * static_cast<float>(i));
+        const float value = paint(static_cast<Material>(m), position, 1, palette).sum();
         low = std::min(low, value);
         high = std::max(high, value);
       }

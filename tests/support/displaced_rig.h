@@ -48,8 +48,8 @@ inline double error_px(const Rig& rig, const Rig& truth) {
   for (size_t c = 0; c < rig.size(); ++c) {
     for (int i = 0; i < 27; ++i) {
       const int right = i % 3 - 1, ahead = i / 3 % 3 - 1, up = i / 9;
-      const Eigen::Vector3d place(0.5 * right, 0.5 * ahead, 0.3 + 0.7 * up);
-      const auto a = moved[c].model.project(place), b = truth[c].model.project(place);
+      const Eigen::Vector3d position(0.5 * right, 0.5 * ahead, 0.3 + 0.7 * up);
+      const auto a = moved[c].model.project(position), b = truth[c].model.project(position);
       if (!a || !b || !truth[c].model.inside_image(*b)) continue;
       sum += (*a - *b).squaredNorm();
       ++count;

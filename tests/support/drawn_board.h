@@ -43,7 +43,7 @@ inline cv::Point2d mapped(const cv::Matx33d& h, double x, double y) {
   return {p[0] / p[2], p[1] / p[2]};
 }
 
-/// The grey value of the print at a place of the board.
+/// The grey value of the print at a position on the board.
 inline double print_at(const cv::Point2d& p) {
   const bool on_squares =
       p.x > -1 && p.x < BoardView::kColumns && p.y > -1 && p.y < BoardView::kRows;

@@ -98,7 +98,7 @@ class EditTake : public testing::Test {
 TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   TakeClip edited = read();
   ASSERT_EQ(edited.clip.frames.size(), size_t{kPulses});
-  const Box before = recon::bounds_of({edited.clip.frames[2].places, {}, {}});
+  const Box before = recon::bounds_of({edited.clip.frames[2].positions, {}, {}});
   recon::cut(edited.clip, {2, 6});
   recon::bend(edited.clip,
               {.joint = recon::kLeftShoulder, .range = {0, 4}, .radians = -1.2, .ramp = 1});
@@ -113,7 +113,7 @@ TEST_F(EditTake, is_written_as_a_take_that_every_command_reads) {
   EXPECT_EQ(skeleton.at("pulses").size(), 4U);
   ASSERT_EQ(skeleton.at("skins").size(), 1U);
   EXPECT_EQ(skeleton.at("skins")[0].at("pulses"), (std::vector<int64_t>{0, 1, 2, 3}));
-  EXPECT_EQ(skeleton.at("skins")[0].at("vertices"), edited.clip.frames[0].places.size());
+  EXPECT_EQ(skeleton.at("skins")[0].at("vertices"), edited.clip.frames[0].positions.size());
   EXPECT_EQ(read_file(out / "edit.json"), "{}");
 }
 
@@ -122,9 +122,10 @@ TEST_F(EditTake, keeps_its_speed_where_pulses_are_lost) {
   const TakeClip edited = read();
   ASSERT_EQ(edited.clip.frames.size(), 9U);
   EXPECT_EQ(edited.left_out, 0);
-  const float first = edited.clip.frames[0].places[0].x();
+  const float first = edited.clip.frames[0].positions[0].x();
   for (size_t f = 0; f < 9; ++f) {
-    EXPECT_NEAR(edited.clip.frames[f].places[0].x() - first, 0.01 * static_cast<double>(f), 1e-3);
+    EXPECT_NEAR(edited.clip.frames[f].positions[0].x() - first, 0.01 * static_cast<double>(f),
+                1e-3);
   }
 }
 
@@ -141,15 +142,15 @@ TEST_F(EditTake, has_the_bone_lengths_that_the_positions_of_its_joints_have) {
   const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
   const auto& joints = skeleton.at("joints");
   const auto& positions = skeleton.at("pulses")[0].at("positions");
-  std::map<std::string, Eigen::Vector3d> places;
+  std::map<std::string, Eigen::Vector3d> joint_positions;
   int bones = 0;
   for (size_t j = 0; j < joints.size(); ++j) {
     const auto name = joints[j].at("name").get<std::string>();
-    const auto place = positions[j].get<std::array<double, 3>>();
-    places[name] = {place[0], place[1], place[2]};
+    const auto position = positions[j].get<std::array<double, 3>>();
+    joint_positions[name] = {position[0], position[1], position[2]};
     if (!joints[j].contains("bone_m")) continue;
     const auto parent = joints[j].at("parent").get<std::string>();
-    const double metres = (places.at(name) - places.at(parent)).norm();
+    const double metres = (joint_positions.at(name) - joint_positions.at(parent)).norm();
     EXPECT_NEAR(joints[j].at("bone_m").get<double>(), metres, 0.002) << name;
     ++bones;
   }

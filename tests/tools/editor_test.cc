@@ -40,7 +40,7 @@ void add_prop(TakeClip& clip) {
   }
 }
 
-/// Has the prop of every frame its place in the right hand?
+/// Has the prop of every frame its position in the right hand?
 void expect_prop_in_hand(const recon::Clip& clip) {
   for (const recon::ClipFrame& frame : clip.frames) {
     const recon::SkeletonPulse& skeleton = frame.skeleton;

@@ -134,8 +134,9 @@ Opened open_meshopt(const Glb& glb) {
   };
   Opened opened;
   for (const auto& p : meshopt_values<uint16_t, 3>(glb, glb.accessor("POSITION"))) {
-    const Eigen::Vector3d place = vector("scale").cwiseProduct(Eigen::Vector3d(p[0], p[1], p[2]));
-    const Eigen::Vector3d turned(place.x(), place.z(), -place.y());  // the node's rotation
+    const Eigen::Vector3d position =
+        vector("scale").cwiseProduct(Eigen::Vector3d(p[0], p[1], p[2]));
+    const Eigen::Vector3d turned(position.x(), position.z(), -position.y());  // the node's rotation
     const Eigen::Vector3d y_up = vector("translation") + turned;
     opened.positions.emplace_back(y_up.x(), -y_up.z(), y_up.y());
   }

@@ -30,9 +30,9 @@ void write_gliding_motion(const std::filesystem::path& file,
     for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
     segment.pulses = pulses;
     for (const int64_t pulse : pulses) {
-      auto& places = segment.positions.emplace_back();
+      auto& positions = segment.positions.emplace_back();
       for (const Eigen::Vector3f& p : person.vertices) {
-        places.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
+        positions.push_back({p.x() + 0.01F * static_cast<float>(pulse), p.y(), p.z()});
       }
     }
     const auto encoded = writer.add(segment);

@@ -381,12 +381,12 @@ TEST(MinViews, are_four_but_with_few_cameras_all_but_one) {
   EXPECT_EQ(default_min_views(1), 1);
 }
 
-/// A rig of cameras at these places that look in one direction.
-Rig parallel_rig(const std::vector<Eigen::Vector3d>& places) {
+/// A rig of cameras at these positions that look in one direction.
+Rig parallel_rig(const std::vector<Eigen::Vector3d>& positions) {
   const CameraModel lens = test::small_rig(2)[0].model;
   Rig rig;
-  for (const Eigen::Vector3d& place : places) {
-    const RigidTransform pose = look_at(place, place + Eigen::Vector3d(0, 3, -0.1));
+  for (const Eigen::Vector3d& position : positions) {
+    const RigidTransform pose = look_at(position, position + Eigen::Vector3d(0, 3, -0.1));
     rig.push_back(
         {"cam" + std::to_string(rig.size()), CameraModel(lens.size(), lens.matrix(), {}, pose)});
   }

@@ -18,9 +18,9 @@ def largest_error(armature, frame, pulse, to_world):
     bpy.context.scene.frame_set(frame)
     bpy.context.view_layer.update()
     far = 0
-    for name, place in zip(names, pulse["positions"]):
+    for name, position in zip(names, pulse["positions"]):
         head = armature.matrix_world @ armature.pose.bones[name].matrix.translation
-        far = max(far, math.dist(to_world(head), place))
+        far = max(far, math.dist(to_world(head), position))
     return far
 
 

@@ -255,12 +255,12 @@ std::string true_joints(const TakeSkeleton& skeleton, bool swap) {
     joints.push_back({{"name", "node"}, {"parent", -1}, {"main", name}});
   }
   for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
-    nlohmann::json places = nlohmann::json::array();
+    nlohmann::json positions = nlohmann::json::array();
     for (size_t j = 0; j < recon::kBodyJoints; ++j) {
       const Eigen::Vector3d& p = pulse.joints[j];
-      places.push_back({p.x(), p.y(), p.z() + 0.03});
+      positions.push_back({p.x(), p.y(), p.z() + 0.03});
     }
-    pulses.push_back({{"pulse", skeleton.pulses[pulse.index]}, {"positions", places}});
+    pulses.push_back({{"pulse", skeleton.pulses[pulse.index]}, {"positions", positions}});
   }
   return nlohmann::json{{"joints", joints}, {"pulses", pulses}}.dump();
 }

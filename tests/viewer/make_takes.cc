@@ -150,19 +150,19 @@ void save_coded_motion(const std::filesystem::path& path) {
   write_motion(path, segments);
 }
 
-/// The place of a vertex of figures::person(70, 70) at a pulse: the left arm turns about the
+/// The position of a vertex of figures::person(70, 70) at a pulse: the left arm turns about the
 /// shoulder, everything glides along x.
 codec::VertexPosition moved_person(const Eigen::Vector3f& vertex, int64_t pulse) {
   constexpr double kPeriod = 20, kLargestTurn = 0.5, kGlideM = 0.01;
   const auto time = static_cast<double>(pulse);
   const Eigen::Vector3d shoulder(0, 0.185, 1.40);
-  const Eigen::Vector3d place = vertex.cast<double>();
-  const double in_arm = std::clamp((place.y() - 0.17) / 0.08, 0.0, 1.0);
+  const Eigen::Vector3d position = vertex.cast<double>();
+  const double in_arm = std::clamp((position.y() - 0.17) / 0.08, 0.0, 1.0);
   const double turn =
-      place.z() < 1 ? 0
-                    : 0.5 * kLargestTurn * (1 - std::cos(2 * std::numbers::pi * time / kPeriod));
+      position.z() < 1 ? 0
+                       : 0.5 * kLargestTurn * (1 - std::cos(2 * std::numbers::pi * time / kPeriod));
   const Eigen::AngleAxisd raise(in_arm * turn, Eigen::Vector3d::UnitX());
-  const Eigen::Vector3d moved = shoulder + raise * (place - shoulder);
+  const Eigen::Vector3d moved = shoulder + raise * (position - shoulder);
   return {static_cast<float>(moved.x() + kGlideM * time), static_cast<float>(moved.y()),
           static_cast<float>(moved.z())};
 }
@@ -173,9 +173,9 @@ void save_person(const std::filesystem::path& path) {
   for (const auto& [a, b, c] : person.triangles) segment.triangles.push_back({a, b, c});
   for (int64_t pulse = 0; pulse < kPersonPulses; ++pulse) {
     segment.pulses.push_back(pulse);
-    auto& places = segment.positions.emplace_back();
+    auto& positions = segment.positions.emplace_back();
     for (const Eigen::Vector3f& vertex : person.vertices) {
-      places.push_back(moved_person(vertex, pulse));
+      positions.push_back(moved_person(vertex, pulse));
     }
   }
   segment.colours.emplace_back(person.vertices.size(), kGrey);

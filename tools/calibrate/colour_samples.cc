@@ -190,18 +190,18 @@ class SurfaceView {
       : model_(model), frame_(frame), depth_(recon::draw_depth(mesh, model)) {}
 
   /// `tolerance_m`: accuracy of the surface.
-  std::optional<Vector3d> colour_at(const Vector3d& place, const Vector3d& normal,
+  std::optional<Vector3d> colour_at(const Vector3d& position, const Vector3d& normal,
                                     double tolerance_m) const {
     constexpr double kMinFacing = 0.5;
-    const Vector3d to_camera = (model_.center() - place).normalized();
-    const auto pixel = model_.project(place);
+    const Vector3d to_camera = (model_.center() - position).normalized();
+    const auto pixel = model_.project(position);
     if (normal.dot(to_camera) < kMinFacing || !pixel) return std::nullopt;
     Patch patch;
     constexpr int kReach = 2;
     for (int dy = -kReach; dy <= kReach; dy += kReach) {
       for (int dx = -kReach; dx <= kReach; dx += kReach) {
         const Eigen::Vector2d at = *pixel + Eigen::Vector2d(dx, dy);
-        if (!shows(at, place, tolerance_m)) return std::nullopt;
+        if (!shows(at, position, tolerance_m)) return std::nullopt;
         patch.add(recon::sample_colour(frame_.raw.image.view(), at.x(), at.y()));
       }
     }
@@ -211,11 +211,11 @@ class SurfaceView {
   }
 
  private:
-  bool shows(const Eigen::Vector2d& pixel, const Vector3d& place, double tolerance_m) const {
+  bool shows(const Eigen::Vector2d& pixel, const Vector3d& position, double tolerance_m) const {
     if (!model_.inside_image(pixel)) return false;
     const int x = static_cast<int>(std::floor(pixel.x() + 0.5));
     const int y = static_cast<int>(std::floor(pixel.y() + 0.5));
-    const double z = (model_.cam_from_world() * place).z();
+    const double z = (model_.cam_from_world() * position).z();
     return frame_.mask.get(x, y) && std::abs(depth_.at(x, y) - z) < tolerance_m;
   }
 

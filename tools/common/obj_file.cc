@@ -15,9 +15,9 @@ Mesh read_obj(const std::filesystem::path& path) {
     throw InputError(path.string() + ": is no OBJ file: " + reader.Error());
   }
   Mesh mesh;
-  const std::vector<tinyobj::real_t>& places = reader.GetAttrib().vertices;
-  for (size_t i = 0; i + 2 < places.size(); i += 3) {
-    mesh.vertices.emplace_back(places[i], places[i + 1], places[i + 2]);
+  const std::vector<tinyobj::real_t>& positions = reader.GetAttrib().vertices;
+  for (size_t i = 0; i + 2 < positions.size(); i += 3) {
+    mesh.vertices.emplace_back(positions[i], positions[i + 1], positions[i + 2]);
     if (!mesh.vertices.back().allFinite()) {
       throw InputError(path.string() + ": vertex " + std::to_string(i / 3 + 1) + " is not finite");
     }

@@ -15,22 +15,22 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Any place of `space` that is not near its sides.
-Vector2d place_in(const Box& space, uint64_t seed) {
-  Vector2d place = space.center().head<2>();
+/// Any position in `space` that is not near its sides.
+Vector2d position_in(const Box& space, uint64_t seed) {
+  Vector2d position = space.center().head<2>();
   for (int axis = 0; axis < 2; ++axis) {
     const double room = std::max(0.0, 0.5 * space.size()[axis] - kReachM);
-    place[axis] += sim::uniform(seed, static_cast<uint64_t>(axis), -room, room);
+    position[axis] += sim::uniform(seed, static_cast<uint64_t>(axis), -room, room);
   }
-  return place;
+  return position;
 }
 
-/// Performers who act at `place`, turned by `yaw_deg` around it.
-std::vector<sim::Performer> cast_at(Cast cast, const Vector2d& place, double yaw_deg) {
+/// Performers who act at `position`, turned by `yaw_deg` around it.
+std::vector<sim::Performer> cast_at(Cast cast, const Vector2d& position, double yaw_deg) {
   std::vector<sim::Performer> performers = sim::cast_of(cast == Cast::kDuel ? 2 : 1);
   const Eigen::Rotation2Dd turn(yaw_deg * M_PI / 180);
   for (sim::Performer& performer : performers) {
-    performer.motion.position = place + turn * performer.motion.position;
+    performer.motion.position = position + turn * performer.motion.position;
     performer.motion.yaw_deg += yaw_deg;
   }
   return performers;
@@ -76,9 +76,9 @@ std::vector<SurfaceSample> samples_of(std::vector<Mesh> surfaces, uint32_t momen
     const std::vector<sim::Part> one = {parts[p]};
     const auto share = static_cast<size_t>(count * area_of(one[0].mesh) / total + 0.5);
     const sim::SurfacePoints points(one, share, sim::mix(seed) + p);
-    const auto places = points.places(one), normals = points.normals(one);
-    for (size_t i = 0; i < places.size(); ++i) {
-      samples.push_back({places[i], normals[i], moment, p});
+    const auto positions = points.positions(one), normals = points.normals(one);
+    for (size_t i = 0; i < positions.size(); ++i) {
+      samples.push_back({positions[i], normals[i], moment, p});
     }
   }
   return samples;
@@ -91,7 +91,7 @@ MomentSamples sample_moment(const Box& space, const ActionOptions& options, int 
   const double yaw = sim::uniform(seed, 8, 0, 360);
   MomentSamples made;
   std::vector<Mesh> surfaces;
-  for (const sim::Performer& performer : cast_at(options.cast, place_in(space, seed), yaw)) {
+  for (const sim::Performer& performer : cast_at(options.cast, position_in(space, seed), yaw)) {
     std::vector<sim::Part> parts = sim::performer_parts(seconds, options.seed, performer);
     raise(parts, floor_of(space));
     sim::DrawList& alone = made.moment.performer.emplace_back();

@@ -51,8 +51,8 @@ void add_around(const Surroundings& room, Mount mount, std::vector<Vector3d>& po
       const double share = (i + 0.5 * (row % 2)) / around;
       const Vector2d at =
           mount == Mount::kRail ? on_ellipse(room.half, share) : on_rectangle(room.half, share);
-      const Vector2d place = room.center + at;
-      positions.emplace_back(place.x(), place.y(), z);
+      const Vector2d position = room.center + at;
+      positions.emplace_back(position.x(), position.y(), z);
     }
   }
 }

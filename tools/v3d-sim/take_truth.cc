@@ -32,7 +32,7 @@ constexpr size_t kTruePoints = 20'000;
 /// The points as vertices; their colours state cameras and group (v3d-sim(1)).
 Mesh point_cloud(const SurfacePoints& points, const Rig& rig, const std::vector<Part>& parts) {
   Mesh cloud;
-  cloud.vertices = points.places(parts);
+  cloud.vertices = points.positions(parts);
   const std::vector<uint8_t> cameras =
       cameras_that_see(rig, parts, cloud.vertices, kSeenToleranceM);
   for (size_t i = 0; i < cameras.size(); ++i) {

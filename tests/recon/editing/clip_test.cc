@@ -22,8 +22,8 @@ Clip gliding(size_t frames) { return clips::gliding(frames, {0, 0, 0.95}, {0.01,
 void expect_skin_at_joints(const Clip& clip) {
   for (const ClipFrame& frame : clip.frames) {
     for (size_t j = 0; j < kBodyJoints; ++j) {
-      const Vector3d place = frame.places[clips::kPerJoint * j].cast<double>();
-      EXPECT_LT((place - frame.skeleton.joints[j]).norm(), 1e-4) << name(static_cast<Joint>(j));
+      const Vector3d position = frame.positions[clips::kPerJoint * j].cast<double>();
+      EXPECT_LT((position - frame.skeleton.joints[j]).norm(), 1e-4) << name(static_cast<Joint>(j));
     }
   }
 }
@@ -97,7 +97,7 @@ TEST(Clip, has_the_left_arm_where_the_right_one_was_when_it_is_mirrored) {
     const double moved = (right - Vector3d(left.x(), -left.y(), left.z())).norm();
     EXPECT_EQ(moved > 1e-6, f == 0);
     // What was the surface of the left wrist follows the right one, also when that is bent again.
-    const Vector3d surface = clip.frames[f].places[clips::kPerJoint * kLeftWrist].cast<double>();
+    const Vector3d surface = clip.frames[f].positions[clips::kPerJoint * kLeftWrist].cast<double>();
     EXPECT_LT((surface - right).norm(), 1e-5);
     for (const Eigen::Matrix3d& rotation : clip.frames[f].skeleton.rotations) {
       EXPECT_NEAR(rotation.determinant(), 1, 1e-6);
@@ -107,7 +107,7 @@ TEST(Clip, has_the_left_arm_where_the_right_one_was_when_it_is_mirrored) {
 
 TEST(Clip, has_its_triangles_outside_out_when_it_is_mirrored) {
   const auto volume = [](const Clip& clip) {
-    return enclosed_volume({.vertices = clip.frames[0].places,
+    return enclosed_volume({.vertices = clip.frames[0].positions,
                             .triangles = clip.surfaces[0].triangles,
                             .colours = {}});
   };
@@ -122,8 +122,8 @@ TEST(Clip, is_the_same_after_two_reflections) {
   const Clip before = clip;
   mirror(clip);
   mirror(clip);
-  for (size_t v = 0; v < before.frames[1].places.size(); ++v) {
-    EXPECT_LT((clip.frames[1].places[v] - before.frames[1].places[v]).norm(), 1e-5F);
+  for (size_t v = 0; v < before.frames[1].positions.size(); ++v) {
+    EXPECT_LT((clip.frames[1].positions[v] - before.frames[1].positions[v]).norm(), 1e-5F);
   }
   EXPECT_EQ(clip.surfaces[0].triangles, before.surfaces[0].triangles);
 }

@@ -35,8 +35,8 @@ inline ClipFrame frame(const SkeletonPulse& skeleton) {
     for (const Eigen::Vector3d& corner :
          {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.02, 0, 0), Eigen::Vector3d(0, 0.02, 0),
           Eigen::Vector3d(0, 0, 0.02)}) {
-      const Eigen::Vector3d place = skeleton.joints[j] + skeleton.rotations[j] * corner;
-      frame.places.push_back(place.cast<float>());
+      const Eigen::Vector3d position = skeleton.joints[j] + skeleton.rotations[j] * corner;
+      frame.positions.push_back(position.cast<float>());
     }
   }
   return frame;

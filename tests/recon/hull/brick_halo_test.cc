@@ -55,9 +55,9 @@ TEST(VertexLattice, keeps_its_own_points) {
   const VertexLattice lattice{.origin = {-1.37, 0.211, 0.05}, .step = 0.01 / 50};
   std::uniform_real_distribution<float> along(-2, 2);
   for (int n = 0; n < 10'000; ++n) {
-    const Eigen::Vector3f place(along(random), along(random), along(random));
-    const Eigen::Vector3f once = rounded_to(lattice, place);
-    EXPECT_LE((once - place).cwiseAbs().maxCoeff(), 0.5F * 0.0002F + 3e-7F);
+    const Eigen::Vector3f position(along(random), along(random), along(random));
+    const Eigen::Vector3f once = rounded_to(lattice, position);
+    EXPECT_LE((once - position).cwiseAbs().maxCoeff(), 0.5F * 0.0002F + 3e-7F);
     EXPECT_EQ(rounded_to(lattice, once), once);
   }
 }

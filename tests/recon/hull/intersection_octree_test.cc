@@ -14,10 +14,10 @@ OctreeNode random_node() {
   OctreeNode node;
   node.level = *rc::gen::element(1, 1, 2, 3);
   const int edge = 1 << node.level;
-  const auto place = [&](int axis) {
+  const auto coordinate = [&](int axis) {
     return edge * uniform_int(0, static_cast<int>(kGrid.counts[axis]) / (8 * edge) + 1);
   };
-  node.at = {place(0), place(1), place(2)};
+  node.at = {coordinate(0), coordinate(1), coordinate(2)};
   return node;
 }
 

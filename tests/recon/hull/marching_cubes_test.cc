@@ -46,13 +46,13 @@ double area(const Mesh& mesh) {
 
 /// Positions of the vertices in half voxels from the grid's origin.
 std::vector<std::array<int, 3>> half_voxels(const Mesh& mesh, const VoxelGrid& grid) {
-  std::vector<std::array<int, 3>> places;
+  std::vector<std::array<int, 3>> positions;
   for (const Eigen::Vector3f& vertex : mesh.vertices) {
     const Eigen::Vector3d h = (vertex.cast<double>() - grid.origin) * (2 / grid.voxel_m);
-    places.push_back({static_cast<int>(std::lround(h.x())), static_cast<int>(std::lround(h.y())),
-                      static_cast<int>(std::lround(h.z()))});
+    positions.push_back({static_cast<int>(std::lround(h.x())), static_cast<int>(std::lround(h.y())),
+                         static_cast<int>(std::lround(h.z()))});
   }
-  return places;
+  return positions;
 }
 
 bool same(const Mesh& a, const Mesh& b) {
@@ -126,9 +126,9 @@ TEST(MarchingCubes, places_vertices_on_the_half_voxel_lattice_to_the_bit) {
   const SparseVolume volume = ball(21, 9);
   const Mesh m = marching_cubes(volume);
   const VoxelGrid& grid = volume.grid();
-  const auto places = half_voxels(m, grid);
-  for (size_t n = 0; n < places.size(); ++n) {
-    const auto& h = places[n];
+  const auto positions = half_voxels(m, grid);
+  for (size_t n = 0; n < positions.size(); ++n) {
+    const auto& h = positions[n];
     for (int axis = 0; axis < 3; ++axis) {
       ASSERT_EQ(m.vertices[n][axis],
                 static_cast<float>(grid.origin[axis] + h[axis] * grid.voxel_m / 2));
@@ -168,9 +168,9 @@ RC_GTEST_PROP(MarchingCubes, closes_every_random_volume_into_a_manifold, ()) {
   const Mesh m = marching_cubes(volume);
   RC_ASSERT(is_manifold(m));
   // Every crossing of the lattice is a vertex, once.
-  const auto places = half_voxels(m, grid);
-  const std::set<std::array<int, 3>> distinct(places.begin(), places.end());
-  RC_ASSERT(distinct.size() == places.size());
+  const auto positions = half_voxels(m, grid);
+  const std::set<std::array<int, 3>> distinct(positions.begin(), positions.end());
+  RC_ASSERT(distinct.size() == positions.size());
 }
 
 RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_lattice_edge, ()) {
@@ -178,8 +178,8 @@ RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_la
   const SparseVolume volume =
       random_volume(grid, *rc::gen::arbitrary<uint32_t>(), uniform_int(1, 1000));
   const Mesh m = marching_cubes(volume);
-  const auto places = half_voxels(m, grid);
-  const std::set<std::array<int, 3>> found(places.begin(), places.end());
+  const auto positions = half_voxels(m, grid);
+  const std::set<std::array<int, 3>> found(positions.begin(), positions.end());
   std::set<std::array<int, 3>> expected;
   for (int axis = 0; axis < 3; ++axis) {
     for (int k = -1; k < grid.counts[2]; ++k) {

@@ -41,7 +41,7 @@ TEST(CarriedPoints, move_with_the_surface_at_their_distance_from_it) {
   EXPECT_FALSE(carried.is_bound(points.size() - 1));
   carried.follow(moved(sphere, motion()));
   for (size_t i = 0; i + 1 < points.size(); ++i) {
-    EXPECT_LT((carried.places()[i] - motion() * points[i]).norm(), 1e-4F);
+    EXPECT_LT((carried.positions()[i] - motion() * points[i]).norm(), 1e-4F);
   }
 }
 
@@ -51,14 +51,14 @@ TEST(CarriedPoints, keep_their_velocity_when_another_surface_takes_over) {
     return moved(sphere, Eigen::Isometry3f(Eigen::Translation3f(x, 0, 0)));
   };
   CarriedPoints carried(at(0), points_near(sphere));
-  const std::vector<Vector3f> start = carried.places();
+  const std::vector<Vector3f> start = carried.positions();
   carried.follow(at(0.1F));
   Mesh other = shapes::sphere({0.2F, 0, 0}, 0.4F, 37);
   carried.change_surface_later(other);
   EXPECT_GT(carried.bound(), std::ssize(start) / 2);
   for (size_t i = 0; i < start.size(); ++i) {
     if (!carried.is_bound(i)) continue;
-    EXPECT_LT((carried.places()[i] - start[i] - Vector3f(0.2F, 0, 0)).norm(), 1e-4F);
+    EXPECT_LT((carried.positions()[i] - start[i] - Vector3f(0.2F, 0, 0)).norm(), 1e-4F);
   }
 }
 
@@ -68,14 +68,14 @@ TEST(CarriedPoints, stay_bound_at_any_distance_when_another_surface_takes_over) 
   const Mesh other = shapes::sphere({0.5F, 0, 0}, 0.4F, 37);
   carried.change_surface(other);
   EXPECT_EQ(carried.bound(), std::ssize(sphere.vertices));
-  EXPECT_EQ(carried.places(), sphere.vertices);
+  EXPECT_EQ(carried.positions(), sphere.vertices);
   carried.follow(moved(other, Eigen::Isometry3f(Eigen::Translation3f(0, 0.1F, 0))));
   for (size_t i = 0; i < sphere.vertices.size(); ++i) {
-    EXPECT_LT((carried.places()[i] - sphere.vertices[i] - Vector3f(0, 0.1F, 0)).norm(), 1e-4F);
+    EXPECT_LT((carried.positions()[i] - sphere.vertices[i] - Vector3f(0, 0.1F, 0)).norm(), 1e-4F);
   }
 }
 
-TEST(CarriedPoints, stay_behind_a_sliding_surface_when_they_drop_to_the_nearest_place) {
+TEST(CarriedPoints, stay_behind_a_sliding_surface_when_they_drop_to_the_nearest_point) {
   // A sphere that turns: its shape does not change, so nearest points stay where they are.
   const Mesh sphere = shapes::sphere({0, 0, 0}, 0.4F, 60);
   const Eigen::Isometry3f turn(Eigen::AngleAxisf(0.3F, Vector3f::UnitZ()));

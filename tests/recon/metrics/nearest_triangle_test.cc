@@ -33,9 +33,9 @@ double plain_distance(const Vector3d& p, const Vector3d& a, const Vector3d& b, c
   return least;
 }
 
-class RandomPlaces {
+class RandomPositions {
  public:
-  explicit RandomPlaces(unsigned seed) : random_(seed) {}
+  explicit RandomPositions(unsigned seed) : random_(seed) {}
   Vector3d operator()(double reach) {
     std::uniform_real_distribution<double> along(-reach, reach);
     return {along(random_), along(random_), along(random_)};
@@ -46,9 +46,10 @@ class RandomPlaces {
 };
 
 TEST(NearestWeights, give_the_nearest_point_of_a_triangle_for_any_query_point) {
-  RandomPlaces place(1);
+  RandomPositions position(1);
   for (int i = 0; i < 20'000; ++i) {
-    const Vector3d a = place(1), b = place(1), c = i % 50 == 0 ? a : place(1), p = place(2);
+    const Vector3d a = position(1), b = position(1), c = i % 50 == 0 ? a : position(1),
+                   p = position(2);
     const Vector3d w = nearest_weights(p, a, b, c);
     EXPECT_NEAR(w.sum(), 1, 1e-9);
     EXPECT_GE(w.minCoeff(), -1e-12);
@@ -61,9 +62,9 @@ TEST(NearestTriangle, equals_the_result_of_a_search_through_all_triangles) {
   Mesh mesh = shapes::sphere({0, 0, 0}, 1, 12);
   shapes::append(mesh, shapes::box({0.5F, 0.5F, 0.5F}, {2, 2, 2}));
   const NearestTriangle tree(mesh);
-  RandomPlaces place(2);
+  RandomPositions position(2);
   for (int i = 0; i < 2'000; ++i) {
-    const Vector3d p = place(2.5);
+    const Vector3d p = position(2.5);
     double least = std::numeric_limits<double>::infinity();
     for (const auto& [a, b, c] : mesh.triangles) {
       least = std::min(

@@ -54,7 +54,7 @@ TEST(DeformationGraph, leaves_the_template_at_rest_and_moves_it_rigidly_with_its
   const Eigen::Matrix3d turn =
       Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const Vector3d shift(0.3, -0.2, 0.9);
-  for (NodeMotion& node : motion) node = {turn, turn * node.place + shift};
+  for (NodeMotion& node : motion) node = {turn, turn * node.position + shift};
   graph.move(motion, mesh.vertices, moved);
   for (size_t v = 0; v < moved.size(); ++v) {
     EXPECT_LT((moved[v].cast<double>() - turn * mesh.vertices[v].cast<double>() - shift).norm(),
@@ -154,7 +154,7 @@ TEST(GraphSolver, gives_the_same_bits_with_any_number_of_threads) {
     });
   }
   for (size_t n = 0; n < graph.nodes(); ++n) {
-    EXPECT_EQ(results[0][n].place, results[1][n].place);
+    EXPECT_EQ(results[0][n].position, results[1][n].position);
     EXPECT_EQ(results[0][n].rotation, results[1][n].rotation);
   }
 }

@@ -41,7 +41,7 @@ TEST(LikelyShifts, are_the_best_correlations_of_patches_without_neighbours) {
 }
 
 TEST(LikelyShifts, follow_the_neighbours_where_a_pattern_repeats) {
-  // The pattern of the middle patches repeats every 4 steps; the wrong place correlates better.
+  // The pattern of the middle patches repeats every 4 steps; the wrong position correlates better.
   ShiftCorrelations correlations(5, kReach);
   for (const size_t clear : {size_t{0}, size_t{4}}) add_peak(correlations, clear, 2, 0, 0.9F);
   for (const size_t periodic : {size_t{1}, size_t{2}, size_t{3}}) {

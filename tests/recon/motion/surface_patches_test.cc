@@ -70,7 +70,8 @@ class BallStudio {
 
 constexpr double kSpacingM = 0.04;
 
-/// Distances from the matches of learnt patches to the places where a turn by `angle` moved them.
+/// Distances from the matches of learnt patches to the positions where a turn by `angle` moved
+/// them.
 std::vector<float> errors_after(float angle, float reach_m) {
   const BallStudio before(0), after(angle);
   SurfacePatches patches(before.surface(), kSpacingM);
@@ -80,7 +81,7 @@ std::vector<float> errors_after(float angle, float reach_m) {
   const Eigen::AngleAxisf turn(angle, Vector3f::UnitZ());
   for (const PatchMatch& match : patches.match(after.seen(), still, reach_m)) {
     const Vector3f& rest = before.surface().vertices[match.vertex];
-    errors.push_back((match.place - kCentre - turn * (rest - kCentre)).norm());
+    errors.push_back((match.position - kCentre - turn * (rest - kCentre)).norm());
   }
   return errors;
 }

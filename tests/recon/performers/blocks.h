@@ -27,8 +27,8 @@ inline SparseVolume volume_of(const std::vector<Block>& blocks) {
   for (const Block& block : blocks) {
     std::array<int, 3> first{}, end{};
     for (int a = 0; a < 3; ++a) {
-      const auto voxel = [&](double place) {
-        const double at = std::ceil((place - grid.origin[a]) / grid.voxel_m - 0.5 - 1e-9);
+      const auto voxel = [&](double coordinate) {
+        const double at = std::ceil((coordinate - grid.origin[a]) / grid.voxel_m - 0.5 - 1e-9);
         return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(grid.counts[a])));
       };
       first[a] = voxel(block.min()[a]);
@@ -60,11 +60,14 @@ inline Block rod(double x0, double x1, double y = 0, double z = 1.2) {
   return {Eigen::Vector3d(x0, y - 0.03, z - 0.03), Eigen::Vector3d(x1, y + 0.03, z + 0.03)};
 }
 
-/// The identity at a place; 0: none, -1: not occupied.
+/// The identity at a position; 0: none, -1: not occupied.
 inline int identity_at(const SparseVolume& volume, const std::vector<PerformerVoxels>& performers,
-                       const Eigen::Vector3d& place) {
-  const Eigen::Vector3i v =
-      ((place - volume.grid().origin) / volume.grid().voxel_m).array().floor().matrix().cast<int>();
+                       const Eigen::Vector3d& position) {
+  const Eigen::Vector3i v = ((position - volume.grid().origin) / volume.grid().voxel_m)
+                                .array()
+                                .floor()
+                                .matrix()
+                                .cast<int>();
   if (!volume.get(v.x(), v.y(), v.z())) return -1;
   const int brick = volume.index_of({v.x() / 8, v.y() / 8, v.z() / 8});
   for (const PerformerVoxels& performer : performers) {

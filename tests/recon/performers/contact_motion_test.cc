@@ -11,7 +11,7 @@
 namespace v3d::recon {
 namespace {
 
-TEST(ContactMotion, has_windows_with_the_voxels_of_any_place) {
+TEST(ContactMotion, has_windows_with_the_voxels_at_any_position) {
   std::mt19937 random(1);
   const SparseVolume volume =
       make_volume(small_grid(29, 21, 26), [&](int, int, int) { return random() % 3 == 0; });

@@ -46,7 +46,7 @@ struct Push {
     second = 0.0 + 0.042 * pushing;
     in_contact = pulse >= 10 && pulse <= 22;
   }
-  /// The place where the arm ends.
+  /// The position where the arm ends.
   double hand() const { return first + 0.55; }
   std::vector<Block> blocks() const {
     return {body_at(first), rod(first, hand()), body_at(second)};

@@ -13,16 +13,16 @@ const Vector3d kEye(4, 0.1, 2);
 
 Mesh box_at_height(float z) { return shapes::box({-0.3F, -0.3F, z}, {0.3F, 0.3F, z + 1}); }
 
-std::optional<FloorHit> hit_at(const Floor& floor, const Vector3d& place) {
-  return floor.hit(kEye, (place - kEye).normalized(), kPixelRad);
+std::optional<FloorHit> hit_at(const Floor& floor, const Vector3d& position) {
+  return floor.hit(kEye, (position - kEye).normalized(), kPixelRad);
 }
 
 TEST(Floor, is_hit_where_a_ray_reaches_its_height) {
   const Floor floor(box_at_height(0), {.z = 0.5});
-  const Vector3d place(1, 2, 0.5);
-  const auto hit = hit_at(floor, place);
+  const Vector3d position(1, 2, 0.5);
+  const auto hit = hit_at(floor, position);
   ASSERT_TRUE(hit);
-  EXPECT_NEAR(hit->distance_m, (place - kEye).norm(), 1e-9);
+  EXPECT_NEAR(hit->distance_m, (position - kEye).norm(), 1e-9);
 }
 
 TEST(Floor, is_not_hit_by_rays_that_go_up_or_begin_below) {

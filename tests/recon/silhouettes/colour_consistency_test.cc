@@ -98,7 +98,7 @@ TEST(ColourConsistency, compares_nothing_without_colours_or_points) {
   EXPECT_EQ(scene.within(kSmall, 2).compared, 0) << "one other camera is no agreement";
   EXPECT_FALSE(scene.within(kSmall, 2).is_consistent());
   EXPECT_EQ(scene.within({2, 2, 20, 20}).compared, 0) << "beside the ball";
-  EXPECT_FALSE(scene.within({79, 59, 9, 9}).is_consistent()) << "nine places";
+  EXPECT_FALSE(scene.within({79, 59, 9, 9}).is_consistent()) << "nine points";
 }
 
 }  // namespace

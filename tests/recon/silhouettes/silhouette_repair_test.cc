@@ -281,11 +281,11 @@ TEST(SilhouetteRepair, accepts_background_of_the_only_camera_that_sees_it) {
     legs.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
   }
   Rig rig;
-  const Eigen::Vector3d places[] = {
+  const Eigen::Vector3d positions[] = {
       {4, 0, 0.5}, {0, 4, 0.5}, {0, -4, 0.7}, {0.4, 4, 1}, {-0.4, 4, 1.2}};
-  for (const auto& place : places) {
-    rig.push_back(
-        {"cam" + std::to_string(rig.size()), shapes::camera(place, {0, 0, 0.45}, {320, 240}, 400)});
+  for (const auto& position : positions) {
+    rig.push_back({"cam" + std::to_string(rig.size()),
+                   shapes::camera(position, {0, 0, 0.45}, {320, 240}, 400)});
   }
   const std::vector<Mask> masks = draw_silhouettes(legs, models_of(rig));
   SilhouetteRepair repairer(rig, {{-0.5, -0.5, -0.1}, {0.5, 0.5, 1}}, 0.02, 3);

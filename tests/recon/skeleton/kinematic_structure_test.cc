@@ -101,7 +101,7 @@ TEST(KinematicStructure, has_the_left_side_left_of_the_toes) {
 }
 
 /// Eight pulses of a standing person, `gap`, and eight pulses two metres further along x.
-std::vector<BodyEvidence> standing_at_two_places(const std::vector<BodyEvidence>& gap) {
+std::vector<BodyEvidence> standing_at_two_positions(const std::vector<BodyEvidence>& gap) {
   std::vector<BodyEvidence> evidence(8, evidence_of(figures::surface(figures::person(70, 50))));
   evidence.insert(evidence.end(), gap.begin(), gap.end());
   const BodyEvidence there = evidence_of(figures::surface(figures::person(70, 50, {2, 0, 0})));
@@ -110,7 +110,7 @@ std::vector<BodyEvidence> standing_at_two_places(const std::vector<BodyEvidence>
 }
 
 /// Do the joints stand still before and after the gap, two metres apart?
-void expect_two_places(const KinematicStructure& structure) {
+void expect_two_positions(const KinematicStructure& structure) {
   ASSERT_EQ(structure.pulses.size(), 16U);
   const JointPositions& first = structure.pulses[0].joints;
   for (size_t n = 0; n < structure.pulses.size(); ++n) {
@@ -125,13 +125,13 @@ void expect_two_places(const KinematicStructure& structure) {
 
 TEST(KinematicStructure, does_not_mix_the_poses_before_and_after_pulses_without_a_body) {
   const std::vector<BodyEvidence> gap(10, evidence_of({}));
-  expect_two_places(kinematic_structure(standing_at_two_places(gap)));
+  expect_two_positions(kinematic_structure(standing_at_two_positions(gap)));
 }
 
 TEST(KinematicStructure, does_not_mix_the_poses_before_and_after_lost_pulses) {
   std::vector<int64_t> pulses(16);
   for (size_t n = 0; n < pulses.size(); ++n) pulses[n] = static_cast<int64_t>(n < 8 ? n : n + 100);
-  expect_two_places(kinematic_structure(standing_at_two_places({}), pulses));
+  expect_two_positions(kinematic_structure(standing_at_two_positions({}), pulses));
 }
 
 TEST(KinematicStructure, leaves_out_pulses_without_a_body) {

@@ -25,7 +25,7 @@ class MovingPerson {
  public:
   MovingPerson() : rest_(joints_at_rest()) {
     body_.surface = figures::surface(figures::person(60, 60), 0.02);
-    for (const Vector3f& place : body_.surface.vertices) parts_.push_back(part_at(place));
+    for (const Vector3f& position : body_.surface.vertices) parts_.push_back(part_at(position));
   }
 
   JointPositions joints(int pulse) const {
@@ -44,10 +44,10 @@ class MovingPerson {
     for (int p = 0; p < pulses; ++p) {
       const PartMotion motion = motions(p);
       body.pulses.push_back(p);
-      std::vector<Vector3f>& places = body.positions.emplace_back();
+      std::vector<Vector3f>& positions = body.positions.emplace_back();
       for (size_t v = 0; v < parts_.size(); ++v) {
-        const Vector3d place = motion[parts_[v]] * body.surface.vertices[v].cast<double>();
-        places.push_back(place.cast<float>());
+        const Vector3d position = motion[parts_[v]] * body.surface.vertices[v].cast<double>();
+        positions.push_back(position.cast<float>());
       }
     }
     body.surface.vertices = body.positions[0];
@@ -57,8 +57,9 @@ class MovingPerson {
   Joint part(size_t vertex) const { return parts_[vertex]; }
 
   bool is_near_a_joint(size_t vertex) const {
-    const Vector3d place = body_.surface.vertices[vertex].cast<double>();
-    return std::ranges::any_of(rest_, [&](const Vector3d& j) { return (j - place).norm() < 0.12; });
+    const Vector3d position = body_.surface.vertices[vertex].cast<double>();
+    return std::ranges::any_of(rest_,
+                               [&](const Vector3d& j) { return (j - position).norm() < 0.12; });
   }
 
   /// A structure whose joints are wrong by `error`, to both sides in turn.
@@ -96,7 +97,7 @@ class MovingPerson {
   }
 
   /// The capsules of figures::person(), in order.
-  static Joint part_at(const Vector3f& place) {
+  static Joint part_at(const Vector3f& position) {
     constexpr std::array kParts{kHead,       kHead,     kPelvis,    kPelvis,    kLeftShoulder,
                                 kLeftElbow,  kLeftHip,  kLeftKnee,  kLeftAnkle, kRightShoulder,
                                 kRightElbow, kRightHip, kRightKnee, kRightAnkle};
@@ -105,12 +106,12 @@ class MovingPerson {
     double least = 1e9;
     for (size_t c = 0; c < capsules.size(); ++c) {
       const double outside =
-          std::abs(figures::distance(capsules[c], place.cast<double>()) - capsules[c].radius);
+          std::abs(figures::distance(capsules[c], position.cast<double>()) - capsules[c].radius);
       if (outside >= least) continue;
       least = outside;
       nearest = c;
     }
-    const bool is_chest = kParts[nearest] == kPelvis && place.z() > 1.15F;
+    const bool is_chest = kParts[nearest] == kPelvis && position.z() > 1.15F;
     return is_chest ? kNeck : kParts[nearest];
   }
 
@@ -190,7 +191,7 @@ TEST(TrackedSkeleton, has_its_joints_where_parts_meet) {
 TEST(TrackedSkeleton, keeps_the_poses_of_shoulders_and_hips_of_a_performer_who_stands_still) {
   const MovingPerson person;
   TrackedBody still = person.body(kPulses);
-  for (auto& places : still.positions) places = still.positions[0];
+  for (auto& positions : still.positions) positions = still.positions[0];
   KinematicStructure structure = person.structure(kPulses, Vector3d::Zero());
   for (SkeletonPulse& pulse : structure.pulses) pulse.joints = person.joints(0);
   const JointPositions before = structure.pulses[0].joints;

@@ -166,12 +166,12 @@ TEST(Correlation, a_window_fits_when_all_its_samples_at_all_depths_do) {
 TEST(Correlation, is_the_same_to_the_bit_on_every_instruction_set) {
   const Luminance reference(noise(0)), shifted(noise(3));
   std::mt19937 random(3);
-  const auto place = [&] { return 40 + 0.01F * static_cast<float>(random() % 4000); };
+  const auto coordinate = [&] { return 40 + 0.01F * static_cast<float>(random() % 4000); };
   for (int i = 0; i < 20; ++i) {
     WindowViews views;
     views.count = 4;
     for (int c = 0; c < 4; ++c) {
-      views.view[c] = window_at(c % 2 ? shifted : reference, place(), place(), 0.37F);
+      views.view[c] = window_at(c % 2 ? shifted : reference, coordinate(), coordinate(), 0.37F);
     }
     const DepthProfile expected = profile_of(views);
     const PairAgreement pairs = pairs_of(views);

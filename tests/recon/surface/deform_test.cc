@@ -387,16 +387,16 @@ std::vector<uint8_t> seen_vertices(const Mesh& mesh, bool by_cells) {
   std::vector<uint8_t> seen;
   for (size_t first = 0; first < mesh.vertices.size(); first += VertexVisibility::kCapacity) {
     const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
-    PointBlock places, directions;
-    places.count = count;
+    PointBlock positions, directions;
+    positions.count = count;
     for (size_t i = 0; i < count; ++i) {
-      places.set(i, mesh.vertices[first + i]);
+      positions.set(i, mesh.vertices[first + i]);
       directions.set(i, normals[first + i]);
     }
     VertexVisibility visibility;
     const VisibilityOptions options{.tolerance_m = 1.5F * static_cast<float>(kEdge)};
-    by_cells ? test_cell_visibility(camera, cells, places, directions, options, visibility)
-             : test_visibility(camera, pixels, places, directions, options, visibility);
+    by_cells ? test_cell_visibility(camera, cells, positions, directions, options, visibility)
+             : test_visibility(camera, pixels, positions, directions, options, visibility);
     for (size_t i = 0; i < count; ++i) seen.push_back(visibility.seen[i] > 0 ? 1 : 0);
   }
   return seen;
@@ -430,12 +430,12 @@ TEST(CellVisibility, differs_from_the_depth_buffer_only_around_outlines) {
 TEST(CellVisibility, sees_nothing_through_an_empty_buffer) {
   const Mesh mesh = hull();
   const SurfaceCameras before = studio().before(mesh, 1);
-  PointBlock place, normal;
-  place.count = 1;
-  place.set(0, {kHalfEdge, 0, 1});
+  PointBlock position, normal;
+  position.count = 1;
+  position.set(0, {kHalfEdge, 0, 1});
   normal.set(0, {1, 0, 0});
   VertexVisibility visibility;
-  test_cell_visibility(before.cameras[0], PointDepthBuffer(), place, normal, {}, visibility);
+  test_cell_visibility(before.cameras[0], PointDepthBuffer(), position, normal, {}, visibility);
   EXPECT_LT(visibility.seen[0], 0);
 }
 

@@ -103,11 +103,11 @@ TEST(SilhouetteDisplacement, is_none_for_a_vertex_that_is_not_on_the_outline) {
 
 TEST(SilhouetteDisplacement, is_none_at_the_border_of_the_picture) {
   Scene scene(kRadius);
-  const Vector3f normal(0, 0, 1), place(0, 0, 1.49F);  // two pixels below the upper border
-  const auto seen = scene.camera->project(place).value();
+  const Vector3f normal(0, 0, 1), position(0, 0, 1.49F);  // two pixels below the upper border
+  const auto seen = scene.camera->project(position).value();
   ASSERT_GT(seen.pixel.y(), 0);
   ASSERT_LT(seen.pixel.y(), 9);
-  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, place, normal, seen));
+  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, position, normal, seen));
 }
 
 TEST(NearOutline, contains_every_pixel_within_two_of_the_outline_and_no_far_one) {

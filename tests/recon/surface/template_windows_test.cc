@@ -35,13 +35,13 @@ struct Scene {
     }
   }
 
-  /// Of windows at these places of the plate.
-  void find(const std::vector<Vector3f>& places, const WindowOptions& options = kOptions) {
-    const std::vector<Vector3f> normals(places.size(), Vector3f::UnitZ());
+  /// Of windows at these positions of the plate.
+  void find(const std::vector<Vector3f>& positions, const WindowOptions& options = kOptions) {
+    const std::vector<Vector3f> normals(positions.size(), Vector3f::UnitZ());
     PointBlock where, facing;
-    where.count = facing.count = places.size();
-    for (size_t i = 0; i < places.size(); ++i) {
-      where.set(i, places[i]);
+    where.count = facing.count = positions.size();
+    for (size_t i = 0; i < positions.size(); ++i) {
+      where.set(i, positions[i]);
       facing.set(i, normals[i]);
     }
     visibilities.resize(cameras.size());
@@ -49,7 +49,7 @@ struct Scene {
       test_visibility(cameras[c], draw_depth(plate, models[c]), where, facing,
                       {.tolerance_m = 0.01F}, visibilities[c]);
     }
-    windows.find(places, normals, cameras, visibilities, options, kCorrelation);
+    windows.find(positions, normals, cameras, visibilities, options, kCorrelation);
   }
 };
 
@@ -77,11 +77,11 @@ TEST(TemplateWindows, omit_cameras_that_do_not_see_them) {
 /// centre.
 TEST(TemplateWindows, project_into_images_by_the_lens_model) {
   Scene scene({0.4, -0.3});
-  const Vector3f place(0.05F, -0.08F, 0);
+  const Vector3f position(0.05F, -0.08F, 0);
   for (const int level : {0, 1}) {
     WindowOptions options = kOptions;
     options.level = level;
-    scene.find({place}, options);
+    scene.find({position}, options);
     const WindowViews& views = scene.windows.views(0);
     ASSERT_EQ(views.count, 2);
     for (int k = 0; k < views.count; ++k) {
@@ -93,13 +93,13 @@ TEST(TemplateWindows, project_into_images_by_the_lens_model) {
         return Vector2f(camera.project(at)->pixel * picture.scale() -
                         Vector2f(picture.first_u(), picture.first_v()));
       };
-      const Vector2f middle = in_picture(place);
+      const Vector2f middle = in_picture(position);
       EXPECT_LT((Vector2f(view.u, view.v) - middle).norm(), 1e-3);
-      const Vector2f out = in_picture(place + Vector3f(0, 0, options.step_m)) - middle;
+      const Vector2f out = in_picture(position + Vector3f(0, 0, options.step_m)) - middle;
       EXPECT_LT((Vector2f(view.u_out, view.v_out) - out).norm(), 1e-3);
       // The axes in the plane are not specified: two of one step at a right angle.
-      const Vector2f x = in_picture(place + Vector3f(options.spacing_m, 0, 0)) - middle;
-      const Vector2f y = in_picture(place + Vector3f(0, options.spacing_m, 0)) - middle;
+      const Vector2f x = in_picture(position + Vector3f(options.spacing_m, 0, 0)) - middle;
+      const Vector2f y = in_picture(position + Vector3f(0, options.spacing_m, 0)) - middle;
       const float across = view.u_across * view.v_down - view.v_across * view.u_down;
       EXPECT_NEAR(std::abs(across), std::abs(x.x() * y.y() - x.y() * y.x()),
                   0.02F * std::abs(across));
@@ -120,12 +120,12 @@ TEST(TemplateWindows, are_made_for_every_nth_vertex_of_a_block) {
   Scene scene({0.1, -0.3});
   WindowOptions options = kOptions;
   options.every = 3;
-  std::vector<Vector3f> places(VertexVisibility::kCapacity, Vector3f(0.01F, 0, 0));
-  scene.find(places, options);
-  for (size_t i = 0; i < places.size(); ++i) {
+  std::vector<Vector3f> positions(VertexVisibility::kCapacity, Vector3f(0.01F, 0, 0));
+  scene.find(positions, options);
+  for (size_t i = 0; i < positions.size(); ++i) {
     EXPECT_EQ(scene.windows.views(i).count, i % 3 == 0 ? 2 : 0) << i;
   }
-  scene.find(places);
+  scene.find(positions);
   EXPECT_EQ(scene.windows.views(1).count, 2);
 }
 

@@ -139,10 +139,10 @@ TEST(DepthBufferTest, accepts_triangles_without_area_and_no_triangles) {
 /// Triangles of all sizes, from slivers to some that fill the image and reach behind the camera.
 Mesh soup(uint32_t seed) {
   std::mt19937 random(seed);
-  std::uniform_real_distribution<float> place(-1.5F, 1.5F), unit(-1, 1), part(0, 1);
+  std::uniform_real_distribution<float> coordinate(-1.5F, 1.5F), unit(-1, 1), part(0, 1);
   Mesh mesh;
   for (uint32_t t = 0; t < 300; ++t) {
-    const Eigen::Vector3f middle(place(random), place(random), place(random));
+    const Eigen::Vector3f middle(coordinate(random), coordinate(random), coordinate(random));
     const float size = 2 * std::pow(part(random), 6.0F);
     for (int k = 0; k < 3; ++k) {
       mesh.vertices.emplace_back(middle +

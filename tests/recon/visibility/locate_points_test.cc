@@ -26,19 +26,19 @@ CameraModel model_with(const Distortion& lens) {
 }
 
 /// Some behind the camera, some nearer than whole_from_z, most in the image; no whole block.
-std::vector<Eigen::Vector3f> random_places() {
+std::vector<Eigen::Vector3f> random_positions() {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> along(-2.5F, 2.5F);
-  std::vector<Eigen::Vector3f> places;
+  std::vector<Eigen::Vector3f> positions;
   for (size_t i = 0; i < 2 * PointArrays::kBlock + 77; ++i) {
-    places.emplace_back(along(random), along(random) / 2, along(random) / 2);
+    positions.emplace_back(along(random), along(random) / 2, along(random) / 2);
   }
-  return places;
+  return positions;
 }
 
 /// Reference by the definition, one point at a time.
-int32_t cell_of(const VoxelCamera& lens, const Eigen::Vector3f& place) {
-  const auto p = camera_point<float>(lens, place.x(), place.y(), place.z());
+int32_t cell_of(const VoxelCamera& lens, const Eigen::Vector3f& position) {
+  const auto p = camera_point<float>(lens, position.x(), position.y(), position.z());
   const PixelPoint<float> q = pixel_point(lens, p);
   const bool seen = p.z >= static_cast<float>(kNearPlaneMetres) && q.radius2 <= lens.max_radius2;
   if (!seen) return kGrid.count();
@@ -52,8 +52,8 @@ int32_t cell_of(const VoxelCamera& lens, const Eigen::Vector3f& place) {
 }
 
 TEST(LocatePoints, finds_the_cell_of_each_point_on_every_instruction_set) {
-  const std::vector<Eigen::Vector3f> places = random_places();
-  const PointArrays points(places);
+  const std::vector<Eigen::Vector3f> positions = random_positions();
+  const PointArrays points(positions);
   for (const Distortion& distortion : kLenses) {
     const VoxelCamera lens = camera_of_metres(model_with(distortion));
     on_every_instruction_set([&] {
@@ -62,8 +62,8 @@ TEST(LocatePoints, finds_the_cell_of_each_point_on_every_instruction_set) {
         LocatedPoints located;
         locate_points(lens, kGrid, points, first, located);
         for (size_t i = 0; i < PointArrays::kBlock; ++i) {
-          const bool exists = first + i < places.size();
-          const int32_t expected = exists ? cell_of(lens, places[first + i]) : kGrid.count();
+          const bool exists = first + i < positions.size();
+          const int32_t expected = exists ? cell_of(lens, positions[first + i]) : kGrid.count();
           ASSERT_EQ(located.cell[i], expected) << first + i;
           near += expected == LocatedPoints::kNear;
           nowhere += expected == kGrid.count();
@@ -79,28 +79,28 @@ TEST(LocatePoints, finds_the_cell_of_each_point_on_every_instruction_set) {
 
 TEST(LocatePoints, returns_the_cell_and_the_depth_of_a_point) {
   const CameraModel model = model_with({});
-  const Eigen::Vector3f place(0.1F, -0.2F, 0.15F);
+  const Eigen::Vector3f position(0.1F, -0.2F, 0.15F);
   LocatedPoints located;
-  locate_points(camera_of_metres(model), kGrid, PointArrays({place}), 0, located);
-  const Eigen::Vector2d pixel = model.project(place.cast<double>()).value();
+  locate_points(camera_of_metres(model), kGrid, PointArrays({position}), 0, located);
+  const Eigen::Vector2d pixel = model.project(position.cast<double>()).value();
   EXPECT_NEAR(located.column[0], (pixel.x() + 0.5 - kGrid.first_u) * kGrid.cells_per_pixel, 0.02);
   EXPECT_NEAR(located.row[0], (pixel.y() + 0.5 - kGrid.first_v) * kGrid.cells_per_pixel, 0.02);
-  EXPECT_NEAR(located.z[0], (model.cam_from_world() * place.cast<double>()).z(), 1e-5);
+  EXPECT_NEAR(located.z[0], (model.cam_from_world() * position.cast<double>()).z(), 1e-5);
 }
 
 TEST(ProjectVertices,
      projects_by_the_whole_lens_model_with_the_same_bits_on_every_instruction_set) {
   Mesh mesh;
-  mesh.vertices = random_places();
+  mesh.vertices = random_positions();
   for (const Distortion& distortion : kLenses) {
     const CameraModel model = model_with(distortion);
     const std::vector<ScreenVertex> usual = project_vertices(mesh, model);
     int shown = 0;
     for (size_t v = 0; v < mesh.vertices.size(); ++v) {
-      const Eigen::Vector3d place = mesh.vertices[v].cast<double>();
-      const double z = (model.cam_from_world() * place).z();
+      const Eigen::Vector3d position = mesh.vertices[v].cast<double>();
+      const double z = (model.cam_from_world() * position).z();
       EXPECT_NEAR(usual[v].z, z, 1e-5);
-      const auto expected = model.project(place);
+      const auto expected = model.project(position);
       if (z < 0.2 || !expected) continue;
       ASSERT_TRUE(usual[v].on_screen());
       EXPECT_NEAR(usual[v].inverse_z, 1 / z, 1e-5);

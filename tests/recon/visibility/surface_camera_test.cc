@@ -34,14 +34,14 @@ TEST(SurfaceCamera, projects_points_by_the_whole_lens_model) {
     std::mt19937 random(4);
     std::uniform_real_distribution<float> along(-1, 1);
     for (int i = 0; i < 500; ++i) {
-      const Vector3f place(along(random), along(random), 1 + along(random));
-      const auto expected = model.project(place.cast<double>());
-      const auto found = camera.project(place);
+      const Vector3f position(along(random), along(random), 1 + along(random));
+      const auto expected = model.project(position.cast<double>());
+      const auto found = camera.project(position);
       ASSERT_EQ(found.has_value(), expected.has_value());
       if (!found) continue;
       // The middle of the first pixel is (0, 0) there and (0.5, 0.5) here.
       EXPECT_LT((found->pixel.cast<double>() - *expected - Eigen::Vector2d(0.5, 0.5)).norm(), 0.02);
-      EXPECT_NEAR(found->z, (model.cam_from_world() * place.cast<double>()).z(), 1e-5);
+      EXPECT_NEAR(found->z, (model.cam_from_world() * position.cast<double>()).z(), 1e-5);
     }
     EXPECT_FALSE(camera.project({4, 0.6F, 1.4F})) << "behind the camera";
   }

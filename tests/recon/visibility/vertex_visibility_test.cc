@@ -44,18 +44,18 @@ TEST(VertexVisibility, projects_like_the_camera_bit_for_bit) {
     const Scene scene(lens);
     std::mt19937 random(5);
     PointBlock points;
-    std::vector<Eigen::Vector3f> places;  // some behind the camera
+    std::vector<Eigen::Vector3f> positions;  // some behind the camera
     const auto along = [&] { return static_cast<float>(random() % 8000) / 1000 - 4; };
     for (points.count = 0; points.count < 379; ++points.count) {
-      places.emplace_back(along(), along(), along());
-      points.set(points.count, places.back());
+      positions.emplace_back(along(), along(), along());
+      points.set(points.count, positions.back());
     }
     on_every_instruction_set([&] {
       PixelBlock pixels;
       project_block(*scene.camera, points, pixels);
       size_t nowhere = 0;
       for (size_t i = 0; i < points.count; ++i) {
-        if (const auto expected = scene.camera->project(places[i])) {
+        if (const auto expected = scene.camera->project(positions[i])) {
           EXPECT_EQ(pixels.u[i], expected->pixel.x());
           EXPECT_EQ(pixels.v[i], expected->pixel.y());
           EXPECT_EQ(pixels.z[i], expected->z);
@@ -85,19 +85,19 @@ TEST(VertexVisibility, finds_facing_and_unoccluded_vertices_bit_for_bit) {
     on_every_instruction_set([&] {
       size_t seen = 0, hidden = 0;
       for (size_t first = 0; first < normals.size(); first += VertexVisibility::kCapacity) {
-        PointBlock places, directions;
-        places.count = std::min(VertexVisibility::kCapacity, normals.size() - first);
-        for (size_t i = 0; i < places.count; ++i) {
-          places.set(i, scene.mesh.vertices[first + i]);
+        PointBlock positions, directions;
+        positions.count = std::min(VertexVisibility::kCapacity, normals.size() - first);
+        for (size_t i = 0; i < positions.count; ++i) {
+          positions.set(i, scene.mesh.vertices[first + i]);
           directions.set(i, normals[first + i]);
         }
         VertexVisibility visibility;
-        test_visibility(*scene.camera, scene.depth, places, directions, kOptions, visibility);
-        for (size_t i = 0; i < places.count; ++i) {
-          const Eigen::Vector3f& place = scene.mesh.vertices[first + i];
-          const Eigen::Vector3f way = scene.camera->center() - place;
+        test_visibility(*scene.camera, scene.depth, positions, directions, kOptions, visibility);
+        for (size_t i = 0; i < positions.count; ++i) {
+          const Eigen::Vector3f& position = scene.mesh.vertices[first + i];
+          const Eigen::Vector3f way = scene.camera->center() - position;
           const float facing = way.dot(normals[first + i]) / way.norm();
-          const SurfaceCamera::Seen at = scene.camera->project(place).value();
+          const SurfaceCamera::Seen at = scene.camera->project(position).value();
           EXPECT_EQ(visibility.at(i).pixel, at.pixel);
           EXPECT_EQ(visibility.z[i], at.z);
           EXPECT_EQ(visibility.facing[i], facing);
@@ -140,8 +140,8 @@ TEST(WindowBlock, lists_the_cameras_that_a_vertex_faces_most_up_to_the_limit) {
   const Scene scene({});
   const std::vector<SurfaceCamera> cameras(3, *scene.camera);
   std::vector<VertexVisibility> visibilities(3);
-  const std::vector<Eigen::Vector3f> places{{0.6F, 0, 0}, {0.6F, 0, 0}}, normals(2, {1, 0, 0});
-  const auto at = scene.camera->project(places[0]).value();
+  const std::vector<Eigen::Vector3f> positions{{0.6F, 0, 0}, {0.6F, 0, 0}}, normals(2, {1, 0, 0});
+  const auto at = scene.camera->project(positions[0]).value();
   for (size_t c = 0; c < 3; ++c) {
     for (size_t i = 0; i < 2; ++i) {
       visibilities[c].u[i] = at.pixel.x() + static_cast<float>(c);
@@ -150,7 +150,7 @@ TEST(WindowBlock, lists_the_cameras_that_a_vertex_faces_most_up_to_the_limit) {
     }
   }
   WindowBlock windows;
-  windows.find(places, normals, cameras, visibilities,
+  windows.find(positions, normals, cameras, visibilities,
                {.max_views = 2, .every = 2, .spacing_m = 0.01F, .step_m = 0.005F}, {.side = 5});
   ASSERT_EQ(windows.views(0).count, 2);
   const auto middle = [&](int k) {

@@ -109,8 +109,8 @@ Coded code_with_draco(const Mesh& mesh, const Accuracy& accuracy, int speed) {
 namespace {
 
 struct Vertex {
-  std::array<uint16_t, 4> place;  ///< the last element is padding
-  std::array<uint8_t, 4> levels;  ///< the last element is padding
+  std::array<uint16_t, 4> position;  ///< in steps; the last element is padding
+  std::array<uint8_t, 4> levels;     ///< the last element is padding
 };
 
 std::vector<Vertex> vertices_of(const Mesh& mesh, const Accuracy& accuracy) {
@@ -120,10 +120,10 @@ std::vector<Vertex> vertices_of(const Mesh& mesh, const Accuracy& accuracy) {
         (mesh.vertices[v].cast<double>() - accuracy.origin) / accuracy.step_m;
     Vertex& vertex = vertices.emplace_back();
     for (int axis = 0; axis < 3; ++axis) {
-      const double place = std::round(steps[axis]);
-      if (place < 0 || place > 65535)
+      const double coordinate = std::round(steps[axis]);
+      if (coordinate < 0 || coordinate > 65535)
         throw std::runtime_error("meshoptimizer: an axis has more than 65,536 steps");
-      vertex.place[axis] = static_cast<uint16_t>(place);
+      vertex.position[axis] = static_cast<uint16_t>(coordinate);
     }
     if (accuracy.colour_step == 0) continue;
     const Rgb8 c = mesh.colours[v];
@@ -161,7 +161,7 @@ MeshoptCoded code_with_meshopt(const Mesh& mesh, const Accuracy& accuracy) {
     codec::VertexPosition& position = coded.positions.emplace_back();
     for (int axis = 0; axis < 3; ++axis) {
       position[axis] =
-          static_cast<float>(accuracy.origin[axis] + vertex.place[axis] * accuracy.step_m);
+          static_cast<float>(accuracy.origin[axis] + vertex.position[axis] * accuracy.step_m);
     }
     if (accuracy.colour_step == 0) continue;
     codec::VertexColour& colour = coded.colours.emplace_back();

@@ -58,10 +58,10 @@ class TruePerformer {
   TruePerformer(const TruePerformer&) = delete;  // the queries refer to the meshes
   TruePerformer& operator=(const TruePerformer&) = delete;
 
-  /// L*a*b* of the place of the visible surface nearest to `place` (world, metres), averaged over
-  /// about two pixels of a camera.
-  Eigen::Vector3d lab_near(const Eigen::Vector3f& place) const {
-    const recon::SurfacePoint on = nearest_outside_->find(place.cast<double>()).value();
+  /// L*a*b* of the point of the visible surface nearest to `position` (world, metres), averaged
+  /// over about two pixels of a camera.
+  Eigen::Vector3d lab_near(const Eigen::Vector3f& position) const {
+    const recon::SurfacePoint on = nearest_outside_->find(position.cast<double>()).value();
     const Eigen::Vector3d foot =
         recon::interpolated(outside_, outside_.vertices, on.triangle, on.weights);
     const recon::SurfacePoint at = nearest_part_->find(foot).value();
@@ -77,7 +77,7 @@ class TruePerformer {
  private:
   static constexpr float kStepM = 0.004F;  ///< about a pixel of the simulated cameras
 
-  /// Mean of the texture over a cube of 3 x 3 x 3 places.
+  /// Mean of the texture over a cube of 3 x 3 x 3 positions.
   Eigen::Vector3f mean_paint(sim::Material material, const Eigen::Vector3f& texture) const {
     Eigen::Vector3f sum(0, 0, 0);
     for (int i = 0; i < 27; ++i) {

@@ -82,7 +82,7 @@ int below(std::mt19937& random, int count) {
   return static_cast<int>(random() % static_cast<uint32_t>(count));
 }
 
-std::pair<int, int> place_in(const Mask& mask, std::mt19937& random) {
+std::pair<int, int> position_in(const Mask& mask, std::mt19937& random) {
   const Rect box = mask.bounding_box();
   for (;;) {
     const int x = box.x0 + below(random, box.width);
@@ -102,17 +102,17 @@ Mask disc(int x, int y, int radius) {
   return mask;
 }
 
-/// Adds a fault to one camera, at a random place.
+/// Adds a fault to one camera, at a random position.
 using AddFault = void (*)(const Instant&, size_t camera, std::mt19937& random, Shown& shown);
 
 void punch_hole(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
-  const auto [x, y] = place_in(instant.truth[kNow][camera], random);
+  const auto [x, y] = position_in(instant.truth[kNow][camera], random);
   const Mask hole = disc(x, y, 10 + below(random, 15));
   for (Masks& masks : shown.masks) masks[camera] = difference_of(std::move(masks[camera]), hole);
 }
 
 void add_blob(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
-  const auto [x, y] = place_in(instant.truth[kNow][camera], random);
+  const auto [x, y] = position_in(instant.truth[kNow][camera], random);
   const Mask blob = disc(x + 30, y, 15 + below(random, 20));
   for (Masks& masks : shown.masks) masks[camera] = union_of(std::move(masks[camera]), blob);
 }

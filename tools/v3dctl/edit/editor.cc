@@ -82,7 +82,7 @@ void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& cl
                    " of an action of " + std::to_string(clip.frames.size()));
 }
 
-// Surfaces of either action can have weights of the prop. Its place is unknown in the other one.
+// Surfaces of either action can have weights of the prop. Its position is unknown in the other one.
 void Editor::share_prop(TakeClip& added, const recon::Transition& transition) {
   if (edited_.has_prop == added.has_prop) return;
   if (edited_.has_prop) {

@@ -55,7 +55,7 @@ recon::Clip clip_of(TakeSkeleton& skeleton) {
     clip.surfaces.push_back({body.surface.triangles, std::move(skeleton.skins[b])});
     for (size_t p = 0; p < body.pulses.size(); ++p) {
       recon::ClipFrame frame{.surface = clip.surfaces.size() - 1,
-                             .places = std::move(body.positions[p]),
+                             .positions = std::move(body.positions[p]),
                              .colours = std::move(body.colours[p]),
                              .skeleton = *skeletons.at(body.pulses[p])};
       if (p > 0) fill(clip, frame, body.pulses[p] - body.pulses[p - 1]);
@@ -81,9 +81,9 @@ std::string motion_file(const recon::Clip& clip, const fs::path& out) {
     for (; f < clip.frames.size() && clip.frames[f].surface == surface; ++f) {
       const recon::ClipFrame& frame = clip.frames[f];
       segment.pulses.push_back(static_cast<int64_t>(f));
-      auto& places = segment.positions.emplace_back();
-      for (const Eigen::Vector3f& place : frame.places) {
-        places.push_back({place.x(), place.y(), place.z()});
+      auto& positions = segment.positions.emplace_back();
+      for (const Eigen::Vector3f& position : frame.positions) {
+        positions.push_back({position.x(), position.y(), position.z()});
       }
       if (!frame.colours.empty()) segment.colours.push_back(recon::vertex_colours(frame.colours));
     }

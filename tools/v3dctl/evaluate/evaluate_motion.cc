@@ -122,15 +122,15 @@ class MotionEvaluation {
 
   void add(int64_t pulse, const recon::CarriedPoints& carried,
            const recon::CarriedPoints& dropped) {
-    const std::vector<Eigen::Vector3f> places = read_points(truth_, pulse)->vertices;
+    const std::vector<Eigen::Vector3f> positions = read_points(truth_, pulse)->vertices;
     const auto true_surface = read_truth(truth_, pulse);
     const std::vector<Eigen::Vector3f> normals =
-        recon::normals_at(true_surface ? *true_surface : Mesh(), places);
-    report_.carried.push_back({pulse - first(),
-                               recon::end_point_error(carried, places, normals, seen_),
-                               recon::end_point_error(carried, places, normals, seen_in(kSleeve)),
-                               recon::end_point_error(carried, places, normals, seen_in(kSword)),
-                               recon::end_point_error(dropped, places, normals, seen_)});
+        recon::normals_at(true_surface ? *true_surface : Mesh(), positions);
+    report_.carried.push_back(
+        {pulse - first(), recon::end_point_error(carried, positions, normals, seen_),
+         recon::end_point_error(carried, positions, normals, seen_in(kSleeve)),
+         recon::end_point_error(carried, positions, normals, seen_in(kSword)),
+         recon::end_point_error(dropped, positions, normals, seen_)});
   }
 
   const fs::path truth_;

@@ -166,11 +166,11 @@ class BvhWriter {
       const Matrix3d to_parent =
           is_root ? Matrix3d(Matrix3d::Identity()) : Matrix3d(pulse.rotations[from].transpose());
       const Vector3d origin = is_root ? Vector3d(Vector3d::Zero()) : pulse.joints[from];
-      const Vector3d place = y_up(Vector3d(to_parent * (pulse.joints[joint] - origin)));
+      const Vector3d position = y_up(Vector3d(to_parent * (pulse.joints[joint] - origin)));
       angles_[i] = angles_near(angles_[i], y_up(Matrix3d(to_parent * pulse.rotations[joint])));
       const Vector3d angles = angles_[i] * 180 / std::numbers::pi;
-      text_ += fmt::format("{}{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {:.6f}", separator, place.x(),
-                           place.y(), place.z(), angles.x(), angles.y(), angles.z());
+      text_ += fmt::format("{}{:.6f} {:.6f} {:.6f} {:.6f} {:.6f} {:.6f}", separator, position.x(),
+                           position.y(), position.z(), angles.x(), angles.y(), angles.z());
       separator = " ";
     }
     text_ += '\n';

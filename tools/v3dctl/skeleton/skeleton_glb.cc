@@ -102,17 +102,17 @@ class SkinnedScene {
 
   void add_joint(const recon::Skin& skin, Joint joint, size_t top, size_t first_joint) {
     const Isometry3d local = local_frame(skin.rest, joint);
-    std::vector<float> place, turn;
-    append(local.translation(), place);
+    std::vector<float> translation, turn;
+    append(local.translation(), translation);
     append(Quaterniond(local.linear()), turn);
     const size_t node = out_.add(
-        "nodes", {{"name", recon::name(joint)}, {"translation", place}, {"rotation", turn}});
+        "nodes", {{"name", recon::name(joint)}, {"translation", translation}, {"rotation", turn}});
     const Joint from = recon::parent(joint);
     out_.gltf()["nodes"][from == joint ? top : first_joint + from]["children"].push_back(node);
   }
 
   void animate_joint(size_t n, Joint joint, size_t node) {
-    std::vector<float> times, places, turns;
+    std::vector<float> times, translations, turns;
     Quaterniond before = Quaterniond::Identity();
     for (const int64_t pulse : body(n).pulses) {
       const Isometry3d local = local_frame(*pulses_.at(pulse), joint);
@@ -120,10 +120,10 @@ class SkinnedScene {
       if (turn.dot(before) < 0) turn.coeffs() *= -1;  // the short way between two keys
       before = turn;
       times.push_back(time_of(pulse));
-      append(local.translation(), places);
+      append(local.translation(), translations);
       append(turn, turns);
     }
-    out_.animate(animation_, node, "translation", "LINEAR", times, places, 3);
+    out_.animate(animation_, node, "translation", "LINEAR", times, translations, 3);
     out_.animate(animation_, node, "rotation", "LINEAR", times, turns, 4);
   }
 

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 using nlohmann::json;
 using recon::Joint;
 
-/// True places of the main joints of a performer.
+/// True positions of the main joints of a performer.
 class TrueJoints {
  public:
   TrueJoints(const fs::path& file, int performer) : file_(file) {
@@ -25,7 +25,7 @@ class TrueJoints {
     try {
       find_joints(content.at("joints"), performer);
       for (const json& pulse : content.at("pulses")) {
-        places_[pulse.at("pulse").get<int64_t>()] =
+        positions_[pulse.at("pulse").get<int64_t>()] =
             pulse.at("positions").get<std::vector<std::array<double, 3>>>();
       }
     } catch (const json::exception&) {
@@ -37,17 +37,17 @@ class TrueJoints {
     }
   }
 
-  bool has(int64_t pulse) const { return places_.contains(pulse); }
+  bool has(int64_t pulse) const { return positions_.contains(pulse); }
 
   /// Empty where the file has no such joint.
-  std::optional<Vector3d> place(int64_t pulse, size_t joint) const {
+  std::optional<Vector3d> position(int64_t pulse, size_t joint) const {
     if (!index_[joint]) return {};
-    const auto& places = places_.at(pulse);
-    if (*index_[joint] >= places.size()) {
+    const auto& positions = positions_.at(pulse);
+    if (*index_[joint] >= positions.size()) {
       throw InputError(file_.string() + ": pulse " + std::to_string(pulse) +
                        " has fewer positions than there are joints");
     }
-    const auto& [x, y, z] = places[*index_[joint]];
+    const auto& [x, y, z] = positions[*index_[joint]];
     return Vector3d(x, y, z);
   }
 
@@ -64,7 +64,7 @@ class TrueJoints {
 
   const fs::path file_;
   std::array<std::optional<size_t>, recon::kBodyJoints> index_;  ///< in the file
-  std::map<int64_t, std::vector<std::array<double, 3>>> places_;
+  std::map<int64_t, std::vector<std::array<double, 3>>> positions_;
 };
 
 /// The same joint of the other side; joints of the middle have themselves.
@@ -100,13 +100,13 @@ SkeletonError compare_with_truth(const TakeSkeleton& skeleton, const fs::path& t
     ++error.pulses;
     double sum = 0, exchanged = 0;
     for (size_t j = 0; j < recon::kBodyJoints; ++j) {
-      const auto place = joints.place(number, j);
-      if (!place) continue;
-      const double far = kMillimetres * (pulse.joints[j] - *place).norm();
+      const auto position = joints.position(number, j);
+      if (!position) continue;
+      const double far = kMillimetres * (pulse.joints[j] - *position).norm();
       of_joint[j].push_back(far);
       all.push_back(far);
       sum += far;
-      exchanged += kMillimetres * (pulse.joints[mirrored(j)] - *place).norm();
+      exchanged += kMillimetres * (pulse.joints[mirrored(j)] - *position).norm();
     }
     if (exchanged < sum) ++error.swaps;
   }

@@ -26,10 +26,10 @@ export class BendHandle {
   onTurn: (turn: Quaternion) => void = () => undefined;
 
   /** Shows the rings at a joint with the rotation `rest` and a turn in its frame. While one is dragged, nothing changes. */
-  show(place: readonly number[], rest: Quaternion, turn: Quaternion): void {
+  show(position: readonly number[], rest: Quaternion, turn: Quaternion): void {
     if (this.controls.dragging) return;
     this.rest = rest;
-    this.joint.position.set(place[0], place[1], place[2]);
+    this.joint.position.set(position[0], position[1], position[2]);
     const [w, x, y, z] = product(rest, turn);
     this.joint.quaternion.set(x, y, z, w);
     this.joint.updateMatrixWorld();

@@ -23,7 +23,7 @@ function colourOf({ name }: Joint): Color {
 }
 
 const opacity = (confidence: number) => FAINTEST + (1 - FAINTEST) * confidence;
-const placeOf = ({ positions }: Pose, joint: number) => new Vector3().fromArray(positions, 3 * joint);
+const positionOf = ({ positions }: Pose, joint: number) => new Vector3().fromArray(positions, 3 * joint);
 
 export interface DrawnSkeleton {
   joints: readonly Joint[];
@@ -52,24 +52,24 @@ export class SkeletonOverlay {
 
   show(skeletons: DrawnSkeleton[]): void {
     this.drawn = skeletons;
-    const places: number[] = [], colours: number[] = [], chosen: number[] = [];
+    const positions: number[] = [], colours: number[] = [], chosen: number[] = [];
     let used = 0;
     for (const { joints, pose, chosen: mark } of skeletons) {
       joints.forEach((joint, n) => {
-        places.push(...placeOf(pose, n).toArray());
+        positions.push(...positionOf(pose, n).toArray());
         colours.push(...colourOf(joint).toArray(), opacity(pose.confidences[n]));
-        if (n === mark) chosen.push(...placeOf(pose, n).toArray());
+        if (n === mark) chosen.push(...positionOf(pose, n).toArray());
         if (joint.parent >= 0) this.drawBone(used++, pose, joint, n);
       });
     }
     for (let n = used; n < this.bones.length; ++n) this.bones[n].visible = false;
-    setPoints(this.dots, places, colours);
+    setPoints(this.dots, positions, colours);
     setPoints(this.mark, chosen, null);
   }
 
   private drawBone(number: number, pose: Pose, joint: Joint, n: number): void {
     const bone = this.bones[number] ?? this.addBone();
-    const ends = [placeOf(pose, joint.parent), placeOf(pose, n)];
+    const ends = [positionOf(pose, joint.parent), positionOf(pose, n)];
     setEnds(bone.geometry, ends.flatMap((end) => end.toArray()));
     bone.material.color.copy(colourOf(joint));
     bone.material.opacity = opacity(Math.min(pose.confidences[n], pose.confidences[joint.parent]));
@@ -95,11 +95,11 @@ export class SkeletonOverlay {
       if (reach < least) [best, least] = [{ skeleton, joint }, reach];
     };
     this.drawn.forEach(({ joints, pose }, skeleton) => joints.forEach((joint, n) => {
-      const at = placeOf(pose, n);
+      const at = positionOf(pose, n);
       consider(skeleton, n, at, 0.5 * ray.distanceToPoint(at)); // dots come before lines
       if (joint.parent < 0) return;
       const onBone = new Vector3();
-      const squared = ray.distanceSqToSegment(placeOf(pose, joint.parent), at, undefined, onBone);
+      const squared = ray.distanceSqToSegment(positionOf(pose, joint.parent), at, undefined, onBone);
       consider(skeleton, joint.parent, onBone, Math.sqrt(squared));
     }));
     return best;
@@ -117,10 +117,10 @@ function setEnds(geometry: LineGeometry, ends: number[]): void {
   known.data.needsUpdate = true;
 }
 
-function setPoints(points: Points<BufferGeometry, PointsMaterial>, places: number[], colours: number[] | null): void {
+function setPoints(points: Points<BufferGeometry, PointsMaterial>, positions: number[], colours: number[] | null): void {
   points.geometry.dispose();
   points.geometry = new BufferGeometry();
-  points.geometry.setAttribute('position', new Float32BufferAttribute(places, 3));
+  points.geometry.setAttribute('position', new Float32BufferAttribute(positions, 3));
   if (colours) points.geometry.setAttribute('color', new Float32BufferAttribute(colours, 4));
-  points.visible = places.length > 0;
+  points.visible = positions.length > 0;
 }
