@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "common/data_url.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
 #include "support/file_size_limit.h"
@@ -228,6 +231,34 @@ TEST_F(EditTake, has_a_skin_for_each_segment_where_surfaces_alternate) {
   ASSERT_EQ(skins.size(), 3U);
   EXPECT_EQ(skins[1].at("pulses"), (std::vector<int64_t>{2, 3}));
   EXPECT_EQ(skins[2].at("pulses"), (std::vector<int64_t>{4, 5}));
+}
+
+/// A part for each vertex of the gliding person. The height lies between two layers of vertices.
+recon::Joint part_at(const Eigen::Vector3f& place) {
+  return place.z() > 1.505F ? recon::kHead : recon::kPelvis;
+}
+
+TEST_F(EditTake, has_the_weights_of_its_own_vertices_after_a_mirror) {
+  const Mesh before = recorded::MeshFrames(take_).read(0).mesh;
+  TakeClip edited = read();
+  std::vector<recon::SkinInfluence>& influences = edited.clip.surfaces[0].skin.influences;
+  ASSERT_EQ(influences.size(), before.vertices.size());
+  for (size_t v = 0; v < influences.size(); ++v) {
+    influences[v].part.fill(part_at(before.vertices[v]));
+    influences[v].weight = {1, 0, 0, 0};
+  }
+  recon::mirror(edited.clip);
+  const fs::path out = folder_ / "edited";
+  write_clip(edited, take_, "{}", out);
+  const Mesh after = recorded::MeshFrames(out).read(0).mesh;
+  std::vector<uint8_t> expected;  // four joints and four weights for each vertex
+  for (const Eigen::Vector3f& place : after.vertices) {
+    expected.push_back(static_cast<uint8_t>(part_at(place)));
+    expected.insert(expected.end(), {0, 0, 0, 255, 0, 0, 0});
+  }
+  const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
+  const auto weights = skeleton.at("skins")[0].at("weights").get<std::string>();
+  EXPECT_TRUE(weights == base64(expected));
 }
 
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {

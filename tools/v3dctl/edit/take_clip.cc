@@ -6,6 +6,7 @@
 #include <optional>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -66,10 +67,17 @@ recon::Clip clip_of(TakeSkeleton& skeleton) {
   return clip;
 }
 
-/// motion.v3d: successive frames of one surface are a segment.
-std::string motion_file(const recon::Clip& clip, const fs::path& out) {
+/// motion.v3d of a clip. The encoder renumbers vertices, for instance those of a mirrored surface.
+struct MotionFile {
+  std::string bytes;
+  std::vector<std::vector<uint32_t>> orders;  ///< [segment][vertex of the file]: vertex of the clip
+};
+
+/// Successive frames of one surface are a segment.
+MotionFile motion_file(const recon::Clip& clip, const fs::path& out) {
   const std::vector<uint8_t> header = codec::MotionWriter::header();
-  std::string bytes(header.begin(), header.end());
+  MotionFile file;
+  file.bytes.assign(header.begin(), header.end());
   codec::MotionWriter writer({});
   for (size_t f = 0; f < clip.frames.size();) {
     stop_if_interrupted();
@@ -87,32 +95,42 @@ std::string motion_file(const recon::Clip& clip, const fs::path& out) {
       }
       if (!frame.colours.empty()) segment.colours.push_back(recon::vertex_colours(frame.colours));
     }
-    const auto encoded = writer.add(segment);
+    auto encoded = writer.add(segment);
     if (!encoded) {
       throw InputError(out.string() + ": the surface before frame " + std::to_string(f) +
                        " exceeds the limits of motion.v3d (docs/motion-format.md)");
     }
-    bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+    file.bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+    file.orders.push_back(std::move(encoded->order));
   }
-  return bytes;
+  return file;
+}
+
+/// The skin for the vertices of a segment. `order`: one of MotionFile::orders.
+recon::Skin renumbered(const recon::Skin& skin, const std::vector<uint32_t>& order) {
+  recon::Skin result;
+  result.rest = skin.rest;
+  for (const uint32_t vertex : order) result.influences.push_back(skin.influences[vertex]);
+  return result;
 }
 
 /// The runs of frames that motion_file() writes as segments, each with the skin of its surface.
-void add_skins(const recon::Clip& clip, TakeSkeleton& skeleton) {
+void add_skins(const recon::Clip& clip, const MotionFile& motion, TakeSkeleton& skeleton) {
   std::optional<size_t> last;
   for (size_t f = 0; f < clip.frames.size(); ++f) {
     const size_t surface = clip.frames[f].surface;
     if (surface != last) {
+      const std::vector<uint32_t>& order = motion.orders[skeleton.tracked.size()];
       skeleton.tracked.emplace_back();
-      skeleton.skins.push_back(clip.surfaces[surface].skin);
+      skeleton.skins.push_back(renumbered(clip.surfaces[surface].skin, order));
       last = surface;
     }
     skeleton.tracked.back().pulses.push_back(static_cast<int64_t>(f));
   }
 }
 
-/// skeleton.json of an edited clip.
-std::string skeleton_file(const TakeClip& edited) {
+/// skeleton.json of an edited clip, whose surfaces are in `motion`.
+std::string skeleton_file(const TakeClip& edited, const MotionFile& motion) {
   TakeSkeleton skeleton;
   skeleton.rate_hz = edited.clip.rate_hz;
   skeleton.structure.lengths = edited.lengths;
@@ -122,7 +140,7 @@ std::string skeleton_file(const TakeClip& edited) {
     skeleton.structure.pulses.push_back(edited.clip.frames[f].skeleton);
     skeleton.structure.pulses.back().index = f;
   }
-  add_skins(edited.clip, skeleton);
+  add_skins(edited.clip, motion, skeleton);
   return skeleton_json(skeleton);
 }
 
@@ -167,7 +185,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
 void write_clip(const TakeClip& edited, const fs::path& source, const std::string& edits,
                 const fs::path& out) {
   check_output(out);
-  const std::string motion = motion_file(edited.clip, out);
+  const MotionFile motion = motion_file(edited.clip, out);
   const fs::path place = normal_folder(fs::weakly_canonical(out));
   io::throw_if_failed(io::create_folders(place.parent_path()));
   PartialFolder folder(place, PartialFolder::Existing::kReplace);
@@ -179,8 +197,8 @@ void write_clip(const TakeClip& edited, const fs::path& source, const std::strin
   info.state = take::TakeState::kComplete;
   io::throw_if_failed(io::replace_file(to.edit(), edits));
   io::throw_if_failed(io::replace_file(to.calib(), read_file(from.calib())));
-  io::throw_if_failed(io::replace_file(to.motion(), motion));
-  replace_file(to.folder / "skeleton.json", skeleton_file(edited));
+  io::throw_if_failed(io::replace_file(to.motion(), motion.bytes));
+  replace_file(to.folder / "skeleton.json", skeleton_file(edited, motion));
   io::throw_if_failed(take::save_take_info(to, info));
   check_output(out);  // another program may have written there meanwhile
   folder.finish();
