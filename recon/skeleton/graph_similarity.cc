@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <tuple>
 
@@ -126,18 +127,19 @@ double graph_similarity(const ReebGraph& a, const ReebGraph& b) {
 }
 
 std::vector<SimilarPulse> most_similar(const ReebGraph& query, std::span<const ReebGraph> graphs,
-                                       size_t count, size_t apart) {
+                                       std::span<const int64_t> pulses, size_t count,
+                                       int64_t apart) {
+  V3D_CHECK(pulses.size() == graphs.size());
   std::vector<SimilarPulse> all(graphs.size());
   tbb::parallel_for(size_t{0}, graphs.size(), [&](size_t i) {
-    all[i] = {i, graph_similarity(query, graphs[i])};
+    all[i] = {pulses[i], graph_similarity(query, graphs[i])};
   });
   std::ranges::stable_sort(all, std::ranges::greater(), &SimilarPulse::similarity);
   std::vector<SimilarPulse> best;
   for (const SimilarPulse& pulse : all) {
     if (best.size() == count) break;
     const bool near = std::ranges::any_of(best, [&](const SimilarPulse& other) {
-      const size_t low = std::min(pulse.index, other.index);
-      return std::max(pulse.index, other.index) - low < apart;
+      return std::abs(pulse.pulse - other.pulse) < apart;
     });
     if (!near) best.push_back(pulse);
   }

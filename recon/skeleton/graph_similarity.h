@@ -23,13 +23,14 @@ namespace v3d::recon {
 double graph_similarity(const ReebGraph& a, const ReebGraph& b);
 
 struct SimilarPulse {
-  size_t index = 0;  ///< of the graph in the list
+  int64_t pulse = 0;
   double similarity = 0;
 };
 
-/// The `count` graphs most similar to `query`, best first. Of neighbours less than `apart` places
-/// from one another in the list only the best one is returned.
+/// The `count` pulses whose graphs are most similar to `query`, best first. `pulses`: that of each
+/// graph. Of pulses less than `apart` from one another only the best one is returned.
 std::vector<SimilarPulse> most_similar(const ReebGraph& query, std::span<const ReebGraph> graphs,
-                                       size_t count, size_t apart);
+                                       std::span<const int64_t> pulses, size_t count,
+                                       int64_t apart);
 
 }  // namespace v3d::recon

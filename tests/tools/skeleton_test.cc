@@ -15,6 +15,7 @@
 
 #include "base/core/error.h"
 #include "codec/frame_codec.h"
+#include "codec/motion_codec.h"
 #include "common/console.h"
 #include "recon/figures.h"
 #include "recon/pipeline/compact_frame.h"
@@ -240,6 +241,39 @@ TEST_F(LearntSkeletonDeathTest, is_given_up_after_an_interrupt) {
     std::_Exit(test::message_of<std::runtime_error>(learn) == "interrupted" ? 7 : 0);
   };
   EXPECT_EXIT(exit_after_interrupt(), testing::ExitedWithCode(7), "");
+}
+
+class SimilarPoses : public testing::Test {
+ protected:
+  SimilarPoses() { test::write_gliding_take(take_); }
+
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path take_ = folder_ / "take";
+};
+
+TEST_F(SimilarPoses, are_half_a_second_apart_also_where_pulses_between_them_have_no_mesh) {
+  test::write_gliding_motion(take::TakePaths{take_}.motion(),
+                             {{0, 1, 2}, {50, 51, 52}, {100, 101, 102}});
+  std::vector<int64_t> groups;
+  for (const SimilarPose& pose : similar_poses(take_, 0, take_, {}, 10)) {
+    groups.push_back(pose.pulse / 50);
+  }
+  EXPECT_THAT(groups, testing::UnorderedElementsAre(1, 2));
+}
+
+TEST_F(SimilarPoses, need_a_pulse_whose_mesh_has_a_surface) {
+  codec::MotionSegment segment;
+  segment.pulses = {0};
+  segment.positions.resize(1);
+  codec::MotionWriter writer({});
+  const auto encoded = writer.add(segment);
+  ASSERT_TRUE(encoded);
+  const std::vector<uint8_t> header = codec::MotionWriter::header();
+  std::string bytes(header.begin(), header.end());
+  bytes.append(encoded->bytes.begin(), encoded->bytes.end());
+  test::write_text(take::TakePaths{take_}.motion(), bytes);
+  EXPECT_EQ(test::message_of<InputError>([&] { similar_poses(take_, 0, take_, {}, 10); }),
+            take_.string() + ": the mesh of pulse 0 is empty; choose another pulse");
 }
 
 /// joints.json with the joints of `skeleton`, higher by 30 mm; `swap`: left and right exchanged.

@@ -40,20 +40,35 @@ TEST(GraphSimilarity, does_not_change_when_a_person_turns_and_walks_on) {
 
 TEST(MostSimilar, finds_the_pose_that_is_most_alike) {
   std::vector<ReebGraph> graphs;
-  for (int angle = 0; angle <= 140; angle += 20) graphs.push_back(graph_of(angle, 90));
-  const std::vector<SimilarPulse> found = most_similar(graph_of(63, 90), graphs, 3, 1);
+  std::vector<int64_t> pulses;
+  for (int angle = 0; angle <= 140; angle += 20) {
+    graphs.push_back(graph_of(angle, 90));
+    pulses.push_back(angle);
+  }
+  const std::vector<SimilarPulse> found = most_similar(graph_of(63, 90), graphs, pulses, 3, 1);
   ASSERT_EQ(found.size(), 3U);
-  EXPECT_EQ(found[0].index, 3U);
+  EXPECT_EQ(found[0].pulse, 60);
   EXPECT_GT(found[0].similarity, found[1].similarity);
 }
 
 TEST(MostSimilar, returns_one_of_pulses_that_are_near_each_other) {
   const std::vector<ReebGraph> graphs(10, graph_of(20, 20));
-  const std::vector<SimilarPulse> found = most_similar(graphs[0], graphs, 10, 4);
+  const std::vector<int64_t> pulses{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  const std::vector<SimilarPulse> found = most_similar(graphs[0], graphs, pulses, 10, 4);
   ASSERT_EQ(found.size(), 3U);
-  EXPECT_EQ(found[0].index, 0U);
-  EXPECT_EQ(found[1].index, 4U);
-  EXPECT_EQ(found[2].index, 8U);
+  EXPECT_EQ(found[0].pulse, 0);
+  EXPECT_EQ(found[1].pulse, 4);
+  EXPECT_EQ(found[2].pulse, 8);
+}
+
+TEST(MostSimilar, returns_pulses_that_are_far_apart_although_their_graphs_are_neighbours) {
+  const std::vector<ReebGraph> graphs(5, graph_of(20, 20));
+  const std::vector<int64_t> pulses{0, 1, 20, 21, 40};
+  const std::vector<SimilarPulse> found = most_similar(graphs[0], graphs, pulses, 10, 4);
+  ASSERT_EQ(found.size(), 3U);
+  EXPECT_EQ(found[0].pulse, 0);
+  EXPECT_EQ(found[1].pulse, 20);
+  EXPECT_EQ(found[2].pulse, 40);
 }
 
 }  // namespace

@@ -112,6 +112,10 @@ std::vector<SimilarPose> similar_poses(const fs::path& take, int64_t pulse, cons
                                        take::FrameRange frames, size_t count) {
   recorded::MeshFrames queries(take);
   const recon::ReebGraph query = recon::reeb_graph(checked_mesh(take, queries.read(pulse)));
+  if (query.empty()) {
+    throw InputError(take.string() + ": the mesh of pulse " + std::to_string(pulse) +
+                     " is empty; choose another pulse");
+  }
   recorded::MeshFrames meshes(other);
   const bool same = fs::equivalent(take, other);
   const auto apart = static_cast<int64_t>(0.5 * take::load_take_info({other}).rate_hz) + 1;
@@ -124,8 +128,8 @@ std::vector<SimilarPose> similar_poses(const fs::path& take, int64_t pulse, cons
   }
   std::vector<SimilarPose> result;
   for (const recon::SimilarPulse& found :
-       recon::most_similar(query, graphs, count, static_cast<size_t>(apart))) {
-    result.push_back({pulses[found.index], found.similarity});
+       recon::most_similar(query, graphs, pulses, count, apart)) {
+    result.push_back({found.pulse, found.similarity});
   }
   return result;
 }

@@ -53,7 +53,8 @@ struct SimilarPose {
 };
 
 /// The pulses of `other` most similar to `pulse` of `take`, best first, half a second apart. In the
-/// same take without the query and its neighbours. Throws InputError for an unknown pulse.
+/// same take without the query and its neighbours. Throws InputError for an unknown pulse, and for
+/// one whose mesh is empty.
 std::vector<SimilarPose> similar_poses(const std::filesystem::path& take, int64_t pulse,
                                        const std::filesystem::path& other, take::FrameRange frames,
                                        size_t count);
