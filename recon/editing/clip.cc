@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "base/core/error.h"
@@ -23,6 +24,15 @@ void check_range(const Clip& clip, ClipRange range) {
 bool hangs_on(Joint joint, Joint root) {
   while (joint != root && joint != parent(joint)) joint = parent(joint);
   return joint == root;
+}
+
+bool has_part_on(Joint joint, const Skin& skin) {
+  return std::ranges::any_of(skin.influences, [&](const SkinInfluence& influence) {
+    for (size_t k = 0; k < SkinInfluence::kParts; ++k) {
+      if (influence.weight[k] > 0 && hangs_on(influence.part[k], joint)) return true;
+    }
+    return false;
+  });
 }
 
 /// The frame at a time between two frames of a range.
@@ -207,6 +217,14 @@ void bend(Clip& clip, const Bend& bend) {
     }
     pose(clip, frame, turned);
   }
+}
+
+bool moves_surface(const Clip& clip, Joint joint, ClipRange range) {
+  check_range(clip, range);
+  std::set<size_t> surfaces;
+  for (size_t f = range.first; f < range.last; ++f) surfaces.insert(clip.frames[f].surface);
+  return std::ranges::any_of(
+      surfaces, [&](size_t surface) { return has_part_on(joint, clip.surfaces[surface].skin); });
 }
 
 void carry_prop(Clip& clip, const SkeletonPulse& held) {

@@ -79,6 +79,9 @@ struct Bend {
 
 /// Rotates a joint and its descendants.
 void bend(Clip& clip, const Bend& bend);
+/// Does a bend of this joint move vertices in the range? A wrist without a prop and the tip of a
+/// prop move none, because no part of the surface hangs on them.
+bool moves_surface(const Clip& clip, Joint joint, ClipRange range);
 
 /// Gives a clip without a prop that of another clip, so that both can be blended: in every frame it
 /// has the position in the right hand that it has in `held`. Its confidence is 0.

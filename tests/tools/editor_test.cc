@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -87,6 +88,24 @@ TEST_F(EditorTest, rejects_an_action_that_would_be_too_long_before_it_makes_its_
             "edit.json: operations[0]: the action would have 20,010 frames; expected at most "
             "20,000: cut it first");
   EXPECT_EQ(edited_.clip.frames.size(), 2001U);
+}
+
+TEST_F(EditorTest, bends_only_joints_that_move_the_surface) {
+  edited_ = read(folder_ / "take");
+  std::vector<recon::SkinInfluence>& influences = edited_.clip.surfaces[0].skin.influences;
+  influences[1].part[0] = recon::kLeftElbow;
+  influences[2].part[0] = recon::kRightElbow;
+  const auto bend = [](recon::Joint joint) {
+    return Edit{"edit.json: operations[0]", BendEdit{.frames = {}, .joint = joint, .degrees = 60}};
+  };
+  EXPECT_EQ(rejection(bend(recon::kLeftWrist)),
+            "edit.json: operations[0].joint: left_wrist moves no part of the surface in these "
+            "frames; expected a joint that does, as left_elbow");
+  EXPECT_THAT(rejection(bend(recon::kPropTip)), HasSubstr("as right_elbow"));
+  add_prop(edited_);
+  EXPECT_THAT(rejection(bend(recon::kPropTip)), HasSubstr("as prop_base"));
+  editor_.apply(bend(recon::kRightWrist));
+  expect_prop_in_hand(edited_.clip);
 }
 
 TEST_F(EditorTest, keeps_the_prop_of_one_action_in_the_hand_when_it_splices_two) {

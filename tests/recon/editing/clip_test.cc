@@ -72,6 +72,26 @@ TEST(Clip, moves_the_surface_with_a_bent_joint_and_only_what_hangs_on_it) {
             clip.frames[2].skeleton.joints[kLeftElbow].x() + 0.2);
 }
 
+TEST(Clip, has_joints_that_move_no_vertex_because_no_part_hangs_on_them) {
+  const Clip clip = gliding(3);
+  for (size_t j = 0; j < kJoints; ++j) {
+    const auto joint = static_cast<Joint>(j);
+    const bool has_part = moves_part(joint) && joint != kPropBase;  // the figure has no prop
+    EXPECT_EQ(moves_surface(clip, joint, {0, 3}), has_part) << name(joint);
+  }
+}
+
+TEST(Clip, moves_a_prop_only_in_frames_whose_surface_has_it) {
+  Clip clip = gliding(3);
+  clip.surfaces.push_back(clip.surfaces[0]);
+  clip.surfaces[1].skin.influences[0].part.fill(kPropBase);
+  clip.frames[2].surface = 1;
+  for (const Joint joint : {kRightWrist, kPropBase}) {
+    EXPECT_FALSE(moves_surface(clip, joint, {0, 2})) << name(joint);
+    EXPECT_TRUE(moves_surface(clip, joint, {1, 3})) << name(joint);
+  }
+}
+
 TEST(Clip, bends_more_and_more_within_a_ramp) {
   Clip clip = gliding(9);
   bend(clip, {.joint = kLeftKnee, .range = {0, 9}, .radians = 1, .ramp = 3});

@@ -59,9 +59,24 @@ void Editor::apply(const StretchEdit& edit) {
   recon::stretch(clip_, stretched, edit.factor);
 }
 void Editor::apply(const MirrorEdit& /*edit*/) { recon::mirror(clip_); }
+
+void Editor::require_part_on(recon::Joint joint, recon::ClipRange range) const {
+  recon::Joint moving = joint;
+  while (moving != recon::kPelvis && !recon::moves_surface(clip_, moving, range)) {
+    moving = recon::parent(moving);
+  }
+  if (moving == joint) return;
+  throw InputError(fmt::format(
+      "{}.joint: {} moves no part of the surface in these frames; expected a joint that "
+      "does, as {}",
+      where_, recon::name(joint), recon::name(moving)));
+}
+
 void Editor::apply(const BendEdit& edit) {
+  const recon::ClipRange bent = range(edit.frames);
+  require_part_on(edit.joint, bent);
   recon::bend(clip_, {.joint = edit.joint,
-                      .range = range(edit.frames),
+                      .range = bent,
                       .radians = edit.degrees * std::numbers::pi / 180,
                       .axis = edit.axis,
                       .ramp = static_cast<size_t>(edit.ramp)});

@@ -39,6 +39,8 @@ class Editor {
   recon::ClipRange range(const OptionalRange& range) const { return this->range(range, clip_); }
   void require_at_most_max_frames(size_t frames) const;
   void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend) const;
+  /// Throws InputError for a joint whose bend would move no vertex in the range.
+  void require_part_on(recon::Joint joint, recon::ClipRange range) const;
   /// Gives both actions the prop that one of them has.
   void share_prop(TakeClip& added, const recon::Transition& transition);
 
