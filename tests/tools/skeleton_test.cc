@@ -14,6 +14,7 @@
 #include <string>
 
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "codec/frame_codec.h"
 #include "codec/motion_codec.h"
 #include "common/console.h"
@@ -24,6 +25,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 #include "tools/gliding_take.h"
+#include "v3dctl/command_line.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
 
 namespace v3d::ctl {
@@ -241,6 +243,47 @@ TEST_F(LearntSkeletonDeathTest, is_given_up_after_an_interrupt) {
     std::_Exit(test::message_of<std::runtime_error>(learn) == "interrupted" ? 7 : 0);
   };
   EXPECT_EXIT(exit_after_interrupt(), testing::ExitedWithCode(7), "");
+}
+
+class SkeletonCommand : public LearntSkeleton {
+ protected:
+  SkeletonCommand() { test::write_text(file_, "earlier"); }
+
+  /// The exit status of `v3dctl skeleton WORDS`.
+  static int run(std::vector<std::string> words) {
+    words.insert(words.begin(), {"v3dctl", "skeleton"});
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    return run_program(static_cast<int>(argv.size()), argv.data(), add_skeleton);
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  const std::filesystem::path file_ = folder_ / "take" / "skeleton.json";
+};
+
+TEST_F(SkeletonCommand, keeps_the_file_when_it_refuses_an_export) {
+  // No segment has the three pulses that a skin needs.
+  test::write_gliding_motion(take::TakePaths{folder_ / "take"}.motion(), {{0, 1}, {3, 4}, {6, 7}});
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run({path("take"), "--export", "glb", path("take.glb")}), kExitBadInput);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("glb needs a tracked surface"));
+  EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, keeps_the_file_when_it_cannot_write_the_other_one) {
+  EXPECT_EQ(run({path("take"), "--export", "bvh", path("none/take.bvh")}), kExitFailed);
+  EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, keeps_the_file_when_the_truth_cannot_be_read) {
+  EXPECT_EQ(run({path("take"), "--truth", path("none")}), kExitBadInput);
+  EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, replaces_the_file_after_an_export) {
+  EXPECT_EQ(run({path("take"), "--export", "bvh", path("take.bvh")}), kExitDone);
+  EXPECT_THAT(read_file(path("take.bvh")), HasSubstr("ROOT pelvis"));
+  EXPECT_THAT(read_file(file_), HasSubstr("v3d-skeleton"));
 }
 
 class SimilarPoses : public testing::Test {

@@ -110,6 +110,21 @@ void require_similarity_options(const Arguments& arguments) {
       "for a skeleton");
 }
 
+/// The content of OUT; empty without --export. Throws InputError as skeleton_glb() does.
+std::string exported(const Arguments& arguments, const TakeSkeleton& skeleton) {
+  if (arguments.format == "bvh") return skeleton_bvh(skeleton);
+  if (arguments.format == "trc") return skeleton_trc(skeleton, arguments.out.filename().string());
+  if (arguments.format != "glb") return {};
+  return skeleton_glb(skeleton, normal_folder(arguments.take).filename().string());
+}
+
+/// Writes OUT, then skeleton.json, which stays as it is when OUT cannot be written.
+void write_files(const Arguments& arguments, const TakeSkeleton& skeleton, const std::string& out) {
+  if (!arguments.format.empty()) replace_file(arguments.out, out);
+  replace_file(arguments.take / file_name(arguments.performer),
+               skeleton_json(skeleton, arguments.frames.empty()));
+}
+
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) {
     require_similarity_options(arguments);
@@ -124,21 +139,14 @@ int run(const Arguments& arguments) {
       arguments.take, parse_frame_range(arguments.frames), arguments.performer,
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
-  stop_if_interrupted();
-  replace_file(arguments.take / file_name(arguments.performer),
-               skeleton_json(skeleton, arguments.frames.empty()));
-  if (arguments.format == "bvh") replace_file(arguments.out, skeleton_bvh(skeleton));
-  if (arguments.format == "glb") {
-    replace_file(arguments.out,
-                 skeleton_glb(skeleton, normal_folder(arguments.take).filename().string()));
-  }
-  if (arguments.format == "trc") {
-    replace_file(arguments.out, skeleton_trc(skeleton, arguments.out.filename().string()));
-  }
+  // A command that is refused replaces no file.
+  const std::string out = exported(arguments, skeleton);
   std::optional<SkeletonError> error;
   if (!arguments.truth.empty()) {
     error = compare_with_truth(skeleton, arguments.truth, arguments.performer);
   }
+  stop_if_interrupted();
+  write_files(arguments, skeleton, out);
   if (arguments.json) {
     Json json = summary(skeleton);
     if (error) put_error(json, *error);
