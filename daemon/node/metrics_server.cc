@@ -7,9 +7,9 @@
 #include <cctype>
 #include <map>
 #include <mutex>
+#include <stdexcept>
 #include <vector>
 
-#include "base/core/error.h"
 #include "daemon/web/web_server.h"
 
 namespace v3d::node {
@@ -136,7 +136,7 @@ std::unique_ptr<MetricsServer> serve_metrics(const std::string& address) {
   if (address.empty()) return nullptr;
   try {
     return std::make_unique<MetricsServer>(address);
-  } catch (const InputError& error) {
+  } catch (const std::runtime_error& error) {
     spdlog::warn("{}", error.what());
     return nullptr;
   }

@@ -18,8 +18,9 @@ namespace v3d::node {
 /// response.
 class MetricsServer {
  public:
-  /// `address`: "127.0.0.1:9464"; port 0 selects a free port. Throws InputError when it cannot
-  /// listen there.
+  /// `address`: "127.0.0.1:9464"; port 0 selects a free port. No interface needs to have it yet.
+  /// Throws InputError when the text is no address or the server may not listen there, and
+  /// std::runtime_error while another program does.
   explicit MetricsServer(const std::string& address);
   ~MetricsServer();
   MetricsServer(const MetricsServer&) = delete;

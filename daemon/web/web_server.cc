@@ -1,11 +1,16 @@
 #include "daemon/web/web_server.h"
 
+#include <netinet/in.h>
 #include <spdlog/spdlog.h>
+#include <sys/socket.h>
 
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <cerrno>
 #include <future>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -25,6 +30,35 @@ constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 constexpr size_t kMaxFileReads = ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved;
 constexpr char kLateFile[] = "the disk is slow; try again";
 
+std::string text_of(const WebAddress& address) {
+  return address.host + ":" + std::to_string(address.port);
+}
+
+/// Binds also to an address that no interface has yet. A PC can get its address after its daemons
+/// have started: from DHCP, or when the switch starts later than the PC.
+void bind_to(tcp::acceptor& acceptor, const tcp::endpoint& endpoint, const WebAddress& address,
+             error_code& error) {
+  acceptor.bind(endpoint, error);
+  if (error.value() != EADDRNOTAVAIL) return;
+  const bool is_v6 = endpoint.address().is_v6();
+  const int level = is_v6 ? IPPROTO_IPV6 : IPPROTO_IP;
+  const int option = is_v6 ? IPV6_FREEBIND : IP_FREEBIND;
+  const int on = 1;
+  if (setsockopt(acceptor.native_handle(), level, option, &on, sizeof on) != 0) return;
+  acceptor.bind(endpoint, error);
+  if (error) return;
+  spdlog::warn("{}: no interface has the address of {} now; connections are accepted when one has",
+               address.field, text_of(address));
+}
+
+[[noreturn]] void fail_to_listen(const WebAddress& address, const error_code& error) {
+  const std::string text =
+      address.field + ": cannot listen on " + text_of(address) + ": " + error.message();
+  // Not an InputError: the other program may end, so a daemon must be started again.
+  if (error.value() == EADDRINUSE) throw std::runtime_error(text);
+  throw InputError(text);
+}
+
 }  // namespace
 
 class WebServer::Impl {
@@ -41,12 +75,9 @@ class WebServer::Impl {
     error_code error;
     acceptor_.open(endpoint.protocol(), error);
     if (!error) acceptor_.set_option(asio::socket_base::reuse_address(true), error);
-    if (!error) acceptor_.bind(endpoint, error);
+    if (!error) bind_to(acceptor_, endpoint, address, error);
     if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
-    if (error) {
-      throw InputError(address.field + ": cannot listen on " + address.host + ":" +
-                       std::to_string(address.port) + ": " + error.message());
-    }
+    if (error) fail_to_listen(address, error);
     accept();
     thread_ = std::thread([this] { run(); });
   }

@@ -39,8 +39,10 @@ class WebServer {
   static constexpr int kMaxHeaderBytes = 8192;
   static constexpr uint64_t kMaxBodyBytes = 4096;
 
-  /// `handler` must outlive the server, and is used on its thread only. Throws InputError if it
-  /// cannot listen on the address. Port 0 selects a free port.
+  /// `handler` must outlive the server, and is used on its thread only. Port 0 selects a free port.
+  /// Also listens on an address that no interface has yet, with a warning in the log. Throws
+  /// std::runtime_error while another program listens there, and InputError if the server may not
+  /// listen on the address.
   WebServer(const WebAddress& address, WebHandler& handler, const WebLimits& limits = {});
   ~WebServer();
   WebServer(const WebServer&) = delete;

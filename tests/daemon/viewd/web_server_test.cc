@@ -12,10 +12,12 @@
 #include <atomic>
 #include <future>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "base/core/error.h"
 #include "base/io/unique_fd.h"
 #include "daemon/web/connection_slots.h"
 #include "support/child_process.h"
@@ -165,6 +167,28 @@ TEST_F(ServedSite, runs_work_without_a_request) {
                            },
                        .kind = web::WorkKind::kPicture});
   EXPECT_EQ(ran.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready);
+}
+
+/// Addresses of networks for examples.
+TEST_F(ServedSite, listens_on_an_address_that_no_interface_has_yet) {
+  const web::WebServer early(web::WebAddress{"198.51.100.1", 0}, *handler_);
+  EXPECT_NE(early.port(), 0);
+  const io::UniqueFd v6(socket(AF_INET6, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!v6) return;  // this kernel has no IPv6
+  const web::WebServer early_v6(web::WebAddress{"2001:db8::1", 0}, *handler_);
+  EXPECT_NE(early_v6.port(), 0);
+}
+
+/// InputError would end the daemon with status 2, and systemd would not start it again.
+TEST_F(ServedSite, reports_a_port_in_use_as_an_error_that_a_restart_may_remove) {
+  try {
+    const web::WebServer second(web::WebAddress{"127.0.0.1", server_->port()}, *handler_);
+    FAIL() << "two servers have port " << second.port();
+  } catch (const InputError& error) {
+    FAIL() << "an InputError: " << error.what();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cannot listen on 127.0.0.1:"));
+  }
 }
 
 TEST_F(ServedSite, answers_while_half_open_requests_exceed_its_slots) {
