@@ -115,7 +115,8 @@ class ClockMonitor {
   /// Waits for a reply or an error of chronyd, at most `timeout`. For callers that report() once.
   void wait(std::chrono::milliseconds timeout) const { chronyd_.wait(timeout); }
   /// Adds
-  ///   clock_synchronised_flag  1 or 0; omitted when neither service is present
+  ///   clock_synchronised_flag  1 or 0; omitted when chronyd does not reply and systemd-timesyncd
+  ///                            does not run or has not synchronised the clock
   ///   clock_offset_us, clock_offset_rms_us, clock_error_bound_us  from chronyd, once synchronised
   void report(std::map<std::string, double>& values);
 

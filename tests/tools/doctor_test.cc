@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <thread>
 
 #include "support/child_process.h"
@@ -34,9 +35,13 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
   good.node = "cap01";
   good.state = wire::NodeState::kIdle;
   good.version = "1.0.0+7";
-  good.values = {
-      {"cameras", 4},           {"cameras_streaming", 4}, {"disk_free_bytes", 900e9},
-      {"disk_wear_percent", 3}, {"clock_offset_us", -12}, {"temperature_max_celsius", 60}};
+  good.values = {{"cameras", 4},
+                 {"cameras_streaming", 4},
+                 {"disk_free_bytes", 900e9},
+                 {"disk_wear_percent", 3},
+                 {"clock_synchronised_flag", 1},
+                 {"clock_offset_us", -12},
+                 {"temperature_max_celsius", 60}};
   std::map<std::string, wire::HealthMessage> health = {{"cap01", good}};
   for (const Finding& finding : check_nodes({"cap01"}, health)) {
     EXPECT_EQ(finding.verdict, Verdict::kGood) << finding.subject << ": " << finding.text;
@@ -48,6 +53,7 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
                   {"cameras_streaming", 3},
                   {"disk_free_bytes", 1e9},
                   {"disk_wear_percent", 97},
+                  {"clock_synchronised_flag", 1},
                   {"clock_offset_us", -1200},
                   {"slot_trial_flag", 1}};
   std::vector<std::string> bad;
@@ -85,6 +91,25 @@ TEST(Doctor, of_all_nodes_compares_programs_and_the_systems_of_appliances) {
   EXPECT_EQ(verdict({"1.0.0+7", "1.0.0+8"}), Verdict::kBad);
   EXPECT_EQ(verdict({"1.0.0+7", "1.1.0"}), Verdict::kBad);
   EXPECT_EQ(verdict({"1.0.0", "1.1.0"}), Verdict::kBad);
+}
+
+TEST(Doctor, of_all_nodes_names_a_clock_of_which_no_service_reports_the_state) {
+  const auto of_clock = [](const std::map<std::string, double>& values) {
+    wire::HealthMessage health;
+    health.node = "cap01";
+    health.values = values;
+    std::optional<Finding> found;
+    for (const Finding& finding : check_nodes({"cap01"}, {{"cap01", health}})) {
+      if (finding.subject == "cap01 clock") found = finding;
+    }
+    return found;
+  };
+  ASSERT_TRUE(of_clock({}));
+  EXPECT_EQ(of_clock({})->verdict, Verdict::kUnknown);
+  EXPECT_EQ(of_clock({})->remedy, "v3dctl doctor cap01 there");
+  EXPECT_EQ(of_clock({{"clock_synchronised_flag", 1}}).value().verdict, Verdict::kGood);
+  EXPECT_EQ(of_clock({{"clock_synchronised_flag", 0}}).value().verdict, Verdict::kBad);
+  EXPECT_FALSE(of_clock({{"ptp_steps_removed", 1}}));
 }
 
 TEST(Doctor, of_all_nodes_names_hot_cameras_and_cameras_of_one_model_with_other_firmware) {

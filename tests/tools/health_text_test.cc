@@ -122,6 +122,17 @@ TEST(HealthText, says_that_a_check_records_nothing) {
               EndsWith("recording  kendo-07"));
 }
 
+TEST(HealthText, says_that_no_service_reports_the_state_of_the_clock) {
+  wire::HealthMessage message = health(wire::NodeState::kIdle, {});
+  const auto lines = [&] { return health_lines({"cap01"}, {{"cap01", message}}); };
+  EXPECT_THAT(lines(),
+              Contains(HasSubstr("unknown: neither chronyd, systemd-timesyncd nor ptp4l")));
+  message.values = {{"clock_synchronised_flag", 0}};
+  EXPECT_THAT(lines(), Not(Contains(HasSubstr("unknown"))));
+  message.values = {{"ptp_steps_removed", 1}};
+  EXPECT_THAT(lines(), Not(Contains(HasSubstr("unknown"))));
+}
+
 TEST(HealthText, has_model_and_firmware_of_a_camera) {
   wire::HealthMessage message = health(wire::NodeState::kIdle, {});
   message.texts = {{"cam01.firmware", "1.2"}};

@@ -119,6 +119,11 @@ std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
   return lines;
 }
 
+bool has_clock_state(const wire::HealthMessage& health) {
+  return health.values.contains("clock_synchronised_flag") ||
+         health.values.contains("ptp_steps_removed");
+}
+
 std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health) {
   std::vector<std::string> lines;
@@ -127,9 +132,8 @@ std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
     const auto found = health.find(node);
     if (found == health.end()) continue;
     lines.push_back("    " + pad_right("version", 28) + found->second.version);
-    if (!found->second.values.contains("clock_synchronised_flag")) {
-      lines.push_back("    " + pad_right("clock", 28) +
-                      "unknown: neither chronyd nor systemd-timesyncd runs on the node");
+    if (!has_clock_state(found->second)) {
+      lines.push_back("    " + pad_right("clock", 28) + "unknown: " + kNoClockState);
     }
     for (const auto& [name, value] : found->second.values) {
       if (!wire::split_health_name(name).camera.empty()) continue;

@@ -34,6 +34,13 @@ std::string silent_node_advice(const std::string& node);
 /// "recording kendo-07"; "check: nothing is recorded" while it runs; "idle".
 std::string doing_text(const wire::HealthMessage& health);
 
+/// Whether the values of a node tell if its clock is synchronised, by chronyd, systemd-timesyncd or
+/// ptp4l. The alert V3dClockUnknown has the same condition.
+bool has_clock_state(const wire::HealthMessage& health);
+/// What users read about a node without has_clock_state().
+inline constexpr char kNoClockState[] =
+    "neither chronyd, systemd-timesyncd nor ptp4l reports that the clock is synchronised";
+
 /// One line for each node: "cap01  v3d-captured  recording kendo-07  cam07 silent".
 std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
                                       const std::map<std::string, wire::HealthMessage>& health);

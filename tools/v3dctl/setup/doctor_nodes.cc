@@ -55,6 +55,14 @@ void add_values(const wire::HealthMessage& health, std::vector<Finding>& finding
   }
 }
 
+/// v3dctl doctor on the node can say more: it also asks the kernel, which the sandbox of the
+/// daemons does not allow.
+void add_unknown_clock(const wire::HealthMessage& health, std::vector<Finding>& findings) {
+  if (has_clock_state(health)) return;
+  findings.push_back({Verdict::kUnknown, health.node + " clock", kNoClockState,
+                      "v3dctl doctor " + health.node + " there"});
+}
+
 Finding check_cameras_of(const wire::HealthMessage& health, double cameras) {
   const auto streaming = health.values.find("cameras_streaming");
   const double count = streaming == health.values.end() ? 0 : streaming->second;
@@ -135,6 +143,7 @@ std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const He
       findings.push_back(check_cameras_of(message->second, cameras->second));
     }
     add_values(message->second, findings);
+    add_unknown_clock(message->second, findings);
     add_hot_cameras(message->second, findings);
   }
   if (const auto firmware = check_firmware(health)) findings.push_back(*firmware);
