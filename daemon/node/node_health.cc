@@ -65,6 +65,40 @@ double percent(int64_t part, int64_t whole) {
   return whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
+constexpr double kNoTemperature = -274;  // below absolute zero
+
+/// The file has thousandths of a degree. kNoTemperature where it cannot be read.
+double celsius_in(const fs::path& path) {
+  const auto numbers = numbers_in(first_line(path));
+  return numbers.size() == 1 ? 1e-3 * static_cast<double>(numbers[0]) : kNoTemperature;
+}
+
+/// Whether the device of hwmon is the sensor of a processor.
+bool is_of_processor(const fs::path& device) {
+  constexpr std::array<std::string_view, 4> kDrivers = {"k10temp", "zenpower", "coretemp",
+                                                        "cpu_thermal"};
+  return std::find(kDrivers.begin(), kDrivers.end(), first_line(device / "name")) != kDrivers.end();
+}
+
+/// Highest reading of a device of hwmon, or kNoTemperature. Where it has Tdie of an AMD processor,
+/// Tctl does not count: it is up to 27 degrees higher, to control fans.
+double hottest_input(const fs::path& device) {
+  constexpr std::string_view kInput = "input";
+  double highest = kNoTemperature, control = kNoTemperature;
+  bool has_die = false;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(device, error)) {
+    const std::string file = entry.path().filename();
+    if (!file.starts_with("temp") || !file.ends_with("_input")) continue;
+    const std::string input = file.substr(0, file.size() - kInput.size());
+    const std::string label = first_line(device / (input + "label"));
+    has_die = has_die || label == "Tdie";
+    double& of_label = label == "Tctl" ? control : highest;
+    of_label = std::max(of_label, celsius_in(entry.path()));
+  }
+  return has_die ? highest : std::max(highest, control);
+}
+
 }  // namespace
 
 std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
@@ -81,21 +115,18 @@ std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
   return ticks;
 }
 
-std::optional<double> MachineHealth::hottest(const std::string& folder, const std::string& prefix,
-                                             const std::string& suffix) const {
-  std::optional<double> highest;
+std::optional<double> MachineHealth::hottest() const {
+  double highest = kNoTemperature, others = kNoTemperature;
   std::error_code error;
-  for (const auto& device : fs::directory_iterator(root_ / folder, error)) {
-    std::error_code inner;
-    for (const auto& entry : fs::directory_iterator(device.path(), inner)) {
-      const std::string file = entry.path().filename();
-      if (!file.starts_with(prefix) || !file.ends_with(suffix)) continue;
-      const auto numbers = numbers_in(first_line(entry.path()));
-      if (numbers.size() == 1)
-        highest = std::max(highest.value_or(-273), 1e-3 * double(numbers[0]));
-    }
+  for (const auto& zone : fs::directory_iterator(root_ / "sys/class/thermal", error)) {
+    highest = std::max(highest, celsius_in(zone.path() / "temp"));
   }
-  return highest;
+  for (const auto& device : fs::directory_iterator(root_ / "sys/class/hwmon", error)) {
+    double& of_kind = is_of_processor(device.path()) ? highest : others;
+    of_kind = std::max(of_kind, hottest_input(device.path()));
+  }
+  const double reported = highest > kNoTemperature ? highest : others;
+  return reported > kNoTemperature ? std::optional(reported) : std::nullopt;
 }
 
 void MachineHealth::update_processor_time() {
@@ -132,9 +163,7 @@ void MachineHealth::report(std::map<std::string, double>& values) {
   add("cpu_daemon_percent", daemon_percent_);
   add("memory_daemon_bytes", bytes_after(root_ / "proc/self/status", "VmRSS:"));
   add("memory_available_bytes", bytes_after(root_ / "proc/meminfo", "MemAvailable:"));
-  auto temperature = hottest("sys/class/thermal", "temp", "temp");
-  if (!temperature) temperature = hottest("sys/class/hwmon", "temp", "_input");
-  add("temperature_max_celsius", temperature);
+  add("temperature_max_celsius", hottest());
   report_appliance(values);
 }
 

@@ -29,7 +29,10 @@ class MachineHealth {
   ///   cpu_daemon_percent        of one core, may exceed 100, since the last call
   ///   memory_daemon_bytes       resident set of this process
   ///   memory_available_bytes    available without swapping
-  ///   temperature_max_celsius   of the hottest thermal zone, else of the hottest hwmon sensor
+  ///   temperature_max_celsius   of the hottest of thermal zones and the processor's hwmon sensors;
+  ///                             without one, of the hottest hwmon sensor. The kernel has no zone
+  ///                             for AMD processors, and an input of a board that is not connected
+  ///                             shows 127 degrees.
   /// On the appliance, from the lines "name value" of run/v3d-appliance/health (docs/appliance.md):
   ///   slot_number               the slot that runs: 1 for A, 2 for B
   ///   slot_trial_flag           1 until the slot has started well after an update
@@ -55,8 +58,7 @@ class MachineHealth {
   };
   std::optional<Ticks> read_ticks() const;
   void update_processor_time();
-  std::optional<double> hottest(const std::string& folder, const std::string& prefix,
-                                const std::string& suffix) const;
+  std::optional<double> hottest() const;
   void report_appliance(std::map<std::string, double>& values) const;
 
   const std::filesystem::path root_;

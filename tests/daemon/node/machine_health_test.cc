@@ -70,6 +70,23 @@ TEST(MachineHealth, reports_the_hottest_zone_or_else_the_hottest_sensor) {
   EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 56);
 }
 
+/// A board with an AMD processor: its only thermal zone is that of ACPI, with a constant.
+TEST(MachineHealth, reports_the_processor_that_is_hotter_than_every_zone) {
+  Machine machine;
+  const auto hwmon = machine.root() / "sys/class/hwmon";
+  std::filesystem::create_directories(hwmon / "hwmon1");
+  write_text(machine.root() / "sys/class/thermal/thermal_zone0/temp", "16800\n");
+  write_text(hwmon / "hwmon0/name", "k10temp\n");
+  write_text(hwmon / "hwmon0/temp1_input", "91000\n");
+  write_text(hwmon / "hwmon0/temp1_label", "Tctl\n");
+  write_text(hwmon / "hwmon1/name", "nct6775\n");
+  write_text(hwmon / "hwmon1/temp4_input", "127000\n");
+  EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 91);
+  write_text(hwmon / "hwmon0/temp2_input", "64000\n");
+  write_text(hwmon / "hwmon0/temp2_label", "Tdie\n");
+  EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 64) << "Tctl is 27 higher";
+}
+
 TEST(MachineHealth, reports_what_the_appliance_counts_and_ignores_other_lines) {
   Machine machine;
   std::filesystem::create_directories(machine.root() / "run/v3d-appliance");
