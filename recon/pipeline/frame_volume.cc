@@ -1,5 +1,6 @@
 #include "recon/pipeline/frame_volume.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "codec/frame_header.h"
@@ -23,8 +24,8 @@ std::optional<VoxelGrid> frame_grid(std::span<const uint8_t> compact) {
   VoxelGrid grid{.origin = {metadata.origin[0], metadata.origin[1], metadata.origin[2]},
                  .voxel_m = 2 * metadata.step * header->subdivision};
   for (size_t axis = 0; axis < 3; ++axis) {
-    grid.counts[axis] =
-        int64_t{codec::kBrickEdge} * (header->first_brick[axis] + header->bricks[axis]);
+    const int bricks = header->first_brick[axis] + header->bricks[axis];
+    grid.counts[axis] = int64_t{codec::kBrickEdge} * std::max(1, bricks);
   }
   return grid;
 }

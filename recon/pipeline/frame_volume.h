@@ -9,8 +9,9 @@
 
 namespace v3d::recon {
 
-/// The smallest grid from the origin of the frame's lattice that contains its volume. Empty for a
-/// frame without a volume, and for bytes that are no frame.
+/// The smallest grid from the origin of the frame's lattice that contains its volume; one brick for
+/// a volume without voxels, because no grid is empty. Empty for a frame without a volume, and for
+/// bytes that are no frame.
 std::optional<VoxelGrid> frame_grid(std::span<const uint8_t> compact);
 
 /// The voxels of the frame in `grid`, which has the origin and the voxel of frame_grid() and at

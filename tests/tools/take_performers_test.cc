@@ -36,8 +36,8 @@ class TwoBodies : public testing::Test {
     return recon::volume_of({body_at(-half), body_at(half)});
   }
 
-  void append(int64_t pulse, take::MeshFileWriter& file) {
-    const recon::SparseVolume volume = volume_at(pulse);
+  void append(int64_t pulse, take::MeshFileWriter& file) { append(pulse, volume_at(pulse), file); }
+  void append(int64_t pulse, const recon::SparseVolume& volume, take::MeshFileWriter& file) {
     const recon::VoxelGrid& grid = volume.grid();
     const codec::BrickVolume bricks = volume.view();
     const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
@@ -110,6 +110,16 @@ TEST_F(TwoBodies, keep_positions_colours_and_labels_when_they_are_labelled_again
     EXPECT_EQ(new_meshes.frame().mesh.vertices, old_meshes.frame().mesh.vertices);
     EXPECT_EQ(new_meshes.frame().mesh.colours, old_meshes.frame().mesh.colours);
   }
+}
+
+TEST_F(TwoBodies, are_not_found_in_meshes_of_an_empty_stage) {
+  take::MeshFileWriter file(mesh());
+  for (const int64_t pulse : {0, 1}) append(pulse, recon::volume_of({}), file);
+  io::throw_if_failed(file.close());
+  const PerformersReport report = label();
+  EXPECT_EQ(report.frames, 2);
+  EXPECT_EQ(report.undecodable, 0);
+  EXPECT_TRUE(report.performers.empty());
 }
 
 TEST_F(TwoBodies, skip_frames_that_cannot_be_decoded) {

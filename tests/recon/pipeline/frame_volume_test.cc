@@ -48,6 +48,13 @@ TEST(FrameVolume, has_the_voxels_from_which_the_frame_was_encoded) {
   }
 }
 
+TEST(FrameVolume, has_a_grid_of_one_brick_for_a_frame_without_voxels) {
+  const auto frame = frame_of(SparseVolume(small_grid(60, 50, 40)));
+  const auto grid = frame_grid(frame).value();
+  EXPECT_EQ(grid.counts, (std::array<int64_t, 3>{8, 8, 8}));
+  EXPECT_TRUE(frame_volume(frame, grid).value().bricks().empty());
+}
+
 TEST(FrameVolume, is_empty_for_a_frame_without_a_volume_and_for_other_bytes) {
   const std::vector<codec::VertexPosition> positions{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   const std::vector<codec::VertexTriangle> triangles{{0, 1, 2}};
