@@ -1,11 +1,14 @@
 #include "v3dctl/reconstruct/take_camera_colours.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/performers/blocks.h"
 #include "recon/pipeline/compact_frame.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
@@ -39,6 +42,24 @@ TEST(CameraColours, are_not_missed_at_a_pulse_without_a_surface) {
   EXPECT_EQ(report.frames, 2);
   EXPECT_EQ(report.undecodable, 0);
   EXPECT_EQ(report.without, 1) << "the body, of which there are no raw frames";
+}
+
+TEST(CameraColours, are_not_removed_from_a_file_without_its_end) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path mesh = take::TakePaths{folder.path()}.mesh();
+  codec::FrameEncoder encoder({});
+  take::MeshFileWriter file(mesh);
+  io::throw_if_failed(file.append(0, encoded(encoder, 0, {recon::body_at(0)})));
+  io::throw_if_failed(file.close());
+  std::filesystem::resize_file(mesh, std::filesystem::file_size(mesh) - 1);
+  const std::string before = read_file(mesh);
+  const auto remove_colours = [&] {
+    add_camera_colours(
+        folder.path(), 0, [](int64_t) {}, [] {});
+  };
+  EXPECT_THAT(test::message_of<InputError>(remove_colours),
+              testing::HasSubstr("mesh.v3d: has no index"));
+  EXPECT_EQ(read_file(mesh), before) << "v3dctl verify still finds the loss";
 }
 
 }  // namespace

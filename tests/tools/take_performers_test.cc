@@ -155,17 +155,27 @@ TEST_F(TwoBodies, keep_frames_whose_bytes_are_damaged_on_the_disk) {
 }
 
 TEST_F(TwoBodies, are_not_labelled_while_their_meshes_are_written) {
-  take::MeshFileWriter file(mesh());
-  append(0, file);
+  const auto write_pulse = [&](int64_t pulse) {
+    take::MeshFileWriter file(mesh(), take::LogOpening::kContinue);
+    append(pulse, file);
+    io::throw_if_failed(file.close());
+  };
+  write_pulse(0);
   const auto label_while_written = [&] {
     label_performers(
-        folder_.path(), [&](int64_t) { append(1, file); }, [] {});
+        folder_.path(), [&](int64_t) { write_pulse(1); }, [] {});
   };
   EXPECT_THAT(test::message_of<InputError>(label_while_written),
               HasSubstr("mesh.v3d: has changed meanwhile"));
-  append(2, file);
-  io::throw_if_failed(file.close());
-  EXPECT_THAT(take::MeshFileReader(mesh()).pulses(), ElementsAre(0, 1, 2));
+  EXPECT_THAT(take::MeshFileReader(mesh()).pulses(), ElementsAre(0, 1));
+}
+
+TEST_F(TwoBodies, are_not_labelled_in_a_file_without_its_end) {
+  make_take();
+  std::filesystem::resize_file(mesh(), std::filesystem::file_size(mesh()) - 1);
+  const std::string before = read_file(mesh());
+  EXPECT_THAT(test::message_of<InputError>([&] { label(); }), HasSubstr("mesh.v3d: has no index"));
+  EXPECT_EQ(read_file(mesh()), before) << "v3dctl verify still finds the loss";
 }
 
 TEST_F(TwoBodies, are_not_labelled_when_a_mesh_claims_too_large_a_space) {

@@ -80,6 +80,13 @@ void FileVersion::require_unchanged() const {
       "it; repeat this command when the take has ended");
 }
 
+void require_finished(const take::MeshFileReader& meshes, const fs::path& path) {
+  if (!meshes.index_was_rebuilt()) return;
+  throw InputError(path.string() +
+                   ": has no index: it is truncated or not finished; expected a whole file: repeat "
+                   "this command when the take has ended, or run v3dctl reconstruct");
+}
+
 PendingMeshFile::PendingMeshFile(const fs::path& path)
     : path_(path), temporary_path_(new_partial_path(path)), file_(temporary_path_) {}
 

@@ -27,6 +27,10 @@ class FileVersion {
   struct stat status_ {};
 };
 
+/// Throws InputError for a mesh file without an index: `meshes` of the file `path`. A copy of it
+/// would have an index, and the meshes that it lost would be missing without a sign.
+void require_finished(const take::MeshFileReader& meshes, const std::filesystem::path& path);
+
 /// Mesh file with a hidden temporary name until finish(), `.mesh.v3d.partial-<host>-<process>`. The
 /// destructor removes an unfinished file. One thread.
 class PendingMeshFile {

@@ -95,6 +95,7 @@ CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t 
   }
   const FileVersion source(path);
   take::MeshFileReader meshes(path);
+  require_finished(meshes, path);
   on_begin(std::ssize(meshes.pulses()));
   CameraColourist colourist(take, max_bytes);
   PendingMeshFile file(path);

@@ -25,9 +25,10 @@ using FrameCallback = std::function<void()>;
 
 /// Replaces mesh.v3d of `take` by one whose frames also have the colours that each of their cameras
 /// sees at the vertices, in at most `max_bytes` bytes a frame. They come from the raw frames. 0:
-/// none, which needs no raw frames. Throws InputError for a take without meshes, for one without
-/// raw frames, and when another program writes the meshes meanwhile; std::runtime_error for errors
-/// of the disk and after an interrupt. Then the old mesh.v3d stays.
+/// none, which needs no raw frames. Throws InputError for a take without meshes, for a mesh.v3d
+/// without an index, for a take without raw frames, and when another program writes the meshes
+/// meanwhile; std::runtime_error for errors of the disk and after an interrupt. Then the old
+/// mesh.v3d stays.
 CameraColourReport add_camera_colours(const std::filesystem::path& take, size_t max_bytes,
                                       const std::function<void(int64_t frames)>& on_begin,
                                       const FrameCallback& on_frame);

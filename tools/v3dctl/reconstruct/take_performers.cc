@@ -126,6 +126,7 @@ PerformersReport label_performers(const std::filesystem::path& take,
   }
   const FileVersion source(path);
   take::MeshFileReader meshes(path);
+  require_finished(meshes, path);
   on_begin(std::ssize(meshes.pulses()));
   Labeller labeller(common_grid(meshes, path));
   PendingMeshFile file(path);

@@ -25,9 +25,9 @@ struct PerformersReport {
 
 /// Tracks the performers (recon::PerformerTracker) through the meshes of `take`, and replaces its
 /// mesh.v3d by one with the same meshes that are labelled. Calls `on_frame` after each frame.
-/// Throws InputError for a take without meshes, for meshes that are not surfaces of volumes of one
-/// space, and when another program writes them meanwhile; std::runtime_error for errors of the disk
-/// and after an interrupt. Then the old mesh.v3d stays.
+/// Throws InputError for a take without meshes, for a mesh.v3d without an index, for meshes that
+/// are not surfaces of volumes of one space, and when another program writes them meanwhile;
+/// std::runtime_error for errors of the disk and after an interrupt. Then the old mesh.v3d stays.
 PerformersReport label_performers(const std::filesystem::path& take,
                                   const std::function<void(int64_t frames)>& on_begin,
                                   const std::function<void()>& on_frame);
