@@ -15,6 +15,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
+#include "take/take_lock.h"
 #include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate_motion.h"
@@ -214,6 +215,21 @@ TEST_F(TrackTake, reports_a_damaged_motion_file) {
   test::write_text(file, bytes);
   EXPECT_THAT(test::message_of<InputError>([&] { recorded::MeshFrames(take_, file); }),
               HasSubstr("motion.v3d: is damaged: run v3dctl track again"));
+}
+
+TEST_F(TrackTake, reports_meshes_without_the_end_of_their_file) {
+  reconstruct();
+  EXPECT_FALSE(track(request_).is_unfinished);
+  const fs::path mesh = take::TakePaths{take_}.mesh();
+  fs::resize_file(mesh, fs::file_size(mesh) - 1);
+  EXPECT_TRUE(track(request_).is_unfinished);
+}
+
+TEST_F(TrackTake, is_rejected_while_it_is_recorded) {
+  reconstruct();
+  const auto lock = take::TakeLock::acquire({take_}, "cap01");
+  ASSERT_TRUE(lock);
+  EXPECT_THAT(rejection(request_), AllOf(HasSubstr("is being recorded"), HasSubstr("by process ")));
 }
 
 TEST_F(TrackTake, is_measured_with_points_of_the_true_surface) {

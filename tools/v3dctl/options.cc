@@ -89,6 +89,12 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take) 
   return kExitIncomplete;
 }
 
+int report_missing_index(const std::filesystem::path& file) {
+  note("v3dctl: " + file.string() +
+       ": has no index: it is truncated or not finished; frames may be missing");
+  return kExitIncomplete;
+}
+
 void add_frames_option(cli::Command command, std::string& value) {
   command
       .add_option("--frames", value,

@@ -34,6 +34,9 @@ std::string count_of(int64_t n, const std::string& singular);
 /// its frame cannot be read. Returns kExitDone where there are none, otherwise kExitIncomplete.
 int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 
+/// Reports on stderr that the mesh file has no index. Returns kExitIncomplete.
+int report_missing_index(const std::filesystem::path& file);
+
 void add_frames_option(cli::Command command, std::string& value);
 void add_json_flag(cli::Command command, bool& value);
 

@@ -205,10 +205,7 @@ const fs::path& require_raw_frames(const fs::path& take, const std::string& opti
 }
 
 int report_unfinished_meshes(const recorded::MeshFrames& meshes) {
-  if (!meshes.is_unfinished()) return kExitDone;
-  note("v3dctl: " + meshes.path().string() +
-       ": has no index: it is truncated or not finished; frames may be missing");
-  return kExitIncomplete;
+  return meshes.is_unfinished() ? report_missing_index(meshes.path()) : kExitDone;
 }
 
 void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,

@@ -11,6 +11,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/renderer.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
 
 namespace v3d::ctl {
 namespace {
@@ -34,6 +35,7 @@ class TakePulses : public ObservedPulses {
     return recon::colour_vertices(surface, cameras, recorded::texture_options(surface)).colours;
   }
 
+  bool is_unfinished() const override { return meshes_.is_unfinished(); }
   std::vector<std::string> read_errors() const override { return images_.read_errors(); }
 
  protected:
@@ -119,6 +121,7 @@ std::shared_ptr<const recon::ObservedPulse> ObservedPulses::read(size_t index) {
 }
 
 std::unique_ptr<ObservedPulses> open_take_pulses(const fs::path& take, take::FrameRange frames) {
+  info_of_ended_take({take});
   return std::make_unique<TakePulses>(take, frames);
 }
 

@@ -24,6 +24,8 @@ class ObservedPulses {
   std::shared_ptr<const recon::ObservedPulse> read(size_t index);
   /// Vertex colours of a surface from the images of a pulse; empty without images.
   virtual std::vector<Rgb8> colours(size_t index, const Mesh& surface) = 0;
+  /// True when the file of the meshes has no index: pulses may be missing.
+  virtual bool is_unfinished() const { return false; }
   /// Read errors of images so far: lines with path and cause.
   virtual std::vector<std::string> read_errors() const { return {}; }
 
@@ -34,7 +36,8 @@ class ObservedPulses {
   std::vector<std::pair<size_t, std::shared_ptr<const recon::ObservedPulse>>> kept_;
 };
 
-/// Throws InputError for a folder that is no take, and for a take without meshes.
+/// Throws InputError for a folder that is no take, for a take without meshes, and while a process
+/// records or recovers the take.
 std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& take,
                                                  take::FrameRange frames);
 

@@ -96,6 +96,7 @@ class MotionMaker {
       report_.untracked.push_back(
           {input_.pulses()[gap.first], input_.pulses()[gap.last], gap.reason});
     }
+    report_.is_unfinished = input_.is_unfinished();
     report_.read_errors = input_.read_errors();
     report_.bytes = std::ssize(bytes_);
     return report_;

@@ -49,6 +49,7 @@ struct TrackReport {
   /// Pulses without images in segments that have images of others: they have the colours of the
   /// nearest pulse with images. Ascending.
   std::vector<int64_t> without_images;
+  bool is_unfinished = false;            ///< mesh.v3d has no index: pulses may be missing
   std::vector<std::string> read_errors;  ///< of the logs: lines with path and cause
   int64_t bytes = 0;                     ///< of the file
   /// Of the parts of the file: triangles and templates, positions, colours, confidences.
@@ -61,8 +62,8 @@ struct TrackReport {
 /// colours of each pulse. Calls `on_begin` with the number of pulses, and `on_pulse` before work on
 /// each; a pulse has several turns.
 ///
-/// Throws InputError for a take without meshes and other bad input; std::runtime_error for errors
-/// of the disk and after an interrupt. Then an older file stays.
+/// Throws InputError for a take without meshes or that is being recorded, and other bad input;
+/// std::runtime_error for errors of the disk and after an interrupt. Then an older file stays.
 TrackReport track_take(const TrackRequest& request,
                        const std::function<void(int64_t pulses)>& on_begin,
                        const std::function<void()>& on_pulse);

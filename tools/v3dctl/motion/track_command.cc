@@ -214,7 +214,7 @@ void print_text(const TrackReport& report) {
 }
 
 /// Reports what is not whole on stderr. Returns the exit status.
-int report_missing_images(const TrackReport& report, const std::filesystem::path& input) {
+int report_gaps(const TrackReport& report, const std::filesystem::path& input) {
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
   if (!report.without_images.empty()) {
     note("v3dctl: " + input.string() + ": " +
@@ -223,7 +223,8 @@ int report_missing_images(const TrackReport& report, const std::filesystem::path
          std::to_string(report.without_images.back()) +
          ": the colours are those of the nearest pulse with images");
   }
-  return report.read_errors.empty() ? kExitDone : kExitIncomplete;
+  const int status = report.read_errors.empty() ? kExitDone : kExitIncomplete;
+  return report.is_unfinished ? report_missing_index(take::TakePaths{input}.mesh()) : status;
 }
 
 int run(const Arguments& arguments) {
@@ -250,7 +251,7 @@ int run(const Arguments& arguments) {
     print_text(report);
     if (truth) print_comparison(*truth);
   }
-  return report_missing_images(report, request.input);
+  return report_gaps(report, request.input);
 }
 
 }  // namespace

@@ -88,13 +88,18 @@ Quality parse_quality(std::string_view text, std::string_view option) {
                    ": expected live, medium or high");
 }
 
-recorded::TakeFrames open_take(const ReconstructRequest& request) {
-  const take::TakeInfo info = take::load_take_info({request.take});
-  const std::string holder = io::value_or_throw(take::take_lock_holder({request.take}));
+take::TakeInfo info_of_ended_take(const take::TakePaths& take) {
+  take::TakeInfo info = take::load_take_info(take);
+  const std::string holder = io::value_or_throw(take::take_lock_holder(take));
   if (!holder.empty()) {
-    throw InputError(request.take.string() + ": is being recorded or recovered by " + holder +
+    throw InputError(take.folder.string() + ": is being recorded or recovered by " + holder +
                      "; repeat this command when the take has ended");
   }
+  return info;
+}
+
+recorded::TakeFrames open_take(const ReconstructRequest& request) {
+  const take::TakeInfo info = info_of_ended_take({request.take});
   return {request.take, cameras_without(info, request.leave_out)};
 }
 

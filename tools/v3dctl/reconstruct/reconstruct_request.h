@@ -50,8 +50,12 @@ struct ReconstructRequest {
   std::optional<Studio> studio;        ///< gives defaults if the take belongs to this studio
 };
 
-/// Opens the frames of the requested cameras. Throws InputError for an unknown camera, and while a
-/// process records or recovers the take.
+/// Throws InputError for a folder that is no take, and while a process records or recovers the
+/// take.
+take::TakeInfo info_of_ended_take(const take::TakePaths& take);
+
+/// Opens the frames of the requested cameras. Throws InputError as info_of_ended_take(), and for an
+/// unknown camera.
 recorded::TakeFrames open_take(const ReconstructRequest& request);
 
 /// The cameras of a take without those of `leave_out`. Throws InputError for a name that the take
