@@ -60,7 +60,10 @@ int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& positio
   const double z = (camera.cam_from_world() * position.cast<double>()).z();
   const double pixel_m = z / camera.matrix()(0, 0);
   if (!(pixel_m > 0)) return 0;
-  return std::clamp(static_cast<int>(std::ceil(std::log2(voxel_m / 4 / pixel_m))), 0, kMaxHalvings);
+  // Clamped before the conversion: an empty surface has edges of 0 m, and the logarithm is
+  // infinite.
+  const double halvings = std::ceil(std::log2(voxel_m / 4 / pixel_m));
+  return static_cast<int>(std::clamp(halvings, 0.0, double{kMaxHalvings}));
 }
 
 Eigen::Vector3f vertex_centroid(const Mesh& mesh) {

@@ -174,10 +174,10 @@ class TrackTake : public Track {
     request_.input = take_;
     request_.threads = 2;
   }
-  void reconstruct() {
+  void reconstruct(const Box& bounds = {{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}}) {
     ReconstructRequest request;
     request.take = take_;
-    request.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request.bounds = bounds;
     request.voxel_m = 0.02;
     request.threads = 2;
     reconstruct_take(request);
@@ -204,6 +204,16 @@ TEST_F(TrackTake, writes_a_coloured_surface_beside_the_meshes_that_commands_can_
   for (const Eigen::Vector3f& vertex : frame.mesh.vertices) {
     EXPECT_NEAR(vertex.norm(), 0.3F, 0.05F);
   }
+}
+
+TEST_F(TrackTake, is_rejected_without_a_surface_and_keeps_the_old_motion) {
+  reconstruct();
+  track(request_);
+  const fs::path file = take::TakePaths{take_}.motion();
+  const std::string before = read_file(file);
+  reconstruct({{-0.2, -0.2, 0.4}, {0.2, 0.2, 0.5}});  // above the ball
+  EXPECT_THAT(rejection(request_), HasSubstr("no pulse has a surface to track"));
+  EXPECT_EQ(read_file(file), before);
 }
 
 TEST_F(TrackTake, reports_a_damaged_motion_file) {

@@ -89,6 +89,11 @@ class MotionMaker {
           stop_if_interrupted();
           on_pulse_();
         });
+    if (motion.segments.empty()) {
+      throw InputError(request_.input.string() +
+                       ": no pulse has a surface to track; expected other frames, or meshes of the "
+                       "space in which the performer is");
+    }
     report_.pulses = std::ssize(input_.pulses());
     append(codec::MotionWriter::header());
     for (const recon::TrackedSegment& segment : motion.segments) add(segment);

@@ -62,8 +62,9 @@ struct TrackReport {
 /// colours of each pulse. Calls `on_begin` with the number of pulses, and `on_pulse` before work on
 /// each; a pulse has several turns.
 ///
-/// Throws InputError for a take without meshes or that is being recorded, and other bad input;
-/// std::runtime_error for errors of the disk and after an interrupt. Then an older file stays.
+/// Throws InputError for a take without meshes, without a surface in any pulse, or that is being
+/// recorded, and other bad input; std::runtime_error for errors of the disk and after an interrupt.
+/// Then an older file stays.
 TrackReport track_take(const TrackRequest& request,
                        const std::function<void(int64_t pulses)>& on_begin,
                        const std::function<void()>& on_pulse);
