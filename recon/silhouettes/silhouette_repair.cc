@@ -136,6 +136,7 @@ class SilhouetteRepair::Trial {
     remove_phantom_pieces();
     if (alone) alone->remove_phantom_pieces();
     std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
+    std::ranges::sort(shown_later_);
     std::vector<std::optional<Mask>> masks_alone = alone ? std::move(alone->masks_) : masks_;
     return {std::move(masks_), std::move(masks_alone), std::move(shown_later_), std::move(faults_)};
   }

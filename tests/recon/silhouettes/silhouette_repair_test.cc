@@ -4,9 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <set>
+#include <utility>
 
 #include "base/geometry/rigid_transform.h"
 #include "base/image/mask_operations.h"
@@ -246,6 +248,41 @@ TEST(SilhouetteRepair, reports_a_camera_one_pulse_late_and_uses_its_next_frame) 
   EXPECT_EQ(repaired.faults[0].kind, SilhouetteFaultKind::kPulseLate);
   EXPECT_THAT(repaired.shown_later, testing::ElementsAre(kCamera));
   EXPECT_EQ(*repaired.masks[kCamera], scene().masks[kCamera]);
+}
+
+/// RepairedSilhouettes::shown_later of cameras 4 and `other` one pulse late, which change their
+/// places in the rig if `swapped`.
+std::vector<size_t> cameras_shown_later(size_t other, bool swapped) {
+  constexpr size_t kCamera = 4;
+  Rig rig = scene().rig;
+  std::vector<Mask> before = masks_at(-1), now = scene().masks, after = masks_at(1);
+  for (const size_t late : {kCamera, other}) {
+    after[late] = std::exchange(now[late], before[late]);
+    before[late] = masks_at(-2)[late];
+  }
+  if (swapped) {
+    std::swap(rig[kCamera], rig[other]);
+    for (std::vector<Mask>* masks : {&before, &now, &after}) {
+      std::swap((*masks)[kCamera], (*masks)[other]);
+    }
+  }
+  SilhouetteRepair repairer(rig, kSpace, kVoxel, kMinViews);
+  const std::vector<const Frame*> no_frames(rig.size(), nullptr);
+  const auto all_before = pointers(before), all_after = pointers(after);
+  return repairer.repair(pointers(now), no_frames, {.before = all_before, .after = all_after})
+      .shown_later;
+}
+
+TEST(SilhouetteRepair, lists_late_cameras_ascending_and_not_by_their_excess) {
+  int pairs = 0;
+  for (const size_t other : {1U, 7U, 9U}) {
+    for (const bool swapped : {false, true}) {
+      const std::vector<size_t> found = cameras_shown_later(other, swapped);
+      EXPECT_TRUE(std::ranges::is_sorted(found)) << other << (swapped ? ", swapped" : "");
+      pairs += found.size() == 2 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(pairs, 0) << "one camera has no order";
 }
 
 TEST(SilhouetteRepair, interpolates_a_repeated_frame) {
