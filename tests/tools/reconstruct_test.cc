@@ -363,6 +363,23 @@ TEST_F(Reconstruct, reports_a_missing_camera) {
   EXPECT_EQ(report.incomplete, 1);
 }
 
+TEST_F(Reconstruct, reports_a_camera_that_the_repair_leaves_out_and_not_as_missing) {
+  Image mask = read_image(folder_ / "masks/c.png");
+  std::ranges::fill(mask.bytes, uint8_t{0});
+  write_png(folder_ / "masks/c.png", mask.view());
+  import_as("blind");
+  const auto expect_left_out = [&] {
+    const ReconstructReport report = reconstruct_take(request_);
+    EXPECT_THAT(fault_lines(report.silhouette_faults), testing::Contains("c: left out of 1 frame"));
+    EXPECT_EQ(report.incomplete, 0);
+  };
+  request_.repair = true;
+  expect_left_out();
+  request_.repair = false;
+  request_.repair_pulses = std::vector<int64_t>{0};  // as v3d-recond repaired it
+  expect_left_out();
+}
+
 TEST(ReconstructReport, has_an_error_of_reading_once_for_all_parts) {
   ReconstructReport whole, part;
   part.read_errors = {"a.lcmlog: Input/output error"};

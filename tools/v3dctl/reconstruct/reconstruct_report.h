@@ -28,7 +28,9 @@ struct ReconstructReport {
   int min_views = 0;
   int threads = 0;  ///< of all processes; of a Slurm job, of one task
   int64_t frames = 0;
-  int64_t incomplete = 0;  ///< frames without some camera, and pulses without any frame
+  /// Frames for which a camera has no usable frame, and pulses without any frame. A camera that the
+  /// silhouette repair left out has one.
+  int64_t incomplete = 0;
   std::vector<std::string> read_errors;                                   ///< path and cause
   std::vector<double> volume_m3, vertices, triangles, components, bytes;  ///< one for each frame
   std::vector<double> ghosts;  ///< components removed by GhostRemoval, one for each frame

@@ -200,7 +200,7 @@ class TakeReconstruction::Impl {
 
   void measure(const Job& job, ReconstructReport& report) const {
     measure(job.made, job.made.frames, report);
-    if (job.made.work.result.cameras.size() < take_.rig().size()) ++report.incomplete;
+    if (job.made.lacks_camera) ++report.incomplete;
     if (proxy_) measure(job.proxy, job.made.frames, report.proxy.front());
   }
 

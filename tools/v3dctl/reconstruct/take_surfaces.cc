@@ -6,6 +6,17 @@
 #include "base/core/time.h"
 
 namespace v3d::ctl {
+namespace {
+
+/// Whether a camera of the rig has no frame that takes part (recon::usable_frames()).
+bool lacks_camera(const Rig& rig, const SegmentedFrames& frames) {
+  for (size_t c = 0; c < rig.size(); ++c) {
+    if (!frames[c] || frames[c]->mask.size() != rig[c].model.size()) return true;
+  }
+  return false;
+}
+
+}  // namespace
 
 TakeSurface copy_of_input(const recon::FrameSetJob& work) {
   TakeSurface copy;
@@ -27,6 +38,7 @@ TakeSurface TakeInput::read(int64_t pulse) {
   TakeSurface made;
   if (repair_ != nullptr) set_previous_of(pulse);
   made.frames = pulse == next_pulse_ ? std::move(next_) : take_.read(pulse);
+  made.lacks_camera = lacks_camera(take_.rig(), made.frames);
   if (repair_ != nullptr) repair(pulse, made.frames);
   made.work = recon::FrameSetJob(observe_all(pulse, made.frames));
   if (live_repair_ != nullptr) live_repair_->repair(made.work.set, made.frames);

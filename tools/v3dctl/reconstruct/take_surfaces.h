@@ -14,8 +14,9 @@ namespace v3d::ctl {
 
 /// Surface of one pulse; its vertices have no colours yet.
 struct TakeSurface {
-  SegmentedFrames frames;  ///< empty for a copy_of_input()
-  double segment_ms = -1;  ///< negative: the pulse was not read for this surface
+  SegmentedFrames frames;     ///< empty for a copy_of_input()
+  bool lacks_camera = false;  ///< a camera of the rig had no usable frame, before the repair
+  double segment_ms = -1;     ///< negative: the pulse was not read for this surface
   recon::FrameSetJob work;
 };
 
