@@ -18,6 +18,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
+#include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "take/take_lock.h"
 #include "tools/test_images.h"
@@ -26,6 +27,7 @@
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/import/media.h"
+#include "v3dctl/reconstruct/reconstruct_options.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
@@ -378,6 +380,27 @@ TEST_F(Reconstruct, reports_a_camera_that_the_repair_leaves_out_and_not_as_missi
   request_.repair = false;
   request_.repair_pulses = std::vector<int64_t>{0};  // as v3d-recond repaired it
   expect_left_out();
+}
+
+TEST_F(Reconstruct, names_pulses_whose_live_passes_a_damaged_mesh_does_not_state) {
+  const fs::path mesh = take::TakePaths{request_.take}.mesh();
+  request_.quality = Quality::kMedium;
+  reconstruct_take(request_);
+  const std::vector<uint8_t> compact = take::MeshFileReader(mesh).read(0).value().value();
+  {
+    take::MeshFileWriter file(mesh, take::LogOpening::kContinue);
+    ASSERT_TRUE(file.append(1, compact));
+    ASSERT_TRUE(file.close());
+  }
+  ReconstructRequest whole = request_, damaged = request_;
+  parse_passes("live", {request_.take}, whole);
+  std::string bytes = read_file(mesh);
+  bytes.at(16 + 24 + 10) ^= 1;  // in the payload of pulse 0
+  test::write_text(mesh, bytes);
+  parse_passes("live", {request_.take}, damaged);
+  const ReconstructReport report = reconstruct_take(damaged);
+  EXPECT_THAT(pulses_with_default_passes(damaged, report), testing::ElementsAre(0));
+  EXPECT_THAT(pulses_with_default_passes(whole, report), testing::IsEmpty());
 }
 
 TEST(ReconstructReport, has_an_error_of_reading_once_for_all_parts) {

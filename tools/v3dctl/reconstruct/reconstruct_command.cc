@@ -230,6 +230,23 @@ ReconstructReport reconstruct(const ReconstructArguments& arguments) {
   return by_processes(arguments.request, cores);
 }
 
+/// Reports on stderr what is not whole. Returns the exit status.
+int report_gaps(const ReconstructReport& report, const std::filesystem::path& take) {
+  for (const std::string& error : report.read_errors) note("v3dctl: " + error);
+  const int status = report_incomplete_frames(report.incomplete, take);
+  return report.read_errors.empty() ? status : kExitIncomplete;
+}
+
+/// Reports the pulses that --passes live made with another number of passes than live, because
+/// mesh.v3d stated none: v3d-recond drops meshes that are late.
+void report_default_passes(const ReconstructReport& report, const ReconstructRequest& request) {
+  const std::vector<int64_t> pulses = pulses_with_default_passes(request, report);
+  if (pulses.empty()) return;
+  note("--passes live: no intact mesh in mesh.v3d of " + count_of(std::ssize(pulses), "pulse") +
+       ", from " + std::to_string(pulses.front()) + " to " + std::to_string(pulses.back()) + ": " +
+       std::to_string(request.live_passes) + " passes there");
+}
+
 int run(const CommandLine& line, ReconstructArguments arguments) {
   arguments.request = request_of(line, arguments);
   catch_interrupts();
@@ -239,9 +256,8 @@ int run(const CommandLine& line, ReconstructArguments arguments) {
   } else {
     print_text(report);
   }
-  for (const std::string& error : report.read_errors) note("v3dctl: " + error);
-  const int status = report_incomplete_frames(report.incomplete, arguments.request.take);
-  return report.read_errors.empty() ? status : kExitIncomplete;
+  report_default_passes(report, arguments.request);
+  return report_gaps(report, arguments.request.take);
 }
 
 // --- reconstruct-shards: a task of reconstruct --processes or --slurm ---------------------------

@@ -86,6 +86,16 @@ void append(ReconstructReport& whole, const ReconstructReport& part) {
   for (size_t p = 0; p < whole.proxy.size(); ++p) append(whole.proxy[p], part.proxy[p]);
 }
 
+std::vector<int64_t> pulses_with_default_passes(const ReconstructRequest& request,
+                                                const ReconstructReport& report) {
+  std::vector<int64_t> pulses;
+  if (request.pulse_passes.empty()) return pulses;
+  for (const auto& [pulse, quality] : report.frame_quality) {
+    if (!request.pulse_passes.contains(pulse)) pulses.push_back(pulse);
+  }
+  return pulses;
+}
+
 Json samples_to_json(const ReconstructReport& part) {
   Json json = {
       {"frames", part.frames}, {"incomplete", part.incomplete}, {"read_errors", part.read_errors}};

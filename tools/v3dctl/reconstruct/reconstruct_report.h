@@ -59,6 +59,11 @@ ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complet
 /// Appends the frames of `part` to `whole`. Requires equal arguments of their empty_report().
 void append(ReconstructReport& whole, const ReconstructReport& part);
 
+/// The pulses of `report` that have ReconstructRequest::live_passes although `request` states the
+/// passes of single pulses. Ascending.
+std::vector<int64_t> pulses_with_default_passes(const ReconstructRequest& request,
+                                                const ReconstructReport& report);
+
 /// The values that append() reads, as JSON.
 nlohmann::ordered_json samples_to_json(const ReconstructReport& part);
 /// Sets these values of `part`. Requires equal arguments of empty_report(). Throws
