@@ -207,10 +207,11 @@ std::vector<uint8_t> EncodeStage::encode(const PulseMetadata& metadata, const Sp
   content.labels = metadata.performers;
   auto compact = encoder_.encode(content);
   if (!compact) {
-    throw InputError("pulse " + std::to_string(metadata.pulse) + ": a surface of " +
-                     std::to_string(surface.vertices.size()) +
-                     " vertices does not fit a compact frame (docs/compact-frame.md has its "
-                     "limits): use a larger voxel");
+    throw OversizedSurface("pulse " + std::to_string(metadata.pulse) + ": a surface of " +
+                           std::to_string(surface.vertices.size()) + " vertices around " +
+                           std::to_string(volume.bricks().size()) +
+                           " bricks of voxels does not fit a compact frame "
+                           "(docs/compact-frame.md has its limits): use a larger voxel");
   }
   surface.colours = rgb_colours(encoder_.decoded_colours());
   return *std::move(compact);

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "base/core/error.h"
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
 #include "base/geometry/rigid_transform.h"
@@ -135,6 +136,12 @@ struct PulseMetadata {
   std::span<const uint8_t> performers{};
 };
 
+/// A surface that exceeds the limits of a compact frame.
+class OversizedSurface : public InputError {
+ public:
+  using InputError::InputError;
+};
+
 /// Coloured surface to compact frame. The frames form a sequence: a frame may need those since the
 /// last key frame. Format: docs/compact-frame.md.
 class EncodeStage {
@@ -142,8 +149,9 @@ class EncodeStage {
   /// `lattice`: of deformed vertices (DeformStage); empty where the surface is that of the volume.
   EncodeStage(const VoxelGrid& grid, const std::optional<VertexLattice>& lattice);
 
-  /// Replaces the colours of `surface` by those that receivers decode. Throws InputError when the
-  /// surface exceeds the limits of a compact frame (4 million vertices).
+  /// Replaces the colours of `surface` by those that receivers decode. Throws OversizedSurface when
+  /// the surface exceeds the limits of a compact frame (4 million vertices, 131,072 bricks); the
+  /// next frame is then a key frame.
   std::vector<uint8_t> encode(const PulseMetadata& metadata, const SparseVolume& volume,
                               Mesh& surface);
   /// The next frame becomes a key frame.

@@ -99,6 +99,23 @@ TEST_F(FinishedShard, is_not_used_when_it_has_other_pulses) {
   EXPECT_FALSE(folder_.find({1, {25, 26, 27}}, empty_));
 }
 
+TEST_F(FinishedShard, lacks_the_pulses_that_are_oversized_and_no_others) {
+  folder_.drop(shard_);
+  write({25});
+  ReconstructReport made = made_;
+  made.oversized = {{26, "pulse 26: too large"}};
+  folder_.save(shard_, made);
+  const auto found = folder_.find(shard_, empty_);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->oversized, made.oversized);
+  EXPECT_THAT(pulses_with_meshes(shard_, *found), ElementsAre(25));
+  ReconstructReport whole = empty_;
+  append(whole, *found);
+  EXPECT_EQ(whole.oversized, made.oversized);
+  folder_.save(shard_, made_);
+  EXPECT_FALSE(folder_.find(shard_, empty_)) << "pulse 26 is lost";
+}
+
 TEST_F(FinishedShard, has_its_proxy_or_is_not_used_where_one_is_requested) {
   ReconstructReport empty = empty_, made = made_;
   empty.proxy = {empty_};

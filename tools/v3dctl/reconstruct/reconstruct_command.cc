@@ -79,6 +79,14 @@ Json faults_json(const std::vector<PulseFault>& faults) {
   return list;
 }
 
+Json oversized_json(const ReconstructReport& report) {
+  Json list = Json::array();
+  for (const auto& [pulse, reason] : report.oversized) {
+    list.push_back({{"pulse", pulse}, {"reason", reason}});
+  }
+  return list;
+}
+
 Json quality_json(const ReconstructReport& report) {
   Json list = Json::array();
   for (const auto& [pulse, quality] : report.frame_quality) {
@@ -111,6 +119,7 @@ Json to_json(const ReconstructReport& report) {
   return {
       {"frames", report.frames},
       {"incomplete", report.incomplete},
+      {"oversized", oversized_json(report)},
       {"cameras", report.cameras.size()},
       {"camera_names", report.cameras},
       {"voxel_m", report.voxel_m},
@@ -233,8 +242,12 @@ ReconstructReport reconstruct(const ReconstructArguments& arguments) {
 /// Reports on stderr what is not whole. Returns the exit status.
 int report_gaps(const ReconstructReport& report, const std::filesystem::path& take) {
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
+  if (!report.oversized.empty()) {
+    note("v3dctl: " + count_of(std::ssize(report.oversized), "pulse") + " without a mesh; " +
+         report.oversized.front().second);
+  }
   const int status = report_incomplete_frames(report.incomplete, take);
-  return report.read_errors.empty() ? status : kExitIncomplete;
+  return report.read_errors.empty() && report.oversized.empty() ? status : kExitIncomplete;
 }
 
 /// Reports the pulses that --passes live made with another number of passes than live, because

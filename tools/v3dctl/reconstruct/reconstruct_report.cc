@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "base/core/error.h"
+
 namespace v3d::ctl {
 namespace {
 
@@ -69,6 +71,7 @@ ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complet
 void append(ReconstructReport& whole, const ReconstructReport& part) {
   whole.frames += part.frames;
   whole.incomplete += part.incomplete;
+  append_all(whole.oversized, part.oversized);
   for (const std::string& error : part.read_errors) {  // those of its task so far
     if (std::ranges::find(whole.read_errors, error) == whole.read_errors.end())
       whole.read_errors.push_back(error);
@@ -86,6 +89,10 @@ void append(ReconstructReport& whole, const ReconstructReport& part) {
   for (size_t p = 0; p < whole.proxy.size(); ++p) append(whole.proxy[p], part.proxy[p]);
 }
 
+void require_meshes(const ReconstructReport& first) {
+  if (first.frames == 0 && !first.oversized.empty()) throw InputError(first.oversized[0].second);
+}
+
 std::vector<int64_t> pulses_with_default_passes(const ReconstructRequest& request,
                                                 const ReconstructReport& report) {
   std::vector<int64_t> pulses;
@@ -97,8 +104,10 @@ std::vector<int64_t> pulses_with_default_passes(const ReconstructRequest& reques
 }
 
 Json samples_to_json(const ReconstructReport& part) {
-  Json json = {
-      {"frames", part.frames}, {"incomplete", part.incomplete}, {"read_errors", part.read_errors}};
+  Json json = {{"frames", part.frames},
+               {"incomplete", part.incomplete},
+               {"oversized", part.oversized},
+               {"read_errors", part.read_errors}};
   for (const FrameSamples& of : kFrameSamples) json[of.name] = part.*of.values;
   json["camera_iou"] = part.camera_iou;
   json["quality"] = Json::array();
@@ -120,6 +129,7 @@ Json samples_to_json(const ReconstructReport& part) {
 void read_samples(const Json& json, ReconstructReport& part) {
   part.frames = json.at("frames");
   part.incomplete = json.at("incomplete");
+  part.oversized = json.at("oversized").get<std::vector<std::pair<int64_t, std::string>>>();
   part.read_errors = json.at("read_errors").get<std::vector<std::string>>();
   for (const FrameSamples& of : kFrameSamples) {
     part.*of.values = json.at(of.name).get<std::vector<double>>();

@@ -31,6 +31,8 @@ struct ReconstructReport {
   /// Frames for which a camera has no usable frame, and pulses without any frame. A camera that the
   /// silhouette repair left out has one.
   int64_t incomplete = 0;
+  /// Pulses without a mesh, and why: their surface exceeds the limits of a compact frame.
+  std::vector<std::pair<int64_t, std::string>> oversized;
   std::vector<std::string> read_errors;                                   ///< path and cause
   std::vector<double> volume_m3, vertices, triangles, components, bytes;  ///< one for each frame
   std::vector<double> ghosts;  ///< components removed by GhostRemoval, one for each frame
@@ -49,7 +51,7 @@ struct ReconstructReport {
   int64_t frames_kept = 0;           ///< part of `frames` that an earlier run made
   double peak_rss_mb = 0;            ///< of this process or the largest task, 10^6 bytes
   /// One report of the proxy; empty without one. It has the values of each frame and camera, except
-  /// `incomplete`, faults and read errors, which are those of the mesh.
+  /// `incomplete`, `oversized`, faults and read errors, which are those of the mesh.
   std::vector<ReconstructReport> proxy;
 };
 
@@ -58,6 +60,10 @@ ReconstructReport empty_report(const Rig& rig, const ReconstructRequest& complet
 
 /// Appends the frames of `part` to `whole`. Requires equal arguments of their empty_report().
 void append(ReconstructReport& whole, const ReconstructReport& part);
+
+/// Throws InputError when `first`, the report of the first shard of a run, has pulses and no mesh:
+/// the voxel is probably too small for the whole take.
+void require_meshes(const ReconstructReport& first);
 
 /// The pulses of `report` that have ReconstructRequest::live_passes although `request` states the
 /// passes of single pulses. Ascending.

@@ -101,6 +101,12 @@ std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
   return shards;
 }
 
+std::vector<int64_t> pulses_with_meshes(const Shard& shard, const ReconstructReport& report) {
+  std::vector<int64_t> pulses = shard.pulses;
+  for (const auto& [oversized, reason] : report.oversized) std::erase(pulses, oversized);
+  return pulses;
+}
+
 ShardFolder ShardFolder::create(const ReconstructRequest& complete,
                                 const recorded::TakeFrames& take) {
   const Json content = {{"program", program_id()},
@@ -162,13 +168,14 @@ std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
   try {
     const Json json = Json::parse(read_file(report(shard)));
     const Json& samples = json.at("samples");
-    if (json.at("checksum") != checksum(shard, samples, with_proxy) ||
-        take::MeshFileReader(mesh(shard)).pulses() != shard.pulses ||
-        (with_proxy && take::MeshFileReader(proxy(shard)).pulses() != shard.pulses)) {
-      return std::nullopt;
-    }
+    if (json.at("checksum") != checksum(shard, samples, with_proxy)) return std::nullopt;
     ReconstructReport found = empty;
     read_samples(samples, found);
+    const std::vector<int64_t> pulses = pulses_with_meshes(shard, found);
+    if (take::MeshFileReader(mesh(shard)).pulses() != pulses ||
+        (with_proxy && take::MeshFileReader(proxy(shard)).pulses() != pulses)) {
+      return std::nullopt;
+    }
     return found;
   } catch (const Json::exception&) {
     return std::nullopt;

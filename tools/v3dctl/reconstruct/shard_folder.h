@@ -26,6 +26,9 @@ struct Shard {
 /// Divides increasing pulses into shards.
 std::vector<Shard> shards_of(const std::vector<int64_t>& pulses);
 
+/// The pulses of a finished shard that have a mesh: all that are not oversized.
+std::vector<int64_t> pulses_with_meshes(const Shard& shard, const ReconstructReport& report);
+
 /// TAKE/.shards-DIGEST:
 ///   request.json        everything that the result depends on; DIGEST is its checksum
 ///   shard-000012.v3d    meshes of a finished shard

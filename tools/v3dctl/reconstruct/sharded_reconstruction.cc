@@ -41,7 +41,7 @@ class ShardedRun {
     require_lock();
     folder_.remove_errors();
     find_shards();
-    report_.frames_kept = frames_found_;
+    for (const auto& [number, report] : found_) report_.frames_kept += report.frames;
     if (!found_.empty()) {
       note(std::to_string(found_.size()) + " of " + count_of(std::ssize(shards_), "shard") +
            " kept from an earlier run");
@@ -165,17 +165,20 @@ class ShardedRun {
   void join() {
     PendingMeshes files(paths_.mesh(), proxy_path(complete_, paths_));
     for (const Shard& shard : shards_) {
-      append_shard(shard, folder_.mesh(shard), files.master);
-      if (files.proxy) append_shard(shard, folder_.proxy(shard), *files.proxy);
-      append(report_, found_.at(shard.number));
+      const ReconstructReport& made = found_.at(shard.number);
+      const std::vector<int64_t> pulses = pulses_with_meshes(shard, made);
+      append_meshes(pulses, folder_.mesh(shard), files.master);
+      if (files.proxy) append_meshes(pulses, folder_.proxy(shard), *files.proxy);
+      append(report_, made);
     }
     replace_meshes(files, paths_);
   }
 
-  /// Appends the meshes of `path`, a file of `shard`.
-  static void append_shard(const Shard& shard, const fs::path& path, PendingMeshFile& file) {
+  /// Appends the meshes of `path`, a file of a shard.
+  static void append_meshes(const std::vector<int64_t>& pulses, const fs::path& path,
+                            PendingMeshFile& file) {
     take::MeshFileReader meshes(path);
-    for (const int64_t pulse : shard.pulses) {
+    for (const int64_t pulse : pulses) {
       const auto compact = meshes.read(pulse);
       if (!compact) throw std::runtime_error(compact.error().message);
       if (!*compact) throw std::runtime_error(path.string() + ": has changed");
@@ -221,6 +224,7 @@ void reconstruct_shards(const ShardFolder& folder, take::FrameRange range, int t
       PendingMeshes files(folder.mesh(shard),
                           with_proxy ? std::optional(folder.proxy(shard)) : std::nullopt);
       const ReconstructReport report = reconstruction.make(shard.pulses, files, [] {});
+      if (n == 0) require_meshes(report);
       files.finish();
       folder.save(shard, report);
     }

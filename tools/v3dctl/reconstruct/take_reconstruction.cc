@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "base/core/error.h"
@@ -15,6 +16,7 @@
 #include "recon/hull/voxel_grid.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/render/renderer.h"
+#include "v3dctl/reconstruct/shard_folder.h"
 #include "v3dctl/reconstruct/take_surfaces.h"
 
 namespace v3d::ctl {
@@ -94,6 +96,7 @@ class ProxySurfaces {
             reconstructor_, take.pulses(), [this](int64_t pulse) { return input(pulse); },
             complete.smooth && options_.quality == Quality::kHigh) {}
 
+  /// Encodes the next surface as a key frame.
   void begin_sequence() { reconstructor_.begin_sequence(); }
 
   /// The coloured surface of `pulse`. `made`: the result of the master's last make().
@@ -155,8 +158,7 @@ class TakeReconstruction::Impl {
                          const std::function<void()>& on_frame) {
     ReconstructReport report = empty_;
     auto next = pulses.begin();
-    reconstructor_.begin_sequence();
-    if (proxy_) proxy_->begin_sequence();
+    begin_sequence();
     recon::FramePipeline<Job>(
         options_.threads,
         [&]() -> std::optional<Job> {
@@ -182,7 +184,13 @@ class TakeReconstruction::Impl {
     int64_t pulse = 0;
     TakeSurface made{};
     TakeSurface proxy{};
+    std::string oversized{};  ///< why the pulse gets no mesh; empty: it gets one
   };
+
+  void begin_sequence() {
+    reconstructor_.begin_sequence();
+    if (proxy_) proxy_->begin_sequence();
+  }
 
   void make_mesh(Job& job) {
     job.made = surfaces_.make(job.pulse);
@@ -190,15 +198,25 @@ class TakeReconstruction::Impl {
     if (proxy_) job.proxy = proxy_->make(job.pulse, job.made.work);
   }
 
+  /// Appends the pulse to both files or to none, because a proxy has the pulses of its master.
   void encode(Job& job, PendingMeshes& files) {
-    reconstructor_.encode(job.made.work);
+    try {
+      reconstructor_.encode(job.made.work);
+      if (proxy_) proxy_->encode(job.proxy.work);
+    } catch (const recon::OversizedSurface& error) {
+      job.oversized = error.what();
+      begin_sequence();  // no frame may refer to one that is in no file
+      return;
+    }
     files.master.append(job.pulse, job.made.work.result.compact);
-    if (!proxy_) return;
-    proxy_->encode(job.proxy.work);
-    files.proxy->append(job.pulse, job.proxy.work.result.compact);
+    if (proxy_) files.proxy->append(job.pulse, job.proxy.work.result.compact);
   }
 
   void measure(const Job& job, ReconstructReport& report) const {
+    if (!job.oversized.empty()) {
+      report.oversized.emplace_back(job.pulse, job.oversized);
+      return;
+    }
     measure(job.made, job.made.frames, report);
     if (job.made.lacks_camera) ++report.incomplete;
     if (proxy_) measure(job.proxy, job.made.frames, report.proxy.front());
@@ -245,7 +263,11 @@ ReconstructReport reconstruct_take(const ReconstructRequest& request) {
   TakeReconstruction reconstruction(complete, threads_of(request), std::move(take));
   PendingMeshes files(paths.mesh(), proxy_path(complete, paths));
   Progress progress("reconstruct", std::ssize(pulses));
-  ReconstructReport report = reconstruction.make(pulses, files, [&] { progress.advance(); });
+  const auto advance = [&] { progress.advance(); };
+  const size_t first = shards_of(pulses)[0].pulses.size();
+  ReconstructReport report = reconstruction.make(std::span(pulses).first(first), files, advance);
+  require_meshes(report);
+  append(report, reconstruction.make(std::span(pulses).subspan(first), files, advance));
   replace_meshes(files, paths);
   report.incomplete += without_frames;
   report.seconds = to_seconds(Monotonic::now() - begin);

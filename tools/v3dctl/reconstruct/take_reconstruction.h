@@ -14,9 +14,9 @@
 namespace v3d::ctl {
 
 /// Reconstructs the take and replaces its mesh.v3d and proxy.v3d when all frames are done
-/// (replace_meshes()).
-/// Throws InputError for bad input, and std::runtime_error for errors of the disk and after an
-/// interrupt; the old files then stay.
+/// (replace_meshes()). They lack the pulses that are ReconstructReport::oversized.
+/// Throws InputError for bad input, and when all pulses of the first shard are oversized, and
+/// std::runtime_error for errors of the disk and after an interrupt; the old files then stay.
 ReconstructReport reconstruct_take(const ReconstructRequest& request);
 
 /// Reconstructs ranges of pulses. The mesh of a pulse depends on this pulse and its neighbours, its
@@ -30,9 +30,10 @@ class TakeReconstruction {
   ~TakeReconstruction();
 
   /// Appends the meshes of `pulses` to `files`, the first as a key frame, and calls `on_frame`
-  /// after each. Requires files.proxy for a request with a proxy. Returns the measurements, without
-  /// `seconds`. Requires increasing pulses, after those of earlier calls. Throws InputError for bad
-  /// frames, and std::runtime_error for errors of the disk and after an interrupt.
+  /// after each. A pulse whose surface or proxy is too large for a compact frame is in no file, and
+  /// in the report. Requires files.proxy for a request with a proxy. Returns the measurements,
+  /// without `seconds`. Requires increasing pulses, after those of earlier calls. Throws InputError
+  /// for bad frames, and std::runtime_error for errors of the disk and after an interrupt.
   ReconstructReport make(std::span<const int64_t> pulses, PendingMeshes& files,
                          const std::function<void()>& on_frame);
 
