@@ -5,7 +5,9 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
@@ -147,6 +149,19 @@ TEST_F(FinishedShard, is_missing_after_it_was_dropped) {
   folder_.drop(shard_);
   EXPECT_TRUE(folder_.saved().empty());
   EXPECT_FALSE(folder_.find(shard_, empty_));
+}
+
+TEST_F(FinishedShard, is_not_rejected_as_bad_input_when_another_run_drops_it_before_it_is_saved) {
+  folder_.drop(shard_);
+  try {
+    folder_.save(shard_, made_);
+    FAIL() << "saved a shard without its mesh file";
+  } catch (const InputError& error) {
+    FAIL() << "no retry would follow: " << error.what();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("shard-000001.v3d"));
+  }
+  EXPECT_TRUE(folder_.saved().empty());
 }
 
 TEST_F(FinishedShard, is_appended_to_the_report_of_the_whole) {

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <span>
+#include <stdexcept>
 
 #include "base/core/bytes.h"
 #include "base/core/error.h"
@@ -150,8 +151,12 @@ fs::path ShardFolder::report(const Shard& shard) const { return path_ / name_of(
 
 void ShardFolder::save(const Shard& shard, const ReconstructReport& report) const {
   const Json samples = samples_to_json(report);
-  const std::string sum = checksum(shard, samples, !report.proxy.empty());
-  replace_file(this->report(shard), Json{{"checksum", sum}, {"samples", samples}}.dump());
+  try {
+    const std::string sum = checksum(shard, samples, !report.proxy.empty());
+    replace_file(this->report(shard), Json{{"checksum", sum}, {"samples", samples}}.dump());
+  } catch (const InputError& error) {
+    throw std::runtime_error(error.what());  // no fault of the input: a retry may succeed
+  }
 }
 
 std::string ShardFolder::checksum(const Shard& shard, const Json& samples, bool with_proxy) const {

@@ -54,8 +54,9 @@ class ShardFolder {
 
   std::filesystem::path mesh(const Shard& shard) const;
   std::filesystem::path proxy(const Shard& shard) const;
-  /// Saves the measurements of a shard after its mesh file and proxy. Throws std::runtime_error for
-  /// errors of the disk.
+  /// Saves the measurements of a shard after its mesh file and proxy. Throws std::runtime_error,
+  /// and no InputError, for errors of the disk and when one of these files is missing: another run
+  /// drops the shards of tasks that outlive a killed run.
   void save(const Shard& shard, const ReconstructReport& report) const;
   /// Measurements of a finished shard; empty if it is missing or damaged. `empty`: empty_report()
   /// of the request.
