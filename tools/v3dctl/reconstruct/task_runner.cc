@@ -111,10 +111,22 @@ constexpr auto kQueryPeriod = std::chrono::seconds(1);
 constexpr auto kReportAfter = std::chrono::seconds(10);
 /// Longer than Slurm's default time between SIGTERM and SIGKILL.
 constexpr auto kSlurmCancelTimeout = std::chrono::seconds(40);
+/// Exit status, as that of a shell.
+constexpr int kCannotStart = 127;
 
 void pause_slurm() {
   const timespec period{0, 100'000'000};
   nanosleep(&period, nullptr);
+}
+
+/// Runs a Slurm command. One that cannot be started, such as at the process limit of the user, is
+/// one that failed.
+ProcessResult run_slurm(const std::vector<std::string>& words) {
+  try {
+    return run_process(words, Output::kCaptureBoth);
+  } catch (const std::exception& error) {
+    return {.status = kCannotStart, .output = {}, .errors = error.what()};
+  }
 }
 
 /// Last line of the errors of a Slurm command, without the name of the command.
@@ -194,7 +206,7 @@ void SlurmTaskRunner::start(const std::vector<int64_t>& missing, int64_t count) 
   const ProcessResult submitted = run_process(words, Output::kCaptureBoth);
   if (submitted.status != 0) {
     // Ctrl-C may have ended sbatch after it submitted the job.
-    run_process({"scancel", "--me", "--name=" + name_}, Output::kCaptureBoth);
+    run_slurm({"scancel", "--me", "--name=" + name_});
     if (interrupted()) return;
     throw InputError("Slurm rejects the job: " + error_text(submitted));
   }
@@ -215,8 +227,8 @@ bool SlurmTaskRunner::poll() {
 }
 
 void SlurmTaskRunner::query_queue() {
-  const ProcessResult queue = run_process(
-      {"squeue", "--me", "--noheader", "--array", "--format=%F %t %r"}, Output::kCaptureBoth);
+  const ProcessResult queue =
+      run_slurm({"squeue", "--me", "--noheader", "--array", "--format=%F %t %r"});
   if (queue.status != 0) {
     if (!query_failed_ && !interrupted()) note("squeue: " + error_text(queue) + "; trying again");
     query_failed_ = true;
@@ -243,11 +255,13 @@ void SlurmTaskRunner::report_waiting() {
 }
 
 void SlurmTaskRunner::cancel() {
-  if (job_.empty()) return;
-  query_queue();
-  if (!job_.empty()) run_process({"scancel", job_}, Output::kCaptureBoth);
   const MonotonicInstant deadline = Monotonic::now() + kSlurmCancelTimeout;
-  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) pause_slurm();
+  // Does not ask squeue first, because squeue may fail while the job runs.
+  bool cancelled = false;
+  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) {
+    if (!cancelled) cancelled = run_slurm({"scancel", job_}).status == 0;
+    pause_slurm();
+  }
   if (!job_.empty()) note("slurm job " + job_ + " has not ended; see squeue");
   job_.clear();
 }

@@ -78,7 +78,7 @@ class SlurmTaskRunner : public TaskRunner {
   std::string hint() const override;
 
  private:
-  /// Updates the state of the job from squeue; keeps it when squeue fails.
+  /// Updates the state of the job from squeue; keeps it when squeue fails or does not start.
   void query_queue();
   void report_waiting();
 
