@@ -75,6 +75,15 @@ TEST_F(FinishedShard, has_no_saved_error_while_one_is_being_written) {
   EXPECT_EQ(folder_.saved_error(), "the disk is full");
 }
 
+TEST_F(FinishedShard, stays_when_the_messages_of_an_earlier_run_are_removed) {
+  folder_.save_error("the disk is full");
+  std::ofstream(folder_.path() / "task-0.log") << "v3dctl: interrupted\n";
+  folder_.remove_messages();
+  EXPECT_EQ(folder_.saved_error(), std::nullopt);
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "task-0.log"));
+  EXPECT_TRUE(folder_.find(shard_, empty_));
+}
+
 TEST_F(FinishedShard, is_found_with_all_measurements) {
   EXPECT_THAT(folder_.saved(), ElementsAre(1));
   const auto found = folder_.find(shard_, empty_);

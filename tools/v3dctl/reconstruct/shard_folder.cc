@@ -219,9 +219,11 @@ std::optional<std::string> ShardFolder::saved_error() const {
   return std::nullopt;
 }
 
-void ShardFolder::remove_errors() const {
+void ShardFolder::remove_messages() const {
   std::error_code ignored;
-  for (const fs::path& path : entries_of(path_, "error-")) fs::remove(path, ignored);
+  for (const char* prefix : {"error-", "task-"}) {
+    for (const fs::path& path : entries_of(path_, prefix)) fs::remove(path, ignored);
+  }
 }
 
 void ShardFolder::remove() const {

@@ -68,7 +68,8 @@ class ShardFolder {
   /// Errors of tasks that a retry cannot resolve.
   void save_error(const std::string& reason) const;
   std::optional<std::string> saved_error() const;
-  void remove_errors() const;
+  /// Removes the errors and the task logs of an earlier run.
+  void remove_messages() const;
 
   void remove() const;
   /// Removes the folders of runs with other options. A folder stays unless its lock can be taken,

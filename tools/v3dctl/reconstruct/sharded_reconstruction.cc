@@ -39,7 +39,7 @@ class ShardedRun {
 
   ReconstructReport run() {
     require_lock();
-    folder_.remove_errors();
+    folder_.remove_messages();
     find_shards();
     for (const auto& [number, report] : found_) report_.frames_kept += report.frames;
     if (!found_.empty()) {
@@ -49,7 +49,7 @@ class ShardedRun {
     try {
       make_missing();
     } catch (...) {
-      if (folder_.saved().empty()) folder_.remove();
+      if (folder_.saved().empty() && !names_log_) folder_.remove();
       throw;
     }
     join();
@@ -154,12 +154,18 @@ class ShardedRun {
         "interrupted; repeat the command to continue after the finished shards");
   }
 
-  [[noreturn]] void fail() const {
-    const std::string log_line = last_log_line(folder_.path());
-    const std::string hint = tasks_->hint();
+  [[noreturn]] void fail() {
     throw std::runtime_error(count_of(std::ssize(missing()), "shard") + " of the take failed " +
-                             std::to_string(kMaxTries) + " times; " +
-                             (log_line.empty() ? "no task wrote a message" + hint : log_line));
+                             std::to_string(kMaxTries) + " times; " + reason_of_failure());
+  }
+
+  /// A task that a signal ends may have no time for a message, so both are named.
+  std::string reason_of_failure() {
+    const std::string log_line = last_log_line(folder_.path());
+    names_log_ = !log_line.empty();
+    std::string reason = tasks_->failure();
+    if (names_log_) reason += (reason.empty() ? "" : "; ") + log_line;
+    return reason.empty() ? "no task wrote a message" + tasks_->hint() : reason;
   }
 
   void join() {
@@ -198,6 +204,7 @@ class ShardedRun {
   std::map<int64_t, ReconstructReport> found_;  ///< by number
   int64_t frames_found_ = 0;
   int64_t shown_ = 0;
+  bool names_log_ = false;  ///< the error does, so the log stays
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <ctime>
 #include <filesystem>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
@@ -26,6 +27,8 @@ namespace {
 /// segmentation of earlier pulses.
 constexpr int64_t kTasksPerProcess = 3;
 constexpr auto kLocalCancelTimeout = std::chrono::seconds(5);
+/// Status of a task that signal N ended is this plus N.
+constexpr int kSignalStatus = 128;
 
 void pause_local() {
   const timespec period{0, 50'000'000};
@@ -56,6 +59,7 @@ LocalTaskRunner::LocalTaskRunner(ShardFolder folder, int processes, int threads)
 LocalTaskRunner::~LocalTaskRunner() { cancel(); }
 
 void LocalTaskRunner::start(const std::vector<int64_t>& missing, int64_t) {
+  signal_ = 0;
   const auto tasks = kTasksPerProcess * static_cast<int64_t>(processes_);
   const int64_t max_length = (std::ssize(missing) + tasks - 1) / tasks;
   for (const int64_t index : missing) {
@@ -75,7 +79,9 @@ void LocalTaskRunner::start_task(take::FrameRange shards) {
 }
 
 bool LocalTaskRunner::poll() {
-  reap();
+  for (const int status : reap()) {
+    if (status > kSignalStatus) signal_ = status - kSignalStatus;
+  }
   for (; running_.size() < processes_ && !queue_.empty(); queue_.pop_front()) {
     start_task(queue_.front());
   }
@@ -84,8 +90,22 @@ bool LocalTaskRunner::poll() {
   return true;
 }
 
-void LocalTaskRunner::reap() {
-  std::erase_if(running_, [](pid_t child) { return poll_process(child).has_value(); });
+std::vector<int> LocalTaskRunner::reap() {
+  std::vector<int> statuses;
+  std::erase_if(running_, [&](pid_t child) {
+    const std::optional<int> status = poll_process(child);
+    if (status) statuses.push_back(*status);
+    return status.has_value();
+  });
+  return statuses;
+}
+
+std::string LocalTaskRunner::failure() const {
+  if (signal_ == 0) return {};
+  std::string text = "a task was ended by signal " + std::to_string(signal_);
+  // Linux ends a process in this way when the memory is full.
+  if (signal_ == SIGKILL) text += "; where memory is short, use fewer --processes";
+  return text;
 }
 
 void LocalTaskRunner::signal(int number) const {

@@ -32,6 +32,8 @@ class TaskRunner {
   virtual bool poll() = 0;
   /// Ends all tasks and waits for their end.
   virtual void cancel() = 0;
+  /// How a task of the last start() failed, as far as the runner knows; otherwise empty.
+  virtual std::string failure() const = 0;
   /// Advice for a task that failed without a log.
   virtual std::string hint() const = 0;
 };
@@ -50,11 +52,13 @@ class LocalTaskRunner : public TaskRunner {
   void start(const std::vector<int64_t>& missing, int64_t count) override;
   bool poll() override;
   void cancel() override;
+  std::string failure() const override;
   std::string hint() const override { return {}; }
 
  private:
   void start_task(take::FrameRange shards);
-  void reap();
+  /// Forgets the tasks that have ended. Returns their statuses, as those of poll_process().
+  std::vector<int> reap();
   void signal(int number) const;
 
   const ShardFolder folder_;
@@ -62,6 +66,7 @@ class LocalTaskRunner : public TaskRunner {
   const int threads_;
   std::deque<take::FrameRange> queue_;  ///< indices of shards
   std::vector<pid_t> running_;
+  int signal_ = 0;  ///< ended a task of the last start(); 0: none
 };
 
 /// Runs tasks as an array job of a Slurm cluster. Uses Slurm's commands and needs no accounting:
@@ -75,6 +80,7 @@ class SlurmTaskRunner : public TaskRunner {
   void start(const std::vector<int64_t>& missing, int64_t count) override;
   bool poll() override;
   void cancel() override;
+  std::string failure() const override { return {}; }  // only Slurm's accounting knows it
   std::string hint() const override;
 
  private:
