@@ -13,6 +13,9 @@ namespace {
 /// body, the template joins both, and the arm cannot be followed.
 constexpr double kPerComponentM2 = 0.003, kPerHandleM2 = 0.05;
 constexpr size_t kSampleEvery = 16;  ///< every n-th vertex is tested for visibility
+/// Pulses from one to the next in a segment. Farther apart, points of the surface are not known to
+/// correspond.
+constexpr int64_t kMaxStep = 10;
 
 double area_of(const Mesh& mesh) {
   double area = 0;
@@ -47,14 +50,16 @@ class TakeTracker {
     scores_.reserve(count);
     for (size_t i = 0; i < count; ++i) {
       on_pulse(i);
-      scores_.push_back(key_quality(*source(i)).score);
+      const auto observed = source(i);
+      numbers_.push_back(observed->pulse);
+      scores_.push_back(key_quality(*observed).score);
     }
   }
 
   TrackedMotion run() {
     for (size_t i = 0; i < scores_.size();) {
-      size_t end = i;
-      while (end < scores_.size() && scores_[end].has_value() == scores_[i].has_value()) ++end;
+      size_t end = i + 1;
+      while (end < scores_.size() && continues(end, scores_[i].has_value())) ++end;
       if (scores_[i]) {
         track(i, end);
       } else {
@@ -67,6 +72,12 @@ class TakeTracker {
   }
 
  private:
+  /// Is pulse `i` in the interval of the pulse before it? `has_surface`: whether that has one.
+  bool continues(size_t i, bool has_surface) const {
+    if (scores_[i].has_value() != has_surface) return false;
+    return !has_surface || numbers_[i] - numbers_[i - 1] <= kMaxStep;
+  }
+
   /// Tracks the pulses `begin` to `end` - 1.
   void track(size_t begin, size_t end) {
     std::vector<std::pair<size_t, size_t>> open{{begin, end}};
@@ -93,6 +104,7 @@ class TakeTracker {
   const PulseSource& source_;
   const TrackingOptions& options_;
   const OnPulse& on_pulse_;
+  std::vector<int64_t> numbers_;               ///< of each pulse
   std::vector<std::optional<double>> scores_;  ///< of each pulse
   TrackedMotion motion_;
 };

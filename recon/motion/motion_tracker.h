@@ -42,9 +42,10 @@ struct TrackedMotion {
 /// Called before work on a pulse of a take: its index. May throw to end the tracking.
 using OnPulse = std::function<void(size_t index)>;
 
-/// Tracks the pulses 0 to `count` - 1 of `source`. Pulses without a surface separate intervals. In
-/// each, the best key pulse begins a segment (track_segment()); what the segment leaves uncovered
-/// is tracked in the same way. Every pulse with a surface is in a segment, if need be alone.
+/// Tracks the pulses 0 to `count` - 1 of `source`. Pulses without a surface separate intervals, and
+/// so do gaps of ten or more lost pulses. In each, the best key pulse begins a segment
+/// (track_segment()); what the segment leaves uncovered is tracked in the same way. Every pulse
+/// with a surface is in a segment, if need be alone.
 ///
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
 TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,

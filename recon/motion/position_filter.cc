@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 
@@ -76,19 +77,38 @@ Window around(std::span<const Vector3f> path, size_t i, int reach) {
   return path.subspan(i - half, 2 * half + 1);
 }
 
-/// Median residual of short parabolas: short enough that most motion follows them.
-float noise_of(std::span<const Vector3f> path) {
+/// Of each pulse, the reach of the largest window around it with evenly spaced pulses. A window
+/// across a gap would change the speed of a vertex.
+std::vector<int> reaches_of(std::span<const int64_t> pulses) {
+  std::vector<int> reaches(pulses.size(), 0);
+  for (size_t i = 1; i + 1 < pulses.size(); ++i) {
+    const size_t max_reach = std::min({i, pulses.size() - 1 - i, size_t{kStillReach}});
+    const int64_t spacing = pulses[i + 1] - pulses[i];
+    size_t reach = 0;
+    while (reach < max_reach && pulses[i + reach + 1] - pulses[i + reach] == spacing &&
+           pulses[i - reach] - pulses[i - reach - 1] == spacing) {
+      ++reach;
+    }
+    reaches[i] = static_cast<int>(reach);
+  }
+  return reaches;
+}
+
+/// Median residual of short parabolas: short enough that most motion follows them. `reaches`: see
+/// reaches_of().
+float noise_of(std::span<const Vector3f> path, std::span<const int> reaches) {
   std::vector<float> residuals;
-  for (size_t i = kMinMovingReach; i + kMinMovingReach < path.size(); ++i) {
+  for (size_t i = 0; i < path.size(); ++i) {
+    if (reaches[i] < kMinMovingReach) continue;
     residuals.push_back(parabola_of(around(path, i, kMinMovingReach)).residual_m);
   }
   return std::clamp(upper_median(std::move(residuals)), kMinNoiseM, kMaxNoiseM);
 }
 
-/// Position at pulse `i` of a vertex whose path is `path`.
-Vector3f smoothed(std::span<const Vector3f> path, size_t i, float tolerance_m) {
-  const int max_reach = static_cast<int>(std::min(i, path.size() - 1 - i));
-  for (int reach = std::min(max_reach, kStillReach); reach > 0; --reach) {
+/// Position at pulse `i` of a vertex whose path is `path`; `max_reach`: the largest reach of a
+/// window.
+Vector3f smoothed(std::span<const Vector3f> path, size_t i, int max_reach, float tolerance_m) {
+  for (int reach = max_reach; reach > 0; --reach) {
     const Fit fit = mean_of(around(path, i, reach));
     if (fit.residual_m <= tolerance_m) return fit.middle;
   }
@@ -101,17 +121,22 @@ Vector3f smoothed(std::span<const Vector3f> path, size_t i, float tolerance_m) {
 
 }  // namespace
 
-void smooth_in_time(std::vector<std::vector<Vector3f>>& positions) {
+void smooth_in_time(std::vector<std::vector<Vector3f>>& positions,
+                    std::span<const int64_t> pulses) {
+  V3D_CHECK(pulses.size() == positions.size());
   if (positions.empty()) return;
   const size_t vertices = positions[0].size();
   for (const auto& pulse : positions) V3D_CHECK(pulse.size() == vertices);
+  const std::vector<int> reaches = reaches_of(pulses);
   constexpr size_t kBlock = 256;
   for_each_block<kBlock>(vertices, [&](size_t begin, size_t end) {
     std::vector<Vector3f> path(positions.size());
     for (size_t v = begin; v < end; ++v) {
       for (size_t i = 0; i < path.size(); ++i) path[i] = positions[i][v];
-      const float tolerance_m = kTolerance * noise_of(path);
-      for (size_t i = 0; i < path.size(); ++i) positions[i][v] = smoothed(path, i, tolerance_m);
+      const float tolerance_m = kTolerance * noise_of(path, reaches);
+      for (size_t i = 0; i < path.size(); ++i) {
+        positions[i][v] = smoothed(path, i, reaches[i], tolerance_m);
+      }
     }
   });
 }

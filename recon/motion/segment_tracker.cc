@@ -1,6 +1,5 @@
 #include "recon/motion/segment_tracker.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "recon/motion/motion_prediction.h"
 #include "recon/motion/observation.h"
 #include "recon/motion/position_filter.h"
 #include "recon/motion/template_fit.h"
@@ -42,18 +42,11 @@ constexpr double kMaxStiffness = 10, kMinStiffness = 0.1;
 
 using Motion = std::vector<NodeMotion>;
 
-/// Each node turns and moves on as it did.
-Motion with_same_speed(const Motion& before, const Motion& now) {
-  Motion next(now.size());
-  for (size_t n = 0; n < now.size(); ++n) {
-    const Eigen::Matrix3d turned =
-        now[n].rotation * before[n].rotation.transpose() * now[n].rotation;
-    // Without this, rounding errors double with each pulse that is only predicted.
-    next[n].rotation = Eigen::Quaterniond(turned).normalized().toRotationMatrix();
-    next[n].position = 2 * now[n].position - before[n].position;
-  }
-  return next;
-}
+/// A pulse that the template was fitted to.
+struct FittedPulse {
+  int64_t number = 0;
+  Motion motion;
+};
 
 /// For each node the candidate whose neighbourhood is nearest to the observed surface.
 Motion nearest_of(const std::vector<Motion>& candidates, const ObservedSurface& now,
@@ -120,30 +113,29 @@ class SegmentTracker {
         options_(options),
         fit_(simplified(source(key)->surface, options.triangles), options),
         first_(key),
-        correction_(fit_.rest().vertices.size()) {
-    motions_.push_back(fit_.graph().rest_motion());
-  }
+        correction_(fit_.rest().vertices.size()) {}
 
   TrackedSegment run(size_t begin, size_t end, size_t limit) {
     const ObservedSurface key(source_(key_));
-    fit_.pose(key, motions_[0]);
-    learn(key, motions_[0]);
+    fitted_.push_back({key.pulse().pulse, fit_.graph().rest_motion()});
+    fit_.pose(key, fitted_[0].motion);
+    learn(key, fitted_[0].motion);
     while (last() + 1 < end && has_surface(last() + 1) && follow(last(), 1)) {
     }
     while (first_ > begin && has_surface(first_ - 1) && follow(first_, -1)) {
     }
-    const size_t own = motions_.size();
+    const size_t own = fitted_.size();
     if (last() + 1 < limit && has_surface(last() + 1)) fit_next(last(), 1);
     if (options_.heterogeneity) learn_stiffness(own);
     if (options_.fusion) correction_.apply(fit_.rest_vertices());
     TrackedSegment segment = second_pass();
-    segment.shares_last = motions_.size() > own;
+    segment.shares_last = fitted_.size() > own;
     return segment;
   }
 
  private:
-  size_t last() const { return first_ + motions_.size() - 1; }
-  const Motion& motion_of(size_t pulse) const { return motions_[pulse - first_]; }
+  size_t last() const { return first_ + fitted_.size() - 1; }
+  const FittedPulse& fitted(size_t pulse) const { return fitted_[pulse - first_]; }
 
   /// What a fitted pulse shows.
   void learn(const ObservedSurface& now, const Motion& motion) {
@@ -157,9 +149,12 @@ class SegmentTracker {
   /// Motion at the pulse after `from` in the direction `step`, before the fit.
   Motion predicted(const ObservedSurface& now, size_t from, ptrdiff_t step) {
     const size_t before = from - static_cast<size_t>(step);
-    if (!is_tracked(before)) return motion_of(from);
-    return nearest_of({motion_of(from), with_same_speed(motion_of(before), motion_of(from))}, now,
-                      fit_.graph().edges());
+    const FittedPulse& latest = fitted(from);
+    if (!is_tracked(before)) return latest.motion;
+    const auto elapsed = static_cast<double>(now.pulse().pulse - latest.number);
+    const double ratio = elapsed / static_cast<double>(latest.number - fitted(before).number);
+    return nearest_of({latest.motion, with_same_speed(fitted(before).motion, latest.motion, ratio)},
+                      now, fit_.graph().edges());
   }
 
   /// Fits the pulse after `from` in the direction `step`, 1 or -1, and keeps its motion. Returns
@@ -167,12 +162,12 @@ class SegmentTracker {
   PulseResidual fit_next(size_t from, ptrdiff_t step) {
     const size_t next = from + static_cast<size_t>(step);
     now_.emplace(source_(next));
-    Motion motion = predicted(*now_, from, step);
-    fit_.fit(*now_, kFromPrediction, motion);
+    FittedPulse pulse{now_->pulse().pulse, predicted(*now_, from, step)};
+    fit_.fit(*now_, kFromPrediction, pulse.motion);
     if (step > 0) {
-      motions_.push_back(std::move(motion));
+      fitted_.push_back(std::move(pulse));
     } else {
-      motions_.push_front(std::move(motion));
+      fitted_.push_front(std::move(pulse));
       first_ = next;
     }
     return fit_.residual(*now_, options_.far_m);
@@ -183,14 +178,14 @@ class SegmentTracker {
     const PulseResidual residual = fit_next(from, step);
     if (residual.far > options_.max_far || residual.surplus > options_.max_surplus) {
       if (step > 0) {
-        motions_.pop_back();
+        fitted_.pop_back();
       } else {
-        motions_.pop_front();
+        fitted_.pop_front();
         first_ = from;
       }
       return false;
     }
-    learn(*now_, motion_of(from + static_cast<size_t>(step)));
+    learn(*now_, fitted(from + static_cast<size_t>(step)).motion);
     return true;
   }
 
@@ -200,8 +195,8 @@ class SegmentTracker {
       const Vector3d rest = fit_.graph().rest()[edge.b] - fit_.graph().rest()[edge.a];
       double sum = 0;
       for (size_t i = 0; i < count; ++i) {
-        const NodeMotion& a = motions_[i][edge.a];
-        const NodeMotion& b = motions_[i][edge.b];
+        const NodeMotion& a = fitted_[i].motion[edge.a];
+        const NodeMotion& b = fitted_[i].motion[edge.b];
         sum += (a.rotation * rest + a.position - b.position).squaredNorm();
         sum += (b.rotation * rest + a.position - b.position).squaredNorm();
       }
@@ -216,16 +211,16 @@ class SegmentTracker {
     TrackedSegment segment;
     segment.key = key_ - first_;
     segment.surface = fit_.rest();
-    for (size_t i = 0; i < motions_.size(); ++i) {
+    for (size_t i = 0; i < fitted_.size(); ++i) {
       const ObservedSurface now(source_(first_ + i));
-      Motion motion = motions_[i];
+      Motion motion = fitted_[i].motion;
       fit_.fit(now, kFromFirstPass, motion);
       segment.pulses.push_back(now.pulse().pulse);
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
       segment.positions.push_back(fit_.displaced(fit_.normal_displacements(now, kDisplacementM)));
       segment.confidences.push_back(confidence());
     }
-    smooth_in_time(segment.positions);
+    smooth_in_time(segment.positions, segment.pulses);
     return segment;
   }
 
@@ -243,8 +238,8 @@ class SegmentTracker {
   const size_t key_;
   const TrackingOptions options_;
   TemplateFit fit_;
-  size_t first_;                ///< pulse of motions_[0]
-  std::deque<Motion> motions_;  ///< [pulse - first_][node]
+  size_t first_;                    ///< index of the pulse of fitted_[0]
+  std::deque<FittedPulse> fitted_;  ///< ascending
   TemplateCorrection correction_;
   std::optional<ObservedSurface> now_;  ///< the pulse of the last fit_next()
 };

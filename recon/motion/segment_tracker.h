@@ -23,7 +23,7 @@ struct ObservedPulse {
 };
 
 /// Reads the i-th pulse of a take. Called by one thread at a time, mostly with i one more or one
-/// less than before.
+/// less than before. The numbers of the pulses are ascending; gaps are lost pulses.
 using PulseSource = std::function<std::shared_ptr<const ObservedPulse>(size_t i)>;
 
 struct TrackingOptions {

@@ -159,6 +159,26 @@ TEST(TrackSegment, keeps_its_shape_over_sixty_pulses_of_steady_motion) {
   EXPECT_LT(segment.residuals.back().median_m, 0.002);
 }
 
+TEST(TrackSegment, follows_a_steady_motion_across_lost_pulses) {
+  const std::vector<int64_t> numbers{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 16, 17};
+  TrackingOptions options = small_options();
+  options.triangles = 500;
+  options.node_spacing_m = 0.15;
+  const PulseSource source = [&](size_t i) {
+    // Accelerates to 0.15 m per pulse. After the gap, the surface is out of reach of a fit that
+    // begins one pulse further.
+    const auto t = static_cast<float>(numbers[i]);
+    const float x = t <= 8 ? 0.01F * t * t : 0.64F + 0.15F * (t - 8);
+    Mesh surface = body_at(0);
+    for (Vector3f& vertex : surface.vertices) vertex.x() += x;
+    return pulse_with(static_cast<int>(numbers[i]), std::move(surface));
+  };
+  const TrackedSegment segment =
+      track_segment(source, 0, 0, numbers.size(), numbers.size(), options);
+  EXPECT_EQ(segment.pulses, numbers);
+  EXPECT_LT(segment.residuals.back().median_m, 0.002);
+}
+
 TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
   const PulseSource source = [](size_t i) {
     return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
@@ -191,6 +211,19 @@ TEST(TrackMotion, reports_pulses_without_a_surface_and_tracks_the_others) {
   EXPECT_EQ(motion.untracked[1].first, 5U);
   EXPECT_EQ(motion.untracked[0].reason, "no surface");
   EXPECT_GE(calls, 8 + 2 * 5);
+}
+
+TEST(TrackMotion, begins_another_segment_after_ten_lost_pulses_but_not_after_nine) {
+  const std::vector<int64_t> numbers{0, 1, 11, 12, 23};
+  const PulseSource source = [&](size_t i) {
+    return pulse_with(static_cast<int>(numbers[i]), body_at(0));
+  };
+  const TrackedMotion motion = track_motion(source, numbers.size(), small_options(), [](size_t) {});
+  ASSERT_EQ(motion.segments.size(), 2U);
+  EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 11, 12}));
+  EXPECT_FALSE(motion.segments[0].shares_last);
+  EXPECT_EQ(motion.segments[1].pulses, (std::vector<int64_t>{23}));
+  EXPECT_TRUE(motion.untracked.empty());
 }
 
 TEST(TrackMotion, begins_another_segment_where_one_ends) {

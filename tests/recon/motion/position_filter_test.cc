@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -13,13 +15,28 @@ namespace {
 using Eigen::Vector3f;
 using Paths = std::vector<std::vector<Vector3f>>;
 
-constexpr int kPulses = 21;
+constexpr size_t kPulses = 21;
 
-Paths one_vertex(const std::function<Vector3f(float)>& path) {
+std::vector<int64_t> successive(size_t count) {
+  std::vector<int64_t> pulses(count);
+  std::iota(pulses.begin(), pulses.end(), int64_t{0});
+  return pulses;
+}
+
+/// The path at these pulses.
+Paths one_vertex_at(const std::vector<int64_t>& pulses,
+                    const std::function<Vector3f(float)>& path) {
   Paths positions;
-  for (int i = 0; i < kPulses; ++i) positions.push_back({path(static_cast<float>(i))});
+  for (const int64_t pulse : pulses) positions.push_back({path(static_cast<float>(pulse))});
   return positions;
 }
+
+Paths one_vertex(const std::function<Vector3f(float)>& path) {
+  return one_vertex_at(successive(kPulses), path);
+}
+
+/// Smooths the path at successive pulses.
+void smooth(Paths& positions) { smooth_in_time(positions, successive(positions.size())); }
 
 float largest_difference(const Paths& a, const Paths& b) {
   float largest = 0;
@@ -44,7 +61,7 @@ Paths with_noise(Paths positions, float deviation_m) {
 TEST(SmoothInTime, makes_the_steps_of_a_still_vertex_five_times_smaller) {
   const Paths still = with_noise(one_vertex([](float) { return Vector3f(1, 2, 0.5F); }), 0.0001F);
   Paths smoothed = still;
-  smooth_in_time(smoothed);
+  smooth(smoothed);
   EXPECT_LT(steps(smoothed), steps(still) / 5);
 }
 
@@ -52,7 +69,7 @@ TEST(SmoothInTime, keeps_a_path_of_steady_acceleration) {
   const Paths falling =
       one_vertex([](float t) { return Vector3f(0.03F * t, 1, 2 - 0.0078F * t * t); });
   Paths smoothed = falling;
-  smooth_in_time(smoothed);
+  smooth(smoothed);
   EXPECT_LT(largest_difference(smoothed, falling), 1e-5F);
 }
 
@@ -60,7 +77,7 @@ TEST(SmoothInTime, brings_a_noisy_moving_path_nearer_to_the_true_one) {
   const Paths truth = one_vertex([](float t) { return Vector3f(0.03F * t, 1, 0.001F * t * t); });
   const Paths noisy = with_noise(truth, 0.0005F);
   Paths smoothed = noisy;
-  smooth_in_time(smoothed);
+  smooth(smoothed);
   float before = 0, after = 0;
   for (size_t i = 0; i < truth.size(); ++i) {
     before += (noisy[i][0] - truth[i][0]).squaredNorm();
@@ -73,14 +90,14 @@ TEST(SmoothInTime, keeps_the_pulse_of_a_sudden_stop) {
   const Paths stops =
       one_vertex([](float t) { return Vector3f(0.04F * std::min(t, 10.0F), 0, 1); });
   Paths smoothed = stops;
-  smooth_in_time(smoothed);
+  smooth(smoothed);
   EXPECT_LT(largest_difference(smoothed, stops), 0.001F);
 }
 
 TEST(SmoothInTime, leaves_the_first_and_the_last_pulse_as_they_are) {
   const Paths noisy = with_noise(one_vertex([](float) { return Vector3f(0, 0, 1); }), 0.0001F);
   Paths smoothed = noisy;
-  smooth_in_time(smoothed);
+  smooth(smoothed);
   EXPECT_EQ(smoothed.front(), noisy.front());
   EXPECT_EQ(smoothed.back(), noisy.back());
   EXPECT_NE(smoothed[10], noisy[10]);
@@ -88,10 +105,39 @@ TEST(SmoothInTime, leaves_the_first_and_the_last_pulse_as_they_are) {
 
 TEST(SmoothInTime, accepts_a_segment_of_one_pulse_and_one_without_pulses) {
   Paths one{{Vector3f(1, 2, 3)}}, none;
-  smooth_in_time(one);
-  smooth_in_time(none);
+  smooth(one);
+  smooth(none);
   EXPECT_EQ(one[0][0], Vector3f(1, 2, 3));
   EXPECT_TRUE(none.empty());
+}
+
+TEST(SmoothInTime, keeps_a_steadily_moving_path_beside_a_lost_pulse) {
+  std::vector<int64_t> pulses = successive(kPulses);
+  pulses.erase(pulses.begin() + 10);
+  const Paths moves = one_vertex_at(pulses, [](float t) { return Vector3f(0.001F * t, 0, 1); });
+  Paths smoothed = moves;
+  smooth_in_time(smoothed, pulses);
+  EXPECT_LT(largest_difference(smoothed, moves), 1e-5F);
+}
+
+TEST(SmoothInTime, does_not_mix_the_positions_before_and_after_a_long_gap) {
+  std::vector<int64_t> pulses = successive(kPulses);
+  for (size_t i = 10; i < pulses.size(); ++i) pulses[i] += 25;
+  // Less than the noise that a vertex may have.
+  const Paths steps_aside =
+      one_vertex_at(pulses, [](float t) { return Vector3f(t < 20 ? 0 : 0.0003F, 0, 1); });
+  Paths smoothed = steps_aside;
+  smooth_in_time(smoothed, pulses);
+  EXPECT_LT(largest_difference(smoothed, steps_aside), 1e-6F);
+}
+
+TEST(SmoothInTime, smooths_where_every_second_pulse_is_lost) {
+  std::vector<int64_t> pulses(kPulses);
+  for (size_t i = 0; i < pulses.size(); ++i) pulses[i] = 2 * static_cast<int64_t>(i);
+  const Paths still = with_noise(one_vertex([](float) { return Vector3f(0, 0, 1); }), 0.0001F);
+  Paths smoothed = still;
+  smooth_in_time(smoothed, pulses);
+  EXPECT_LT(steps(smoothed), steps(still) / 5);
 }
 
 }  // namespace
