@@ -28,9 +28,9 @@ double area_of(const Mesh& mesh) {
   return area;
 }
 
-/// Part of the surface that at least two cameras see.
-double seen_share(const ObservedPulse& observed) {
-  if (observed.cameras.cameras.empty()) return 1;
+/// Part of the surface that at least two cameras see; empty without cameras.
+std::optional<double> seen_share(const ObservedPulse& observed) {
+  if (observed.cameras.cameras.empty()) return std::nullopt;
   std::vector<DepthBuffer> depths;
   draw_depths(observed.surface, observed.cameras.models, depths, Faces::kFront);
   const std::vector<Eigen::Vector3f> normals = vertex_normals(observed.surface);
@@ -41,19 +41,30 @@ double seen_share(const ObservedPulse& observed) {
   return static_cast<double>(count) / static_cast<double>(std::max<size_t>(seen.size(), 1));
 }
 
+/// The smallest seen share of all pulses with cameras; 1 where none has cameras.
+double smallest_share(const std::vector<KeyQuality>& qualities) {
+  double smallest = 1;
+  for (const KeyQuality& quality : qualities) {
+    smallest = std::min(smallest, quality.seen_share.value_or(1));
+  }
+  return smallest;
+}
+
 /// Tracks intervals of pulses and collects the results.
 class TakeTracker {
  public:
   TakeTracker(const PulseSource& source, size_t count, const TrackingOptions& options,
               const OnPulse& on_pulse)
       : source_(source), options_(options), on_pulse_(on_pulse) {
-    scores_.reserve(count);
+    std::vector<KeyQuality> qualities;
     for (size_t i = 0; i < count; ++i) {
       on_pulse(i);
       const auto observed = source(i);
       numbers_.push_back(observed->pulse);
-      scores_.push_back(key_quality(*observed).score);
+      qualities.push_back(key_quality(*observed));
     }
+    const double share = smallest_share(qualities);
+    for (const KeyQuality& quality : qualities) scores_.push_back(quality.score(share));
   }
 
   TrackedMotion run() {
@@ -111,18 +122,23 @@ class TakeTracker {
 
 }  // namespace
 
+std::optional<double> KeyQuality::score(double share_without_cameras) const {
+  if (components == 0) return std::nullopt;
+  const double seen_m2 = area_m2 * seen_share.value_or(share_without_cameras);
+  return seen_m2 - kPerComponentM2 * components - kPerHandleM2 * handles;
+}
+
 KeyQuality key_quality(const ObservedPulse& observed) {
   KeyQuality quality;
   const Mesh& mesh = observed.surface;
   if (mesh.triangles.empty()) return quality;
-  quality.seen_m2 = area_of(mesh) * seen_share(observed);
+  quality.area_m2 = area_of(mesh);
+  quality.seen_share = seen_share(observed);
   quality.components = connected_components(mesh);
   // Euler characteristic of a closed surface: V - E + F = 2 (components - genus), with 2 E = 3 F.
   const auto characteristic =
       static_cast<double>(mesh.vertices.size()) - static_cast<double>(mesh.triangles.size()) / 2;
   quality.handles = std::max(0.0, quality.components - characteristic / 2);
-  quality.score =
-      quality.seen_m2 - kPerComponentM2 * quality.components - kPerHandleM2 * quality.handles;
   return quality;
 }
 

@@ -14,12 +14,14 @@ namespace v3d::recon {
 
 /// How well the mesh of a pulse serves as a template.
 struct KeyQuality {
-  double seen_m2 = 0;  ///< area that at least two cameras see; all of it without cameras
-  int components = 0;  ///< connected components
+  double area_m2 = 0;                ///< of the surface
+  std::optional<double> seen_share;  ///< part that at least two cameras see; empty without cameras
+  int components = 0;                ///< connected components; 0: no surface
   double handles = 0;  ///< genus: openings between parts that touch, and tunnels of bad surface
-  /// Area, less what each component and handle costs. More is better. Empty for a pulse without a
-  /// surface.
-  std::optional<double> score;
+
+  /// Seen area, less what each component and handle costs. More is better. Without cameras, the
+  /// part `share_without_cameras` counts as seen. Empty for a pulse without a surface.
+  std::optional<double> score(double share_without_cameras) const;
 };
 
 /// Source: Collet et al., High-quality streamable free-viewpoint video, SIGGRAPH 2015, section 5
@@ -45,7 +47,8 @@ using OnPulse = std::function<void(size_t index)>;
 /// Tracks the pulses 0 to `count` - 1 of `source`. Pulses without a surface separate intervals, and
 /// so do gaps of ten or more lost pulses. In each, the best key pulse begins a segment
 /// (track_segment()); what the segment leaves uncovered is tracked in the same way. Every pulse
-/// with a surface is in a segment, if need be alone.
+/// with a surface is in a segment, if need be alone. A pulse without cameras counts as seen as
+/// little as any pulse with cameras, so that it is a key pulse only where no other is as good.
 ///
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
 TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,

@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 
 #include "recon/motion/template_surface.h"
@@ -34,6 +35,22 @@ Mesh body_at(int pulse, float bend_per_pulse = 0.02F) {
 std::shared_ptr<const ObservedPulse> pulse_with(int pulse, Mesh surface) {
   auto observed = std::make_shared<ObservedPulse>();
   observed->pulse = pulse;
+  observed->surface = std::move(surface);
+  return observed;
+}
+
+/// With the images of two cameras.
+std::shared_ptr<const ObservedPulse> pulse_with_images(int pulse, Mesh surface,
+                                                       const std::array<CameraModel, 2>& models) {
+  auto observed = std::make_shared<ObservedPulse>();
+  observed->pulse = pulse;
+  for (const CameraModel& model : models) {
+    observed->frames.frames.push_back(
+        observe("cam", {}, draw_mesh(surface, model).view(), draw_silhouette(surface, model)));
+  }
+  const std::array<DeformCamera, 2> cameras{
+      {{&models[0], &observed->frames.frames[0]}, {&models[1], &observed->frames.frames[1]}}};
+  observed->cameras = SurfaceCameras(cameras, surface, 0.01);
   observed->surface = std::move(surface);
   return observed;
 }
@@ -226,6 +243,20 @@ TEST(TrackMotion, begins_another_segment_after_ten_lost_pulses_but_not_after_nin
   EXPECT_TRUE(motion.untracked.empty());
 }
 
+TEST(TrackMotion, begins_with_a_pulse_that_cameras_see_and_not_with_one_without_images) {
+  const std::array<CameraModel, 2> models{
+      shapes::camera({2, 0, 0}, {0, 0, 0}, {200, 150}, 250),
+      shapes::camera({1.4, 1.4, 0}, {0, 0, 0}, {200, 150}, 250)};
+  const PulseSource source = [&](size_t i) {
+    const int pulse = static_cast<int>(i);
+    return i == 1 ? pulse_with(pulse, body_at(0)) : pulse_with_images(pulse, body_at(0), models);
+  };
+  const TrackedMotion motion = track_motion(source, 3, small_options(), [](size_t) {});
+  ASSERT_FALSE(motion.segments.empty());
+  const TrackedSegment& first = motion.segments[0];
+  EXPECT_EQ(first.pulses[first.key], 0);
+}
+
 TEST(TrackMotion, begins_another_segment_where_one_ends) {
   const PulseSource source = [](size_t i) {
     Mesh surface = body_at(static_cast<int>(i));
@@ -241,7 +272,9 @@ TEST(TrackMotion, begins_another_segment_where_one_ends) {
 }
 
 TEST(KeyQuality, prefers_a_surface_without_handles_and_fragments) {
-  const auto score = [](Mesh mesh) { return key_quality(*pulse_with(0, std::move(mesh))).score; };
+  const auto score = [](Mesh mesh) {
+    return key_quality(*pulse_with(0, std::move(mesh))).score(1);
+  };
   const Mesh ball = shapes::sphere({0, 0, 0}, 0.3F, 20);
   Mesh with_fragment = ball;
   shapes::append(with_fragment, shapes::sphere({1, 0, 0}, 0.005F, 6));
