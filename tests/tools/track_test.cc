@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/config/calib_file.h"
@@ -155,6 +156,9 @@ void repeat_pictures(const fs::path& folder, const Rig& rig, int pulses) {
   }
 }
 
+/// Around the ball of the take.
+const Box kSpace{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+
 /// A take of a ball, reconstructed.
 class TrackTake : public Track {
  protected:
@@ -174,9 +178,10 @@ class TrackTake : public Track {
     request_.input = take_;
     request_.threads = 2;
   }
-  void reconstruct(const Box& bounds = {{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}}) {
+  void reconstruct(const Box& bounds = kSpace, const std::vector<std::string>& leave_out = {}) {
     ReconstructRequest request;
     request.take = take_;
+    request.leave_out = leave_out;
     request.bounds = bounds;
     request.voxel_m = 0.02;
     request.threads = 2;
@@ -214,6 +219,15 @@ TEST_F(TrackTake, is_rejected_without_a_surface_and_keeps_the_old_motion) {
   reconstruct({{-0.2, -0.2, 0.4}, {0.2, 0.2, 0.5}});  // above the ball
   EXPECT_THAT(rejection(request_), HasSubstr("no pulse has a surface to track"));
   EXPECT_EQ(read_file(file), before);
+}
+
+TEST_F(TrackTake, uses_no_images_of_a_camera_that_the_reconstruction_left_out) {
+  reconstruct(kSpace, {"c"});
+  const auto pulse = open_take_pulses(take_, {})->read(0);
+  const std::vector<Frame>& frames = pulse->frames.frames;
+  EXPECT_EQ(frames.size(), 7U);
+  EXPECT_EQ(std::ranges::count(frames, std::string("c"), &Frame::camera), 0);
+  EXPECT_EQ(pulse->cameras.cameras.size(), 7U);
 }
 
 TEST_F(TrackTake, reports_a_damaged_motion_file) {

@@ -42,8 +42,13 @@ class TakePulses : public ObservedPulses {
   std::shared_ptr<recon::ObservedPulse> load(size_t index) override {
     auto pulse = std::make_shared<recon::ObservedPulse>();
     pulse->pulse = pulses_[index];
-    pulse->surface = meshes_.read(pulse->pulse).mesh;
+    recon::CompactFrame mesh = meshes_.read(pulse->pulse);
+    pulse->surface = std::move(mesh.mesh);
     pulse->frames = recorded::observe_all(pulse->pulse, images_.read(pulse->pulse));
+    // The reconstruction leaves out displaced cameras and wrong silhouettes.
+    std::erase_if(pulse->frames.frames, [&](const Frame& frame) {
+      return !std::ranges::binary_search(mesh.cameras, frame.camera);
+    });
     std::vector<recon::DeformCamera> cameras;
     const recon::RigFrames usable = recon::usable_frames(images_.rig(), pulse->frames);
     for (size_t c = 0; c < usable.size(); ++c) {

@@ -36,8 +36,9 @@ class ObservedPulses {
   std::vector<std::pair<size_t, std::shared_ptr<const recon::ObservedPulse>>> kept_;
 };
 
-/// Throws InputError for a folder that is no take, for a take without meshes, and while a process
-/// records or recovers the take.
+/// Pulses have the images of the cameras that took part in their meshes. Throws InputError for a
+/// folder that is no take, for a take without meshes, and while a process records or recovers the
+/// take.
 std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& take,
                                                  take::FrameRange frames);
 
