@@ -94,6 +94,27 @@ void require_memory(const VoxelGrid& grid, double bytes_available) {
                    format_bytes(bytes_available) + " are available" + advice);
 }
 
+void require_precision(const VoxelGrid& grid) {
+  constexpr double kVoxelShare = 1.0 / 16;
+  using Single = std::numeric_limits<float>;
+  double farthest = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double end = grid.origin[axis] + static_cast<double>(grid.counts[axis]) * grid.voxel_m;
+    farthest = std::max({farthest, std::abs(grid.origin[axis]), std::abs(end)});
+  }
+  const auto position = static_cast<float>(std::min(farthest, double{Single::max()}));
+  const double step = double{std::nextafter(position, Single::infinity())} - double{position};
+  const double largest_step = kVoxelShare * grid.voxel_m;
+  if (step <= largest_step) return;
+  constexpr double kMaxShown = 1e15;
+  throw InputError("bounds: they reach " +
+                   format_count(std::llround(std::min(farthest, kMaxShown))) +
+                   " m from the origin, where positions are rounded to " + format_length(step) +
+                   "; expected at most " + format_length(largest_step) +
+                   ", a sixteenth of a voxel: choose an origin near the bounds, for the "
+                   "calibration, too");
+}
+
 namespace {
 
 enum { kK4 = 5, kTauX = 12 };

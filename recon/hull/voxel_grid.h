@@ -43,6 +43,11 @@ struct VoxelGrid {
 /// `bytes_available`, or an axis has more than kMaxCount voxels.
 void require_memory(const VoxelGrid& grid, double bytes_available);
 
+/// Throws InputError for a grid that reaches so far from the origin of the world that single
+/// precision rounds positions to more than a sixteenth of a voxel: vertices would coincide, and
+/// cameras would be displaced.
+void require_precision(const VoxelGrid& grid);
+
 // Projection of voxels into pixels in single precision, used by the volume intersection. Lens
 // model: OpenCV 4.6 calib3d, as in base/geometry/camera_model.h.
 

@@ -28,9 +28,10 @@ constexpr int kStepsInHalfVoxel = 25;
 /// Live surfaces are less accurate, and coarser steps make encoding faster.
 constexpr int kLiveStepsInHalfVoxel = 10;
 
-VoxelGrid affordable_grid(const Box& bounds, double voxel_m) {
+VoxelGrid checked_grid(const Box& bounds, double voxel_m) {
   const VoxelGrid grid = VoxelGrid::covering(bounds, voxel_m);
   require_memory(grid, static_cast<double>(available_memory()));
+  require_precision(grid);
   return grid;
 }
 
@@ -73,7 +74,7 @@ codec::EncoderOptions encoder_options(const VertexLattice& lattice) {
 // --- hull
 
 HullStage::HullStage(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
-    : grid_(affordable_grid(bounds, voxel_m)),
+    : grid_(checked_grid(bounds, voxel_m)),
       intersector_(grid_, models_of(rig), min_views),
       ghosts_(grid_, models_of(rig)) {
   for (const RigCamera& camera : rig) {

@@ -43,7 +43,7 @@ struct Hull {
 class HullStage {
  public:
   /// Throws InputError when the grid needs more memory than is available (the message shows the
-  /// arithmetic), and as Intersector.
+  /// arithmetic) or is too far from the origin (require_precision()), and as Intersector.
   HullStage(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
   const VoxelGrid& grid() const { return grid_; }

@@ -313,6 +313,20 @@ TEST_F(Reconstruct, rejects_a_voxel_that_needs_too_much_memory_and_reports_the_c
   EXPECT_THAT(rejection(), HasSubstr("voxel"));
 }
 
+TEST_F(Reconstruct, rejects_a_world_whose_origin_is_far_from_the_space) {
+  const Eigen::Vector3d far(500'000, 0, 0);
+  Rig rig = test::small_rig(8);
+  for (RigCamera& camera : rig) {
+    RigidTransform pose = camera.model.cam_from_world();
+    pose.translation -= pose.rotation * far;
+    camera.model = CameraModel(camera.model.size(), camera.model.matrix(), {}, pose);
+  }
+  save_calib(folder_ / "calib.toml", rig);
+  import_as("far");
+  request_.bounds = Box{request_.bounds->min + far, request_.bounds->max + far};
+  EXPECT_THAT(rejection(), AllOf(HasSubstr("bounds"), HasSubstr("from the origin")));
+}
+
 TEST_F(Reconstruct, rejects_an_unknown_camera_to_leave_out_and_leaving_out_all) {
   request_.leave_out = {"zoe"};
   EXPECT_THAT(rejection(), AllOf(HasSubstr("--leave-out zoe"), HasSubstr("a, b, c")));

@@ -67,5 +67,28 @@ TEST(VoxelGrid, rejects_more_voxels_along_an_axis_than_the_kernels_support) {
   EXPECT_THAT(refusal(beam, k23GB), HasSubstr("at most 32,767 along an axis"));
 }
 
+/// A grid of 4 m whose last corner is at `x`.
+VoxelGrid grid_up_to(double x, double voxel_m) {
+  return VoxelGrid::covering({{x - 4, 0, 0}, {x, 4, 4}}, voxel_m);
+}
+
+TEST(VoxelGrid, rejects_a_space_where_positions_are_too_coarse_for_its_voxels) {
+  const auto message = [](double x, double voxel_m) {
+    return test::message_of<InputError>([&] { require_precision(grid_up_to(x, voxel_m)); });
+  };
+  EXPECT_EQ(message(500'000, 0.01),
+            "bounds: they reach 500,000 m from the origin, where positions are rounded to 31.2 mm; "
+            "expected at most 0.625 mm, a sixteenth of a voxel: choose an origin near the bounds, "
+            "for the calibration, too");
+  EXPECT_THAT(message(10'000, 0.01), HasSubstr("10,000 m"));
+  EXPECT_THAT(message(-10'000, 0.01), HasSubstr("10,004 m"));
+}
+
+TEST(VoxelGrid, accepts_a_space_where_positions_are_fine_enough_for_its_voxels) {
+  EXPECT_NO_THROW(require_precision(grid_up_to(10'000, 0.02)));
+  EXPECT_NO_THROW(require_precision(grid_up_to(1'000, 0.002)));
+  EXPECT_NO_THROW(require_precision(VoxelGrid::covering({{0, 0, 0}, {1e-3, 1e-3, 1e-3}}, 1e-6)));
+}
+
 }  // namespace
 }  // namespace v3d::recon
