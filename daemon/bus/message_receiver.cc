@@ -20,8 +20,7 @@ constexpr char kOversized[] =
     "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
     "version";
 
-/// Limit of responses a second. It permits several to each of 16 nodes that send challenges at
-/// once.
+/// Limit of responses a second. It permits several to each of 16 nodes at once.
 constexpr int kMaxResponses = 100;
 
 std::string clocks_differ(Duration ahead) {
@@ -344,8 +343,7 @@ void MessageReceiver::register_frame_key(const ReceivedMessage& message, const w
   frame_filter_.accept({id, announced->newest, stamp.sent}, now, Duration::zero());
 }
 
-/// The key id in the signature of a message, when members are required. Does not verify the
-/// signature.
+/// The key id in the signature of a message, not verified, when members are required.
 wire::Signer MessageReceiver::claimed_signer(const ChannelKind& kind,
                                              std::span<const uint8_t> message) const {
   if (!authenticator_.members().are_required()) return std::nullopt;
@@ -419,8 +417,7 @@ std::optional<wire::Signer> MessageReceiver::verified_signer(const wire::Session
   return std::nullopt;
 }
 
-/// Responds to a challenge, at most kMaxResponses times a second. A replayed challenge is harmless:
-/// the response holds no secret.
+/// Responds at most kMaxResponses times a second. A replayed challenge yields no secret.
 void MessageReceiver::respond(const wire::SessionMessage& challenge, MonotonicInstant now) {
   const auto newest = sessions_.newest_of_own(challenge.session);
   if (!newest) return;

@@ -72,9 +72,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, bus::Bus
       recovered_takes_(studio, node),
       rejoin_(studio, node_, persisted_commands_, recovered_takes_, events_) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
-    throw InputError(
-        studio.path.string() + ": node '" + node +
-        "' has neither a camera nor the trigger; expected a node with a camera or the trigger");
+    throw InputError(studio.path.string() + ": node '" + node +
+                     "' has neither a camera nor the trigger; expected one with either");
   }
   plan_.train.rate_hz = studio.trigger.rate_hz;
   TimecodeSource timecode;
