@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -66,6 +67,24 @@ TEST(Doctor, of_all_nodes_names_the_nodes_that_need_work) {
   EXPECT_EQ(bad,
             (std::vector<std::string>{"cap02 cameras", "cap02 disk space", "cap02 disk wear",
                                       "cap02 clock offset", "cap02 update", "cap03", "versions"}));
+}
+
+TEST(Doctor, of_all_nodes_names_an_appliance_that_does_not_know_whether_it_is_on_trial) {
+  wire::HealthMessage health;
+  health.node = "cap01";
+  health.state = wire::NodeState::kIdle;
+  health.values["slot_number"] = 2;
+  const auto is_update = [](const Finding& finding) { return finding.subject == "cap01 update"; };
+  auto findings = check_nodes({"cap01"}, {{"cap01", health}});
+  const auto update = std::ranges::find_if(findings, is_update);
+  ASSERT_NE(update, findings.end());
+  EXPECT_EQ(update->verdict, Verdict::kBad);
+  EXPECT_FALSE(update->remedy.empty());
+  health.values["slot_trial_flag"] = 0;
+  findings = check_nodes({"cap01"}, {{"cap01", health}});
+  const auto confirmed = std::ranges::find_if(findings, is_update);
+  ASSERT_NE(confirmed, findings.end());
+  EXPECT_EQ(confirmed->verdict, Verdict::kGood);
 }
 
 TEST(Doctor, of_all_nodes_names_a_node_that_reports_a_problem_without_a_fault) {

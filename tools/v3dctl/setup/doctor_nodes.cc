@@ -63,6 +63,16 @@ void add_unknown_clock(const wire::HealthMessage& health, std::vector<Finding>& 
                       "v3dctl doctor " + health.node + " there"});
 }
 
+/// An appliance that cannot read V3D-BOOT does not know whether its system is on trial. The alert
+/// V3dSlotsUnreadable finds the same.
+std::optional<Finding> check_slots(const wire::HealthMessage& health) {
+  const auto& values = health.values;
+  if (!values.contains("slot_number") || values.contains("slot_trial_flag")) return std::nullopt;
+  return Finding{Verdict::kBad, health.node + " update",
+                 "the partition V3D-BOOT cannot be read, so the system is not confirmed",
+                 "systemctl status v3d-slot-check v3d-health there"};
+}
+
 Finding check_cameras_of(const wire::HealthMessage& health, double cameras) {
   const auto streaming = health.values.find("cameras_streaming");
   const double count = streaming == health.values.end() ? 0 : streaming->second;
@@ -144,6 +154,7 @@ std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const He
     }
     add_values(message->second, findings);
     add_unknown_clock(message->second, findings);
+    if (const auto slots = check_slots(message->second)) findings.push_back(*slots);
     add_hot_cameras(message->second, findings);
   }
   if (const auto firmware = check_firmware(health)) findings.push_back(*firmware);

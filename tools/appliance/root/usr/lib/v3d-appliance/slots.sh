@@ -66,12 +66,12 @@ confirm_slot() {
 fail_slot() { set_slot "$1" bad 0; }
 
 # with_slots FUNCTION [ARGUMENT]...: reads the file, calls the function, and writes what it has changed. The partition is
-# mounted for this time only, and writable only for a change.
+# mounted for this time only, and writable only for a change. The status is not 0 when it cannot be mounted or written.
 with_slots() (
-  boot=${boot_folder:-/run/v3d-boot}
+  boot=${boot_folder:-${boot_mount:-/run/v3d-boot}}
   if [ -z "${boot_folder:-}" ]; then
     mkdir -p "$boot"
-    if command -v flock >/dev/null; then exec 9>/run/v3d-boot.lock && flock 9; fi
+    if command -v flock >/dev/null; then exec 9>"$boot.lock" && flock 9; fi
     mount -t vfat -o ro,noatime "$(readlink -f /dev/disk/by-partlabel/v3d-boot)" "$boot" || exit 1
     trap 'umount "$boot"' EXIT
   fi
