@@ -138,6 +138,17 @@ void require_replaceable(const fs::path& path) {
                    path.filename().string());
 }
 
+/// Comes after the studio's files: a PC takes the new folder also where another one is damaged.
+int update_other_folders(const fs::path& stick, const NodeSettings& settings) {
+  const std::vector<std::string> problems = update_other_settings(stick, settings);
+  for (const std::string& problem : problems) {
+    std::fprintf(stderr,
+                 "%s; this folder does not have the new node: add its node again, with --replace\n",
+                 problem.c_str());
+  }
+  return problems.empty() ? kExitDone : kExitIncomplete;
+}
+
 int run_add(const CommandLine& line, const Options& options) {
   require_host_name(options.name);
   std::optional<wire::SigningKey> key;
@@ -150,7 +161,6 @@ int run_add(const CommandLine& line, const Options& options) {
   if (changes_studio) require_replaceable(before.path);
   if (!files.members_text.empty()) require_replaceable(before.network.members);
   const fs::path folder = write_node_settings(options.out, settings, options.replace);
-  update_other_settings(options.out, settings);
 
   std::printf(
       "wrote %s: unmount the stick (label V3D-SETUP), plug it into the PC, and switch it on\n",
@@ -164,7 +174,7 @@ int run_add(const CommandLine& line, const Options& options) {
     std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n",
                 before.network.members.c_str(), static_cast<long long>(files.serial));
   }
-  return kExitDone;
+  return update_other_folders(options.out, settings);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <regex>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -127,6 +128,14 @@ void require_data_path(const fs::path& path, const std::string& field, const fs:
                    " on the appliance; expected a folder in " + kDataFolder.string());
 }
 
+/// Replaces the files of a settings folder that list the nodes of the studio.
+void replace_lists(const fs::path& folder, const NodeSettings& settings) {
+  for (const char* name : {"studio.toml", "members.toml"}) {
+    const auto text = settings.files.find(name);
+    if (text != settings.files.end()) replace_file(folder / name, text->second);
+  }
+}
+
 }  // namespace
 
 void require_host_name(const std::string& name) {
@@ -226,19 +235,22 @@ fs::path write_node_settings(const fs::path& stick, const NodeSettings& settings
   return folder;
 }
 
-void update_other_settings(const fs::path& stick, const NodeSettings& settings) {
+std::vector<std::string> update_other_settings(const fs::path& stick,
+                                               const NodeSettings& settings) {
   const fs::path file = "studio.toml";
   const std::string studio = parse_studio(settings.files.at(file), file).name;
+  std::vector<std::string> problems;
   for (const auto& folder : fs::directory_iterator(stick / "v3d")) {
     const fs::path& path = folder.path();
     const bool is_other = folder.is_directory() && path.filename() != settings.name;
     if (!is_other || !fs::exists(path / kIdFile) || fs::exists(path / "taken")) continue;
-    if (load_studio(path / file).name != studio) continue;
-    for (const char* name : {"studio.toml", "members.toml"}) {
-      const auto text = settings.files.find(name);
-      if (text != settings.files.end()) replace_file(path / name, text->second);
+    try {
+      if (load_studio(path / file).name == studio) replace_lists(path, settings);
+    } catch (const std::runtime_error& error) {
+      problems.emplace_back(error.what());
     }
   }
+  return problems;
 }
 
 }  // namespace v3d::ctl

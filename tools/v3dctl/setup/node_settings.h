@@ -62,6 +62,8 @@ std::filesystem::path write_node_settings(const std::filesystem::path& stick,
 
 /// Gives the other settings folders of the same studio on the stick, which no PC has taken, the
 /// studio file and the member list of `settings`: nodes that are added later are in them, too.
-void update_other_settings(const std::filesystem::path& stick, const NodeSettings& settings);
+/// Returns one line, with file and reason, for each folder that could not be updated.
+std::vector<std::string> update_other_settings(const std::filesystem::path& stick,
+                                               const NodeSettings& settings);
 
 }  // namespace v3d::ctl
