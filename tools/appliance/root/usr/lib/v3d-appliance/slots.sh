@@ -70,9 +70,10 @@ fail_slot() { set_slot "$1" bad 0; }
 with_slots() (
   boot=${boot_folder:-${boot_mount:-/run/v3d-boot}}
   if [ -z "${boot_folder:-}" ]; then
-    mkdir -p "$boot"
+    mkdir -p -m 700 "$boot"
     if command -v flock >/dev/null; then exec 9>"$boot.lock" && flock 9; fi
-    mount -t vfat -o ro,noatime "$(readlink -f /dev/disk/by-partlabel/v3d-boot)" "$boot" || exit 1
+    # Its folder v3d may have keys, which root alone may read.
+    mount -t vfat -o ro,noatime,umask=0077 "$(readlink -f /dev/disk/by-partlabel/v3d-boot)" "$boot" || exit 1
     trap 'umount "$boot"' EXIT
   fi
   read_slots "$boot/grubenv"
