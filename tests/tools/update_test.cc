@@ -31,6 +31,7 @@ class SimulatedStudio final : public UpdateLink {
     kRefuses,
     kRestartsItsDaemonOnly,
     kHasTheSameSystem,  ///< and restarts its daemon before
+    kLosesItsPower,     ///< while it installs the system that it has, and reports it late
     kLosesARequest,
     kNeverReturns,
     kWaits,  ///< for a take that does not end
@@ -43,8 +44,9 @@ class SimulatedStudio final : public UpdateLink {
     message.node = node;
     message.state = wire::NodeState::kIdle;
     message.version = pc == Pc::kNoAppliance ? "1.0.0" : "1.0.0+1-old";
-    if (pc == Pc::kHasTheSameSystem) message.version = "1.0.0+2-new";
-    message.values = {{"instance", 1}, {"boot_count", 7}, {"slot_trial_flag", 0}};
+    if (pc == Pc::kHasTheSameSystem || pc == Pc::kLosesItsPower) message.version = "1.0.0+2-new";
+    message.values = {
+        {"instance", 1}, {"boot_count", 7}, {"slot_number", 1}, {"slot_trial_flag", 0}};
     health_[node] = message;
   }
   wire::HealthMessage& health_of(const std::string& node) { return health_.at(node); }
@@ -71,6 +73,10 @@ class SimulatedStudio final : public UpdateLink {
     if (seconds_ < 2 || node_.empty()) return report("an earlier request", "refused", "too old");
     if (pcs_.at(node) == Pc::kRefuses) return report(request_, "refused", "no valid signature");
     if (pcs_.at(node) == Pc::kWaits) return report(request_, "waiting", "cap02 armed kendo-02");
+    if (pcs_.at(node) == Pc::kLosesItsPower) {
+      if (seconds_ < 15) return report(request_, "installing");
+      return report(request_, "failed", "the installation was interrupted");
+    }
     if (pcs_.at(node) == Pc::kFallsBack && seconds_ >= 15) {
       return report(request_, "restarting", "v3d-captured@cap02.service failed");
     }
@@ -87,12 +93,15 @@ class SimulatedStudio final : public UpdateLink {
   bool interrupts_ = false;  ///< after the request
 
  private:
-  /// The health of a process that has just started.
+  /// The health of a process that has just started. The first start after an update is that of the
+  /// other slot.
   void send_health(const std::string& system, double boots, double trial) {
     wire::HealthMessage& message = health_[node_];
     message.version = "1.0.0+" + system;
-    message.values = {
-        {"instance", 1.0 + seconds_}, {"boot_count", boots}, {"slot_trial_flag", trial}};
+    message.values = {{"instance", 1.0 + seconds_},
+                      {"boot_count", boots},
+                      {"slot_number", boots == 8 ? 2 : 1},
+                      {"slot_trial_flag", trial}};
   }
   void change_health() {
     const Pc pc = pcs_.at(node_);
@@ -103,6 +112,10 @@ class SimulatedStudio final : public UpdateLink {
         pc == Pc::kHasTheSameSystem) {
       if (seconds_ == 10) send_health("2-new", 8, 1);
       if (seconds_ == 12) send_health("2-new", 8, 0);
+    }
+    if (pc == Pc::kLosesItsPower && seconds_ == 10) {
+      send_health("2-new", 8, 0);
+      health_.at(node_).values["slot_number"] = 1;
     }
     if (pc == Pc::kFallsBack) {
       if (seconds_ == 10) send_health("2-new", 8, 1);
@@ -167,6 +180,19 @@ TEST_F(Update, to_the_same_system_is_not_done_before_the_pc_has_restarted) {
   studio_.add("cap01", Pc::kHasTheSameSystem);
   EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
   EXPECT_EQ(studio_.health_of("cap01").values.at("boot_count"), 8) << "the daemon restarted only";
+}
+
+TEST_F(Update, to_the_same_system_has_failed_when_a_power_cut_interrupted_it) {
+  studio_.add("cap01", Pc::kLosesItsPower);
+  const auto nodes = update({"cap01"});
+  EXPECT_EQ(nodes.at(0).state, State::kFailed) << "the slot before runs, with the same version";
+  EXPECT_EQ(nodes.at(0).message, "the installation was interrupted");
+}
+
+TEST_F(Update, of_a_pc_that_does_not_name_its_slot_is_done_with_its_version) {
+  studio_.add("cap01", Pc::kUpdates);
+  studio_.health_of("cap01").values.erase("slot_number");
+  EXPECT_EQ(update({"cap01"}).at(0).state, State::kUpdated);
 }
 
 TEST_F(Update, of_a_pc_that_has_not_counted_its_start_yet_is_no_fall_back) {

@@ -20,6 +20,8 @@ using Health = std::map<std::string, wire::HealthMessage>;
 
 /// A request is repeated after this time until there is a report on it.
 constexpr Duration kRequestPeriod = std::chrono::seconds(30);
+/// Slot in health that names none. It differs from every slot.
+constexpr double kUnknownSlot = 0;
 
 constexpr std::array<std::pair<std::string_view, InstallReport::State>, 6> kReportStates = {{
     {"checking", InstallReport::State::kChecking},
@@ -113,6 +115,7 @@ class NodeUpdate {
       return result_;
     }
     boots_ = value_of(health.at(result_.node), "boot_count", -1);
+    slot_ = value_of(health.at(result_.node), "slot_number", slot_);
     try {
       link_.send_bundle(result_.node, request_.bundle);
       stop_if_interrupted();
@@ -208,6 +211,13 @@ class NodeUpdate {
     if (!waits_for_.empty()) note(result_.node + ": waits before its restart: " + waits_for_);
   }
 
+  /// True for health of the system that the bundle holds. It runs in the other slot: both slots may
+  /// have its version.
+  bool is_new_system(const wire::HealthMessage& health) const {
+    return !result_.version.empty() && system_of(health) == result_.version &&
+           value_of(health, "slot_number", kUnknownSlot) != slot_;
+  }
+
   /// True when the health after the restart of the PC ends the update.
   bool read_health() {
     const Health health = link_.health();
@@ -218,7 +228,7 @@ class NodeUpdate {
     if (boots_ < 0) boots_ = boots;
     if (boots == boots_) return false;
     // The PC may have restarted before its report was read. The report then has the version.
-    const bool is_new = !result_.version.empty() && system_of(message->second) == result_.version;
+    const bool is_new = is_new_system(message->second);
     if (is_new && value_of(message->second, "slot_trial_flag", 1) == 0) {
       end(UpdatedNode::State::kUpdated);
       return true;
@@ -238,6 +248,7 @@ class NodeUpdate {
   UpdateLink& link_;
   UpdatedNode result_;
   double boots_ = -1;  ///< starts of the PC before the update; -1: unknown
+  double slot_ = -1;   ///< that ran before the update; -1: unknown
   bool has_report_ = false;
   bool is_restarting_ = false;
   std::string waits_for_;  ///< before the restart: node, state and take, or empty

@@ -71,10 +71,10 @@ std::string_view name(UpdatedNode::State state);
 /// Updates the nodes one after the other, and stops at the first that is not updated, so that a bad
 /// bundle stops one PC at most. A PC that is no appliance is skipped where the request says so. A
 /// node is updated when its health, sent by a process that has started since, has the version of
-/// the bundle and its slot is confirmed (slot_trial_flag 0). It fell back when such health has
-/// another version. Before anything is copied, throws InputError where a node is an appliance and
-/// this PC, whose restart would end the command, and std::runtime_error where a take is armed,
-/// recorded or closed.
+/// the bundle and another slot, which is confirmed (slot_trial_flag 0). It fell back when such
+/// health has another version or the slot before. Before anything is copied, throws InputError
+/// where a node is an appliance and this PC, whose restart would end the command, and
+/// std::runtime_error where a take is armed, recorded or closed.
 std::vector<UpdatedNode> update_nodes(const UpdateRequest& request, UpdateLink& link);
 
 }  // namespace v3d::ctl
