@@ -38,6 +38,7 @@ class InlineTaskRunner : public TaskRunner {
   }
   bool poll() override { return false; }
   void cancel() override {}
+  std::string failure() const override { return {}; }
   std::string hint() const override { return {}; }
 
  private:
