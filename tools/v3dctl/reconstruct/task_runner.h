@@ -32,7 +32,7 @@ class TaskRunner {
   virtual bool poll() = 0;
   /// Ends all tasks and waits for their end.
   virtual void cancel() = 0;
-  /// How a task of the last start() failed, as far as the runner knows; otherwise empty.
+  /// How a task of the last start() failed; empty if none failed or the reason is not available.
   virtual std::string failure() const = 0;
   /// Advice for a task that failed without a log.
   virtual std::string hint() const = 0;
@@ -80,7 +80,7 @@ class SlurmTaskRunner : public TaskRunner {
   void start(const std::vector<int64_t>& missing, int64_t count) override;
   bool poll() override;
   void cancel() override;
-  std::string failure() const override { return {}; }  // only Slurm's accounting knows it
+  std::string failure() const override { return {}; }  // it is in Slurm's accounting alone
   std::string hint() const override;
 
  private:

@@ -63,8 +63,8 @@ void add_unknown_clock(const wire::HealthMessage& health, std::vector<Finding>& 
                       "v3dctl doctor " + health.node + " there"});
 }
 
-/// An appliance that cannot read V3D-BOOT does not know whether its system is on trial. The alert
-/// V3dSlotsUnreadable finds the same.
+/// Reports an appliance that cannot read V3D-BOOT: its health has no slot_trial_flag. The alert
+/// V3dSlotsUnreadable has the same condition.
 std::optional<Finding> check_slots(const wire::HealthMessage& health) {
   const auto& values = health.values;
   if (!values.contains("slot_number") || values.contains("slot_trial_flag")) return std::nullopt;
