@@ -142,8 +142,13 @@ TEST_F(ActionStudioWithLoss, names_the_pulses_whose_command_did_not_reach_a_came
   const take::CameraLedger &cam01 = ledger.cameras[0], &cam02 = ledger.cameras[1];
   expect_unsensed_missing(cam01, ledger);
   const std::vector<int64_t> lost = commands_missed_by_second(cam01, cam02);
-  ASSERT_EQ(lost.size(), 2U);
-  EXPECT_NEAR(static_cast<double>(lost[1] - lost[0]), 12 - 7, 1) << "a late frame may be misnamed";
+  // A busy camera rejects further commands as late.
+  ASSERT_GE(lost.size(), 2U);
+  EXPECT_TRUE(lost.size() == 2 || is_late_ || has_late_commands_) << testing::PrintToString(lost);
+  if (lost.size() == 2) {
+    EXPECT_NEAR(static_cast<double>(lost[1] - lost[0]), 12 - 7, 1)
+        << "a late frame may be misnamed";
+  }
   // Otherwise further pulses are skipped or not sensed, and the simulator counts commands.
   if (!is_late_ && !has_late_commands_) {
     EXPECT_EQ(ledger.sensed, kPulses - 1);
