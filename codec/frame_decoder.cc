@@ -14,9 +14,7 @@ class FrameDecoder::Impl {
     auto header = read_header(bytes);
     if (!header) return DecodeStatus::kMalformed;
     if (header->is(FrameHeader::kInter) && !follows(*header)) return DecodeStatus::kNeedsReference;
-    auto names = decode_names(section(bytes, *header, kNames), header->cameras);
-    if (!names) return DecodeStatus::kMalformed;
-    header->metadata.cameras = *std::move(names);
+    if (!decode_names(section(bytes, *header, kNames), *header)) return DecodeStatus::kMalformed;
     FrameState& now = states_[1 - last_];
     now.header = *std::move(header);
     if (!decode_shape(bytes, now) || !decode_displacements(bytes, now) ||

@@ -20,7 +20,9 @@ bool metadata_fits(const FrameMetadata& metadata) {
          metadata.live_passes >= 0 && metadata.live_passes <= FrameLimits::kPasses &&
          std::isfinite(metadata.step) && metadata.step > 0 &&
          std::all_of(metadata.cameras.begin(), metadata.cameras.end(), fits) &&
-         std::is_sorted(metadata.cameras.begin(), metadata.cameras.end(), std::less_equal<>());
+         std::is_sorted(metadata.cameras.begin(), metadata.cameras.end(), std::less_equal<>()) &&
+         std::includes(metadata.cameras.begin(), metadata.cameras.end(),
+                       metadata.late_cameras.begin(), metadata.late_cameras.end());
 }
 
 /// Rounds positions to lattice numbers. Empty when a number is too large or a position is not
@@ -69,7 +71,7 @@ class FrameEncoder::Impl {
       restart();
       return std::nullopt;
     }
-    sections[kNames] = encode_names(content.metadata.cameras);
+    sections[kNames] = encode_names(content.metadata);
     std::vector<uint8_t> bytes = write_frame(now.header, sections);
     last_ = 1 - last_;
     has_frame_ = true;
@@ -85,6 +87,7 @@ class FrameEncoder::Impl {
     now.header.metadata = content.metadata;
     now.header.cameras = static_cast<uint16_t>(content.metadata.cameras.size());
     now.header.key_pulse = content.metadata.pulse;
+    if (!content.metadata.late_cameras.empty()) now.header.flags |= FrameHeader::kLate;
     now.numbers.clear();
     now.surface.colours.clear();
     now.labels.clear();

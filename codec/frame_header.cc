@@ -15,7 +15,11 @@ constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x
 constexpr uint16_t kWithPasses = 3;
 /// The first version that has the colours of cameras.
 constexpr uint16_t kWithCameras = 4;
-constexpr uint16_t kOldest = 2, kNewest = kWithCameras;
+/// The first version that has FrameMetadata::late_cameras.
+constexpr uint16_t kWithLate = 5;
+constexpr uint16_t kOldest = 2, kNewest = kWithLate;
+/// In the length of a name: the camera is late.
+constexpr uint8_t kLateName = 0x80;
 constexpr size_t kChecked = 16;  // the checksum covers everything from here
 
 template <class Array>
@@ -74,7 +78,7 @@ void read_checked_fields(ByteReader& in, FrameHeader& h) {
 bool flags_are_valid(const FrameHeader& h) {
   constexpr unsigned kKnown = FrameHeader::kColours | FrameHeader::kDisplaced |
                               FrameHeader::kInter | FrameHeader::kExplicit |
-                              FrameHeader::kLabelled | FrameHeader::kCameras;
+                              FrameHeader::kLabelled | FrameHeader::kCameras | FrameHeader::kLate;
   // Without a volume, vertices have no lattice edges that identify them in the previous frame.
   const bool explicit_key = !h.is(FrameHeader::kExplicit) ||
                             (!h.is(FrameHeader::kDisplaced) && !h.is(FrameHeader::kInter));
@@ -142,6 +146,7 @@ bool is_valid(const FrameHeader& h, size_t bytes) {
 
 /// The lowest version that has all fields of `h`, so that older readers read what they can.
 uint16_t version_of(const FrameHeader& h) {
+  if (h.is(FrameHeader::kLate)) return kWithLate;
   if (h.is(FrameHeader::kCameras)) return kWithCameras;
   return h.metadata.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
 }
@@ -219,27 +224,38 @@ std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHead
                             : bytes.subspan(begin + header.label_bytes);
 }
 
-std::vector<uint8_t> encode_names(const std::vector<std::string>& names) {
+std::vector<uint8_t> encode_names(const FrameMetadata& metadata) {
   std::vector<uint8_t> bytes;
-  for (const std::string& name : names) {
-    bytes.push_back(static_cast<uint8_t>(name.size()));
+  for (const std::string& name : metadata.cameras) {
+    const bool late =
+        std::binary_search(metadata.late_cameras.begin(), metadata.late_cameras.end(), name);
+    bytes.push_back(static_cast<uint8_t>(name.size() | (late ? kLateName : 0U)));
     bytes.insert(bytes.end(), name.begin(), name.end());
   }
   return bytes;
 }
 
-std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> bytes, int count) {
-  std::vector<std::string> names;
-  for (int i = 0; i < count; ++i) {
-    const size_t length = bytes.empty() ? 0 : bytes[0];
-    if (length == 0 || length > FrameLimits::kNameBytes || length >= bytes.size()) {
-      return std::nullopt;
-    }
+bool decode_names(std::span<const uint8_t> bytes, FrameHeader& header) {
+  std::vector<std::string>& names = header.metadata.cameras;
+  std::vector<std::string>& late = header.metadata.late_cameras;
+  names.clear();
+  late.clear();
+  for (int i = 0; i < header.cameras; ++i) {
+    const unsigned first = bytes.empty() ? 0 : bytes[0];
+    const size_t length = first & ~unsigned{kLateName};
+    if (length == 0 || length > FrameLimits::kNameBytes || length >= bytes.size()) return false;
     names.emplace_back(reinterpret_cast<const char*>(bytes.data()) + 1, length);
-    if (i > 0 && !(names[i - 1] < names[i])) return std::nullopt;
+    if (i > 0 && !(names[i - 1] < names[i])) return false;
+    if ((first & kLateName) != 0) late.push_back(names.back());
     bytes = bytes.subspan(1 + length);
   }
-  return bytes.empty() ? std::optional(names) : std::nullopt;
+  return bytes.empty() && header.is(FrameHeader::kLate) == !late.empty();
+}
+
+std::optional<FrameMetadata> read_metadata(std::span<const uint8_t> bytes) {
+  std::optional<FrameHeader> header = read_header(bytes);
+  if (!header || !decode_names(section(bytes, *header, kNames), *header)) return std::nullopt;
+  return std::move(header->metadata);
 }
 
 }  // namespace v3d::codec

@@ -1,4 +1,4 @@
-// Header of a compact frame of version 2 to 4 (docs/compact-frame.md).
+// Header of a compact frame of version 2 to 5 (docs/compact-frame.md).
 #pragma once
 
 #include <array>
@@ -27,7 +27,10 @@ struct FrameMetadata {
   /// Start of exposure, ns, CLOCK_REALTIME of the trigger's node; 0: unknown.
   int64_t exposure_ns = 0;
   std::vector<std::string> cameras;  ///< names of the cameras that took part, ascending
-  int missing = 0;                   ///< number of cameras of the rig that did not take part
+  /// Those of `cameras` whose image of the next pulse was used, because they are a pulse late;
+  /// ascending.
+  std::vector<std::string> late_cameras{};
+  int missing = 0;  ///< number of cameras of the rig that did not take part
   float quality =
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   std::array<double, 3> origin{};               ///< origin of the lattice, world frame, metres
@@ -39,7 +42,7 @@ struct FrameMetadata {
 struct FrameHeader {
   static constexpr size_t kBytes = 128;
   static constexpr uint16_t kColours = 1, kDisplaced = 2, kInter = 4, kExplicit = 8, kLabelled = 16,
-                            kCameras = 32;
+                            kCameras = 32, kLate = 64;
 
   FrameMetadata metadata;  ///< without the names of the cameras
   uint16_t cameras = 0;
@@ -73,9 +76,14 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes);
 std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
                                  Section section);
 
-/// Section of the camera names.
-std::vector<uint8_t> encode_names(const std::vector<std::string>& names);
-/// Empty unless the bytes are exactly `count` valid names in ascending order.
-std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> bytes, int count);
+/// Section of the names of metadata.cameras, marked where they are in metadata.late_cameras.
+std::vector<uint8_t> encode_names(const FrameMetadata& metadata);
+/// Sets the names in the metadata of `header`. False unless the bytes are exactly header.cameras
+/// valid names in ascending order, of which some are marked if and only if the header has kLate.
+bool decode_names(std::span<const uint8_t> bytes, FrameHeader& header);
+
+/// The metadata of a frame, whether or not it can be decoded alone. Empty for a malformed header or
+/// malformed names.
+std::optional<FrameMetadata> read_metadata(std::span<const uint8_t> bytes);
 
 }  // namespace v3d::codec

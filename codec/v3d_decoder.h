@@ -22,7 +22,7 @@ typedef struct v3d_decoder v3d_decoder;
 
 typedef enum v3d_status {
   V3D_OK = 0,
-  V3D_MALFORMED = 1, /* no compact frame of version 2 to 4, or damaged */
+  V3D_MALFORMED = 1, /* no compact frame of version 2 to 5, or damaged */
   V3D_NEEDS_REFERENCE =
       2, /* its reference is not the last decoded frame; continue at a key frame */
   V3D_OUT_OF_MEMORY = 3

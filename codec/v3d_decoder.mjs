@@ -2,7 +2,7 @@
 // JavaScript: a wrapper of v3d_decoder.wasm without other dependencies. It runs in browsers, workers and node.
 
 export const OK = 0;
-/** No compact frame of version 2 to 4, or damaged. */
+/** No compact frame of version 2 to 5, or damaged. */
 export const MALFORMED = 1;
 /** Its reference is not the last decoded frame; continue at a key frame. */
 export const NEEDS_REFERENCE = 2;

@@ -50,6 +50,23 @@ bool is_motion_file(const std::filesystem::path& path) {
   return codec::is_motion_file_header(header);
 }
 
+MeshCameras::MeshCameras(const take::TakePaths& paths) : all_(load_take_info(paths).cameras) {
+  std::ranges::sort(all_);
+  if (file_exists(paths.mesh())) meshes_.emplace(paths.mesh());
+}
+
+UsedCameras MeshCameras::at(int64_t pulse) {
+  UsedCameras used{pulse, all_, {}};
+  if (!meshes_ || !std::ranges::binary_search(meshes_->pulses(), pulse)) return used;
+  const auto bytes = meshes_->read(pulse);
+  if (!bytes || !*bytes) return used;
+  if (auto metadata = codec::read_metadata(**bytes)) {
+    used.names = std::move(metadata->cameras);
+    used.late = std::move(metadata->late_cameras);
+  }
+  return used;
+}
+
 /// A file with one surface per pulse.
 class MeshFrames::Reader {
  public:
@@ -103,10 +120,9 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
  public:
   /// Empty for other files.
   static std::unique_ptr<MotionReader> open(const std::filesystem::path& path,
-                                            std::vector<std::string> cameras) {
-    auto reader = std::unique_ptr<MotionReader>(new MotionReader);
+                                            MeshCameras cameras) {
+    auto reader = std::unique_ptr<MotionReader>(new MotionReader(std::move(cameras)));
     reader->bytes_ = read_file(path);
-    reader->cameras_ = std::move(cameras);
     const std::string& bytes = reader->bytes_;
     reader->motion_ =
         codec::MotionReader::open({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
@@ -139,7 +155,9 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
     const codec::MotionPulse* const pulse = motion_->decode(segment, index);
     if (pulse == nullptr) return std::nullopt;
     result.pulse = frame;
-    result.cameras = cameras_;
+    UsedCameras used = cameras_.at(frame);
+    result.cameras = std::move(used.names);
+    result.late_cameras = std::move(used.late);
     for (const auto& [x, y, z] : pulse->positions) result.mesh.vertices.emplace_back(x, y, z);
     result.mesh.colours = recon::rgb_colours(pulse->colours);
     return result;
@@ -149,11 +167,11 @@ class MeshFrames::MotionReader : public MeshFrames::Reader {
   struct Place {
     size_t segment, index;
   };
-  MotionReader() = default;
+  explicit MotionReader(MeshCameras cameras) : cameras_(std::move(cameras)) {}
 
   std::string bytes_;
   std::optional<codec::MotionReader> motion_;  ///< of bytes_
-  std::vector<std::string> cameras_;
+  MeshCameras cameras_;
   std::vector<int64_t> pulses_;
   std::vector<Place> places_;  ///< of each pulse
 };
@@ -163,9 +181,7 @@ MeshFrames::MeshFrames(const std::filesystem::path& take) : MeshFrames(take, sur
 MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
     : path_(mesh_of({take}, file)) {
   if (is_motion_file(path_)) {
-    std::vector<std::string> cameras = take::load_take_info({take}).cameras;
-    std::sort(cameras.begin(), cameras.end());
-    reader_ = MotionReader::open(path_, std::move(cameras));
+    reader_ = MotionReader::open(path_, MeshCameras({take}));
     if (!reader_) throw InputError(path_.string() + ": is damaged: run v3dctl track again");
   } else {
     reader_ = std::make_unique<MeshReader>(path_);
@@ -242,10 +258,11 @@ recon::AtlasLayout atlas_layout(const Rig& rig, const Mesh& mesh, int side) {
                               {.side = side, .max_texels_per_m = kTexelsPerPixel * pixels_per_m});
 }
 
-FrameColours::FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame) {
-  TakeFrames frames(take, frame.cameras);
-  rig_ = frames.rig();
-  set_ = observe_all(frame.pulse, frames.read(frame.pulse));
+FrameColours::FrameColours(TakeFrames& frames, const UsedCameras& used)
+    : rig_(frames.rig()), set_(observe_all(used.pulse, read_used(used, frames))) {}
+
+FrameColours::FrameColours(TakeFrames& frames, const recon::CompactFrame& frame)
+    : FrameColours(frames, used_cameras(frame)) {
   if (set_.frames.size() == frame.cameras.size()) return;
   throw InputError(frames.paths().folder.string() + ": pulse " + std::to_string(frame.pulse) +
                    ": frames of " + std::to_string(set_.frames.size()) + " of its " +
@@ -253,8 +270,10 @@ FrameColours::FrameColours(const std::filesystem::path& take, const recon::Compa
                    " cameras can be read; see v3dctl verify");
 }
 
-FrameColours::FrameColours(TakeFrames& frames, int64_t pulse)
-    : rig_(frames.rig()), set_(observe_all(pulse, frames.read(pulse))) {}
+FrameColours::FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame) {
+  TakeFrames frames(take, frame.cameras);
+  *this = FrameColours(frames, frame);
+}
 
 Mesh FrameColours::coloured(Mesh mesh) const { return coloured(std::move(mesh), std::nullopt); }
 
@@ -292,6 +311,9 @@ ViewSource resolved(ViewSource source, const std::filesystem::path& take) {
       cameras, [&](const std::string& camera) { return file_exists(paths.frames(camera)); });
   return has_all ? ViewSource::kPhotographs : ViewSource::kMesh;
 }
+
+ViewColours::ViewColours(TakeFrames& photographs, const recon::CompactFrame& frame)
+    : frame_(frame), photographs_(std::in_place, photographs, frame) {}
 
 ViewColours::ViewColours(const std::filesystem::path& take, const recon::CompactFrame& frame,
                          ViewSource source)

@@ -25,7 +25,7 @@ class MeshFrames {
   /// not a take, or if the take was not reconstructed.
   explicit MeshFrames(const std::filesystem::path& take);
   /// Reads `file` instead: a copy of the take's mesh.v3d, or a motion file of it. The frames of a
-  /// motion file name all cameras of the take.
+  /// motion file name the cameras of MeshCameras.
   MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
   /// Reads proxy.v3d of the take. Throws InputError if the folder is not a take, or has no proxy.
   static MeshFrames of_proxy(const std::filesystem::path& take);
@@ -57,6 +57,20 @@ class MeshFrames {
 /// Whether a file begins as a motion file. False for a file that cannot be read.
 bool is_motion_file(const std::filesystem::path& path);
 
+/// Which cameras made the surfaces of a take, for surfaces that do not state it. One thread.
+class MeshCameras {
+ public:
+  /// Throws InputError if the folder is not a take, or its mesh.v3d is not a mesh file.
+  explicit MeshCameras(const take::TakePaths& paths);
+  /// The cameras that mesh.v3d names. Without a readable frame of this pulse there: all cameras of
+  /// the take.
+  UsedCameras at(int64_t pulse);
+
+ private:
+  std::vector<std::string> all_;                ///< ascending
+  std::optional<take::MeshFileReader> meshes_;  ///< empty: the take has no mesh.v3d
+};
+
 // Vertex colours of a recorded frame from the images of the take: for one viewpoint (view-dependent
 // rendering needs the images, which a compact frame does not contain), or for another surface.
 
@@ -81,13 +95,15 @@ enum class ViewSource {
 /// not a take.
 ViewSource resolved(ViewSource source, const std::filesystem::path& take);
 
-/// The images of one pulse, of the cameras that took part in its reconstruction. One thread.
+/// The images that made the surface of one pulse. One thread.
 class FrameColours {
  public:
-  /// Reads the frames. Throws InputError if the take has no readable frame of such a camera.
+  /// Reads the frames. Throws InputError if the take has no readable frame of a camera of `frame`.
   FrameColours(const std::filesystem::path& take, const recon::CompactFrame& frame);
-  /// Those frames of the pulse that an opened camera has and that can be read; maybe none.
-  FrameColours(TakeFrames& frames, int64_t pulse);
+  /// The same with the logs of all cameras of `frame` open. Fast for increasing pulses.
+  FrameColours(TakeFrames& frames, const recon::CompactFrame& frame);
+  /// read_used() of the opened cameras; maybe none.
+  FrameColours(TakeFrames& frames, const UsedCameras& used);
   /// The number of cameras with a frame.
   size_t cameras() const { return set_.frames.size(); }
   /// `mesh`, that of the frame or another one of the same pulse, with view-independent colours
@@ -116,6 +132,8 @@ class ViewColours {
   /// InputError if it has none, or as FrameColours().
   ViewColours(const std::filesystem::path& take, const recon::CompactFrame& frame,
               ViewSource source);
+  /// Colours from the raw frames `photographs`. `frame` is borrowed. Throws as FrameColours().
+  ViewColours(TakeFrames& photographs, const recon::CompactFrame& frame);
   /// The mesh of the frame with colours for the viewpoint `eye`.
   Mesh coloured_for(const CameraModel& eye) const;
 

@@ -85,10 +85,38 @@ std::vector<int64_t> TakeFrames::pulses() const {
 }
 
 std::vector<std::optional<SegmentedFrame>> TakeFrames::read(int64_t pulse) {
+  return read_each(std::vector<std::optional<int64_t>>(cameras_.size(), pulse));
+}
+
+std::vector<std::optional<SegmentedFrame>> TakeFrames::read_each(
+    std::span<const std::optional<int64_t>> pulses) {
+  V3D_CHECK(pulses.size() == cameras_.size());
   std::vector<std::optional<SegmentedFrame>> frames(cameras_.size());
-  tbb::parallel_for(size_t{0}, cameras_.size(),
-                    [&](size_t i) { frames[i] = cameras_[i].read(pulse); });
+  tbb::parallel_for(size_t{0}, cameras_.size(), [&](size_t i) {
+    if (pulses[i]) frames[i] = cameras_[i].read(*pulses[i]);
+  });
   return frames;
+}
+
+UsedCameras used_cameras(const recon::CompactFrame& frame) {
+  return {frame.pulse, frame.cameras, frame.late_cameras};
+}
+
+std::vector<std::optional<SegmentedFrame>> read_used(const UsedCameras& used, TakeFrames& take) {
+  std::vector<std::optional<int64_t>> pulses;
+  for (const RigCamera& camera : take.rig()) {
+    auto& pulse = pulses.emplace_back();
+    if (!std::ranges::binary_search(used.names, camera.name)) continue;
+    pulse = used.pulse + (std::ranges::binary_search(used.late, camera.name) ? 1 : 0);
+  }
+  return take.read_each(pulses);
+}
+
+std::vector<std::string> recorded_cameras(const take::TakePaths& paths) {
+  std::vector<std::string> cameras = take::load_take_info(paths).cameras;
+  std::erase_if(cameras,
+                [&](const std::string& camera) { return !file_exists(paths.frames(camera)); });
+  return cameras;
 }
 
 recon::FrameSet observe_all(int64_t pulse,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "base/geometry/camera_model.h"
 #include "capture/segmentation/background.h"
 #include "capture/segmentation/segmenter.h"
+#include "recon/pipeline/compact_frame.h"
 #include "recon/pipeline/frame_set.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
@@ -92,6 +94,9 @@ class TakeFrames {
 
   /// SegmentedLog::read() for each opened camera.
   std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
+  /// The same with a pulse of its own for each opened camera; empty: its frame is not read.
+  std::vector<std::optional<SegmentedFrame>> read_each(
+      std::span<const std::optional<int64_t>> pulses);
 
   /// Read errors so far: lines with path and cause.
   std::vector<std::string> read_errors() const;
@@ -106,6 +111,21 @@ class TakeFrames {
   std::unordered_map<int64_t, RealtimeInstant> edges_;
   std::string edges_error_;  ///< empty: pulses.lcmlog was read, or is absent
 };
+
+/// The cameras whose images made the surface of a pulse.
+struct UsedCameras {
+  int64_t pulse = 0;
+  std::vector<std::string> names;  ///< ascending
+  std::vector<std::string> late;  ///< of `names`, those with the image of the next pulse; ascending
+};
+UsedCameras used_cameras(const recon::CompactFrame& frame);
+
+/// The raw frames that made a surface, one for each opened camera; of a late camera that of the
+/// next pulse. Empty for a camera that was not used, or whose frame cannot be read.
+std::vector<std::optional<SegmentedFrame>> read_used(const UsedCameras& used, TakeFrames& take);
+
+/// The cameras of a take that have raw frames.
+std::vector<std::string> recorded_cameras(const take::TakePaths& paths);
 
 /// The frame set of all present frames, by observe(), with their background differences. Copies the
 /// masks.

@@ -260,10 +260,8 @@ std::optional<std::string> TakeViews::read(const std::string& take, int64_t puls
   OpenTake& opened = open(take, pulse);
   if (!std::ranges::binary_search(opened.pulses, pulse)) return {};
   const recon::CompactFrame frame = opened.meshes->read(pulse);
-  recon::FrameSet set = observe_all(pulse, opened.frames.read(pulse));
-  std::erase_if(set.frames, [&](const Frame& seen) {
-    return std::ranges::find(frame.cameras, seen.camera) == frame.cameras.end();
-  });
+  const recon::FrameSet set =
+      observe_all(pulse, recorded::read_used(recorded::used_cameras(frame), opened.frames));
   const Rig& rig = opened.frames.rig();
   return vertex_views_message(pulse, static_cast<int64_t>(frame.mesh.vertices.size()),
                               camera_colours(frame.mesh, recorded::texture_cameras(rig, set),

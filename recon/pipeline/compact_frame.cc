@@ -53,6 +53,7 @@ CompactFrame CompactDecoder::frame() const {
   return {.pulse = metadata.pulse,
           .exposure = from_ns<Realtime>(metadata.exposure_ns),
           .cameras = metadata.cameras,
+          .late_cameras = metadata.late_cameras,
           .missing = metadata.missing,
           .quality = metadata.quality,
           .live_passes = metadata.live_passes,

@@ -19,7 +19,10 @@ struct CompactFrame {
   int64_t pulse = 0;
   RealtimeInstant exposure;          ///< start of the exposure: edge of the pulse; 0: unknown
   std::vector<std::string> cameras;  ///< cameras that took part, ascending
-  int missing = 0;                   ///< number of cameras of the rig that did not take part
+  /// Of `cameras`, those whose image of the next pulse was used, because they are a pulse late;
+  /// ascending.
+  std::vector<std::string> late_cameras{};
+  int missing = 0;  ///< number of cameras of the rig that did not take part
   float quality =
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   int live_passes = 0;  ///< of LivePass, the first so many; 0: none, or another deformation

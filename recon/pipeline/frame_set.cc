@@ -27,6 +27,15 @@ std::vector<std::string> names_of(const Rig& rig, const RigFrames& frames) {
   return names;
 }
 
+std::vector<std::string> late_cameras_of(const RigFrames& frames, int64_t pulse) {
+  std::vector<std::string> names;
+  for (const Frame* frame : frames) {
+    if (frame != nullptr && frame->label.pulse == pulse + 1) names.push_back(frame->camera);
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 FrameSetAssembler::FrameSetAssembler(FrameSetOptions options) : options_(std::move(options)) {
   auto& names = options_.cameras;
   std::sort(names.begin(), names.end());

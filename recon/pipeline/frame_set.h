@@ -17,7 +17,7 @@
 namespace v3d::recon {
 
 /// The frames of one pulse. `frames` have masks and colours (see observe()); cameras that did not
-/// deliver are left out.
+/// deliver are left out. A camera that is a pulse late may have its frame of the next pulse.
 struct FrameSet {
   int64_t pulse = 0;
   std::vector<Frame> frames;
@@ -32,6 +32,8 @@ RigFrames usable_frames(const Rig& rig, const FrameSet& set);
 
 /// Names of the cameras that have a frame, ascending.
 std::vector<std::string> names_of(const Rig& rig, const RigFrames& frames);
+/// Names of the cameras whose frame is labelled with the pulse after `pulse`, ascending.
+std::vector<std::string> late_cameras_of(const RigFrames& frames, int64_t pulse);
 
 struct FrameSetOptions {
   std::vector<std::string> cameras;                    ///< a set is complete with these

@@ -69,6 +69,7 @@ void Reconstructor::make_hull(FrameSetJob& work) {
   result.pulse = work.set.pulse;
   work.frames = usable_frames(rig_, work.set);
   result.cameras = names_of(rig_, work.frames);
+  result.late_cameras = late_cameras_of(work.frames, result.pulse);
   const MonotonicInstant intersecting = Monotonic::now();
   Hull hull = hull_.intersect(work.frames);
   work.volume = std::move(hull.volume);
@@ -110,6 +111,7 @@ void Reconstructor::encode(FrameSetJob& work) {
   const PulseMetadata metadata{.pulse = result.pulse,
                                .exposure = work.set.exposure,
                                .cameras = result.cameras,
+                               .late_cameras = result.late_cameras,
                                .missing = static_cast<int>(rig_.size() - result.cameras.size()),
                                .quality = result.quality.silhouette_iou,
                                .live_passes = result.live_passes,

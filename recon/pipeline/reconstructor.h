@@ -41,11 +41,12 @@ inline double milliseconds_since(MonotonicInstant begin) {
 struct Reconstruction {
   int64_t pulse = 0;
   Mesh mesh;
-  double volume_m3 = 0;              ///< occupied voxels times voxel volume
-  int ghosts = 0;                    ///< number of components that GhostRemoval removed
-  int live_passes = 0;               ///< passes of the LiveDeformer that ran
-  std::vector<std::string> cameras;  ///< cameras that took part
-  std::vector<uint8_t> performers;   ///< of each vertex, 0: unknown; empty: not stated
+  double volume_m3 = 0;                     ///< occupied voxels times voxel volume
+  int ghosts = 0;                           ///< number of components that GhostRemoval removed
+  int live_passes = 0;                      ///< passes of the LiveDeformer that ran
+  std::vector<std::string> cameras;         ///< cameras that took part
+  std::vector<std::string> late_cameras{};  ///< of these, those with the frame of the next pulse
+  std::vector<uint8_t> performers;          ///< of each vertex, 0: unknown; empty: not stated
   std::vector<uint8_t> compact;
   FrameQuality quality;
   StageTimes times;

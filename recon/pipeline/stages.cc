@@ -196,6 +196,7 @@ std::vector<uint8_t> EncodeStage::encode(const PulseMetadata& metadata, const Sp
   content.metadata = {.pulse = metadata.pulse,
                       .exposure_ns = to_ns(metadata.exposure),
                       .cameras = metadata.cameras,
+                      .late_cameras = metadata.late_cameras,
                       .missing = metadata.missing,
                       .quality = static_cast<float>(metadata.quality),
                       .origin = {origin_.x(), origin_.y(), origin_.z()},

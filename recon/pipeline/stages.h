@@ -129,9 +129,11 @@ struct PulseMetadata {
   int64_t pulse = 0;
   RealtimeInstant exposure{};        ///< 0: unknown
   std::vector<std::string> cameras;  ///< that took part, ascending
-  int missing = 0;                   ///< number of cameras that did not
-  double quality = 0;                ///< FrameQuality::silhouette_iou
-  int live_passes = 0;               ///< passes of LiveDeformStage
+  /// Of these, those whose frame of the next pulse was used, ascending.
+  std::vector<std::string> late_cameras{};
+  int missing = 0;      ///< number of cameras that did not
+  double quality = 0;   ///< FrameQuality::silhouette_iou
+  int live_passes = 0;  ///< passes of LiveDeformStage
   /// The performer of each vertex, 0: unknown; empty: not stated.
   std::span<const uint8_t> performers{};
 };

@@ -275,6 +275,41 @@ TEST(FrameCodec, states_the_passes_of_a_live_deformation_in_version_3_alone) {
   EXPECT_FALSE(FrameEncoder({}).encode(content));
 }
 
+TEST(FrameCodec, states_late_cameras_in_version_5_alone) {
+  const Scene scene(ball(5));
+  FrameContent content = scene.content(0);
+  const std::vector<std::string> cameras = content.metadata.cameras;
+  for (const auto& late : {std::vector<std::string>(), {cameras[1]}, cameras}) {
+    content.metadata.late_cameras = late;
+    const auto frame = FrameEncoder({}).encode(content).value();
+    EXPECT_EQ(frame[8], late.empty() ? 2 : 5);
+    FrameDecoder decoder;
+    ASSERT_EQ(decoder.decode(frame), DecodeStatus::kOk);
+    EXPECT_EQ(decoder.frame().metadata.cameras, cameras);
+    EXPECT_EQ(decoder.frame().metadata.late_cameras, late);
+    EXPECT_EQ(read_metadata(frame).value().late_cameras, late);
+  }
+  content.metadata.late_cameras = {"cam03"};
+  EXPECT_FALSE(FrameEncoder({}).encode(content)) << "it did not take part";
+}
+
+TEST(FrameCodec, rejects_a_mark_of_a_late_camera_without_the_flag_and_the_flag_without_a_mark) {
+  const Scene scene(ball(5));
+  FrameContent content = scene.content(0);
+  content.metadata.late_cameras = {"cam01"};
+  const auto frame = FrameEncoder({}).encode(content).value();
+  FrameDecoder decoder;
+  auto unmarked = frame;
+  unmarked[FrameHeader::kBytes] &= 0x7F;
+  EXPECT_EQ(decoder.decode(with_valid_checksum(unmarked)), DecodeStatus::kMalformed);
+  EXPECT_FALSE(read_metadata(with_valid_checksum(unmarked)));
+  auto unflagged = frame;
+  unflagged[8] = 2;
+  unflagged[16] &= static_cast<uint8_t>(~FrameHeader::kLate);
+  EXPECT_EQ(decoder.decode(with_valid_checksum(unflagged)), DecodeStatus::kMalformed);
+  EXPECT_EQ(decoder.decode(frame), DecodeStatus::kOk);
+}
+
 RC_GTEST_PROP(FrameCodec, keeps_a_label_of_each_vertex, ()) {
   Scene scene(dust(recon::small_grid(12, 12, 12), *rc::gen::arbitrary<uint32_t>(), 300));
   const auto seed = *rc::gen::arbitrary<uint32_t>();
@@ -388,7 +423,9 @@ TEST(FrameCodec, rejects_headers_that_exceed_a_limit) {
   EXPECT_FALSE(accepts(88, {0}));              // step of luma
   EXPECT_FALSE(accepts(91, {1}));              // passes, of which version 2 has none
   EXPECT_FALSE(accepts(8, {3}));               // version 3 without passes
-  EXPECT_FALSE(accepts(8, {4}));               // an unknown version
+  EXPECT_FALSE(accepts(8, {4}));               // version 4 without colours of cameras
+  EXPECT_FALSE(accepts(8, {5}));               // version 5 without a late camera
+  EXPECT_FALSE(accepts(8, {6}));               // an unknown version
   EXPECT_FALSE(accepts(92, {1, 0, 64, 0}));    // vertices: 2^22 + 1
   EXPECT_FALSE(accepts(96, {1, 0, 128, 0}));   // triangles: 2^23 + 1
   EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1}));   // 256^3 bricks

@@ -155,12 +155,11 @@ class TrainingExport : public testing::Test {
     import.images = folder_ / "images";
     import.masks = folder_ / "masks";
     import_take(import);
-    ReconstructRequest request;
-    request.take = take_;
-    request.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
-    request.voxel_m = 0.02;
-    request.threads = 2;
-    reconstruct_take(request);
+    request_.take = take_;
+    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request_.voxel_m = 0.02;
+    request_.threads = 2;
+    reconstruct_take(request_);
   }
   static void write(const fs::path& file, const Image& image) {
     fs::create_directories(file.parent_path());
@@ -189,6 +188,7 @@ class TrainingExport : public testing::Test {
   const test::TemporaryFolder folder_;
   const fs::path take_ = folder_ / "take";
   Rig rig_ = test::small_rig(6);
+  ReconstructRequest request_;
 };
 
 TEST_F(TrainingExport, has_one_folder_for_each_pulse_and_none_for_a_single_one) {
@@ -293,6 +293,17 @@ TEST_F(TrainingExport, without_a_frame_of_a_camera_leaves_it_out_and_is_incomple
   EXPECT_EQ(exported(TakeFormat::kColmap), kExitIncomplete);
   EXPECT_EQ(written_rig(folder_ / "out/000000").size(), 6U);
   EXPECT_EQ(written_rig(folder_ / "out/000001").size(), 5U);
+}
+
+TEST_F(TrainingExport, has_no_view_of_a_camera_that_the_reconstruction_left_out) {
+  ReconstructRequest request = request_;
+  request.leave_out = {"c"};
+  reconstruct_take(request);
+  EXPECT_EQ(exported(TakeFormat::kColmap, {0, 1}), kExitDone) << "no camera is missing";
+  const Rig written = written_rig(folder_ / "out");
+  EXPECT_EQ(written.size(), rig_.size() - 1);
+  EXPECT_EQ(find_camera(written, "c"), -1);
+  EXPECT_FALSE(fs::exists(folder_ / "out/images/c.png"));
 }
 
 TEST_F(TrainingExport, rejects_a_file_in_the_place_of_the_folder) {

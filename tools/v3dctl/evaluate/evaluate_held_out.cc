@@ -88,6 +88,12 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
   recorded::MeshFrames meshes = open_meshes(evaluated);
   meshes.enable_views(request.view_dependent);
   recorded::TakeFrames recorded(evaluated.take, request.cameras);
+  std::optional<recorded::TakeFrames> opened;
+  const auto photographs = [&]() -> recorded::TakeFrames& {
+    const take::TakePaths paths{evaluated.take};
+    if (!opened) opened.emplace(evaluated.take, recorded::recorded_cameras(paths));
+    return *opened;
+  };
   std::vector<HeldOutSamples> samples(request.cameras.size());
   const std::vector<int64_t> frames = meshes.frames({});
   Progress progress("compare with the cameras", std::ssize(frames));
@@ -98,10 +104,12 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
     const auto views = recorded.read(frame);
     const auto truth = read_resampled_truth(compact.mesh, request.truth, frame);
     std::optional<recorded::FrameColours> colours;
-    if (request.atlas_side > 0 || truth) colours.emplace(evaluated.take, compact);
+    if (request.atlas_side > 0 || truth) colours.emplace(photographs(), compact);
     std::optional<recorded::ViewColours> views_of_mesh;
-    if (request.view_dependent) {
+    if (request.view_dependent && request.view_source == recorded::ViewSource::kMesh) {
       views_of_mesh.emplace(evaluated.take, compact, request.view_source);
+    } else if (request.view_dependent) {
+      views_of_mesh.emplace(photographs(), compact);
     }
     std::optional<recon::TextureAtlas> atlas;
     if (request.atlas_side > 0 && !compact.mesh.triangles.empty()) {

@@ -224,11 +224,15 @@ void report_missing_pulses(const take::TakeInfo& info, take::FrameRange range,
 
 TakeColours::TakeColours(const fs::path& take)
     : frames_(require_raw_frames(take, "--view-dependent"), {}) {
-  require_distinct(frames_.info().cameras);
+  cameras_ = frames_.info().cameras;
+  require_distinct(cameras_);
+  std::ranges::sort(cameras_);
 }
 
 std::vector<ExportedCamera> TakeColours::of(const recon::CompactFrame& frame) {
-  const recon::FrameSet set = observe_all(frame.pulse, frames_.read(frame.pulse));
+  // Cameras that the reconstruction left out have colours, too.
+  const recon::FrameSet set = observe_all(
+      frame.pulse, recorded::read_used({frame.pulse, cameras_, frame.late_cameras}, frames_));
   if (set.frames.empty()) {
     throw InputError("--view-dependent: " + frames_.paths().folder.string() +
                      " has no raw frames of pulse " + std::to_string(frame.pulse));

@@ -122,14 +122,15 @@ class TakeColours {
   /// with equal attribute_name()s.
   explicit TakeColours(const std::filesystem::path& take);
   /// Colours of `frame` in all cameras of the take, ordered by name. In a camera without a frame of
-  /// this pulse no vertex is visible. Throws InputError when no camera has one. Fast for increasing
-  /// pulses.
+  /// this pulse no vertex is visible. Throws InputError when no camera
+  /// has one. Fast for increasing pulses.
   std::vector<ExportedCamera> of(const recon::CompactFrame& frame);
   /// Number of frames so far in which a camera was missing or unreadable.
   int64_t incomplete() const { return incomplete_; }
 
  private:
   recorded::TakeFrames frames_;
+  std::vector<std::string> cameras_;  ///< ascending
   int64_t incomplete_ = 0;
 };
 

@@ -12,7 +12,7 @@
 namespace v3d::ctl {
 
 TexturePainter::TexturePainter(const std::filesystem::path& take, const std::string& option)
-    : rig_(take::load_take_calib({take})) {
+    : rig_(take::load_take_calib({take})), cameras_({take}) {
   const take::TakePaths paths{take};
   const std::vector<std::string> cameras = take::load_take_info(paths).cameras;
   const bool recorded = std::ranges::any_of(
@@ -33,8 +33,9 @@ recon::AtlasLayout TexturePainter::layout_of(const Mesh& mesh, int side) const {
 recon::AtlasColours TexturePainter::paint(const Mesh& mesh, const recon::AtlasLayout& layout,
                                           int64_t pulse, const Mesh* whole) {
   if (!frames_) return recon::colour_atlas(mesh, layout, {}, {});
-  const recorded::FrameColours colours(*frames_, pulse);
-  if (colours.cameras() < rig_.size()) ++incomplete_;
+  const recorded::UsedCameras used = cameras_.at(pulse);
+  const recorded::FrameColours colours(*frames_, used);
+  if (colours.cameras() < used.names.size()) ++incomplete_;
   return colours.atlas_colours(mesh, layout, whole);
 }
 

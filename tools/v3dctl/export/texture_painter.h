@@ -8,6 +8,7 @@
 
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/texture/atlas_colours.h"
 #include "recon/texture/texture_atlas.h"
@@ -23,16 +24,18 @@ class TexturePainter {
 
   /// recorded::atlas_layout() with the cameras of the take.
   recon::AtlasLayout layout_of(const Mesh& mesh, int side) const;
-  /// The colours of `mesh`, which has colours of vertices, at a pulse. `whole` is the surface of
+  /// The colours of `mesh`, which has colours of vertices, at a pulse, from the cameras that took
+  /// part in its reconstruction (recorded::MeshCameras). `whole` is the surface of
   /// all performers, which may hide `mesh`; null: `mesh` is all.
   recon::AtlasColours paint(const Mesh& mesh, const recon::AtlasLayout& layout, int64_t pulse,
                             const Mesh* whole = nullptr);
-  /// Number of pulses so far in which a camera was missing or unreadable.
+  /// Number of pulses so far in which such a camera was missing or unreadable.
   int64_t incomplete() const { return incomplete_; }
 
  private:
   /// Of the cameras that were recorded; calib.toml has all cameras of the studio.
   Rig rig_;
+  recorded::MeshCameras cameras_;
   std::optional<recorded::TakeFrames> frames_;
   int64_t incomplete_ = 0;
 };

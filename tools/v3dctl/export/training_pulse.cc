@@ -64,13 +64,13 @@ TrainingPulses::TrainingPulses(const std::filesystem::path& take, const std::str
     : option_(option), frames_(require_raw_frames(take, option), {}) {}
 
 TrainingPulse TrainingPulses::of(const recon::CompactFrame& frame) {
-  const auto frames = frames_.read(frame.pulse);
+  const auto frames = recorded::read_used(recorded::used_cameras(frame), frames_);
   const recon::FrameSet set = observe_all(frame.pulse, frames);
   if (set.frames.empty()) {
     throw InputError(option_ + ": " + frames_.paths().folder.string() +
                      " has no raw frames of pulse " + std::to_string(frame.pulse));
   }
-  if (set.frames.size() < frames_.rig().size()) ++incomplete_;
+  if (set.frames.size() < frame.cameras.size()) ++incomplete_;
   const Rig& rig = frames_.rig();
   const std::vector<recon::CameraColours> seen = camera_colours(
       frame.mesh, recorded::texture_cameras(rig, set), recorded::texture_options(frame.mesh));

@@ -43,10 +43,10 @@ class TrainingPulses {
   /// Throws InputError for a folder that is no take, and for a take without raw frames; the message
   /// begins with `option`.
   TrainingPulses(const std::filesystem::path& take, const std::string& option);
-  /// The views of `frame`, of all cameras that have a frame of this pulse. Throws InputError when
-  /// no camera has one. Fast for increasing pulses.
+  /// The views of `frame`, of all cameras that took part and whose frame can be read. Throws
+  /// InputError when there is none. Fast for increasing pulses.
   TrainingPulse of(const recon::CompactFrame& frame);
-  /// Number of pulses so far in which a camera was missing or unreadable.
+  /// Number of pulses so far in which a camera that took part was missing or unreadable.
   int64_t incomplete() const { return incomplete_; }
 
  private:

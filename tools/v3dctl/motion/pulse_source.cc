@@ -44,11 +44,9 @@ class TakePulses : public ObservedPulses {
     pulse->pulse = pulses_[index];
     recon::CompactFrame mesh = meshes_.read(pulse->pulse);
     pulse->surface = std::move(mesh.mesh);
-    pulse->frames = recorded::observe_all(pulse->pulse, images_.read(pulse->pulse));
     // The reconstruction leaves out displaced cameras and wrong silhouettes.
-    std::erase_if(pulse->frames.frames, [&](const Frame& frame) {
-      return !std::ranges::binary_search(mesh.cameras, frame.camera);
-    });
+    pulse->frames = recorded::observe_all(
+        pulse->pulse, recorded::read_used(recorded::used_cameras(mesh), images_));
     std::vector<recon::DeformCamera> cameras;
     const recon::RigFrames usable = recon::usable_frames(images_.rig(), pulse->frames);
     for (size_t c = 0; c < usable.size(); ++c) {

@@ -64,13 +64,11 @@ class CameraColourist {
   std::vector<codec::CameraView> views() {
     const codec::DecodedFrame& decoded = codec_.frame();
     if (!frames_ || decoded.colours.empty()) return {};
-    const std::vector<std::string>& cameras = decoded.metadata.cameras;
-    recon::FrameSet set =
-        observe_all(decoded.metadata.pulse, frames_->read(decoded.metadata.pulse));
-    std::erase_if(set.frames, [&](const Frame& frame) {
-      return !std::ranges::binary_search(cameras, frame.camera);
-    });
-    if (set.frames.size() != cameras.size()) return {};
+    const codec::FrameMetadata& metadata = decoded.metadata;
+    const recon::FrameSet set = observe_all(
+        metadata.pulse,
+        recorded::read_used({metadata.pulse, metadata.cameras, metadata.late_cameras}, *frames_));
+    if (set.frames.size() != metadata.cameras.size()) return {};
     const Mesh mesh = recon::mesh_of(decoded);
     return recon::camera_views(camera_colours(mesh, recorded::texture_cameras(frames_->rig(), set),
                                               recorded::texture_options(mesh)),

@@ -56,7 +56,7 @@ void TakeSilhouetteRepair::repair(int64_t pulse, SegmentedFrames& frames, Segmen
   }
   recon::RepairedSilhouettes repaired = compare(frames, masks, {.before = before, .after = after});
   for (const size_t c : repaired.shown_later) {
-    frames[c]->raw.image = next[c]->raw.image;
+    frames[c]->raw = next[c]->raw;  // its label is that of the next pulse
     frames[c]->background_difference = next[c]->background_difference;
   }
   for (size_t c = 0; c < frames.size(); ++c) {

@@ -33,8 +33,8 @@ class TakeSilhouetteRepair {
 
   /// Replaces the masks of `frames` by repaired ones, which are empty outside the view of the
   /// bounds. A camera with more wrong than right foreground loses its frame. A camera with a frame
-  /// lag gets the image of its frame in `next`; this is detected only if the last call was for
-  /// `pulse` - 1. `next`: frames of the next pulse; their masks are limited to the view of the
+  /// lag gets the raw frame in `next`, with its label; this is detected only if the last call was
+  /// for `pulse` - 1. `next`: frames of the next pulse; their masks are limited to the view of the
   /// bounds.
   void repair(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next);
 

@@ -56,8 +56,13 @@ SceneRenderer::SceneRenderer(Scene scene, const Options& options)
                             ? resolved_view_source(options.view_source, take.take)
                             : recorded::ViewSource::kPhotographs;
     meshes->enable_views(options.view_dependent && source == recorded::ViewSource::kMesh);
-    actors_.push_back({take, std::move(meshes), std::move(pulses),
-                       load_take_info(take::TakePaths{take.take}).rate_hz, source});
+    const take::TakePaths paths{take.take};
+    std::optional<recorded::TakeFrames> photographs;
+    if (options.view_dependent && source == recorded::ViewSource::kPhotographs) {
+      photographs.emplace(take.take, recorded::recorded_cameras(paths));
+    }
+    actors_.push_back({take, std::move(meshes), std::move(pulses), load_take_info(paths).rate_hz,
+                       source, std::move(photographs)});
   }
   for (const SceneModel& model : scene_.models) {
     append(models_, lit_model(load_model(model.model), model.place.world_from_own()));
@@ -93,6 +98,15 @@ Image SceneRenderer::backdrop(const CameraModel& camera, double seconds) {
   return still_;
 }
 
+Mesh SceneRenderer::coloured(Actor& actor, const CameraModel& camera,
+                             const recon::CompactFrame& frame) const {
+  if (!options_.view_dependent) return frame.mesh;
+  const CameraModel eye = camera_in_take(camera, actor.take.place);
+  return actor.photographs
+             ? recorded::ViewColours(*actor.photographs, frame).coloured_for(eye)
+             : recorded::ViewColours(actor.take.take, frame, actor.view_source).coloured_for(eye);
+}
+
 void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double seconds,
                              Mesh& all) const {
   const auto pulse =
@@ -102,10 +116,7 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double sec
   const auto next = std::ranges::upper_bound(actor.pulses, *pulse);
   const recon::CompactFrame frame =
       actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
-  Mesh mesh = options_.view_dependent
-                  ? recorded::ViewColours(actor.take.take, frame, actor.view_source)
-                        .coloured_for(camera_in_take(camera, actor.take.place))
-                  : frame.mesh;
+  Mesh mesh = coloured(actor, camera, frame);
   if (actor.take.performer) {
     mesh.triangles = recon::triangles_of_performer(mesh, frame.performers, *actor.take.performer);
   }

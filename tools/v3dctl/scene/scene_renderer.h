@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,8 +44,10 @@ class SceneRenderer {
     std::vector<int64_t> pulses;
     double rate_hz;
     recorded::ViewSource view_source;  ///< without meaning where colours are not view-dependent
+    std::optional<recorded::TakeFrames> photographs;  ///< open where colours come from them
   };
 
+  Mesh coloured(Actor& actor, const CameraModel& camera, const recon::CompactFrame& frame) const;
   void add_take(Actor& actor, const CameraModel& camera, double seconds, Mesh& all) const;
   Image backdrop(const CameraModel& camera, double seconds);
 

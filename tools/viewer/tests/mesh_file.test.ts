@@ -112,8 +112,8 @@ describe('frames and pulses', () => {
     };
     expect(() => keyPulseOf(ofVersion(1))).toThrow('v3dctl reconstruct');
     expect(keyPulseOf(ofVersion(2))).toBe(25);
-    expect(keyPulseOf(ofVersion(3))).toBe(25);
-    expect(() => keyPulseOf(ofVersion(5))).toThrow('update V3D');
+    expect(keyPulseOf(ofVersion(5))).toBe(25);
+    expect(() => keyPulseOf(ofVersion(6))).toThrow('update V3D');
   });
 
   it('that are none are reported as a damaged file or a replaced one', () => {

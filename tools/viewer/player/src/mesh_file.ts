@@ -150,7 +150,7 @@ export function keyPulseOf(frame: Uint8Array): number {
   }
   const version = view(frame).getUint16(8, true);
   if (version < 2) throw new Error('These meshes are of an older version; run v3dctl reconstruct again.');
-  if (version > 4) throw new Error('These meshes are of a newer version than this page; update V3D.');
+  if (version > 5) throw new Error('These meshes are of a newer version than this page; update V3D.');
   return number64(view(frame), 40);
 }
 
