@@ -62,6 +62,11 @@ struct TakePaths {
   /// The pulses of mesh.v3d with coarser voxels, for previews. Absent unless requested.
   std::filesystem::path proxy() const { return folder / "proxy.v3d"; }
   std::filesystem::path motion() const { return folder / "motion.v3d"; }
+  /// Tracked surfaces of meshes that v3dctl reconstruct has replaced, numbered from 1
+  /// (is_earlier_motion()).
+  std::filesystem::path earlier_motion(int number) const {
+    return folder / ("motion.earlier-" + std::to_string(number) + ".v3d");
+  }
   /// The operations of an edited take (docs/editing.md). Recordings have none.
   std::filesystem::path edit() const { return folder / "edit.json"; }
   /// The crew's notes. Absent until the first note.

@@ -157,10 +157,14 @@ bool is_skeleton(std::string_view name) {
   return name.starts_with("skeleton.") && name.ends_with(".json");
 }
 
+bool is_earlier_motion(std::string_view name) {
+  return name.starts_with("motion.earlier-") && name.ends_with(".v3d");
+}
+
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog.index") || is_signature(name) || is_repaired_pulses(name) ||
-         is_skeleton(name) ||
+         is_skeleton(name) || is_earlier_motion(name) ||
          std::ranges::any_of(std::array{paths.ledger(), paths.verified(), paths.slate(),
                                         paths.mesh(), paths.proxy(), paths.motion()},
                              [&](const fs::path& path) { return path == name; });

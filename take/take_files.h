@@ -60,9 +60,12 @@ bool is_part_of_take(std::string_view name);
 /// True for the name of a skeleton (docs/skeleton.md): skeleton.json, skeleton.performer2.json.
 bool is_skeleton(std::string_view name);
 
+/// True for the name of TakePaths::earlier_motion(): motion.earlier-1.v3d.
+bool is_earlier_motion(std::string_view name);
+
 /// True for a file that is written after the ledger, whose checksum no ledger can contain: the
-/// ledger itself, verified.toml, the slate, mesh.v3d, proxy.v3d, motion.v3d, skeletons,
-/// repaired.<node>.txt, signatures, and segment indexes of recoveries (SegmentIndex).
+/// ledger itself, verified.toml, the slate, mesh.v3d, proxy.v3d, motion.v3d and earlier ones,
+/// skeletons, repaired.<node>.txt, signatures, and segment indexes of recoveries (SegmentIndex).
 bool is_written_after_ledger(std::string_view name);
 
 /// Reads length and modification time of a file, without a checksum. Fails with path and cause when

@@ -160,11 +160,12 @@ void link_shared_files(const TakePaths& part, const TakePaths& into) {
   link_folder(part.sound(), into.sound());
 }
 
-/// Links tracked surfaces and skeletons where there are none yet.
+/// Links tracked surfaces, those of earlier meshes and skeletons where there are none yet.
 void link_motion(const TakePaths& part, const TakePaths& into) {
   link_if_present(part.motion(), into.motion());
   for (const std::string& name : io::value_or_throw(take_file_names(part))) {
-    if (is_skeleton(name)) link_if_present(part.folder / name, into.folder / name);
+    if (!is_skeleton(name) && !is_earlier_motion(name)) continue;
+    link_if_present(part.folder / name, into.folder / name);
   }
 }
 

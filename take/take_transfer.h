@@ -16,11 +16,12 @@ namespace v3d::take {
 ///
 /// The joined take has the cameras and background plates of all parts, the pulse log of the node
 /// that sensed the most pulses, mesh.v3d and proxy.v3d of part_with_most_meshes() and one ledger
-/// (merge()), and a slate with the text of all parts (join_slates()). Its motion.v3d and its
-/// skeletons are those of the same part, otherwise each is that of the first part that has one. The
-/// ledger names the capture nodes of the take's studio file that have neither a part, nor a camera
-/// or signature in another part. Files are hard-linked where the file system permits it, and copied
-/// elsewhere; the parts do not change. A part of a node that only reconstructs has no take.toml.
+/// (merge()), and a slate with the text of all parts (join_slates()). Its motion.v3d, its earlier
+/// ones and its skeletons are those of the same part, otherwise each is that of the first part that
+/// has one. The ledger names the capture nodes of the take's studio file that have neither a part,
+/// nor a camera or signature in another part. Files are hard-linked where the file system permits
+/// it, and copied elsewhere; the parts do not change. A part of a node that only reconstructs has
+/// no take.toml.
 ///
 /// Throws InputError when no part has a take.toml, when a part has logs of cameras and no
 /// take.toml, when a part contains a symbolic link, and when the parts contradict each other:

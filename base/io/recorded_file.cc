@@ -22,7 +22,8 @@ bool is_log(std::string_view name) {
 bool is_take_file(std::string_view name) {
   return std::ranges::find(kTakeFiles, name) != kTakeFiles.end() || name.starts_with(".") ||
          (name.starts_with("signature.") && name.ends_with(".toml")) ||
-         (name.starts_with("repaired.") && name.ends_with(".txt"));
+         (name.starts_with("repaired.") && name.ends_with(".txt")) ||
+         (name.starts_with("motion.earlier-") && name.ends_with(".v3d"));
 }
 
 bool is_take(const fs::path& folder) {

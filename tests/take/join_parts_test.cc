@@ -253,6 +253,12 @@ TEST_F(JoinParts, has_the_tracked_surfaces_of_its_meshes) {
   EXPECT_EQ(read_take_text(whole_.motion()), "of recon01") << "it has the meshes";
 }
 
+TEST_F(JoinParts, has_the_tracked_surfaces_of_meshes_that_were_replaced) {
+  test::write_text(part("recon01").earlier_motion(1), "of earlier meshes");
+  join();
+  EXPECT_EQ(read_file(whole_.earlier_motion(1)), "of earlier meshes");
+}
+
 TEST_F(JoinParts, has_the_skeletons_of_its_meshes_and_those_that_only_another_part_has) {
   test::write_text(part("cap01").folder / "skeleton.json", "of cap01");
   test::write_text(part("cap01").folder / "skeleton.performer2.json", "of cap01");

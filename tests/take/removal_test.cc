@@ -46,6 +46,7 @@ TEST(RecordedFile, is_every_file_that_a_take_has) {
                               segment_index_path(paths.frames("cam07")),
                               paths.background() / "cam07.mean.png",
                               paths.sound() / "cap01.wav",
+                              paths.earlier_motion(1),
                               signature_path(paths, "cap01"),
                               repaired_pulses_path(paths, "recon01")};
   const std::vector<std::string> names = names_of_take_paths();

@@ -87,6 +87,7 @@ TEST(TakeFilesAfterTheLedger, are_results_that_no_ledger_lists) {
   EXPECT_TRUE(is_written_after_ledger("mesh.v3d"));
   EXPECT_TRUE(is_written_after_ledger("proxy.v3d"));
   EXPECT_TRUE(is_written_after_ledger("motion.v3d"));
+  EXPECT_TRUE(is_written_after_ledger("motion.earlier-2.v3d"));
   EXPECT_FALSE(is_written_after_ledger("cam01.lcmlog"));
 }
 

@@ -217,8 +217,37 @@ TEST_F(TrackTake, is_rejected_without_a_surface_and_keeps_the_old_motion) {
   const fs::path file = take::TakePaths{take_}.motion();
   const std::string before = read_file(file);
   reconstruct({{-0.2, -0.2, 0.4}, {0.2, 0.2, 0.5}});  // above the ball
+  fs::rename(take::TakePaths{take_}.earlier_motion(1), file);
   EXPECT_THAT(rejection(request_), HasSubstr("no pulse has a surface to track"));
   EXPECT_EQ(read_file(file), before);
+}
+
+TEST_F(TrackTake, has_no_surface_of_earlier_meshes_and_keeps_each_under_another_name) {
+  const take::TakePaths paths{take_};
+  reconstruct();
+  for (const int number : {1, 2}) {
+    const std::string surface = "surface " + std::to_string(number);
+    test::write_text(paths.motion(), surface);
+    const std::vector<std::string> left_out{number == 1 ? "c" : "d"};
+    testing::internal::CaptureStderr();
+    reconstruct(kSpace, left_out);
+    EXPECT_THAT(
+        testing::internal::GetCapturedStderr(),
+        HasSubstr("motion.v3d to " + paths.earlier_motion(number).filename().string() +
+                  ": it was tracked on the earlier meshes; v3dctl track " + take_.string()));
+    EXPECT_FALSE(fs::exists(paths.motion()));
+    EXPECT_EQ(read_file(paths.earlier_motion(number)), surface);
+  }
+  EXPECT_EQ(read_file(paths.earlier_motion(1)), "surface 1");
+}
+
+TEST_F(TrackTake, keeps_the_surface_where_another_reconstruction_makes_the_same_meshes) {
+  const take::TakePaths paths{take_};
+  reconstruct();
+  test::write_text(paths.motion(), "surface");
+  reconstruct();
+  EXPECT_EQ(read_file(paths.motion()), "surface");
+  EXPECT_FALSE(fs::exists(paths.earlier_motion(1)));
 }
 
 TEST_F(TrackTake, uses_no_images_of_a_camera_that_the_reconstruction_left_out) {

@@ -13,6 +13,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "take/take_files.h"
 
 namespace v3d::ctl {
 namespace {
@@ -24,6 +25,7 @@ void sync_folder_of(const fs::path& path) {
 }
 
 constexpr char kPartial[] = ".partial-";
+constexpr take::ReadFrom kFromCache = take::ReadFrom::kPageCache;
 
 /// A hidden name, because the file is no file of the take yet (take::take_file_names()).
 fs::path partial_path(const fs::path& path) {
@@ -50,6 +52,20 @@ void remove_abandoned(const fs::path& path) {
        fs::directory_iterator(fs::absolute(path).parent_path(), ignored)) {
     if (!is_abandoned(entry.path().filename(), prefix)) continue;
     fs::remove(entry.path(), ignored);
+  }
+}
+
+/// Gives the tracked surfaces another name, which no command reads.
+void keep_as_earlier_motion(const take::TakePaths& take) {
+  for (int number = 1;; ++number) {
+    const fs::path kept = take.earlier_motion(number);
+    const io::Status renamed = io::rename_new(take.motion(), kept);
+    if (!renamed && renamed.error().code == EEXIST) continue;
+    io::throw_if_failed(renamed);
+    note("renamed " + take.motion().string() + " to " + kept.filename().string() +
+         ": it was tracked on the earlier meshes; v3dctl track " + take.folder.string() +
+         " makes another");
+    return;
   }
 }
 
@@ -105,6 +121,15 @@ void PendingMeshFile::append(int64_t pulse, const take::MeshRecord& record) {
 
 void PendingMeshFile::close() { io::throw_if_failed(file_.close()); }
 
+bool PendingMeshFile::has_bytes_of_earlier() const {
+  std::error_code error;  // the size is then that of no file
+  if (fs::file_size(path_, error) != fs::file_size(temporary_path_, error)) return false;
+  const take::TakePaths folder{path_.parent_path()};
+  const auto made = take::read_take_file(folder, temporary_path_.filename(), kFromCache);
+  const auto earlier = take::read_take_file(folder, path_.filename(), kFromCache);
+  return made && earlier && made->checksum == earlier->checksum;
+}
+
 void PendingMeshFile::finish() {
   close();
   fs::rename(temporary_path_, path_);
@@ -137,6 +162,9 @@ void replace_meshes(PendingMeshes& meshes, const take::TakePaths& take) {
   const bool had_proxy = fs::remove(take.proxy(), error);
   if (error) throw fs::filesystem_error("cannot remove", take.proxy(), error);
   if (had_proxy) sync_folder_of(take.proxy());
+  if (file_exists(take.motion()) && !meshes.master.has_bytes_of_earlier()) {
+    keep_as_earlier_motion(take);
+  }
   meshes.finish();
   if (had_proxy && !meshes.proxy) {
     note("removed " + take.proxy().string() +

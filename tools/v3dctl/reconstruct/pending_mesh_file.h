@@ -49,6 +49,9 @@ class PendingMeshFile {
   void append(int64_t pulse, const take::MeshRecord& record);
   /// Writes the index and syncs the file; append() must not follow. Throws as append().
   void close();
+  /// True when the file of the final path has the same bytes; false when one of them cannot be
+  /// read. Requires close().
+  bool has_bytes_of_earlier() const;
   /// close() and renames the file. Throws as append().
   void finish();
   /// finish() for meshes that were made of the file of the final path. Throws InputError when that
@@ -75,9 +78,13 @@ struct PendingMeshes {
   std::optional<PendingMeshFile> proxy;
 };
 
-/// finish() for mesh.v3d and proxy.v3d of `take`. Removes the earlier proxy before mesh.v3d is
-/// replaced, so that no proxy of other meshes remains after an interruption. Reports on stderr a
-/// proxy that has no successor. Throws std::runtime_error for errors of the disk.
+/// finish() for mesh.v3d and proxy.v3d of `take`.
+///
+/// Before mesh.v3d is replaced, so that an interruption leaves no results of other meshes: removes
+/// the earlier proxy, and gives motion.v3d the next free name of earlier_motion(), because tracking
+/// takes hours. motion.v3d stays where mesh.v3d stays the same to the byte. Reports on stderr a
+/// proxy that has no successor, and the new name of motion.v3d. Throws std::runtime_error for
+/// errors of the disk.
 void replace_meshes(PendingMeshes& meshes, const take::TakePaths& take);
 
 /// Suffix of temporary names: host and process.
