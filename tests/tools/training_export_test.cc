@@ -288,6 +288,37 @@ TEST_F(TrainingExport, on_a_full_disk_names_the_file_and_leaves_nothing) {
       << "the filler alone";
 }
 
+/// glb-sequence and usda make their file in memory.
+class SequenceExport : public TrainingExport {
+ protected:
+  void export_to(const fs::path& file) {
+    export_take({.take = take_, .out = file, .format = TakeFormat::kUsda});
+  }
+};
+
+TEST_F(SequenceExport, makes_the_folder_of_its_file) {
+  export_to(folder_ / "new/deliveries/out.usda");
+  ASSERT_TRUE(fs::exists(folder_ / "new/deliveries/out.usda"));
+  EXPECT_EQ(
+      std::distance(fs::directory_iterator(folder_ / "new/deliveries"), fs::directory_iterator()),
+      1);
+}
+
+TEST_F(SequenceExport, rejects_a_file_that_cannot_be_written_before_it_reads_a_mesh) {
+  std::string bytes = read_file(take_ / "mesh.v3d");
+  bytes.at(16 + 24 + 10) ^= 1;  // in the payload of pulse 0
+  test::write_text(take_ / "mesh.v3d", bytes);
+  fs::create_directory(folder_ / "out.usda");
+  test::write_text(folder_ / "file", "mine");
+  const auto rejection = [&](const fs::path& file) {
+    return test::message_of<InputError>([&] { export_to(file); });
+  };
+  EXPECT_THAT(rejection(folder_ / "other.usda"), HasSubstr("is damaged"));
+  EXPECT_FALSE(fs::exists(folder_ / "other.usda"));
+  EXPECT_THAT(rejection(folder_ / "out.usda"), HasSubstr("is a folder; expected the name of a"));
+  EXPECT_THAT(rejection(folder_ / "file/out.usda"), HasSubstr("file: a file has this name"));
+}
+
 TEST_F(TrainingExport, without_a_frame_of_a_camera_leaves_it_out_and_is_incomplete) {
   test::truncate_file(take_ / "b.lcmlog", 0.6);
   EXPECT_EQ(exported(TakeFormat::kColmap), kExitIncomplete);

@@ -10,6 +10,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "common/partial_file.h"
 #include "common/partial_folder.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "take/take_timecode.h"
@@ -63,13 +64,24 @@ void check_request(const TakeExport& request) {
   }
 }
 
+void create_folder_of(const fs::path& out) {
+  if (const io::Status made = io::create_folders(fs::absolute(out).parent_path()); !made) {
+    io::throw_input_error(made.error());
+  }
+}
+
+/// Throws where `file` cannot be written. Its content, which is made in memory, takes minutes.
+void require_writable(const fs::path& file) {
+  create_folder_of(file);
+  const PartialFile trial(file);
+  io::throw_if_failed(io::replace_file(trial.path(), ""));
+}
+
 int export_training(const TakeExport& request, recorded::MeshFrames& meshes,
                     const std::vector<int64_t>& pulses) {
   const bool colmap = request.format == TakeFormat::kColmap;
   TrainingPulses training(request.take, std::string("--format ") + name_of(request.format));
-  if (const io::Status made = io::create_folders(fs::absolute(request.out).parent_path()); !made) {
-    io::throw_input_error(made.error());
-  }
+  create_folder_of(request.out);
   PartialFolder folder(request.out);
   Progress progress("export", std::ssize(pulses));
   for (const int64_t pulse : pulses) {
@@ -87,6 +99,7 @@ int export_training(const TakeExport& request, recorded::MeshFrames& meshes,
 
 int export_sequence(const TakeExport& request, const take::TakeInfo& info,
                     recorded::MeshFrames& meshes, const std::vector<int64_t>& pulses) {
+  require_writable(request.out);
   const take::TakeTimecode timecodes({request.take});
   const SequenceOptions options{info.name, info.rate_hz,
                                 [&](int64_t pulse) { return timecodes.at(pulse); }};
