@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/core/error.h"
 #include "gltf/gltf_file.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/glb.h"
 
@@ -169,6 +171,23 @@ TEST_F(GlbSequence, shows_nothing_at_a_pulse_with_an_empty_surface) {
 TEST_F(GlbSequence, of_empty_surfaces_alone_is_a_valid_file) {
   add(0, {});
   EXPECT_TRUE(finished().model().meshes.empty());
+}
+
+TEST_F(GlbSequence, ends_at_the_pulse_that_exceeds_the_format) {
+  const auto begin = [&] {
+    sequence_ = make_glb_sequence({.take = "kendo-07", .rate_hz = 25, .max_glb_bytes = 200});
+  };
+  const auto rejection = [&](int64_t pulse) {
+    return test::message_of<InputError>([&] { add(pulse, tetrahedron(7)); });
+  };
+  begin();
+  add(0, tetrahedron(1));  // a mesh of 128 bytes, written with the next pulse
+  add(1, other_triangles(1));
+  EXPECT_THAT(rejection(2),
+              HasSubstr("the surfaces up to pulse 1 exceed; expected fewer --frames"));
+  begin();
+  for (int pulse = 0; pulse < 5; ++pulse) add(pulse, tetrahedron(1.0F + 0.1F * pulse));
+  EXPECT_THAT(rejection(5), HasSubstr("up to pulse 5 exceed")) << "five morph targets of 48 bytes";
 }
 
 std::string usda(const std::vector<std::pair<int64_t, Mesh>>& surfaces) {

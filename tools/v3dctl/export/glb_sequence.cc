@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/core/error.h"
 #include "v3dctl/export/gltf_document.h"
 #include "v3dctl/export/surface_sequence.h"
 
@@ -52,6 +53,7 @@ class GlbSequence : public SurfaceSequence {
   void add(int64_t pulse, const Mesh& mesh) override {
     if (group_ && group_->continues_with(mesh)) {
       group_->targets.push_back({{"POSITION", add_target(mesh)}});
+      require_room(pulse);
     } else {
       close_group();
       group_.emplace();
@@ -77,6 +79,16 @@ class GlbSequence : public SurfaceSequence {
   }
 
  private:
+  /// `pulse`: the last one in the file. An export of hours of a take would otherwise fill the
+  /// memory before it fails.
+  void require_room(int64_t pulse) const {
+    if (out_.buffer_bytes() <= options_.max_glb_bytes) return;
+    throw InputError(fmt::format(
+        "a GLB file contains at most {:.3g} GB, which the surfaces up to pulse {} exceed; expected "
+        "fewer --frames",
+        1e-9 * static_cast<double>(options_.max_glb_bytes), pulse));
+  }
+
   /// The displacements of all vertices.
   size_t add_target(const Mesh& mesh) {
     Mesh difference;
@@ -102,6 +114,7 @@ class GlbSequence : public SurfaceSequence {
     if (group.first.triangles.empty()) return;
     const std::string name = name_of(group.pulses.front());
     json node = {{"name", name}, {"mesh", add_mesh(group, name)}};
+    require_room(group.pulses.back());
     if (shown_.size() > 1) node["scale"] = {0, 0, 0};
     const int64_t pulse = group.pulses.front();
     if (const auto timecode = timecode_of(pulse))

@@ -128,7 +128,7 @@ std::string GltfDocument::bytes() {
   fill_to_word(text, ' ');
   fill_to_word(binary_, '\0');
   const size_t size = 20 + text.size() + (binary_.empty() ? 0 : 8 + binary_.size());
-  if (size > UINT32_MAX) {
+  if (size > kMaxGlbBytes) {
     throw InputError("a GLB file contains at most 4 GB, not " + std::to_string(size) +
                      " bytes; expected fewer --frames");
   }

@@ -21,6 +21,9 @@ inline constexpr int kElementArrayBuffer = 34963;
 inline constexpr int kUnsignedInt = 5125;
 inline constexpr int kTriangles = 4;
 
+/// Limit of a file, bytes.
+inline constexpr uint64_t kMaxGlbBytes = UINT32_MAX;
+
 /// One thread.
 class GltfDocument {
  public:
@@ -53,7 +56,9 @@ class GltfDocument {
   /// studio (KHR_materials_unlit); returns the index.
   size_t add_unlit_material();
 
-  /// The whole file. Throws InputError when it would exceed the 4 GB of the format.
+  /// Length of the first buffer so far.
+  uint64_t buffer_bytes() const { return binary_.size(); }
+  /// The whole file. Throws InputError when it would exceed kMaxGlbBytes.
   std::string bytes();
 
  private:

@@ -9,6 +9,7 @@
 
 #include "base/geometry/mesh.h"
 #include "take/take_timecode.h"
+#include "v3dctl/export/gltf_document.h"
 
 namespace v3d::ctl {
 
@@ -17,13 +18,15 @@ struct SequenceOptions {
   double rate_hz = 0;  ///< pulses per second
   /// The timecode of a pulse where it is known; may be empty.
   std::function<std::optional<take::PulseTimecode>(int64_t pulse)> timecode = {};
+  uint64_t max_glb_bytes = kMaxGlbBytes;  ///< limit of a GLB file
 };
 
 /// Writer of one file. It keeps the content in memory. One thread.
 class SurfaceSequence {
  public:
   virtual ~SurfaceSequence() = default;
-  /// Adds the surface of a pulse, ascending: world, metres, z up. It may be empty.
+  /// Adds the surface of a pulse, ascending: world, metres, z up. It may be empty. Throws
+  /// InputError where the surfaces so far exceed the format.
   virtual void add(int64_t pulse, const Mesh& mesh) = 0;
   /// The whole file. Throws InputError where the format cannot hold it. No add() afterwards.
   virtual std::string finish() = 0;
