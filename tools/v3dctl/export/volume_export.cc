@@ -213,17 +213,15 @@ class TextureVideos {
                 const std::vector<SegmentPlaces>& segments, const fs::path& sound,
                 const std::optional<take::PulseTimecode>& timecode) {
     first_ = next_ = segments.front().front().pulse;
-    std::vector<double> keys;
-    for (const SegmentPlaces& segment : segments) {
-      keys.push_back(static_cast<double>(segment.front().pulse - first_) / rate_hz);
-    }
+    std::vector<int64_t> keys;
+    for (const SegmentPlaces& segment : segments) keys.push_back(segment.front().pulse - first_);
     const std::string first_picture = timecode ? video_timecode(*timecode, rate_hz) : "";
     for (const TextureVideo& video : kVideos) {
       writers_.push_back(std::make_unique<VideoWriter>(folder / video.file, ImageSize{side, side},
                                                        rate_hz,
                                                        VideoOptions{.codec = video.codec,
                                                                     .quality = video.quality,
-                                                                    .key_pictures_s = keys,
+                                                                    .key_pictures = keys,
                                                                     .sound = sound,
                                                                     .timecode = first_picture}));
     }

@@ -29,14 +29,6 @@ std::vector<std::string> codec_words(const fs::path& path, const VideoOptions& o
   return {"-c:v", "libaom-av1", "-crf", quality(30), "-b:v", "0", "-cpu-used", "6", "-row-mt", "1"};
 }
 
-/// Words for pictures that a player can start from.
-std::vector<std::string> key_picture_words(const std::vector<double>& times_s) {
-  if (times_s.empty()) return {};
-  std::string times;
-  for (const double time : times_s) times += (times.empty() ? "" : ",") + std::to_string(time);
-  return {"-force_key_frames", times};
-}
-
 std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz,
                                       const VideoOptions& options) {
   if (size.width % 2 != 0 || size.height % 2 != 0) {
@@ -69,7 +61,9 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
   add({"-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"});
   add({"-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"});
   add(codec_words(path, options));
-  add(key_picture_words(options.key_pictures_s));
+  if (!options.key_pictures.empty()) {
+    add({"-force_key_frames", key_picture_times(options.key_pictures, rate_hz)});
+  }
   if (!options.timecode.empty()) add({"-timecode", options.timecode});
   // The index comes first, so that a browser starts before it has the whole file.
   if (path.extension() == ".mp4" || path.extension() == ".mov") add({"-movflags", "+faststart"});
@@ -127,6 +121,15 @@ fs::path require_one_size(fs::path path) {
 }
 
 }  // namespace
+
+std::string key_picture_times(const std::vector<int64_t>& pictures, double rate_hz) {
+  std::string times;
+  for (const int64_t picture : pictures) {
+    const double periods = std::max(0.0, static_cast<double>(picture) - 0.25);
+    times += (times.empty() ? "" : ",") + std::to_string(periods / rate_hz);
+  }
+  return times;
+}
 
 bool VideoWriter::writes(const fs::path& path) {
   constexpr std::array<const char*, 4> kEndings{".mp4", ".mov", ".mkv", ".webm"};

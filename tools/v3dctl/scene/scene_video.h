@@ -1,6 +1,7 @@
 // Videos of scenes, through the program ffmpeg: writing pictures and reading a background.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -21,8 +22,9 @@ struct VideoOptions {
   };
   Codec codec = Codec::kByName;
   int quality = 0;  ///< constant rate factor of the codec, smaller is better; 0: for pictures
-  /// Times of pictures that a player can start from, besides those that the codec chooses, seconds.
-  std::vector<double> key_pictures_s = {};
+  /// Numbers of pictures that a player can start from, ascending, besides those that the codec
+  /// chooses.
+  std::vector<int64_t> key_pictures = {};
   /// A sound file that becomes the sound of the video: AAC in .mp4 and .mov, otherwise Opus; empty:
   /// none.
   std::filesystem::path sound = {};
@@ -30,6 +32,11 @@ struct VideoOptions {
   /// "10:00:03;12"): a track of .mp4 and .mov, a tag of other files; empty: none.
   std::string timecode = {};
 };
+
+/// Times of pictures for -force_key_frames of ffmpeg, seconds: "0.058333,0.158333". Each is a
+/// quarter of a period before its picture, because ffmpeg 5 takes the picture nearest to a time,
+/// and later versions the first that is not before it.
+std::string key_picture_times(const std::vector<int64_t>& pictures, double rate_hz);
 
 /// Encodes pictures. The file gets its name, in place of an existing one, when it is complete
 /// (PartialFile). One thread.
