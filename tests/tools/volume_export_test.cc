@@ -144,6 +144,28 @@ TEST_F(VolumeExportTake, has_a_manifest_that_names_segments_and_videos) {
   }
 }
 
+TEST_F(VolumeExportTake, states_the_level_of_its_video_in_the_manifest) {
+  exported();
+  const ProcessStream ffprobe(
+      {"ffprobe", "-v", "error", "-select_streams", "v:0", "-show_entries", "stream=level", "-of",
+       "default=nokey=1:noprint_wrappers=1", (folder_ / "out/texture-h264.mp4").string()},
+      ProcessStream::End::kStdout);
+  std::string level;
+  for (uint8_t byte = 0; ffprobe.read({&byte, 1});) level += static_cast<char>(byte);
+  EXPECT_EQ(level, "40\n");
+  const nlohmann::json file = manifest();
+  EXPECT_EQ(file["texture"]["videos"][0]["type"], "video/mp4; codecs=\"av01.0.08M.08\"");
+  EXPECT_EQ(file["texture"]["videos"][1]["type"], "video/mp4; codecs=\"avc1.640028\"") << "4.0";
+}
+
+TEST_F(VolumeExportTake, is_rejected_for_a_texture_that_exceeds_all_levels_of_videos) {
+  EXPECT_EQ(test::message_of<InputError>([&] {
+              export_volume({take_, folder_ / "out", {}, 8192, false});
+            }),
+            "--atlas 8192: expected at most 5968 for a video at 25 Hz");
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
+}
+
 TEST_F(VolumeExportTake, keeps_positions_and_leaves_colours_to_the_texture) {
   exported();
   TrackedSurfaces before(take::TakePaths{take_}.motion());

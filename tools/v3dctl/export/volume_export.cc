@@ -22,6 +22,7 @@
 #include "take/take_timecode.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/texture_painter.h"
+#include "v3dctl/export/video_levels.h"
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_sound.h"
@@ -44,18 +45,24 @@ constexpr int kStillQuality = 70;
 /// Sound is AAC, which browsers and other players read in .mp4 everywhere; Opus in .mp4 is newer.
 constexpr const char* kSoundCodec = "mp4a.40.2";
 
-/// Video codecs for a browser that chooses between the videos. They state the levels 5.0 (AV1) and
-/// 5.1 (H.264), which include 2048 x 2048 at 25 Hz. A larger atlas needs a higher level than
-/// stated.
 struct TextureVideo {
   const char* file;
-  const char* video_codec;
   VideoOptions::Codec codec;
   int quality;
+  VideoLevel level;
 };
-constexpr TextureVideo kVideos[] = {
-    {"texture-av1.mp4", "av01.0.12M.08", VideoOptions::Codec::kAv1, kAv1Quality},
-    {"texture-h264.mp4", "avc1.640033", VideoOptions::Codec::kH264, kH264Quality}};
+
+/// The videos that a browser chooses from. Throws InputError for a size and rate that exceed every
+/// level: decoders in hardware, and many others, would reject such a video.
+std::vector<TextureVideo> texture_videos(int side, double rate_hz) {
+  const auto av1 = av1_level(side, rate_hz), h264 = h264_level(side, rate_hz);
+  if (!av1 || !h264) {
+    throw InputError(fmt::format("--atlas {}: expected at most {} for a video at {:g} Hz", side,
+                                 max_video_side(rate_hz), rate_hz));
+  }
+  return {{"texture-av1.mp4", VideoOptions::Codec::kAv1, kAv1Quality, *av1},
+          {"texture-h264.mp4", VideoOptions::Codec::kH264, kH264Quality, *h264}};
+}
 
 /// The pulses of one segment of the file that are delivered: ascending, not empty.
 using SegmentPlaces = std::vector<TrackedSurfaces::Place>;
@@ -216,11 +223,12 @@ class TextureVideos {
     std::vector<int64_t> keys;
     for (const SegmentPlaces& segment : segments) keys.push_back(segment.front().pulse - first_);
     const std::string first_picture = timecode ? video_timecode(*timecode, rate_hz) : "";
-    for (const TextureVideo& video : kVideos) {
+    for (const TextureVideo& video : texture_videos(side, rate_hz)) {
       writers_.push_back(std::make_unique<VideoWriter>(folder / video.file, ImageSize{side, side},
                                                        rate_hz,
                                                        VideoOptions{.codec = video.codec,
                                                                     .quality = video.quality,
+                                                                    .level = video.level.name,
                                                                     .key_pictures = keys,
                                                                     .sound = sound,
                                                                     .timecode = first_picture}));
@@ -251,7 +259,7 @@ class TextureVideos {
 /// Media type of a video, for the function canPlayType() of browsers.
 std::string media_type(const TextureVideo& video, bool has_sound) {
   const std::string sound = has_sound ? std::string(", ") + kSoundCodec : "";
-  return std::string("video/mp4; codecs=\"") + video.video_codec + sound + "\"";
+  return std::string("video/mp4; codecs=\"") + video.level.codec + sound + "\"";
 }
 
 Json manifest_of(const take::TakeInfo& info, int side, const std::vector<SegmentPlaces>& segments,
@@ -265,7 +273,7 @@ Json manifest_of(const take::TakeInfo& info, int side, const std::vector<Segment
     manifest["timecode_rate"] = name(parts.timecode->rate);
   }
   manifest["texture"]["side"] = side;
-  for (const TextureVideo& video : kVideos) {
+  for (const TextureVideo& video : texture_videos(side, info.rate_hz)) {
     manifest["texture"]["videos"].push_back(
         {{"file", video.file}, {"type", media_type(video, parts.has_sound)}});
   }
@@ -377,6 +385,7 @@ WrittenParts write_parts(const VolumeExport& request, const fs::path& folder,
 int export_volume(const VolumeExport& request) {
   const take::TakePaths paths{request.take};
   const take::TakeInfo info = take::load_take_info(paths);
+  texture_videos(request.atlas_side, info.rate_hz);  // throws
   if (!file_exists(paths.motion())) {
     throw InputError(paths.motion().string() + ": is not there: run v3dctl track " +
                      request.take.string() + " first");

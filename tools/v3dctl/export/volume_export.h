@@ -21,8 +21,8 @@ struct VolumeExport {
 /// without raw frames, such as an edited one. The videos have the take's sound in step, where it
 /// has any. Reports the pulses without a surface, and cameras without frames, in a line each on
 /// stderr. Returns the exit status. Throws InputError for a take without a tracked surface, for
-/// pulses that it does not have, without ffmpeg, and when `out` is a folder with files;
-/// std::runtime_error with the path for errors of the disk.
+/// pulses that it does not have, for a texture that exceeds all levels of videos, without ffmpeg,
+/// and when `out` is a folder with files; std::runtime_error with the path for errors of the disk.
 int export_volume(const VolumeExport& request);
 
 }  // namespace v3d::ctl

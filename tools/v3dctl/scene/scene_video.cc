@@ -24,7 +24,11 @@ std::vector<std::string> codec_words(const fs::path& path, const VideoOptions& o
   };
   VideoOptions::Codec codec = options.codec;
   if (codec == kByName) codec = path.extension() == ".webm" ? kVp9 : kH264;
-  if (codec == kH264) return {"-c:v", "libx264", "-crf", quality(18)};
+  if (codec == kH264) {
+    std::vector<std::string> words{"-c:v", "libx264", "-crf", quality(18)};
+    if (!options.level.empty()) words.insert(words.end(), {"-level", options.level});
+    return words;
+  }
   if (codec == kVp9) return {"-c:v", "libvpx-vp9", "-crf", quality(24), "-b:v", "0"};
   return {"-c:v", "libaom-av1", "-crf", quality(30), "-b:v", "0", "-cpu-used", "6", "-row-mt", "1"};
 }

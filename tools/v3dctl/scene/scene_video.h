@@ -22,6 +22,9 @@ struct VideoOptions {
   };
   Codec codec = Codec::kByName;
   int quality = 0;  ///< constant rate factor of the codec, smaller is better; 0: for pictures
+  /// Level that the file states, "5.1": H.264 only; empty: the encoder chooses, as always for other
+  /// codecs.
+  std::string level = {};
   /// Numbers of pictures that a player can start from, ascending, besides those that the codec
   /// chooses.
   std::vector<int64_t> key_pictures = {};
