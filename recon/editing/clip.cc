@@ -21,15 +21,15 @@ void check_range(const Clip& clip, ClipRange range) {
   V3D_CHECK(range.first < range.last && range.last <= clip.frames.size());
 }
 
-bool hangs_on(Joint joint, Joint root) {
-  while (joint != root && joint != parent(joint)) joint = parent(joint);
+bool hangs_on(Joint joint, Joint root, Joint prop_hand) {
+  while (joint != root && joint != kPelvis) joint = parent(joint, prop_hand);
   return joint == root;
 }
 
-bool has_part_on(Joint joint, const Skin& skin) {
+bool has_part_on(Joint joint, const Skin& skin, Joint prop_hand) {
   return std::ranges::any_of(skin.influences, [&](const SkinInfluence& influence) {
     for (size_t k = 0; k < SkinInfluence::kParts; ++k) {
-      if (influence.weight[k] > 0 && hangs_on(influence.part[k], joint)) return true;
+      if (influence.weight[k] > 0 && hangs_on(influence.part[k], joint, prop_hand)) return true;
     }
     return false;
   });
@@ -197,6 +197,7 @@ void mirror(Clip& clip) {
     }
     frame.skeleton = mirror.skeleton(frame.skeleton);
   }
+  clip.prop_hand = other_side(clip.prop_hand);
 }
 
 void bend(Clip& clip, const Bend& bend) {
@@ -211,7 +212,7 @@ void bend(Clip& clip, const Bend& bend) {
     const Vector3d axis = frame.skeleton.rotations[bend.joint] * bend.axis;
     const Matrix3d turn = AngleAxisd(share * bend.radians, axis).toRotationMatrix();
     for (size_t j = 0; j < kJoints; ++j) {
-      if (!hangs_on(static_cast<Joint>(j), bend.joint)) continue;
+      if (!hangs_on(static_cast<Joint>(j), bend.joint, clip.prop_hand)) continue;
       turned.joints[j] = centre + turn * (frame.skeleton.joints[j] - centre);
       turned.rotations[j] = turn * frame.skeleton.rotations[j];
     }
@@ -223,18 +224,20 @@ bool moves_surface(const Clip& clip, Joint joint, ClipRange range) {
   check_range(clip, range);
   std::set<size_t> surfaces;
   for (size_t f = range.first; f < range.last; ++f) surfaces.insert(clip.frames[f].surface);
-  return std::ranges::any_of(
-      surfaces, [&](size_t surface) { return has_part_on(joint, clip.surfaces[surface].skin); });
+  return std::ranges::any_of(surfaces, [&](size_t surface) {
+    return has_part_on(joint, clip.surfaces[surface].skin, clip.prop_hand);
+  });
 }
 
-void carry_prop(Clip& clip, const SkeletonPulse& held) {
-  const Matrix3d hand_from_world = held.rotations[kRightWrist].transpose();
+void carry_prop(Clip& clip, const SkeletonPulse& held, Joint hand) {
+  clip.prop_hand = hand;
+  const Matrix3d hand_from_world = held.rotations[hand].transpose();
   for (ClipFrame& frame : clip.frames) {
     SkeletonPulse& skeleton = frame.skeleton;
-    const Matrix3d turn = skeleton.rotations[kRightWrist] * hand_from_world;
+    const Matrix3d turn = skeleton.rotations[hand] * hand_from_world;
     for (const Joint joint : {kPropBase, kPropTip}) {
       skeleton.joints[joint] =
-          skeleton.joints[kRightWrist] + turn * (held.joints[joint] - held.joints[kRightWrist]);
+          skeleton.joints[hand] + turn * (held.joints[joint] - held.joints[hand]);
       skeleton.rotations[joint] = turn * held.rotations[joint];
       skeleton.confidence[joint] = 0;
     }

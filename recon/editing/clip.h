@@ -31,6 +31,7 @@ struct Clip {
   double rate_hz = 25;
   std::vector<ClipSurface> surfaces;
   std::vector<ClipFrame> frames;
+  Joint prop_hand = kRightWrist;  ///< the wrist of the hand that holds the prop
 };
 
 /// Frames first to last - 1.
@@ -63,8 +64,9 @@ void stretch(Clip& clip, ClipRange range, double factor);
 /// The number of frames of which stretch() makes `frames`.
 size_t stretched_frames(size_t frames, double factor);
 
-/// Exchanges left and right: a reflection in the vertical plane through the middle of all pelvis
-/// positions, across the mean direction from the right to the left hip.
+/// Exchanges left and right, also the hand that holds the prop: a reflection in the vertical plane
+/// through the middle of all pelvis positions, across the mean direction from the right to the left
+/// hip.
 void mirror(Clip& clip);
 
 /// A joint that is rotated over a range of frames.
@@ -84,8 +86,9 @@ void bend(Clip& clip, const Bend& bend);
 bool moves_surface(const Clip& clip, Joint joint, ClipRange range);
 
 /// Gives a clip without a prop that of another clip, so that both can be blended: in every frame it
-/// has the position in the right hand that it has in `held`. Its confidence is 0.
-void carry_prop(Clip& clip, const SkeletonPulse& held);
+/// has the position in the hand that it has in `held`. `hand`: the wrist of that hand. Its
+/// confidence is 0.
+void carry_prop(Clip& clip, const SkeletonPulse& held, Joint hand);
 
 /// Rises smoothly from 0 at t <= 0 to 1 at t >= 1.
 double smooth_step(double t);

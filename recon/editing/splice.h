@@ -28,8 +28,8 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
 
 /// Continues `a` with `b` by a transition, whose frames must lie in the clips. In its first half
 /// the surface of `a` is moved to the blended pose, in its second half that of `b`. The frames of
-/// `b` are turned about the vertical axis and shifted along the floor to where `a` stands.
-/// Returns the last frame with a surface of the first action.
+/// `b` are turned about the vertical axis and shifted along the floor to where `a` stands. A prop
+/// stays in the hand of `a`. Returns the last frame with a surface of the first action.
 size_t splice(Clip& a, Clip b, const Transition& transition);
 
 /// Ratio of the surface speed at a change of the surface to that around it; 1 for a smooth change.

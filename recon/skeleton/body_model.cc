@@ -64,7 +64,9 @@ Capsule capsule(const Capsule::End& a, const Capsule::End& b, double from_m, dou
 }  // namespace
 
 std::string_view name(Joint joint) { return kNames[joint]; }
-Joint parent(Joint joint) { return kParents[joint]; }
+Joint parent(Joint joint, Joint prop_hand) {
+  return joint == kPropBase ? prop_hand : kParents[joint];
+}
 
 BodyLengths::BodyLengths(double stature_m, double prop_m) : stature_m_(stature_m) {
   for (const Share& share : shares()) {

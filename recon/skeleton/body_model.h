@@ -33,8 +33,9 @@ enum Joint : size_t {
 };
 
 std::string_view name(Joint joint);
-/// The joint nearer to the pelvis; the pelvis has itself.
-Joint parent(Joint joint);
+/// The joint nearer to the pelvis; the pelvis has itself. `prop_hand`: the wrist of the hand that
+/// holds the prop, the parent of its base.
+Joint parent(Joint joint, Joint prop_hand = kRightWrist);
 
 /// Positions of all joints, world, metres.
 using JointPositions = std::array<Eigen::Vector3d, kJoints>;

@@ -26,6 +26,9 @@ constexpr double kHeadWeight = 20, kAnkleWeight = 20, kHandWeight = 10, kPropWei
 /// Middle of the hands behind the base of the prop, and least distance of hands in front of the
 /// neck: shares of the stature.
 constexpr double kRightGrip = 0.06, kLeftGrip = 0.125, kInFront = 0.12;
+/// Distance of the left wrist from a prop in the left hand, as a share of that of the right wrist.
+/// Where both hands hold the prop, the right one is nearer to its base.
+constexpr double kHolds = 0.5;
 constexpr double kMaxTurn = 0.6;  ///< of a body from one pulse to the next, radians
 /// The body turns by this part of the way to the toes in a pulse; feet whose directions have a sum
 /// of less than the second do not count.
@@ -444,6 +447,7 @@ class TakeFit {
       structure.pulses.push_back(skeleton);
       structure.good += pulse(n).is_good() ? 1 : 0;
     }
+    if (facts_.has_prop) structure.prop_hand = hand_of_prop(structure.pulses);
     return structure;
   }
 
@@ -456,6 +460,15 @@ class TakeFit {
 };
 
 }  // namespace
+
+Joint hand_of_prop(std::span<const SkeletonPulse> pulses) {
+  const auto in_left = std::ranges::count_if(pulses, [](const SkeletonPulse& pulse) {
+    const Vector3d& base = pulse.joints[kPropBase];
+    return (pulse.joints[kLeftWrist] - base).norm() <=
+           kHolds * (pulse.joints[kRightWrist] - base).norm();
+  });
+  return 2 * in_left > std::ssize(pulses) ? kLeftWrist : kRightWrist;
+}
 
 KinematicStructure kinematic_structure(std::span<const BodyEvidence> evidence,
                                        std::span<const int64_t> pulses) {

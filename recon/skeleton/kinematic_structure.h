@@ -25,11 +25,18 @@ struct SkeletonPulse {
 struct KinematicStructure {
   BodyLengths lengths{0, 0};
   bool has_prop = false;
+  Joint prop_hand = kRightWrist;      ///< the wrist of the hand that holds the prop
   std::vector<Capsule> outline;       ///< of the performer, as body_outline()
   std::vector<SkeletonPulse> pulses;  ///< in the order of the evidence
   size_t start = 0;                   ///< index of the evidence of the best pulse to begin with
   size_t good = 0;                    ///< pulses whose graph shows head, feet and hands or a prop
+  /// The joint nearer to the pelvis; the base of a prop has the hand.
+  Joint parent_of(Joint joint) const { return parent(joint, prop_hand); }
 };
+
+/// The wrist of the hand that holds the prop of these skeletons: the left one where it is at most
+/// half as far from the base of the prop as the right one at most pulses, otherwise the right one.
+Joint hand_of_prop(std::span<const SkeletonPulse> pulses);
 
 /// Learns one skeleton with constant bone lengths from the evidence of all pulses. `pulses`: the
 /// number of each pulse, ascending; empty: they are successive. Evidence with a problem gives no

@@ -355,6 +355,7 @@ std::vector<Skin> learn_from_tracked(std::span<const TrackedBody> bodies,
     structure.pulses.push_back(found->second);
     structure.pulses.back().index = i;
   }
+  if (structure.has_prop) structure.prop_hand = hand_of_prop(structure.pulses);
   return skins;
 }
 

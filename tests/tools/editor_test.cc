@@ -41,14 +41,17 @@ void add_prop(TakeClip& clip) {
   }
 }
 
+/// Has the prop its position in a hand?
+void expect_prop_in_hand(const recon::SkeletonPulse& skeleton, recon::Joint wrist) {
+  const Eigen::Vector3d expected =
+      skeleton.joints[wrist] + skeleton.rotations[wrist] * Eigen::Vector3d(kPropM, 0, 0);
+  EXPECT_LT((skeleton.joints[recon::kPropTip] - expected).norm(), 1e-4);
+}
+
 /// Has the prop of every frame its position in the right hand?
 void expect_prop_in_hand(const recon::Clip& clip) {
   for (const recon::ClipFrame& frame : clip.frames) {
-    const recon::SkeletonPulse& skeleton = frame.skeleton;
-    const Eigen::Vector3d expected =
-        skeleton.joints[recon::kRightWrist] +
-        skeleton.rotations[recon::kRightWrist] * Eigen::Vector3d(kPropM, 0, 0);
-    EXPECT_LT((skeleton.joints[recon::kPropTip] - expected).norm(), 1e-4);
+    expect_prop_in_hand(frame.skeleton, recon::kRightWrist);
   }
 }
 
@@ -128,6 +131,23 @@ TEST_F(EditorTest, keeps_the_prop_of_one_action_in_the_hand_when_it_splices_two)
         (is_first ? edited_.clip.frames.back() : edited_.clip.frames.front()).skeleton;
     EXPECT_EQ(without.confidence[recon::kPropTip], 0);
   }
+}
+
+TEST_F(EditorTest, writes_the_left_hand_as_the_parent_of_the_prop_of_a_mirrored_action) {
+  edited_ = read(folder_ / "take");
+  add_prop(edited_);
+  test::write_gliding_take(folder_ / "other");
+  editor_.apply(Edit{"edit.json: operations[0]", MirrorEdit{}});
+  editor_.apply(Edit{"edit.json: operations[1]", SpliceEdit{.take = folder_ / "other",
+                                                            .at = {},
+                                                            .from = EditRange{.first = 0, .end = 1},
+                                                            .blend = 2}});
+  expect_prop_in_hand(edited_.clip.frames.front().skeleton, recon::kLeftWrist);
+  expect_prop_in_hand(edited_.clip.frames.back().skeleton, recon::kLeftWrist);
+  const fs::path out = folder_ / "out";
+  write_clip(edited_, folder_ / "take", "{}", out);
+  const auto joints = nlohmann::json::parse(read_file(out / "skeleton.json")).at("joints");
+  EXPECT_EQ(joints[recon::kPropBase].at("parent"), "left_wrist");
 }
 
 }  // namespace

@@ -62,6 +62,20 @@ TEST(SkeletonFiles, state_joints_lengths_and_positions_as_json) {
   EXPECT_NEAR(file.at("pulses")[0].at("positions")[0][1].get<double>(), 2, 1e-4);
 }
 
+TEST(SkeletonFiles, have_the_prop_at_the_hand_that_holds_it_as_json_and_bvh) {
+  TakeSkeleton skeleton = turning(2);
+  skeleton.structure.has_prop = true;
+  skeleton.structure.prop_hand = recon::kLeftWrist;
+  const auto file = nlohmann::json::parse(skeleton_json(skeleton));
+  ASSERT_EQ(file.at("joints").size(), 17U);
+  EXPECT_EQ(file.at("joints")[15].at("parent"), "left_wrist");
+  EXPECT_EQ(file.at("joints")[16].at("parent"), "prop_base");
+  const std::string bvh = skeleton_bvh(skeleton);
+  const size_t prop = bvh.find("JOINT prop_base");
+  EXPECT_GT(prop, bvh.find("JOINT left_wrist"));
+  EXPECT_LT(prop, bvh.find("JOINT right_shoulder"));
+}
+
 TEST(SkeletonFiles, have_the_weights_of_tracked_surfaces_as_bytes) {
   TakeSkeleton skeleton = turning(4);
   skeleton.tracked.resize(2);

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "recon/editing/clips.h"
 #include "recon/editing/feet.h"
@@ -146,6 +147,48 @@ TEST(Clip, is_the_same_after_two_reflections) {
     EXPECT_LT((clip.frames[1].positions[v] - before.frames[1].positions[v]).norm(), 1e-5F);
   }
   EXPECT_EQ(clip.surfaces[0].triangles, before.surfaces[0].triangles);
+}
+
+/// Distance of the base of the prop from a wrist, in each frame.
+std::vector<double> prop_distances(const Clip& clip, Joint wrist) {
+  std::vector<double> metres;
+  for (const ClipFrame& frame : clip.frames) {
+    const JointPositions& joints = frame.skeleton.joints;
+    metres.push_back((joints[kPropBase] - joints[wrist]).norm());
+  }
+  return metres;
+}
+
+TEST(Clip, has_the_prop_in_the_left_hand_when_it_is_mirrored) {
+  Clip clip = gliding(3);
+  const double in_hand = prop_distances(clip, kRightWrist)[0];
+  mirror(clip);
+  bend(clip, {.joint = kLeftElbow, .range = {0, 3}, .radians = -kQuarter});
+  for (const double metres : prop_distances(clip, kLeftWrist)) EXPECT_NEAR(metres, in_hand, 1e-6);
+  const Vector3d tip = clip.frames[0].skeleton.joints[kPropTip];
+  bend(clip, {.joint = kRightElbow, .range = {0, 3}, .radians = -kQuarter});
+  EXPECT_LT((clip.frames[0].skeleton.joints[kPropTip] - tip).norm(), 1e-9);
+  mirror(clip);
+  bend(clip, {.joint = kRightShoulder, .range = {0, 3}, .radians = -kQuarter});
+  for (const double metres : prop_distances(clip, kRightWrist)) EXPECT_NEAR(metres, in_hand, 1e-6);
+}
+
+TEST(Clip, bends_the_wrist_that_holds_the_prop_also_when_it_is_mirrored) {
+  Clip clip = gliding(3);
+  clip.surfaces[0].skin.influences[0].part.fill(kPropBase);
+  mirror(clip);
+  EXPECT_TRUE(moves_surface(clip, kLeftWrist, {0, 3}));
+  EXPECT_FALSE(moves_surface(clip, kRightWrist, {0, 3}));
+}
+
+TEST(Clip, carries_the_prop_of_another_clip_in_the_hand_that_holds_it_there) {
+  Clip held = gliding(1);
+  mirror(held);
+  Clip clip = clips::gliding(3, {1, 2, 0.95}, {0.01, 0, 0}, 0.8);
+  carry_prop(clip, held.frames[0].skeleton, held.prop_hand);
+  EXPECT_EQ(clip.prop_hand, kLeftWrist);
+  const double in_hand = prop_distances(held, kLeftWrist)[0];
+  for (const double metres : prop_distances(clip, kLeftWrist)) EXPECT_NEAR(metres, in_hand, 1e-6);
 }
 
 TEST(Feet, stand_in_contacts_and_not_while_they_move_fast) {

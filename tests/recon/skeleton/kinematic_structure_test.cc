@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "recon/figures.h"
 #include "recon/shapes.h"
@@ -132,6 +133,25 @@ TEST(KinematicStructure, does_not_mix_the_poses_before_and_after_lost_pulses) {
   std::vector<int64_t> pulses(16);
   for (size_t n = 0; n < pulses.size(); ++n) pulses[n] = static_cast<int64_t>(n < 8 ? n : n + 100);
   expect_two_positions(kinematic_structure(standing_at_two_positions({}), pulses));
+}
+
+TEST(KinematicStructure,
+     has_the_prop_in_the_left_hand_where_that_is_clearly_nearer_at_most_pulses) {
+  const auto pulses = [](double from_left_m, double from_right_m) {
+    SkeletonPulse pulse;
+    pulse.joints.fill(Eigen::Vector3d::Zero());
+    pulse.rotations.fill(Eigen::Matrix3d::Identity());
+    pulse.joints[kLeftWrist].x() = from_left_m;
+    pulse.joints[kRightWrist].x() = -from_right_m;
+    return std::vector<SkeletonPulse>(3, pulse);
+  };
+  EXPECT_EQ(hand_of_prop(pulses(0.1, 0.5)), kLeftWrist);
+  EXPECT_EQ(hand_of_prop(pulses(0.5, 0.1)), kRightWrist);
+  EXPECT_EQ(hand_of_prop(pulses(0.13, 0.22)), kRightWrist) << "both hands hold it";
+  std::vector<SkeletonPulse> most = pulses(0.1, 0.5);
+  most[1].joints[kLeftWrist].x() = 2;
+  EXPECT_EQ(hand_of_prop(most), kLeftWrist);
+  EXPECT_EQ(hand_of_prop({}), kRightWrist);
 }
 
 TEST(KinematicStructure, leaves_out_pulses_without_a_body) {

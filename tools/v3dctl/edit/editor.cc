@@ -63,7 +63,7 @@ void Editor::apply(const MirrorEdit& /*edit*/) { recon::mirror(clip_); }
 void Editor::require_part_on(recon::Joint joint, recon::ClipRange range) const {
   recon::Joint moving = joint;
   while (moving != recon::kPelvis && !recon::moves_surface(clip_, moving, range)) {
-    moving = recon::parent(moving);
+    moving = recon::parent(moving, clip_.prop_hand);
   }
   if (moving == joint) return;
   throw InputError(fmt::format(
@@ -101,10 +101,10 @@ void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& cl
 void Editor::share_prop(TakeClip& added, const recon::Transition& transition) {
   if (edited_.has_prop == added.has_prop) return;
   if (edited_.has_prop) {
-    recon::carry_prop(added.clip, clip_.frames[transition.at].skeleton);
+    recon::carry_prop(added.clip, clip_.frames[transition.at].skeleton, clip_.prop_hand);
     return;
   }
-  recon::carry_prop(clip_, added.clip.frames[transition.from].skeleton);
+  recon::carry_prop(clip_, added.clip.frames[transition.from].skeleton, added.clip.prop_hand);
   edited_.has_prop = true;
   edited_.lengths.bones().back() = added.lengths.bones().back();
 }

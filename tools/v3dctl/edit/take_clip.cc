@@ -48,6 +48,7 @@ recon::Clip clip_of(TakeSkeleton& skeleton) {
   }
   recon::Clip clip;
   clip.rate_hz = skeleton.rate_hz > 0 ? skeleton.rate_hz : 25;
+  clip.prop_hand = skeleton.structure.prop_hand;
   int64_t last = -1;
   for (size_t b = 0; b < skeleton.tracked.size(); ++b) {
     recon::TrackedBody& body = skeleton.tracked[b];
@@ -135,6 +136,7 @@ std::string skeleton_file(const TakeClip& edited, const MotionFile& motion) {
   skeleton.rate_hz = edited.clip.rate_hz;
   skeleton.structure.lengths = edited.lengths;
   skeleton.structure.has_prop = edited.has_prop;
+  skeleton.structure.prop_hand = edited.clip.prop_hand;
   for (size_t f = 0; f < edited.clip.frames.size(); ++f) {
     skeleton.pulses.push_back(static_cast<int64_t>(f));
     skeleton.structure.pulses.push_back(edited.clip.frames[f].skeleton);

@@ -106,7 +106,7 @@ class BvhWriter {
   /// over the take, with the length of the bone. The frames of parents stand upright at rest.
   Vector3d offset(Joint joint) const {
     Vector3d sum = Vector3d::Zero();
-    const Joint from = recon::parent(joint);
+    const Joint from = skeleton_.structure.parent_of(joint);
     for (const recon::SkeletonPulse& pulse : skeleton_.structure.pulses) {
       sum += pulse.rotations[from].transpose() * (pulse.joints[joint] - pulse.joints[from]);
     }
@@ -117,8 +117,9 @@ class BvhWriter {
 
   double mean_length(Joint joint) const {
     double sum = 0;
+    const Joint from = skeleton_.structure.parent_of(joint);
     for (const recon::SkeletonPulse& pulse : skeleton_.structure.pulses) {
-      sum += (pulse.joints[joint] - pulse.joints[recon::parent(joint)]).norm();
+      sum += (pulse.joints[joint] - pulse.joints[from]).norm();
     }
     return sum / static_cast<double>(skeleton_.structure.pulses.size());
   }
@@ -134,7 +135,7 @@ class BvhWriter {
     bool has_child = false;
     for (size_t j = 1; j < joints_of(skeleton_); ++j) {
       const auto child = static_cast<Joint>(j);
-      if (recon::parent(child) != joint) continue;
+      if (skeleton_.structure.parent_of(child) != joint) continue;
       has_child = true;
       write_joint(child, depth + 1);
     }
@@ -161,7 +162,7 @@ class BvhWriter {
     std::string separator;
     for (size_t i = 0; i < order_.size(); ++i) {
       const Joint joint = order_[i];
-      const Joint from = recon::parent(joint);
+      const Joint from = skeleton_.structure.parent_of(joint);
       const bool is_root = joint == recon::kPelvis;
       const Matrix3d to_parent =
           is_root ? Matrix3d(Matrix3d::Identity()) : Matrix3d(pulse.rotations[from].transpose());
@@ -190,9 +191,9 @@ std::string skeleton_json(const TakeSkeleton& skeleton, bool skins) {
   for (size_t j = 0; j < joints_of(skeleton); ++j) {
     const auto joint = static_cast<Joint>(j);
     Json entry{{"name", recon::name(joint)}, {"parent", nullptr}};
-    if (j > 0) entry["parent"] = recon::name(recon::parent(joint));
+    if (j > 0) entry["parent"] = recon::name(structure.parent_of(joint));
     if (j > 0 && joint != recon::kPropBase) {
-      entry["bone_m"] = rounded(structure.lengths.between(recon::parent(joint), joint), 1e-4);
+      entry["bone_m"] = rounded(structure.lengths.between(structure.parent_of(joint), joint), 1e-4);
     }
     joints.push_back(entry);
   }

@@ -27,9 +27,8 @@ Isometry3d frame_of(const recon::SkeletonPulse& pulse, size_t joint) {
   return frame;
 }
 
-/// In the frame of the parent; the pelvis in the world.
-Isometry3d local_frame(const recon::SkeletonPulse& pulse, Joint joint) {
-  const Joint from = recon::parent(joint);
+/// In the frame of the parent `from`; the pelvis, its own parent, in the world.
+Isometry3d local_frame(const recon::SkeletonPulse& pulse, Joint joint, Joint from) {
   const Isometry3d frame = frame_of(pulse, joint);
   return from == joint ? frame : frame_of(pulse, from).inverse() * frame;
 }
@@ -101,21 +100,22 @@ class SkinnedScene {
   }
 
   void add_joint(const recon::Skin& skin, Joint joint, size_t top, size_t first_joint) {
-    const Isometry3d local = local_frame(skin.rest, joint);
+    const Joint from = skeleton_.structure.parent_of(joint);
+    const Isometry3d local = local_frame(skin.rest, joint, from);
     std::vector<float> translation, turn;
     append(local.translation(), translation);
     append(Quaterniond(local.linear()), turn);
     const size_t node = out_.add(
         "nodes", {{"name", recon::name(joint)}, {"translation", translation}, {"rotation", turn}});
-    const Joint from = recon::parent(joint);
     out_.gltf()["nodes"][from == joint ? top : first_joint + from]["children"].push_back(node);
   }
 
   void animate_joint(size_t n, Joint joint, size_t node) {
     std::vector<float> times, translations, turns;
     Quaterniond before = Quaterniond::Identity();
+    const Joint from = skeleton_.structure.parent_of(joint);
     for (const int64_t pulse : body(n).pulses) {
-      const Isometry3d local = local_frame(*pulses_.at(pulse), joint);
+      const Isometry3d local = local_frame(*pulses_.at(pulse), joint, from);
       Quaterniond turn(local.linear());
       if (turn.dot(before) < 0) turn.coeffs() *= -1;  // the short way between two keys
       before = turn;
