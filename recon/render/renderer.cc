@@ -274,9 +274,8 @@ std::vector<Mask> draw_silhouettes(const Mesh& mesh, std::span<const CameraModel
 
 namespace {
 
-constexpr double kShadowCellMetres = 0.02;
-constexpr int kShadowBlurCells = 4;
-constexpr int kShadowMarginCells = 3 * kShadowBlurCells + 1;
+constexpr double kShadowCellMetres = 0.02;  // of a mesh that kMaxShadowCells of these can hold
+constexpr int kShadowBlurCells = 4;         // of this size; of larger ones fewer
 constexpr int kMaxShadowCells = 1024;
 constexpr double kShadowHeightMetres = 0.6;  // height at which the shadow is reduced to 1/e
 
@@ -315,14 +314,21 @@ Floor::Floor(const Mesh& mesh, const FloorOptions& options) : options_(options) 
 
 void Floor::draw_shadow(const Mesh& mesh) {
   const Box bounds = bounds_of(mesh);
-  const Eigen::Vector2d cells = bounds.size().head<2>() / kShadowCellMetres;
-  if (mesh.triangles.empty() || cells.maxCoeff() > kMaxShadowCells) {
+  if (mesh.triangles.empty() || !bounds.size().allFinite()) {
     return;
   }
-  shadow_origin_ =
-      bounds.min.head<2>() - Eigen::Vector2d::Constant(kShadowMarginCells * kShadowCellMetres);
-  shadow_width_ = static_cast<int>(cells.x()) + 2 * kShadowMarginCells + 1;
-  shadow_height_ = static_cast<int>(cells.y()) + 2 * kShadowMarginCells + 1;
+  // Cells double, so that their size seldom changes from picture to picture.
+  shadow_cell_m_ = kShadowCellMetres;
+  int blur_cells = kShadowBlurCells;
+  while (bounds.size().head<2>().maxCoeff() > kMaxShadowCells * shadow_cell_m_) {
+    shadow_cell_m_ *= 2;
+    blur_cells /= 2;
+  }
+  const int margin_cells = 3 * blur_cells + 1;
+  const Eigen::Vector2d cells = bounds.size().head<2>() / shadow_cell_m_;
+  shadow_origin_ = bounds.min.head<2>() - Eigen::Vector2d::Constant(margin_cells * shadow_cell_m_);
+  shadow_width_ = static_cast<int>(cells.x()) + 2 * margin_cells + 1;
+  shadow_height_ = static_cast<int>(cells.y()) + 2 * margin_cells + 1;
   shadow_.assign(static_cast<size_t>(shadow_width_) * shadow_height_, 0.0F);
 
   for (const auto& triangle : mesh.triangles) {
@@ -330,7 +336,7 @@ void Floor::draw_shadow(const Mesh& mesh) {
     double height = 0;
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d p = mesh.vertices[triangle[k]].cast<double>();
-      const Eigen::Vector2d at = (p.head<2>() - shadow_origin_) / kShadowCellMetres;
+      const Eigen::Vector2d at = (p.head<2>() - shadow_origin_) / shadow_cell_m_;
       corner[k].x = static_cast<float>(at.x());
       corner[k].y = static_cast<float>(at.y());
       height += std::max(0.0, p.z() - options_.z) / 3;
@@ -346,18 +352,18 @@ void Floor::draw_shadow(const Mesh& mesh) {
   std::vector<float> scratch;
   for (int pass = 0; pass < 3; ++pass) {
     for (int y = 0; y < shadow_height_; ++y) {
-      blur_line(shadow_, static_cast<size_t>(y) * shadow_width_, 1, shadow_width_, kShadowBlurCells,
+      blur_line(shadow_, static_cast<size_t>(y) * shadow_width_, 1, shadow_width_, blur_cells,
                 scratch);
     }
     for (int x = 0; x < shadow_width_; ++x) {
-      blur_line(shadow_, x, shadow_width_, shadow_height_, kShadowBlurCells, scratch);
+      blur_line(shadow_, x, shadow_width_, shadow_height_, blur_cells, scratch);
     }
   }
 }
 
 float Floor::shadow_at(double x, double y) const {
-  const double u = (x - shadow_origin_.x()) / kShadowCellMetres;
-  const double v = (y - shadow_origin_.y()) / kShadowCellMetres;
+  const double u = (x - shadow_origin_.x()) / shadow_cell_m_;
+  const double v = (y - shadow_origin_.y()) / shadow_cell_m_;
   if (!(u >= 0 && v >= 0 && u < shadow_width_ - 1 && v < shadow_height_ - 1)) {
     return 0;
   }

@@ -86,6 +86,7 @@ class Floor {
   Eigen::Vector2d middle_ = Eigen::Vector2d::Zero();
   double radius_m_ = 1;  ///< beyond about twice this the floor has faded
   Eigen::Vector2d shadow_origin_ = Eigen::Vector2d::Zero();
+  double shadow_cell_m_ = 1;
   int shadow_width_ = 0;
   int shadow_height_ = 0;
   std::vector<float> shadow_;

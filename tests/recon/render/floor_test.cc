@@ -61,6 +61,16 @@ TEST(Floor, is_less_dark_below_higher_objects) {
   EXPECT_NEAR(hit_at(jumping, {0, 0, 0})->shadow, expected, 0.02F);
 }
 
+TEST(Floor, has_the_shadow_of_an_object_also_where_another_one_is_far_away) {
+  for (const float far_m : {30.0F, 100.0F}) {
+    Mesh objects = box_at_height(0);
+    shapes::append(objects, shapes::box({far_m, 0, 0}, {far_m + 0.5F, 0.5F, 1}));
+    const Floor floor(objects, {.shadow_depth = 0.5});
+    EXPECT_NEAR(hit_at(floor, {0, 0, 0})->shadow, 0.5F, 0.02F) << far_m;
+    EXPECT_NEAR(hit_at(floor, {1.3, 0, 0})->shadow, 0, 1e-3F) << far_m;
+  }
+}
+
 TEST(Floor, has_lines_and_no_shadow_without_objects) {
   const Floor floor(Mesh{}, {});
   const auto hit = hit_at(floor, {0.5, 0.1, 0});
