@@ -2,11 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "base/core/error.h"
 #include "base/image/image_files.h"
@@ -87,6 +89,150 @@ TEST_F(GltfModel, has_the_colours_of_its_texture) {
   const ModelSurface surface = load(triangle_gltf());
   ASSERT_FALSE(surface.albedo.empty());
   EXPECT_EQ(surface.albedo.front(), Eigen::Vector3f::UnitX());
+}
+
+/// A gltf whose three vertices have the same texture coordinates.
+class GltfTexture : public GltfModel {
+ protected:
+  /// A picture whose left half is red and whose right half is blue.
+  GltfTexture() {
+    Image halves({2, 1}, PixelFormat::kRGB8);
+    halves.bytes = {255, 0, 0, 0, 0, 255};
+    write_png(folder_ / "models/red.png", halves.view());
+  }
+
+  /// The colour of the surface at these texture coordinates.
+  Eigen::Vector3f colour_at(float u, float v, const json& gltf) {
+    put({.uvs = {u, v, u, v, u, v}});
+    const ModelSurface surface = load(gltf);
+    for (const Eigen::Vector3f& albedo : surface.albedo) EXPECT_EQ(albedo, surface.albedo[0]);
+    return surface.albedo.at(0);
+  }
+
+  static json& texture_of(json& gltf) {
+    return gltf["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+  }
+
+  const Eigen::Vector3f red_ = Eigen::Vector3f::UnitX(), blue_ = Eigen::Vector3f::UnitZ();
+};
+
+TEST_F(GltfTexture, is_scaled_rotated_and_moved_by_its_transform) {
+  json gltf = triangle_gltf();
+  EXPECT_EQ(colour_at(0.25F, 0.75F, gltf), red_);
+  json& transform = texture_of(gltf)["extensions"]["KHR_texture_transform"];
+  transform = {{"scale", {3, 1}}};
+  EXPECT_EQ(colour_at(0.25F, 0.75F, gltf), blue_);
+  transform = {{"offset", {0.5, 0}}};
+  EXPECT_EQ(colour_at(0.25F, 0.75F, gltf), blue_);
+  transform = {{"rotation", std::numbers::pi / 2}};
+  EXPECT_LT((colour_at(0.25F, 0.75F, gltf) - blue_).norm(), 1e-3F);
+  gltf["extensionsRequired"] = {"KHR_texture_transform"};
+  EXPECT_LT((colour_at(0.25F, 0.75F, gltf) - blue_).norm(), 1e-3F);
+  transform = {{"scale", {1e300, 1}}};
+  EXPECT_THAT(rejection(gltf), HasSubstr("meshes[0].primitives[0]: KHR_texture_transform makes"));
+}
+
+TEST_F(GltfTexture, has_the_coordinates_that_its_material_names) {
+  json gltf = triangle_gltf();
+  json& attributes = gltf["meshes"][0]["primitives"][0]["attributes"];
+  attributes["TEXCOORD_1"] = attributes["TEXCOORD_0"];
+  attributes.erase("TEXCOORD_0");
+  texture_of(gltf)["texCoord"] = 1;
+  EXPECT_EQ(colour_at(0.75F, 0.5F, gltf), blue_);
+  texture_of(gltf)["texCoord"] = 0;
+  texture_of(gltf)["extensions"]["KHR_texture_transform"] = {{"texCoord", 1}};
+  EXPECT_EQ(colour_at(0.75F, 0.5F, gltf), blue_);
+}
+
+TEST_F(GltfTexture, is_repeated_clamped_or_mirrored_as_its_sampler_says) {
+  json gltf = triangle_gltf();
+  EXPECT_EQ(colour_at(1.25F, 0.5F, gltf), red_);
+  gltf["textures"][0]["sampler"] = 0;
+  gltf["samplers"] = json::parse(R"([{"wrapS": 33071}])");
+  EXPECT_EQ(colour_at(1.25F, 0.5F, gltf), blue_);
+  EXPECT_EQ(colour_at(-0.25F, 0.5F, gltf), red_);
+  gltf["samplers"] = json::parse(R"([{"wrapS": 33648}])");
+  EXPECT_EQ(colour_at(1.25F, 0.5F, gltf), blue_);
+  EXPECT_EQ(colour_at(1.75F, 0.5F, gltf), red_);
+}
+
+/// A model whose vertices follow two joints.
+class GltfSkin : public GltfModel {
+ protected:
+  GltfSkin() {
+    std::string bytes("\0\1\0\0\0\1\0\0\0\1\0\0", 12);  // numbers of joints: 0 1 0 0
+    const auto add = [&](float value) {
+      bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+    };
+    for (const float share : {0.0F, 0.0F, 0.5F}) {  // of the second joint
+      for (const float weight : {1 - share, share, 0.0F, 0.0F}) add(weight);
+    }
+    for (int joint = 0; joint < 2; ++joint) {
+      const Eigen::Affine3f inverse_bind(Eigen::Translation3f(0, 0, -3));
+      for (int n = 0; n < 16; ++n) add(inverse_bind.matrix().data()[n]);
+    }
+    replace_file(folder_ / "models/skin.bin", bytes);
+  }
+
+  static json skinned() {
+    json gltf = triangle_gltf();
+    gltf["buffers"][1] = {{"uri", "skin.bin"}, {"byteLength", 188}};
+    gltf["bufferViews"][2] = {{"buffer", 1}, {"byteLength", 12}};
+    gltf["bufferViews"][3] = {{"buffer", 1}, {"byteOffset", 12}, {"byteLength", 48}};
+    gltf["bufferViews"][4] = {{"buffer", 1}, {"byteOffset", 60}, {"byteLength", 128}};
+    gltf["accessors"][2] = {
+        {"bufferView", 2}, {"componentType", 5121}, {"type", "VEC4"}, {"count", 3}};
+    gltf["accessors"][3] = {
+        {"bufferView", 3}, {"componentType", 5126}, {"type", "VEC4"}, {"count", 3}};
+    gltf["accessors"][4] = {
+        {"bufferView", 4}, {"componentType", 5126}, {"type", "MAT4"}, {"count", 2}};
+    json& attributes = gltf["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = 2;
+    attributes["WEIGHTS_0"] = 3;
+    gltf["skins"] = json::parse(R"([{"joints": [2, 3], "inverseBindMatrices": 4}])");
+    gltf["nodes"] = json::parse(R"([{"mesh": 0, "skin": 0, "scale": [100, 100, 100]},
+      {"translation": [1, 0, 0], "children": [2, 3]},
+      {"translation": [0, 2, 0]}, {"translation": [0, 2, 4]}])");
+    gltf["scenes"][0]["nodes"] = {0, 1};
+    return gltf;
+  }
+};
+
+TEST_F(GltfSkin, places_the_vertices_by_its_joints_and_not_by_the_node) {
+  const ModelSurface surface = load(skinned());
+  // (0, 0, 0) by the first joint to (1, 2, -3); (0, 1, 0) by both to (1, 3, -1): then y up to z up.
+  EXPECT_LT((surface.mesh.vertices.front() - Eigen::Vector3f(1, 3, 2)).norm(), 1e-5F);
+  EXPECT_LT((surface.mesh.vertices.back() - Eigen::Vector3f(1, 1, 3)).norm(), 1e-5F);
+  for (const Eigen::Vector3f& normal : surface.normals) EXPECT_NEAR(normal.norm(), 1, 1e-5F);
+}
+
+TEST_F(GltfSkin, is_rejected_when_it_names_a_joint_that_it_does_not_have_or_lacks_weights) {
+  json gltf = skinned();
+  gltf["skins"][0]["joints"] = {2};
+  EXPECT_THAT(rejection(gltf), HasSubstr("vertex 2 names joint 1; the skin has 1, from 0"));
+  gltf["skins"][0]["joints"] = {2, 3, 1};
+  EXPECT_THAT(rejection(gltf), HasSubstr("skins[0].inverseBindMatrices: 2 for 3 joints"));
+  gltf["skins"][0]["joints"] = {2, 9};
+  EXPECT_THAT(rejection(gltf), HasSubstr("damaged"));
+  gltf = skinned();
+  gltf["meshes"][0]["primitives"][0]["attributes"].erase("WEIGHTS_0");
+  EXPECT_THAT(rejection(gltf), HasSubstr("meshes[0].primitives[0]: has no WEIGHTS_0"));
+  gltf = skinned();
+  gltf["nodes"][0]["skin"] = 1;
+  EXPECT_THAT(rejection(gltf), HasSubstr("damaged"));
+}
+
+TEST_F(GltfModel, has_the_triangles_of_strips_and_fans_on_the_right_side) {
+  for (const int mode : {5, 6}) {
+    json gltf = triangle_gltf();
+    gltf["meshes"][0]["primitives"][0]["mode"] = mode;
+    const ModelSurface surface = load(gltf);
+    EXPECT_FALSE(surface.mesh.triangles.empty());
+    EXPECT_EQ(surface.normals.front(), Eigen::Vector3f(0, -1, 0)) << "+z of the file";
+  }
+  json gltf = triangle_gltf();
+  gltf["meshes"][0]["primitives"][0]["mode"] = 7;
+  EXPECT_THAT(rejection(gltf), HasSubstr("meshes[0].primitives[0]: mode 7 does not exist"));
 }
 
 TEST_F(GltfModel, is_rejected_when_a_node_has_two_parents) {

@@ -135,13 +135,14 @@ class Check {
     return nodes;
   }
 
-  /// Rejects required extensions other than materials, because they can change geometry.
+  /// Rejects required extensions other than of materials and textures, because they can change
+  /// geometry.
   void check_extensions() const {
     const auto required = gltf_.find("extensionsRequired");
     if (required == gltf_.end() || !required->is_array()) return;
     for (const json& value : *required) {
       const std::string name = value.is_string() ? value.get<std::string>() : value.dump();
-      if (name.starts_with("KHR_materials_")) continue;
+      if (name.starts_with("KHR_materials_") || name == "KHR_texture_transform") continue;
       fail(file_,
            "requires " + name + ", which is not read here: save it uncompressed, without " + name);
     }

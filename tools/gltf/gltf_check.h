@@ -10,7 +10,8 @@ namespace v3d {
 inline constexpr int kMaxNodeDepth = 64;
 
 /// Checks the JSON of `file` before tinygltf reads it:
-/// - it has at most 64 levels and 4 million values, and requires no extension except of materials;
+/// - it has at most 64 levels and 4 million values, and requires no extension except of materials
+///   and KHR_texture_transform;
 /// - the nodes are trees: each is the child of at most one node and not its own ancestor, and
 ///   scenes name roots, each once (chapters 3.5.2 and 5.25);
 /// - every `uri` of a buffer or an image is data, or names a regular file in the folder of `file`

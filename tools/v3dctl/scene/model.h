@@ -29,9 +29,13 @@ struct ModelCorner {
   Eigen::Vector2f uv = Eigen::Vector2f::Zero();  ///< 1: width and height of the texture
 };
 
+/// What a texture shows beyond its edges.
+enum class TextureWrap { kRepeat, kClamp, kMirror };
+
 struct ModelMaterial {
   Eigen::Vector3f factor = Eigen::Vector3f::Ones();  ///< of the colour, linear
-  const Image* texture = nullptr;                    ///< RGB8, repeated; borrowed
+  const Image* texture = nullptr;                    ///< RGB8; borrowed
+  TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
   bool unlit = false;
 };
 
@@ -64,11 +68,11 @@ Mesh lit_model(const ModelSurface& model, const Eigen::Affine3d& world_from_mode
 // Reader of glTF 2.0 models.
 
 /// Reads the default scene of a file: triangles, base colours and their textures, without animation
-/// and transparency; y up becomes z up. The file is binary or JSON, of at most 512 MB; it may refer
-/// to files in its folder only. All numbers of the result are finite. Memory is
-/// bounded: 4 million triangles, 268 million texels. Throws InputError, one line with the file and
-/// the place in it: no glTF 2.0, no triangles, anything that check_gltf() rejects, numbers that are
-/// not finite, vertices beyond 1000 km.
+/// and transparency; y up becomes z up. A skin has the pose of its joints without animation. The
+/// file is binary or JSON, of at most 512 MB; it may refer to files in its folder only. All numbers
+/// of the result are finite. Memory is bounded: 4 million triangles, 268 million texels. Throws
+/// InputError, one line with the file and the place in it: no glTF 2.0, no triangles, anything that
+/// check_gltf() rejects, numbers that are not finite, vertices beyond 1000 km.
 ModelSurface load_model(const std::filesystem::path& path);
 
 /// As load_model(), from the bytes of a file. `path`: its path, for messages and for the folder of

@@ -45,23 +45,33 @@ int subdivisions(const std::array<ModelCorner, 3>& corners, const Image* texture
   return static_cast<int>(std::clamp(count, 1.0F, static_cast<float>(kMaxSubdivisions)));
 }
 
-Eigen::Vector3f texel(const Image& texture, int64_t x, int64_t y) {
-  const auto within = [](int64_t n, int size) {
-    return static_cast<size_t>(((n % size) + size) % size);
-  };
-  const uint8_t* const rgb = texture.row(static_cast<int>(within(y, texture.size.height))) +
-                             3 * within(x, texture.size.width);
+/// Remainder from 0 to `size` - 1.
+int64_t modulo(int64_t n, int64_t size) { return ((n % size) + size) % size; }
+
+/// The row or column that lies at `n`, which can be outside of the texture.
+int64_t wrapped(int64_t n, int64_t size, TextureWrap wrap) {
+  if (wrap == TextureWrap::kClamp) return std::clamp(n, int64_t{0}, size - 1);
+  if (wrap == TextureWrap::kRepeat) return modulo(n, size);
+  const int64_t both = modulo(n, 2 * size);
+  return both < size ? both : 2 * size - 1 - both;
+}
+
+Eigen::Vector3f texel(const ModelMaterial& material, int64_t x, int64_t y) {
+  const Image& texture = *material.texture;
+  const int64_t row = wrapped(y, texture.size.height, material.wrap_v);
+  const int64_t column = wrapped(x, texture.size.width, material.wrap_u);
+  const uint8_t* const rgb = texture.row(static_cast<int>(row)) + 3 * column;
   return {linear_of(rgb[0] / 255.0F), linear_of(rgb[1] / 255.0F), linear_of(rgb[2] / 255.0F)};
 }
 
-/// Bilinear sample in linear light; the texture is repeated.
-Eigen::Vector3f sample(const Image& texture, const Eigen::Vector2f& uv) {
-  const float x = uv.x() * static_cast<float>(texture.size.width) - 0.5F;
-  const float y = uv.y() * static_cast<float>(texture.size.height) - 0.5F;
+/// Bilinear sample of the texture in linear light.
+Eigen::Vector3f sample(const ModelMaterial& material, const Eigen::Vector2f& uv) {
+  const float x = uv.x() * static_cast<float>(material.texture->size.width) - 0.5F;
+  const float y = uv.y() * static_cast<float>(material.texture->size.height) - 0.5F;
   const auto i = static_cast<int64_t>(std::floor(x)), j = static_cast<int64_t>(std::floor(y));
   const float s = x - static_cast<float>(i), t = y - static_cast<float>(j);
-  return (1 - t) * ((1 - s) * texel(texture, i, j) + s * texel(texture, i + 1, j)) +
-         t * ((1 - s) * texel(texture, i, j + 1) + s * texel(texture, i + 1, j + 1));
+  return (1 - t) * ((1 - s) * texel(material, i, j) + s * texel(material, i + 1, j)) +
+         t * ((1 - s) * texel(material, i, j + 1) + s * texel(material, i + 1, j + 1));
 }
 
 }  // namespace
@@ -103,7 +113,7 @@ void ModelSurfaceBuilder::add_vertex(const ModelCorner& corner, const ModelMater
   surface_.normals.push_back(corner.normal);
   Eigen::Vector3f albedo = material.factor.cwiseProduct(corner.colour);
   if (material.texture != nullptr) {
-    albedo = albedo.cwiseProduct(sample(*material.texture, corner.uv));
+    albedo = albedo.cwiseProduct(sample(material, corner.uv));
   }
   surface_.albedo.push_back(albedo);
   surface_.unlit.push_back(material.unlit ? 1 : 0);
