@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <variant>
 #include <vector>
 
 #include "base/core/error.h"
@@ -17,6 +19,7 @@
 #include "support/temporary_folder.h"
 #include "take/take_listing.h"
 #include "tools/gliding_take.h"
+#include "v3dctl/command_line.h"
 #include "v3dctl/edit/edit_file.h"
 #include "v3dctl/edit/take_clip.h"
 
@@ -259,6 +262,45 @@ TEST_F(EditTake, has_the_weights_of_its_own_vertices_after_a_mirror) {
   const auto skeleton = nlohmann::json::parse(read_file(out / "skeleton.json"));
   const auto weights = skeleton.at("skins")[0].at("weights").get<std::string>();
   EXPECT_TRUE(weights == base64(expected));
+}
+
+/// A take and the edit file edits/turn.json.
+class EditCommand : public testing::Test {
+ protected:
+  EditCommand() {
+    fs::create_directories(folder_ / "takes");
+    fs::create_directories(folder_ / "edits");
+    test::write_gliding_take(folder_ / "takes/dancer");
+  }
+
+  void put(const std::string& operation) const {
+    test::write_text(edits_,
+                     R"({"format": "v3d-edit", "version": 1, "operations": [)" + operation + "]}");
+  }
+
+  /// The exit status of `v3dctl edit takes/dancer edits/turn.json`.
+  int run() const {
+    std::vector<std::string> words{"v3dctl", "edit", (folder_ / "takes/dancer").string(),
+                                   edits_.string()};
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    return run_program(static_cast<int>(argv.size()), argv.data(), add_edit);
+  }
+
+  const test::TemporaryFolder folder_;
+  const fs::path edits_ = folder_ / "edits/turn.json", out_ = folder_ / "takes/dancer.turn";
+};
+
+TEST_F(EditCommand, writes_a_copy_of_the_operations_whose_paths_lead_from_its_folder) {
+  test::write_gliding_take(folder_ / "takes/rehearsal");
+  put(R"({"do": "cut", "frames": [0, 5]}, {"do": "splice", "take": "../takes/rehearsal", "blend": 2})");
+  ASSERT_EQ(run(), kExitDone);
+  const std::vector<Edit> copy = load_edits(out_ / "edit.json");
+  ASSERT_EQ(copy.size(), 2U);
+  EXPECT_EQ(std::get<CutEdit>(copy[0].operation).frames.end, 5);
+  const auto& splice = std::get<SpliceEdit>(copy[1].operation);
+  EXPECT_EQ(splice.blend, 2);
+  EXPECT_EQ(splice.take, folder_ / "takes/rehearsal");
 }
 
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {

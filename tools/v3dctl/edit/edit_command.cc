@@ -84,6 +84,7 @@ fs::path output_of(const Arguments& arguments) {
 int run(const Arguments& arguments) {
   catch_interrupts();
   const std::vector<Edit> edits = load_edits(arguments.edits);
+  const std::string text = read_file(arguments.edits);
   const fs::path out = output_of(arguments);
   check_output(out);
   std::error_code error;
@@ -94,7 +95,8 @@ int run(const Arguments& arguments) {
   Editor editor(edited, read_with_progress);
   for (const Edit& edit : edits) editor.apply(edit);
   const double slide_m = recon::foot_slide(edited.clip, recon::foot_contacts(edited.clip));
-  write_clip(edited, arguments.take, read_file(arguments.edits), out);
+  const fs::path place = normal_folder(fs::weakly_canonical(out));
+  write_clip(edited, arguments.take, edits_for_folder(text, arguments.edits, place), out);
   if (arguments.json) {
     print_json(out, edited.clip, editor.splices(), slide_m);
   } else {

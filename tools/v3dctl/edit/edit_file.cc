@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <variant>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -118,6 +119,20 @@ std::vector<Edit> parse_edits(std::string_view text, const fs::path& file) {
 
 std::vector<Edit> load_edits(const fs::path& file) {
   return parse_edits(io::value_or_throw(io::read_file(file, kMaxFileBytes)), file);
+}
+
+std::string edits_for_folder(const std::string& text, const fs::path& file,
+                             const fs::path& folder) {
+  const std::vector<Edit> edits = parse_edits(text, file);
+  auto copy = nlohmann::ordered_json::parse(text);
+  bool has_splice = false;
+  for (size_t n = 0; n < edits.size(); ++n) {
+    const auto* splice = std::get_if<SpliceEdit>(&edits[n].operation);
+    if (splice == nullptr) continue;
+    has_splice = true;
+    copy["operations"][n]["take"] = fs::relative(splice->take, folder).string();
+  }
+  return has_splice ? copy.dump(2) + "\n" : text;
 }
 
 }  // namespace v3d::ctl

@@ -55,4 +55,9 @@ struct Edit {
 std::vector<Edit> parse_edits(std::string_view text, const std::filesystem::path& file);
 std::vector<Edit> load_edits(const std::filesystem::path& file);
 
+/// `text` of an edit file for a copy in `folder`: the paths of takes are relative to that. The
+/// other fields stay, and without a splice the whole text. Throws InputError as parse_edits().
+std::string edits_for_folder(const std::string& text, const std::filesystem::path& file,
+                             const std::filesystem::path& folder);
+
 }  // namespace v3d::ctl
