@@ -303,6 +303,18 @@ TEST_F(EditCommand, writes_a_copy_of_the_operations_whose_paths_lead_from_its_fo
   EXPECT_EQ(splice.take, folder_ / "takes/rehearsal");
 }
 
+TEST_F(EditCommand, does_not_replace_a_take_that_it_splices) {
+  put(R"({"do": "cut", "frames": [0, 5]})");
+  ASSERT_EQ(run(), kExitDone);
+  const std::string before = read_file(out_ / "motion.v3d");
+  put(R"({"do": "mirror"}, {"do": "splice", "take": "../takes/dancer.turn", "blend": 2})");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run(), kExitBadInput);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("operations[1].take: " + out_.string() + " is OUT itself"));
+  EXPECT_EQ(read_file(out_ / "motion.v3d"), before);
+}
+
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {
   recorded::MeshFrames frames(take_);
   EXPECT_EQ(test::message_of<InputError>([&] { frames.read(7); }),

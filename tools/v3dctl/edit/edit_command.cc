@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <variant>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -81,16 +82,28 @@ fs::path output_of(const Arguments& arguments) {
   return take.string() + "." + arguments.edits.stem().string();
 }
 
+/// Throws InputError where the result would replace a take that it is made of.
+void require_other_output(const fs::path& take, const std::vector<Edit>& edits,
+                          const fs::path& out) {
+  std::error_code error;
+  if (fs::equivalent(take, out, error)) {
+    throw InputError(out.string() + ": is TAKE itself; choose another OUT");
+  }
+  for (const Edit& edit : edits) {
+    const auto* splice = std::get_if<SpliceEdit>(&edit.operation);
+    if (splice == nullptr || !fs::equivalent(splice->take, out, error)) continue;
+    throw InputError(edit.where + ".take: " + splice->take.string() +
+                     " is OUT itself; choose another OUT");
+  }
+}
+
 int run(const Arguments& arguments) {
   catch_interrupts();
   const std::vector<Edit> edits = load_edits(arguments.edits);
   const std::string text = read_file(arguments.edits);
   const fs::path out = output_of(arguments);
   check_output(out);
-  std::error_code error;
-  if (fs::equivalent(arguments.take, out, error)) {
-    throw InputError(out.string() + ": is TAKE itself; choose another OUT");
-  }
+  require_other_output(arguments.take, edits, out);
   TakeClip edited = read_with_progress(arguments.take);
   Editor editor(edited, read_with_progress);
   for (const Edit& edit : edits) editor.apply(edit);
