@@ -32,7 +32,8 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
 /// stays in the hand of `a`. Returns the last frame with a surface of the first action.
 size_t splice(Clip& a, Clip b, const Transition& transition);
 
-/// Ratio of the surface speed at a change of the surface to that around it; 1 for a smooth change.
+/// Ratio of the surface speed at a change of the surface to that around it; 1 for a smooth change,
+/// infinite where the surface stands still around it.
 ///
 /// Numerator: median path of the vertices from frame `last` to the next one, metres. The path of a
 /// vertex is that to the pose of the next frame, and from there to the nearest point of the surface

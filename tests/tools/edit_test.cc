@@ -278,10 +278,11 @@ class EditCommand : public testing::Test {
                      R"({"format": "v3d-edit", "version": 1, "operations": [)" + operation + "]}");
   }
 
-  /// The exit status of `v3dctl edit takes/dancer edits/turn.json`.
-  int run() const {
+  /// The exit status of `v3dctl edit takes/dancer edits/turn.json OPTIONS`.
+  int run(const std::vector<std::string>& options = {}) const {
     std::vector<std::string> words{"v3dctl", "edit", (folder_ / "takes/dancer").string(),
                                    edits_.string()};
+    words.insert(words.end(), options.begin(), options.end());
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
     return run_program(static_cast<int>(argv.size()), argv.data(), add_edit);
@@ -313,6 +314,21 @@ TEST_F(EditCommand, does_not_replace_a_take_that_it_splices) {
   EXPECT_THAT(testing::internal::GetCapturedStderr(),
               HasSubstr("operations[1].take: " + out_.string() + " is OUT itself"));
   EXPECT_EQ(read_file(out_ / "motion.v3d"), before);
+}
+
+TEST_F(EditCommand, states_no_relative_jump_where_the_surface_stands_still_around_a_splice) {
+  put(R"({"do": "cut", "frames": [0, 1]}, {"do": "stretch", "factor": 10},
+         {"do": "splice", "take": "../takes/dancer", "at": [8, 9], "from": [4, 5], "blend": 1})");
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run({"--json"}), kExitDone);
+  const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+  ASSERT_EQ(json.at("splices").size(), 1U);
+  EXPECT_FALSE(json.at("splices")[0].contains("relative_jump"));
+  EXPECT_TRUE(json.at("splices")[0].contains("cost_mm"));
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run(), kExitDone);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              testing::ContainsRegex("the poses differ by [0-9]+ mm\n"));
 }
 
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {

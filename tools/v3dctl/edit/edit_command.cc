@@ -1,6 +1,7 @@
 // edit: changes the action of a take by a list of operations; the result is a take of its own.
 #include <fmt/core.h>
 
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -41,12 +42,20 @@ TakeClip read_with_progress(const fs::path& take) {
 }
 
 Json to_json(const SpliceReport& report) {
-  return {{"frame", report.frame},
-          {"at", report.transition.at},
-          {"from", report.transition.from},
-          {"blend", report.transition.blend},
-          {"cost_mm", 1000 * report.transition.cost_m},
-          {"relative_jump", report.relative_jump}};
+  Json json{{"frame", report.frame},
+            {"at", report.transition.at},
+            {"from", report.transition.from},
+            {"blend", report.transition.blend},
+            {"cost_mm", 1000 * report.transition.cost_m}};
+  if (std::isfinite(report.relative_jump)) json["relative_jump"] = report.relative_jump;
+  return json;
+}
+
+/// How fast the surface moves at a splice; empty where it stands still around it.
+std::string jump_text(const SpliceReport& report) {
+  if (!std::isfinite(report.relative_jump)) return {};
+  return fmt::format(", the surface moves {:.2f} times as fast as in the frames around it",
+                     report.relative_jump);
 }
 
 void print_json(const fs::path& out, const recon::Clip& clip,
@@ -67,10 +76,8 @@ void print_text(const fs::path& out, const recon::Clip& clip,
              static_cast<double>(clip.frames.size()) / clip.rate_hz);
   for (const SpliceReport& report : splices) {
     fmt::print(
-        "frame {}: continues with frame {} of the other take; the poses differ by {:.0f} mm, the "
-        "surface moves {:.2f} times as fast as in the frames around it\n",
-        report.frame, report.transition.from, 1000 * report.transition.cost_m,
-        report.relative_jump);
+        "frame {}: continues with frame {} of the other take; the poses differ by {:.0f} mm{}\n",
+        report.frame, report.transition.from, 1000 * report.transition.cost_m, jump_text(report));
   }
   fmt::print("standing feet slide by at most {:.0f} mm\n", 1000 * slide_m);
 }
