@@ -2,7 +2,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <optional>
+#include <string_view>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -41,9 +44,23 @@ std::string file_name(int64_t frame, MeshFormat format) {
   return fmt::format("{:06}{}", frame, extension(format));
 }
 
-// A path with the extension of the format is a file of one frame; any other is a folder.
+/// Does the name end as that of a file of a surface, in small or capital letters?
+bool has_surface_extension(const fs::path& path) {
+  constexpr std::array<std::string_view, 5> kExtensions{".ply", ".obj", ".glb", ".gltf", ".usda"};
+  std::string ending = path.extension().string();
+  std::ranges::transform(ending, ending.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::ranges::find(kExtensions, ending) != kExtensions.end();
+}
+
+/// A path with the extension of the format is a file of one frame; any other is a folder. Throws
+/// InputError for a new folder that would look like a file.
 bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
-  if (arguments.out.extension() != extension(format)) return false;
+  if (arguments.out.extension() != extension(format)) {
+    if (!has_surface_extension(arguments.out) || fs::is_directory(arguments.out)) return false;
+    throw InputError(fmt::format("{}: expected a name that ends in {}, or a folder",
+                                 arguments.out.string(), extension(format)));
+  }
   if (frames > 1) {
     throw InputError(arguments.out.string() + ": is a file of one frame, the take has " +
                      std::to_string(frames) + "; expected --frames N, or a folder");
@@ -82,6 +99,7 @@ int run_volume_export(const Arguments& arguments) {
 int run_flac_export(const Arguments& arguments) {
   expect_mesh_options_unused(arguments);
   if (arguments.atlas_side > 0) throw InputError("--atlas: expected --format glb or volume");
+  if (arguments.proxy) throw InputError("--proxy: --format flac has no surfaces");
   if (arguments.performer > 0) throw InputError("--performer: --format flac has no surfaces");
   if (parse_surface(arguments.surface) != Surface::kAutomatic) {
     throw InputError("--surface: expected --format glb-sequence or usda");

@@ -167,7 +167,8 @@ int run_scene(const Arguments& arguments) {
     throw InputError(picture ? "render: expected --at SECONDS for one picture of a scene"
                              : "--at: expected a name that ends in .png for one picture");
   }
-  if (!picture && arguments.out.has_extension() && !VideoWriter::writes(arguments.out)) {
+  if (!picture && arguments.out.has_extension() && !VideoWriter::writes(arguments.out) &&
+      !fs::is_directory(arguments.out)) {
     throw InputError(arguments.out.string() +
                      ": expected a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
   }
