@@ -41,7 +41,7 @@ TakeClip read_with_progress(const fs::path& take) {
   return clip;
 }
 
-Json to_json(const SpliceReport& report) {
+Json splice_json(const SpliceReport& report) {
   Json json{{"frame", report.frame},
             {"at", report.transition.at},
             {"from", report.transition.from},
@@ -61,7 +61,7 @@ std::string jump_text(const SpliceReport& report) {
 void print_json(const fs::path& out, const recon::Clip& clip,
                 const std::vector<SpliceReport>& splices, double slide_m) {
   Json list = Json::array();
-  for (const SpliceReport& report : splices) list.push_back(to_json(report));
+  for (const SpliceReport& report : splices) list.push_back(splice_json(report));
   const Json json{{"out", out.string()},
                   {"frames", clip.frames.size()},
                   {"seconds", static_cast<double>(clip.frames.size()) / clip.rate_hz},

@@ -110,7 +110,7 @@ const CarriedReport& carried_over(const MotionReport& motion, int64_t pulses) {
   return found == motion.carried.end() ? motion.carried.back() : *found;
 }
 
-Json to_json(const std::vector<std::pair<int64_t, recon::PulseResidual>>& residuals) {
+Json residuals_json(const std::vector<std::pair<int64_t, recon::PulseResidual>>& residuals) {
   constexpr double kMillimetres = 1000;
   Json list = Json::array();
   for (const auto& [pulse, residual] : residuals) {
@@ -126,7 +126,7 @@ Json to_json(const std::vector<std::pair<int64_t, recon::PulseResidual>>& residu
   return list;
 }
 
-Json to_json(const TrackReport& report) {
+Json report_json(const TrackReport& report) {
   Json tracked = Json::array();
   std::vector<double> triangles;
   for (const TrackedSegmentReport& segment : report.segments) {
@@ -142,7 +142,7 @@ Json to_json(const TrackReport& report) {
                        {"max_far", segment.far},
                        {"matched_patches", segment.matched_patches},
                        {"patch_correlation", segment.patch_correlation},
-                       {"residuals", to_json(segment.residuals)}});
+                       {"residuals", residuals_json(segment.residuals)}});
   }
   Json untracked = Json::array();
   for (const UntrackedReport& gap : report.untracked) {
@@ -244,7 +244,7 @@ int run(const Arguments& arguments) {
   std::optional<Comparison> truth;
   if (!arguments.truth.empty()) truth = compare_with_truth(arguments);
   if (arguments.json) {
-    Json json = to_json(report);
+    Json json = report_json(report);
     if (truth) put_comparison(json, *truth);
     fmt::print("{}\n", json.dump(2));
   } else {
