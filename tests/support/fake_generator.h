@@ -58,6 +58,7 @@ class FakeGenerator {
 
   std::vector<std::string> received;  ///< all received lines
   std::string lies;                   ///< header of a setting that it ignores
+  int64_t max_count = 0;              ///< shortens a longer burst without an error; 0: no limit
   int64_t pulses = 0;                 ///< length of the train since the last start; -1: without end
 
  private:
@@ -101,7 +102,16 @@ class FakeGenerator {
   void store(const std::string& line) {
     const size_t space = line.find(' ');
     const std::string header = line.substr(0, space);
-    if (space != std::string::npos && header != lies) settings_[header] = line.substr(space + 1);
+    if (space != std::string::npos && header != lies) {
+      settings_[header] = limited(header, line.substr(space + 1));
+    }
+  }
+  /// The value of a setting as the instrument stores it.
+  std::string limited(const std::string& setting, const std::string& value) const {
+    const bool is_count = setting == "SOUR1:BURS:NCYC" || setting == ":SOUR1:BURS:NCYC" ||
+                          setting == ":PULSE0:BCO" || setting == "C1:BTWV TIME";
+    const bool is_long = is_count && max_count > 0 && std::atoll(value.c_str()) > max_count;
+    return is_long ? std::to_string(max_count) : value;
   }
   /// Answer to a query, in the number format of such instruments.
   std::string plain_answer(const std::string& line) const {
@@ -124,7 +134,8 @@ class FakeGenerator {
     if (comma == std::string::npos) {
       settings_[header + " *"] = line.substr(space + 1);
     } else if (line.substr(0, comma) != lies) {
-      settings_[line.substr(0, comma)] = line.substr(comma + 1);
+      const std::string setting = line.substr(0, comma);
+      settings_[setting] = limited(setting, line.substr(comma + 1));
     }
   }
   std::string keyed_answer(const std::string& line) const {

@@ -223,6 +223,20 @@ TEST(ScpiGenerator, rejects_an_instrument_that_does_not_accept_a_setting) {
               HasSubstr("did not accept C1:BTWV TIME,10: it reports 'C1:BTWV GATE_NCYC"));
 }
 
+TEST(ScpiGenerator, rejects_an_instrument_that_shortens_a_long_burst_by_a_few_pulses) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    bench.generator.max_count = 1'000'000;
+    const auto generator = generator_on(bench, trigger_of(d.dialect));
+    EXPECT_THAT(test::message_of<InputError>([&] { generator->arm(train_of(1'000'050)); }),
+                HasSubstr("1000050: it reports '"));
+    generator->arm(train_of(1'000'000));
+    generator->start();
+    EXPECT_EQ(bench.generator.pulses, 1'000'000);
+  }
+}
+
 TEST(ScpiGenerator, rejects_an_instrument_of_another_make_and_invalid_answers) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kRigolDg));
@@ -363,6 +377,7 @@ TEST(ScpiAnswers, match_the_expected_value_in_every_equivalent_notation) {
   EXPECT_TRUE(answer_matches("1", "", "ON"));
   EXPECT_TRUE(answer_matches("c1:bswv wvtp,pulse,frq,25HZ", "FRQ", "25"));
   EXPECT_TRUE(answer_matches("C1:OUTP OFF,LOAD,HZ,PLRT,NOR", "*", "OFF"));
+  EXPECT_TRUE(answer_matches("+1.000050000E+06", "", "1000050", true));
 }
 
 TEST(ScpiAnswers, do_not_match_another_value) {
@@ -378,6 +393,8 @@ TEST(ScpiAnswers, do_not_match_another_value) {
   EXPECT_FALSE(answer_matches("0", "", "ON"));
   EXPECT_FALSE(answer_matches("C1:BSWV WVTP,FRQ", "FRQ", "25"));
   EXPECT_FALSE(answer_matches("C1:BSWV", "*", "OFF"));
+  EXPECT_FALSE(answer_matches("1000000", "", "1000050", true));
+  EXPECT_FALSE(answer_matches("1.0000E+05", "", "100004", true));
 }
 
 }  // namespace

@@ -186,11 +186,11 @@ std::optional<double> number_of(std::string_view text) {
   return {};
 }
 
-bool same_number(double a, double b) {
+bool same_number(double a, double b, bool is_count) {
   if (std::abs(a) > kScpiInfinity || std::abs(b) > kScpiInfinity) {
     return a > kScpiInfinity && b > kScpiInfinity;
   }
-  return std::abs(a - b) <= 1e-4 * std::abs(a) + 1e-9;
+  return std::abs(a - b) <= (is_count ? 0 : 1e-4 * std::abs(a)) + 1e-9;
 }
 
 bool same_word(std::string_view a, std::string_view b) {
@@ -246,12 +246,13 @@ std::string substitute_values(std::string_view text, const ScpiValues& values) {
   return result;
 }
 
-bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected) {
+bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected,
+                    bool is_count) {
   const std::string all = upper(trimmed(answer));
   const std::string_view got = field_of(all, field);
   const auto got_number = number_of(got);
   if (const auto number = number_of(expected)) {
-    return got_number && same_number(*number, *got_number);
+    return got_number && same_number(*number, *got_number, is_count);
   }
   if (expected == "ON" && got_number) return *got_number == 1;
   if (expected == "OFF" && got_number) return *got_number == 0;

@@ -20,6 +20,9 @@ struct ScpiSetting {
   /// in an answer like "C1:BSWV WVTP,PULSE,FRQ,25HZ". "*": the first field.
   std::string_view field = {};
   std::string_view expected = {};  ///< value of the field
+
+  /// The field is a number of pulses, which must be exact.
+  bool is_count() const { return expected == "{count}"; }
 };
 
 /// The commands of a family of signal generators, as tables in the order of execution.
@@ -49,8 +52,9 @@ struct ScpiValues {
 std::string substitute_values(std::string_view text, const ScpiValues& values);
 
 /// Whether `field` of an answer (see ScpiSetting) equals `expected`. Numbers: within 1 in 10,000,
-/// in any notation, with or without a unit. Words: in any case, short or long ("PULS", "PULSE"). ON
-/// and OFF: also 1 and 0.
-bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected);
+/// in any notation, with or without a unit; with `is_count` the same whole number. Words: in any
+/// case, short or long ("PULS", "PULSE"). ON and OFF: also 1 and 0.
+bool answer_matches(std::string_view answer, std::string_view field, std::string_view expected,
+                    bool is_count = false);
 
 }  // namespace v3d::trigger

@@ -94,7 +94,7 @@ void ScpiGenerator::apply(const std::vector<ScpiSetting>& settings) {
     if (setting.query.empty()) continue;
     const std::string answer = query(substitute_values(setting.query, values_));
     const std::string expected = substitute_values(setting.expected, values_);
-    if (answer_matches(answer, setting.field, expected)) continue;
+    if (answer_matches(answer, setting.field, expected, setting.is_count())) continue;
     throw InstrumentError("did not accept " + line + ": it reports " + in_quotes(answer));
   }
 }
