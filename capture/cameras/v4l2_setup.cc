@@ -51,6 +51,9 @@ std::string hexadecimal(uint32_t id) { return fmt::format("0x{:08x}", id); }
 
 std::string number(double value) { return fmt::format("{:.6g}", value); }
 
+/// Without an exponent up to 9,999,999.
+std::string microseconds(double value) { return fmt::format("{:.7g}", value); }
+
 /// The name of a control in the form of v4l2-ctl: "White Balance, Automatic" becomes
 /// "white_balance_automatic".
 std::string control_name(const v4l2_queryctrl& control) {
@@ -248,7 +251,9 @@ class Setup {
         {feature.name, feature.value, got ? std::to_string(*got) : without_value});
   }
 
-  void control(const std::string& what, uint32_t id, int32_t wanted, int32_t tolerance = 0) const {
+  /// Writes a control, reads it back and returns its value.
+  int32_t control(const std::string& what, uint32_t id, int32_t wanted,
+                  int32_t tolerance = 0) const {
     v4l2_control value{.id = id, .value = wanted};
     ask_for(what, wanted, VIDIOC_S_CTRL, &value);
     value = {.id = id, .value = 0};
@@ -256,6 +261,7 @@ class Setup {
     if (std::abs(int64_t{value.value} - wanted) > tolerance) {
       fail(what, std::to_string(wanted), std::to_string(value.value));
     }
+    return value.value;
   }
 
   void ask_for(const std::string& what, int32_t wanted, unsigned long request,
@@ -334,10 +340,26 @@ class Setup {
 
   /// Sets the exposure time. A camera without the control has a fixed exposure, or is a frame
   /// grabber.
-  void exposure() const {
+  void exposure() {
     if (!supports(V4L2_CID_EXPOSURE_ABSOLUTE)) return;
     const auto steps = static_cast<int32_t>(std::lround(settings_.exposure_us / kExposureStepUs));
-    control("exposure_us / 100", V4L2_CID_EXPOSURE_ABSOLUTE, std::max(steps, 1), 1 + steps / 100);
+    const int32_t got = control("exposure_us / 100", V4L2_CID_EXPOSURE_ABSOLUTE, std::max(steps, 1),
+                                1 + steps / 100);
+    compare_exposure(settings_.exposure_us, kExposureStepUs * got);
+  }
+
+  /// Lists an exposure time that differs. The steps of V4L2 are large beside a short time, so a
+  /// step counts as a rounding only where it is at most 10 % of the time. Half or twice the time,
+  /// and so the blur, is rejected.
+  void compare_exposure(double wanted, double got) {
+    if (got == wanted) return;
+    if (got > 2 * wanted || 2 * got < wanted) {
+      fail("exposure_us", microseconds(wanted),
+           microseconds(got) + "; V4L2 counts in steps of 100 us");
+    }
+    const double rounding = std::max(0.01 * wanted, std::min(kExposureStepUs, 0.1 * wanted));
+    differences_.push_back({"exposure_us", microseconds(wanted), microseconds(got),
+                            std::abs(got - wanted) <= rounding});
   }
 
   const StudioCamera& settings_;

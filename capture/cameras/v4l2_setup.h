@@ -17,8 +17,9 @@ namespace v3d::capture::v4l2 {
 struct Applied {
   SentLayout layout;
   std::string device;  ///< name of the device and its driver
-  /// Automatic controls that stay on, controls of [camera.features] with another value, and a frame
-  /// interval that is longer than the period of the pulses.
+  /// Automatic controls that stay on, controls of [camera.features] with another value, an exposure
+  /// time that was rounded to the steps of V4L2, and a frame interval that is longer than the
+  /// period of the pulses.
   std::vector<SettingDifference> differences;
   /// Of a triggered camera with a frame interval: the rate of pulses, Hz, above which the settings
   /// must be written again.

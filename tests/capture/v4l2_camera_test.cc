@@ -266,6 +266,31 @@ TEST_F(V4l2CameraTest, warns_of_an_automatic_control_that_the_camera_ignores) {
   EXPECT_TRUE(driver_.streaming) << "the pulses of the frames are certain all the same";
 }
 
+TEST_F(V4l2CameraTest,
+       lists_an_exposure_time_that_differs_and_warns_if_it_differs_by_over_a_tenth) {
+  const auto differences = [this](double exposure_us) {
+    settings_.exposure_us = exposure_us;
+    const auto c = camera();
+    c->start();
+    return c->differences();
+  };
+  EXPECT_THAT(differences(1'000'000), testing::IsEmpty());
+  EXPECT_THAT(differences(1950),
+              testing::ElementsAre(SettingDifference{"exposure_us", "1950", "2000", true}));
+  EXPECT_THAT(differences(250),
+              testing::ElementsAre(SettingDifference{"exposure_us", "250", "300"}));
+  driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = 9950;
+  driver_.fixed = {V4L2_CID_EXPOSURE_ABSOLUTE};
+  EXPECT_THAT(differences(1'000'000),
+              testing::ElementsAre(SettingDifference{"exposure_us", "1000000", "995000", true}));
+}
+
+TEST_F(V4l2CameraTest, rejects_an_exposure_time_far_below_the_steps_of_v4l2) {
+  settings_.exposure_us = 20;
+  EXPECT_THAT(start_error(),
+              HasSubstr("exposure_us: expected 20, found 100; V4L2 counts in steps"));
+}
+
 TEST_F(V4l2CameraTest, writes_the_controls_of_the_studio_file_by_their_names) {
   driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = 2800;
   settings_.features = {{"white_balance_temperature", "4600"}};
