@@ -113,7 +113,9 @@ void BackgroundGenerator::stop() {
   arming_task_ = 0;
   const int64_t task = enqueue([this] { generator_->stop(); });
   last_status_.finished = true;
-  if (started) last_status_.fault = "pulses may continue: the generator has not answered yet";
+  if (started) {
+    last_status_.fault = std::string(kPulsesMayContinue) + ": the generator has not answered yet";
+  }
   wait_until_done(max_wait_, task);
 }
 

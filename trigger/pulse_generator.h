@@ -40,6 +40,9 @@ struct PulseStatistics {
 
 class PulseSensor;
 
+/// PulseGenerator::fault() begins with this where stop() could not end the pulses.
+inline constexpr char kPulsesMayContinue[] = "pulses may continue";
+
 /// A source of trigger pulses. The output is inactive except between start() and the end of the
 /// train, also after errors.
 ///
@@ -62,7 +65,7 @@ class PulseGenerator {
   virtual void set_clock_fault(const std::string& fault) { (void)fault; }
   /// The first pulse follows within a period. Requires armed().
   virtual void start() = 0;
-  /// No pulse starts after this returns, unless fault() reports that pulses may continue.
+  /// No pulse starts after this returns, unless fault() begins with kPulsesMayContinue.
   /// Idempotent.
   virtual void stop() = 0;
   /// After a stop() that failed: tries again, as when an instrument was plugged in again. Does not
@@ -83,7 +86,7 @@ class PulseGenerator {
   virtual bool is_paced_by_this_host() const { return false; }
   /// Statistics of the pulses since start(); zeros where another device makes the pulses.
   virtual PulseStatistics statistics() const = 0;
-  /// The fault of the running train, one line; empty when there is none.
+  /// The fault of the running train, or of the last one, one line; empty when there is none.
   virtual std::string fault() const = 0;
   /// A problem that does not disturb the train but needs the operator's attention, one line;
   /// empty when there is none.

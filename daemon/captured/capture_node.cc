@@ -373,13 +373,8 @@ std::string CaptureNode::ready_text() const {
 // --- health -------------------------------------------------------------------------------------
 
 std::string CaptureNode::fault_text() const {
-  std::vector<std::string> lines;
+  std::vector<std::string> lines = trigger_.problems(take_ != nullptr);
   if (const std::string text = rejoin_.text(); !text.empty()) lines.push_back(text);
-  if (const std::string text = trigger_.fault(); !text.empty()) lines.push_back("trigger: " + text);
-  if (const std::string text = trigger_.warning(); !text.empty()) lines.push_back(text);
-  if (const std::string text = trigger_.sensor_fault(); !text.empty()) {
-    lines.push_back("sense line: " + text);
-  }
   if (const std::string text = cameras_.fault_text(); !text.empty()) lines.push_back(text);
   return fmt::format("{}", fmt::join(lines, "; "));
 }

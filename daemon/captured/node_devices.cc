@@ -252,6 +252,17 @@ int64_t NodeTrigger::commanded(int64_t seen) const {
   return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
 }
 
+std::vector<std::string> NodeTrigger::problems(bool in_train) const {
+  std::vector<std::string> lines;
+  const std::string of_generator = fault(), of_cameras = warning(), of_sensor = sensor_fault();
+  if (in_train ? !of_generator.empty() : of_generator.starts_with(trigger::kPulsesMayContinue)) {
+    lines.push_back("trigger: " + of_generator);
+  }
+  if (in_train && !of_cameras.empty()) lines.push_back(of_cameras);
+  if (in_train && !of_sensor.empty()) lines.push_back("sense line: " + of_sensor);
+  return lines;
+}
+
 std::string NodeTrigger::unsensed_warning(int64_t sensed) const {
   if (!generator_ || !sensor_) return "";
   const bool is_estimate = sensor_count_is_better();

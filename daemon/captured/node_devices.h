@@ -137,6 +137,10 @@ class NodeTrigger {
   std::string fault() const { return generator_ ? generator_->fault() : ""; }
   std::string warning() const { return generator_ ? generator_->warning() : ""; }
   std::string sensor_fault() const { return sensor_ ? sensor_->fault() : ""; }
+  /// What health reports: one line each. `in_train`: from ready until the take is closed. Otherwise
+  /// only pulses that may continue: the sense line is not open, and events and ledger have reported
+  /// the problems of the last train.
+  std::vector<std::string> problems(bool in_train) const;
   /// How many pulses of the train the sense line lacks, one line; empty where it lacks none that
   /// are due, and without a sense line. `sensed`: pulses on the line.
   std::string unsensed_warning(int64_t sensed) const;

@@ -172,7 +172,7 @@ void ScpiGenerator::stop() {
   try {
     with_retries([this] { turn_off(); });
   } catch (const InputError& error) {
-    if (may_run_) fault = std::string("pulses may continue: ") + error.what();
+    if (may_run_) fault = std::string(kPulsesMayContinue) + ": " + error.what();
   }
   fault_ = fault;
   // The answers to the commands come after the last pulse.

@@ -88,6 +88,12 @@ class TriggerOnlyNode : public testing::Test {
   CaptureNode node_{studio_, "cap01", bus_};
 };
 
+TEST_F(TriggerOnlyNode, has_no_problem_before_its_first_order_opens_the_sense_line) {
+  wire::HealthMessage health;
+  node_.report_health(health);
+  EXPECT_EQ(health.text, "");
+}
+
 TEST_F(TriggerOnlyNode, has_learnt_the_background_when_the_pulses_have_ended) {
   const auto learns_from_all_pulses = [&] {  // a busy host may skip some
     const size_t before = cable_.edges().size();

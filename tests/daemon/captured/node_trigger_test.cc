@@ -9,6 +9,7 @@
 namespace v3d::captured {
 namespace {
 
+using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
@@ -29,8 +30,9 @@ struct CountingGenerator : trigger::PulseGenerator {
   bool is_paced_by_this_host() const override { return is_paced_here; }
   bool counts_exactly() const override { return is_exact; }
   trigger::PulseStatistics statistics() const override { return {}; }
-  std::string fault() const override { return {}; }
+  std::string fault() const override { return problem; }
 
+  std::string problem;
   int64_t count = 0;
   bool is_paced_here = true;
   bool is_exact = true;
@@ -39,7 +41,7 @@ struct CountingGenerator : trigger::PulseGenerator {
 struct SilentSensor : trigger::PulseSensor {
   void reset() override {}
   std::optional<trigger::SensedPulse> wait(MonotonicInstant) override { return {}; }
-  std::string fault() const override { return {}; }
+  std::string fault() const override { return "the line is not read yet"; }
 };
 
 /// A trigger without a sense line.
@@ -80,6 +82,18 @@ TEST_F(UnsensedTrigger, that_another_device_paces_reports_its_first_pulse_alone)
   generator_->count = 50;
   EXPECT_TRUE(trigger_.unsensed_first_pulse());
   EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
+}
+
+TEST(SensedTrigger, has_outside_a_train_only_the_problem_that_pulses_may_continue) {
+  auto* const generator = new CountingGenerator;
+  const NodeTrigger trigger(std::unique_ptr<trigger::PulseGenerator>(generator),
+                            std::make_unique<SilentSensor>());
+  generator->problem = "3 pulses skipped: this host was up to 95 ms late";
+  EXPECT_THAT(trigger.problems(true), ElementsAre("trigger: " + generator->problem,
+                                                  "sense line: the line is not read yet"));
+  EXPECT_THAT(trigger.problems(false), IsEmpty());
+  generator->problem = "pulses may continue: was unplugged";
+  EXPECT_THAT(trigger.problems(false), ElementsAre("trigger: " + generator->problem));
 }
 
 TEST(SensedTrigger, warns_of_a_lost_sense_line_also_where_the_commanded_pulses_are_an_estimate) {
