@@ -84,6 +84,11 @@ class ActiveTake {
 
   /// True for takes and checks, false for a background.
   bool has_ledger() const { return recording_ || check_; }
+  /// The frames of this camera are in the ledger. False for a camera that was not ready at the
+  /// start, and for a background.
+  bool counts_frames_of(const std::string& camera) const {
+    return recording_ ? recording_->records(camera) : check_ && check_->examines(camera);
+  }
   /// Requires has_ledger().
   TakeCounts counts() const;
   /// Stops all threads and closes the take on disk. Requires has_ledger(). Only the destructor may

@@ -53,7 +53,7 @@ class CameraMonitor {
   void update(const capture::CameraWorker& worker);
   /// Adds the camera's numbers, model and firmware to `health`. Sends events about ignored
   /// settings, and about missing and suspect frames, as often as EventThrottle allows. `due`:
-  /// frames that should have arrived by now.
+  /// frames that should have arrived by now; 0 for a camera that no take records.
   void report(const capture::CameraWorker& worker, int64_t due, wire::HealthMessage& health);
 
  private:

@@ -403,10 +403,11 @@ void CaptureNode::report_health(wire::HealthMessage& health) {
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
-  const int64_t due = take_has_ledger() ? std::max<int64_t>(0, counts.commanded - kLatePeriods) : 0;
+  const int64_t due = std::max<int64_t>(0, counts.commanded - kLatePeriods);
   std::map<std::string, capture::CameraWorkerStatus> cameras;
   for (const auto& camera : cameras_) {
-    camera_monitor_.report(*camera, due, health);
+    const bool is_counted = take_ && take_->counts_frames_of(camera->camera());
+    camera_monitor_.report(*camera, is_counted ? due : 0, health);
     cameras.emplace(camera->camera(), camera->status());
   }
   if (!cameras.empty()) camera_settings_.update(camera_settings_text(node_, cameras));

@@ -222,6 +222,11 @@ CameraPipelineCounts NodeTake::counts() const {
   return sum;
 }
 
+bool NodeTake::records(const std::string& camera) const {
+  return std::ranges::any_of(pipelines_,
+                             [&](const auto& pipeline) { return pipeline->camera() == camera; });
+}
+
 bool NodeTake::has_received(int64_t pulses, std::optional<MonotonicInstant> idle_since) const {
   return std::ranges::all_of(pipelines_, [&](const auto& pipeline) {
     return pipeline->counts().pulses >= pulses || (idle_since && pipeline->idle_since(*idle_since));

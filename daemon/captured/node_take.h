@@ -186,6 +186,7 @@ class NodeTake {
 
   const take::TakePaths& paths() const { return paths_; }
   size_t camera_count() const { return pipelines_.size(); }
+  bool records(const std::string& camera) const;
 
   /// Sum over all pipelines.
   CameraPipelineCounts counts() const;

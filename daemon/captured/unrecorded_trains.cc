@@ -151,6 +151,7 @@ class CameraCheck::CheckedWorker {
   CheckedWorker(const CheckedWorker&) = delete;
   CheckedWorker& operator=(const CheckedWorker&) = delete;
 
+  const std::string& camera() const { return worker_.camera(); }
   int64_t certain() const { return certain_; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
   /// The frames that have arrived are still examined.
@@ -230,6 +231,11 @@ CameraCheck::~CameraCheck() = default;
 bool CameraCheck::progressed_since(MonotonicInstant since) const {
   return std::ranges::all_of(workers_,
                              [&](const auto& checked) { return checked->progressed_since(since); });
+}
+
+bool CameraCheck::examines(const std::string& camera) const {
+  return std::ranges::any_of(workers_,
+                             [&](const auto& checked) { return checked->camera() == camera; });
 }
 
 bool CameraCheck::has_received(int64_t pulses) const {

@@ -108,6 +108,7 @@ class CameraCheck {
   CameraCheck(const CameraCheck&) = delete;
   CameraCheck& operator=(const CameraCheck&) = delete;
 
+  bool examines(const std::string& camera) const;
   /// True when every camera has delivered certain frames of `pulses` pulses. Any thread.
   bool has_received(int64_t pulses) const;
   bool progressed_since(MonotonicInstant since) const;

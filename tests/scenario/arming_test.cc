@@ -72,6 +72,7 @@ TEST_F(StudioOfTwoNodes, records_without_a_camera_that_may_be_missing_and_has_no
   EXPECT_GE(not_live, 0) << "cap01 sends no health";
   EXPECT_LT(not_live, 20) << log();
   EXPECT_TRUE(reaches("cap01", "frames_published", 20)) << log();
+  EXPECT_EQ(value("cap01", "cam02.frames_missing"), 0) << "the take goes without it";
   EXPECT_TRUE(command(wire::CommandVerb::kStop).done()) << log();
 }
 

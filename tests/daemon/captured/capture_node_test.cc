@@ -1,4 +1,4 @@
-// A capture node with the trigger and without cameras: its pulses trigger cameras of other nodes.
+// A capture node with the trigger and no camera that works: it triggers cameras of other nodes.
 #include "daemon/captured/capture_node.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,11 @@ constexpr int64_t kPulses = 4;
 
 class TriggerOnlyNode : public testing::Test {
  protected:
-  Studio studio() const {
+  /// `unplugged`: names of cameras that cannot be opened.
+  explicit TriggerOnlyNode(const std::vector<std::string>& unplugged = {})
+      : studio_(studio(unplugged)) {}
+
+  Studio studio(const std::vector<std::string>& unplugged) const {
     Studio studio;
     studio.name = "dojo";
     studio.path = folder_ / "studio.toml";
@@ -37,6 +41,13 @@ class TriggerOnlyNode : public testing::Test {
                {RigCamera{.name = "cam01", .model = {{640, 480}, intrinsics, {}, {}}}});
     std::filesystem::create_directories(studio.storage.takes);
     std::filesystem::create_directories(studio.storage.background);
+    for (const std::string& name : unplugged) {
+      StudioCamera& camera = studio.cameras.emplace_back();
+      camera.name = name;
+      camera.node = "cap01";
+      camera.kind = CameraKind::kV4l2;
+      camera.address = folder_ / "unplugged";
+    }
     return studio;
   }
   static wire::CommandMessage order(wire::CommandVerb verb) {
@@ -83,7 +94,7 @@ class TriggerOnlyNode : public testing::Test {
 
   const test::TemporaryFolder folder_;
   trigger::CableServer cable_;
-  const Studio studio_ = studio();
+  const Studio studio_;
   bus::Bus bus_{kUrl};
   CaptureNode node_{studio_, "cap01", bus_};
 };
@@ -132,6 +143,27 @@ TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_
   start_take("kendo-03");
   finish_take();
   EXPECT_EQ(key_of_signature("kendo-03"), second.public_key());
+}
+
+class NodeWithoutItsCamera : public TriggerOnlyNode {
+ protected:
+  NodeWithoutItsCamera() : TriggerOnlyNode({"cam01"}) {}
+};
+
+TEST_F(NodeWithoutItsCamera, lacks_no_frames_in_a_take_that_goes_without_the_camera) {
+  wire::CommandMessage arm = order(wire::CommandVerb::kArm);
+  arm.allow_missing = {"cam01"};
+  arm.pulses = 8;  // a frame may be five periods late
+  node_.arm(arm);
+  ASSERT_EQ(report(control::Phase::kArming).event, control::Input::kReady);
+  node_.start();
+  EXPECT_EQ(report(control::Phase::kRecording).event, control::Input::kTrainEnded);
+  wire::HealthMessage health;
+  node_.report_health(health);
+  EXPECT_EQ(health.values.at("pulses_commanded"), 8);
+  EXPECT_EQ(health.values.at("frames_missing"), 0);
+  EXPECT_EQ(health.values.at("cam01.frames_missing"), 0);
+  EXPECT_EQ(health.values.at("cam01.streaming_flag"), 0) << "it is still reported as absent";
 }
 
 }  // namespace
