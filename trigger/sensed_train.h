@@ -13,10 +13,11 @@ namespace v3d::trigger {
 /// Numbers sensed pulses by the time since the previous pulse, in periods.
 ///
 /// A line carries no pulse numbers, and pulses may be missing. The first sensed pulse is pulse 0,
-/// as the first frame is frame 0. A pulse less than half a period after the previous one is extra
-/// and changes no number. A pulse of less than half the commanded width is a runt. A runt within an
-/// eighth of a period of its expected time gets a number, because cameras may have been triggered
-/// by it; another runt is extra. A pulse that is_numbered keeps its number. Not thread-safe.
+/// as the first frame is frame 0: give it pulses from the start of the train on only. A pulse less
+/// than half a period after the previous one is extra and changes no number. A pulse of less than
+/// half the commanded width is a runt. A runt within an eighth of a period of its expected time
+/// gets a number, because cameras may have been triggered by it; another runt is extra. A pulse
+/// that is_numbered keeps its number. Not thread-safe.
 class SensedTrain {
  public:
   explicit SensedTrain(const PulseTrain& train)
@@ -39,6 +40,9 @@ class SensedTrain {
     if (runt) runts_.push_back(number_);
     return number_;
   }
+
+  /// Counts a pulse that was sensed before the start of the train.
+  void count_extra() { ++extra_; }
 
   /// The number of pulses with a number.
   int64_t sensed() const { return sensed_; }

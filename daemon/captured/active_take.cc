@@ -127,6 +127,7 @@ void ActiveTake::start_pulse_recorder(const std::filesystem::path& log,
 }
 
 void ActiveTake::start() {
+  pulses_->start(Monotonic::now());
   was_started_ = true;
   if (plan_.order.verb != wire::CommandVerb::kBackground) return;
   const int64_t plates = plan_.train.count.value();

@@ -72,7 +72,7 @@ class ActiveTake {
   ActiveTake(const ActiveTake&) = delete;
   ActiveTake& operator=(const ActiveTake&) = delete;
 
-  /// Call before the first pulse.
+  /// Call directly before the generator is started. Earlier pulses on the sense line are extra.
   void start();
   /// Call after the last pulse. Idempotent.
   void train_ended();

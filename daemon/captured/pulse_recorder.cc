@@ -120,6 +120,11 @@ void PulseRecorder::record(const wire::PulseMessage& pulse) {
   known_.add(pulse.pulse, Monotonic::now());
 }
 
+void PulseRecorder::start(MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  started_ = now;
+}
+
 int64_t PulseRecorder::sensed() const {
   const std::lock_guard lock(mutex_);
   return known_.count();
@@ -153,6 +158,10 @@ std::optional<LocalPulse> PulseRecorder::sense() {
   const auto edge = sensor_->wait(Monotonic::now() + kPollInterval);
   if (!edge) return std::nullopt;
   const std::unique_lock lock(mutex_);
+  if (!started_ || edge->at < *started_) {
+    numbers_.count_extra();
+    return std::nullopt;
+  }
   const auto number = numbers_.number(*edge);
   if (!number) return std::nullopt;
   return LocalPulse{{.sent = Realtime::now(),

@@ -64,6 +64,11 @@ class PulseRecorder {
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
 
+  /// Call before the generator is started. `now`: the time of the call. Pulses that the sense line
+  /// has before it are interference, and extra: no number, message or frame is theirs. On nodes
+  /// that receive the pulses it has no effect.
+  void start(MonotonicInstant now);
+
   /// The number of pulses sensed or received.
   int64_t sensed() const;
   /// Sets the sensed, unsensed, extra and runt pulses. `commanded`: pulses until now.
@@ -100,7 +105,8 @@ class PulseRecorder {
   int resends_left_ = 0;
   node::Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
-  mutable std::mutex mutex_;  ///< guards numbers_ and known_
+  mutable std::mutex mutex_;  ///< guards the next three
+  std::optional<MonotonicInstant> started_;
   trigger::SensedTrain numbers_;
   KnownPulses known_;
   std::thread thread_;

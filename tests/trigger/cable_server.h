@@ -62,7 +62,7 @@ class CableServer {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, std::chrono::seconds(10), [&] { return accepted_ >= count; });
   }
-  /// Sends a packet that is not an edge.
+  /// Sends a packet that is not an edge, or an edge of interference.
   void send_to_all(const std::string& bytes) {
     const std::lock_guard lock(mutex_);
     for (int fd : clients_) send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);

@@ -128,6 +128,23 @@ TEST_F(TriggerOnlyNode, fires_every_pulse_of_a_check) {
   EXPECT_EQ(pulses_commanded(), kPulses);
 }
 
+TEST_F(TriggerOnlyNode, has_pulse_0_at_its_start_after_interference_on_the_sense_line) {
+  wire::CommandMessage arm = order(wire::CommandVerb::kArm);
+  arm.take = "kendo-04";
+  node_.arm(arm);
+  ASSERT_EQ(report(control::Phase::kArming).event, control::Input::kReady);
+  ASSERT_TRUE(cable_.wait_for_clients(2)) << "generator and sense line";
+  const TriggerEdge spike{to_ns(Monotonic::now() - std::chrono::seconds(10))};
+  cable_.send_to_all({reinterpret_cast<const char*>(&spike), sizeof spike});
+  node_.start();
+  finish_take();
+  const take::Ledger ledger = take::load_ledger(node::take_paths(studio_, arm.take).ledger());
+  EXPECT_EQ(ledger.extra, 1);
+  EXPECT_EQ(ledger.commanded, kPulses);
+  // Pulses that a busy host did not send in time are listed as not sensed.
+  EXPECT_EQ(ledger.sensed.value_or(0) + std::ssize(ledger.unsensed), kPulses);
+}
+
 TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_armed) {
   const wire::SigningKey first = wire::SigningKey::make(), second = wire::SigningKey::make();
   start_take("kendo-01");

@@ -3,8 +3,9 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <deque>
+#include <atomic>
 #include <limits>
+#include <memory>
 #include <thread>
 
 #include "support/child_process.h"
@@ -16,42 +17,73 @@ namespace {
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
 
-/// Senses three pulses.
+/// Senses spikes while the train is not started, and then three pulses.
 class ThreePulses : public trigger::PulseSensor {
  public:
+  explicit ThreePulses(int spikes = 0) : next_(-spikes) {}
   void reset() override {}
   std::optional<trigger::SensedPulse> wait(MonotonicInstant deadline) override {
-    if (next_ == 3) {
+    if (next_ == 3 || (next_ == 0 && !is_started_)) {
       std::this_thread::sleep_until(deadline);
       return std::nullopt;
     }
     const int number = next_++;
-    return trigger::SensedPulse{.number = number, .at = began_ + kPeriod * number};
+    return trigger::SensedPulse{.number = number, .at = first_pulse() + kPeriod * number};
   }
   std::string fault() const override { return ""; }
 
+  MonotonicInstant first_pulse() const { return first_pulse_; }
+  /// Call after PulseRecorder::start().
+  void start() { is_started_ = true; }
+
  private:
-  const MonotonicInstant began_ = Monotonic::now();
-  int next_ = 0;
+  const MonotonicInstant first_pulse_ = Monotonic::now();
+  int next_;
+  std::atomic<bool> is_started_ = false;
 };
 
-TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed) {
-  bus::Bus bus(kUrl);
-  bus::Subscription<wire::PulseMessage> received(bus, wire::kPulseChannel, 16);
-  ThreePulses sensor;
-  PulseRecorder recorder(&sensor, bus,
-                         {.take = "kendo-07",
-                          .train = {.rate_hz = 25, .width = kPeriod / 8, .count = 3},
-                          .on_edge = [](const capture::PulseEdge&) {}});
-  std::vector<int64_t> pulses;
-  while (pulses.size() < 6) {
-    const auto pulse = received.wait(test::within(10));
-    ASSERT_TRUE(pulse) << "after " << pulses.size();
-    pulses.push_back(pulse->pulse);
+class RecorderOfThreePulses : public testing::Test {
+ protected:
+  /// The numbers in the messages about three pulses, of which the last one is sent four times.
+  std::vector<int64_t> published(ThreePulses& sensor) {
+    recorder_ = std::make_unique<PulseRecorder>(
+        &sensor, bus_,
+        PulseRecorder::Setup{.take = "kendo-07",
+                             .train = {.rate_hz = 25, .width = kPeriod / 8, .count = 3},
+                             .on_edge = [](const capture::PulseEdge&) {}});
+    recorder_->start(sensor.first_pulse());
+    sensor.start();
+    std::vector<int64_t> pulses;
+    while (pulses.size() < 6) {
+      const auto pulse = received_.wait(test::within(10));
+      if (!pulse) break;
+      pulses.push_back(pulse->pulse);
+    }
+    return pulses;
   }
-  EXPECT_EQ(pulses, (std::vector<int64_t>{0, 1, 2, 2, 2, 2}));
-  EXPECT_EQ(recorder.seen(), 3);
-  EXPECT_EQ(received.counts().lost, 0) << "a repeated message is no gap";
+
+  bus::Bus bus_{kUrl};
+  bus::Subscription<wire::PulseMessage> received_{bus_, wire::kPulseChannel, 16};
+  std::unique_ptr<PulseRecorder> recorder_;
+};
+
+TEST_F(RecorderOfThreePulses, repeats_the_last_pulse_because_its_loss_would_not_be_noticed) {
+  ThreePulses sensor;
+  EXPECT_EQ(published(sensor), (std::vector<int64_t>{0, 1, 2, 2, 2, 2}));
+  EXPECT_EQ(recorder_->seen(), 3);
+  EXPECT_EQ(received_.counts().lost, 0) << "a repeated message is no gap";
+  recorder_->close();
+}
+
+TEST_F(RecorderOfThreePulses, counts_pulses_before_the_start_of_the_train_as_extra) {
+  ThreePulses sensor(2);
+  EXPECT_EQ(published(sensor), (std::vector<int64_t>{0, 1, 2, 2, 2, 2}));
+  EXPECT_EQ(recorder_->warning(), "2 extra pulses");
+  take::Ledger ledger;
+  recorder_->fill_ledger(ledger, 3);
+  EXPECT_EQ(ledger.extra, 2);
+  EXPECT_EQ(ledger.sensed, 3);
+  recorder_->close();
 }
 
 /// A pulse, the message about it, and its reception on another PC.
