@@ -74,8 +74,9 @@ class PulseGenerator {
   /// Pulses commanded since start(): those whose time in the train has passed. A pulse that was
   /// skipped because it was late counts, too, and keeps its number; fault() reports it.
   virtual int64_t commanded() const = 0;
-  /// Time of pulse 0 by this host's clock, or the start, which is up to a period earlier; never
-  /// later than pulse 0. Empty before pulse 0, and where the time is unknown.
+  /// Time of pulse 0 by this host's clock where is_paced_by_this_host(). Otherwise it may be that
+  /// of the start, up to tens of milliseconds earlier; never later than pulse 0. Empty before pulse
+  /// 0, and where the time is unknown.
   virtual std::optional<MonotonicInstant> first_pulse() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;

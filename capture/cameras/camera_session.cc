@@ -293,7 +293,7 @@ PulseMatch CameraSession::match(const CameraFrame& frame) {
 }
 
 void CameraSession::learn_latency(int64_t pulse, MonotonicInstant received) {
-  if (!start_.edge || latency_frames_ == kLatencyFrames) return;
+  if (!start_.edge || start_.edge->may_be_early || latency_frames_ == kLatencyFrames) return;
   const Duration latency = latency_of(received, pulse, *start_.edge, period_);
   min_latency_ = latency_frames_ == 0 ? latency : std::min(min_latency_, latency);
   if (++latency_frames_ >= kStartFrames)

@@ -189,7 +189,7 @@ std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const S
   const Arrivals arrivals = arrivals_of(frames, e);
   const auto latest = static_cast<int64_t>(std::floor(arrivals.earliest + kEdgeError));
   if (latest <= 0) return result(0, true);
-  if (!e.latency) {
+  if (!e.latency || e.edge->may_be_early) {
     if (counted == e.damaged && *counted <= latest) return result(*counted, true);
     if (!all) return std::nullopt;
     return result(std::min(counted.value_or(latest), latest), false);

@@ -79,6 +79,9 @@ struct PulseEdge {
   int64_t pulse = 0;
   MonotonicInstant at;
   bool is_timed = true;  ///< false: the time is unknown, and `at` must not be used
+  /// `at` is the time of the command that started the train. An instrument makes pulse 0 up to tens
+  /// of milliseconds later, after another delay in each train.
+  bool may_be_early = false;
 };
 
 /// Time from a pulse to the arrival of its frame. `edge` is any pulse of the train.
@@ -123,10 +126,12 @@ inline constexpr size_t kMaxStartFrames = 24;
 /// or the counter is unknown, most of kStartFrames frames must be as early as the earliest. If the
 /// sources disagree, the result is not certain. If the time of no pulse is known, the counter alone
 /// gives the pulse, and the result is certain only if the device times of the frames agree with it.
+/// If the time of pulse 0 may be early, the counter alone gives the pulse, too, and the result is
+/// certain only if nothing was lost.
 ///
-/// Limits: a missed first trigger is not detected if the latency is unknown or no pulse time is
-/// known. Without a pulse time and a counter, a lost first frame is not detected either. The time
-/// of a pulse that another host sensed must be right within 0.1 periods.
+/// Limits: a missed first trigger is not detected if the latency is unknown, no pulse time is known
+/// or it may be early. Without a pulse time and a counter, a lost first frame is not detected
+/// either. The time of a pulse that another host sensed must be right within 0.1 periods.
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames,
                                      const StartEvidence& evidence, bool no_more);
 

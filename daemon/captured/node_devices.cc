@@ -218,7 +218,8 @@ std::optional<capture::PulseEdge> NodeTrigger::unsensed_first_pulse() {
   const auto first = generator_->first_pulse();
   if (!first) return std::nullopt;
   first_pulse_reported_ = true;
-  return capture::PulseEdge{.pulse = 0, .at = *first};
+  return capture::PulseEdge{
+      .pulse = 0, .at = *first, .may_be_early = !generator_->is_paced_by_this_host()};
 }
 
 std::vector<capture::PulseEdge> NodeTrigger::unsensed_pulses() {

@@ -156,6 +156,18 @@ TEST(TrainStart, is_not_certain_without_a_pulse_time_if_times_contradict_the_cou
   expect(find_start(seen, evidence, false), 0, false);
 }
 
+TEST(TrainStart, is_found_by_the_counter_if_the_pulse_time_may_be_early) {
+  StartEvidence evidence = known(0.9);  // of a train whose time was right
+  evidence.edge = PulseEdge{.pulse = 0, .at = at(-0.7), .may_be_early = true};
+  expect(find_start(frames(0, 1, 0.9), evidence, false), 0, true);
+  EXPECT_FALSE(find_start(frames(2, kStartFrames - 1, 0.9), evidence, false));
+  expect(find_start(frames(2, kStartFrames, 0.9), evidence, false), 2, false);
+  evidence.counter_of_pulse_0.reset();
+  const auto start = find_start(frames(0, kStartFrames, 0.9), evidence, false);
+  ASSERT_TRUE(start);
+  EXPECT_FALSE(start->certain);
+}
+
 TEST(TrainStart, is_found_by_the_counter_if_no_pulse_is_reported) {
   StartEvidence evidence = counted();
   evidence.edge.reset();

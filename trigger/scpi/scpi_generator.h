@@ -31,8 +31,9 @@ class ScpiGenerator : public PulseGenerator {
   /// Tries again when an earlier call has failed.
   void stop() override;
   int64_t commanded() const override;
-  /// When the start was sent, which is up to a period before pulse 0. The end of the sending is no
-  /// bound: an instrument that acknowledges it may raise pulse 0 long before its answer arrives.
+  /// When the start was sent. Instruments raise pulse 0 some to tens of milliseconds later, and not
+  /// always after the same delay. The end of the sending is no bound: an instrument that
+  /// acknowledges it may raise pulse 0 long before its answer arrives.
   std::optional<MonotonicInstant> first_pulse() const override { return start_sent_; }
   bool finished() const override;
   /// True for a burst that was not stopped early.

@@ -61,7 +61,10 @@ class UnsensedTrigger : public testing::Test {
 TEST_F(UnsensedTrigger, that_this_host_paces_reports_every_pulse_once_with_its_time) {
   EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
   generator_->count = 1;
-  EXPECT_EQ(trigger_.unsensed_first_pulse()->pulse, 0);
+  const auto first = trigger_.unsensed_first_pulse();
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->pulse, 0);
+  EXPECT_FALSE(first->may_be_early);
   EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
   generator_->count = 50;
   const auto pulses = trigger_.unsensed_pulses();
@@ -77,10 +80,12 @@ TEST_F(UnsensedTrigger, that_this_host_paces_reports_every_pulse_once_with_its_t
   EXPECT_THAT(trigger_.unsensed_pulses(), SizeIs(2)) << "of the next train";
 }
 
-TEST_F(UnsensedTrigger, that_another_device_paces_reports_its_first_pulse_alone) {
+TEST_F(UnsensedTrigger, that_another_device_paces_reports_its_first_pulse_alone_by_the_start) {
   generator_->is_paced_here = false;
   generator_->count = 50;
-  EXPECT_TRUE(trigger_.unsensed_first_pulse());
+  const auto first = trigger_.unsensed_first_pulse();
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(first->may_be_early);
   EXPECT_THAT(trigger_.unsensed_pulses(), IsEmpty());
 }
 
