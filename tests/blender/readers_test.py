@@ -105,11 +105,29 @@ class Readers(unittest.TestCase):
             with self.assertRaisesRegex(DecoderError, "right: rotation: expected"):
                 rig.load_calib(self.calib(rotation))
 
-    def calib(self, rotation):
+    def calib(self, rotation="[0, 0, 0]", size="[64, 48]", distortions="[]"):
         path = self.folder / "calib.toml"
-        path.write_text("[right]\nname = 'right'\nsize = [64, 48]\nmatrix = [[50, 0, 32], [0, 50, 24], [0, 0, 1]]\n"
-                        f"distortions = []\nrotation = {rotation}\ntranslation = [0, 0, 1]\nfisheye = false\n")
+        path.write_text(f"[right]\nname = 'right'\nsize = {size}\nmatrix = [[50, 0, 32], [0, 50, 24], [0, 0, 1]]\n"
+                        f"distortions = {distortions}\nrotation = {rotation}\ntranslation = [0, 0, 1]\nfisheye = false\n")
         return str(path)
+
+    def test_give_the_cameras_of_a_calibration_whose_sizes_have_a_decimal_point(self):
+        path = self.calib(size="[1024.0, 768.0]")  # as Pose2Sim writes them
+        camera, = v3d.load_calib(path)
+        ours, = rig.load_calib(path)
+        self.assertEqual((ours.width, ours.height), camera.size)
+        self.assertIs(type(ours.width), int)
+        for size in ("[1024.5, 768.0]", "[0, 768]", "[inf, 768]", "['64', 48]", "[true, 48]"):
+            with self.assertRaisesRegex(DecoderError, r"right: size: expected whole numbers from 1 to 16384 pixels, found \("):
+                rig.load_calib(self.calib(size=size))
+
+    def test_tell_distorted_lenses_from_others(self):
+        for distortions, expected in (("[]", False), ("[0, 0, 0, 0]", False), ("[0.1, 0, 0, 0, 0]", True)):
+            camera, = rig.load_calib(self.calib(distortions=distortions))
+            self.assertIs(camera.distorted, expected)
+        for distortions in ("0.5", "[0.1]", "['a', 0, 0, 0]", "[nan, 0, 0, 0]", "[[0, 0, 0, 0]]"):
+            with self.assertRaisesRegex(DecoderError, "right: distortions: expected"):
+                rig.load_calib(self.calib(distortions=distortions))
 
     def test_reject_damaged_calibrations(self):
         path = self.folder / "calib.toml"

@@ -14,6 +14,7 @@ from .decoder import DecoderError, one_line
 
 MAX_SIDE = 16384
 MAX_FILE = 64 << 20
+DISTORTIONS = (0, 4, 5, 8, 12, 14)  # numbers of coefficients of OpenCV's lens models
 
 
 class Camera(NamedTuple):
@@ -57,10 +58,23 @@ def _numbers(value, shape, what):
     return array
 
 
+def _whole(number):
+    """A whole number as int; Pose2Sim writes 1024.0."""
+    return int(number) if isinstance(number, float) and number.is_integer() else number
+
+
+def _distortions(value, what):
+    if not isinstance(value, list) or len(value) not in DISTORTIONS:
+        raise DecoderError(f"{what}: expected 0, 4, 5, 8, 12 or 14 numbers")
+    return _numbers(value, (len(value),), what)
+
+
 def _checked(camera, where):
-    sides = all(isinstance(side, int) and 0 < side <= MAX_SIDE for side in (camera.width, camera.height))
-    if not sides or min(camera.focal) <= 0:
-        raise DecoderError(f"{where}: expected a size of 1 to {MAX_SIDE} pixels and positive focal lengths")
+    size = camera.width, camera.height
+    if not all(type(side) is int and 0 < side <= MAX_SIDE for side in size):
+        raise DecoderError(f"{where}: size: expected whole numbers from 1 to {MAX_SIDE} pixels, found {one_line(size)}")
+    if min(camera.focal) <= 0:
+        raise DecoderError(f"{where}: expected positive focal lengths")
     if not isinstance(camera.name, str) or not re.fullmatch(r"[^/\\\0]+", camera.name) or camera.name in (".", ".."):
         raise DecoderError(f"{where}: expected a name that can be a file name")
     return camera
@@ -106,9 +120,9 @@ def load_calib(path):
             raise DecoderError(f"{where}: fisheye: expected false, because fisheye lenses are not supported")
         rotation = _rotation(table.get("rotation"), f"{where}: rotation")
         translation = _numbers(table.get("translation"), (3,), f"{where}: translation")
-        distortions = table.get("distortions") or []
-        distorted = matrix[0, 1] != 0 or distortions != [0] * len(distortions)
-        cameras.append(_checked(Camera(table.get("name"), *size, (matrix[0, 0], matrix[1, 1]),
+        distortions = _distortions(table.get("distortions", []), f"{where}: distortions")
+        distorted = bool(matrix[0, 1] != 0 or distortions.any())
+        cameras.append(_checked(Camera(table.get("name"), *map(_whole, size), (matrix[0, 0], matrix[1, 1]),
                                        (matrix[0, 2], matrix[1, 2]), _pose(rotation, translation), distorted), where))
     return cameras
 
