@@ -41,6 +41,15 @@ std::string text_of(take::FrameRange range) {
   return text;
 }
 
+/// Whether all positions are finite and at most 1000 km from the origin along each axis, as in a
+/// motion file. The format of compact frames permits others; computations with them overflow.
+bool are_near_the_origin(const std::vector<Eigen::Vector3f>& positions) {
+  constexpr float kMaxMetres = 1e6F;
+  return std::ranges::all_of(positions, [](const Eigen::Vector3f& position) {
+    return (position.array().abs() <= kMaxMetres).all();
+  });
+}
+
 }  // namespace
 
 bool is_motion_file(const std::filesystem::path& path) {
@@ -102,7 +111,9 @@ class MeshFrames::MeshReader : public MeshFrames::Reader {
       status = decoder_.decode(*bytes);
     }
     if (status != codec::DecodeStatus::kOk) return std::nullopt;
-    return decoder_.frame();
+    recon::CompactFrame decoded = decoder_.frame();
+    if (!are_near_the_origin(decoded.mesh.vertices)) return std::nullopt;
+    return decoded;
   }
 
  private:

@@ -241,7 +241,8 @@ void add_lattice(const Corners& c, int n, std::vector<Eigen::Vector3f>& points) 
 
 }  // namespace
 
-std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m) {
+std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m, size_t max_added) {
+  constexpr double kMaxParts = 1024;
   std::vector<Eigen::Vector3f> points = mesh.vertices;
   const auto radius2 = static_cast<float>(radius_m * radius_m);
   for (const auto& t : mesh.triangles) {
@@ -251,7 +252,9 @@ std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m)
     }
     const float cover2 = covering_radius2(corners);
     if (cover2 > radius2) {
-      add_lattice(corners, static_cast<int>(std::ceil(std::sqrt(cover2) / radius_m)), points);
+      if (points.size() - mesh.vertices.size() >= max_added) break;
+      const double parts = std::ceil(std::sqrt(cover2) / radius_m);  // infinite for a radius of 0
+      add_lattice(corners, static_cast<int>(std::min(parts, kMaxParts)), points);
     }
   }
   return points;

@@ -21,7 +21,12 @@ namespace v3d::recon {
 ///
 /// Triangles no larger than the radius need no point: for marching cubes, voxels with edges of 1.41
 /// * radius_m. A triangle n times as large adds about n^2 / 2 points.
-std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m);
+///
+/// A mesh from outside may have one triangle that is 100,000 times as large as the others. So n is
+/// at most 1024, and no triangle adds points after `max_added` were added. The points of such a
+/// mesh have gaps.
+std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m,
+                                              size_t max_added = size_t{1} << 24);
 
 /// Coordinates of points or vectors, one array each, padded with NaN to a multiple of kBlock. NaN
 /// projects to no pixel.

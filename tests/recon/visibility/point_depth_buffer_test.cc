@@ -74,6 +74,26 @@ TEST(OccludingPoints, of_a_volume_are_its_vertices) {
   EXPECT_GT(occluding_points(mesh, 0.0070).size(), mesh.vertices.size());
 }
 
+/// Triangles of 1 m.
+Mesh large_triangles(size_t count) {
+  Mesh mesh{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .triangles = {}, .colours = {}};
+  mesh.triangles.assign(count, {0, 1, 2});
+  return mesh;
+}
+
+TEST(OccludingPoints, are_few_for_a_triangle_that_is_far_larger_than_the_radius) {
+  constexpr size_t kMax = 1025 * 1026 / 2;  // the corners of 1024 * 1024 similar triangles
+  for (const double radius : {1e-4, 1e-30, 0.0}) {
+    EXPECT_EQ(occluding_points(large_triangles(1), radius).size(), kMax) << radius;
+  }
+}
+
+TEST(OccludingPoints, are_not_added_to_further_triangles_beyond_their_limit) {
+  const size_t of_one = occluding_points(large_triangles(1), 0.01).size();
+  ASSERT_GT(of_one, 1000U);
+  EXPECT_EQ(occluding_points(large_triangles(50), 0.01, 100).size(), of_one);
+}
+
 /// A ball of large triangles, a smaller one before it, and a plate that nearly touches the camera.
 Mesh crowded_scene() {
   Mesh mesh = shapes::sphere({0, 0, 0}, 0.6F, 9);
