@@ -41,7 +41,9 @@ class IndexedFile {
     if (!entry_of(pulse)) return std::nullopt;
     auto record = read_record(pulse);
     if (!record) return tl::make_unexpected(record.error());
-    if (!record->is_intact()) return std::nullopt;
+    if (!record->is_intact() || mesh_file::is_of_other_pulse(record->compact, pulse)) {
+      return std::nullopt;
+    }
     return std::move(record->compact);
   }
   io::Result<MeshRecord> read_record(int64_t pulse) const {

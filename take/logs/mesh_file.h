@@ -67,8 +67,8 @@ class MeshFileReader {
 
   const std::vector<int64_t>& pulses() const;
   bool index_was_rebuilt() const;
-  /// The compact frame of `pulse`; empty when there is none or its checksum is wrong. Fails with
-  /// path and cause when the disk cannot read it.
+  /// The compact frame of `pulse`; empty when there is none, its checksum is wrong, or the record
+  /// holds the frame of another pulse. Fails with path and cause when the disk cannot read it.
   [[nodiscard]] io::Result<std::optional<std::vector<uint8_t>>> read(int64_t pulse);
   /// The record of `pulse`, also a damaged one. Requires one of pulses(). Fails as read().
   [[nodiscard]] io::Result<MeshRecord> read_record(int64_t pulse);

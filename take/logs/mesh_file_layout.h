@@ -18,6 +18,7 @@ inline constexpr Magic8 kFileMagic = {'V', '3', 'D', 'M', '\r', '\n', 0x1A, '\n'
 inline constexpr Magic8 kFooterMagic = {'V', '3', 'D', 'E', '\r', '\n', 0x1A, '\n'};
 inline constexpr Magic4 kRecordMagic = {'V', '3', 'D', 'R'};
 inline constexpr Magic4 kIndexMagic = {'V', '3', 'D', 'I'};
+inline constexpr Magic8 kFrameMagic = {'V', '3', 'D', 'F', '\r', '\n', 0x1A, '\n'};
 inline constexpr uint32_t kVersion = 1;
 
 inline constexpr size_t kHeaderSize = 16;
@@ -25,6 +26,7 @@ inline constexpr size_t kRecordSize = 24;  ///< without the payload
 inline constexpr size_t kIndexHeadSize = 8;
 inline constexpr size_t kEntrySize = 24;
 inline constexpr size_t kFooterSize = 24;
+inline constexpr size_t kFramePulse = 24;  ///< offset of the pulse in a compact frame
 inline constexpr uint32_t kMaxPayload = 268'435'456;
 /// Limit of the index, bytes: 2.8 million meshes. Readers ignore a longer index and rebuild it from
 /// the records.
@@ -69,6 +71,13 @@ inline uint64_t u64_at(std::span<const uint8_t> bytes, size_t at) {
 template <size_t N>
 bool magic_at(std::span<const uint8_t> bytes, size_t at, const std::array<uint8_t, N>& magic) {
   return at + N <= bytes.size() && std::memcmp(bytes.data() + at, magic.data(), N) == 0;
+}
+
+/// Whether a payload is the compact frame of another pulse. False for other bytes, which no decoder
+/// accepts.
+inline bool is_of_other_pulse(std::span<const uint8_t> payload, int64_t pulse) {
+  return magic_at(payload, 0, kFrameMagic) && payload.size() >= kFramePulse + 8 &&
+         u64_at(payload, kFramePulse) != static_cast<uint64_t>(pulse);
 }
 
 inline std::vector<uint8_t> header() {

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import types
 import unittest
+import zlib
 
 import numpy as np
 
@@ -54,6 +55,20 @@ class Readers(unittest.TestCase):
         shown = surfaces.Surfaces(str(path))
         self.addCleanup(shown.close)
         self.assertEqual(shown.pulses, [0, 1], "the last record lost bytes")
+
+    def test_reject_a_record_with_the_frame_of_another_pulse(self):
+        whole = (TAKE / "mesh.v3d").read_bytes()
+        data = bytearray(whole[:whole.rindex(b"V3DI")])
+        last = data.rindex(b"V3DR")
+        data[last + 8:last + 16] = (3).to_bytes(8, "little")  # the frame is that of pulse 2
+        data[last + 20:last + 24] = zlib.crc32(data[last:last + 20]).to_bytes(4, "little")
+        path = self.folder / "mesh.v3d"
+        path.write_bytes(data)
+        with contextlib.closing(surfaces.Surfaces(str(path))) as shown:
+            self.assertEqual(shown.pulses, [0, 1, 3])
+            shown.at(1)
+            with self.assertRaisesRegex(DecoderError, "pulse 3 is damaged"):
+                shown.at(2)
 
     def test_give_the_tracked_surfaces_of_the_module(self):
         shown = surfaces.Surfaces(str(TAKE / "motion.v3d"))

@@ -183,6 +183,24 @@ TEST(MeshFile, reports_a_read_error_of_a_mesh_with_path_and_cause_and_a_wrong_ch
   EXPECT_EQ(reader.read(1).value(), payload_of(1)) << "the disk reads it again";
 }
 
+/// The first fields of a compact frame.
+Payload frame_of(int64_t pulse) {
+  Payload frame{'V', '3', 'D', 'F', '\r', '\n', 0x1A, '\n'};
+  frame.resize(128);
+  frame[24] = static_cast<uint8_t>(pulse);
+  return frame;
+}
+
+TEST(MeshFile, has_no_mesh_of_a_pulse_whose_record_holds_the_frame_of_another_one) {
+  const test::TemporaryFolder folder;
+  MeshFileWriter writer(folder / "mesh.v3d");
+  ASSERT_TRUE(writer.append(5, frame_of(9)) && writer.append(9, frame_of(9)) && writer.close());
+  MeshFileReader reader(folder / "mesh.v3d");
+  EXPECT_FALSE(reader.read(5).value());
+  EXPECT_EQ(reader.read(9).value(), frame_of(9));
+  EXPECT_EQ(reader.read_record(5).value().compact, frame_of(9)) << "as it is in the file";
+}
+
 TEST(MeshFile, reports_a_mesh_that_another_program_cut_off_as_a_read_error) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {0, 1});

@@ -57,6 +57,11 @@ TEST_F(MeshFramesOfATake, are_read_by_their_pulses) {
   EXPECT_EQ(MeshFrames(take_).read(5).mesh.vertices.size(), 3U);
 }
 
+TEST_F(MeshFramesOfATake, are_damaged_where_a_record_holds_the_frame_of_another_pulse) {
+  write(5, triangle(9));
+  EXPECT_THAT(rejection(5), HasSubstr("mesh.v3d: frame 5 is damaged"));
+}
+
 TEST_F(MeshFramesOfATake, are_damaged_where_a_position_is_infinite_or_far_from_any_studio) {
   for (const double metres : {1e39, 1e7}) {
     std::filesystem::remove(take::TakePaths{take_}.mesh());

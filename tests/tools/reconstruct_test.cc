@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <numbers>
+#include <span>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
@@ -13,6 +15,7 @@
 #include "base/geometry/rigid_transform.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
+#include "codec/byte_stream.h"
 #include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"
@@ -396,6 +399,14 @@ TEST_F(Reconstruct, reports_a_camera_that_the_repair_leaves_out_and_not_as_missi
   expect_left_out();
 }
 
+/// A key frame with another pulse, below 256.
+std::vector<uint8_t> as_key_frame_of(uint8_t pulse, std::vector<uint8_t> frame) {
+  for (const size_t field : {24, 40}) frame.at(field) = pulse;
+  const uint32_t checksum = codec::crc32(std::span(frame).subspan(16));
+  std::memcpy(&frame.at(12), &checksum, sizeof checksum);
+  return frame;
+}
+
 TEST_F(Reconstruct, names_pulses_whose_live_passes_a_damaged_mesh_does_not_state) {
   const fs::path mesh = take::TakePaths{request_.take}.mesh();
   request_.quality = Quality::kMedium;
@@ -403,7 +414,7 @@ TEST_F(Reconstruct, names_pulses_whose_live_passes_a_damaged_mesh_does_not_state
   const std::vector<uint8_t> compact = take::MeshFileReader(mesh).read(0).value().value();
   {
     take::MeshFileWriter file(mesh, take::LogOpening::kContinue);
-    ASSERT_TRUE(file.append(1, compact));
+    ASSERT_TRUE(file.append(1, as_key_frame_of(1, compact)));
     ASSERT_TRUE(file.close());
   }
   ReconstructRequest whole = request_, damaged = request_;

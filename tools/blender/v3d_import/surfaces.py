@@ -22,8 +22,8 @@ MAX_PAYLOAD = 268_435_456
 MAX_INDEX = 64 << 20
 MAX_MOTION = 1 << 30
 CHUNK = 1 << 20
-KEY_PULSE = struct.Struct("<q")
-KEY_PULSE_AT = 40  # in a compact frame
+PULSE = struct.Struct("<q")
+PULSE_AT, KEY_PULSE_AT = 24, 40  # in a compact frame
 
 
 class Shown(NamedTuple):
@@ -130,14 +130,15 @@ class MeshFile:
     def _frame(self, index):
         entry = self._entries[index]
         frame = self._read(entry.offset, entry.size)
-        if len(frame) != entry.size or zlib.crc32(frame) != entry.crc:
+        of_pulse = frame[PULSE_AT:PULSE_AT + PULSE.size] == PULSE.pack(entry.pulse)
+        if len(frame) != entry.size or zlib.crc32(frame) != entry.crc or not of_pulse:
             raise DecoderError(f"pulse {entry.pulse} is damaged: reconstruct the take again")
         return frame
 
     def _decode(self, index, frame):
         status = self._decoder.decode(frame)
         if status == NEEDS_REFERENCE:
-            key_pulse = KEY_PULSE.unpack_from(frame, KEY_PULSE_AT)[0]
+            key_pulse = PULSE.unpack_from(frame, KEY_PULSE_AT)[0]
             for before in range(bisect.bisect_left(self.pulses, key_pulse), index):
                 if self._decoder.decode(self._frame(before)) != OK:
                     raise DecoderError(f"pulse {self.pulses[before]} is damaged: reconstruct the take again")
