@@ -56,6 +56,20 @@ class Readers(unittest.TestCase):
         self.addCleanup(shown.close)
         self.assertEqual(shown.pulses, [0, 1], "the last record lost bytes")
 
+    def test_keep_a_damaged_record_of_a_file_without_index(self):
+        data = bytearray((TAKE / "mesh.v3d").read_bytes())
+        del data[data.rindex(b"V3DI"):]
+        second = data.index(b"V3DR", data.index(b"V3DR") + 4)
+        data[second + 200] ^= 1
+        path = self.folder / "mesh.v3d"
+        path.write_bytes(data)
+        with contextlib.closing(surfaces.Surfaces(str(path))) as shown:
+            self.assertEqual(shown.pulses, [0, 1, 2])
+            shown.at(0)
+            for index in (1, 2):  # pulse 2 needs the frame of pulse 1
+                with self.assertRaisesRegex(DecoderError, "pulse 1 is damaged"):
+                    shown.at(index)
+
     def test_reject_a_record_with_the_frame_of_another_pulse(self):
         whole = (TAKE / "mesh.v3d").read_bytes()
         data = bytearray(whole[:whole.rindex(b"V3DI")])

@@ -95,15 +95,25 @@ class MeshFile:
         return entries if inside and ascending else None
 
     def _record(self, at):
-        """The entry of the record at an offset; None unless it is whole."""
+        """The entry of the record at an offset; None unless its head is right and its payload lies inside the file."""
         head = self._read(at, RECORD.size)
         if len(head) != RECORD.size:
             return None
         magic, size, pulse, crc, head_crc = RECORD.unpack(head)
         if magic != b"V3DR" or zlib.crc32(head[:-4]) != head_crc or size > MAX_PAYLOAD or pulse < 0:
             return None
-        payload = self._read(at + RECORD.size, size)
-        return _Entry(pulse, at + RECORD.size, size, crc) if len(payload) == size and zlib.crc32(payload) == crc else None
+        entry = _Entry(pulse, at + RECORD.size, size, crc)
+        return entry if entry.offset + size <= self._size else None
+
+    def _is_whole(self, entry):
+        """Whether a record is no unfinished one, in whose place later records begin. A whole one may be damaged."""
+        end = entry.offset + entry.size
+        if end == self._size or self._record(end) or self._read(end, 4) == b"V3DI":
+            return True
+        if self._checksummed > 4 * self._size:  # only overlapping records need that
+            return False
+        self._checksummed += entry.size
+        return zlib.crc32(self._read(entry.offset, entry.size)) == entry.crc
 
     def _next(self, at):
         """The offset of the next magic of a record; the end of the file if there is none."""
@@ -116,10 +126,11 @@ class MeshFile:
 
     def _scanned(self):
         """The entries of a file without an index. Bytes that are no whole record are skipped."""
+        self._checksummed = 0  # bytes of payloads
         entries, at = [], HEADER
         while at + RECORD.size <= self._size:
             entry = self._record(at)
-            if entry is None:
+            if entry is None or not self._is_whole(entry):
                 at = self._next(at + 1)
                 continue
             if not entries or entry.pulse > entries[-1].pulse:
