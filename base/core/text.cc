@@ -135,8 +135,12 @@ std::string html_head(std::string_view title) {
 
 namespace {
 
+/// Numbers from here on have more than three digits when they are rounded to three.
+constexpr double kFourDigits = 999.5;
+
 std::string with_unit(double value, const char* unit) {
-  return fmt::format("{:.3g} {}", value, unit);
+  return std::abs(value) < kFourDigits ? fmt::format("{:.3g} {}", value, unit)
+                                       : fmt::format("{:.0f} {}", value, unit);
 }
 
 }  // namespace
@@ -163,13 +167,15 @@ double parse_length(std::string_view text) {
 }
 
 std::string format_length(double metres) {
-  return std::abs(metres) < 1 ? with_unit(metres * 1e3, "mm") : with_unit(metres, "m");
+  const double millimetres = metres * 1e3;
+  return std::abs(millimetres) < kFourDigits ? with_unit(millimetres, "mm")
+                                             : with_unit(metres, "m");
 }
 
 std::string format_bytes(double bytes) {
   static constexpr std::array<const char*, 6> kUnits = {"B", "kB", "MB", "GB", "TB", "PB"};
   size_t unit = 0;
-  for (; bytes >= 1000 && unit + 1 < kUnits.size(); ++unit) {
+  for (; bytes >= kFourDigits && unit + 1 < kUnits.size(); ++unit) {
     bytes /= 1000;
   }
   return with_unit(bytes, kUnits[unit]);

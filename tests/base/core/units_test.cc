@@ -29,5 +29,18 @@ TEST(Numbers, are_formatted_with_units_and_separators) {
   EXPECT_EQ(format_count(-1234567), "-1,234,567");
 }
 
+TEST(Numbers, have_the_next_unit_where_rounding_gives_a_thousand) {
+  EXPECT_EQ(format_bytes(999.4e9), "999 GB");
+  EXPECT_EQ(format_bytes(999.7e9), "1 TB");
+  EXPECT_EQ(format_bytes(999.7), "1 kB");
+  EXPECT_EQ(format_length(0.9994), "999 mm");
+  EXPECT_EQ(format_length(0.9997), "1 m");
+}
+
+TEST(Numbers, have_all_digits_before_the_point_in_the_largest_unit) {
+  EXPECT_EQ(format_bytes(12'345e15), "12345 PB");
+  EXPECT_EQ(format_length(1234), "1234 m");
+}
+
 }  // namespace
 }  // namespace v3d
