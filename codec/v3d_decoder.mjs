@@ -6,7 +6,7 @@ export const OK = 0;
 export const MALFORMED = 1;
 /** Its reference is not the last decoded frame; continue at a key frame. */
 export const NEEDS_REFERENCE = 2;
-/** Memory is exhausted: make a new decoder. */
+/** Memory was exhausted. The decoder starts anew: there is no current frame; continue at a key frame. */
 export const OUT_OF_MEMORY = 3;
 
 /**
@@ -71,28 +71,30 @@ export class Decoder {
   }
 
   /**
-   * Decodes one frame. Unless the result is OK, the current frame does not change.
+   * Decodes one frame. MALFORMED and NEEDS_REFERENCE leave the current frame as it is; after OUT_OF_MEMORY there is none until
+   * the next OK.
    * @param {Uint8Array} bytes one compact frame
    * @returns {number}
    */
   decode(bytes) {
     try {
       const at = this.#c.malloc(bytes.length);
-      if (at === 0) return OUT_OF_MEMORY;
-      new Uint8Array(this.#c.memory.buffer, at, bytes.length).set(bytes);
-      const status = this.#c.v3d_decoder_decode(this.#decoder, at, bytes.length);
-      this.#c.free(at);
-      return status;
+      if (at !== 0) {
+        new Uint8Array(this.#c.memory.buffer, at, bytes.length).set(bytes);
+        const status = this.#c.v3d_decoder_decode(this.#decoder, at, bytes.length);
+        this.#c.free(at);
+        return status;
+      }
     } catch (error) {
       if (!(error instanceof WebAssembly.RuntimeError)) throw error;
-      this.#reset();
-      return OUT_OF_MEMORY;
     }
+    this.#reset();
+    return OUT_OF_MEMORY;
   }
 
   /**
-   * The last decoded frame; null before the first. Its arrays are views into the memory of the decoder and are valid until
-   * the next call of decode(): copy what must stay.
+   * The last decoded frame; null before the first, and after OUT_OF_MEMORY. Its arrays are views into the memory of the
+   * decoder and are valid until the next call of decode(): copy what must stay.
    * @returns {Frame | null}
    */
   frame() {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
@@ -76,15 +77,20 @@ std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   return text;
 }
 
-std::string decoded_in_node(const std::vector<std::vector<uint8_t>>& frames) {
-  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-wasm-frames";
+/// Writes each frame after its length (u32).
+void write_frames(const std::filesystem::path& file,
+                  const std::vector<std::vector<uint8_t>>& frames) {
   std::ofstream out(file, std::ios::binary);
   for (const auto& frame : frames) {
     const auto size = static_cast<uint32_t>(frame.size());
     out.write(reinterpret_cast<const char*>(&size), sizeof size);
     out.write(reinterpret_cast<const char*>(frame.data()), size);
   }
-  out.close();
+}
+
+std::string decoded_in_node(const std::vector<std::vector<uint8_t>>& frames) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-wasm-frames";
+  write_frames(file, frames);
   FILE* node = popen(("node " V3D_DECODE_MJS " " V3D_WASM " " + file.string()).c_str(), "r");
   std::string text(1 << 20, 0);
   size_t size = 0;
@@ -101,6 +107,14 @@ std::string decoded_in_node(const std::vector<std::vector<uint8_t>>& frames) {
 TEST(WasmDecoder, decodes_every_frame_to_the_same_bits_as_the_native_decoder) {
   const auto given = frames();
   EXPECT_TRUE(decoded_in_node(given) == decoded_here(given));
+}
+
+TEST(WasmDecoder, starts_anew_when_its_memory_was_exhausted) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-wasm-exhausted";
+  write_frames(file, moving_ball(2));
+  const std::string command = "node " V3D_EXHAUST_MEMORY_MJS " " V3D_WASM " " + file.string();
+  EXPECT_EQ(std::system(command.c_str()), 0) << "exhaust_memory.mjs failed, or node is missing";
+  std::filesystem::remove(file);
 }
 
 }  // namespace
