@@ -95,12 +95,10 @@ bool metadata_is_valid(const FrameMetadata& f) {
 }
 
 bool box_is_valid(const FrameHeader& h) {
-  int64_t bricks = 1;
   for (int axis = 0; axis < 3; ++axis) {
     if (h.first_brick[axis] + h.bricks[axis] > Occupancy::kMaxAlongAxis) return false;
-    bricks *= h.bricks[axis];
   }
-  return bricks <= Occupancy::kMaxBoxBricks;
+  return Occupancy::box_fits({h.bricks[0], h.bricks[1], h.bricks[2]});
 }
 
 bool colours_are_valid(const FrameHeader& h) {

@@ -308,6 +308,12 @@ void Occupancy::clear(const std::array<int, 3>& at, const std::array<int, 3>& si
   coords.clear();
 }
 
+bool Occupancy::box_fits(const std::array<int, 3>& size) {
+  const int64_t rows = int64_t{size[1]} * size[2];
+  const int words = (size[0] + BrickMap::kBitsPerWord - 1) / BrickMap::kBitsPerWord;
+  return rows * size[0] <= kMaxBoxBricks && rows * words <= kMaxBoxWords;
+}
+
 bool Occupancy::assign(const BrickVolume& volume) {
   std::array<int, 3> low{}, size{};
   for (size_t n = 0; n < volume.coords.size(); ++n) {
@@ -322,8 +328,7 @@ bool Occupancy::assign(const BrickVolume& volume) {
   for (int axis = 0; axis < 3; ++axis) {
     if (low[axis] + size[axis] > kMaxAlongAxis) return false;
   }
-  if (int64_t{size[0]} * size[1] * size[2] > kMaxBoxBricks) return false;
-  if (volume.bricks.size() > kMaxBricks) return false;
+  if (!box_fits(size) || volume.bricks.size() > kMaxBricks) return false;
   clear(low, size);
   for (const BrickCoord c : volume.coords) {
     coords.push_back({c.x - low[0], c.y - low[1], c.z - low[2]});

@@ -17,6 +17,9 @@ struct Occupancy {
   /// Maximum number of bricks in the box, and of bricks in it that are not empty.
   static constexpr int64_t kMaxBoxBricks = int64_t{1} << 24;
   static constexpr size_t kMaxBricks = size_t{1} << 17;
+  /// Maximum number of words of the box: each row along x has whole words of 64 bricks, so a narrow
+  /// box of as many bricks takes more memory.
+  static constexpr int64_t kMaxBoxWords = int64_t{1} << 20;
   /// Maximum of `first` plus the size of the box along an axis, bricks: half voxels then fit 16
   /// bits.
   static constexpr int kMaxAlongAxis = 4096;
@@ -25,6 +28,10 @@ struct Occupancy {
   BrickMap occupied;
   std::vector<Brick> bricks;
   std::vector<BrickCoord> coords;
+
+  /// Whether a box of this size, bricks, is within kMaxBoxBricks and kMaxBoxWords. Each side is at
+  /// most kMaxAlongAxis.
+  static bool box_fits(const std::array<int, 3>& size);
 
   const std::array<int, 3>& counts() const { return occupied.counts(); }
   BrickVolume view() const { return {&occupied, bricks, coords}; }

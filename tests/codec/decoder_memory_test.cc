@@ -1,8 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <memory>
+#include <utility>
 #include <vector>
 
+#include "codec/frame_header.h"
+#include "codec/occupancy.h"
 #include "codec/v3d_decoder.h"
 #include "support/allocation_count.h"
 #include "tests/codec/coded_scene.h"
@@ -40,6 +44,42 @@ TEST(DecoderMemory, leaves_no_frame_of_freed_memory_wherever_it_is_exhausted) {
     ASSERT_EQ(v3d_decoder_frame(decoder.get())->pulse, 1) << n;
   }
   EXPECT_GT(failures, 10);
+}
+
+/// A key frame whose box of this size, bricks, has no voxel.
+std::vector<uint8_t> empty_box(int64_t pulse, const std::array<int, 3>& size,
+                               std::vector<uint8_t> shape) {
+  FrameHeader header;
+  header.metadata.pulse = header.key_pulse = pulse;
+  header.metadata.step = 0.01;
+  for (size_t axis = 0; axis < 3; ++axis) header.bricks[axis] = static_cast<uint16_t>(size[axis]);
+  Sections sections;
+  sections[kShape] = std::move(shape);
+  return write_frame(header, sections);
+}
+
+TEST(DecoderMemory, is_not_reserved_for_a_box_with_too_many_rows) {
+  const Decoder decoder(v3d_decoder_new(), v3d_decoder_free);
+  const std::vector<uint8_t> frame = empty_box(0, {1, 4096, 4096}, {0});
+  test::forget_peak();
+  const int64_t before = test::live_bytes();
+  EXPECT_EQ(decode(decoder, frame), V3D_MALFORMED);
+  EXPECT_LT(test::peak_bytes() - before, 1 << 20);
+}
+
+TEST(DecoderMemory, of_two_frames_with_the_most_rows_is_a_small_part_of_its_limit) {
+  constexpr std::array<int, 3> kSize{1, 1024, 1024};
+  Occupancy volume;
+  volume.clear({0, 0, 0}, kSize);
+  const std::vector<uint8_t> shape = encode_occupancy(volume);
+  const std::vector<uint8_t> first = empty_box(0, kSize, shape),
+                             second = empty_box(1, kSize, shape);
+  const Decoder decoder(v3d_decoder_new(), v3d_decoder_free);
+  test::forget_peak();
+  const int64_t before = test::live_bytes();
+  EXPECT_EQ(decode(decoder, first), V3D_OK);
+  EXPECT_EQ(decode(decoder, second), V3D_OK);
+  EXPECT_LT(test::peak_bytes() - before, 200'000'000);
 }
 
 using Motion = std::unique_ptr<v3d_motion, decltype(&v3d_motion_free)>;

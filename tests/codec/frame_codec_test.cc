@@ -431,6 +431,8 @@ TEST(FrameCodec, rejects_headers_that_exceed_a_limit) {
   EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1}));   // 256^3 bricks
   EXPECT_FALSE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 1}));  // one layer more
   EXPECT_FALSE(accepts(100, {0, 16}));                               // beyond 4096 along x
+  EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 0, 0, 4, 0, 4}));   // 1 x 1024 x 1024 bricks
+  EXPECT_FALSE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 0, 1, 4, 0, 4}));  // one row more in each layer
   EXPECT_FALSE(accepts(112, {0xFF, 0xFF, 0xFF, 0xFF}));              // names
 }
 
@@ -450,6 +452,17 @@ TEST(Occupancy, rejects_a_volume_of_too_many_bricks) {
   };
   EXPECT_TRUE(fits(32));
   EXPECT_FALSE(fits(33));
+}
+
+TEST(Occupancy, rejects_a_narrow_volume_of_too_many_rows) {
+  const auto fits = [](BrickCoord last) {
+    const std::vector<Brick> bricks(2, Brick{1});
+    const std::vector<BrickCoord> coords{{0, 0, 0}, last};
+    return Occupancy().assign({nullptr, bricks, coords});
+  };
+  EXPECT_TRUE(fits({63, 511, 511}));
+  EXPECT_TRUE(fits({0, 1023, 1023}));
+  EXPECT_FALSE(fits({0, 1024, 1023}));
 }
 
 /// Checksum of all arrays of a decoded frame.
