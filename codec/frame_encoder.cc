@@ -12,14 +12,11 @@ namespace v3d::codec {
 namespace {
 
 bool metadata_fits(const FrameMetadata& metadata) {
-  const auto fits = [](const std::string& name) {
-    return !name.empty() && name.size() <= FrameLimits::kNameBytes;
-  };
   return metadata.pulse >= 0 && metadata.cameras.size() <= FrameLimits::kCameras &&
          metadata.missing >= 0 && metadata.missing <= FrameLimits::kCameras &&
          metadata.live_passes >= 0 && metadata.live_passes <= FrameLimits::kPasses &&
          std::isfinite(metadata.step) && metadata.step > 0 &&
-         std::all_of(metadata.cameras.begin(), metadata.cameras.end(), fits) &&
+         std::all_of(metadata.cameras.begin(), metadata.cameras.end(), name_is_valid) &&
          std::is_sorted(metadata.cameras.begin(), metadata.cameras.end(), std::less_equal<>()) &&
          std::includes(metadata.cameras.begin(), metadata.cameras.end(),
                        metadata.late_cameras.begin(), metadata.late_cameras.end());

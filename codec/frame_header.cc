@@ -222,6 +222,11 @@ std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHead
                             : bytes.subspan(begin + header.label_bytes);
 }
 
+bool name_is_valid(std::string_view name) {
+  return !name.empty() && name.size() <= FrameLimits::kNameBytes &&
+         std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
+}
+
 std::vector<uint8_t> encode_names(const FrameMetadata& metadata) {
   std::vector<uint8_t> bytes;
   for (const std::string& name : metadata.cameras) {
@@ -241,9 +246,9 @@ bool decode_names(std::span<const uint8_t> bytes, FrameHeader& header) {
   for (int i = 0; i < header.cameras; ++i) {
     const unsigned first = bytes.empty() ? 0 : bytes[0];
     const size_t length = first & ~unsigned{kLateName};
-    if (length == 0 || length > FrameLimits::kNameBytes || length >= bytes.size()) return false;
+    if (length >= bytes.size()) return false;
     names.emplace_back(reinterpret_cast<const char*>(bytes.data()) + 1, length);
-    if (i > 0 && !(names[i - 1] < names[i])) return false;
+    if (!name_is_valid(names.back()) || (i > 0 && !(names[i - 1] < names[i]))) return false;
     if ((first & kLateName) != 0) late.push_back(names.back());
     bytes = bytes.subspan(1 + length);
   }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace v3d::codec {
@@ -76,6 +77,8 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes);
 std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
                                  Section section);
 
+/// Whether a camera may have this name: 1 to FrameLimits::kNameBytes characters of printable ASCII.
+bool name_is_valid(std::string_view name);
 /// Section of the names of metadata.cameras, marked where they are in metadata.late_cameras.
 std::vector<uint8_t> encode_names(const FrameMetadata& metadata);
 /// Sets the names in the metadata of `header`. False unless the bytes are exactly header.cameras

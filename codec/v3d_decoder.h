@@ -41,7 +41,7 @@ typedef struct v3d_frame {
   float quality;       /* 0 to 1, more is better; not a number: unknown */
   double step_m;       /* step of the lattice of vertices, metres */
   double origin_m[3];  /* origin of this lattice, world frame, metres */
-  size_t cameras;      /* number of cameras that took part; names are NUL-terminated, ascending */
+  size_t cameras;      /* number of cameras that took part; names are printable ASCII, ascending */
   const char* const* camera_names;
   size_t missing_cameras;
   size_t vertices;

@@ -3,9 +3,11 @@
 
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "codec/byte_stream.h"
 #include "codec/frame_codec.h"
 #include "recon/hull/sparse_volume.h"
 #include "tests/recon/volumes.h"
@@ -96,6 +98,13 @@ inline std::vector<std::vector<uint8_t>> moving_ball(int frames, int left_out = 
     if (8 + n != left_out) all.push_back(encoder.encode(scene.content(8 + n)).value());
   }
   return all;
+}
+
+/// The frame with a corrected checksum, as an attacker would send it.
+inline std::vector<uint8_t> with_valid_checksum(std::vector<uint8_t> frame) {
+  const uint32_t sum = crc32(std::span(frame).subspan(16));
+  for (int n = 0; n < 4; ++n) frame[12 + n] = static_cast<uint8_t>(sum >> (8 * n));
+  return frame;
 }
 
 }  // namespace v3d::codec
