@@ -54,9 +54,10 @@ struct EncoderOptions {
   /// key frame.
   int key_every = 25;
   /// Step of displacements, metres: decoded vertices differ by at most half of it along each axis.
-  /// The step is reduced when half a voxel is not a multiple of it.
+  /// The step is reduced when half a voxel is not a multiple of it, and is at least 1/64 of half a
+  /// voxel (FrameLimits::kSubdivision).
   double displacement_step_m = 0.001;
-  std::array<uint8_t, 3> colour_steps = kDefaultColourSteps;  ///< luma, Co, Cg
+  std::array<uint8_t, 3> colour_steps = kDefaultColourSteps;  ///< luma, Co, Cg; 1 to 64
 };
 
 /// A decoded mesh; every decoder returns the same bits.
@@ -84,6 +85,7 @@ class FrameEncoder {
   ~FrameEncoder();
 
   /// Encodes the next frame. Empty for content that violates FrameContent or exceeds a limit.
+  /// metadata_error() names what is wrong in the metadata.
   /// Limits: FrameLimits, Occupancy, 65536 lattice steps along an axis, and 32767 steps of
   /// displacement.
   ///

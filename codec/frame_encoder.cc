@@ -11,17 +11,6 @@
 namespace v3d::codec {
 namespace {
 
-bool metadata_fits(const FrameMetadata& metadata) {
-  return metadata.pulse >= 0 && metadata.cameras.size() <= FrameLimits::kCameras &&
-         metadata.missing >= 0 && metadata.missing <= FrameLimits::kCameras &&
-         metadata.live_passes >= 0 && metadata.live_passes <= FrameLimits::kPasses &&
-         std::isfinite(metadata.step) && metadata.step > 0 &&
-         std::all_of(metadata.cameras.begin(), metadata.cameras.end(), name_is_valid) &&
-         std::is_sorted(metadata.cameras.begin(), metadata.cameras.end(), std::less_equal<>()) &&
-         std::includes(metadata.cameras.begin(), metadata.cameras.end(),
-                       metadata.late_cameras.begin(), metadata.late_cameras.end());
-}
-
 /// Rounds positions to lattice numbers. Empty when a number is too large or a position is not
 /// finite.
 std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPosition> positions,
@@ -56,6 +45,8 @@ class FrameEncoder::Impl {
  public:
   explicit Impl(const EncoderOptions& options) : options_(options) {
     V3D_CODEC_CHECK(options.key_every >= 1 && options.displacement_step_m > 0);
+    for (const int step : options.colour_steps)
+      V3D_CODEC_CHECK(step >= 1 && step <= kMaxColourStep);
   }
 
   std::optional<std::vector<uint8_t>> encode(const FrameContent& content) {
@@ -88,7 +79,7 @@ class FrameEncoder::Impl {
     now.numbers.clear();
     now.surface.colours.clear();
     now.labels.clear();
-    return metadata_fits(content.metadata);
+    return metadata_error(content.metadata) == nullptr;
   }
 
   static bool encode_shape(const FrameContent& content, FrameState& now,

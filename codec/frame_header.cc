@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "codec/byte_stream.h"
 #include "codec/colour_code.h"
@@ -87,11 +88,19 @@ bool flags_are_valid(const FrameHeader& h) {
   return (h.flags & ~kKnown) == 0 && explicit_key && coloured;
 }
 
-bool metadata_is_valid(const FrameMetadata& f) {
+/// As metadata_error(), without the names.
+const char* number_error(const FrameMetadata& f) {
   const bool finite = std::all_of(f.origin.begin(), f.origin.end(),
                                   [](double metres) { return std::isfinite(metres); });
-  return f.missing <= FrameLimits::kCameras && f.pulse >= 0 && finite && std::isfinite(f.step) &&
-         f.step > 0 && (std::isnan(f.quality) || (f.quality >= 0 && f.quality <= 1));
+  if (f.pulse < 0) return "pulse: expected at least 0";
+  if (f.missing < 0 || f.missing > FrameLimits::kCameras) return "missing: expected 0 to 256";
+  if (f.quality < 0 || f.quality > 1) return "quality: expected 0 to 1";  // or not a number
+  if (!finite) return "origin: expected finite numbers";
+  if (!std::isfinite(f.step) || f.step <= 0) return "step: expected a finite number greater than 0";
+  if (f.live_passes < 0 || f.live_passes > FrameLimits::kPasses) {
+    return "live_passes: expected 0 to 3";
+  }
+  return nullptr;
 }
 
 bool box_is_valid(const FrameHeader& h) {
@@ -133,7 +142,7 @@ bool sections_are_valid(const FrameHeader& h, size_t bytes) {
 
 bool is_valid(const FrameHeader& h, size_t bytes) {
   const bool key = !h.is(FrameHeader::kInter);
-  return flags_are_valid(h) && metadata_is_valid(h.metadata) && box_is_valid(h) &&
+  return flags_are_valid(h) && number_error(h.metadata) == nullptr && box_is_valid(h) &&
          colours_are_valid(h) && sections_are_valid(h, bytes) &&
          h.cameras <= FrameLimits::kCameras && h.subdivision >= 1 &&
          h.subdivision <= FrameLimits::kSubdivision && h.key_pulse >= 0 &&
@@ -147,10 +156,6 @@ uint16_t version_of(const FrameHeader& h) {
   if (h.is(FrameHeader::kLate)) return kWithLate;
   if (h.is(FrameHeader::kCameras)) return kWithCameras;
   return h.metadata.live_passes > 0 || h.is(FrameHeader::kLabelled) ? kWithPasses : kOldest;
-}
-
-bool version_is_valid(const FrameHeader& h, uint16_t version) {
-  return version_of(h) == version && h.metadata.live_passes <= FrameLimits::kPasses;
 }
 
 /// Sets the size of the section of labels. Any number where the frame has no such section.
@@ -203,7 +208,7 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
   h.checksum = in.number<uint32_t>();
   read_checked_fields(in, h);
   read_label_bytes(bytes, h);
-  if (!version_is_valid(h, version) || !is_valid(h, bytes.size()) ||
+  if (version_of(h) != version || !is_valid(h, bytes.size()) ||
       crc32(bytes.subspan(kChecked)) != h.checksum) {
     return std::nullopt;
   }
@@ -225,6 +230,22 @@ std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHead
 bool name_is_valid(std::string_view name) {
   return !name.empty() && name.size() <= FrameLimits::kNameBytes &&
          std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
+}
+
+const char* metadata_error(const FrameMetadata& metadata) {
+  const std::vector<std::string>& names = metadata.cameras;
+  const std::vector<std::string>& late = metadata.late_cameras;
+  if (names.size() > FrameLimits::kCameras) return "cameras: expected at most 256";
+  if (!std::all_of(names.begin(), names.end(), name_is_valid)) {
+    return "cameras: expected names of 1 to 64 characters of printable ASCII";
+  }
+  if (!std::is_sorted(names.begin(), names.end(), std::less_equal<>())) {
+    return "cameras: expected names in ascending order, each once";
+  }
+  if (!std::includes(names.begin(), names.end(), late.begin(), late.end())) {
+    return "late_cameras: expected some of the cameras in ascending order, each once";
+  }
+  return number_error(metadata);
 }
 
 std::vector<uint8_t> encode_names(const FrameMetadata& metadata) {

@@ -77,6 +77,9 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes);
 std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
                                  Section section);
 
+/// The first rule of a frame that `metadata` breaks: the field and what would be right. Null: none.
+const char* metadata_error(const FrameMetadata& metadata);
+
 /// Whether a camera may have this name: 1 to FrameLimits::kNameBytes characters of printable ASCII.
 bool name_is_valid(std::string_view name);
 /// Section of the names of metadata.cameras, marked where they are in metadata.late_cameras.

@@ -180,6 +180,19 @@ void colour_surface(const Rig& rig, const RigFrames& frames, double voxel_m, Col
 
 // --- compact frame
 
+namespace {
+
+/// Throws InputError for what no other surface would make right.
+void check_metadata(const codec::FrameContent& content, size_t vertices) {
+  const std::string pulse = "pulse " + std::to_string(content.metadata.pulse) + ": ";
+  if (const char* error = codec::metadata_error(content.metadata)) throw InputError(pulse + error);
+  if (content.labels.empty() || content.labels.size() == vertices) return;
+  throw InputError(pulse + "performers: expected one for each of " + std::to_string(vertices) +
+                   " vertices, found " + std::to_string(content.labels.size()));
+}
+
+}  // namespace
+
 EncodeStage::EncodeStage(const VoxelGrid& grid, const std::optional<VertexLattice>& lattice)
     : origin_(grid.origin),
       voxel_m_(grid.voxel_m),
@@ -207,6 +220,7 @@ std::vector<uint8_t> EncodeStage::encode(const PulseMetadata& metadata, const Sp
   content.triangles = surface.triangles;
   content.colours = colours;
   content.labels = metadata.performers;
+  check_metadata(content, surface.vertices.size());
   auto compact = encoder_.encode(content);
   if (!compact) {
     throw OversizedSurface("pulse " + std::to_string(metadata.pulse) + ": a surface of " +

@@ -132,7 +132,7 @@ struct PulseMetadata {
   /// Of these, those whose frame of the next pulse was used, ascending.
   std::vector<std::string> late_cameras{};
   int missing = 0;      ///< number of cameras that did not
-  double quality = 0;   ///< FrameQuality::silhouette_iou
+  double quality = 0;   ///< FrameQuality::silhouette_iou, 0 to 1
   int live_passes = 0;  ///< passes of LiveDeformStage
   /// The performer of each vertex, 0: unknown; empty: not stated.
   std::span<const uint8_t> performers{};
@@ -153,7 +153,8 @@ class EncodeStage {
 
   /// Replaces the colours of `surface` by those that receivers decode. Throws OversizedSurface when
   /// the surface exceeds the limits of a compact frame (4 million vertices, 131,072 bricks); the
-  /// next frame is then a key frame.
+  /// next frame is then a key frame. Throws InputError with the field for other metadata than
+  /// PulseMetadata describes; the sequence of frames does not change then.
   std::vector<uint8_t> encode(const PulseMetadata& metadata, const SparseVolume& volume,
                               Mesh& surface);
   /// The next frame becomes a key frame.

@@ -55,6 +55,8 @@ RC_GTEST_PROP(FrameCodec, decodes_the_marching_cubes_surface_of_any_volume, ()) 
 TEST(FrameCodec, aborts_in_every_build_when_a_precondition_is_violated) {
   EXPECT_DEATH(FrameEncoder({.key_every = 0}),
                "frame_encoder.cc:[0-9]+: check failed: options.key_every >= 1");
+  EXPECT_DEATH(FrameEncoder({.colour_steps = {6, 0, 12}}), "check failed: step >= 1");
+  EXPECT_DEATH(FrameEncoder({.colour_steps = {6, 15, 65}}), "check failed: step >= 1");
   const std::array<uint8_t, 3> bytes{};
   EXPECT_DEATH(ByteReader(bytes).number<uint32_t>(), "byte_stream.h:[0-9]+: check failed");
 }
@@ -221,6 +223,9 @@ TEST(FrameCodec, rejects_invalid_content) {
   FrameContent unsorted = AnyMesh().content();
   unsorted.metadata.cameras = {"b", "a"};
   EXPECT_FALSE(encoder.encode(unsorted));
+  FrameContent percent = AnyMesh().content();
+  percent.metadata.quality = 95;
+  EXPECT_FALSE(encoder.encode(percent));
 }
 
 TEST(FrameCodec, rejects_a_truncated_or_changed_frame) {

@@ -1,8 +1,10 @@
 #include "codec/frame_header.h"
 
 #include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -26,6 +28,28 @@ TEST(FrameCodec, keeps_the_metadata_of_a_frame) {
   EXPECT_EQ(metadata.quality, 0.75F);
   EXPECT_EQ(metadata.origin, expected.origin);
   EXPECT_EQ(metadata.step, expected.step);
+}
+
+template <class Value>
+Value any_of(const std::vector<Value>& values) {
+  return values[*rc::gen::inRange<size_t>(0, values.size())];
+}
+
+RC_GTEST_PROP(FrameCodec, encodes_only_metadata_that_a_decoder_accepts, ()) {
+  static const Scene kScene(ball(3));
+  FrameContent content = kScene.content(0);
+  FrameMetadata& metadata = content.metadata;
+  metadata.pulse = any_of<int64_t>({-1, 0, 7, 7, 7});
+  metadata.missing = any_of<int>({-1, 0, 0, 256, 257});
+  metadata.quality = any_of<float>({-0.1F, 0, 1, 1.5F, 95, NAN, INFINITY});
+  metadata.origin[1] = any_of<double>({0, 0, -1e300, NAN, INFINITY});
+  metadata.step = any_of<double>({0.01, 0.01, 1e300, 0, -1, NAN, INFINITY});
+  metadata.live_passes = any_of<int>({-1, 0, 3, 4});
+  metadata.cameras = any_of<std::vector<std::string>>({{}, {"a", "b"}, {"b", "a"}, {"a", "a"}});
+  metadata.late_cameras = any_of<std::vector<std::string>>({{}, {}, {"a"}, {"b", "a"}});
+  const auto frame = FrameEncoder({}).encode(content);
+  RC_ASSERT(frame.has_value() == (metadata_error(metadata) == nullptr));
+  if (frame) RC_ASSERT(FrameDecoder().decode(*frame) == DecodeStatus::kOk);
 }
 
 TEST(FrameCodec, states_the_passes_of_a_live_deformation_in_version_3_alone) {

@@ -14,6 +14,8 @@
 #include "recon/pipeline/frame_set.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/volumes.h"
+#include "support/message_of.h"
 
 namespace v3d::recon {
 namespace {
@@ -154,6 +156,27 @@ std::vector<uint8_t> by_stages(const Rig& rig, const FrameSet& set, Quality qual
   metadata.quality = meter.measure(mesh, frames).silhouette_iou;
   metadata.live_passes = live_passes;
   return EncodeStage(hulls.grid(), lattice).encode(metadata, hull.volume, mesh);
+}
+
+TEST(Stages, name_what_is_wrong_in_the_metadata_of_a_small_surface) {
+  const SparseVolume volume = make_volume(
+      small_grid(8, 8, 8), [](int i, int j, int k) { return i == 4 && j == 4 && k == 4; });
+  PulseMetadata metadata;
+  metadata.pulse = 3;
+  const auto error = [&] {
+    Mesh mesh = marching_cubes(volume);
+    EncodeStage stage(volume.grid(), std::nullopt);
+    return test::message_of<InputError>([&] { stage.encode(metadata, volume, mesh); });
+  };
+  metadata.cameras = {"b", "a"};
+  EXPECT_EQ(error(), "pulse 3: cameras: expected names in ascending order, each once");
+  metadata.cameras = {"a", "b"};
+  metadata.quality = 95;
+  EXPECT_EQ(error(), "pulse 3: quality: expected 0 to 1");
+  metadata.quality = 0.95;
+  const std::vector<uint8_t> performers(2, 1);
+  metadata.performers = performers;
+  EXPECT_EQ(error(), "pulse 3: performers: expected one for each of 6 vertices, found 2");
 }
 
 TEST(Stages, one_after_the_other_make_the_compact_frame_of_the_reconstructor) {
