@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -380,16 +382,23 @@ uint32_t checksum_of(const DecodedFrame& frame) {
   return crc32(bytes);
 }
 
-/// Checksums of the two frames in a file of the fuzzing corpus. The file holds the length of the
-/// first frame and both frames.
-std::vector<uint32_t> checksums_in(const std::string& file) {
+/// The two frames in a file of the fuzzing corpus. The file holds the length of the first frame and
+/// both frames.
+std::array<std::vector<uint8_t>, 2> frames_in(const std::string& file) {
   std::ifstream in(V3D_CORPUS "/" + file, std::ios::binary);
   const std::vector<char> text(std::istreambuf_iterator<char>(in), {});
   const std::span<const uint8_t> bytes(reinterpret_cast<const uint8_t*>(text.data()), text.size());
-  const size_t first = bytes[0] | bytes[1] << 8;
+  const auto first = bytes.subspan(2, static_cast<size_t>(bytes[0] | bytes[1] << 8));
+  const auto second = bytes.subspan(2 + first.size());
+  return {std::vector<uint8_t>(first.begin(), first.end()),
+          std::vector<uint8_t>(second.begin(), second.end())};
+}
+
+/// Checksums of the two frames in a file of the fuzzing corpus.
+std::vector<uint32_t> checksums_in(const std::string& file) {
   FrameDecoder decoder;
   std::vector<uint32_t> sums;
-  for (const auto frame : {bytes.subspan(2, first), bytes.subspan(2 + first)}) {
+  for (const std::vector<uint8_t>& frame : frames_in(file)) {
     EXPECT_EQ(decoder.decode(frame), DecodeStatus::kOk);
     sums.push_back(checksum_of(decoder.frame()));
   }
@@ -401,6 +410,25 @@ TEST(FrameCodec, decodes_stored_frames_as_an_independent_decoder_did) {
   EXPECT_EQ(checksums_in("key-and-next"), (Sums{0x3BE1625E, 0x53013808}));
   EXPECT_EQ(checksums_in("moved"), (Sums{0x9A1D176E, 0x9A1D176E}));
   EXPECT_EQ(checksums_in("any-mesh"), (Sums{0x56100BDB, 0x2B1E6B71}));
+}
+
+TEST(FrameCodec, has_inputs_of_its_fuzzer_that_decode_with_every_flag) {
+  constexpr unsigned kAll = FrameHeader::kColours | FrameHeader::kDisplaced | FrameHeader::kInter |
+                            FrameHeader::kExplicit | FrameHeader::kLabelled |
+                            FrameHeader::kCameras | FrameHeader::kLate;
+  unsigned flags = 0;
+  int with_views = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(V3D_CORPUS)) {
+    FrameDecoder decoder;
+    decoder.enable_cameras(true);
+    for (const std::vector<uint8_t>& frame : frames_in(entry.path().filename().string())) {
+      if (decoder.decode(frame) != DecodeStatus::kOk) continue;
+      flags |= read_header(frame).value().flags;
+      if (!decoder.frame().cameras.empty()) ++with_views;
+    }
+  }
+  EXPECT_EQ(flags, kAll);
+  EXPECT_EQ(with_views, 4) << "two key frames and their next ones";
 }
 
 TEST(CDecoder, decodes_a_frame_from_c) {
