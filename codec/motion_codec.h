@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "codec/frame_codec.h"
+#include "codec/motion_header.h"
 
 namespace v3d::codec {
 
@@ -56,21 +57,42 @@ struct EncodedMotion {
 std::optional<EncodedMotion> encode_motion(const MotionSegment& segment,
                                            const MotionEncoderOptions& options);
 
+/// Limits of a whole motion file.
+struct MotionFileLimits {
+  size_t segments = MotionLimits::kSegments;
+  uint64_t bytes = MotionLimits::kFileBytes;
+};
+
 /// Makes a motion file: its header, then the bytes of each segment. It writes nothing itself.
 class MotionWriter {
  public:
-  explicit MotionWriter(const MotionEncoderOptions& options) : options_(options) {}
+  explicit MotionWriter(const MotionEncoderOptions& options, const MotionFileLimits& limits = {})
+      : options_(options), limits_(limits) {}
 
   /// The first bytes of the file.
   static std::vector<uint8_t> header();
-  /// Encodes the next segment; append its bytes to the file. Empty as encode_motion(), and unless
-  /// its pulses follow those of the segment before. It may begin at the last pulse of that segment,
-  /// which then shows how both surfaces correspond.
+  /// Encodes the next segment; append its bytes to the file. Empty as encode_motion(), where the
+  /// file has no room for it, and unless its pulses follow those of the segment before. It may
+  /// begin at the last pulse of that segment, which then shows how both surfaces correspond.
   std::optional<EncodedMotion> add(const MotionSegment& segment);
+  /// As add(), but first shortens `segment` to its first pulses, as many as the file has room for.
+  /// If its key pulse is not one of them, the last of them becomes the key pulse. Empty also where
+  /// the file has room for none.
+  std::optional<EncodedMotion> add_first_pulses(MotionSegment& segment);
+  /// Whether there was no room for a segment or for some of its pulses.
+  bool is_full() const { return full_; }
 
  private:
+  std::optional<EncodedMotion> encode(const MotionSegment& segment) const;
+  bool has_room_for(const EncodedMotion& encoded) const;
+  void count(const MotionSegment& segment, const EncodedMotion& encoded);
+
   MotionEncoderOptions options_;
+  MotionFileLimits limits_;
   int64_t last_pulse_ = -1;
+  size_t segments_ = 0;
+  uint64_t bytes_ = kMotionFileHeaderBytes;
+  bool full_ = false;
 };
 
 /// A segment of a file. The surface of a pulse that two segments share is that of the later one.

@@ -255,10 +255,68 @@ std::optional<EncodedMotion> encode_motion(const MotionSegment& segment,
 
 std::vector<uint8_t> MotionWriter::header() { return motion_file_header(); }
 
-std::optional<EncodedMotion> MotionWriter::add(const MotionSegment& segment) {
+std::optional<EncodedMotion> MotionWriter::encode(const MotionSegment& segment) const {
   if (segment.pulses.empty() || segment.pulses.front() < last_pulse_) return std::nullopt;
-  auto encoded = encode_motion(segment, options_);
-  if (encoded) last_pulse_ = segment.pulses.back();
+  return encode_motion(segment, options_);
+}
+
+bool MotionWriter::has_room_for(const EncodedMotion& encoded) const {
+  return segments_ < limits_.segments && bytes_ + encoded.bytes.size() <= limits_.bytes;
+}
+
+void MotionWriter::count(const MotionSegment& segment, const EncodedMotion& encoded) {
+  last_pulse_ = segment.pulses.back();
+  ++segments_;
+  bytes_ += encoded.bytes.size();
+}
+
+std::optional<EncodedMotion> MotionWriter::add(const MotionSegment& segment) {
+  auto encoded = encode(segment);
+  if (!encoded) return std::nullopt;
+  if (!has_room_for(*encoded)) {
+    full_ = true;
+    return std::nullopt;
+  }
+  count(segment, *encoded);
+  return encoded;
+}
+
+namespace {
+
+/// How many first pulses of a segment probably fit into `room` bytes: fewer than all.
+size_t pulses_for(const EncodedMotion& encoded, size_t pulses, uint64_t room) {
+  constexpr double kSafety = 0.98;
+  const MotionBytes& parts = encoded.parts;
+  const auto constant = static_cast<double>(MotionSegmentHeader::kBytes + parts.triangles +
+                                            parts.template_positions + parts.template_colours);
+  const double for_pulses = static_cast<double>(room) - constant;
+  if (for_pulses <= 0) return 0;
+  const double each =
+      (static_cast<double>(encoded.bytes.size()) - constant) / static_cast<double>(pulses);
+  return std::min(pulses - 1, static_cast<size_t>(std::max(1.0, kSafety * for_pulses / each)));
+}
+
+void keep_first_pulses(MotionSegment& segment, size_t pulses) {
+  segment.pulses.resize(pulses);
+  segment.positions.resize(pulses);
+  if (segment.colours.size() > 1) segment.colours.resize(pulses);
+  if (!segment.confidences.empty()) segment.confidences.resize(pulses);
+  segment.key = std::min(segment.key, pulses - 1);
+}
+
+}  // namespace
+
+std::optional<EncodedMotion> MotionWriter::add_first_pulses(MotionSegment& segment) {
+  auto encoded = encode(segment);
+  while (encoded && !has_room_for(*encoded)) {
+    full_ = true;
+    if (segments_ >= limits_.segments || bytes_ >= limits_.bytes) return std::nullopt;
+    const size_t pulses = pulses_for(*encoded, segment.pulses.size(), limits_.bytes - bytes_);
+    if (pulses == 0) return std::nullopt;
+    keep_first_pulses(segment, pulses);
+    encoded = encode(segment);
+  }
+  if (encoded) count(segment, *encoded);
   return encoded;
 }
 

@@ -17,6 +17,8 @@ struct MotionLimits {
   static constexpr uint32_t kPulses = 1U << 16;
   static constexpr uint32_t kPeriod = 256;
   static constexpr size_t kSegments = 1U << 16;
+  /// Length of a file that the programs read: they need it in memory. Not a limit of the format.
+  static constexpr uint64_t kFileBytes = uint64_t{1} << 30;
   static constexpr double kMinStep = 1e-9, kMaxStep = 1;  ///< metres
   static constexpr double kMaxOrigin = 1e6;               ///< metres, along each axis
 };

@@ -249,6 +249,60 @@ TEST(MotionWriter, lets_a_segment_begin_at_the_last_pulse_of_the_one_before) {
   EXPECT_FALSE(writer.add(second)) << "two pulses are shared";
 }
 
+/// A tube at two pulses, the first of which is `pulse`.
+MotionSegment tube_from(int64_t pulse) {
+  MotionSegment tube = moving_tube(2);
+  tube.pulses = {pulse, pulse + 1};
+  return tube;
+}
+
+TEST(MotionWriter, makes_no_file_of_more_segments_than_decoders_accept) {
+  EXPECT_EQ(MotionFileLimits().segments, MotionLimits::kSegments);
+  MotionWriter writer({}, {.segments = 2});
+  EXPECT_TRUE(writer.add(tube_from(0)));
+  EXPECT_TRUE(writer.add(tube_from(2)));
+  EXPECT_FALSE(writer.is_full());
+  EXPECT_FALSE(writer.add(tube_from(4)));
+  EXPECT_TRUE(writer.is_full());
+  MotionSegment next = tube_from(4);
+  EXPECT_FALSE(writer.add_first_pulses(next));
+}
+
+TEST(MotionWriter, makes_no_file_that_is_longer_than_its_limit) {
+  const uint64_t bytes = motion_file({tube_from(0), tube_from(2)}).size();
+  for (const uint64_t limit : {bytes, bytes - 1}) {
+    MotionWriter writer({}, {.bytes = limit});
+    EXPECT_TRUE(writer.add(tube_from(0)));
+    EXPECT_EQ(writer.add(tube_from(2)).has_value(), limit == bytes);
+    EXPECT_EQ(writer.is_full(), limit < bytes);
+  }
+}
+
+TEST(MotionWriter, shortens_a_segment_to_the_pulses_for_which_the_file_has_room) {
+  MotionSegment whole = moving_tube(20);
+  paint(whole, 3);
+  whole.key = 19;
+  const uint64_t bytes = motion_file({whole}).size();
+  const uint64_t less = encode_motion(whole, {})->parts.positions / 2;
+  for (const uint64_t limit : {bytes, bytes - 1, bytes - less}) {
+    MotionSegment given = whole;
+    MotionWriter writer({}, {.bytes = limit});
+    const auto encoded = writer.add_first_pulses(given);
+    ASSERT_TRUE(encoded) << limit;
+    EXPECT_EQ(given.pulses.size() == whole.pulses.size(), limit == bytes);
+    EXPECT_EQ(writer.is_full(), limit < bytes);
+    const auto file = file_of(*encoded);
+    EXPECT_LE(file.size(), limit);
+    auto reader = MotionReader::open(file);
+    ASSERT_TRUE(reader);
+    EXPECT_EQ(reader->segments().at(0).pulses, given.pulses);
+    EXPECT_LE(position_error(given, *encoded, decoded(file)), 0.000251);
+  }
+  MotionWriter writer({}, {.bytes = 200});
+  EXPECT_FALSE(writer.add_first_pulses(whole));
+  EXPECT_TRUE(writer.is_full());
+}
+
 RC_GTEST_PROP(MotionCodec, decodes_any_mesh_within_half_a_step, ()) {
   const auto seed = *rc::gen::inRange<uint32_t>(0, 1000);
   const auto vertices = *rc::gen::inRange<uint32_t>(1, 60);

@@ -316,6 +316,27 @@ TEST_F(TrackTwoPulses, have_colours_of_the_nearest_pulse_where_images_cannot_be_
   EXPECT_EQ(frames.read(1).mesh.colours, seen);
 }
 
+TEST_F(TrackTwoPulses, are_kept_as_far_as_the_file_has_room_for_them) {
+  const TrackReport whole = track(request_);
+  ASSERT_EQ(whole.segments.size(), 1U);
+  EXPECT_FALSE(whole.full_from);
+  request_.max_bytes = static_cast<uint64_t>(whole.bytes - 1);
+  const TrackReport part = track(request_);
+  EXPECT_EQ(part.full_from, 1);
+  ASSERT_EQ(part.segments.size(), 1U);
+  EXPECT_EQ(part.segments[0].last, 0);
+  ASSERT_EQ(part.untracked.size(), 1U);
+  EXPECT_EQ(part.untracked[0].first, 1);
+  EXPECT_EQ(part.untracked[0].last, 1);
+  EXPECT_EQ(part.untracked[0].reason, "the file is full");
+  EXPECT_LT(part.bytes, whole.bytes);
+  const fs::path file = take::TakePaths{take_}.motion();
+  EXPECT_EQ(recorded::MeshFrames(take_, file).frames({}), (std::vector<int64_t>{0}));
+  request_.max_bytes = 200;
+  EXPECT_THAT(rejection(request_), HasSubstr("from pulse 0 exceeds the limits of motion.v3d"));
+  EXPECT_EQ(static_cast<int64_t>(fs::file_size(file)), part.bytes) << "the older file stays";
+}
+
 TEST_F(Track, is_measured_only_with_points_that_have_the_colours_of_cameras_and_parts) {
   const fs::path take = folder_ / "take", truth = folder_ / "truth";
   test::write_gliding_take(take);

@@ -98,8 +98,12 @@ MotionFile motion_file(const recon::Clip& clip, const fs::path& out) {
     }
     auto encoded = writer.add(segment);
     if (!encoded) {
-      throw InputError(out.string() + ": the surface before frame " + std::to_string(f) +
-                       " exceeds the limits of motion.v3d (docs/motion-format.md)");
+      const std::string before = out.string() + ": the surface before frame " + std::to_string(f);
+      throw InputError(before +
+                       (writer.is_full()
+                            ? " does not fit into motion.v3d, of which programs read at most 1 GiB "
+                              "and 65,536 segments; expected a shorter action"
+                            : " exceeds the limits of motion.v3d (docs/motion-format.md)"));
     }
     file.bytes.append(encoded->bytes.begin(), encoded->bytes.end());
     file.orders.push_back(std::move(encoded->order));

@@ -72,6 +72,20 @@ void fill_from_nearest(std::vector<ColourRow>& rows) {
   }
 }
 
+/// Removes the pulses at the end of a segment that were not encoded.
+void shorten(recon::TrackedSegment& segment, const codec::MotionSegment& encoded) {
+  const size_t pulses = encoded.pulses.size();
+  if (pulses == segment.pulses.size()) return;
+  segment.shares_last = false;
+  segment.key = encoded.key;
+  segment.pulses.resize(pulses);
+  segment.positions.resize(pulses);
+  segment.confidences.resize(pulses);
+  segment.residuals.resize(pulses);
+}
+
+static_assert(codec::MotionLimits::kFileBytes <= io::kMaxTextBytes, "programs read the whole file");
+
 /// Tracks and encodes in the caller's TBB arena.
 class MotionMaker {
  public:
@@ -80,15 +94,15 @@ class MotionMaker {
       : input_(input),
         request_(request),
         on_pulse_(on_pulse),
-        writer_({.step_m = request.step_m}) {}
+        writer_({.step_m = request.step_m}, {.bytes = request.max_bytes}) {}
 
   TrackReport run() {
-    const recon::TrackedMotion motion = recon::track_motion(
-        [this](size_t i) { return input_.read(i); }, input_.pulses().size(), request_.tracking,
-        [this](size_t) {
-          stop_if_interrupted();
-          on_pulse_();
-        });
+    recon::TrackedMotion motion = recon::track_motion([this](size_t i) { return input_.read(i); },
+                                                      input_.pulses().size(), request_.tracking,
+                                                      [this](size_t) {
+                                                        stop_if_interrupted();
+                                                        on_pulse_();
+                                                      });
     if (motion.segments.empty()) {
       throw InputError(request_.input.string() +
                        ": no pulse has a surface to track; expected other frames, or meshes of the "
@@ -96,11 +110,10 @@ class MotionMaker {
     }
     report_.pulses = std::ssize(input_.pulses());
     append(codec::MotionWriter::header());
-    for (const recon::TrackedSegment& segment : motion.segments) add(segment);
-    for (const recon::UntrackedPulses& gap : motion.untracked) {
-      report_.untracked.push_back(
-          {input_.pulses()[gap.first], input_.pulses()[gap.last], gap.reason});
+    for (recon::TrackedSegment& segment : motion.segments) {
+      if (!add(segment)) break;
     }
+    report_untracked(motion.untracked);
     report_.is_unfinished = input_.is_unfinished();
     report_.read_errors = input_.read_errors();
     report_.bytes = std::ssize(bytes_);
@@ -110,23 +123,53 @@ class MotionMaker {
   const std::string& bytes() const { return bytes_; }
 
  private:
-  void add(const recon::TrackedSegment& segment) {
+  /// False when the file has no room for all pulses of the segment. Then it has the first of them.
+  bool add(recon::TrackedSegment& segment) {
     codec::MotionSegment content = recon::motion_segment(segment);
     content.colours = colours_of(segment);
-    const auto encoded = writer_.add(content);
-    if (!encoded) {
+    const std::vector<int64_t> pulses = segment.pulses;
+    const auto encoded = writer_.add_first_pulses(content);
+    if (!encoded && (!writer_.is_full() || report_.segments.empty())) {
       throw InputError(request_.input.string() + ": the surface from pulse " +
                        std::to_string(segment.pulses.front()) +
                        " exceeds the limits of motion.v3d (docs/motion-format.md)");
     }
-    append(encoded->bytes);
-    const codec::MotionBytes& parts = encoded->parts;
+    if (encoded) {
+      shorten(segment, content);
+      append(segment, *encoded);
+    }
+    if (writer_.is_full()) leave_out_after_last(pulses);
+    return !writer_.is_full();
+  }
+
+  void append(const recon::TrackedSegment& segment, const codec::EncodedMotion& encoded) {
+    append(encoded.bytes);
+    last_pulse_ = segment.pulses.back();
+    const codec::MotionBytes& parts = encoded.parts;
     report_.template_bytes += static_cast<int64_t>(
         parts.header + parts.triangles + parts.template_positions + parts.template_colours);
     report_.position_bytes += static_cast<int64_t>(parts.positions);
     report_.colour_bytes += static_cast<int64_t>(parts.colours);
     report_.confidence_bytes += static_cast<int64_t>(parts.confidences);
     report_.segments.push_back(report_of(segment));
+  }
+
+  /// `pulses`: of the segment that does not fit.
+  void leave_out_after_last(const std::vector<int64_t>& pulses) {
+    const auto left_out = std::ranges::upper_bound(pulses, last_pulse_);
+    const int64_t first = left_out == pulses.end() ? pulses.back() : *left_out;
+    report_.full_from = first;
+    std::erase_if(report_.without_images, [&](int64_t pulse) { return pulse >= first; });
+  }
+
+  void report_untracked(const std::vector<recon::UntrackedPulses>& gaps) {
+    for (const recon::UntrackedPulses& gap : gaps) {
+      const int64_t first = input_.pulses()[gap.first];
+      if (report_.full_from && first >= *report_.full_from) break;
+      report_.untracked.push_back({first, input_.pulses()[gap.last], gap.reason});
+    }
+    if (!report_.full_from) return;
+    report_.untracked.push_back({*report_.full_from, input_.pulses().back(), "the file is full"});
   }
 
   /// Of each pulse, from its images. A pulse without images has those of the nearest pulse with
@@ -159,6 +202,7 @@ class MotionMaker {
   const TrackRequest& request_;
   const std::function<void()>& on_pulse_;
   codec::MotionWriter writer_;
+  int64_t last_pulse_ = -1;  ///< in the file
   TrackReport report_;
   std::string bytes_;
 };

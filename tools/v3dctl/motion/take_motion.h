@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "codec/motion_header.h"
 #include "recon/motion/motion_tracker.h"
 #include "take/take.h"
 
@@ -24,6 +26,7 @@ struct TrackRequest {
   recon::TrackingOptions tracking;
   double step_m = 0.0005;  ///< of the coded positions
   int threads = 0;         ///< 0: one per core. The result does not depend on it.
+  uint64_t max_bytes = codec::MotionLimits::kFileBytes;  ///< of the file
 };
 
 struct TrackedSegmentReport {
@@ -49,6 +52,8 @@ struct TrackReport {
   /// Pulses without images in segments that have images of others: they have the colours of the
   /// nearest pulse with images. Ascending.
   std::vector<int64_t> without_images;
+  /// The first pulse for which the file has no room. It and all later ones are not in the file.
+  std::optional<int64_t> full_from;
   bool is_unfinished = false;            ///< mesh.v3d has no index: pulses may be missing
   std::vector<std::string> read_errors;  ///< of the logs: lines with path and cause
   int64_t bytes = 0;                     ///< of the file
@@ -60,7 +65,8 @@ struct TrackReport {
 
 /// Tracks the surface of a take through its pulses (recon::track_motion()) and writes it with the
 /// colours of each pulse. Calls `on_begin` with the number of pulses, and `on_pulse` before work on
-/// each; a pulse has several turns.
+/// each; a pulse has several turns. A file that would be longer than TrackRequest::max_bytes ends
+/// before that.
 ///
 /// Throws InputError for a take without meshes, without a surface in any pulse, or that is being
 /// recorded, and other bad input; std::runtime_error for errors of the disk and after an interrupt.

@@ -213,8 +213,31 @@ void print_text(const TrackReport& report) {
              format_count(report.bytes / tracked));
 }
 
+/// The file of the result.
+std::string result_of(const TrackRequest& request) {
+  return (request.out.empty() ? take::TakePaths{request.input}.motion() : request.out).string();
+}
+
+/// Reports the end of a file that is full, and a file that is too long for the viewer.
+void report_length(const TrackReport& report, const TrackRequest& request) {
+  // MAX_BYTES of tools/viewer/player/src/motion_file.ts
+  constexpr int64_t kViewerBytes = int64_t{512} << 20;
+  if (report.full_from) {
+    const std::string first = std::to_string(*report.full_from);
+    note("v3dctl: " + result_of(request) + ": ends before pulse " + first +
+         ", because programs read at most " + format_bytes(static_cast<double>(request.max_bytes)) +
+         " and " + format_count(codec::MotionLimits::kSegments) +
+         " segments; track the rest with --frames " + first + ": --out FILE");
+  } else if (report.bytes > kViewerBytes) {
+    note("v3dctl: " + result_of(request) + ": is too long for the viewer, which plays at most " +
+         format_bytes(static_cast<double>(kViewerBytes)) + "; other programs read it");
+  }
+}
+
 /// Reports what is not whole on stderr. Returns the exit status.
-int report_gaps(const TrackReport& report, const std::filesystem::path& input) {
+int report_gaps(const TrackReport& report, const TrackRequest& request) {
+  const std::filesystem::path& input = request.input;
+  report_length(report, request);
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
   if (!report.without_images.empty()) {
     note("v3dctl: " + input.string() + ": " +
@@ -223,7 +246,8 @@ int report_gaps(const TrackReport& report, const std::filesystem::path& input) {
          std::to_string(report.without_images.back()) +
          ": the colours are those of the nearest pulse with images");
   }
-  const int status = report.read_errors.empty() ? kExitDone : kExitIncomplete;
+  const bool whole = report.read_errors.empty() && !report.full_from;
+  const int status = whole ? kExitDone : kExitIncomplete;
   return report.is_unfinished ? report_missing_index(take::TakePaths{input}.mesh()) : status;
 }
 
@@ -251,7 +275,7 @@ int run(const Arguments& arguments) {
     print_text(report);
     if (truth) print_comparison(*truth);
   }
-  return report_gaps(report, request.input);
+  return report_gaps(report, request);
 }
 
 }  // namespace
