@@ -2,6 +2,7 @@
 import { valueOf } from './node_health';
 import type { NodeState, OrderReport } from './message';
 import type { Order } from './orders';
+import type { Take } from './take_list';
 
 /** 'unrecorded': v3dctl check or background runs. */
 export type Phase = 'silent' | 'idle' | 'fault' | 'armed' | 'recording' | 'draining' | 'unrecorded';
@@ -107,6 +108,20 @@ export function nextName(name: string): string {
   if (!name) return '';
   if (!digits) return `${stem}-02`;
   return stem + String(BigInt(digits) + 1n).padStart(digits.length, '0');
+}
+
+/**
+ * The proposed name of the next take: the first free name after that of the newest recording; null: there is none. `takes`: the newest
+ * first. Edited takes are left out, as they start when their source did. So are takes whose take.toml cannot be read (their rate is 0),
+ * as their start is unknown.
+ */
+export function proposedName(takes: readonly Pick<Take, 'name' | 'state' | 'rate_hz'>[]): string | null {
+  const newest = takes.find((take) => take.state !== 'edited' && take.rate_hz > 0);
+  if (!newest) return null;
+  const used = new Set(takes.map(({ name }) => name));
+  let name = nextName(newest.name);
+  while (used.has(name)) name = nextName(name);
+  return name;
 }
 
 /** The same rule as in base/core/text.h. */

@@ -1,8 +1,8 @@
 // Panel for the operator's commands. It offers only the commands that are possible now, and prevents accidental ones.
 import { MessageClock, type OrderReport, type StudioState } from './message';
 import {
-  type Action, actionsIn, type Activity, activityOf, armOrder, endsSelection, gradeOf, isNews, labelOf, leavableCameras, linesOf, nextName,
-  nodesAtFault, nothingRecorded,
+  type Action, actionsIn, type Activity, activityOf, armOrder, endsSelection, gradeOf, isNews, labelOf, leavableCameras, linesOf, nodesAtFault,
+  nothingRecorded,
 } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
@@ -72,9 +72,9 @@ export class OperatorPanel {
     this.draw();
   }
 
-  /** Proposes the name of the next take from the newest one, unless the user has typed a name. */
-  setNewestTake(name: string): void {
-    if (!this.named && this.activity.phase === 'idle') this.name.value = nextName(name);
+  /** Proposes a name for the next take, unless the user has typed one. */
+  proposeName(name: string): void {
+    if (!this.named && this.activity.phase === 'idle') this.name.value = name;
   }
 
   private async unlock(): Promise<void> {

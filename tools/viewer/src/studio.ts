@@ -2,7 +2,7 @@
 import { CameraWall } from './camera_wall';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
 import { factsOf } from './node_health';
-import { activityOf, nodeActivity, nothingRecorded, recordingFacts, recordsNothing } from './operator';
+import { activityOf, nodeActivity, nothingRecorded, proposedName, recordingFacts, recordsNothing } from './operator';
 import { OperatorPanel } from './operator_panel';
 import { takesText } from './page';
 import { ReconnectingSocket, socketUrl } from './reconnecting_socket';
@@ -116,7 +116,8 @@ async function listTakes(): Promise<void> {
   } finally {
     showBanner();
   }
-  if (takes.length) panel.setNewestTake(takes[0].name);
+  const proposed = proposedName(takes);
+  if (proposed !== null) panel.proposeName(proposed);
   const open = (name: string) => location.assign(`./#take=${name}`);
   find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));
 }

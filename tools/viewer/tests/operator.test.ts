@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { NodeState, OrderReport } from '../src/message';
 import {
   actionsIn, activityOf, armOrder, camerasNamed, endsSelection, gradeOf, isTakeName, labelOf, leavableCameras, linesOf, nextName,
-  nodeActivity, nodesAtFault, recordingFacts,
+  nodeActivity, nodesAtFault, proposedName, recordingFacts,
 } from '../src/operator';
 import { takesText } from '../src/page';
 
@@ -74,6 +74,17 @@ describe('an operator', () => {
     expect(nextName('dance')).toBe('dance-02');
     expect(nextName('')).toBe('');
     expect(nextName('take-99999999999999999999')).toBe('take-100000000000000000000');
+  });
+
+  it('gets the free name after the newest recording, not after an edited or unreadable take', () => {
+    const take = (name: string, more: Partial<Parameters<typeof proposedName>[0][number]> = {}) =>
+      ({ name, state: 'complete' as const, rate_hz: 25, ...more });
+    const edited = take('kendo-07-edit', { state: 'edited' });
+    expect(proposedName([edited, take('kendo-07')])).toBe('kendo-08');
+    expect(proposedName([take('kendo-02', { rate_hz: 0 }), take('kendo-07'), take('kendo-06')])).toBe('kendo-08');
+    expect(proposedName([take('kendo-08', { state: 'edited' }), take('kendo-07')])).toBe('kendo-09');
+    expect(proposedName([edited])).toBeNull();
+    expect(proposedName([])).toBeNull();
   });
 
   it('must use a take name that is a valid folder name', () => {
