@@ -94,8 +94,10 @@ void read_verification(TakeListing& take) {
   take.verified = verified && verified->agrees;
 }
 
+}  // namespace
+
 /// Reads each part of which the files can be read.
-TakeListing read_parts(const TakePaths& paths) {
+TakeListing read_listing_with_error(const TakePaths& paths) {
   TakeListing take;
   take.paths = paths;
   const auto try_to = [&](const auto& part) {
@@ -119,15 +121,14 @@ TakeListing read_parts(const TakePaths& paths) {
   return take;
 }
 
-}  // namespace
-
 TakeListing read_take_listing(const TakePaths& paths) {
-  TakeListing take = read_parts(paths);
+  TakeListing take = read_listing_with_error(paths);
   if (!take.error.empty()) throw InputError(take.error);
   return take;
 }
 
-std::vector<TakeListing> find_all_takes(const fs::path& folder) {
+std::vector<TakeListing> find_all_takes(const fs::path& folder,
+                                        const std::function<TakeListing(const TakePaths&)>& read) {
   if (io::value_or_throw(io::type_of(folder)) != fs::file_type::directory)
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
@@ -135,7 +136,7 @@ std::vector<TakeListing> find_all_takes(const fs::path& folder) {
     const TakePaths paths{entry};
     try {
       if (file_exists(paths.info())) {
-        takes.push_back(read_parts(paths));
+        takes.push_back(read(paths));
       } else if (io::value_or_throw(holds_logs(entry))) {
         throw InputError(entry.string() + ": " + kLacksInfo);
       }

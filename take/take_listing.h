@@ -84,11 +84,16 @@ struct TakeListing {
 /// files other than mesh.v3d cannot be read.
 TakeListing read_take_listing(const TakePaths& paths);
 
-/// The takes in `folder`, oldest first. Those that read_take_listing() rejects are listed, too:
-/// with TakeListing::error and what can be read of them; without take.toml's name and time, with
-/// those of the folder and of the file. So is a folder with logs and no take.toml. Throws
-/// InputError when `folder` is not a folder.
-std::vector<TakeListing> find_all_takes(const std::filesystem::path& folder);
+/// The same for a folder that read_take_listing() rejects, too: with TakeListing::error and what
+/// can be read of the take; without take.toml's name and time, with those of the folder and of the
+/// file.
+TakeListing read_listing_with_error(const TakePaths& paths);
+
+/// The takes in `folder`, oldest first, each read with `read`. A folder with logs and no take.toml
+/// is listed, too, with TakeListing::error. Throws InputError when `folder` is not a folder.
+std::vector<TakeListing> find_all_takes(
+    const std::filesystem::path& folder,
+    const std::function<TakeListing(const TakePaths&)>& read = read_listing_with_error);
 
 /// find_all_takes() without the takes that have an error. Calls `on_unreadable` for each of these.
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,

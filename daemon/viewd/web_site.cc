@@ -7,10 +7,12 @@
 #include <array>
 #include <cerrno>
 #include <set>
+#include <span>
 #include <string_view>
 #include <utility>
 
 #include "base/config/calib_file.h"
+#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/core/time.h"
@@ -21,6 +23,7 @@
 #include "daemon/viewd/view_json.h"
 #include "daemon/web/web_access.h"
 #include "take/ledger/ledger.h"
+#include "take/take_listing_cache.h"
 
 namespace v3d::viewd {
 namespace {
@@ -117,33 +120,39 @@ bool is_served(const std::string& file) {
 
 }  // namespace
 
-/// JSON of a listing. It is made again by a request if the last one is older than kMaxAge. Used by
-/// one thread at a time.
+/// Response with the JSON of a listing. It is made again by a request if the last one is older than
+/// kMaxAge. Used by one thread at a time.
 class WebSite::CachedListing {
  public:
   explicit CachedListing(std::function<std::string()> list) : list_(std::move(list)) {}
 
-  const std::string& json() {
+  web::WebResponse make_response() {
     const MonotonicInstant now = Monotonic::now();
     if (!listed_ || now - *listed_ > kMaxAge) {
       json_ = list_();
       listed_ = Monotonic::now();
     }
-    return json_;
+    web::WebResponse response = web::json_response(json_);
+    response.fields = {{"ETag", text_tag(json_)}, {"Cache-Control", "no-cache"}};
+    return response;
   }
 
   static web::WebResponse respond(const std::string& name,
                                   const std::shared_ptr<CachedListing>& listing) {
-    return {.work =
-                [listing] {
-                  return guarded_response([&] { return web::json_response(listing->json()); });
-                },
-            .kind = web::WorkKind::kListing,
-            .listing = name};
+    return {
+        .work = [listing] { return guarded_response([&] { return listing->make_response(); }); },
+        .kind = web::WorkKind::kListing,
+        .listing = name};
   }
 
  private:
   static constexpr Duration kMaxAge = std::chrono::seconds(1);
+
+  static std::string text_tag(const std::string& text) {
+    const uint64_t sum =
+        checksum({std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size())});
+    return "\"" + std::to_string(sum) + "\"";
+  }
 
   const std::function<std::string()> list_;
   std::string json_;
@@ -184,14 +193,16 @@ class TakeErrorLog {
 
 }  // namespace
 
-std::vector<take::TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
-  std::vector<take::TakeListing> takes = take::find_all_takes(folder);
-  if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
-  for (take::TakeListing& take : takes) {
-    take.error = error_for_browsers(take);
-    if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
-  }
-  return takes;
+WebSite::ListTakes WebSite::make_list_takes() {
+  return [cache = std::make_shared<take::TakeListingCache>()](const std::filesystem::path& folder) {
+    std::vector<take::TakeListing> takes = cache->find_all_takes(folder);
+    if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
+    for (take::TakeListing& take : takes) {
+      take.error = error_for_browsers(take);
+      if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
+    }
+    return takes;
+  };
 }
 
 WebSite::WebSite(const Studio& studio, web::WebAccess access, std::map<std::string, PageFile> page,

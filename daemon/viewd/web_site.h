@@ -39,14 +39,15 @@ class WebSite {
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
   using ListTakes =
       std::function<std::vector<take::TakeListing>(const std::filesystem::path& folder)>;
-  /// take::find_all_takes(), without the paths of folders in its errors.
-  static std::vector<take::TakeListing> list_takes(const std::filesystem::path& folder);
+  /// take::find_all_takes() without the paths of folders in its errors. It keeps the listings of
+  /// takes that do not change (take::TakeListingCache).
+  static ListTakes make_list_takes();
   /// Limit of listed takes: the newest ones.
   static constexpr size_t kMaxListed = 10'000;
 
   /// `commands` must outlive this object.
   WebSite(const Studio& studio, web::WebAccess access, std::map<std::string, PageFile> page,
-          CommandEndpoint& commands, const ListTakes& list = list_takes);
+          CommandEndpoint& commands, const ListTakes& list = make_list_takes());
 
   /// Does not throw: errors become a status.
   web::WebResponse respond(const web::WebRequest& request);

@@ -71,6 +71,16 @@ WebResponse read_file_part(const FilePart& part) {
   return {.body = std::move(bytes)};
 }
 
+/// Whether the client has this text already, by its ETag. Responses with files decide that before
+/// they open the file.
+bool is_known(const WebResponse& response, const Request& request) {
+  if (response.status != 200 || response.file) return false;
+  const std::string known = text(request[http::field::if_none_match]);
+  return !known.empty() && std::ranges::any_of(response.fields, [&](const auto& field) {
+    return field.first == "ETag" && field.second == known;
+  });
+}
+
 WebResponse busy() {
   return {
       .status = 503, .body = "too many requests; try again\n", .fields = {{"Retry-After", "1"}}};
@@ -186,6 +196,10 @@ struct WebConnection::TextSending {
 };
 
 void WebConnection::respond(WebResponse response, bool head_only) {
+  if (is_known(response, parser_->get())) {
+    response.status = 304;
+    response.body.clear();
+  }
   if (response.file && !head_only) return send_file(std::move(response));
   const auto sending = std::make_shared<TextSending>();
   auto& message = sending->message;

@@ -11,6 +11,7 @@
 #include "codec/byte_stream.h"
 #include "support/address_sanitizer.h"
 #include "support/begun_take.h"
+#include "support/bytes_read.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_signature.h"
@@ -138,15 +139,6 @@ TEST(SparseLog, of_pulses_is_recovered_in_seconds_for_any_length) {
   recover();
 }
 
-/// Bytes that this process has read by system calls so far.
-int64_t bytes_read() {
-  std::ifstream in("/proc/self/io");
-  std::string key;
-  int64_t bytes = 0;
-  if (!(in >> key >> bytes) || key != "rchar:") ADD_FAILURE() << "no rchar in /proc/self/io";
-  return bytes;
-}
-
 std::string error_of_hole(const fs::path& file) {
   return "cannot read " + file.string() +
          ": it has 4,398,04[56],[0-9,]* bytes in holes; expected at most 17,179,869,184";
@@ -173,9 +165,9 @@ TEST(SparseTake, is_verified_without_reading_its_holes) {
                             .checksum = 1});
   }
   io::throw_if_failed(save_ledger(paths.ledger(), ledger));
-  const int64_t before = bytes_read();
+  const int64_t before = test::bytes_read();
   const Verification found = verify_take(paths);
-  EXPECT_LT(bytes_read() - before, 100 * kMebibyte);
+  EXPECT_LT(test::bytes_read() - before, 100 * kMebibyte);
   for (const fs::path& file : {paths.frames("cam01"), listed, other}) {
     EXPECT_THAT(found.disagreements,
                 testing::Contains(testing::MatchesRegex(error_of_hole(file))).Times(1));

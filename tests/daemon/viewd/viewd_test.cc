@@ -290,9 +290,9 @@ TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
   write(folder_ / "takes/kendo-07/slate.toml", "mark = 'circle'\n");
   int listings = 0;
   WebSite site(studio_, web::WebAccess(""), find_page_files(folder_ / "page"), commands_,
-               [&](const std::filesystem::path& folder) {
+               [&, list = WebSite::make_list_takes()](const std::filesystem::path& folder) {
                  ++listings;
-                 return WebSite::list_takes(folder);
+                 return list(folder);
                });
   const auto has_listed_twice = [&] {
     done(site.respond({.method = "GET", .target = "/api/takes", .host = "localhost"}));

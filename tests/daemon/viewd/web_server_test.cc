@@ -119,10 +119,10 @@ class ServedSite : public test::ViewedSite {
   void serve(const web::WebLimits& limits) {
     server_.reset();
     site_.emplace(studio_, web::WebAccess(""), find_page_files(folder_ / "page"), operators_,
-                  [this](const std::filesystem::path& folder) {
+                  [this, list = WebSite::make_list_takes()](const std::filesystem::path& folder) {
                     ++listings_;
                     disk_.wait();
-                    return WebSite::list_takes(folder);
+                    return list(folder);
                   });
     handler_.emplace(*site_, [this](WebSite::StreamKind) { return stream(); });
     server_ = std::make_unique<web::WebServer>(web::WebAddress{"127.0.0.1", 0}, *handler_, limits);
@@ -287,6 +287,25 @@ TEST_F(ServedSite, answers_other_requests_while_a_slow_disk_lists_the_takes_once
   wake_disk();
   for (const auto& one : asking) EXPECT_TRUE(one->receives("{\"takes\":[]}"));
   EXPECT_EQ(listings_, 1);
+}
+
+TEST_F(ServedSite, answers_304_for_an_unchanged_list_of_takes) {
+  wake_disk();
+  const auto first = client();
+  ASSERT_TRUE(first->write(request("/api/takes")).receives("{\"takes\":[]}"));
+  const std::string name = "ETag: ";
+  const size_t begin = first->text().find(name);
+  ASSERT_NE(begin, std::string::npos);
+  const size_t value = begin + name.size();
+  const std::string tag = first->text().substr(value, first->text().find('\r', begin) - value);
+  const auto again = client();
+  again->write(request("/api/takes", "If-None-Match: " + tag + "\r\n"));
+  EXPECT_TRUE(again->receives("\r\n\r\n"));
+  EXPECT_THAT(again->text(), StartsWith("HTTP/1.1 304"));
+  EXPECT_THAT(again->text(), testing::Not(HasSubstr("{\"takes\"")));
+  const auto other = client();
+  EXPECT_TRUE(
+      other->write(request("/api/takes", "If-None-Match: \"1\"\r\n")).receives("{\"takes\":[]}"));
 }
 
 TEST_F(ServedSite, answers_503_when_the_disk_does_not_list_the_takes_in_time) {
