@@ -9,14 +9,19 @@
 #include <charconv>
 #include <cstring>
 #include <optional>
+#include <span>
+#include <utility>
 
+#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
 
 namespace v3d::web {
 namespace {
 
-constexpr std::string_view kCookie = "v3d_token=";
+constexpr std::string_view kCookie = "v3d_token";
+/// Name of the cookie for every token in older versions, still accepted.
+constexpr std::string_view kOldCookie = "v3d_token=";
 constexpr std::string_view kBearer = "Bearer ";
 
 bool is_ip_address(const std::string& host) {
@@ -106,6 +111,26 @@ bool is_same_token(std::string_view text, std::string_view token) {
   return difference == 0;
 }
 
+namespace {
+
+/// "v3d_token_1234567890=". A server that receives this name receives the token, too.
+std::string cookie_of(std::string_view token) {
+  const uint64_t sum =
+      checksum({std::span(reinterpret_cast<const uint8_t*>(token.data()), token.size())});
+  return std::string(kCookie) + "_" + std::to_string(static_cast<uint32_t>(sum)) + "=";
+}
+
+}  // namespace
+
+WebAccess::WebAccess(std::string token) : token_(std::move(token)), cookie_(cookie_of(token_)) {}
+
+bool WebAccess::is_cookie_with_token(std::string_view cookie) const {
+  const auto has_name = [&](std::string_view name) {
+    return cookie.starts_with(name) && is_same_token(cookie.substr(name.size()), token_);
+  };
+  return has_name(cookie_) || has_name(kOldCookie);
+}
+
 bool WebAccess::has_token(const WebRequest& request) const {
   const std::string_view field = request.authorization;
   if (field.starts_with(kBearer) && is_same_token(field.substr(kBearer.size()), token_))
@@ -113,8 +138,7 @@ bool WebAccess::has_token(const WebRequest& request) const {
   std::string_view cookies = request.cookie;
   while (!cookies.empty()) {
     const std::string_view cookie = cookies.substr(0, cookies.find(';'));
-    if (cookie.starts_with(kCookie) && is_same_token(cookie.substr(kCookie.size()), token_))
-      return true;
+    if (is_cookie_with_token(cookie)) return true;
     cookies.remove_prefix(std::min(cookies.size(), cookie.size() + 1));
     while (cookies.starts_with(' ')) cookies.remove_prefix(1);
   }
@@ -143,7 +167,7 @@ bool WebAccess::is_own_page(const WebRequest& request) {
 }
 
 std::string WebAccess::set_cookie() const {
-  return std::string(kCookie) + token_ + "; Path=/; HttpOnly; SameSite=Strict; Max-Age=2592000";
+  return cookie_ + token_ + "; Path=/; HttpOnly; SameSite=Strict; Max-Age=2592000";
 }
 
 namespace {

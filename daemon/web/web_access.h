@@ -73,7 +73,7 @@ bool is_same_token(std::string_view text, std::string_view token);
 /// Bearer TOKEN", as the cookie, or once as ?token=TOKEN, which sets the cookie.
 class WebAccess {
  public:
-  explicit WebAccess(std::string token) : token_(std::move(token)) {}
+  explicit WebAccess(std::string token);
 
   enum class Verdict : uint8_t {
     kAllowed,
@@ -89,12 +89,16 @@ class WebAccess {
   static std::string host_error(const WebRequest& request);
   /// Was the request sent by a page of this server, or not by a browser? Checks the Origin field.
   static bool is_own_page(const WebRequest& request);
+  /// The name of the cookie depends on the token: browsers send the cookies of a host to all its
+  /// ports, and two studios behind one host name would replace each other's cookie.
   std::string set_cookie() const;
 
  private:
   bool has_token(const WebRequest& request) const;
+  bool is_cookie_with_token(std::string_view cookie) const;
 
-  const std::string token_;  ///< empty: none is required
+  const std::string token_;   ///< empty: none is required
+  const std::string cookie_;  ///< name of the cookie, with '='
 };
 
 }  // namespace v3d::web

@@ -140,6 +140,22 @@ TEST(WebAccess, with_a_token_allows_only_requests_with_the_token) {
   }
 }
 
+/// A browser sends the cookies of a host to all its ports.
+TEST(WebAccess, allows_a_browser_that_uses_two_studios_behind_one_host_name) {
+  const web::WebAccess a("0123456789abcdef"), b("fedcba9876543210");
+  const auto set_by = [](const web::WebAccess& access) {
+    const std::string cookie = access.set_cookie();
+    return cookie.substr(0, cookie.find(';'));
+  };
+  const auto name_in = [](const std::string& cookie) { return cookie.substr(0, cookie.find('=')); };
+  EXPECT_NE(name_in(set_by(a)), name_in(set_by(b))) << "one would replace the other";
+  const web::WebRequest request{.target = "/", .cookie = set_by(a) + "; " + set_by(b)};
+  EXPECT_EQ(check(a, request), web::WebAccess::Verdict::kAllowed);
+  EXPECT_EQ(check(b, request), web::WebAccess::Verdict::kAllowed);
+  EXPECT_EQ(check(b, {.target = "/", .cookie = set_by(a)}),
+            web::WebAccess::Verdict::kTokenRequired);
+}
+
 TEST_F(ViewedSite, serves_only_files_of_the_page) {
   EXPECT_EQ(get("/").type, "text/html; charset=utf-8");
   EXPECT_THAT(field(get("/assets/a.js"), "Cache-Control"), HasSubstr("immutable"));
