@@ -55,7 +55,10 @@ web::WebResponse file_response(const web::WebRequest& request, const std::filesy
     response.status = 304;
     return response;
   }
-  const web::ByteRange range = web::byte_range(request.range, state.st_size);
+  // The rest of another file would make a mixture: RFC 9110, section 13.1.5.
+  const bool is_of_other_file = !request.if_range.empty() && request.if_range != tag;
+  const web::ByteRange range =
+      web::byte_range(is_of_other_file ? "" : request.range, state.st_size);
   const std::string all = std::to_string(state.st_size);
   if (range.kind == web::ByteRange::Kind::kUnsatisfiable) {
     response.status = 416;

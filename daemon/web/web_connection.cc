@@ -36,6 +36,7 @@ WebRequest to_web_request(const Request& request, const std::string& address) {
           .has_several_hosts = request.count(http::field::host) > 1,
           .origin = text(request[http::field::origin]),
           .range = text(request[http::field::range]),
+          .if_range = text(request[http::field::if_range]),
           .if_none_match = text(request[http::field::if_none_match]),
           .cookie = text(request[http::field::cookie]),
           .authorization = text(request[http::field::authorization]),

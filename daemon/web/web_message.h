@@ -24,6 +24,7 @@ struct WebRequest {
   bool has_several_hosts = false;
   std::string origin = {};
   std::string range = {};
+  std::string if_range = {};
   std::string if_none_match = {};
   std::string cookie = {};
   std::string authorization = {};

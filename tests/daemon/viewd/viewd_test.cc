@@ -178,6 +178,25 @@ TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
+TEST_F(ViewedSite, serves_the_whole_file_to_a_download_that_resumes_after_the_file_was_replaced) {
+  WebSite site = this->site();
+  web::WebRequest request{.method = "GET",
+                          .target = "/takes/kendo-07/mesh.v3d",
+                          .host = "localhost",
+                          .range = "bytes=2-"};
+  const std::string tag = field(done(site.respond(request)), "ETag");
+  request.if_range = tag;
+  EXPECT_EQ(done(site.respond(request)).status, 206);
+  write(folder_ / "takes/kendo-07/mesh.v3d", "another mesh file");
+  for (const std::string& before : {tag, std::string("Mon, 30 Nov 2026 03:00:00 GMT")}) {
+    request.if_range = before;
+    const web::WebResponse response = done(site.respond(request));
+    EXPECT_EQ(response.status, 200) << before;
+    EXPECT_EQ(response.file->first, 0);
+    EXPECT_EQ(response.file->size, 17);
+  }
+}
+
 TEST_F(ViewedSite, serves_requested_parts_of_a_proxy_and_of_a_motion_file) {
   for (const std::string name : {"proxy.v3d", "motion.v3d"}) {
     EXPECT_EQ(get("/takes/kendo-07/" + name).status, 404) << "the take has none";
