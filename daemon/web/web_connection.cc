@@ -1,5 +1,8 @@
 #include "daemon/web/web_connection.h"
 
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -285,8 +288,11 @@ namespace websocket = boost::beast::websocket;
 constexpr std::chrono::seconds kHandshakeTimeout{30};
 constexpr std::chrono::seconds kSubscriberTimeout{20};
 constexpr size_t kMaxReceivedBytes = 256;
-/// Send buffer in the kernel: a few frames, to bound the latency.
+/// Send buffer in the kernel, for what was sent and is not acknowledged. Linux doubles the number.
 constexpr int kSendBuffer = 256 << 10;
+/// The kernel accepts more bytes while fewer than these were not sent. Without this limit, a slow
+/// link has the whole send buffer before it, and states and pings are seconds late.
+constexpr int kMaxUnsentBytes = 16 << 10;
 
 /// The number of "ping 123"; empty for anything else.
 std::optional<int64_t> ping_in(std::string_view message) {
@@ -315,6 +321,8 @@ void WebSubscriber::start(const Request& request) {
   error_code ignored;
   socket_.next_layer().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer),
                                            ignored);
+  setsockopt(socket_.next_layer().socket().native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT,
+             &kMaxUnsentBytes, sizeof kMaxUnsentBytes);
   websocket::stream_base::timeout limits{};
   limits.handshake_timeout = kHandshakeTimeout;
   limits.idle_timeout = kSubscriberTimeout;

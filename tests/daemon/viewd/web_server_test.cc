@@ -36,8 +36,12 @@ constexpr const char* kToken = "operators-0123456789";
 /// A TCP connection from one loopback address to the server.
 class Client {
  public:
-  explicit Client(uint16_t port, const std::string& from = "127.0.0.1")
+  /// `receive_bytes`: size of its receive buffer in the kernel; 0: the system's default.
+  explicit Client(uint16_t port, const std::string& from = "127.0.0.1", int receive_bytes = 0)
       : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    if (receive_bytes > 0) {
+      setsockopt(fd_.get(), SOL_SOCKET, SO_RCVBUF, &receive_bytes, sizeof receive_bytes);
+    }
     const sockaddr_in here = endpoint(from, 0);
     const sockaddr_in there = endpoint("127.0.0.1", port);
     EXPECT_EQ(bind(fd_.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here), 0);
@@ -241,6 +245,15 @@ TEST_F(ServedTorrent, takes_no_more_messages_for_a_client_that_never_reads) {
   ASSERT_TRUE(becomes_true([&] { return *taken_ > 0; }, within(60)));
   ASSERT_TRUE(waits_for_its_client());
   EXPECT_LT(*taken_, Torrent::kMessages / 10) << "the sockets hold some MB";
+}
+
+/// Without a limit of unsent bytes, the kernel takes six messages.
+TEST_F(ServedTorrent, queues_few_bytes_in_the_kernel_for_a_slow_client) {
+  Client idle(server_->port(), "127.0.0.1", 4096);
+  idle.write(request("/api/live", kUpgrade));
+  ASSERT_TRUE(becomes_true([&] { return *taken_ > 0; }, within(60)));
+  ASSERT_TRUE(waits_for_its_client());
+  EXPECT_LE(*taken_, 3);
 }
 
 TEST_F(ServedSite, ends_a_slow_request_at_its_deadline) {
