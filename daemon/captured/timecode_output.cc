@@ -11,7 +11,7 @@ namespace {
 
 constexpr Duration kWaitTimeout = std::chrono::milliseconds(200);
 constexpr Duration kReopenAfter = std::chrono::seconds(1);
-/// Interval of the blocks, and of the looks at a device without space.
+/// Interval of the blocks, and of the polls of a device without space.
 constexpr Duration kBlock = std::chrono::milliseconds(10);
 
 /// A device that has played no sample for this long, in so many waits, has failed. The waits count,

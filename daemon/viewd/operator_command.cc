@@ -23,11 +23,14 @@ constexpr double kMaxTimeMs = 9e12;  ///< its nanoseconds fit into 64 bits
 constexpr int kMaxDepth = 4;
 constexpr size_t kMaxLines = 200;
 
-constexpr std::array<std::pair<std::string_view, Verb>, 5> kVerbs = {{{"look", Verb::kCheckToken},
-                                                                      {"arm", Verb::kArm},
-                                                                      {"start", Verb::kStart},
-                                                                      {"stop", Verb::kStop},
-                                                                      {"abort", Verb::kAbort}}};
+/// "look" is an older name of "check_token".
+constexpr std::array<std::pair<std::string_view, Verb>, 6> kVerbs = {
+    {{"check_token", Verb::kCheckToken},
+     {"look", Verb::kCheckToken},
+     {"arm", Verb::kArm},
+     {"start", Verb::kStart},
+     {"stop", Verb::kStop},
+     {"abort", Verb::kAbort}}};
 
 std::string_view verb_name(Verb verb) {
   return std::ranges::find(kVerbs, verb, [](const auto& entry) { return entry.second; })->first;
@@ -54,7 +57,7 @@ Verb verb_of(const Json& json) {
       if (found->get_ref<const std::string&>() == name) return verb;
     }
   }
-  throw CommandError("do: expected \"look\", \"arm\", \"start\", \"stop\" or \"abort\"");
+  throw CommandError("do: expected \"check_token\", \"arm\", \"start\", \"stop\" or \"abort\"");
 }
 
 std::string take_of(const Json& value) {

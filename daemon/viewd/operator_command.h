@@ -46,9 +46,9 @@ struct ParsedCommand {
   std::optional<OperatorCommand> command;
   std::string error;
 };
-/// Parses {"do": "look" | "arm" | "start" | "stop" | "abort"}, "at_ms" (when it was given, since
-/// 1970; absent: unknown) and, with "arm", "take", "seconds" (absent: until stop) and "without"
-/// [cameras of the studio]. Safe for hostile input.
+/// Parses {"do": "check_token" | "arm" | "start" | "stop" | "abort"}, "at_ms" (when it was given,
+/// since 1970; absent: unknown) and, with "arm", "take", "seconds" (absent: until stop) and
+/// "without" [cameras of the studio]. Safe for hostile input.
 ParsedCommand parse_command(std::string_view json, const Studio& studio);
 
 /// The field "lines" of the output of v3dctl --json; empty if there is none.

@@ -242,7 +242,10 @@ TEST(CreateFolders, creates_missing_parents_and_rejects_a_file_in_the_path) {
   EXPECT_TRUE(create_folders(folder / "a/b/c"));
   EXPECT_TRUE(fs::is_directory(folder / "a/b/c"));
   test::write_text(folder / "file", "");
-  EXPECT_FALSE(create_folders(folder / "file/b"));
+  const auto status = create_folders(folder / "file/b");
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().message,
+            "cannot make folder " + (folder / "file").string() + ": a file has this name");
 }
 
 TEST(EntryType, is_that_of_the_name_itself_and_an_error_when_it_cannot_be_read) {

@@ -217,9 +217,11 @@ TEST_F(CommandEndpointTest, reports_the_error_output_of_v3dctl_without_json) {
 }
 
 TEST_F(CommandEndpointTest, reports_sender_and_command_in_events) {
-  post(order(R"({"do":"look"})"));
-  EXPECT_EQ(commands_.next_event()->text, "127.0.0.1 has the operators' token");
-  EXPECT_FALSE(commands_.next_command()) << "\"look\" executes nothing";
+  for (const char* check : {R"({"do":"check_token"})", R"({"do":"look"})"}) {
+    post(order(check));
+    EXPECT_EQ(commands_.next_event()->text, "127.0.0.1 has the operators' token");
+    EXPECT_FALSE(commands_.next_command()) << check << " executes nothing";
+  }
   post(order(R"({"do":"stop"})"));
   EXPECT_EQ(commands_.next_event()->text, "127.0.0.1: stop");
   commands_.on_finished(
@@ -271,7 +273,7 @@ TEST_F(CommandEndpointTest, admits_the_right_token_after_wrong_ones_of_any_addre
     post(guess);
   }
   EXPECT_EQ(post(guess).status, 429) << "wrong tokens are throttled";
-  web::WebRequest right = order(R"({"do":"look"})");
+  web::WebRequest right = order(R"({"do":"check_token"})");
   right.address = "10.0.9.1";
   EXPECT_EQ(post(right).status, 200) << "an address without wrong tokens";
   right.address = "10.0.7.1";
