@@ -18,7 +18,7 @@ run_tests() {
 reject_skips() {
   [ ${#skipped[@]} -gt "$1" ] || return 0
   printf 'skipped: %s\n' "${skipped[@]:$1}" >&2
-  echo "test: scenario tests were skipped, see above and build/release/Testing/Temporary/LastTest.log for the causes; \
---allow-skips accepts this" >&2
+  echo "test: tests of scenarios, the lab or the browser were skipped, see above and \
+build/release/Testing/Temporary/LastTest.log for the causes; --allow-skips accepts this" >&2
   return 1
 }
