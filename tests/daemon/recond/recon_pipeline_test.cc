@@ -98,6 +98,36 @@ TEST_F(ReconPipelineOnBus, counts_frames_and_pulses_whose_number_is_implausible)
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 2; }, within(30)));
 }
 
+/// Edges of hours ago exceed any time that this machine needs for a mesh.
+TEST_F(ReconPipelineOnBus, reports_the_latency_of_its_meshes_since_the_edges_of_their_pulses) {
+  begin({.make_mesh = name_pulse, .encode = write_pulse});
+  const RealtimeInstant later = Realtime::now() - std::chrono::hours(1);
+  const RealtimeInstant earlier = Realtime::now() - std::chrono::hours(2);
+  const std::vector<RealtimeInstant> edges = {later, earlier, later};
+  wire::PulseMessage pulse;
+  pulse.take = "kendo-07";
+  for (const RealtimeInstant edge : edges) {
+    pulse.edge = edge;
+    bus_.publish_authenticated(wire::kPulseChannel, encode(pulse));
+    ++pulse.pulse;
+  }
+  pulse.pulse = 1'000'000'000;  // is counted after the edges were received
+  bus_.publish_authenticated(wire::kPulseChannel, encode(pulse));
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().implausible == 1; }, within(30)));
+  for (int64_t i = 0; i < std::ssize(edges); ++i) send(i);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 3; }, within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  const auto ms_since = [](RealtimeInstant edge) {
+    return 1e3 * to_seconds(Realtime::now() - edge);
+  };
+  const ReconCounts counts = pipeline_->counts();
+  constexpr double kHourMs = 3'600'000;
+  EXPECT_GE(counts.latency_p50_ms, kHourMs);
+  EXPECT_LE(counts.latency_p50_ms, ms_since(later));
+  EXPECT_GE(counts.latency_p99_ms, 2 * kHourMs);
+  EXPECT_LE(counts.latency_p99_ms, ms_since(earlier));
+}
+
 TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   constexpr int64_t kBegin = -1;
   std::vector<int64_t> encoded;
