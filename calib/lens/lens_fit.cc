@@ -75,14 +75,14 @@ class LensFitter {
     fit.cam_from_board = bundle.world_from_board;
   }
 
-  /// A fit without initial values. Board poses are estimated again in each round, because the tilt
-  /// of a board is ambiguous until the lens is known.
+  /// A fit without initial values. Board poses are estimated again in each iteration, because the
+  /// tilt of a board is ambiguous until the lens is known.
   Fit from_scratch(const std::vector<int>& views) const {
     std::vector<const BoardObservation*> observations;
     for (const int view : views) observations.push_back(&views_[view].observation);
     CameraModel lens(size_, initial_camera_matrix(board_, size_, observations), {}, {});
     Fit fit;
-    for (int round = 0; round < 3; ++round) {
+    for (int iteration = 0; iteration < 3; ++iteration) {
       fit = with_initial_poses(lens, views);
       adjust_fit(fit, 4);
       lens = fit.lens;
@@ -315,7 +315,7 @@ LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
   Fit fit = fitter.from_scratch(selected);
   record_without_pose(fitter, selected, fit, result.rejected);
   require_enough_views(camera, fit.views.size(), views.size());
-  for (int round = 0; round < 4; ++round) {
+  for (int iteration = 0; iteration < 4; ++iteration) {
     fitter.adjust_fit(fit, 5);
     if (!reject_outliers(fitter, fit, result.rejected)) break;
     require_enough_views(camera, fit.views.size(), views.size());

@@ -151,7 +151,7 @@ class RigFitter {
     adjust(bundle_, options);
     reject_observations(kGrossErrorPx);
     options.coefficients = lenses_.coefficients;
-    for (int round = 0; round < 3; ++round) {
+    for (int iteration = 0; iteration < 3; ++iteration) {
       adjust(bundle_, options);
       if (!reject_observations(kAcceptableRmsPx)) return;
     }
@@ -161,7 +161,7 @@ class RigFitter {
   /// Corrects time offsets below one instant: moves each corner to its position at the instant and
   /// repeats the adjustment.
   void correct_fractional_offsets() {
-    for (int round = 0; round < 6; ++round) {
+    for (int iteration = 0; iteration < 6; ++iteration) {
       const std::vector<double> fractions = fractional_time_offsets();
       if (std::all_of(fractions.begin(), fractions.end(), [](double p) { return p == 0; })) return;
       for (CornerObservation& point : bundle_.observations) {

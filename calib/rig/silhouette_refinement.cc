@@ -147,12 +147,13 @@ class Refiner {
     for (const CameraModel& camera : before_) {
       starts_.emplace_back(camera, (scene_point_ - camera.center()).norm());
     }
-    constexpr int kRounds = 8;
-    for (int round = 0; round < kRounds; ++round) iterate({0, 1, 2, 3, 4, 5, kFocal});
+    constexpr int kIterations = 8;
+    for (int iteration = 0; iteration < kIterations; ++iteration)
+      iterate({0, 1, 2, 3, 4, 5, kFocal});
     const std::vector<ErrorPx> before = residuals(before_, true);
     const std::vector<int> constant =
         options_.focal_lengths ? std::vector<int>() : std::vector{kFocal};
-    for (int round = 0; round < kRounds; ++round) iterate(constant);
+    for (int iteration = 0; iteration < kIterations; ++iteration) iterate(constant);
     const std::vector<CameraModel> after = restore_gauge(cameras());
     return evaluate(after, before, residuals(after, true));
   }

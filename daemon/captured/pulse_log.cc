@@ -37,14 +37,14 @@ void PulseLog::write(const wire::PulseMessage& pulse) { queue_.push(pulse); }
 
 void PulseLog::run() {
   for (;;) {
-    const bool is_last_round = stopping_;
+    const bool is_last_iteration = stopping_;
     const auto pulse =
-        queue_.pop(is_last_round ? Monotonic::now() : Monotonic::now() + kPollInterval);
+        queue_.pop(is_last_iteration ? Monotonic::now() : Monotonic::now() + kPollInterval);
     if (pulse) {
       const io::Status written = log_.write(*pulse);
       if (!written && ++failed_ == 1) spdlog::error("{}", written.error().message);
     }
-    if (!pulse && is_last_round) return;
+    if (!pulse && is_last_iteration) return;
   }
 }
 

@@ -33,11 +33,11 @@ std::deque<capture::PulseEdge> SoundReceiver::pop_pulses() {
 
 void SoundReceiver::run() {
   for (;;) {
-    const bool is_last_round = stopping_;
+    const bool is_last_iteration = stopping_;
     const auto block =
-        queue_->pop(is_last_round ? Monotonic::now() : Monotonic::now() + kPollInterval);
+        queue_->pop(is_last_iteration ? Monotonic::now() : Monotonic::now() + kPollInterval);
     if (block) on_block_(*block);
-    if (!block && is_last_round) return;
+    if (!block && is_last_iteration) return;
   }
 }
 

@@ -39,7 +39,7 @@ StudioCoordinator::StudioCoordinator(wire::CommandMessage order, int64_t counter
   begin_command();
 }
 
-// --- the rounds ---------------------------------------------------------------------------------
+// --- the steps ----------------------------------------------------------------------------------
 
 bool StudioCoordinator::is_arming() const { return is_order(order_.verb); }
 
@@ -52,63 +52,63 @@ std::vector<std::string> StudioCoordinator::others() const {
 void StudioCoordinator::plan() {
   const std::vector<std::string> trigger = {targets_.trigger};
   if (order_.verb == wire::CommandVerb::kStart) return plan_start();
-  rounds_.push_back({.verb = order_.verb,
-                     .nodes = trigger,
-                     .accepted_is_enough = true,
-                     .timeout = is_arming() ? Duration::zero() : kTriggerTimeout});
-  rounds_.push_back({.verb = order_.verb, .nodes = targets_.nodes});
+  steps_.push_back({.verb = order_.verb,
+                    .nodes = trigger,
+                    .accepted_is_enough = true,
+                    .timeout = is_arming() ? Duration::zero() : kTriggerTimeout});
+  steps_.push_back({.verb = order_.verb, .nodes = targets_.nodes});
   if (!is_arming()) return;
-  rounds_.push_back({.verb = wire::CommandVerb::kCommit, .nodes = targets_.nodes});
+  steps_.push_back({.verb = wire::CommandVerb::kCommit, .nodes = targets_.nodes});
   if (order_.verb != wire::CommandVerb::kBackground) return;
   plan_start();
-  rounds_.push_back({.verb = wire::CommandVerb::kStop, .nodes = targets_.nodes});
+  steps_.push_back({.verb = wire::CommandVerb::kStop, .nodes = targets_.nodes});
 }
 
 void StudioCoordinator::plan_start() {
-  if (!others().empty()) rounds_.push_back({.verb = wire::CommandVerb::kStart, .nodes = others()});
-  rounds_.push_back({.verb = wire::CommandVerb::kStart, .nodes = {targets_.trigger}});
+  if (!others().empty()) steps_.push_back({.verb = wire::CommandVerb::kStart, .nodes = others()});
+  steps_.push_back({.verb = wire::CommandVerb::kStart, .nodes = {targets_.trigger}});
 }
 
 void StudioCoordinator::begin_command() {
   ++counter_;
   replies_.clear();
-  round_began_.reset();
+  step_began_.reset();
   next_due_ = MonotonicInstant();
 }
 
-void StudioCoordinator::next_round() {
-  const wire::CommandVerb verb = rounds_.front().verb;
-  rounds_.pop_front();
-  round_began_.reset();
+void StudioCoordinator::next_step() {
+  const wire::CommandVerb verb = steps_.front().verb;
+  steps_.pop_front();
+  step_began_.reset();
   next_due_ = MonotonicInstant();
-  if (rounds_.empty()) return;
+  if (steps_.empty()) return;
   // The same command goes to more nodes, or another one follows.
-  if (rounds_.front().verb != verb) return begin_command();
-  // With one node, the next round has no other nodes to ask.
-  if (have_all_replied()) end_of_round();
+  if (steps_.front().verb != verb) return begin_command();
+  // With one node, the next step has no other nodes to ask.
+  if (have_all_replied()) end_of_step();
 }
 
 std::optional<wire::CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
   if (is_finished()) return std::nullopt;
-  if (!round_began_) round_began_ = now;
+  if (!step_began_) step_began_ = now;
   const MonotonicInstant end = deadline_ + (taking_back_ ? kTakeBackTimeout : Duration::zero());
-  const Duration timeout = rounds_.front().timeout;
+  const Duration timeout = steps_.front().timeout;
   if (now >= end) {
     fail();
-  } else if (timeout > Duration::zero() && now - *round_began_ > timeout) {
-    next_round();
+  } else if (timeout > Duration::zero() && now - *step_began_ > timeout) {
+    next_step();
   }
   if (is_finished()) return std::nullopt;
   if (now < next_due_) return std::nullopt;
-  if (!round_began_) round_began_ = now;
+  if (!step_began_) step_began_ = now;
   next_due_ = now + kRepeatAfter;
   wire::CommandMessage message = order_;
-  message.verb = rounds_.front().verb;
+  message.verb = steps_.front().verb;
   message.counter = counter_;
   message.own_only = own_only_;
   message.to.clear();
   message.nonces.clear();
-  for (const std::string& node : rounds_.front().nodes) {
+  for (const std::string& node : steps_.front().nodes) {
     if (has_replied(node)) continue;
     message.to.push_back(node);
     message.nonces.push_back(nonce_of(node));
@@ -141,7 +141,7 @@ bool StudioCoordinator::on_reply(const wire::ReplyMessage& reply) {
   learn_nonce(reply);
   if (reply.outcome == Outcome::kNonceMissing) return false;
   if (is_finished() || reply.command_counter != counter_) return false;
-  const auto& nodes = rounds_.front().nodes;
+  const auto& nodes = steps_.front().nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return false;
   const auto known = replies_.find(reply.node);
   if (known != replies_.end()) {
@@ -155,7 +155,7 @@ bool StudioCoordinator::on_reply(const wire::ReplyMessage& reply) {
     stored.outcome = Outcome::kRefused;
     stored.text = "the take here is " + reply.take + ", not " + order_.take;
   }
-  if (have_all_replied()) end_of_round();
+  if (have_all_replied()) end_of_step();
   return true;
 }
 
@@ -170,18 +170,18 @@ void StudioCoordinator::bind_take(const wire::ReplyMessage& reply) {
 
 /// A command without a take name may reach a node late, when it is armed for the next take.
 bool StudioCoordinator::starts_another_take(const wire::ReplyMessage& reply) const {
-  return rounds_.front().verb == wire::CommandVerb::kStart && reply.outcome == Outcome::kDone &&
+  return steps_.front().verb == wire::CommandVerb::kStart && reply.outcome == Outcome::kDone &&
          reply.take != order_.take;
 }
 
 bool StudioCoordinator::has_replied(const std::string& node) const {
   const auto found = replies_.find(node);
   if (found == replies_.end()) return false;
-  return found->second.outcome != Outcome::kPending || rounds_.front().accepted_is_enough;
+  return found->second.outcome != Outcome::kPending || steps_.front().accepted_is_enough;
 }
 
 bool StudioCoordinator::have_all_replied() const {
-  const auto& nodes = rounds_.front().nodes;
+  const auto& nodes = steps_.front().nodes;
   return std::all_of(nodes.begin(), nodes.end(),
                      [&](const std::string& node) { return has_replied(node); });
 }
@@ -191,26 +191,26 @@ bool StudioCoordinator::any_refused() const {
                      [](const auto& entry) { return entry.second.outcome == Outcome::kRefused; });
 }
 
-/// Adds the replies of this round to the answer. A "done" of a later step, such as commit, does not
+/// Adds the replies of this step to the answer. A "done" of a later step, such as commit, does not
 /// replace the reply to the order itself.
 void StudioCoordinator::store_replies() {
-  const bool step = is_arming() && rounds_.front().verb != order_.verb;
-  const bool result = step && rounds_.front().verb == wire::CommandVerb::kStop;
+  const bool is_later = is_arming() && steps_.front().verb != order_.verb;
+  const bool result = is_later && steps_.front().verb == wire::CommandVerb::kStop;
   for (const auto& [node, reply] : replies_) {
-    if (step && !result && reply.outcome == Outcome::kDone) continue;
+    if (is_later && !result && reply.outcome == Outcome::kDone) continue;
     answer_.replies[node] = reply;
   }
 }
 
 void StudioCoordinator::record_silent_nodes() {
-  for (const std::string& node : rounds_.front().nodes) {
+  for (const std::string& node : steps_.front().nodes) {
     if (replies_.contains(node)) continue;
     answer_.silent.push_back(node);
     answer_.replies.erase(node);
   }
 }
 
-void StudioCoordinator::end_of_round() {
+void StudioCoordinator::end_of_step() {
   if (taking_back_) return continue_take_back();
   const bool ends =
       order_.verb == wire::CommandVerb::kStop || order_.verb == wire::CommandVerb::kAbort;
@@ -218,7 +218,7 @@ void StudioCoordinator::end_of_round() {
   if (any_refused() && !ends) return fail();
   store_replies();
   adopt_take();
-  next_round();
+  next_step();
 }
 
 /// Restricts an order without a take name to the take that the nodes reply. An abort applies to
@@ -237,26 +237,26 @@ void StudioCoordinator::adopt_take() {
 /// Nodes that record without pulses end by themselves when the trigger's node reports another
 /// state.
 void StudioCoordinator::plan_take_back() {
-  const auto round = [](std::vector<std::string> nodes) {
-    return Round{
+  const auto step = [](std::vector<std::string> nodes) {
+    return Step{
         .verb = wire::CommandVerb::kAbort, .nodes = std::move(nodes), .accepted_is_enough = true};
   };
-  const bool first = rounds_.front().verb == order_.verb && rounds_.front().accepted_is_enough;
-  const std::vector<std::string> asked = rounds_.front().nodes;
-  rounds_.clear();
+  const bool first = steps_.front().verb == order_.verb && steps_.front().accepted_is_enough;
+  const std::vector<std::string> asked = steps_.front().nodes;
+  steps_.clear();
   if (order_.verb == wire::CommandVerb::kStart) {
     // The others are aborted only if the trigger's node replies: otherwise pulses may run.
-    rounds_.push_back(round({targets_.trigger}));
-    rounds_.push_back(round(targets_.nodes));
+    steps_.push_back(step({targets_.trigger}));
+    steps_.push_back(step(targets_.nodes));
   } else if (is_arming() && !first) {
-    rounds_.push_back(round(targets_.nodes));
+    steps_.push_back(step(targets_.nodes));
   } else if (is_arming() && !any_refused()) {
-    rounds_.push_back(round(asked));
+    steps_.push_back(step(asked));
   }
 }
 
 void StudioCoordinator::fail() {
-  if (taking_back_) return rounds_.clear();
+  if (taking_back_) return steps_.clear();
   store_replies();
   record_silent_nodes();
   adopt_take();
@@ -267,12 +267,12 @@ void StudioCoordinator::fail() {
   begin_command();
 }
 
-/// After the first round of taking back a start, the trigger's node has replied whether the take
+/// After the first step of taking back a start, the trigger's node has replied whether the take
 /// runs. If it does not run there, no operator can start it any more, so it must end on all nodes.
 void StudioCoordinator::continue_take_back() {
-  if (rounds_.size() == 1 || any_refused() || order_.take.empty()) return rounds_.clear();
+  if (steps_.size() == 1 || any_refused() || order_.take.empty()) return steps_.clear();
   own_only_ = false;
-  next_round();
+  next_step();
 }
 
 }  // namespace v3d::control

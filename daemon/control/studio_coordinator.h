@@ -50,7 +50,7 @@ struct CommandTargets {
   std::string trigger;  ///< the node with the trigger, one of `nodes`
 };
 
-/// Executes one order of an operator, in rounds. Each round sends one command to some nodes, and
+/// Executes one order of an operator, in steps. Each step sends one command to some nodes, and
 /// repeats it until they have replied. The trigger's node makes the pulses, so it decides between
 /// operators: it is the first to arm, stop and abort, and the last to start.
 ///   arm, check:  arm the trigger's node; arm all, until all are ready; commit all
@@ -85,7 +85,7 @@ class StudioCoordinator {
   /// own commands.
   bool on_reply(const wire::ReplyMessage& reply);
 
-  bool is_finished() const { return rounds_.empty(); }
+  bool is_finished() const { return steps_.empty(); }
   /// Valid when is_finished().
   const Answer& answer() const { return answer_; }
   /// The counter of the last command that was sent.
@@ -94,11 +94,11 @@ class StudioCoordinator {
   const NodeNonces& nonces() const { return nonces_; }
 
  private:
-  struct Round {
+  struct Step {
     wire::CommandVerb verb{};
     std::vector<std::string> nodes;
-    bool accepted_is_enough = false;  ///< a pending reply completes the round
-    Duration timeout{};               ///< then the next round; zero: the deadline
+    bool accepted_is_enough = false;  ///< a pending reply completes the step
+    Duration timeout{};               ///< then the next step; zero: the deadline
   };
   void plan();
   void plan_start();
@@ -111,8 +111,8 @@ class StudioCoordinator {
   bool any_refused() const;
   void store_replies();
   void record_silent_nodes();
-  void end_of_round();
-  void next_round();
+  void end_of_step();
+  void next_step();
   void begin_command();
   void fail();
   void plan_take_back();
@@ -125,11 +125,11 @@ class StudioCoordinator {
   int64_t counter_;
   const CommandTargets targets_;
   const MonotonicInstant deadline_;
-  std::deque<Round> rounds_;                           ///< the first is the current one
+  std::deque<Step> steps_;                             ///< the first is the current one
   std::map<std::string, wire::ReplyMessage> replies_;  ///< to the current command, by node
   bool taking_back_ = false;
   bool own_only_;
-  std::optional<MonotonicInstant> round_began_;  ///< empty until its first poll()
+  std::optional<MonotonicInstant> step_began_;  ///< empty until its first poll()
   MonotonicInstant next_due_;
   NodeNonces nonces_;
   Answer answer_;

@@ -252,9 +252,9 @@ TEST_F(CoordinatorTest, learns_the_background_on_all_nodes_and_returns_each_resu
   StudioCoordinator coordinator = begin(wire::CommandVerb::kBackground);
   sent(coordinator);
   reply(coordinator, "cap01", Outcome::kPending);
-  for (const char* round : {"background@cap01,cap02,recon01", "commit@cap01,cap02,recon01",
-                            "start@cap02,recon01", "start@cap01", "stop@cap01,cap02,recon01"}) {
-    EXPECT_EQ(sent(coordinator), round);
+  for (const char* step : {"background@cap01,cap02,recon01", "commit@cap01,cap02,recon01",
+                           "start@cap02,recon01", "start@cap01", "stop@cap01,cap02,recon01"}) {
+    EXPECT_EQ(sent(coordinator), step);
     if (!coordinator.is_finished() && last_->verb != wire::CommandVerb::kStop)
       all_reply(coordinator, Outcome::kDone);
   }
