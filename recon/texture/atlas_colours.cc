@@ -322,33 +322,4 @@ AtlasColours colour_atlas(const Mesh& mesh, const AtlasLayout& layout,
   return atlas;
 }
 
-void AtlasFilter::apply(AtlasColours& colours) {
-  std::vector<uint8_t>& bytes = colours.image.bytes;
-  if (shown_.size() != bytes.size()) {
-    shown_.assign(bytes.begin(), bytes.end());
-    was_seen_ = colours.seen;
-    return;
-  }
-  constexpr float kMinStep = 1.0F / 7, kNoise = 6, kChange = 40;
-  for (size_t i = 0; i < was_seen_.size(); ++i) {
-    const bool is_seen = colours.seen[i] != 0;
-    if (!is_seen && was_seen_[i] != 0) {
-      for (size_t c = 3 * i; c < 3 * i + 3; ++c) bytes[c] = static_cast<uint8_t>(shown_[c] + 0.5F);
-      continue;
-    }
-    float change = 0;
-    for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
-      change = std::max(change, std::abs(static_cast<float>(bytes[c]) - shown_[c]));
-    }
-    const bool is_first = is_seen && was_seen_[i] == 0;
-    const float step =
-        is_first ? 1 : std::clamp((change - kNoise) / (kChange - kNoise), kMinStep, 1.0F);
-    for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
-      shown_[c] += step * (static_cast<float>(bytes[c]) - shown_[c]);
-      bytes[c] = static_cast<uint8_t>(shown_[c] + 0.5F);
-    }
-    was_seen_[i] = was_seen_[i] != 0 || is_seen;
-  }
-}
-
 }  // namespace v3d::recon

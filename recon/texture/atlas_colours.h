@@ -7,6 +7,7 @@
 
 #include "base/geometry/mesh.h"
 #include "base/image/image.h"
+#include "recon/texture/colour_filter.h"
 #include "recon/texture/texture.h"
 #include "recon/texture/texture_atlas.h"
 
@@ -49,17 +50,14 @@ AtlasColours colour_atlas(const Mesh& mesh, const AtlasLayout& layout,
                           std::span<const TextureCamera> cameras,
                           const AtlasColourOptions& options);
 
-/// Steadies the textures of successive pulses that have one layout. A texel follows small changes,
-/// such as noise and cameras that fade in and out, by a seventh a pulse, and large ones at once.
-/// One that no camera sees any more keeps its colour. One thread.
+/// Steadies the textures of successive pulses that have one layout, by ColourFilter. One thread.
 class AtlasFilter {
  public:
   /// Replaces the colours of the next pulse. All pulses have the same size.
-  void apply(AtlasColours& colours);
+  void apply(AtlasColours& colours) { filter_.apply(colours.image.bytes, colours.seen); }
 
  private:
-  std::vector<float> shown_;  ///< red, green and blue of every texel so far
-  std::vector<uint8_t> was_seen_;
+  ColourFilter filter_;  ///< of the texels
 };
 
 }  // namespace v3d::recon

@@ -34,11 +34,13 @@ constexpr size_t kGroup = 8;
 /// Colours of the vertices of a block, from `first` on. A vertex whose samples all equal the
 /// background gets their colour, but it is not `known`: fill_unseen() replaces the colour where it
 /// can.
-void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colours,
+void finish_block(const ColourSums& sums, size_t first, Texture& texture,
                   std::vector<uint8_t>& known) {
+  std::vector<Rgb8>& colours = texture.colours;
   const size_t count = std::min(PointArrays::kBlock, colours.size() - first);
   for (size_t i = 0; i < count; ++i) {
     auto colour = weighted_mean(sums.inner, i);
+    texture.seen[first + i] = colour.has_value();
     if (!colour) {
       colour = weighted_mean(sums.rim, i);
     }
@@ -53,7 +55,7 @@ void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colou
 
 /// Adds the cameras in a fixed order, because float sums depend on it.
 void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices,
-           const PointArrays& normals, std::vector<Rgb8>& colours, std::vector<uint8_t>& known) {
+           const PointArrays& normals, Texture& texture, std::vector<uint8_t>& known) {
   const size_t groups = (vertices.blocks() + kGroup - 1) / kGroup;
   tbb::parallel_for(size_t{0}, groups, [&](size_t group) {
     const size_t first = group * kGroup;
@@ -65,7 +67,7 @@ void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices
       }
     }
     for (size_t b = 0; b < sums.size(); ++b) {
-      finish_block(sums[b], (first + b) * PointArrays::kBlock, colours, known);
+      finish_block(sums[b], (first + b) * PointArrays::kBlock, texture, known);
     }
   });
 }
@@ -133,8 +135,9 @@ Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras
       vertex_cameras(occluders, {cameras.begin(), cameras.end()}, options);
   Texture texture;
   texture.colours.assign(mesh.vertices.size(), kUnseenColour);
+  texture.seen.assign(mesh.vertices.size(), 0);
   std::vector<uint8_t> known(mesh.vertices.size(), 0);
-  blend(prepared, vertices, normals, texture.colours, known);
+  blend(prepared, vertices, normals, texture, known);
   texture.unseen = std::count(known.begin(), known.end(), 0);
   fill_unseen(mesh, options.fill_passes, texture.colours, known);
   return texture;

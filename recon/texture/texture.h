@@ -73,6 +73,8 @@ inline constexpr Rgb8 kUnseenColour{128, 128, 128};
 
 struct Texture {
   std::vector<Rgb8> colours;  ///< one per vertex
+  /// One per vertex: 1 where a camera sees it as ColourMask::inner(), else 0.
+  std::vector<uint8_t> seen;
   int64_t unseen = 0;  ///< vertices that no camera sees, or only as ColourMask::background_like()
 };
 

@@ -6,6 +6,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
 #include "common/obj_file.h"
@@ -156,19 +157,32 @@ void repeat_pictures(const fs::path& folder, const Rig& rig, int pulses) {
   }
 }
 
+/// Makes the ball in the second picture of each camera, DIR/a/1.png, ..., brighter.
+void brighten_second(const fs::path& folder, const Rig& rig, int by_grey_values) {
+  for (const RigCamera& camera : rig) {
+    Image image = test::ball_image(camera);
+    for (uint8_t& byte : image.bytes) {
+      if (byte > 0) byte = static_cast<uint8_t>(std::min(byte + by_grey_values, 255));
+    }
+    write_png(folder / camera.name / "1.png", image.view());
+  }
+}
+
 /// Around the ball of the take.
 const Box kSpace{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
 
 /// A take of a ball, reconstructed.
 class TrackTake : public Track {
  protected:
-  explicit TrackTake(int pulses = 1) {
+  /// The ball is brighter at the second pulse, by so many grey values.
+  explicit TrackTake(int pulses = 1, int brighter_by = 0) {
     const Rig rig = test::small_rig(8);
     save_calib(folder_ / "calib.toml", rig);
     test::write_pictures(folder_ / "images", rig, test::ball_image);
     test::write_pictures(folder_ / "masks", rig, test::ball_mask);
     repeat_pictures(folder_ / "images", rig, pulses);
     repeat_pictures(folder_ / "masks", rig, pulses);
+    if (brighter_by > 0) brighten_second(folder_ / "images", rig, brighter_by);
     ImportOptions import;
     import.take = take_;
     import.calib = folder_ / "calib.toml";
@@ -335,6 +349,38 @@ TEST_F(TrackTwoPulses, are_kept_as_far_as_the_file_has_room_for_them) {
   request_.max_bytes = 200;
   EXPECT_THAT(rejection(request_), HasSubstr("from pulse 0 exceeds the limits of motion.v3d"));
   EXPECT_EQ(static_cast<int64_t>(fs::file_size(file)), part.bytes) << "the older file stays";
+}
+
+class TrackNoisyPulses : public TrackTake {
+ protected:
+  TrackNoisyPulses() : TrackTake(2, 14) { reconstruct(); }
+};
+
+/// The vertices that are brighter at the second pulse than at the first, as a share of all.
+double brighter_share(const fs::path& take, int by_grey_values) {
+  recorded::MeshFrames frames(take, take::TakePaths{take}.motion());
+  const std::vector<Rgb8> first = frames.read(0).mesh.colours, second = frames.read(1).mesh.colours;
+  EXPECT_EQ(first.size(), second.size());
+  int brighter = 0;
+  for (size_t v = 0; v < first.size(); ++v) {
+    brighter += second.at(v).g >= first[v].g + by_grey_values ? 1 : 0;
+  }
+  return static_cast<double>(brighter) / static_cast<double>(first.size());
+}
+
+TEST_F(TrackNoisyPulses, have_steady_colours) {
+  track(request_);
+  EXPECT_LT(brighter_share(take_, 3), 0.05);
+}
+
+class TrackBrighterPulse : public TrackTake {
+ protected:
+  TrackBrighterPulse() : TrackTake(2, 60) { reconstruct(); }
+};
+
+TEST_F(TrackBrighterPulse, has_its_own_colours_because_the_change_is_large) {
+  track(request_);
+  EXPECT_GT(brighter_share(take_, 25), 0.75);
 }
 
 TEST_F(Track, is_measured_only_with_points_that_have_the_colours_of_cameras_and_parts) {

@@ -264,10 +264,12 @@ TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_without_a_better_ca
   const Mesh plane = shapes::patch(0.02F, 0, 4);
   const Texture both = colour_vertices(plane, borrow(shots), {});
   EXPECT_EQ(std::count(both.colours.begin(), both.colours.end(), Rgb8{0, 250, 0}), 25);
+  EXPECT_EQ(std::count(both.seen.begin(), both.seen.end(), 1), 25);
   shots.pop_back();
   const Texture rim = colour_vertices(plane, borrow(shots), {});
   EXPECT_EQ(std::count(rim.colours.begin(), rim.colours.end(), Rgb8{250, 0, 0}), 25);
   EXPECT_EQ(rim.unseen, 0);
+  EXPECT_EQ(std::count(rim.seen.begin(), rim.seen.end(), 0), 25) << "may contain background";
 }
 
 TEST(Texture,

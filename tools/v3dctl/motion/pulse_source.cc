@@ -28,11 +28,11 @@ class TakePulses : public ObservedPulses {
 
   const std::vector<int64_t>& pulses() const override { return pulses_; }
 
-  std::vector<Rgb8> colours(size_t index, const Mesh& surface) override {
+  recon::Texture colours(size_t index, const Mesh& surface) override {
     const auto pulse = read(index);
     const auto cameras = recorded::texture_cameras(images_.rig(), pulse->frames);
     if (cameras.empty()) return {};
-    return recon::colour_vertices(surface, cameras, recorded::texture_options(surface)).colours;
+    return recon::colour_vertices(surface, cameras, recorded::texture_options(surface));
   }
 
   bool is_unfinished() const override { return meshes_.is_unfinished(); }
@@ -92,7 +92,7 @@ class FolderMeshes : public ObservedPulses {
   }
 
   const std::vector<int64_t>& pulses() const override { return pulses_; }
-  std::vector<Rgb8> colours(size_t, const Mesh&) override { return {}; }
+  recon::Texture colours(size_t, const Mesh&) override { return {}; }
 
  protected:
   std::shared_ptr<recon::ObservedPulse> load(size_t index) override {

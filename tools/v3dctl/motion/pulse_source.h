@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "recon/motion/segment_tracker.h"
+#include "recon/texture/texture.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -22,8 +23,8 @@ class ObservedPulses {
   /// The pulse of an index. Works in the caller's TBB arena. Throws InputError for input that
   /// cannot be read.
   std::shared_ptr<const recon::ObservedPulse> read(size_t index);
-  /// Vertex colours of a surface from the images of a pulse; empty without images.
-  virtual std::vector<Rgb8> colours(size_t index, const Mesh& surface) = 0;
+  /// Vertex colours of a surface from the images of a pulse; none without images.
+  virtual recon::Texture colours(size_t index, const Mesh& surface) = 0;
   /// True when the file of the meshes has no index: pulses may be missing.
   virtual bool is_unfinished() const { return false; }
   /// Read errors of images so far: lines with path and cause.
