@@ -53,18 +53,17 @@ double smallest_share(const std::vector<KeyQuality>& qualities) {
 /// Tracks intervals of pulses and collects the results.
 class TakeTracker {
  public:
-  TakeTracker(const PulseSource& source, size_t count, const TrackingOptions& options,
+  TakeTracker(const TakeSource& take, size_t count, const TrackingOptions& options,
               const OnPulse& on_pulse)
-      : source_(source), options_(options), on_pulse_(on_pulse) {
-    std::vector<KeyQuality> qualities;
+      : take_(take), options_(options), on_pulse_(on_pulse) {
     for (size_t i = 0; i < count; ++i) {
       on_pulse(i);
-      const auto observed = source(i);
+      const auto observed = take.surfaces(i);
       numbers_.push_back(observed->pulse);
-      qualities.push_back(key_quality(*observed));
+      qualities_.push_back(key_quality(*observed));
+      is_bound_.push_back(qualities_.back().seen_share ? 1 : 0);
     }
-    const double share = smallest_share(qualities);
-    for (const KeyQuality& quality : qualities) scores_.push_back(quality.score(share));
+    score_all();
   }
 
   TrackedMotion run() {
@@ -89,6 +88,37 @@ class TakeTracker {
     return !has_surface || numbers_[i] - numbers_[i - 1] <= kMaxStep;
   }
 
+  void score_all() {
+    const double share = smallest_share(qualities_);
+    scores_.clear();
+    for (const KeyQuality& quality : qualities_) scores_.push_back(quality.score(share));
+  }
+
+  /// Replaces the upper bound of a pulse by its quality, which needs its images.
+  void examine(size_t i) {
+    if (is_bound_[i] == 0) return;
+    on_pulse_(i);
+    qualities_[i] = key_quality(*take_.pulses(i));
+    is_bound_[i] = 0;
+  }
+
+  /// The pulse with the highest score of `first` to `last` - 1, the first one of several. Images
+  /// are read only of pulses whose upper bound is the highest.
+  size_t best_key(size_t first, size_t last) {
+    for (;;) {
+      const auto best = std::max_element(scores_.begin() + static_cast<ptrdiff_t>(first),
+                                         scores_.begin() + static_cast<ptrdiff_t>(last));
+      const auto key = static_cast<size_t>(best - scores_.begin());
+      if (is_bound_[key] == 0) return key;
+      examine(key);
+      if (!qualities_[key].seen_share) {
+        // The score of a pulse without images depends on all pulses with images.
+        for (size_t i = 0; i < qualities_.size(); ++i) examine(i);
+      }
+      score_all();
+    }
+  }
+
   /// Tracks the pulses `begin` to `end` - 1.
   void track(size_t begin, size_t end) {
     std::vector<std::pair<size_t, size_t>> open{{begin, end}};
@@ -96,12 +126,10 @@ class TakeTracker {
       const auto [first, last] = open.back();
       open.pop_back();
       if (first == last) continue;
-      const auto best = std::max_element(scores_.begin() + static_cast<ptrdiff_t>(first),
-                                         scores_.begin() + static_cast<ptrdiff_t>(last));
-      const auto key = static_cast<size_t>(best - scores_.begin());
+      const size_t key = best_key(first, last);
       const PulseSource watched = [this](size_t i) {
         on_pulse_(i);
-        return source_(i);
+        return take_.pulses(i);
       };
       TrackedSegment segment = track_segment(watched, first, key, last, end, options_);
       const size_t from = key - segment.key;
@@ -112,10 +140,12 @@ class TakeTracker {
     }
   }
 
-  const PulseSource& source_;
+  const TakeSource& take_;
   const TrackingOptions& options_;
   const OnPulse& on_pulse_;
   std::vector<int64_t> numbers_;               ///< of each pulse
+  std::vector<KeyQuality> qualities_;          ///< of each pulse
+  std::vector<uint8_t> is_bound_;              ///< 1: the quality is an upper bound
   std::vector<std::optional<double>> scores_;  ///< of each pulse
   TrackedMotion motion_;
 };
@@ -154,9 +184,9 @@ codec::MotionSegment motion_segment(const TrackedSegment& segment) {
   return result;
 }
 
-TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,
+TrackedMotion track_motion(const TakeSource& take, size_t count, const TrackingOptions& options,
                            const OnPulse& on_pulse) {
-  return TakeTracker(source, count, options, on_pulse).run();
+  return TakeTracker(take, count, options, on_pulse).run();
 }
 
 }  // namespace v3d::recon

@@ -44,14 +44,23 @@ struct TrackedMotion {
 /// Called before work on a pulse of a take: its index. May throw to end the tracking.
 using OnPulse = std::function<void(size_t index)>;
 
-/// Tracks the pulses 0 to `count` - 1 of `source`. Pulses without a surface separate intervals, and
+/// The pulses of a take, as the tracker reads them.
+struct TakeSource {
+  PulseSource pulses;
+  /// The same pulses without images, for the choice of key pulses. Each has at least the cameras
+  /// of `pulses`, with silhouettes that cover at least theirs, such as the whole image. So
+  /// KeyQuality::score() is not below that of `pulses`.
+  PulseSource surfaces;
+};
+
+/// Tracks the pulses 0 to `count` - 1 of `take`. Pulses without a surface separate intervals, and
 /// so do gaps of ten or more lost pulses. In each, the best key pulse begins a segment
 /// (track_segment()); what the segment leaves uncovered is tracked in the same way. Every pulse
 /// with a surface is in a segment, if need be alone. A pulse without cameras counts as seen as
 /// little as any pulse with cameras, so that it is a key pulse only where no other is as good.
 ///
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
-TrackedMotion track_motion(const PulseSource& source, size_t count, const TrackingOptions& options,
+TrackedMotion track_motion(const TakeSource& take, size_t count, const TrackingOptions& options,
                            const OnPulse& on_pulse);
 
 /// The segment as MotionWriter takes it, without colours.

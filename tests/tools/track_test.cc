@@ -312,6 +312,19 @@ class TrackTwoPulses : public TrackTake {
   TrackTwoPulses() : TrackTake(2) { reconstruct(); }
 };
 
+TEST_F(TrackTwoPulses, have_surfaces_for_the_choice_of_key_pulses_without_their_images) {
+  const auto log_bytes = static_cast<off_t>(fs::file_size(take::TakePaths{take_}.frames("a")));
+  ASSERT_GT(log_bytes, static_cast<off_t>(fs::file_size(take::TakePaths{take_}.mesh())) + 2000);
+  const auto input = open_take_pulses(take_, {});
+  const auto first = input->read_surface(0);
+  EXPECT_EQ(first->surface.triangles, input->read(0)->surface.triangles);
+  EXPECT_GE(recon::key_quality(*first).score(1), recon::key_quality(*input->read(0)).score(1));
+  const test::UnreadableByte bad(log_bytes - 1000, take_);  // in the frame of pulse 1
+  EXPECT_EQ(input->read_surface(1)->cameras.cameras.size(), 8U);
+  EXPECT_TRUE(input->read_errors().empty());
+  EXPECT_TRUE(input->read(1)->cameras.cameras.empty());
+}
+
 TEST_F(TrackTwoPulses, have_colours_of_the_nearest_pulse_where_images_cannot_be_read) {
   const auto log_bytes = static_cast<off_t>(fs::file_size(take::TakePaths{take_}.frames("a")));
   ASSERT_GT(log_bytes, static_cast<off_t>(fs::file_size(take::TakePaths{take_}.mesh())) + 2000);

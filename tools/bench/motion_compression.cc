@@ -168,8 +168,9 @@ void run(const std::filesystem::path& folder, double height_m, size_t triangles)
   for (size_t i = 0; i < input->pulses().size(); ++i) given.push_back(input->read(i)->surface);
   recon::TrackingOptions options;
   options.triangles = triangles;
-  const recon::TrackedMotion motion = recon::track_motion([&](size_t i) { return input->read(i); },
-                                                          given.size(), options, [](size_t) {});
+  const recon::PulseSource source = [&](size_t i) { return input->read(i); };
+  const recon::TrackedMotion motion =
+      recon::track_motion({source, source}, given.size(), options, [](size_t) {});
 
   std::vector<RatePoint> draco, tracked;
   for (const double step_m : kStepsM) {

@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -39,20 +40,32 @@ std::shared_ptr<const ObservedPulse> pulse_with(int pulse, Mesh surface) {
   return observed;
 }
 
-/// With the images of two cameras.
+/// Two cameras on one side of the body.
+std::array<CameraModel, 2> two_models() {
+  return {shapes::camera({2, 0, 0}, {0, 0, 0}, {200, 150}, 250),
+          shapes::camera({1.4, 1.4, 0}, {0, 0, 0}, {200, 150}, 250)};
+}
+
+/// With the images of two cameras, which show `pictured`.
 std::shared_ptr<const ObservedPulse> pulse_with_images(int pulse, Mesh surface,
-                                                       const std::array<CameraModel, 2>& models) {
+                                                       const std::array<CameraModel, 2>& models,
+                                                       const Mesh& pictured) {
   auto observed = std::make_shared<ObservedPulse>();
   observed->pulse = pulse;
   for (const CameraModel& model : models) {
     observed->frames.frames.push_back(
-        observe("cam", {}, draw_mesh(surface, model).view(), draw_silhouette(surface, model)));
+        observe("cam", {}, draw_mesh(pictured, model).view(), draw_silhouette(pictured, model)));
   }
   const std::array<DeformCamera, 2> cameras{
       {{&models[0], &observed->frames.frames[0]}, {&models[1], &observed->frames.frames[1]}}};
   observed->cameras = SurfaceCameras(cameras, surface, 0.01);
   observed->surface = std::move(surface);
   return observed;
+}
+
+std::shared_ptr<const ObservedPulse> pulse_with_images(int pulse, const Mesh& surface,
+                                                       const std::array<CameraModel, 2>& models) {
+  return pulse_with_images(pulse, surface, models, surface);
 }
 
 TrackingOptions small_options() {
@@ -218,7 +231,8 @@ TEST(TrackMotion, reports_pulses_without_a_surface_and_tracks_the_others) {
     return pulse_with(10 + pulse, is_empty ? Mesh() : body_at(pulse));
   };
   int calls = 0;
-  const TrackedMotion motion = track_motion(source, 8, small_options(), [&](size_t) { ++calls; });
+  const TrackedMotion motion =
+      track_motion({source, source}, 8, small_options(), [&](size_t) { ++calls; });
   ASSERT_EQ(motion.segments.size(), 2U);
   EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{12, 13, 14}));
   EXPECT_EQ(motion.segments[1].pulses, (std::vector<int64_t>{16, 17}));
@@ -235,7 +249,8 @@ TEST(TrackMotion, begins_another_segment_after_ten_lost_pulses_but_not_after_nin
   const PulseSource source = [&](size_t i) {
     return pulse_with(static_cast<int>(numbers[i]), body_at(0));
   };
-  const TrackedMotion motion = track_motion(source, numbers.size(), small_options(), [](size_t) {});
+  const TrackedMotion motion =
+      track_motion({source, source}, numbers.size(), small_options(), [](size_t) {});
   ASSERT_EQ(motion.segments.size(), 2U);
   EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 11, 12}));
   EXPECT_FALSE(motion.segments[0].shares_last);
@@ -244,17 +259,54 @@ TEST(TrackMotion, begins_another_segment_after_ten_lost_pulses_but_not_after_nin
 }
 
 TEST(TrackMotion, begins_with_a_pulse_that_cameras_see_and_not_with_one_without_images) {
-  const std::array<CameraModel, 2> models{
-      shapes::camera({2, 0, 0}, {0, 0, 0}, {200, 150}, 250),
-      shapes::camera({1.4, 1.4, 0}, {0, 0, 0}, {200, 150}, 250)};
+  const std::array<CameraModel, 2> models = two_models();
   const PulseSource source = [&](size_t i) {
     const int pulse = static_cast<int>(i);
     return i == 1 ? pulse_with(pulse, body_at(0)) : pulse_with_images(pulse, body_at(0), models);
   };
-  const TrackedMotion motion = track_motion(source, 3, small_options(), [](size_t) {});
+  const TrackedMotion motion = track_motion({source, source}, 3, small_options(), [](size_t) {});
   ASSERT_FALSE(motion.segments.empty());
   const TrackedSegment& first = motion.segments[0];
   EXPECT_EQ(first.pulses[first.key], 0);
+}
+
+TEST(TrackMotion, reads_images_first_of_the_pulse_whose_surface_promises_most) {
+  const std::array<CameraModel, 2> models = two_models();
+  std::vector<size_t> reads;
+  const PulseSource surfaces = [&](size_t i) {
+    Mesh body = body_at(0);
+    for (Vector3f& vertex : body.vertices) vertex *= i == 1 ? 1.05F : 1.0F;
+    return pulse_with_images(static_cast<int>(i), body, models);
+  };
+  const PulseSource pulses = [&](size_t i) {
+    reads.push_back(i);
+    return surfaces(i);
+  };
+  TrackingOptions options = small_options();
+  options.photometry = false;
+  const TrackedMotion motion = track_motion({pulses, surfaces}, 3, options, [](size_t) {});
+  ASSERT_FALSE(reads.empty());
+  EXPECT_EQ(reads.front(), 1U);
+  EXPECT_TRUE(std::ranges::any_of(motion.segments,
+                                  [](const TrackedSegment& s) { return s.pulses[s.key] == 1; }));
+}
+
+TEST(TrackMotion, chooses_the_key_pulse_by_what_its_images_show_and_not_by_its_surface_alone) {
+  const std::array<CameraModel, 2> models = two_models();
+  const PulseSource surfaces = [&](size_t i) {
+    return pulse_with_images(static_cast<int>(i), body_at(0), models);
+  };
+  // The silhouettes of the first pulse are a small ball, as after a wrong segmentation.
+  const Mesh ball = shapes::sphere({0, 0, 0.3F}, 0.03F, 8);
+  const PulseSource pulses = [&](size_t i) {
+    return i == 0 ? pulse_with_images(0, body_at(0), models, ball) : surfaces(i);
+  };
+  TrackingOptions options = small_options();
+  options.photometry = false;
+  const TrackedMotion motion = track_motion({pulses, surfaces}, 3, options, [](size_t) {});
+  ASSERT_EQ(motion.segments.size(), 1U);
+  const TrackedSegment& segment = motion.segments[0];
+  EXPECT_EQ(segment.pulses[segment.key], 1);
 }
 
 TEST(TrackMotion, begins_another_segment_where_one_ends) {
@@ -263,7 +315,7 @@ TEST(TrackMotion, begins_another_segment_where_one_ends) {
     if (i >= 3) shapes::append(surface, shapes::sphere({1, 0, 0}, 0.2F, 20));
     return pulse_with(static_cast<int>(i), std::move(surface));
   };
-  const TrackedMotion motion = track_motion(source, 6, small_options(), [](size_t) {});
+  const TrackedMotion motion = track_motion({source, source}, 6, small_options(), [](size_t) {});
   ASSERT_EQ(motion.segments.size(), 2U);
   EXPECT_EQ(motion.segments[0].pulses, (std::vector<int64_t>{0, 1, 2, 3})) << "shares pulse 3";
   EXPECT_TRUE(motion.segments[0].shares_last);

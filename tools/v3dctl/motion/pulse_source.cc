@@ -1,6 +1,7 @@
 #include "v3dctl/motion/pulse_source.h"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 
 #include "base/core/error.h"
@@ -21,10 +22,27 @@ namespace fs = std::filesystem;
 /// A pulse needs about 40 MB. The tracking reads those of a segment twice.
 constexpr size_t kKeptPulses = 32;
 
+/// A frame whose silhouette is the whole image. It has pixels only because a camera without pixels
+/// counts as absent.
+Frame blank_frame(const RigCamera& camera) {
+  Frame frame;
+  frame.camera = camera.name;
+  frame.sensor_size = camera.model.size();
+  frame.mask.emplace(frame.sensor_size);
+  for (int y = 0; y < frame.sensor_size.height; ++y) {
+    frame.mask->fill_row(y, 0, frame.sensor_size.width);
+  }
+  frame.roi = {0, 0, 2, 2};
+  frame.image = Image({2, 2}, PixelFormat::kMono8);
+  return frame;
+}
+
 class TakePulses : public ObservedPulses {
  public:
   TakePulses(const fs::path& take, take::FrameRange frames)
-      : meshes_(take), images_(take, {}), pulses_(meshes_.frames(frames)) {}
+      : meshes_(take), images_(take, {}), pulses_(meshes_.frames(frames)) {
+    for (const RigCamera& camera : images_.rig()) blank_frames_.push_back(blank_frame(camera));
+  }
 
   const std::vector<int64_t>& pulses() const override { return pulses_; }
 
@@ -35,31 +53,54 @@ class TakePulses : public ObservedPulses {
     return recon::colour_vertices(surface, cameras, recorded::texture_options(surface));
   }
 
+  std::shared_ptr<const recon::ObservedPulse> read_surface(size_t index) override {
+    auto pulse = std::make_shared<recon::ObservedPulse>();
+    const recorded::UsedCameras used = read_mesh_frame(index, *pulse);
+    const Rig& rig = images_.rig();
+    std::vector<recon::DeformCamera> cameras;
+    for (size_t c = 0; c < rig.size(); ++c) {
+      if (!std::ranges::binary_search(used.names, rig[c].name)) continue;
+      cameras.push_back({&rig[c].model, &blank_frames_[c]});
+    }
+    set_cameras(cameras, *pulse);
+    return pulse;
+  }
+
   bool is_unfinished() const override { return meshes_.is_unfinished(); }
   std::vector<std::string> read_errors() const override { return images_.read_errors(); }
 
  protected:
   std::shared_ptr<recon::ObservedPulse> load(size_t index) override {
     auto pulse = std::make_shared<recon::ObservedPulse>();
-    pulse->pulse = pulses_[index];
-    recon::CompactFrame mesh = meshes_.read(pulse->pulse);
-    pulse->surface = std::move(mesh.mesh);
+    const recorded::UsedCameras used = read_mesh_frame(index, *pulse);
     // The reconstruction leaves out displaced cameras and wrong silhouettes.
-    pulse->frames = recorded::observe_all(
-        pulse->pulse, recorded::read_used(recorded::used_cameras(mesh), images_));
+    pulse->frames = recorded::observe_all(pulse->pulse, recorded::read_used(used, images_));
     std::vector<recon::DeformCamera> cameras;
     const recon::RigFrames usable = recon::usable_frames(images_.rig(), pulse->frames);
     for (size_t c = 0; c < usable.size(); ++c) {
       if (usable[c]) cameras.push_back({&images_.rig()[c].model, usable[c]});
     }
-    pulse->cameras =
-        recon::SurfaceCameras(cameras, pulse->surface, recon::mean_edge(pulse->surface));
+    set_cameras(cameras, *pulse);
     return pulse;
   }
 
  private:
+  /// Sets the number and the surface of a pulse. Returns the cameras that made the surface.
+  recorded::UsedCameras read_mesh_frame(size_t index, recon::ObservedPulse& pulse) {
+    pulse.pulse = pulses_[index];
+    recon::CompactFrame frame = meshes_.read(pulse.pulse);
+    pulse.surface = std::move(frame.mesh);
+    return recorded::used_cameras(frame);
+  }
+
+  static void set_cameras(std::span<const recon::DeformCamera> cameras,
+                          recon::ObservedPulse& pulse) {
+    pulse.cameras = recon::SurfaceCameras(cameras, pulse.surface, recon::mean_edge(pulse.surface));
+  }
+
   recorded::MeshFrames meshes_;
   recorded::TakeFrames images_;
+  std::vector<Frame> blank_frames_;  ///< of each camera of the rig
   const std::vector<int64_t> pulses_;
 };
 
@@ -92,6 +133,9 @@ class FolderMeshes : public ObservedPulses {
   }
 
   const std::vector<int64_t>& pulses() const override { return pulses_; }
+  std::shared_ptr<const recon::ObservedPulse> read_surface(size_t index) override {
+    return read(index);
+  }
   recon::Texture colours(size_t, const Mesh&) override { return {}; }
 
  protected:

@@ -23,6 +23,9 @@ class ObservedPulses {
   /// The pulse of an index. Works in the caller's TBB arena. Throws InputError for input that
   /// cannot be read.
   std::shared_ptr<const recon::ObservedPulse> read(size_t index);
+  /// The same without frames: fast, because no image is read. The cameras are those that the mesh
+  /// names, with silhouettes that are the whole image. Valid as long as this object.
+  virtual std::shared_ptr<const recon::ObservedPulse> read_surface(size_t index) = 0;
   /// Vertex colours of a surface from the images of a pulse; none without images.
   virtual recon::Texture colours(size_t index, const Mesh& surface) = 0;
   /// True when the file of the meshes has no index: pulses may be missing.

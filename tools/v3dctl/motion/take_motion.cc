@@ -99,12 +99,13 @@ class MotionMaker {
         writer_({.step_m = request.step_m}, {.bytes = request.max_bytes}) {}
 
   TrackReport run() {
-    recon::TrackedMotion motion = recon::track_motion([this](size_t i) { return input_.read(i); },
-                                                      input_.pulses().size(), request_.tracking,
-                                                      [this](size_t) {
-                                                        stop_if_interrupted();
-                                                        on_pulse_();
-                                                      });
+    recon::TrackedMotion motion =
+        recon::track_motion({[this](size_t i) { return input_.read(i); },
+                             [this](size_t i) { return input_.read_surface(i); }},
+                            input_.pulses().size(), request_.tracking, [this](size_t) {
+                              stop_if_interrupted();
+                              on_pulse_();
+                            });
     if (motion.segments.empty()) {
       throw InputError(request_.input.string() +
                        ": no pulse has a surface to track; expected other frames, or meshes of the "
@@ -242,7 +243,7 @@ TrackReport track_take(const TrackRequest& request,
   tbb::task_arena arena(threads);
   MotionMaker maker(*input, request, on_pulse);
   TrackReport report = arena.execute([&] {
-    require_steps(request, input->read(0)->surface);
+    require_steps(request, input->read_surface(0)->surface);
     return maker.run();
   });
   if (request.out.empty()) {

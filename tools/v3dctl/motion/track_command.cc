@@ -258,8 +258,8 @@ int run(const Arguments& arguments) {
   int64_t turns = 0;
   const TrackReport report = track_take(
       request,
-      // A pulse is read for the choice of key pulses, and in each of two passes; once more where a
-      // segment ends.
+      // The surface of a pulse is read for the choice of key pulses, and the pulse in each of two
+      // passes; once more where a segment ends, and where it may be a key pulse.
       [&](int64_t pulses) { progress.emplace("track", turns = 3 * pulses); },
       [&] {
         if (turns-- > 0) progress->advance();
