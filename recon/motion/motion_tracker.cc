@@ -131,7 +131,8 @@ class TakeTracker {
         on_pulse_(i);
         return take_.pulses(i);
       };
-      TrackedSegment segment = track_segment(watched, first, key, last, end, options_);
+      TrackedSegment segment =
+          track_segment(watched, first, key, last, end, options_, take_.colours);
       const size_t from = key - segment.key;
       const size_t to = from + segment.pulses.size() - (segment.shares_last ? 1 : 0);
       open.push_back({first, from});

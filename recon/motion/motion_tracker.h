@@ -51,6 +51,7 @@ struct TakeSource {
   /// of `pulses`, with silhouettes that cover at least theirs, such as the whole image. So
   /// KeyQuality::score() is not below that of `pulses`.
   PulseSource surfaces;
+  SurfaceColours colours{};  ///< null: the tracked surfaces get no colours
 };
 
 /// Tracks the pulses 0 to `count` - 1 of `take`. Pulses without a surface separate intervals, and
@@ -63,7 +64,7 @@ struct TakeSource {
 TrackedMotion track_motion(const TakeSource& take, size_t count, const TrackingOptions& options,
                            const OnPulse& on_pulse);
 
-/// The segment as MotionWriter takes it, without colours.
+/// The segment as MotionWriter takes it, without its colours.
 codec::MotionSegment motion_segment(const TrackedSegment& segment);
 
 }  // namespace v3d::recon

@@ -13,6 +13,7 @@
 #include "recon/motion/position_filter.h"
 #include "recon/motion/template_fit.h"
 #include "recon/motion/template_surface.h"
+#include "recon/texture/colour_filter.h"
 
 namespace v3d::recon {
 namespace {
@@ -107,8 +108,10 @@ class TemplateCorrection {
 
 class SegmentTracker {
  public:
-  SegmentTracker(const PulseSource& source, size_t key, const TrackingOptions& options)
+  SegmentTracker(const PulseSource& source, size_t key, const TrackingOptions& options,
+                 const SurfaceColours& colours)
       : source_(source),
+        colours_(colours),
         key_(key),
         options_(options),
         fit_(simplified(source(key)->surface, options.triangles), options),
@@ -209,6 +212,7 @@ class SegmentTracker {
   /// Fits each pulse again, with the better template and stiffness.
   TrackedSegment second_pass() {
     TrackedSegment segment;
+    ColourFilter filter;
     segment.key = key_ - first_;
     segment.surface = fit_.rest();
     for (size_t i = 0; i < fitted_.size(); ++i) {
@@ -219,9 +223,20 @@ class SegmentTracker {
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
       segment.positions.push_back(fit_.displaced(fit_.normal_displacements(now, kDisplacementM)));
       segment.confidences.push_back(confidence());
+      if (!colours_) continue;
+      segment.colours.push_back(steady_colours(first_ + i, segment.positions.back(), filter));
     }
     smooth_in_time(segment.positions, segment.pulses);
     return segment;
+  }
+
+  std::vector<Rgb8> steady_colours(size_t pulse, const std::vector<Vector3f>& positions,
+                                   ColourFilter& filter) const {
+    Mesh surface = fit_.rest();
+    surface.vertices = positions;
+    Texture texture = colours_(pulse, surface);
+    filter.apply(texture.colours, texture.seen);
+    return std::move(texture.colours);
   }
 
   std::vector<uint8_t> confidence() const {
@@ -235,6 +250,7 @@ class SegmentTracker {
   }
 
   const PulseSource& source_;
+  const SurfaceColours& colours_;  ///< may be null
   const size_t key_;
   const TrackingOptions options_;
   TemplateFit fit_;
@@ -247,9 +263,10 @@ class SegmentTracker {
 }  // namespace
 
 TrackedSegment track_segment(const PulseSource& source, size_t begin, size_t key, size_t end,
-                             size_t limit, const TrackingOptions& options) {
+                             size_t limit, const TrackingOptions& options,
+                             const SurfaceColours& colours) {
   V3D_CHECK(begin <= key && key < end && end <= limit);
-  return SegmentTracker(source, key, options).run(begin, end, limit);
+  return SegmentTracker(source, key, options, colours).run(begin, end, limit);
 }
 
 }  // namespace v3d::recon

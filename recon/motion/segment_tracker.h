@@ -9,6 +9,7 @@
 
 #include "base/geometry/mesh.h"
 #include "recon/pipeline/frame_set.h"
+#include "recon/texture/texture.h"
 #include "recon/visibility/surface_camera.h"
 
 namespace v3d::recon {
@@ -25,6 +26,10 @@ struct ObservedPulse {
 /// Reads the i-th pulse of a take. Called by one thread at a time, mostly with i one more or one
 /// less than before. The numbers of the pulses are ascending; gaps are lost pulses.
 using PulseSource = std::function<std::shared_ptr<const ObservedPulse>(size_t i)>;
+
+/// Colours of a surface in the images of the i-th pulse; none without images. Called after the
+/// PulseSource has read this pulse, and before it reads another one.
+using SurfaceColours = std::function<Texture(size_t i, const Mesh& surface)>;
 
 struct TrackingOptions {
   size_t triangles = 30'000;      ///< of the template
@@ -68,12 +73,16 @@ struct TrackedSegment {
   /// [pulse][vertex]: 0 predicted by the neighbours alone, up to 255 seen by several cameras.
   std::vector<std::vector<uint8_t>> confidences;
   std::vector<PulseResidual> residuals;  ///< by pulse
+  /// [pulse][vertex], steadied over the pulses by ColourFilter; no vertices for a pulse without
+  /// images. Empty without SurfaceColours.
+  std::vector<std::vector<Rgb8>> colours;
 };
 
 /// Tracks from pulse `key` of `source` forward to `end` - 1 and backward to `begin`, or until the
 /// template no longer explains a pulse; then one pulse more as TrackedSegment::shares_last, if it
-/// is before `limit`. A pulse without a surface ends the segment, too. Requires begin <= key < end
-/// <= limit and a key pulse with a surface.
+/// is before `limit`. A pulse without a surface ends the segment, too. `colours` may be null. They
+/// are those of the surface before it is smoothed over time, which is nearer to the images of its
+/// pulse. Requires begin <= key < end <= limit and a key pulse with a surface.
 ///
 /// Works in the caller's TBB arena. Deterministic: independent of thread count.
 ///
@@ -81,6 +90,7 @@ struct TrackedSegment {
 /// SIGGRAPH Asia 2009 (deformation graph, relaxed rigidity, detail after the graph); Takai et al.
 /// section 2.3 and its references 15 and 16 (heterogeneous deformation).
 TrackedSegment track_segment(const PulseSource& source, size_t begin, size_t key, size_t end,
-                             size_t limit, const TrackingOptions& options);
+                             size_t limit, const TrackingOptions& options,
+                             const SurfaceColours& colours = nullptr);
 
 }  // namespace v3d::recon

@@ -209,6 +209,46 @@ TEST(TrackSegment, follows_a_steady_motion_across_lost_pulses) {
   EXPECT_LT(segment.residuals.back().median_m, 0.002);
 }
 
+/// One grey value for all vertices, which cameras see.
+Texture grey_texture(const Mesh& surface, uint8_t grey) {
+  Texture texture;
+  texture.colours.assign(surface.vertices.size(), Rgb8{grey, grey, grey});
+  texture.seen.assign(surface.vertices.size(), 1);
+  return texture;
+}
+
+TEST(TrackSegment, asks_for_the_colours_of_a_pulse_while_it_is_the_last_one_that_was_read) {
+  std::vector<size_t> reads;
+  const PulseSource source = [&](size_t i) {
+    reads.push_back(i);
+    return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
+  };
+  const SurfaceColours colours = [&](size_t i, const Mesh& surface) {
+    EXPECT_EQ(reads.back(), i);
+    return grey_texture(surface, static_cast<uint8_t>(100 + 50 * i));
+  };
+  const TrackedSegment segment = track_segment(source, 0, 1, 3, 3, small_options(), colours);
+  ASSERT_EQ(segment.colours.size(), 3U);
+  for (size_t i = 0; i < 3; ++i) {
+    ASSERT_EQ(segment.colours[i].size(), segment.surface.vertices.size());
+    EXPECT_EQ(segment.colours[i][0].r, 100 + 50 * i);
+  }
+}
+
+TEST(TrackSegment, steadies_colours_over_the_pulses_with_images) {
+  const PulseSource source = [](size_t i) {
+    return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));
+  };
+  const SurfaceColours colours = [](size_t i, const Mesh& surface) {
+    return i == 1 ? Texture() : grey_texture(surface, static_cast<uint8_t>(i == 0 ? 100 : 107));
+  };
+  const TrackedSegment segment = track_segment(source, 0, 0, 3, 3, small_options(), colours);
+  ASSERT_EQ(segment.colours.size(), 3U);
+  EXPECT_EQ(segment.colours[0].at(0).r, 100);
+  EXPECT_TRUE(segment.colours[1].empty());
+  EXPECT_EQ(segment.colours[2].at(0).r, 101);
+}
+
 TEST(TrackSegment, gives_the_same_bits_with_any_number_of_threads) {
   const PulseSource source = [](size_t i) {
     return pulse_with(static_cast<int>(i), body_at(static_cast<int>(i)));

@@ -18,8 +18,6 @@
 #include "common/console.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/render/renderer.h"
-#include "recon/texture/colour_filter.h"
-#include "recon/texture/texture.h"
 #include "v3dctl/motion/pulse_source.h"
 
 namespace v3d::ctl {
@@ -99,13 +97,14 @@ class MotionMaker {
         writer_({.step_m = request.step_m}, {.bytes = request.max_bytes}) {}
 
   TrackReport run() {
-    recon::TrackedMotion motion =
-        recon::track_motion({[this](size_t i) { return input_.read(i); },
-                             [this](size_t i) { return input_.read_surface(i); }},
-                            input_.pulses().size(), request_.tracking, [this](size_t) {
-                              stop_if_interrupted();
-                              on_pulse_();
-                            });
+    recon::TrackedMotion motion = recon::track_motion(
+        {[this](size_t i) { return input_.read(i); },
+         [this](size_t i) { return input_.read_surface(i); },
+         [this](size_t i, const Mesh& surface) { return input_.colours(i, surface); }},
+        input_.pulses().size(), request_.tracking, [this](size_t) {
+          stop_if_interrupted();
+          on_pulse_();
+        });
     if (motion.segments.empty()) {
       throw InputError(request_.input.string() +
                        ": no pulse has a surface to track; expected other frames, or meshes of the "
@@ -175,21 +174,13 @@ class MotionMaker {
     report_.untracked.push_back({*report_.full_from, input_.pulses().back(), "the file is full"});
   }
 
-  /// Of each pulse, from its images and steadied over the pulses. A pulse without images has those
-  /// of the nearest pulse with images; without any, all have those of the template.
+  /// A pulse without images has the colours of the nearest pulse with images; without any, all have
+  /// those of the template.
   std::vector<ColourRow> colours_of(const recon::TrackedSegment& segment) {
     std::vector<ColourRow> rows;
     std::vector<int64_t> without;
-    Mesh surface = segment.surface;
-    recon::ColourFilter filter;
     for (size_t i = 0; i < segment.pulses.size(); ++i) {
-      stop_if_interrupted();
-      surface.vertices = segment.positions[i];
-      const auto index = std::ranges::lower_bound(input_.pulses(), segment.pulses[i]);
-      recon::Texture texture =
-          input_.colours(static_cast<size_t>(index - input_.pulses().begin()), surface);
-      filter.apply(texture.colours, texture.seen);
-      rows.push_back(recon::vertex_colours(texture.colours));
+      rows.push_back(recon::vertex_colours(segment.colours[i]));
       const bool is_in_next = segment.shares_last && i + 1 == segment.pulses.size();
       if (rows.back().empty() && !is_in_next) without.push_back(segment.pulses[i]);
     }
