@@ -47,6 +47,10 @@ void search(const Mesh& mesh, const Neighbours& neighbours, Front& front, float 
 /// Farthest nodes of two components that are linked, node spacings.
 constexpr double kMaxGap = 2.5;
 
+// Stiffness of an edge, by its root mean square deviation from a rigid motion.
+constexpr double kRigidM = 0.002;  ///< deviation of stiffness 1
+constexpr double kMaxStiffness = 10, kMinStiffness = 0.1;
+
 }  // namespace
 
 DeformationGraph::DeformationGraph(const Mesh& rest, double spacing_m) : spacing_m_(spacing_m) {
@@ -196,6 +200,23 @@ void DeformationGraph::move(std::span<const NodeMotion> motion,
   for_each_vertex(rest.size(), [&](size_t v) {
     moved_vertices[v] = moved(motion, v, rest[v].cast<double>()).cast<float>();
   });
+}
+
+void learn_stiffness(DeformationGraph& graph, std::span<const std::vector<NodeMotion>> motions) {
+  V3D_CHECK(!motions.empty());
+  for (DeformationGraph::Edge& edge : graph.edges()) {
+    const Vector3d rest = graph.rest()[edge.b] - graph.rest()[edge.a];
+    double sum = 0;
+    for (const std::vector<NodeMotion>& motion : motions) {
+      const NodeMotion& a = motion[edge.a];
+      const NodeMotion& b = motion[edge.b];
+      sum += (a.rotation * rest + a.position - b.position).squaredNorm();
+      sum += (b.rotation * rest + a.position - b.position).squaredNorm();
+    }
+    const double square = sum / (2 * static_cast<double>(motions.size()));
+    edge.stiffness =
+        static_cast<float>(std::clamp(kRigidM * kRigidM / square, kMinStiffness, kMaxStiffness));
+  }
 }
 
 }  // namespace v3d::recon

@@ -81,6 +81,11 @@ class DeformationGraph {
   std::vector<Edge> edges_;            ///< a < b, ascending
 };
 
+/// Sets the stiffness of each edge by how rigidly its two nodes moved together over `motions`: 1
+/// for a root mean square deviation of 2 mm from a rigid motion, more for a smaller one, from 0.1
+/// to 10. Each motion has one entry per node. Requires at least one motion.
+void learn_stiffness(DeformationGraph& graph, std::span<const std::vector<NodeMotion>> motions);
+
 /// One measurement of a vertex: its position along `direction` (unit length) should be that of
 /// `target`. A point of a surface has one, a matched point three.
 struct VertexTarget {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <deque>
 #include <optional>
 #include <utility>
@@ -18,7 +17,6 @@
 namespace v3d::recon {
 namespace {
 
-using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr std::array kFromPrediction{
@@ -36,10 +34,6 @@ constexpr std::array kFromFirstPass{
 
 constexpr float kDisplacementM = 0.012F;  ///< largest displacement from the graph
 constexpr float kFusionM = 0.04F;         ///< largest correction of the template
-
-// Stiffness of an edge, by its root mean square deviation from a rigid motion.
-constexpr double kRigidM = 0.002;  ///< deviation of stiffness 1
-constexpr double kMaxStiffness = 10, kMinStiffness = 0.1;
 
 using Motion = std::vector<NodeMotion>;
 
@@ -129,7 +123,7 @@ class SegmentTracker {
     }
     const size_t own = fitted_.size();
     if (last() + 1 < limit && has_surface(last() + 1)) fit_next(last(), 1);
-    if (options_.heterogeneity) learn_stiffness(own);
+    if (options_.heterogeneity) learn_stiffness(fit_.graph(), motions(own));
     if (options_.fusion) correction_.apply(fit_.rest_vertices());
     TrackedSegment segment = second_pass();
     segment.shares_last = fitted_.size() > own;
@@ -192,21 +186,11 @@ class SegmentTracker {
     return true;
   }
 
-  /// From the first `count` motions.
-  void learn_stiffness(size_t count) {
-    for (DeformationGraph::Edge& edge : fit_.graph().edges()) {
-      const Vector3d rest = fit_.graph().rest()[edge.b] - fit_.graph().rest()[edge.a];
-      double sum = 0;
-      for (size_t i = 0; i < count; ++i) {
-        const NodeMotion& a = fitted_[i].motion[edge.a];
-        const NodeMotion& b = fitted_[i].motion[edge.b];
-        sum += (a.rotation * rest + a.position - b.position).squaredNorm();
-        sum += (b.rotation * rest + a.position - b.position).squaredNorm();
-      }
-      const double square = sum / (2 * static_cast<double>(count));
-      edge.stiffness =
-          static_cast<float>(std::clamp(kRigidM * kRigidM / square, kMinStiffness, kMaxStiffness));
-    }
+  /// The first `count` motions.
+  std::vector<Motion> motions(size_t count) const {
+    std::vector<Motion> result;
+    for (size_t i = 0; i < count; ++i) result.push_back(fitted_[i].motion);
+    return result;
   }
 
   /// Fits each pulse again, with the better template and stiffness.

@@ -84,6 +84,32 @@ TEST(DeformationGraph, links_parts_that_nearly_touch_and_no_others) {
   EXPECT_GT(links, 0);
 }
 
+TEST(LearnStiffness, is_largest_in_parts_that_moved_rigidly_and_small_at_the_hinge_between_them) {
+  const Mesh mesh = body();
+  DeformationGraph graph(mesh, kSpacingM);
+  const auto is_upper = [&](uint32_t node) { return graph.rest()[node].z() > 0; };
+  // The upper half turns around the x axis, which lies in the middle.
+  std::vector<std::vector<NodeMotion>> motions;
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.1 * i, Vector3d::UnitX()).toRotationMatrix();
+    std::vector<NodeMotion>& motion = motions.emplace_back(graph.rest_motion());
+    for (uint32_t n = 0; n < graph.nodes(); ++n) {
+      if (is_upper(n)) motion[n] = {turn, turn * motion[n].position};
+    }
+  }
+  learn_stiffness(graph, motions);
+  int at_hinge = 0;
+  for (const DeformationGraph::Edge& edge : graph.edges()) {
+    if (is_upper(edge.a) == is_upper(edge.b)) {
+      EXPECT_EQ(edge.stiffness, 10.0F);
+    } else {
+      EXPECT_LT(edge.stiffness, 1.0F);
+      ++at_hinge;
+    }
+  }
+  EXPECT_GT(at_hinge, 5);
+}
+
 /// Targets of every n-th vertex: all three coordinates of where `motion` moves it.
 template <class Motion>
 std::vector<VertexTarget> targets_of(const Mesh& mesh, size_t every, const Motion& motion) {
