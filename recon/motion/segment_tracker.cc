@@ -1,6 +1,5 @@
 #include "recon/motion/segment_tracker.h"
 
-#include <algorithm>
 #include <array>
 #include <deque>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "recon/motion/position_filter.h"
 #include "recon/motion/template_fit.h"
 #include "recon/motion/template_surface.h"
+#include "recon/motion/vertex_confidence.h"
 #include "recon/texture/colour_filter.h"
 
 namespace v3d::recon {
@@ -197,6 +197,7 @@ class SegmentTracker {
   TrackedSegment second_pass() {
     TrackedSegment segment;
     ColourFilter filter;
+    VertexConfidence confidence;
     segment.key = key_ - first_;
     segment.surface = fit_.rest();
     for (size_t i = 0; i < fitted_.size(); ++i) {
@@ -205,8 +206,9 @@ class SegmentTracker {
       fit_.fit(now, kFromFirstPass, motion);
       segment.pulses.push_back(now.pulse().pulse);
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
-      segment.positions.push_back(fit_.displaced(fit_.normal_displacements(now, kDisplacementM)));
-      segment.confidences.push_back(confidence());
+      const NormalDisplacements detail = fit_.normal_displacements(now, kDisplacementM);
+      segment.positions.push_back(fit_.displaced(detail));
+      segment.confidences.push_back(confidence.of_pulse(fit_, detail));
       if (!colours_) continue;
       segment.colours.push_back(steady_colours(first_ + i, segment.positions.back(), filter));
     }
@@ -221,16 +223,6 @@ class SegmentTracker {
     Texture texture = colours_(pulse, surface);
     filter.apply(texture.colours, texture.seen);
     return std::move(texture.colours);
-  }
-
-  std::vector<uint8_t> confidence() const {
-    constexpr int kPerCamera = 85;  // three cameras give full confidence
-    const std::vector<uint8_t>& cameras = fit_.visible_cameras();
-    std::vector<uint8_t> confidence(cameras.size());
-    for (size_t v = 0; v < cameras.size(); ++v) {
-      confidence[v] = static_cast<uint8_t>(std::min(cameras[v] * kPerCamera, 255));
-    }
-    return confidence;
   }
 
   const PulseSource& source_;

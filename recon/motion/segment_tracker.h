@@ -70,7 +70,8 @@ struct TrackedSegment {
   size_t key = 0;  ///< index of the pulse whose mesh became the template
   Mesh surface;    ///< the template: triangles, colours; vertices at rest
   std::vector<std::vector<Eigen::Vector3f>> positions;  ///< [pulse][vertex], world, metres
-  /// [pulse][vertex]: 0 predicted by the neighbours alone, up to 255 seen by several cameras.
+  /// [pulse][vertex], by VertexConfidence: 0 predicted by the neighbours alone, up to 255 confirmed
+  /// by the mesh and the images of several cameras.
   std::vector<std::vector<uint8_t>> confidences;
   std::vector<PulseResidual> residuals;  ///< by pulse
   /// [pulse][vertex], steadied over the pulses by ColourFilter; no vertices for a pulse without

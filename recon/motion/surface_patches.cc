@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "recon/mesh/mesh_neighbours.h"
@@ -116,8 +115,7 @@ float normalise(std::array<float, kCount>& samples) {
 SurfacePatches::SurfacePatches(const Mesh& rest, double spacing_m) {
   const std::vector<Vector3f> normals = vertex_normals(rest);
   const DeformationGraph spaced(rest, spacing_m);
-  constexpr auto kNone = std::numeric_limits<uint32_t>::max();
-  std::vector<uint32_t> number(spaced.nodes(), kNone);  // of the patch at each node
+  std::vector<uint32_t> number(spaced.nodes(), kNoPatch);  // of the patch at each node
   for (size_t node = 0; node < spaced.nodes(); ++node) {
     const uint32_t vertex = spaced.vertices_of_nodes()[node];
     const Vector3f& normal = normals[vertex];
@@ -132,12 +130,17 @@ SurfacePatches::SurfacePatches(const Mesh& rest, double spacing_m) {
   }
   for (const DeformationGraph::Edge& edge : spaced.edges()) {
     const uint32_t a = number[edge.a], b = number[edge.b];
-    if (a == kNone || b == kNone) continue;
+    if (a == kNoPatch || b == kNoPatch) continue;
     if (patches_[a].across.dot(patches_[b].across) < kMinParallel ||
         patches_[a].down.dot(patches_[b].down) < kMinParallel) {
       continue;
     }
     neighbours_.push_back({a, b});
+  }
+  for (const DeformationGraph::Influence& influence : spaced.influences()) {
+    const bool has_node = influence.weight[0] > 0;
+    const uint32_t patch = has_node ? number[influence.node[0]] : kNoPatch;
+    nearest_.push_back(patch == kNoPatch ? kNoPatch : patches_[patch].vertex);
   }
 }
 
@@ -369,9 +372,8 @@ std::optional<PatchMatch> SurfacePatches::align(const Patch& patch, const Placed
   return match;
 }
 
-std::vector<PatchMatch> SurfacePatches::match(const SeenSurface& seen,
-                                              std::span<const Matrix3f> rotations,
-                                              float reach_m) const {
+PatchMatches SurfacePatches::match(const SeenSurface& seen, std::span<const Matrix3f> rotations,
+                                   float reach_m) const {
   std::vector<Views> views;
   find_views(seen, kMinFacing, views);
   std::vector<Placed> placed(patches_.size());
@@ -386,20 +388,25 @@ std::vector<PatchMatch> SurfacePatches::match(const SeenSurface& seen,
     shifts = search(seen, views, placed, std::min(reach, ShiftCorrelations::kMaxReach));
   }
   std::vector<std::optional<PatchMatch>> found(patches_.size());
+  std::vector<uint8_t> is_missing(patches_.size(), 0);
   for_each_block<64>(patches_.size(), [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
-      if (patches_[i].facing == 0 || !shifts[i] || shifts[i]->correlation < kMinCoarseCorrelation) {
-        continue;
-      }
+      if (patches_[i].facing == 0) continue;
       Placed start = placed[i];
-      start.position += kStepM[1] * (static_cast<float>(shifts[i]->across) * start.across +
-                                     static_cast<float>(shifts[i]->down) * start.down);
-      found[i] = align(patches_[i], start, views_of(seen, views[i], start, 0));
+      const bool has_shift = shifts[i] && shifts[i]->correlation >= kMinCoarseCorrelation;
+      if (has_shift) {
+        start.position += kStepM[1] * (static_cast<float>(shifts[i]->across) * start.across +
+                                       static_cast<float>(shifts[i]->down) * start.down);
+      }
+      const std::vector<PatchView> shown = views_of(seen, views[i], start, 0);
+      if (has_shift) found[i] = align(patches_[i], start, shown);
+      is_missing[i] = !found[i] && !shown.empty() ? 1 : 0;
     }
   });
-  std::vector<PatchMatch> matches;
-  for (const auto& match : found) {
-    if (match) matches.push_back(*match);
+  PatchMatches matches;
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (found[i]) matches.found.push_back(*found[i]);
+    if (is_missing[i] != 0) matches.missing.push_back(patches_[i].vertex);
   }
   return matches;
 }

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -35,6 +36,13 @@ struct PatchMatch {
   float correlation = 0;  ///< with the patch as it was learnt, mean over the cameras
 };
 
+/// The result of a search for all learnt patches, in their order.
+struct PatchMatches {
+  std::vector<PatchMatch> found;
+  /// Vertices of learnt patches that a camera shows whole, but not as they were learnt.
+  std::vector<uint32_t> missing;
+};
+
 /// Square patches around some vertices of a template. Their appearance is learnt once, in the
 /// camera that faces them most, and never updated, so that errors do not accumulate.
 ///
@@ -47,12 +55,16 @@ struct PatchMatch {
 class SurfacePatches {
  public:
   static constexpr int kSide = 9;  ///< samples along an edge of a patch
+  static constexpr uint32_t kNoPatch = std::numeric_limits<uint32_t>::max();
   struct PatchView;
 
   /// Chooses vertices of `rest` about `spacing_m` apart.
   SurfacePatches(const Mesh& rest, double spacing_m);
 
   size_t size() const { return patches_.size(); }
+  /// The vertex of the patch that is nearest to `vertex` along the surface; kNoPatch for a vertex
+  /// without one.
+  uint32_t nearest(size_t vertex) const { return nearest_[vertex]; }
 
   /// Learns the patches that have no appearance yet and face a camera well.
   /// `rotations`: of the surface around each patch since rest.
@@ -61,8 +73,8 @@ class SurfacePatches {
   /// Searches the learnt patches around the positions of their vertices. `reach_m`: how far a match
   /// may be, at most 56 mm. Where it is more than 4 mm, a joint search of all patches
   /// (likely_shifts()) precedes the alignment.
-  std::vector<PatchMatch> match(const SeenSurface& seen, std::span<const Eigen::Matrix3f> rotations,
-                                float reach_m) const;
+  PatchMatches match(const SeenSurface& seen, std::span<const Eigen::Matrix3f> rotations,
+                     float reach_m) const;
 
   /// Rotations of the surface around each patch, for learn() and match().
   std::vector<Eigen::Matrix3f> rotations(const DeformationGraph& graph,
@@ -116,6 +128,7 @@ class SurfacePatches {
 
   std::vector<Patch> patches_;
   std::vector<PatchNeighbours> neighbours_;
+  std::vector<uint32_t> nearest_;  ///< of each vertex: the vertex of a patch
 };
 
 }  // namespace v3d::recon

@@ -96,6 +96,7 @@ void TemplateFit::learn_patches(const ObservedSurface& now) {
 
 void TemplateFit::fit(const ObservedSurface& now, std::span<const FitStage> stages,
                       std::vector<NodeMotion>& motion) {
+  matches_ = {};
   for (const FitStage& stage : stages) run_stage(now, stage, motion);
   pose(now, motion);
 }
@@ -160,7 +161,7 @@ void TemplateFit::add_reverse_targets(const ObservedSurface& now, const FitStage
 void TemplateFit::add_patch_targets(const ObservedSurface& now, const FitStage& stage,
                                     std::vector<VertexTarget>& targets) {
   matches_ = patches_.match(surface_views(now), patch_rotations_, stage.reach_m);
-  for (const PatchMatch& match : matches_) {
+  for (const PatchMatch& match : matches_.found) {
     for (size_t k = 0; k < match.directions.size(); ++k) {
       targets.push_back(
           {match.vertex, kPatchWeight * match.precision[k], match.directions[k], match.position});
@@ -235,8 +236,10 @@ PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) co
   result.silhouette_iou = silhouette_iou(now.pulse().cameras, depths_);
   if (uses_images(now)) {
     std::vector<double> correlations;
-    for (const PatchMatch& match : matches_) correlations.push_back(double{match.correlation});
-    result.matched_patches = std::ssize(matches_);
+    for (const PatchMatch& match : matches_.found) {
+      correlations.push_back(double{match.correlation});
+    }
+    result.matched_patches = std::ssize(matches_.found);
     result.correlation = correlations.empty() ? 0 : percentile(correlations, 0.5);
   }
   return result;

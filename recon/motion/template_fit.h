@@ -54,9 +54,14 @@ class TemplateFit {
   NormalDisplacements normal_displacements(const ObservedSurface& now, float limit_m) const;
   /// The vertices, moved by `detail`, which is smoothed over the surface.
   std::vector<Eigen::Vector3f> displaced(const NormalDisplacements& detail) const;
+  const std::vector<Eigen::Vector3f>& vertices() const { return moved_.vertices; }
   const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
   /// The number of cameras that see each vertex; 2 for all where only meshes are known.
   const std::vector<uint8_t>& visible_cameras() const { return visible_in_; }
+  /// Of the last stage of fit(); none without images and without photometry.
+  const PatchMatches& patch_matches() const { return matches_; }
+  /// SurfacePatches::nearest()
+  uint32_t nearest_patch(size_t vertex) const { return patches_.nearest(vertex); }
 
   PulseResidual residual(const ObservedSurface& now, double far_m) const;
 
@@ -93,7 +98,7 @@ class TemplateFit {
   std::vector<DepthBuffer> depths_;
   std::vector<uint8_t> visible_in_;
   std::vector<Eigen::Matrix3f> patch_rotations_;  ///< rotations at the patches
-  std::vector<PatchMatch> matches_;               ///< of the last stage
+  PatchMatches matches_;                          ///< of the last stage
 };
 
 }  // namespace v3d::recon

@@ -35,11 +35,17 @@ Mesh ball(int rings, float angle) {
   return mesh;
 }
 
+/// A ball without a pattern.
+Mesh plain_ball() {
+  Mesh mesh = shapes::sphere(kCentre, kRadius, 200);
+  mesh.colours.assign(mesh.vertices.size(), Rgb8{128, 128, 128});
+  return mesh;
+}
+
 /// Four cameras around a ball, with what they see of it.
 class BallStudio {
  public:
-  explicit BallStudio(float angle) {
-    const Mesh pictured = ball(200, angle);
+  explicit BallStudio(const Mesh& pictured) {
     for (int i = 0; i < 4; ++i) {
       const double bearing = 0.5 * M_PI * i + 0.3;
       models_.push_back(shapes::camera({2 * std::cos(bearing), 2 * std::sin(bearing), 1.2},
@@ -73,13 +79,13 @@ constexpr double kSpacingM = 0.04;
 /// Distances from the matches of learnt patches to the positions where a turn by `angle` moved
 /// them.
 std::vector<float> errors_after(float angle, float reach_m) {
-  const BallStudio before(0), after(angle);
+  const BallStudio before(ball(200, 0)), after(ball(200, angle));
   SurfacePatches patches(before.surface(), kSpacingM);
   const std::vector<Eigen::Matrix3f> still(patches.size(), Eigen::Matrix3f::Identity());
   patches.learn(before.seen(), still);
   std::vector<float> errors;
   const Eigen::AngleAxisf turn(angle, Vector3f::UnitZ());
-  for (const PatchMatch& match : patches.match(after.seen(), still, reach_m)) {
+  for (const PatchMatch& match : patches.match(after.seen(), still, reach_m).found) {
     const Vector3f& rest = before.surface().vertices[match.vertex];
     errors.push_back((match.position - kCentre - turn * (rest - kCentre)).norm());
   }
@@ -108,10 +114,36 @@ TEST(SurfacePatches, are_found_on_a_pattern_that_slides_along_the_surface) {
 }
 
 TEST(SurfacePatches, are_not_found_before_they_are_learnt) {
-  const BallStudio before(0);
+  const BallStudio before(ball(200, 0));
   SurfacePatches patches(before.surface(), kSpacingM);
   const std::vector<Eigen::Matrix3f> still(patches.size(), Eigen::Matrix3f::Identity());
-  EXPECT_TRUE(patches.match(before.seen(), still, 0.002F).empty());
+  const PatchMatches matches = patches.match(before.seen(), still, 0.002F);
+  EXPECT_TRUE(matches.found.empty());
+  EXPECT_TRUE(matches.missing.empty());
+}
+
+TEST(SurfacePatches, are_missing_where_cameras_show_the_surface_without_their_pattern) {
+  const BallStudio before(ball(200, 0)), after(plain_ball());
+  SurfacePatches patches(before.surface(), kSpacingM);
+  const std::vector<Eigen::Matrix3f> still(patches.size(), Eigen::Matrix3f::Identity());
+  patches.learn(before.seen(), still);
+  const PatchMatches same = patches.match(before.seen(), still, 0.002F);
+  EXPECT_LT(same.missing.size(), same.found.size() / 2);
+  const PatchMatches plain = patches.match(after.seen(), still, 0.002F);
+  EXPECT_LT(plain.found.size(), plain.missing.size() / 20);
+  EXPECT_EQ(plain.found.size() + plain.missing.size(), same.found.size() + same.missing.size());
+}
+
+TEST(SurfacePatches, are_nearest_to_the_vertices_around_them) {
+  const Mesh surface = shapes::sphere(kCentre, kRadius, 40);
+  const SurfacePatches patches(surface, kSpacingM);
+  for (size_t v = 0; v < surface.vertices.size(); ++v) {
+    const uint32_t patch = patches.nearest(v);
+    ASSERT_NE(patch, SurfacePatches::kNoPatch);
+    EXPECT_EQ(patches.nearest(patch), patch);
+    EXPECT_LT((surface.vertices[patch] - surface.vertices[v]).norm(),
+              static_cast<float>(kSpacingM));
+  }
 }
 
 }  // namespace

@@ -91,22 +91,6 @@ TEST(Heterogeneity, changes_the_second_pass_and_keeps_the_surface_on_the_observe
   EXPECT_LT(learnt.residuals.back().median_m, 0.003);
 }
 
-/// An upright body without hollows, 0.6 m wide.
-Mesh egg() {
-  Mesh mesh = shapes::sphere({0, 0, 0}, 0.3F, 40);
-  for (Vector3f& p : mesh.vertices) p = {p.x(), 0.8F * p.y(), 1.3F * p.z()};
-  return mesh;
-}
-
-/// With a bump of 15 mm on the side of -x.
-Mesh with_bump(Mesh mesh) {
-  for (Vector3f& p : mesh.vertices) {
-    if (p.x() > 0) continue;
-    p.x() -= 0.015F * std::exp(-p.tail<2>().squaredNorm() / (2 * 0.04F * 0.04F));
-  }
-  return mesh;
-}
-
 /// Mean distance of the vertices around the bump from the body without it, metres.
 double error_at_bump(const Mesh& surface) {
   const ObservedSurface truth(pulse_with(0, egg()));
@@ -125,7 +109,7 @@ TEST(Fusion, corrects_the_template_where_other_pulses_show_what_the_key_pulse_hi
   // The mesh of the key pulse has a bump where its cameras do not see it. Later cameras do.
   const std::array<CameraModel, 2> front = two_models(), back = two_models(-1);
   std::vector<std::shared_ptr<const ObservedPulse>> pulses{
-      pulse_with_images(0, with_bump(egg()), front)};
+      pulse_with_images(0, with_bump(egg(), 0.015F), front)};
   for (int pulse = 1; pulse < 6; ++pulse) {
     pulses.push_back(pulse_with_images(pulse, egg(), back));
   }
@@ -142,51 +126,7 @@ TEST(Fusion, corrects_the_template_where_other_pulses_show_what_the_key_pulse_hi
   EXPECT_LT(error_at_bump(fused.surface), 0.5 * error_at_bump(plain.surface));
 }
 
-const Vector3f kCentre(0, 0, 1);
-constexpr float kTurn = 0.04F;  ///< of the ball from one pulse to the next
-
-/// A ball whose pattern turned around the vertical axis. Its shape does not show this.
-Mesh turned_ball(float angle) {
-  Mesh mesh = shapes::sphere(kCentre, 0.3F, 120);
-  const Eigen::AngleAxisf back(-angle, Vector3f::UnitZ());
-  for (const Vector3f& vertex : mesh.vertices) {
-    const Vector3f p = back * (vertex - kCentre);
-    const float wave = std::sin(90 * p.x() + 2 * std::sin(31 * p.y())) *
-                           std::sin(83 * p.y() + 3 * std::sin(27 * p.z())) +
-                       0.7F * std::sin(71 * p.z() + 2 * std::sin(43 * p.x()));
-    const auto grey = static_cast<uint8_t>(std::clamp(128 + 60 * wave, 0.0F, 255.0F));
-    mesh.colours.push_back({grey, grey, grey});
-  }
-  return mesh;
-}
-
-std::vector<CameraModel> four_models() {
-  std::vector<CameraModel> models;
-  for (int i = 0; i < 4; ++i) {
-    const double bearing = 0.5 * M_PI * i + 0.3;
-    models.push_back(shapes::camera({2 * std::cos(bearing), 2 * std::sin(bearing), 1.2},
-                                    kCentre.cast<double>(), {400, 300}, 500));
-  }
-  return models;
-}
-
-std::shared_ptr<const ObservedPulse> pulse_of_ball(int pulse,
-                                                   const std::vector<CameraModel>& models) {
-  const Mesh pictured = turned_ball(kTurn * static_cast<float>(pulse));
-  auto observed = std::make_shared<ObservedPulse>();
-  observed->pulse = pulse;
-  observed->surface = shapes::sphere(kCentre, 0.3F, 40);
-  for (const CameraModel& model : models) {
-    observed->frames.frames.push_back(
-        observe("cam", {}, draw_mesh(pictured, model).view(), draw_silhouette(pictured, model)));
-  }
-  std::vector<DeformCamera> cameras;
-  for (size_t c = 0; c < models.size(); ++c) {
-    cameras.push_back({&models[c], &observed->frames.frames[c]});
-  }
-  observed->cameras = SurfaceCameras(cameras, observed->surface, 0.005);
-  return observed;
-}
+constexpr float kTurn = 0.04F;  ///< of the ball from one pulse to the next, radians
 
 /// Median error of the vertices around the equator after the last pulse, as a part of the way that
 /// they should have moved.
@@ -195,11 +135,10 @@ float missed_part(const TrackedSegment& segment) {
                                Vector3f::UnitZ());
   std::vector<float> parts;
   for (size_t v = 0; v < segment.surface.vertices.size(); ++v) {
-    const Vector3f first = segment.positions.front()[v] - kCentre;
+    const Vector3f first = segment.positions.front()[v];
     if (std::abs(first.z()) > 0.15F) continue;
     const Vector3f wanted = turn * first;
-    parts.push_back((segment.positions.back()[v] - kCentre - wanted).norm() /
-                    (wanted - first).norm());
+    parts.push_back((segment.positions.back()[v] - wanted).norm() / (wanted - first).norm());
   }
   std::ranges::nth_element(parts, parts.begin() + std::ssize(parts) / 2);
   return parts[parts.size() / 2];
@@ -208,7 +147,10 @@ float missed_part(const TrackedSegment& segment) {
 TEST(Photometry, follows_a_pattern_that_turns_on_a_surface_whose_shape_does_not_show_it) {
   const std::vector<CameraModel> models = four_models();
   std::vector<std::shared_ptr<const ObservedPulse>> pulses;
-  for (int pulse = 0; pulse < 5; ++pulse) pulses.push_back(pulse_of_ball(pulse, models));
+  for (int pulse = 0; pulse < 5; ++pulse) {
+    pulses.push_back(
+        pulse_of_ball(pulse, patterned_ball(kTurn * static_cast<float>(pulse)), models));
+  }
   const PulseSource source = [&](size_t i) { return pulses[i]; };
   TrackingOptions options = small_options();
   options.patch_spacing_m = 0.04;
