@@ -14,6 +14,10 @@ export class ErrorTexts {
     this.changed();
   }
 
+  has(source: string): boolean {
+    return this.texts.has(source);
+  }
+
   /** Removes the texts of all sources whose names begin with `prefix`. */
   clear(prefix = ''): void {
     const sources = [...this.texts.keys()].filter((source) => source.startsWith(prefix));

@@ -1,5 +1,5 @@
 // Live meshes of v3d-viewd: the newest complete one for the page.
-import type { Decoder } from '../../../codec/v3d_decoder.mjs';
+import { type Decoder, OK, OUT_OF_MEMORY } from '../../../codec/v3d_decoder.mjs';
 import { type LiveFrame, LiveQueue } from '../player/src/sequence';
 import { postFrame } from '../player/src/take_work';
 import type { Post } from '../player/src/worker_messages';
@@ -9,6 +9,11 @@ import { ReconnectingSocket } from './reconnecting_socket';
 const PING_MS = 2000;
 /** The server answers every ping. */
 const MAX_SILENCE_MS = 4 * PING_MS;
+
+/** `status`: of a mesh that could not be decoded. */
+const troubleText = (status: number) => (status === OUT_OF_MEMORY
+  ? 'The browser has too little memory for the live meshes.'
+  : 'The live meshes are damaged, or newer than this page: reload the page.');
 
 const now = () => performance.timeOrigin + performance.now();
 
@@ -29,6 +34,8 @@ export class LiveWork {
   /** The last decoded mesh, until it is sent. */
   private newest: { frame: LiveFrame<MeshHead>; decodeMs: number } | null = null;
   private isDrawn = true;
+  /** The failure that the page shows; OK: none. */
+  private reported = OK;
 
   constructor(
     private readonly makeDecoder: () => Promise<Pick<Decoder, 'decode' | 'frame'>>,
@@ -68,6 +75,7 @@ export class LiveWork {
     this.socket = new ReconnectingSocket(this.url, MAX_SILENCE_MS, {
       opened: () => {
         this.last = -1;
+        this.reported = OK; // the page shows the state of the link instead
         link('open');
         this.ping();
       },
@@ -102,7 +110,15 @@ export class LiveWork {
     const began = performance.now();
     const frame = this.queue.decode(this.decoder);
     if (frame) this.newest = { frame, decodeMs: performance.now() - began };
+    this.report(this.queue.failure);
     this.send();
+  }
+
+  /** Reports once that meshes cannot be decoded. The page removes the text with the next mesh. */
+  private report(failure: number): void {
+    if (failure === this.reported) return;
+    this.reported = failure;
+    if (failure !== OK) this.post({ kind: 'trouble', take: this.take, text: troubleText(failure) });
   }
 
   private send(): void {
@@ -117,5 +133,7 @@ export class LiveWork {
     const edgeMs = head.edge_ms === null || there === null ? null : head.edge_ms - there + now();
     const live = { take: head.take, missing: head.missing, edgeMs, skipped: this.skipped };
     postFrame(this.post, this.take, decoded, { number: head.number, bytes: bytes.length, decodeMs, live });
+    this.reported = OK; // the page has removed the text, also if this mesh is older than the failure
+    this.report(this.queue.failure);
   }
 }

@@ -488,7 +488,7 @@ class Viewer {
     if (!frame?.live) return;
     const { title, trouble } = liveTexts(frame.live.take, this.meter.ageMs(now));
     find('title').textContent = title;
-    this.errors.set('live', find('open-live').dataset.link === 'open' ? trouble : '');
+    this.errors.set('live', find('open-live').dataset.link === 'open' && !this.errors.has('frames') ? trouble : '');
   }
 }
 

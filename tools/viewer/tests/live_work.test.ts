@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { NEEDS_REFERENCE, OK, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { MALFORMED, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../codec/v3d_decoder.mjs';
 import type { FromWorker } from '../player/src/worker_messages';
 import { LiveWork } from '../src/live_work';
 
@@ -29,7 +29,11 @@ class FakeDecoder {
   decoded: number[] = [];
   /** Pulses of frames whose reference was lost. */
   withoutReference: number[] = [];
+  /** Statuses of frames that cannot be decoded, by pulse. */
+  failures = new Map<number, number>();
   decode(bytes: Uint8Array): number {
+    const failure = this.failures.get(bytes[0]);
+    if (failure !== undefined) return failure;
     if (this.withoutReference.includes(bytes[0])) return NEEDS_REFERENCE;
     this.decoded.push(bytes[0]);
     return OK;
@@ -57,6 +61,7 @@ describe('live meshes', () => {
   let sent: number[];
   let edges: (number | null | undefined)[];
   let links: string[];
+  let troubles: string[];
 
   beforeEach(async () => {
     vi.useFakeTimers();
@@ -65,8 +70,10 @@ describe('live meshes', () => {
     sent = [];
     edges = [];
     links = [];
+    troubles = [];
     const post = (message: FromWorker) => {
       if (message.kind === 'link') links.push(message.link);
+      if (message.kind === 'trouble') troubles.push(message.text);
       if (message.kind !== 'frame') return;
       sent.push(message.frame.pulse);
       edges.push(message.frame.live?.edgeMs);
@@ -112,6 +119,28 @@ describe('live meshes', () => {
       work.drawn();
     }
     expect(sent).toEqual([1, 4, 5]);
+  });
+
+  it('that cannot be decoded are reported once, and again after another mesh or another connection', () => {
+    for (const pulse of [1, 2, 4]) decoder.failures.set(pulse, MALFORMED);
+    decoder.withoutReference = [3];
+    for (const pulse of [1, 2, 3]) receive(pulse);
+    expect(troubles).toEqual(['The live meshes are damaged, or newer than this page: reload the page.']);
+    FakeSocket.last.onopen();
+    receive(4);
+    expect(troubles).toHaveLength(2);
+    receive(5);
+    expect(sent).toEqual([5]);
+    decoder.failures.set(6, OUT_OF_MEMORY);
+    receive(6);
+    expect(troubles[2]).toBe('The browser has too little memory for the live meshes.');
+    expect(troubles).toHaveLength(3);
+    receive(7);
+    decoder.failures.set(8, MALFORMED);
+    receive(8); // the page still draws pulse 5
+    work.drawn();
+    expect(sent).toEqual([5, 7]);
+    expect(troubles).toHaveLength(5); // pulse 7 removed the text of pulse 8
   });
 
   it('have the edge of their pulse in the time of the page, whose clock differs from that of the server', () => {

@@ -60,6 +60,8 @@ export interface LiveFrame<Head> {
 /** Queue of live frames before decoding. A key frame drops all before it. */
 export class LiveQueue<Head> {
   private waiting: LiveFrame<Head>[] = [];
+  /** Why the last frame with its reference could not be decoded: a status of the decoder; OK: it was decoded. */
+  failure = OK;
 
   push(frame: LiveFrame<Head>): void {
     const data = new DataView(frame.bytes.buffer, frame.bytes.byteOffset, frame.bytes.byteLength);
@@ -73,8 +75,9 @@ export class LiveQueue<Head> {
     let shown: LiveFrame<Head> | null = null;
     for (const frame of this.waiting) {
       const status = decoder.decode(frame.bytes);
-      if (status === OK) shown = frame;
-      else if (status !== NEEDS_REFERENCE) shown = null;
+      if (status === NEEDS_REFERENCE) continue;
+      this.failure = status;
+      shown = status === OK ? frame : null;
     }
     this.waiting = [];
     return shown;
