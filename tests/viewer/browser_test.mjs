@@ -193,6 +193,22 @@ test('follows an address to another pulse and to another file of the open take',
   await showsPulse(12);
 });
 
+test('draws a paused take again after the graphics card has lost the picture, and says so until then', async () => {
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+  await middleBecomes(GREEN);
+  const background = await colourAt(0.02, 0.3);
+  await page.evaluate(() => (globalThis.loss = document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context')).loseContext());
+  await shows('trouble', 'The graphics card has lost the picture.');
+  await open('take=ball&pulse=13');
+  await showsPulse(13);
+  assert.match(await text('trouble'), /has lost the picture/, 'it is still lost');
+  await page.evaluate(() => globalThis.loss.restoreContext());
+  await page.waitForSelector('#trouble', { state: 'hidden' });
+  await middleBecomes(GREEN);
+  await becomes(isNear(background), 'the background', () => colourAt(0.02, 0.3));
+});
+
 test('presses the buttons by the keyboard that reached them, and plays by Space after a click', async () => {
   const pressed = (selector) => page.getAttribute(selector, 'aria-pressed');
   const reach = async (selector) => { // as by Tab from elsewhere

@@ -18,9 +18,12 @@ export class ErrorTexts {
     return this.texts.has(source);
   }
 
-  /** Removes the texts of all sources whose names begin with `prefix`. */
+  /**
+   * Removes the texts of all sources whose names begin with `prefix`. Those of the page itself, which begin with "page:", stay when
+   * something else is opened.
+   */
   clear(prefix = ''): void {
-    const sources = [...this.texts.keys()].filter((source) => source.startsWith(prefix));
+    const sources = [...this.texts.keys()].filter((source) => source.startsWith(prefix) && !source.startsWith('page:'));
     for (const source of sources) this.texts.delete(source);
     if (sources.length) this.changed();
   }

@@ -76,6 +76,7 @@ class Viewer {
       showMotion: () => this.motion.isOn || this.motion.toggle(),
     });
     this.stage.onTrouble = (text) => this.errors.set('scene: background', text);
+    this.stage.onGraphics = (text) => this.errors.set('page: graphics', text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
       () => this.composition?.viewsState ?? null);
     find('confidence-note').textContent = CONFIDENCE_IN_WORDS;

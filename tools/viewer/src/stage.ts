@@ -14,6 +14,7 @@ import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './
 import type { CameraKey, Vector } from './scene_file';
 import { type Look, LOOKS, makeShading } from './shading';
 import { type DrawnSkeleton, SkeletonOverlay } from './skeleton_overlay';
+import { watchContext } from '../player/src/context_loss';
 import type { Surface } from '../player/src/surface';
 import { type DrawnTrail, Trails } from './trails';
 
@@ -22,6 +23,7 @@ const FAR = 200;
 /** Vertical field of view, degrees, unless a scene's camera sets another. */
 const FOV = 40;
 const BACKGROUND = new Color(0x101216);
+const CONTEXT_LOST = 'The graphics card has lost the picture. Reload the page if it does not come back.';
 
 export class Stage {
   private readonly renderer: WebGLRenderer;
@@ -58,6 +60,11 @@ export class Stage {
     if (!context) throw new Error('no WebGL 2');
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
+    watchContext(canvas, 0, () => this.onGraphics(CONTEXT_LOST), () => {
+      this.renderer.setClearColor(BACKGROUND); // the renderer has begun anew
+      this.redraw();
+      this.onGraphics('');
+    });
     this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, this.trails.group,
       this.skeletons.group, ...makeLights());
     this.backdrop = new Backdrop(this.scene, () => (this.changed = true), (text) => this.onTrouble(text));
@@ -81,6 +88,8 @@ export class Stage {
   }
 
   onTrouble: (text: string) => void = () => undefined;
+  /** Called when the graphics card has lost the picture, and with '' when it is there again. */
+  onGraphics: (text: string) => void = () => undefined;
   /** Called first for a click; true: it hit something, and the surface is not clicked. */
   onRay: (ray: Raycaster) => boolean = () => false;
   /** Called for a click on the permanent performer, with the nearest vertex. */

@@ -14,6 +14,15 @@ describe('the error texts of the page', () => {
     expect(shown.at(-1)).toBe('');
   });
 
+  it('of the page itself stay when something else is opened', () => {
+    texts.set('page: graphics', 'The graphics card has lost the picture.');
+    texts.set('frames', 'Mesh 7 of this take is damaged.');
+    texts.clear();
+    expect(shown.at(-1)).toBe('The graphics card has lost the picture.');
+    texts.set('page: graphics', '');
+    expect(shown.at(-1)).toBe('');
+  });
+
   it('are shown once while they do not change', () => {
     shown.length = 0;
     for (let n = 0; n < 10; ++n) {

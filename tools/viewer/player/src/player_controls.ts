@@ -72,6 +72,11 @@ export class PlayerControls {
     this.time.textContent = '';
   }
 
+  /** Removes this error, unless another one is shown. */
+  clearTrouble(text: string): void {
+    if (this.trouble.textContent === text) this.trouble.hidden = true;
+  }
+
   /** Shows what an event of the player says. */
   update(event: string, detail: { message?: string }): void {
     const { player } = this;

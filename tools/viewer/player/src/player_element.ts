@@ -1,11 +1,15 @@
 // The web component <v3d-player>.
 import { Box3, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { watchContext } from './context_loss';
 import { PlayerControls } from './player_controls';
 import { VolumePlayer } from './volume_player';
 
 /** Vertical field of view, degrees. */
 const FOV = 40;
+/** A browser that gives the picture back does so within a second or two. */
+const CONTEXT_LOST_MS = 5000;
+const CONTEXT_LOST = 'The graphics card has lost the picture; expected it back within 5 s: reload the page.';
 const FORWARDED = ['loadedmetadata', 'play', 'pause', 'timeupdate', 'ended', 'autoplayblocked', 'error'] as const;
 
 /** Canvas, camera and light-free scene of a player. */
@@ -15,13 +19,20 @@ class PlayerStage {
   private readonly camera = new PerspectiveCamera(FOV, 1, 0.02, 200);
   private readonly orbit: OrbitControls;
   private changed = true;
+  private readonly endWatch: () => void;
 
-  /** Throws when the browser has no WebGL 2. */
+  /** `lost`: called when the graphics card has lost the picture for some seconds. Throws when the browser has no WebGL 2. */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly player: VolumePlayer,
+    lost: () => void,
+    restored: () => void,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.endWatch = watchContext(canvas, CONTEXT_LOST_MS, lost, () => {
+      this.redraw();
+      restored();
+    });
     this.scene.add(player);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.enableDamping = true;
@@ -61,6 +72,7 @@ class PlayerStage {
   }
 
   dispose(): void {
+    this.endWatch();
     this.orbit.dispose();
     this.renderer.dispose();
   }
@@ -84,7 +96,7 @@ export class V3dPlayerElement extends HTMLElement {
     this.controlBar = new PlayerControls(this.shadowRoot ?? this.attachShadow({ mode: 'open' }), this.player, () => this.start());
     this.follow(this.player);
     try {
-      this.stage = new PlayerStage(this.controlBar.canvas, this.player);
+      this.stage = new PlayerStage(this.controlBar.canvas, this.player, () => this.report(CONTEXT_LOST), () => this.controlBar?.clearTrouble(CONTEXT_LOST));
     } catch {
       return this.report('This browser has no WebGL 2; expected one of 2021 or later with a graphics driver that supports it.');
     }
