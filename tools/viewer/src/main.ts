@@ -5,6 +5,7 @@ import { AuxiliaryContent } from './auxiliary_content';
 import { ErrorTexts } from './error_texts';
 import { factsHtml, FrameMeter, linkText, liveTexts, scanText, sceneFacts } from './facts';
 import { bindKeys } from './keys';
+import { LookButtons } from './look_buttons';
 import { PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
 import { bindToggle, download, find, press, showStartError } from './page';
@@ -17,7 +18,7 @@ import { fetchRig, type RigCamera } from './rig';
 import { RigPanel } from './rig_panel';
 import { newScene, parseScene, pictureCount, type SceneFile, setKey, sideBySide, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
-import { type Look, LOOKS, wantsViews } from './shading';
+import { type Look, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
 import { SoundControl } from './sound_control';
 import { Stage } from './stage';
@@ -55,6 +56,7 @@ class Viewer {
   });
   private readonly auxiliary = new AuxiliaryContent((item, text) => this.errors.set(item, text));
   private readonly sound = new SoundControl(find('sound'), find('canvas'), this.auxiliary, (text) => this.errors.set('sound', text));
+  private readonly looks = new LookButtons((look) => this.setLook(look));
   private readonly meter = new FrameMeter();
   private shownCount = 0;
   private last = 0;
@@ -92,7 +94,7 @@ class Viewer {
     this.bindButtons();
     bindKeys({
       transport: (action) => this.transport.act(action),
-      look: (look) => this.setLook(look),
+      look: (look) => this.looks.choose(look),
       wireframe: () => find('wireframe').click(),
       cameras: () => find('cameras').click(),
       proxy: () => this.proxy.toggle(),
@@ -114,7 +116,7 @@ class Viewer {
       flying: () => this.stage.flying,
     });
     find('save-mesh').addEventListener('click', () => void this.performers.save(this.shown));
-    this.setLook('colour');
+    this.looks.choose('colour');
     addEventListener('hashchange', () => this.followAddress());
   }
 
@@ -320,7 +322,7 @@ class Viewer {
     this.stage.clear();
     this.proxy.open(null);
     this.pictures.open(take?.name ?? null);
-    this.offerViews(true);
+    this.looks.offerViews(true);
     const folder = take && new URL(`takes/${take.name}/`, location.href).href;
     this.motion.open(folder && `${folder}motion.v3d`);
     void this.skeleton.open(folder);
@@ -353,7 +355,7 @@ class Viewer {
           this.motion.setAlone();
           this.pictures.open(null);
         }
-        this.offerViews(!message.tracked && !this.proxy.isOn);
+        this.looks.offerViews(!message.tracked && !this.proxy.isOn);
         break;
       }
       case 'scan':
@@ -421,19 +423,11 @@ class Viewer {
     press(find('fly'), false);
   }
 
-  /** Takes without meshes have no camera views. */
-  private offerViews(on: boolean): void {
-    for (const look of LOOKS.filter(wantsViews)) document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden = !on;
-    if (!on && wantsViews(this.stage.look)) this.setLook('colour');
-  }
-
   private setLook(look: Look): void {
-    if (document.querySelector<HTMLElement>(`[data-look=${look}]`)!.hidden) return;
     this.stage.look = look;
     this.composition?.lookChanged();
     this.send({ kind: 'views', wanted: wantsViews(look) });
     this.pictures.look();
-    for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) press(button, button.dataset.look === look);
   }
 
   private bindButtons(): void {
@@ -447,9 +441,6 @@ class Viewer {
       file.value = '';
     });
     find('frame-all').addEventListener('click', () => this.stage.frameAll());
-    for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) {
-      button.addEventListener('click', () => this.setLook(button.dataset.look as Look));
-    }
     bindToggle('wireframe', () => (this.stage.wireframe = !this.stage.wireframe));
     bindToggle('cameras', () => (this.stage.rigShown = !this.stage.rigShown));
     bindToggle('fly', () => (this.stage.flying = !this.stage.flying));
