@@ -268,6 +268,20 @@ test('bends by dragging a ring around the joint', async () => {
   assert.equal(distances(straight, await positions()).at(-1), 0);
 });
 
+test('shows the skeleton after the server was busy', async () => {
+  let busy = true;
+  await page.route('**/takes/person/skeleton.json', (route) => {
+    if (!busy) return route.continue();
+    busy = false;
+    return route.fulfill({ status: 503, body: 'too many open files; try again\n' });
+  });
+  await openPerson(4);
+  assert.equal(busy, false);
+  await page.waitForSelector('#trouble', { state: 'hidden' });
+  assert.ok(await page.locator('#bend-on').isEnabled());
+  await page.unroute('**/takes/person/skeleton.json');
+});
+
 test('reports a damaged skeleton.json in one line, and plays the take', async () => {
   const whole = JSON.parse(skeleton);
   const damage = [

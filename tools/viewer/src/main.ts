@@ -72,6 +72,7 @@ class Viewer {
     this.skeleton = new SkeletonPanel({
       stage: this.stage,
       transport: this.transport,
+      auxiliary: this.auxiliary,
       playback: () => (this.open?.take ? this.playback : null),
       redraw: () => this.draw(),
       shows: (performer) => this.performers.shows(performer),
@@ -325,7 +326,7 @@ class Viewer {
     this.looks.offerViews(true);
     const folder = take && new URL(`takes/${take.name}/`, location.href).href;
     this.motion.open(folder && `${folder}motion.v3d`);
-    void this.skeleton.open(folder);
+    this.skeleton.open(folder);
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     this.showRig([]);

@@ -80,6 +80,7 @@ export class MotionPanel {
       this.stage.showTrails([]);
     } else if (message.kind === 'motion-opened') {
       this.reading = false;
+      this.trouble = ''; // of a request that was repeated
       this.draw();
     } else if (message.kind === 'trails') {
       const numberOf = (point: TrailPoint) => this.points.findIndex((own) => isSame(own, point));

@@ -2,8 +2,14 @@
 
 const NO_RESPONSE = 'The studio does not answer. Is v3d-viewd running?';
 
+/** It is not known what is at an address: a later request may succeed. The message is for the user. */
+export class NotFetched extends Error {}
+
 /** The server refused a request, or is busy. The message is its line of text. */
-export class Refusal extends Error {}
+export class Refusal extends NotFetched {}
+
+/** The file is larger than the page can read. */
+export class TooLarge extends Error {}
 
 function lineOf(text: string, status: number): string {
   const line = text.split('\n')[0].trim();
@@ -17,16 +23,21 @@ async function fetchOrNull<T>(url: string, init: RequestInit, use: (response: Re
     if (response.status === 404) return null;
     throw new Refusal(lineOf(await response.text(), response.status));
   } catch (error) {
-    if (error instanceof Refusal) throw error;
-    throw new Error(NO_RESPONSE);
+    if (error instanceof NotFetched || error instanceof TooLarge) throw error;
+    throw new NotFetched(NO_RESPONSE);
   }
 }
 
 /** The JSON at an address; null: there is none. Throws a message for the user, a Refusal if it is from the server. */
 export const fetchJson = <T>(url: string, init: RequestInit = {}) => fetchOrNull(url, init, (response) => response.json() as Promise<T>);
 
-/** The text at an address; null: there is none. Throws like fetchJson(). */
-export const fetchText = (url: string) => fetchOrNull(url, { cache: 'no-cache' }, (response) => response.text());
+/** The text at an address; null: there is none. Throws like fetchJson(), and TooLarge for more than `limit` bytes. */
+export const fetchText = (url: string, limit = Infinity) => fetchOrNull(url, { cache: 'no-cache' }, (response) => {
+  const bytes = Number(response.headers.get('Content-Length') ?? 0);
+  if (bytes <= limit) return response.text();
+  void response.body?.cancel();
+  throw new TooLarge(`has ${bytes} bytes; a browser can read at most ${limit}.`);
+});
 
 /** Whether there is a file at an address. Throws like fetchJson(). */
 export const isThere = async (url: string) => (await fetchOrNull(url, { method: 'HEAD', cache: 'no-cache' }, async () => true)) ?? false;

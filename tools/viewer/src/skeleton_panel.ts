@@ -1,11 +1,12 @@
 // The skeletons of a take: drawn over the surface, joint angles over time, similar poses, and bends of joints.
 import { AnglePlot } from './angle_plot';
-import { movesSurface, readOperations } from './bend';
+import type { AuxiliaryContent } from './auxiliary_content';
+import { movesSurface } from './bend';
 import { BendPanel } from './bend_panel';
 import { find } from './page';
 import type { Playback } from '../player/src/playback';
 import { similarPoses, turnCurves } from './pose';
-import { MAX_SKELETON_BYTES, parseSkeleton, type Pose, type Skeleton } from './skeleton_file';
+import { fetchSkeletons, NO_SKELETONS, type PerformerSkeleton, type SkeletonSet } from './skeleton_set';
 import type { Stage } from './stage';
 import type { Transport } from './transport';
 import type { ShownFrame } from '../player/src/worker_messages';
@@ -14,27 +15,10 @@ import type { ShownFrame } from '../player/src/worker_messages';
 const APART_S = 0.5;
 const FIRST_JOINT = 'left_elbow';
 
-interface Loaded extends Skeleton {
-  /** 1 for the only one. */
-  performer: number;
-  at: Map<number, Pose>;
-}
-
-const fileOf = (performer: number) => (performer === 1 ? 'skeleton.json' : `skeleton.performer${performer}.json`);
-
-/** Null: there is no such file. */
-async function fetchText(url: string): Promise<string | null> {
-  const response = await fetch(url, { cache: 'no-cache' });
-  if (response.status === 404) return null;
-  if (!response.ok) throw new Error(`the server answered ${response.status}.`);
-  const bytes = Number(response.headers.get('Content-Length') ?? 0);
-  if (bytes > MAX_SKELETON_BYTES) throw new Error(`has ${bytes} bytes; a browser can read at most ${MAX_SKELETON_BYTES}.`);
-  return response.text();
-}
-
 export interface SkeletonHost {
   stage: Stage;
   transport: Transport;
+  auxiliary: AuxiliaryContent;
   playback(): Playback | null;
   /** Shows the last frame again. */
   redraw(): void;
@@ -46,7 +30,7 @@ export interface SkeletonHost {
 
 export class SkeletonPanel {
   private folder: string | null = null;
-  private skeletons: Loaded[] = [];
+  private skeletons: PerformerSkeleton[] = [];
   private on = false;
   private anglesOn = false;
   private similarOn = false;
@@ -81,51 +65,18 @@ export class SkeletonPanel {
   }
 
   /** To call for each opened take, with its URL; null: something else is open. */
-  async open(folder: string | null): Promise<void> {
+  open(folder: string | null): void {
     this.folder = folder;
-    this.troubles = [];
     this.shown = null;
-    this.set([], null);
-    if (folder === null) return;
-    const loaded: Loaded[] = [];
-    for (let performer = 1; ; ++performer) {
-      const skeleton = await this.load(folder, performer);
-      if (folder !== this.folder) return;
-      if (skeleton) loaded.push(skeleton);
-      else if (performer > 1 || this.troubles.length) break;
-    }
-    const before = loaded[0]?.skins.length ? await this.loadOperations(folder) : null;
-    if (folder === this.folder) this.set(loaded, before);
+    this.set(NO_SKELETONS);
+    if (folder !== null) this.host.auxiliary.load('Skeletons', () => fetchSkeletons(folder), (skeletons) => this.set(skeletons));
   }
 
-  /** Null: the take is not edited. */
-  private async loadOperations(folder: string): Promise<unknown[] | null> {
-    try {
-      const text = await fetchText(`${folder}edit.json`);
-      return text === null ? null : readOperations(text);
-    } catch (error) {
-      if (folder === this.folder) this.troubles.push(`edit.json: ${(error as Error).message}`);
-      return null;
-    }
-  }
-
-  private async load(folder: string, performer: number): Promise<Loaded | null> {
-    const file = fileOf(performer);
-    try {
-      const text = await fetchText(folder + file);
-      if (text === null || folder !== this.folder) return null;
-      const skeleton = parseSkeleton(text);
-      return { ...skeleton, performer, at: new Map(skeleton.poses.map((pose) => [pose.pulse, pose])) };
-    } catch (error) {
-      if (folder === this.folder) this.troubles.push(`${file}: ${(error as Error).message}`);
-      return null;
-    }
-  }
-
-  private set(skeletons: Loaded[], before: unknown[] | null): void {
+  private set({ skeletons, operations, troubles }: SkeletonSet): void {
     if (skeletons.length === 0 && this.folder === null) this.on = this.anglesOn = this.similarOn = false;
     this.skeletons = skeletons;
-    this.bend.open(this.canBend ? skeletons[0] : null, before);
+    this.troubles = troubles;
+    this.bend.open(this.canBend ? skeletons[0] : null, operations);
     const joint = skeletons[0]?.joints.findIndex(({ name }) => name === FIRST_JOINT) ?? 0;
     this.chosen = { skeleton: 0, joint: Math.max(0, joint) };
     this.drawList();

@@ -7,7 +7,9 @@ vi.mock('../../../codec/v3d_decoder.mjs', () => ({
   OK: 0,
   NEEDS_REFERENCE: 2,
   OUT_OF_MEMORY: 3,
-  Motion: class {},
+  Motion: class {
+    segments = [{ pulses: [5, 6], vertices: 3, triangles: 1 }];
+  },
   Decoder: class {
     private pulse = 0;
     wantViews = () => undefined;
@@ -35,6 +37,11 @@ describe('a take that is played', () => {
   let requests: number;
   let afterRequest: () => unknown;
   let file: Uint8Array;
+  /** Of motion.v3d; null: there is none. */
+  let motion: Uint8Array | null;
+  /** Offsets of the parts of motion.v3d that were requested; answers of the next requests in place of those of the file. */
+  let motionParts: number[];
+  let motionFaults: Answer[];
   let work: TakeWork;
 
   beforeEach(() => {
@@ -44,9 +51,13 @@ describe('a take that is played', () => {
     requests = 0;
     afterRequest = () => undefined;
     file = FILE;
-    vi.stubGlobal('fetch', async (_: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
+    motion = null;
+    motionParts = [];
+    motionFaults = [];
+    vi.stubGlobal('fetch', async (url: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
       ++requests;
       afterRequest();
+      if (url.endsWith('motion.v3d')) return motionAnswer(method, headers);
       if (method === 'HEAD') return faults.get('size')?.() ?? new Response(null, { headers: { 'Content-Length': String(file.length) } });
       const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
       const isFrame = last - first > SIZE / 2;
@@ -60,6 +71,15 @@ describe('a take that is played', () => {
     vi.unstubAllGlobals();
   });
 
+  const motionAnswer = (method: string | undefined, headers: { Range: string }) => {
+    const fault = motionFaults.shift();
+    if (fault) return fault();
+    if (!motion) return new Response(null, { status: 404 });
+    if (method === 'HEAD') return new Response(null, { headers: { 'Content-Length': String(motion.length) } });
+    const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
+    motionParts.push(first);
+    return new Response(motion.slice(first, last + 1), { status: 206 });
+  };
   const takeWork = (deadlineMs?: number) =>
     new TakeWork(Promise.resolve({} as WebAssembly.Module), (message) => posted.push(message), 1, 'http://studio/takes/a/mesh.v3d', deadlineMs);
   const shown = () => posted.flatMap((message) => (message.kind === 'frame' ? [message.frame.number] : []));
@@ -142,6 +162,44 @@ describe('a take that is played', () => {
     await work.open();
     expect(requests).toBe(all - 5);
     expect(posted.every(({ kind }) => kind === 'scan')).toBe(true);
+  });
+
+  const OFFLINE = () => Promise.reject(new TypeError('Failed to fetch'));
+  const PART = 4 << 20;
+
+  it('without meshes is opened when the server is busy no more, and no part is fetched twice', async () => {
+    faults.set('size', status(404));
+    motion = new Uint8Array(PART + 10);
+    motionFaults = [status(503), OFFLINE];
+    void work.open();
+    await pass(10);
+    expect(troubles()).toEqual(['The server is busy (503).']);
+    await pass(1500);
+    motionFaults = [OFFLINE];
+    await pass(5000);
+    expect(posted.at(-1)).toMatchObject({ kind: 'opened', pulses: [5, 6], tracked: true });
+    expect(motionParts).toEqual([0, PART]);
+  });
+
+  it('without meshes and without a motion file says so', async () => {
+    faults.set('size', status(404));
+    await expect(work.open()).rejects.toThrow('This take has no meshes yet.');
+  });
+
+  it('shows its tracked surface when the network is there again, and says what is missing until then', async () => {
+    await work.open();
+    motion = new Uint8Array(PART + 10);
+    afterRequest = () => {
+      if (motionParts.length === 1) motionFaults.push(OFFLINE);
+      afterRequest = () => undefined;
+    };
+    motionFaults = [OFFLINE];
+    work.setMotion('http://studio/takes/a/motion.v3d');
+    await pass(10);
+    expect(posted.at(-1)).toMatchObject({ kind: 'motion-trouble', fatal: false, text: expect.stringContaining('does not answer') });
+    await pass(5000);
+    expect(posted.at(-1)).toMatchObject({ kind: 'motion-opened' });
+    expect(motionParts).toEqual([0, PART]);
   });
 
   it('fails with a deadline, for a player', async () => {

@@ -12,6 +12,24 @@ export class NoSuchFile extends Error {}
 /** The server is busy or does not answer: the same request may succeed later. */
 export class Unavailable extends Error {}
 
+/** Pause before a request is repeated. */
+const AGAIN_MS = 1000;
+
+/** Repeats a request every second while it is Unavailable, which `trouble` gets. Null after `ended()`. */
+export async function repeated<T>(request: () => Promise<T>, ended: () => boolean, trouble: (error: unknown) => void): Promise<T | null> {
+  while (!ended()) {
+    try {
+      return await request();
+    } catch (error) {
+      if (ended()) break;
+      if (!(error instanceof Unavailable)) throw error;
+      trouble(error);
+      await new Promise((done) => setTimeout(done, AGAIN_MS));
+    }
+  }
+  return null;
+}
+
 const BUSY = 503;
 
 const statusError = (status: number, instead = '') =>

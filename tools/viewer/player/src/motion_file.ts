@@ -1,7 +1,7 @@
 // Tracked surfaces of a take, motion.v3d (docs/motion-format.md), for the worker: surfaces of single pulses, and the paths of
 // vertices over the last pulses.
 import { Motion } from '../../../../codec/v3d_decoder.mjs';
-import { HttpSource } from './byte_source';
+import { HttpSource, repeated } from './byte_source';
 import { vertexNormals } from './surface';
 import type { SegmentShape, ShownFrame, TrackedSegment, Trail, TrailPoint } from './worker_messages';
 
@@ -11,15 +11,23 @@ const CHUNK = 4 << 20;
 /** Number of pulses of a trail, with the shown one. */
 export const TRAIL_PULSES = 25;
 
-/** Reads the whole file in parts; null after `ended()`. Throws a message for the page. */
-export async function fetchMotion(url: string, ended: () => boolean, deadlineMs = Infinity): Promise<Uint8Array | null> {
+/**
+ * Reads the whole file in parts; null after `ended()`. Without a deadline, requests that may succeed later are repeated, and `trouble`
+ * gets their errors. Throws a message for the page.
+ */
+export async function fetchMotion(
+  url: string, ended: () => boolean, deadlineMs: number, trouble: (error: unknown) => void,
+): Promise<Uint8Array | null> {
   const source = new HttpSource(url, deadlineMs);
-  const size = await source.size();
+  const again = <T>(request: () => Promise<T>) => (deadlineMs === Infinity ? repeated(request, ended, trouble) : request());
+  const size = await again(() => source.size());
+  if (size === null) return null;
   if (size > MAX_BYTES) throw new Error(`motion.v3d has ${size} bytes; a browser can play at most ${MAX_BYTES}.`);
   const bytes = new Uint8Array(size);
   for (let at = 0; at < size; at += CHUNK) {
     if (ended()) return null;
-    const part = await source.read(at, Math.min(CHUNK, size - at));
+    const part = await again(() => source.read(at, Math.min(CHUNK, size - at)));
+    if (!part) return null;
     if (part.length > size - at) throw new Error('motion.v3d was replaced during the download.');
     bytes.set(part, at);
   }

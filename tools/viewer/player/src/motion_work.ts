@@ -1,4 +1,5 @@
 // The part of the worker that shows tracked surfaces of the open take.
+import { NoSuchFile } from './byte_source';
 import { fetchMotion, TrackedTake } from './motion_file';
 import type { Post, SegmentShape, TrackedSegment, TrailPoint } from './worker_messages';
 
@@ -33,7 +34,8 @@ export class MotionWork {
     this.segment = null;
     this.reported = false;
     try {
-      const bytes = url === null ? null : await fetchMotion(url, obsolete, this.deadlineMs);
+      const trouble = (error: unknown) => this.post({ kind: 'motion-trouble', take: this.take, text: this.textOf(error), fatal: false });
+      const bytes = url === null ? null : await fetchMotion(url, obsolete, this.deadlineMs, trouble);
       const module = await this.module;
       if (obsolete()) return;
       if (bytes) {
@@ -46,17 +48,18 @@ export class MotionWork {
     }
   }
 
-  /** Opens a take without meshes. Returns its pulses. Throws a message for the page. */
+  /** Opens a take without meshes. Returns its pulses. Throws a message for the page; NoSuchFile: there is no file. */
   async openAlone(url: string): Promise<number[]> {
     this.hasMeshes = false;
     const opening = ++this.opening;
     try {
-      const bytes = await fetchMotion(url, () => opening !== this.opening, this.deadlineMs);
+      const trouble = (error: unknown) => this.post({ kind: 'trouble', take: this.take, text: this.textOf(error) });
+      const bytes = await fetchMotion(url, () => opening !== this.opening, this.deadlineMs, trouble);
       if (!bytes) return [];
       this.tracked = new TrackedTake(await this.module, bytes);
       return this.tracked.pulses;
     } catch (error) {
-      throw new Error(this.textOf(error));
+      throw error instanceof NoSuchFile ? error : new Error(this.textOf(error));
     }
   }
 

@@ -1,6 +1,6 @@
 // The part of a worker that fetches and decodes the surfaces of a take, in any order.
 import { Decoder, type Frame } from '../../../../codec/v3d_decoder.mjs';
-import { HttpSource, NoSuchFile, Unavailable } from './byte_source';
+import { HttpSource, NoSuchFile, repeated, Unavailable } from './byte_source';
 import { type FrameEntry, FrameStore, readEntries } from './mesh_file';
 import { MotionWork } from './motion_work';
 import { shownFrame, TakeSequence } from './sequence';
@@ -52,15 +52,8 @@ export class TakeWork {
 
   /** Opens a take: its meshes, or without meshes its tracked surfaces. */
   async open(): Promise<void> {
-    while (!this.ended) {
-      try {
-        return await this.openOnce();
-      } catch (error) {
-        if (!this.isTemporary(error)) throw error;
-        this.post(errorMessage(this.take, error));
-        await new Promise((done) => setTimeout(done, AGAIN_MS));
-      }
-    }
+    if (this.deadlineMs !== Infinity) return this.openOnce();
+    await repeated(() => this.openOnce(), () => this.ended, (error) => this.post(errorMessage(this.take, error)));
   }
 
   private isTemporary(error: unknown): boolean {
@@ -103,9 +96,9 @@ export class TakeWork {
   /** Opens motion.v3d beside the missing meshes. */
   private async openTracked(): Promise<void> {
     const url = new URL('motion.v3d', this.url).href;
-    const { status } = await fetch(url, { method: 'HEAD', cache: 'no-cache' });
-    if (status === 404) throw new Error('This take has no meshes yet.');
-    this.pulses = await this.motion.openAlone(url);
+    this.pulses = await this.motion.openAlone(url).catch((error) => {
+      throw error instanceof NoSuchFile ? new Error('This take has no meshes yet.') : error;
+    });
     if (this.pulses.length === 0) throw new Error('This take has no meshes, and motion.v3d has no surface.');
   }
 

@@ -1,0 +1,45 @@
+// The skeletons of a take: a file for each performer, and the operations of an edited take.
+import { readOperations } from './bend';
+import { fetchText, NotFetched } from './request';
+import { MAX_SKELETON_BYTES, parseSkeleton, type Pose, type Skeleton } from './skeleton_file';
+
+export interface PerformerSkeleton extends Skeleton {
+  /** 1 for the only one. */
+  performer: number;
+  at: Map<number, Pose>;
+}
+
+export interface SkeletonSet {
+  skeletons: PerformerSkeleton[];
+  /** Null: the take is not edited. */
+  operations: unknown[] | null;
+  /** What is wrong with the files, a sentence for each. */
+  troubles: string[];
+}
+
+export const NO_SKELETONS: SkeletonSet = { skeletons: [], operations: null, troubles: [] };
+
+const fileOf = (performer: number) => (performer === 1 ? 'skeleton.json' : `skeleton.performer${performer}.json`);
+
+/** `folder`: the URL of the take. Throws NotFetched while a file cannot be fetched. */
+export async function fetchSkeletons(folder: string): Promise<SkeletonSet> {
+  const set: SkeletonSet = { skeletons: [], operations: null, troubles: [] };
+  /** Null: there is no such file, or it is invalid. */
+  const read = async <T>(file: string, parse: (text: string) => T): Promise<T | null> => {
+    try {
+      const text = await fetchText(folder + file, MAX_SKELETON_BYTES);
+      return text === null ? null : parse(text);
+    } catch (error) {
+      if (error instanceof NotFetched) throw error;
+      set.troubles.push(`${file}: ${(error as Error).message}`);
+      return null;
+    }
+  };
+  for (let performer = 1; ; ++performer) {
+    const skeleton = await read(fileOf(performer), parseSkeleton);
+    if (skeleton) set.skeletons.push({ ...skeleton, performer, at: new Map(skeleton.poses.map((pose) => [pose.pulse, pose])) });
+    else if (performer > 1 || set.troubles.length) break;
+  }
+  if (set.skeletons[0]?.skins.length) set.operations = await read('edit.json', readOperations);
+  return set;
+}
