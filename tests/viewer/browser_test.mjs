@@ -372,6 +372,36 @@ test('fetches again what a busy server refused, and says so', async () => {
   await page.unroute(/\/(api|takes)\//);
 });
 
+test('fetches the decoder again, and reports a worker that is not on the server', async () => {
+  let busy = true;
+  await page.route('**/v3d_decoder-*.wasm', (route) => {
+    if (!busy) return route.continue();
+    busy = false;
+    return route.fulfill({ status: 503 });
+  });
+  await page.goto('about:blank');
+  await open('take=ball&pulse=12');
+  await showsPulse(12);
+  assert.equal(busy, false);
+  await page.unroute('**/v3d_decoder-*.wasm');
+  await page.waitForSelector('[data-scene=duel]');
+  const other = await browser.newPage();
+  other.setDefaultTimeout(TIMEOUT_MS);
+  await other.addInitScript(() => {
+    globalThis.Worker = class extends Worker {
+      constructor(url, how) {
+        super(`${url}-of-another-version`, how);
+      }
+    };
+  });
+  await other.goto(`${studio.address}#take=ball&pulse=12`);
+  const otherShows = new PageProbe(other);
+  await otherShows.shows('trouble', 'A worker of this page could not start');
+  await otherShows.shows('title', 'ball');
+  assert.match(await otherShows.text('trouble'), /reload the page/, 'also after a take was opened');
+  await other.close();
+});
+
 test('shows the reason for which the server refuses the lists, and keeps the last ones', async () => {
   const refusal = 'This studio requires a token: open this address with ?token=TOKEN appended, once.';
   const lists = /\/api\/(takes|scenes)$/;

@@ -3,6 +3,7 @@ import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMateria
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from '../player/src/mesh_file';
 import type { AuxiliaryContent } from './auxiliary_content';
+import { startWorker } from './page_worker';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
 import { cameraAt, pulseAt, soundAt } from './scene_clock';
@@ -12,12 +13,12 @@ import { fetchSound } from './sound_file';
 import { type SoundOutput, SoundPlayer } from './sound_player';
 import type { Stage } from './stage';
 import { completed, indicesOfOne } from '../player/src/surface';
-import type { FromWorker, ShownFrame, ToWorker, TrackedSegment } from '../player/src/worker_messages';
+import type { ShownFrame, ToWorker, TrackedSegment } from '../player/src/worker_messages';
 
 /** A take of the scene, fetched and decoded in its own worker. */
 class Actor {
   readonly performer: Performer;
-  private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
+  private readonly worker: Worker;
   private readonly views: PerformerViews;
   private entries: { pulse: number }[] = [];
   private wanted = -1;
@@ -40,8 +41,7 @@ class Actor {
   ) {
     this.performer = stage.addPerformer();
     this.views = new PerformerViews(takeOfMeshes(url), this.performer, () => wantsViews(stage.look), changed);
-    this.worker.onmessage = (event: MessageEvent<FromWorker>) => {
-      const message = event.data;
+    this.worker = startWorker((message) => {
       if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
       else if (message.kind === 'trouble' || message.kind === 'motion-trouble') trouble(`scene: ${url}`, `${take.take}: ${message.text}`);
       else if (message.kind === 'segment') this.segment = message.segment;
@@ -52,7 +52,7 @@ class Actor {
         this.show();
       }
       changed();
-    };
+    }, (text) => trouble('page: worker', text));
     this.send({ kind: 'views', wanted: wantsViews(stage.look) });
     this.send({ kind: 'take', take: 0, url });
     auxiliary.load(`sound of ${take.take}`, () => fetchSound(takeOfMeshes(url)), (sources) => {
@@ -188,7 +188,7 @@ export class Composition {
     readonly base: string,
     /** Pulses per second of the take with this name; null: there is no such take. */
     private readonly rateOf: (take: string) => number | null,
-    /** Shows the error of a source, which begins with "scene" or "sound"; '' removes it. */
+    /** Shows the error of a source, which begins with "scene", "sound" or "page:"; '' removes it. */
     private readonly trouble: (source: string, text: string) => void,
     private readonly auxiliary: AuxiliaryContent,
   ) {

@@ -1,7 +1,8 @@
 // Live meshes of v3d-viewd: the newest complete one for the page.
 import { type Decoder, OK, OUT_OF_MEMORY } from '../../../codec/v3d_decoder.mjs';
+import { repeated } from '../player/src/byte_source';
 import { type LiveFrame, LiveQueue } from '../player/src/sequence';
-import { postFrame } from '../player/src/take_work';
+import { errorMessage, postFrame } from '../player/src/take_work';
 import type { Post } from '../player/src/worker_messages';
 import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
 import { ReconnectingSocket } from './reconnecting_socket';
@@ -47,7 +48,8 @@ export class LiveWork {
   }
 
   async open(): Promise<void> {
-    this.decoder = await this.makeDecoder();
+    const trouble = (error: unknown) => this.post(errorMessage(this.take, error));
+    this.decoder = await repeated(this.makeDecoder, () => this.ended, trouble);
     this.connect();
   }
 

@@ -8,6 +8,7 @@ import { bindKeys } from './keys';
 import { LookButtons } from './look_buttons';
 import { PerformerList } from './performer_list';
 import { MotionPanel } from './motion_panel';
+import { startWorker } from './page_worker';
 import { bindToggle, download, find, press, showStartError } from './page';
 import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from '../player/src/playback';
@@ -33,7 +34,7 @@ const APART_M = 1.5; // between two compared takes
 class Viewer {
   private readonly stage: Stage;
   private readonly transport = new Transport();
-  private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
+  private readonly worker = startWorker((message) => this.onMessage(message), (text) => this.errors.set('page: worker', text));
   private takes: Take[] = [];
   private readonly rig = new RigPanel((camera) => this.stand(camera));
   /** The open content: a take, the live picture, or a scene. */
@@ -91,7 +92,6 @@ class Viewer {
       takes: () => this.takes.filter((take) => (take.meshes ?? 0) > 0).map((take) => take.name),
       pathOf: (take) => `../${take}`,
     });
-    this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.onMessage(event.data);
     this.bindButtons();
     bindKeys({
       transport: (action) => this.transport.act(action),

@@ -1,11 +1,13 @@
 // Worker that fetches and decodes surfaces: those of a take in any order, or live meshes as they arrive.
 import moduleUrl from 'v3d_decoder.wasm?url';
 import { Decoder } from '../../../codec/v3d_decoder.mjs';
+import { decoderModule } from '../player/src/decoder_module';
 import { errorMessage, TakeWork } from '../player/src/take_work';
 import type { FromWorker, ToWorker } from '../player/src/worker_messages';
 import { LiveWork } from './live_work';
 
-const wasm = WebAssembly.compileStreaming(fetch(moduleUrl));
+const wasm = decoderModule(moduleUrl);
+wasm().catch(() => undefined); // reported where the decoder is used
 const post = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
 
 let work: TakeWork | LiveWork | null = null;
@@ -24,7 +26,7 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
   work?.end();
   work = null;
   if (message.kind === 'take') work = new TakeWork(wasm, post, message.take, message.url);
-  else if (message.kind === 'live') work = new LiveWork(async () => new Decoder(await wasm), post, message.take, message.url);
+  else if (message.kind === 'live') work = new LiveWork(async () => new Decoder(await wasm()), post, message.take, message.url);
   else return;
   work.wantViews(viewsWanted);
   work.open().catch((error) => post(errorMessage(message.take, error)));

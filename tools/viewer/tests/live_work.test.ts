@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
 import { MALFORMED, NEEDS_REFERENCE, OK, OUT_OF_MEMORY, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { Unavailable } from '../player/src/byte_source';
 import type { FromWorker } from '../player/src/worker_messages';
 import { LiveWork } from '../src/live_work';
 
@@ -62,6 +63,7 @@ describe('live meshes', () => {
   let edges: (number | null | undefined)[];
   let links: string[];
   let troubles: string[];
+  let post: (message: FromWorker) => void;
 
   beforeEach(async () => {
     vi.useFakeTimers();
@@ -71,7 +73,7 @@ describe('live meshes', () => {
     edges = [];
     links = [];
     troubles = [];
-    const post = (message: FromWorker) => {
+    post = (message: FromWorker) => {
       if (message.kind === 'link') links.push(message.link);
       if (message.kind === 'trouble') troubles.push(message.text);
       if (message.kind !== 'frame') return;
@@ -184,6 +186,22 @@ describe('live meshes', () => {
     const first = FakeSocket.last;
     vi.advanceTimersByTime(10_000);
     expect(FakeSocket.last).not.toBe(first);
+  });
+
+  it('are connected when the decoder can be fetched', async () => {
+    work.end();
+    troubles = [];
+    let calls = 0;
+    work = new LiveWork(async () => {
+      if (++calls < 2) throw new Unavailable('The server is busy (503).');
+      return decoder;
+    }, post, 1, 'ws://studio/live');
+    const before = FakeSocket.last;
+    void work.open();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(troubles).toEqual(['The server is busy (503).']);
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(FakeSocket.last).not.toBe(before);
   });
 
   it('have no edge before the clock of the server is known', () => {

@@ -1,4 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { Unavailable } from '../player/src/byte_source';
 import { TakeWork } from '../player/src/take_work';
 import type { FromWorker } from '../player/src/worker_messages';
 import { keyFrame, meshFile } from './mesh_bytes';
@@ -42,6 +43,7 @@ describe('a take that is played', () => {
   /** Offsets of the parts of motion.v3d that were requested; answers of the next requests in place of those of the file. */
   let motionParts: number[];
   let motionFaults: Answer[];
+  let wasm: () => Promise<WebAssembly.Module>;
   let work: TakeWork;
 
   beforeEach(() => {
@@ -54,6 +56,7 @@ describe('a take that is played', () => {
     motion = null;
     motionParts = [];
     motionFaults = [];
+    wasm = async () => ({}) as WebAssembly.Module;
     vi.stubGlobal('fetch', async (url: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
       ++requests;
       afterRequest();
@@ -81,7 +84,7 @@ describe('a take that is played', () => {
     return new Response(motion.slice(first, last + 1), { status: 206 });
   };
   const takeWork = (deadlineMs?: number) =>
-    new TakeWork(Promise.resolve({} as WebAssembly.Module), (message) => posted.push(message), 1, 'http://studio/takes/a/mesh.v3d', deadlineMs);
+    new TakeWork(wasm, (message) => posted.push(message), 1, 'http://studio/takes/a/mesh.v3d', deadlineMs);
   const shown = () => posted.flatMap((message) => (message.kind === 'frame' ? [message.frame.number] : []));
   const troubles = () => posted.flatMap((message) => (message.kind === 'trouble' ? [message.text] : []));
   const pass = (ms: number) => vi.advanceTimersByTimeAsync(ms);
@@ -146,6 +149,27 @@ describe('a take that is played', () => {
     faults.clear();
     await pass(1000);
     expect(shown()).toEqual([2]);
+  });
+
+  it('is opened when the decoder can be fetched, with meshes and without', async () => {
+    for (const sizeFault of [undefined, status(404)]) {
+      if (sizeFault) faults.set('size', sizeFault);
+      motion = new Uint8Array(10);
+      let calls = 0;
+      wasm = async () => {
+        if (++calls < 3) throw new Unavailable('The server is busy (503).');
+        return {} as WebAssembly.Module;
+      };
+      posted = [];
+      work = takeWork();
+      void work.open();
+      await pass(10);
+      expect(troubles()).toEqual(['The server is busy (503).']);
+      await pass(3000);
+      expect(posted.at(-1)).toMatchObject({ kind: 'opened', tracked: sizeFault !== undefined });
+      work.end();
+    }
+    expect(motionParts).toEqual([0]);
   });
 
   it('without an index is read with reports, and not after another take was opened', async () => {

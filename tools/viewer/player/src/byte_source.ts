@@ -32,7 +32,7 @@ export async function repeated<T>(request: () => Promise<T>, ended: () => boolea
 
 const BUSY = 503;
 
-const statusError = (status: number, instead = '') =>
+export const statusError = (status: number, instead = '') =>
   (status === BUSY ? new Unavailable('The server is busy (503).') : new Error(`The server answered ${status}${instead}.`));
 
 /** fetch(), and `use` of its response, within a time. Throws Unavailable when it takes longer or the network fails. */

@@ -1,5 +1,5 @@
 // The part of the worker that shows tracked surfaces of the open take.
-import { NoSuchFile } from './byte_source';
+import { NoSuchFile, Unavailable } from './byte_source';
 import { fetchMotion, TrackedTake } from './motion_file';
 import type { Post, SegmentShape, TrackedSegment, TrailPoint } from './worker_messages';
 
@@ -14,7 +14,7 @@ export class MotionWork {
 
   /** `changed`: the shown frame has to be shown again. */
   constructor(
-    private readonly module: Promise<WebAssembly.Module>,
+    private readonly module: () => Promise<WebAssembly.Module>,
     private readonly take: number,
     private readonly post: Post,
     private readonly changed: () => void,
@@ -36,7 +36,7 @@ export class MotionWork {
     try {
       const trouble = (error: unknown) => this.post({ kind: 'motion-trouble', take: this.take, text: this.textOf(error), fatal: false });
       const bytes = url === null ? null : await fetchMotion(url, obsolete, this.deadlineMs, trouble);
-      const module = await this.module;
+      const module = await this.module();
       if (obsolete()) return;
       if (bytes) {
         this.tracked = new TrackedTake(module, bytes);
@@ -54,12 +54,13 @@ export class MotionWork {
     const opening = ++this.opening;
     try {
       const trouble = (error: unknown) => this.post({ kind: 'trouble', take: this.take, text: this.textOf(error) });
+      const module = await this.module(); // first: a failure repeats all of this
       const bytes = await fetchMotion(url, () => opening !== this.opening, this.deadlineMs, trouble);
       if (!bytes) return [];
-      this.tracked = new TrackedTake(await this.module, bytes);
+      this.tracked = new TrackedTake(module, bytes);
       return this.tracked.pulses;
     } catch (error) {
-      throw error instanceof NoSuchFile ? error : new Error(this.textOf(error));
+      throw error instanceof NoSuchFile || error instanceof Unavailable ? error : new Error(this.textOf(error));
     }
   }
 

@@ -41,7 +41,7 @@ export class TakeWork {
 
   /** `url`: its mesh.v3d, beside which motion.v3d may lie. Of a single motion file, its own URL. */
   constructor(
-    private readonly wasm: Promise<WebAssembly.Module>,
+    private readonly wasm: () => Promise<WebAssembly.Module>,
     private readonly post: Post,
     private readonly take: number,
     private readonly url: string,
@@ -66,7 +66,7 @@ export class TakeWork {
     if (this.ended) return;
     if (entries.length > 0) {
       this.pulses = entries.map(({ pulse }) => pulse);
-      this.sequence = new TakeSequence(new Decoder(await this.wasm), new FrameStore(source, entries));
+      this.sequence = new TakeSequence(new Decoder(await this.wasm()), new FrameStore(source, entries));
     } else {
       await this.openTracked();
     }

@@ -1,17 +1,18 @@
 // Worker of the player: fetches and decodes the surfaces of one file at a time.
+import { decoderModule } from './decoder_module';
 import { errorMessage, TakeWork } from './take_work';
 import type { FromWorker, ToWorker } from './worker_messages';
 
 const post = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
 
-let wasm: Promise<WebAssembly.Module>;
+let wasm: () => Promise<WebAssembly.Module>;
 let work: TakeWork | null = null;
 
 self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if (message.kind === 'decoder') {
-    wasm = WebAssembly.compileStreaming(fetch(message.url));
-    wasm.catch(() => undefined); // reported where the decoder is used
+    wasm = decoderModule(message.url);
+    wasm().catch(() => undefined); // reported where the decoder is used
     return;
   }
   if (message.kind === 'want') return work?.want(message.frame);
