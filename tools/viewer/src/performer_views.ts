@@ -1,4 +1,5 @@
 // Camera views for a performer, if the look needs them: those of its compact frame, otherwise those of the server.
+import { bodyOf } from '../player/src/byte_source';
 import type { CodedViews, VertexViews } from '../player/src/camera_views';
 import type { Performer } from './performer';
 import { fetchThere, PulseStore } from '../player/src/pulse_store';
@@ -7,12 +8,14 @@ import { parseVertexViews } from './vertex_views';
 /** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */
 export const takeOfMeshes = (url: string) => decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
 
-async function fetchViews(take: string, pulse: number): Promise<VertexViews | 'too many' | null> {
-  const response = await fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`);
-  if (!response) return null;
-  const views = parseVertexViews(await response.arrayBuffer());
-  if (!views) throw new Error('The answer of the server is malformed; reload the page.');
-  return views;
+const MAX_VIEWS_BYTES = 1 << 30;
+
+function fetchViews(take: string, pulse: number, signal: AbortSignal): Promise<VertexViews | 'too many' | null> {
+  return fetchThere(`api/takes/${encodeURIComponent(take)}/views/${pulse}`, signal, async (response, progress) => {
+    const views = parseVertexViews((await bodyOf(response, MAX_VIEWS_BYTES, progress)).buffer);
+    if (!views) throw new Error('The answer of the server is malformed; reload the page.');
+    return views;
+  });
 }
 
 /** 'none': the shown pulse has no views; 'coming': they were requested; 'too many': the take has more cameras than the shader. */
@@ -34,16 +37,16 @@ export class PerformerViews {
     private readonly changed: () => void,
   ) {
     this.store = new PulseStore<VertexViews>({
-      fetch: (pulse) => this.fetch(take, pulse),
+      fetch: (pulse, signal) => this.fetch(take, pulse, signal),
       ready: (pulse) => {
         if (pulse === this.shown) this.apply();
       },
     });
   }
 
-  private async fetch(take: string, pulse: number): Promise<VertexViews | null> {
+  private async fetch(take: string, pulse: number, signal: AbortSignal): Promise<VertexViews | null> {
     if (this.tooMany) return null;
-    const views = await fetchViews(take, pulse);
+    const views = await fetchViews(take, pulse, signal);
     if (views !== 'too many') return views;
     this.tooMany = true;
     return null;

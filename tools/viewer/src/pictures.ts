@@ -1,6 +1,7 @@
 // Photographs and camera views of the open take: the photograph over the view from a camera, and the notes about them on the
 // page.
 import { find } from './page';
+import { bodyOf } from '../player/src/byte_source';
 import { type CodedViews, MAX_CAMERAS } from '../player/src/camera_views';
 import { PerformerViews, type ViewsState } from './performer_views';
 import { fetchThere, PulseStore } from '../player/src/pulse_store';
@@ -11,10 +12,14 @@ import type { Stage } from './stage';
 /** Opacity of the photograph when it is switched on. */
 const HALF = 0.5;
 
-async function fetchPhotograph(take: string, pulse: number, camera: string): Promise<ImageBitmap | null> {
-  const response = await fetchThere(`api/takes/${encodeURIComponent(take)}/photographs/${pulse}/${encodeURIComponent(camera)}.jpg`);
-  if (!response) return null;
-  return createImageBitmap(await response.blob(), { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+const MAX_PHOTOGRAPH_BYTES = 64 << 20;
+
+function fetchPhotograph(take: string, pulse: number, camera: string, signal: AbortSignal): Promise<ImageBitmap | null> {
+  const url = `api/takes/${encodeURIComponent(take)}/photographs/${pulse}/${encodeURIComponent(camera)}.jpg`;
+  return fetchThere(url, signal, async (response, progress) => {
+    const jpeg = new Blob([await bodyOf(response, MAX_PHOTOGRAPH_BYTES, progress)], { type: 'image/jpeg' });
+    return createImageBitmap(jpeg, { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+  });
 }
 
 export class Pictures {
@@ -66,7 +71,7 @@ export class Pictures {
     if (camera && take !== null) {
       this.stage.photograph.of(camera);
       this.photographs = new PulseStore<ImageBitmap>({
-        fetch: (pulse) => fetchPhotograph(take, pulse, camera.name),
+        fetch: (pulse, signal) => fetchPhotograph(take, pulse, camera.name, signal),
         ready: (pulse) => {
           if (pulse === this.shown) this.lay();
         },

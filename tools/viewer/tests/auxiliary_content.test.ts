@@ -28,6 +28,19 @@ describe('a request of the page', () => {
     await expect(fetchTakes()).rejects.toThrow('The server answered 502.');
   });
 
+  it('that gets no answer ends after 15 s', async () => {
+    vi.useFakeTimers();
+    vi.stubGlobal('fetch', (_: string, { signal }: { signal: AbortSignal }) =>
+      new Promise((_done, fail) => signal.addEventListener('abort', () => fail(signal.reason))));
+    const errors: Error[] = [];
+    for (const request of [fetchRig('api/rig'), isThere('motion.v3d')]) request.catch((error: Error) => errors.push(error));
+    await vi.advanceTimersByTimeAsync(14_000);
+    expect(errors).toEqual([]);
+    await vi.advanceTimersByTimeAsync(1500);
+    expect(errors.map(({ message }) => message)).toEqual(Array(2).fill('The studio does not answer. Is v3d-viewd running?'));
+    vi.useRealTimers();
+  });
+
   it('without an answer is no refusal', async () => {
     vi.stubGlobal('fetch', () => Promise.reject(new TypeError('Failed to fetch')));
     const error = await fetchJson('api/takes').catch((thrown: Error) => thrown);

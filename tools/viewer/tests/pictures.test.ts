@@ -122,6 +122,20 @@ describe('a pulse store', () => {
     expect(ready).toEqual([5]);
   });
 
+  it('ends its requests when it ends', () => {
+    const signals: AbortSignal[] = [];
+    const store = new PulseStore<string>({
+      fetch: (_, signal) => {
+        signals.push(signal);
+        return new Promise(() => undefined);
+      },
+      ready: () => undefined,
+    });
+    store.want(5, [6]);
+    store.end();
+    expect(signals.map(({ aborted }) => aborted)).toEqual([true, true]);
+  });
+
   it('drops data that arrives too late', async () => {
     const { store, asked, ready, disposed, answer } = storeByHand({ atOnce: 1 });
     store.want(5);

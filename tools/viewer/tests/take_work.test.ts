@@ -29,7 +29,7 @@ const SIZE = 1_100_000;
 const FILE = meshFile([0, 1, 2].map((pulse) => [pulse, keyFrame(pulse, SIZE)]));
 const frameAt = (first: number) => Math.floor(first / SIZE);
 
-type Answer = () => Response | Promise<Response>;
+type Answer = (signal: AbortSignal) => Response | Promise<Response>;
 
 describe('a take that is played', () => {
   let posted: FromWorker[];
@@ -57,14 +57,14 @@ describe('a take that is played', () => {
     motionParts = [];
     motionFaults = [];
     wasm = async () => ({}) as WebAssembly.Module;
-    vi.stubGlobal('fetch', async (url: string, { method, headers }: { method?: string; headers: { Range: string } }) => {
+    vi.stubGlobal('fetch', async (url: string, { method, headers, signal }: { method?: string; headers: { Range: string }; signal: AbortSignal }) => {
       ++requests;
       afterRequest();
-      if (url.endsWith('motion.v3d')) return motionAnswer(method, headers);
-      if (method === 'HEAD') return faults.get('size')?.() ?? new Response(null, { headers: { 'Content-Length': String(file.length) } });
+      if (url.endsWith('motion.v3d')) return motionAnswer(method, headers, signal);
+      if (method === 'HEAD') return faults.get('size')?.(signal) ?? new Response(null, { headers: { 'Content-Length': String(file.length) } });
       const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
       const isFrame = last - first > SIZE / 2;
-      return (isFrame && faults.get(frameAt(first))?.()) || new Response(file.slice(first, last + 1), { status: 206 });
+      return (isFrame && faults.get(frameAt(first))?.(signal)) || new Response(file.slice(first, last + 1), { status: 206 });
     });
     work = takeWork();
   });
@@ -74,9 +74,9 @@ describe('a take that is played', () => {
     vi.unstubAllGlobals();
   });
 
-  const motionAnswer = (method: string | undefined, headers: { Range: string }) => {
+  const motionAnswer = (method: string | undefined, headers: { Range: string }, signal: AbortSignal) => {
     const fault = motionFaults.shift();
-    if (fault) return fault();
+    if (fault) return fault(signal);
     if (!motion) return new Response(null, { status: 404 });
     if (method === 'HEAD') return new Response(null, { headers: { 'Content-Length': String(motion.length) } });
     const [first, last] = headers.Range.slice('bytes='.length).split('-').map(Number);
@@ -186,6 +186,66 @@ describe('a take that is played', () => {
     await work.open();
     expect(requests).toBe(all - 5);
     expect(posted.every(({ kind }) => kind === 'scan')).toBe(true);
+  });
+
+  /** The bytes of frame 1 that a slow server sends, `size` at a time. It stops after `pieces`. */
+  const slow = (size: number, pieces: number, everyMs: number) => (signal: AbortSignal) => {
+    const bytes = keyFrame(1, SIZE);
+    const body = new ReadableStream({
+      start(stream) {
+        signal.addEventListener('abort', () => stream.error(signal.reason));
+        for (let n = 0; n < pieces; ++n) {
+          setTimeout(() => {
+            stream.enqueue(bytes.slice(n * size, (n + 1) * size));
+            if ((n + 1) * size >= bytes.length) stream.close();
+          }, n * everyMs);
+        }
+      },
+    });
+    return new Response(body, { status: 206 });
+  };
+
+  it('requests a frame again whose server stops in its middle', async () => {
+    await work.open();
+    faults.set(1, slow(10, 1, 0));
+    work.want(1);
+    await pass(14_000);
+    expect(troubles()).toEqual([]);
+    await pass(1500);
+    expect(troubles()).toEqual(['The server sent nothing for 15 s.']);
+    faults.clear();
+    await pass(1000);
+    expect(shown()).toEqual([1]);
+  });
+
+  it('waits for a frame of a slow server as long as bytes arrive', async () => {
+    await work.open();
+    faults.set(1, slow(SIZE / 5, 5, 10_000));
+    work.want(1);
+    await pass(60_000);
+    expect(troubles()).toEqual([]);
+    expect(shown()).toEqual([1]);
+  });
+
+  it('ends its requests when another take is opened', async () => {
+    await work.open();
+    const signals: AbortSignal[] = [];
+    faults.set(1, (signal) => {
+      signals.push(signal);
+      return slow(10, 1, 0)(signal);
+    });
+    motionFaults = [(signal) => {
+      signals.push(signal);
+      return new Promise(() => undefined);
+    }];
+    work.want(1);
+    work.setMotion('http://studio/takes/a/motion.v3d');
+    await pass(10);
+    expect(signals.map(({ aborted }) => aborted)).toEqual([false, false]);
+    work.end();
+    await pass(10);
+    expect(signals.map(({ aborted }) => aborted)).toEqual([true, true]);
+    expect(troubles()).toEqual([]);
   });
 
   const OFFLINE = () => Promise.reject(new TypeError('Failed to fetch'));

@@ -35,24 +35,54 @@ const BUSY = 503;
 export const statusError = (status: number, instead = '') =>
   (status === BUSY ? new Unavailable('The server is busy (503).') : new Error(`The server answered ${status}${instead}.`));
 
-/** fetch(), and `use` of its response, within a time. Throws Unavailable when it takes longer or the network fails. */
-export async function fetchWithin<T>(url: string, init: RequestInit, deadlineMs: number, use: (response: Response) => Promise<T>): Promise<T> {
-  const limited = deadlineMs === Infinity ? init : { ...init, signal: AbortSignal.timeout(deadlineMs) };
+/** The longest time between two bytes of a response without a deadline, ms. The server gives up after 10 s. */
+const SILENCE_MS = 15_000;
+
+/**
+ * fetch(), and `use` of its response, which calls `progress` when bytes have arrived. Throws Unavailable when the network fails or when
+ * it takes longer than `deadlineMs`; if that is Infinity, when no byte arrives for `silenceMs`.
+ */
+export async function fetchWithin<T>(
+  url: string, init: RequestInit, deadlineMs: number, use: (response: Response, progress: () => void) => Promise<T>, silenceMs = SILENCE_MS,
+): Promise<T> {
+  const endless = deadlineMs === Infinity;
+  const limitMs = endless ? silenceMs : deadlineMs;
+  const request = new AbortController();
+  let late = false;
+  const wait = () => setTimeout(() => {
+    late = true;
+    request.abort();
+  }, limitMs);
+  let timer = wait();
+  const progress = () => {
+    if (!endless) return;
+    clearTimeout(timer);
+    timer = wait();
+  };
+  const end = () => request.abort();
+  init.signal?.addEventListener('abort', end);
+  if (init.signal?.aborted) end();
   try {
-    return await use(await fetch(url, limited));
+    const response = await fetch(url, { ...init, signal: request.signal });
+    progress();
+    return await use(response, progress);
   } catch (error) {
+    if (late) throw new Unavailable(`The server ${endless ? 'sent nothing for' : 'did not answer within'} ${limitMs / 1000} s.`);
     if (error instanceof TypeError) throw new Unavailable(`The server does not answer (${error.message}).`);
-    if (!(error instanceof DOMException && error.name === 'TimeoutError')) throw error;
-    throw new Unavailable(`The server did not answer within ${deadlineMs / 1000} s.`);
+    throw error;
+  } finally {
+    clearTimeout(timer);
+    init.signal?.removeEventListener('abort', end);
   }
 }
 
 /** The body of a response. Throws a message when it has more than `limit` bytes. */
-export async function bodyOf(response: Response, limit: number): Promise<Uint8Array> {
+export async function bodyOf(response: Response, limit: number, progress: () => void = () => undefined): Promise<Uint8Array<ArrayBuffer>> {
   const parts: Uint8Array[] = [];
   let size = 0;
   const reader = response.body!.getReader();
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
+    progress();
     size += part.value.length;
     if (size > limit) {
       void reader.cancel();
@@ -67,22 +97,23 @@ export async function bodyOf(response: Response, limit: number): Promise<Uint8Ar
 
 /** A whole file of at most `limit` bytes. Throws a message. */
 export function fetchFile(url: string, limit: number, deadlineMs: number): Promise<Uint8Array> {
-  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (response) => {
+  return fetchWithin(url, { cache: 'no-cache' }, deadlineMs, (response, progress) => {
     if (!response.ok) throw statusError(response.status);
-    return bodyOf(response, limit);
+    return bodyOf(response, limit, progress);
   });
 }
 
 /** File of a web server that supports range requests. */
 export class HttpSource implements ByteSource {
-  /** `deadlineMs`: the longest time for each response. */
+  /** `deadlineMs`: the longest time for each response. `signal` ends all requests. */
   constructor(
     private readonly url: string,
     private readonly deadlineMs = Infinity,
+    private readonly signal: AbortSignal | null = null,
   ) {}
 
   size(): Promise<number> {
-    return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache' }, this.deadlineMs, async (response) => {
+    return fetchWithin(this.url, { method: 'HEAD', cache: 'no-cache', signal: this.signal }, this.deadlineMs, async (response) => {
       if (response.status === 404) throw new NoSuchFile('The server answered 404.');
       if (!response.ok) throw statusError(response.status);
       const length = response.headers.get('Content-Length');
@@ -93,10 +124,10 @@ export class HttpSource implements ByteSource {
 
   read(first: number, size: number): Promise<Uint8Array> {
     const range = `bytes=${first}-${first + size - 1}`;
-    return fetchWithin(this.url, { headers: { Range: range } }, this.deadlineMs, async (response) => {
+    return fetchWithin(this.url, { headers: { Range: range }, signal: this.signal }, this.deadlineMs, async (response, progress) => {
       if (response.status === 416) throw new Error('The file on the server is shorter than before: it was replaced; open it again.');
       if (response.status !== 206) throw statusError(response.status, ' instead of 206 (partial content)');
-      return bodyOf(response, size);
+      return bodyOf(response, size, progress);
     });
   }
 }

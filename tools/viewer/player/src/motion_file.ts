@@ -12,13 +12,14 @@ const CHUNK = 4 << 20;
 export const TRAIL_PULSES = 25;
 
 /**
- * Reads the whole file in parts; null after `ended()`. Without a deadline, requests that may succeed later are repeated, and `trouble`
+ * Reads the whole file in parts; null after the end of `signal`. Without a deadline, requests that may succeed later are repeated, and `trouble`
  * gets their errors. Throws a message for the page.
  */
 export async function fetchMotion(
-  url: string, ended: () => boolean, deadlineMs: number, trouble: (error: unknown) => void,
+  url: string, signal: AbortSignal, deadlineMs: number, trouble: (error: unknown) => void,
 ): Promise<Uint8Array | null> {
-  const source = new HttpSource(url, deadlineMs);
+  const source = new HttpSource(url, deadlineMs, signal);
+  const ended = () => signal.aborted;
   const again = <T>(request: () => Promise<T>) => (deadlineMs === Infinity ? repeated(request, ended, trouble) : request());
   const size = await again(() => source.size());
   if (size === null) return null;

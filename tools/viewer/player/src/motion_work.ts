@@ -6,7 +6,8 @@ import type { Post, SegmentShape, TrackedSegment, TrailPoint } from './worker_me
 export class MotionWork {
   private tracked: TrackedTake | null = null;
   private segment: TrackedSegment | null = null;
-  private opening = 0;
+  /** Ends the requests of the last opening. */
+  private requests = new AbortController();
   private reported = false;
   private hasMeshes = true;
   /** Vertices whose trails are sent. */
@@ -28,14 +29,14 @@ export class MotionWork {
 
   /** Reads the file and shows its surfaces; null: shows meshes. */
   async open(url: string | null): Promise<void> {
-    const opening = ++this.opening;
-    const obsolete = () => opening !== this.opening;
+    const signal = this.begin();
+    const obsolete = () => signal.aborted;
     this.tracked = null;
     this.segment = null;
     this.reported = false;
     try {
       const trouble = (error: unknown) => this.post({ kind: 'motion-trouble', take: this.take, text: this.textOf(error), fatal: false });
-      const bytes = url === null ? null : await fetchMotion(url, obsolete, this.deadlineMs, trouble);
+      const bytes = url === null ? null : await fetchMotion(url, signal, this.deadlineMs, trouble);
       const module = await this.module();
       if (obsolete()) return;
       if (bytes) {
@@ -51,11 +52,11 @@ export class MotionWork {
   /** Opens a take without meshes. Returns its pulses. Throws a message for the page; NoSuchFile: there is no file. */
   async openAlone(url: string): Promise<number[]> {
     this.hasMeshes = false;
-    const opening = ++this.opening;
+    const signal = this.begin();
     try {
       const trouble = (error: unknown) => this.post({ kind: 'trouble', take: this.take, text: this.textOf(error) });
       const module = await this.module(); // first: a failure repeats all of this
-      const bytes = await fetchMotion(url, () => opening !== this.opening, this.deadlineMs, trouble);
+      const bytes = await fetchMotion(url, signal, this.deadlineMs, trouble);
       if (!bytes) return [];
       this.tracked = new TrackedTake(module, bytes);
       return this.tracked.pulses;
@@ -65,8 +66,15 @@ export class MotionWork {
   }
 
   end(): void {
-    ++this.opening;
+    this.requests.abort();
     this.tracked = null;
+  }
+
+  /** Ends the last opening. Returns the signal of a new one. */
+  private begin(): AbortSignal {
+    this.requests.abort();
+    this.requests = new AbortController();
+    return this.requests.signal;
   }
 
   /** Shows the tracked surface of a pulse, then its trails. Returns false if the mesh must be shown. */

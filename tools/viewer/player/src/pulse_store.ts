@@ -1,11 +1,13 @@
 // Cache of data of single pulses. The latest request is fetched first; data that arrives too late is dropped.
 
+import { fetchWithin } from './byte_source';
+
 /** Pause after a failed request. */
 const AGAIN_MS = 1000;
 
 export interface PulseStoreOptions<T> {
-  /** Null: the pulse has no data. Rejects when this is unknown at the moment. */
-  fetch(pulse: number): Promise<T | null>;
+  /** Null: the pulse has no data. Rejects when this is unknown at the moment. `signal`: the store has ended. */
+  fetch(pulse: number, signal: AbortSignal): Promise<T | null>;
   /** Called when data of a pulse has arrived. */
   ready(pulse: number): void;
   /** Called for data that is dropped. */
@@ -20,7 +22,7 @@ export class PulseStore<T> {
   private readonly underWay = new Set<number>();
   private wanted: number[] = [];
   private resting = false;
-  private ended = false;
+  private readonly requests = new AbortController();
   /** Mean duration of the last requests, milliseconds. */
   tookMs = 0;
 
@@ -41,8 +43,12 @@ export class PulseStore<T> {
     return thing;
   }
 
+  private get ended(): boolean {
+    return this.requests.signal.aborted;
+  }
+
   end(): void {
-    this.ended = true;
+    this.requests.abort();
     this.wanted = [];
     for (const pulse of [...this.kept.keys()]) this.drop(pulse);
   }
@@ -59,7 +65,7 @@ export class PulseStore<T> {
     this.underWay.add(pulse);
     const began = performance.now();
     try {
-      const thing = await this.options.fetch(pulse);
+      const thing = await this.options.fetch(pulse, this.requests.signal);
       const took = performance.now() - began;
       this.tookMs = this.tookMs ? 0.7 * this.tookMs + 0.3 * took : took;
       this.keep(pulse, thing);
@@ -96,10 +102,16 @@ export class PulseStore<T> {
   }
 }
 
-/** Fetches the bytes at that address; null for 404. Throws for other errors. */
-export async function fetchThere(url: string): Promise<Response | null> {
-  const response = await fetch(url);
-  if (response.status === 404) return null;
-  if (!response.ok) throw new Error(`The server answered ${response.status}.`);
-  return response;
+/** The server gives up making a picture after 60 s. */
+const SILENCE_MS = 70_000;
+
+/** `use` of what is at an address; null for 404. Throws for other errors, and when the server is silent. */
+export function fetchThere<T>(
+  url: string, signal: AbortSignal, use: (response: Response, progress: () => void) => Promise<T>,
+): Promise<T | null> {
+  return fetchWithin(url, { signal }, Infinity, async (response, progress) => {
+    if (response.status === 404) return null;
+    if (!response.ok) throw new Error(`The server answered ${response.status}.`);
+    return use(response, progress);
+  }, SILENCE_MS);
 }

@@ -34,7 +34,7 @@ export class TakeWork {
   private wanted = -1;
   private shown = -1;
   private busy = false;
-  private ended = false;
+  private readonly requests = new AbortController();
   private sequence: TakeSequence | null = null;
   private pulses: number[] = [];
   private readonly motion: MotionWork;
@@ -61,7 +61,7 @@ export class TakeWork {
   }
 
   private async openOnce(): Promise<void> {
-    const source = new HttpSource(this.url, this.deadlineMs);
+    const source = new HttpSource(this.url, this.deadlineMs, this.requests.signal);
     const entries = await readEntries(source, (part) => this.scans(part)).catch(noneWithoutFile);
     if (this.ended) return;
     if (entries.length > 0) {
@@ -131,8 +131,13 @@ export class TakeWork {
   /** The last frame has views that were not decoded. */
   private unread = false;
 
+  private get ended(): boolean {
+    return this.requests.signal.aborted;
+  }
+
+  /** Ends its requests, too: a browser has few connections to a server, for all its pages together. */
   end(): void {
-    this.ended = true;
+    this.requests.abort();
     clearTimeout(this.again);
     this.motion.end();
   }
