@@ -25,7 +25,7 @@ const now = () => performance.timeOrigin + performance.now();
 export class LiveWork {
   private socket: ReconnectingSocket | null = null;
   private readonly queue = new LiveQueue<MeshHead>();
-  private readonly clock = new ServerClock();
+  private clock = new ServerClock();
   private readonly pings: ReturnType<typeof setInterval>;
   private decoder: Pick<Decoder, 'decode' | 'frame'> | null = null;
   private due = false;
@@ -77,6 +77,7 @@ export class LiveWork {
     this.socket = new ReconnectingSocket(this.url, MAX_SILENCE_MS, {
       opened: () => {
         this.last = -1;
+        this.clock = new ServerClock();
         this.reported = OK; // the page shows the state of the link instead
         link('open');
         this.ping();

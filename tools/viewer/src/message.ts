@@ -119,13 +119,20 @@ export class MessageClock {
   }
 }
 
+/** The rounding of times in messages, and the drift of clocks over the last pings, ms. */
+const CLOCK_SLACK_MS = 5;
+
 /** Offset of the server's clock, estimated by pings: the fastest of the last ones is used. */
 export class ServerClock {
   private samples: { took: number; offset: number }[] = [];
 
   /** Adds a ping. Times in milliseconds; `sent` and `now` by our clock, `server` by the server's. */
   add(sent: number, server: number, now: number): void {
-    this.samples.push({ took: now - sent, offset: server - (sent + now) / 2 });
+    const sample = { took: now - sent, offset: server - (sent + now) / 2 };
+    // Each offset is wrong by at most half of its time. Farther ones are from before a step of a clock: that of a page stands still
+    // while a tablet sleeps.
+    this.samples = this.samples.filter(({ took, offset }) => Math.abs(offset - sample.offset) <= (took + sample.took) / 2 + CLOCK_SLACK_MS);
+    this.samples.push(sample);
     if (this.samples.length > 10) this.samples.shift();
   }
 

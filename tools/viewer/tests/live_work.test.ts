@@ -159,6 +159,23 @@ describe('live meshes', () => {
     expect(edges[1]).toBeNull();
   });
 
+  it('have the edge of their pulse in the time of the page also after it has slept, in which its clock stood still', () => {
+    const now = () => performance.timeOrigin + performance.now();
+    /** A ping that takes `took` ms to a server whose clock is `ahead`. */
+    const ping = (ahead: number, took: number) =>
+      FakeSocket.last.onmessage({ data: JSON.stringify({ type: 'pong', ping: now() - took, now_ms: now() - took / 2 + ahead }) });
+    const SLEPT_MS = 3_600_000;
+    FakeSocket.last.onopen();
+    for (let n = 0; n < 10; ++n) ping(5000, 4);
+    FakeSocket.last.onclose();
+    vi.advanceTimersByTime(1000);
+    FakeSocket.last.onopen();
+    ping(5000 + SLEPT_MS, 40);
+    const edge = now() - 120;
+    receive(1, edge + 5000 + SLEPT_MS);
+    expect(Math.abs(edges[0]! - edge)).toBeLessThanOrEqual(20);
+  });
+
   it('are connected again when the server answers no ping, without an end of the connection', () => {
     const silent = FakeSocket.last;
     silent.onopen();
