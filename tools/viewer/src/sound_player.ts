@@ -6,6 +6,9 @@ import { sampleOf, type SoundSource, type Stereo } from './sound_file';
 const AHEAD_S = 1.5;
 const MAX_PARTS = 32;
 
+/** Events that browsers count as a gesture of the user. */
+const GESTURES = ['pointerdown', 'pointerup', 'touchend', 'click', 'keydown'];
+
 /** Reported times of which the best counts. */
 const TIMES = 15;
 
@@ -13,6 +16,13 @@ const TIMES = 15;
 export class SoundOutput {
   private opened: AudioContext | null = null;
   private ahead: number[] = []; // of the context before the page, seconds, as reported
+  /** A call of resume() is pending. Browsers keep each until they allow sound. */
+  private asked = false;
+
+  /** `gestures`: where clicks and keys arrive. After one, a browser may allow what it has not answered. */
+  constructor(gestures: EventTarget = globalThis) {
+    for (const gesture of GESTURES) gestures.addEventListener(gesture, () => this.asked && this.ask(), true);
+  }
 
   get context(): AudioContext {
     return (this.opened ??= new AudioContext({ latencyHint: 'interactive' }));
@@ -23,8 +33,14 @@ export class SoundOutput {
     const { context } = this;
     if (context.state === 'running') return true;
     this.ahead = [];
-    void context.resume();
+    if (!this.asked) this.ask();
     return false;
+  }
+
+  private ask(): void {
+    this.asked = true;
+    const answered = () => (this.asked = false);
+    this.context.resume().then(answered, answered);
   }
 
   /**

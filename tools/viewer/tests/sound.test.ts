@@ -1,7 +1,7 @@
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import type { ByteSource } from '../player/src/byte_source';
 import { partOf, SoundClock } from '../src/sound_clock';
-import { type SoundOutput, SoundPlayer } from '../src/sound_player';
+import { SoundOutput, SoundPlayer } from '../src/sound_player';
 import { dataOffset, sampleOf, type SoundFile, SoundSource, stereoOf } from '../src/sound_file';
 
 /** 24-bit samples, interleaved. */
@@ -143,6 +143,37 @@ describe('a part of a file', () => {
 
 describe('the sound of a take', () => {
   afterEach(() => vi.unstubAllGlobals());
+
+  it('asks the browser once for sound, and again after each gesture', async () => {
+    const answers: (() => void)[] = [];
+    const context = { state: 'suspended', resume: () => new Promise<void>((done) => answers.push(done)) };
+    vi.stubGlobal('AudioContext', function () {
+      return context;
+    });
+    const gestures = new EventTarget();
+    const output = new SoundOutput(gestures);
+    const player = new SoundPlayer(output, [new SoundSource(FILE, new Bytes(wave(1, [0])))], 25, () => undefined);
+    const play = (pictures: number) => {
+      for (let n = 0; n < pictures; ++n) player.follow({ exact: n, playing: true, speed: 1, outPulse: 249 }, 16 * n);
+    };
+    gestures.dispatchEvent(new Event('click')); // without sound, nothing is asked for
+    expect(answers).toHaveLength(0);
+    play(600);
+    expect(player.state).toBe('blocked');
+    expect(answers).toHaveLength(1);
+    gestures.dispatchEvent(new Event('pointerup'));
+    play(600);
+    expect(answers).toHaveLength(2);
+    context.state = 'running';
+    for (const answer of answers) answer();
+    await Promise.resolve();
+    expect(output.isRunning()).toBe(true);
+    gestures.dispatchEvent(new Event('click'));
+    expect(answers).toHaveLength(2);
+    context.state = 'suspended'; // the loudspeaker was taken away
+    play(600);
+    expect(answers).toHaveLength(3);
+  });
 
   it('reports a failure once, and removes it when a part can be read again', async () => {
     class Node {
