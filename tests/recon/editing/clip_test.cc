@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "recon/editing/clips.h"
@@ -206,6 +209,101 @@ TEST(Feet, stay_where_they_stand_when_they_are_held) {
     EXPECT_NEAR((frame.skeleton.joints[kLeftHip] - frame.skeleton.joints[kLeftKnee]).norm(),
                 0.2425 * 1.75, 2e-3);
   }
+}
+
+/// A person with the legs apart, the left one in front, both nearly straight, who glides ahead.
+Clip straddling(size_t frames, double radians, const Vector3d& step) {
+  Clip clip = clips::gliding(frames, {0, 0, 0.95}, step);
+  bend(clip, {.joint = kLeftHip, .range = {0, frames}, .radians = -radians});
+  bend(clip, {.joint = kRightHip, .range = {0, frames}, .radians = radians});
+  return clip;
+}
+
+/// Largest distance by which an ankle is higher or lower than in `before`.
+double height_change(const Clip& clip, const Clip& before) {
+  double largest = 0;
+  for (size_t f = 0; f < clip.frames.size(); ++f) {
+    for (const Joint ankle : {kLeftAnkle, kRightAnkle}) {
+      const double now = clip.frames[f].skeleton.joints[ankle].z();
+      largest = std::max(largest, std::abs(now - before.frames[f].skeleton.joints[ankle].z()));
+    }
+  }
+  return largest;
+}
+
+TEST(Feet, stay_on_the_floor_out_of_reach_of_straight_legs_because_the_pelvis_moves) {
+  Clip clip = straddling(16, 0.45, {0.005, 0, 0});
+  const Clip before = clip;
+  const std::vector<FootContact> contacts = foot_contacts(clip);
+  ASSERT_EQ(contacts.size(), 2U);
+  EXPECT_GT(foot_slide(clip, contacts), 0.03);
+  hold_feet(clip, contacts, 4);
+  EXPECT_LT(foot_slide(clip, contacts), 1e-4);
+  EXPECT_LT(height_change(clip, before), 1e-4);
+  EXPECT_LT(clip.frames[0].skeleton.joints[kPelvis].z(), 0.945);
+  for (const ClipFrame& frame : clip.frames) {
+    EXPECT_NEAR((frame.skeleton.joints[kLeftHip] - frame.skeleton.joints[kLeftKnee]).norm(),
+                0.2425 * 1.75, 2e-3);
+  }
+}
+
+TEST(Feet, leave_the_pelvis_where_it_is_while_bent_legs_reach_them) {
+  Clip clip = clips::gliding(16, {0, 0, 0.95}, {0.005, 0, 0});
+  for (const auto& [hip, knee] :
+       {std::pair{kLeftHip, kLeftKnee}, std::pair{kRightHip, kRightKnee}}) {
+    bend(clip, {.joint = hip, .range = {0, 16}, .radians = -0.5});
+    bend(clip, {.joint = knee, .range = {0, 16}, .radians = 1});
+  }
+  const Clip before = clip;
+  const std::vector<FootContact> contacts = foot_contacts(clip);
+  hold_feet(clip, contacts, 4);
+  EXPECT_LT(foot_slide(clip, contacts), 1e-4);
+  for (size_t f = 0; f < 16; ++f) {
+    const Vector3d& pelvis = before.frames[f].skeleton.joints[kPelvis];
+    EXPECT_LT((clip.frames[f].skeleton.joints[kPelvis] - pelvis).norm(), 1e-9);
+  }
+}
+
+TEST(Feet, move_the_pelvis_smoothly_where_only_some_frames_need_it) {
+  Clip clip = straddling(30, 0.45, {0, 0, 0});
+  // The left foot slides back by 7 mm in each of eight frames.
+  for (size_t f = 10; f < 18; ++f) {
+    bend(clip, {.joint = kLeftHip, .range = {f, 30}, .radians = 0.010});
+  }
+  hold_feet(clip, foot_contacts(clip), 6);
+  const auto pelvis = [&](size_t f) { return clip.frames[f].skeleton.joints[kPelvis]; };
+  EXPECT_GT((pelvis(0) - pelvis(29)).norm(), 0.008);
+  for (size_t f = 1; f + 1 < 30; ++f) {
+    EXPECT_LT((pelvis(f + 1) - 2 * pelvis(f) + pelvis(f - 1)).norm(), 0.002) << f;
+  }
+}
+
+/// A person who sways along x by a random walk, the same at each call.
+Clip swaying(size_t frames) {
+  Clip clip;
+  clip.surfaces.push_back(clips::surface(clips::standing({0, 0, 0.95}, 0)));
+  uint32_t state = 1374;
+  double step = 0, x = 0;
+  for (size_t f = 0; f < frames; ++f) {
+    clip.frames.push_back(clips::frame(clips::standing({x, 0, 0.95}, 0)));
+    state = state * 1664525U + 1013904223U;
+    step = 0.8 * step + 0.001 * (static_cast<double>((state >> 16) % 25) - 12);
+    x += step;
+  }
+  return clip;
+}
+
+TEST(Feet, are_held_again_until_none_slides_because_held_feet_stand_for_longer) {
+  Clip clip = swaying(30);
+  size_t passes = 0;
+  hold_all_feet(clip, 5, [&] { ++passes; });
+  EXPECT_LT(foot_slide(clip, foot_contacts(clip)), 0.001);
+  EXPECT_GT(passes, 4U);
+}
+
+TEST(Feet, are_not_held_where_none_slides) {
+  Clip clip = clips::gliding(10, {0, 0, 0.95}, {0, 0, 0});
+  hold_all_feet(clip, 5, [] { ADD_FAILURE() << "a pass"; });
 }
 
 TEST(Feet, keep_their_height_when_they_are_held_also_before_and_after_they_stand) {

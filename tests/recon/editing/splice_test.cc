@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "recon/editing/clips.h"
+#include "recon/editing/feet.h"
 
 namespace v3d::recon {
 namespace {
@@ -70,6 +71,27 @@ TEST(Splice, continues_at_the_place_of_the_first_action_without_a_jump) {
   EXPECT_EQ(a.frames[11].surface, 0U);
   EXPECT_EQ(a.frames[14].surface, 1U);
   EXPECT_LT(relative_jump(a, 12, 5), 1.5);
+}
+
+/// A person who stands still, with the left leg in front and the right one behind.
+Clip straddling(double radians) {
+  Clip clip = clips::gliding(20, {0, 0, 0.95}, {0, 0, 0});
+  bend(clip, {.joint = kLeftHip, .range = {0, 20}, .radians = -radians});
+  bend(clip, {.joint = kRightHip, .range = {0, 20}, .radians = radians});
+  return clip;
+}
+
+TEST(Splice, has_standing_feet_in_one_position_before_and_after_it_when_they_are_held) {
+  Clip clip = straddling(0.436);
+  splice(clip, straddling(0.47), {.at = 9, .from = 0, .blend = 8, .cost_m = 0});
+  EXPECT_GT(foot_slide(clip, foot_contacts(clip)), 0.01);
+  hold_all_feet(clip, 5, [] {});
+  EXPECT_LT(foot_slide(clip, foot_contacts(clip)), 0.001);
+  for (const Joint ankle : {kLeftAnkle, kRightAnkle}) {
+    const Vector3d moved =
+        clip.frames.back().skeleton.joints[ankle] - clip.frames.front().skeleton.joints[ankle];
+    EXPECT_LT(moved.head<2>().norm(), 0.001) << name(ankle);
+  }
 }
 
 TEST(Splice, has_a_large_relative_jump_where_the_poses_differ) {

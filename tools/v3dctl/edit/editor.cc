@@ -16,7 +16,6 @@ namespace v3d::ctl {
 namespace {
 
 constexpr size_t kMaxFrames = 20'000;
-constexpr size_t kFootPasses = 4;
 constexpr double kSameRate = 1e-3;  ///< relative difference of two pulse rates that count as equal
 constexpr size_t kAround = 10;      ///< frames beside a transition with which it is compared
 
@@ -82,11 +81,8 @@ void Editor::apply(const BendEdit& edit) {
                       .ramp = static_cast<size_t>(edit.ramp)});
 }
 
-// A held foot can stand for longer than before, so contacts are found again.
 void Editor::apply(const HoldFeetEdit& edit) {
-  for (size_t pass = 0; pass < kFootPasses; ++pass) {
-    recon::hold_feet(clip_, recon::foot_contacts(clip_), static_cast<size_t>(edit.fade));
-  }
+  recon::hold_all_feet(clip_, static_cast<size_t>(edit.fade), stop_if_interrupted);
 }
 
 void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& clip,
