@@ -16,8 +16,9 @@ using Eigen::Vector3d;
 
 constexpr size_t kPoints = 1500;
 constexpr double kMinBranchM = 0.1;
-constexpr double kOtherBody = 0.5;   ///< share of the area of the largest component
-constexpr double kMinHeightM = 0.5;  ///< of a body
+constexpr double kOtherBody = 0.5;    ///< share of the area of the largest component
+constexpr double kMinHeightM = 0.5;   ///< of a body
+constexpr double kMinRadiusM = 0.05;  ///< of a body, if it were a cylinder of its height
 // A prop: radius at most, length at least, and how far its centres are from a line.
 constexpr double kPropRadiusM = 0.042, kPropLengthM = 0.3, kPropBend = 0.05;
 constexpr double kHandRadiusM = 0.06;     ///< of an arm at the hand, at most
@@ -73,6 +74,10 @@ class Observer {
       result_.problem = "the mesh is lower than a body";
       return result_;
     }
+    if (mean_radius_m() < kMinRadiusM) {
+      result_.problem = "the mesh is thinner than a body";
+      return result_;
+    }
     name_ends();
     choose_points();
     return result_;
@@ -115,16 +120,31 @@ class Observer {
   void measure_body() {
     result_.bottom_m = std::numeric_limits<double>::infinity();
     result_.top_m = -result_.bottom_m;
+    Vector2d low = Vector2d::Constant(result_.bottom_m), high = -low;
     size_t count = 0;
     for (size_t v = 0; v < mesh_.vertices.size(); ++v) {
       if (!is_body(v)) continue;
       const Vector3d position = mesh_.vertices[v].cast<double>();
       result_.bottom_m = std::min(result_.bottom_m, position.z());
       result_.top_m = std::max(result_.top_m, position.z());
+      low = low.cwiseMin(position.head<2>());
+      high = high.cwiseMax(position.head<2>());
       result_.centre += position;
       ++count;
     }
-    if (count > 0) result_.centre /= static_cast<double>(count);
+    if (count == 0) return;
+    result_.centre /= static_cast<double>(count);
+    result_.width_m = (high - low).maxCoeff();
+  }
+
+  /// Radius of a cylinder with the area and the height of the body without the prop, metres.
+  double mean_radius_m() const {
+    double area = 0;
+    const std::vector<ReebNode>& nodes = graph_.levels.back().nodes;
+    for (size_t n = 0; n < nodes.size(); ++n) {
+      if (is_prop_[n] == 0 && nodes[n].component == component_) area += nodes[n].area;
+    }
+    return area * graph_.area_m2 / (2 * std::numbers::pi * height_m());
   }
 
   double height_m() const { return result_.top_m - result_.bottom_m; }

@@ -37,8 +37,11 @@ struct BodyEvidence {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the area without the prop
   bool has_other_bodies = false;   ///< another component has half the area of the largest, or more
   double bottom_m = 0, top_m = 0;  ///< z of the body without the prop
+  double width_m = 0;              ///< its larger extent along x and y
   double branches_m = 0;           ///< lengths of all branches: large for a pose
                                    ///< whose limbs are free
+  /// Not much wider than high: a person with the arms apart is as wide as high.
+  bool is_upright() const { return width_m <= 1.2 * (top_m - bottom_m); }
   bool is_good() const { return head && feet.size() == 2 && (prop || hands.size() == 2); }
 };
 

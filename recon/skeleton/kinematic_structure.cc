@@ -446,6 +446,7 @@ class TakeFit {
       }
       structure.pulses.push_back(skeleton);
       structure.good += pulse(n).is_good() ? 1 : 0;
+      structure.upright += pulse(n).is_upright() ? 1 : 0;
     }
     if (facts_.has_prop) structure.prop_hand = hand_of_prop(structure.pulses);
     return structure;

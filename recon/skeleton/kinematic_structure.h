@@ -30,6 +30,7 @@ struct KinematicStructure {
   std::vector<SkeletonPulse> pulses;  ///< in the order of the evidence
   size_t start = 0;                   ///< index of the evidence of the best pulse to begin with
   size_t good = 0;                    ///< pulses whose graph shows head, feet and hands or a prop
+  size_t upright = 0;                 ///< pulses whose body is not much wider than high
   /// The joint nearer to the pelvis; the base of a prop has the hand.
   Joint parent_of(Joint joint) const { return parent(joint, prop_hand); }
 };

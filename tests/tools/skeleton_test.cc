@@ -12,6 +12,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -192,10 +193,12 @@ TEST_F(LearntSkeleton, is_not_that_of_another_performer_where_the_take_states_no
                 " does not state performers; expected a take after v3dctl performers");
 }
 
-/// Writes mesh.v3d of the gliding person. All vertices are of performer 1, but for the last one.
-void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
+/// Writes mesh.v3d of a person who stands still. All vertices are of performer 1, but for the last
+/// one.
+void write_meshes(const take::TakePaths& take, const std::vector<recon::figures::Capsule>& body,
+                  uint8_t of_last) {
   const VertexLattice lattice{{-2, -2, -1}, 1.0 / 1024};
-  const Mesh person = recon::figures::surface(recon::figures::person(70, 50), 0.025);
+  const Mesh person = recon::figures::surface(body, 0.025);
   std::vector<uint32_t> number(person.vertices.size(), UINT32_MAX);
   std::vector<Eigen::Vector3f> vertices;  // in the order in which triangles use them
   codec::FrameContent content;
@@ -228,6 +231,27 @@ void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
     EXPECT_TRUE(file.append(pulse, *encoded));
   }
   EXPECT_TRUE(file.close());
+}
+
+void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
+  write_meshes(take, recon::figures::person(70, 50), of_last);
+}
+
+TEST(SkeletonDoubts, are_stated_where_no_pulse_shows_the_ends_of_a_body_or_it_is_not_upright) {
+  recon::KinematicStructure structure = turning(4).structure;
+  structure.good = 1;
+  structure.upright = 2;
+  EXPECT_THAT(doubts_about(structure), testing::IsEmpty());
+  structure.good = 0;
+  structure.upright = 1;
+  EXPECT_THAT(doubts_about(structure),
+              testing::ElementsAre(HasSubstr("no pulse shows head, feet and hands"),
+                                   HasSubstr("it is wider than high at most pulses")));
+  structure.good = structure.upright = 4;
+  structure.lengths = recon::BodyLengths(2.2, 0.5);
+  EXPECT_THAT(
+      doubts_about(structure),
+      testing::ElementsAre(HasSubstr("the stature would be 2.20 m, expected 1.2 to 2.1 m")));
 }
 
 TEST_F(LearntSkeleton, uses_the_tracked_surface_of_a_labelled_take_with_one_performer) {
@@ -292,6 +316,20 @@ TEST_F(SkeletonCommand, keeps_the_file_when_it_cannot_write_the_other_one) {
 TEST_F(SkeletonCommand, keeps_the_file_when_the_truth_cannot_be_read) {
   EXPECT_EQ(run({path("take"), "--truth", path("none")}), kExitBadInput);
   EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, is_incomplete_when_no_pulse_shows_head_feet_and_hands) {
+  std::vector<recon::figures::Capsule> body = recon::figures::person(70, 50);
+  // The arms are the first two of the five capsules of each side, after the four of the trunk.
+  body.erase(body.begin() + 9, body.begin() + 11);
+  body.erase(body.begin() + 4, body.begin() + 6);
+  write_meshes({folder_ / "take"}, body, 1);
+  std::filesystem::remove(take::TakePaths{folder_ / "take"}.motion());
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run({path("take")}), kExitIncomplete);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              HasSubstr("no pulse shows head, feet and hands"));
+  EXPECT_THAT(read_file(file_), HasSubstr("v3d-skeleton"));
 }
 
 TEST_F(SkeletonCommand, replaces_the_file_after_an_export) {

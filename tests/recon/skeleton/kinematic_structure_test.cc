@@ -56,6 +56,16 @@ TEST(BodyEvidence, says_why_a_mesh_shows_no_body) {
             "the mesh is lower than a body");
   const Mesh stick = figures::surface({{{-0.5, 0, 1}, {0.5, 0, 1}, 0.03}});
   EXPECT_EQ(evidence_of(stick).problem, "the mesh is lower than a body");
+  const Mesh upright = figures::surface({{{0, 0, 0.03}, {0, 0, 1.83}, 0.025}});
+  EXPECT_EQ(evidence_of(upright).problem, "the mesh is thinner than a body");
+}
+
+TEST(BodyEvidence, is_not_upright_where_the_body_is_much_wider_than_high) {
+  EXPECT_TRUE(evidence_of(figures::surface(figures::person(90, 90))).is_upright());
+  const Mesh bench = figures::surface({{{-0.8, 0, 0.3}, {0.8, 0, 0.3}, 0.3}}, 0.03);
+  const BodyEvidence evidence = evidence_of(bench);
+  EXPECT_EQ(evidence.problem, "");
+  EXPECT_FALSE(evidence.is_upright());
 }
 
 TEST(BodyEvidence, takes_a_long_stick_in_a_hand_for_a_prop_and_not_for_an_arm) {

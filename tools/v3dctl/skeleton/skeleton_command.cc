@@ -125,6 +125,11 @@ void write_files(const Arguments& arguments, const TakeSkeleton& skeleton, const
                skeleton_json(skeleton, arguments.frames.empty()));
 }
 
+/// Has every pulse a skeleton, which at least one shows well?
+bool is_whole(const TakeSkeleton& skeleton) {
+  return skeleton.structure.pulses.size() == skeleton.pulses.size() && skeleton.structure.good > 0;
+}
+
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) {
     require_similarity_options(arguments);
@@ -160,7 +165,7 @@ int run(const Arguments& arguments) {
           error->all.p50_mm, error->all.p90_mm, count_of(error->swaps, "pulse"));
     }
   }
-  return skeleton.structure.pulses.size() == skeleton.pulses.size() ? kExitDone : kExitIncomplete;
+  return is_whole(skeleton) ? kExitDone : kExitIncomplete;
 }
 
 }  // namespace

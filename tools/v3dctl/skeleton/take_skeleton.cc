@@ -1,7 +1,10 @@
 #include "v3dctl/skeleton/take_skeleton.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
+#include <iterator>
 #include <optional>
 #include <set>
 #include <utility>
@@ -19,6 +22,8 @@ namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kMinStatureM = 1.2, kMaxStatureM = 2.1;  ///< of a person who stands upright
 
 /// The mesh of a frame; throws InputError for positions that are not finite.
 Mesh checked_mesh(const fs::path& take, recon::CompactFrame frame) {
@@ -56,6 +61,26 @@ void keep_performer(const fs::path& take, recon::CompactFrame& frame, int perfor
 }
 
 }  // namespace
+
+std::vector<std::string> doubts_about(const recon::KinematicStructure& structure) {
+  std::vector<std::string> doubts;
+  if (structure.good == 0) {
+    doubts.emplace_back(
+        "no pulse shows head, feet and hands, so joints can be anywhere: expected a person who "
+        "stands upright with free arms in at least one pulse");
+  }
+  if (2 * structure.upright < structure.pulses.size()) {
+    doubts.emplace_back("the body does not stand upright: it is wider than high at most pulses");
+  }
+  const double stature_m = structure.lengths.stature_m();
+  if (stature_m < kMinStatureM || stature_m > kMaxStatureM) {
+    doubts.push_back(
+        fmt::format("the body does not stand upright, or is no adult: the stature would be {:.2f} "
+                    "m, expected {:.1f} to {:.1f} m",
+                    stature_m, kMinStatureM, kMaxStatureM));
+  }
+  return doubts;
+}
 
 TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int performer,
                             const std::function<void(int64_t)>& on_begin,
@@ -103,6 +128,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   if (result.structure.pulses.empty()) {
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
+  std::ranges::copy(doubts_about(result.structure), std::back_inserter(result.problems));
   identities.erase(0);  // the label of vertices whose performer is unknown
   add_tracked(take, identities, result);
   return result;

@@ -20,7 +20,8 @@ struct TakeSkeleton {
   std::vector<recon::TrackedBody> tracked;  ///< segments of motion.v3d; none without the file
   std::vector<recon::Skin> skins;           ///< of each
   std::string unused_motion;  ///< why motion.v3d is not used; empty: it is, or does not exist
-  /// One line for each kind of problem: pulses without a body, several performers.
+  /// One line for each kind of problem: pulses without a body, several performers, and
+  /// doubts_about() the joints.
   std::vector<std::string> problems;
   double graph_ms = 0;  ///< median time of one graph
 };
@@ -33,6 +34,10 @@ struct TakeSkeleton {
 TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
                             int performer, const std::function<void(int64_t)>& on_begin,
                             const std::function<void()>& on_pulse);
+
+/// A line for each reason to doubt the joints: no pulse shows the ends of a body, or the body does
+/// not stand upright.
+std::vector<std::string> doubts_about(const recon::KinematicStructure& structure);
 
 /// skeleton.json (docs/skeleton.md), with the skins of tracked surfaces unless `skins` is false.
 std::string skeleton_json(const TakeSkeleton& skeleton, bool skins = true);
